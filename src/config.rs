@@ -1,0 +1,90 @@
+//! Strict TOML: text in, a typed value out, or an error that names file, line, column and remedy.
+//!
+//! Every configuration struct of the program carries `#[serde(deny_unknown_fields)]`; an unknown key is
+//! answered with the nearest known one.
+
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+/// Why a configuration file was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    #[error("{}: {source}", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{}:{line}:{column}: {message}", path.display())]
+    Parse { path: PathBuf, line: usize, column: usize, message: String },
+}
+
+/// Reads and parses the TOML file at `path`.
+pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+    parse(&text, path)
+}
+
+/// Parses TOML `text`; `path` is only named in errors.
+pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigError> {
+    toml::from_str(text).map_err(|error| {
+        let (line, column) = line_and_column(text, error.span().map_or(0, |span| span.start));
+        ConfigError::Parse { path: path.to_owned(), line, column, message: explain(error.message()) }
+    })
+}
+
+/// 1-based line and column of a byte offset.
+pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = &text.as_bytes()[..offset.min(text.len())];
+    let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
+    let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |i| i + 1);
+    (line, before.len() - start + 1)
+}
+
+/// Adds "did you mean" to serde's `unknown field` and `unknown variant` messages.
+fn explain(message: &str) -> String {
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let is_unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
+    let Some(unknown) = quoted.next().filter(|_| is_unknown) else {
+        return message.to_owned();
+    };
+    match nearest(unknown, quoted) {
+        Some(known) => format!("{message}; did you mean `{known}`?"),
+        None => message.to_owned(),
+    }
+}
+
+/// The candidate most like `word`, if any is similar enough to be a slip of the hand.
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|candidate| (strsim::jaro_winkler(word, candidate), candidate))
+        .filter(|(score, _)| *score > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Material {
+        #[allow(dead_code, reason = "only parsed")]
+        young: f64,
+        #[allow(dead_code, reason = "only parsed")]
+        poisson: f64,
+    }
+
+    #[test]
+    fn unknown_key_names_line_and_nearest_key() {
+        let error = parse::<Material>("young = 1.0\npoison = 0.3\n", Path::new("a.toml")).unwrap_err();
+        let text = error.to_string();
+        assert!(text.starts_with("a.toml:2:1: unknown field `poison`"), "{text}");
+        assert!(text.ends_with("did you mean `poisson`?"), "{text}");
+    }
+
+    #[test]
+    fn missing_file_names_the_path() {
+        let error = load::<Material>(Path::new("no/such.toml")).unwrap_err();
+        assert!(error.to_string().starts_with("no/such.toml: "), "{error}");
+    }
+}

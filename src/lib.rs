@@ -1,0 +1,41 @@
+//! Real-time elastic bodies in virtual environments: finite elements and precomputed Green's functions.
+//!
+//! Two stages meet in one file:
+//!
+//! ```text
+//! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → GreenBasis → tube.green
+//! online    tube.green → Deformer;  Tracker → PickRay → Dragger → c → u → Surface → Stage (screen × eye) → Renderer
+//! ```
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`config`] | strict TOML: every error names file, line and the nearest known key |
+//! | [`mesh`] | `TetMesh`, `Surface`, regions, quality, file formats, generators |
+//! | [`stage`] | screens, viewer, off-axis projection |
+//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
+//! | [`fem`] | elements, materials, assembly → `StiffnessMatrix`, partition into A, B, C |
+//! | [`solve`] | ordering, Cholesky, PCG → `SolveStats` |
+//! | [`green`] | the precomputed bases and the .green file |
+//! | [`deform`] | deformation models: coefficients → displacements |
+//! | [`effect`] | opt-in effects: what no scene lists costs nothing |
+//! | [`track`] | where poses come from: mouse, script → `TrackerState` |
+//! | [`interact`] | pick ray, dragger |
+//! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
+//! | [`cli`] | one file per subcommand |
+//!
+//! Conventions: SI units, radians, right-handed, Y up in the room; transforms are named `a_from_b`;
+//! offline arithmetic is f64, online f32.
+
+pub mod cli;
+pub mod config;
+pub mod deform;
+pub mod effect;
+pub mod fem;
+pub mod green;
+pub mod interact;
+pub mod mesh;
+pub mod render;
+pub mod scene;
+pub mod solve;
+pub mod stage;
+pub mod track;
