@@ -61,6 +61,13 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
+/// What to say of a name that is in no list: what is known, and the nearest of it.
+pub fn unknown_name<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str> + Clone) -> String {
+    let list: Vec<&str> = known.clone().collect();
+    let advice = nearest(name, known).map(|like| format!("; did you mean \"{like}\"?")).unwrap_or_default();
+    format!("unknown {kind} \"{name}\" (known: {}){advice}", list.join(", "))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

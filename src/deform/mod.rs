@@ -1,1 +1,91 @@
-//! (in work)
+//! Online deformation: control poses in, displacements, positions and normals of the surface out.
+//!
+//! One [`DeformationModel`] per body turns poses into coefficients and sums u = Σ cₖ u⁽ᵏ⁾ over the columns of the
+//! .green file (the paper, "Elastic deformation using control elements"); [`Deformer`] adds the rest surface and
+//! the normals.
+
+mod deformer;
+mod force;
+mod linear;
+mod normals;
+mod pose;
+mod rotation;
+mod superposition;
+
+pub use deformer::{Deformer, FrameTimes};
+pub use force::{Wrench, wrenches};
+pub use linear::Linear;
+pub use normals::vertex_normals;
+pub use pose::{ControlPose, ControlPoses};
+pub use rotation::{Rotation, mean_rotation};
+pub use superposition::{Columns, Superposition};
+
+use crate::green::Needs;
+use nalgebra::{Isometry3, Vector3};
+
+/// Displacements of the surface nodes: the point X of the body comes to
+/// x = body_from_surface · (X + u), both about the body's centre.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceDisplacements {
+    pub u: Vec<[f32; 3]>,
+    /// Rigid motion that the model took out of the poses; the identity for `linear`.
+    pub body_from_surface: Isometry3<f64>,
+}
+
+impl SurfaceDisplacements {
+    pub fn zeros(nodes: usize) -> SurfaceDisplacements {
+        SurfaceDisplacements { u: vec![[0.0; 3]; nodes], body_from_surface: Isometry3::identity() }
+    }
+}
+
+/// What one evaluation did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ModelStats {
+    /// Control elements whose columns were summed again.
+    pub elements_summed: usize,
+    /// Columns read for them.
+    pub columns_read: usize,
+    /// The coefficients that were summed, 12 a control element, in the surface's frame.
+    pub coefficients: Vec<[f64; crate::green::FIELDS]>,
+}
+
+/// How a body's control poses become displacements. Exactly one per body.
+pub trait DeformationModel: Send {
+    fn evaluate(
+        &mut self,
+        columns: &Columns<'_>,
+        poses: &ControlPoses,
+        u: &mut SurfaceDisplacements,
+    ) -> ModelStats;
+}
+
+/// One entry of the list of models.
+pub struct ModelEntry {
+    pub name: &'static str,
+    pub summary: &'static str,
+    /// What must be precomputed for it beside the basis.
+    pub needs: Needs,
+    /// Makes the model for a body with control origins o_e and surface node counts of its control elements.
+    pub make: fn(&[ControlRest]) -> Box<dyn DeformationModel>,
+}
+
+/// A control element at rest, as the models see it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControlRest {
+    pub name: String,
+    /// o_e about the body's centre, m.
+    pub origin: Vector3<f64>,
+    /// Nodes it holds.
+    pub nodes: usize,
+}
+
+/// All models; a new one is one file and one line here.
+pub const MODELS: &[ModelEntry] = &[linear::ENTRY, rotation::ENTRY];
+
+/// The model called `name`, or what there is instead.
+pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
+    MODELS
+        .iter()
+        .find(|entry| entry.name == name)
+        .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
+}

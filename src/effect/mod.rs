@@ -1,1 +1,29 @@
-//! (in work)
+//! Opt-in effects: what a scene does not list costs nothing, neither precomputation, file, memory, pipeline nor
+//! time in the frame.
+//!
+//! Each effect is one entry of [`EFFECTS`]; a body names those it wants, and only what they need is precomputed.
+
+use crate::green::Needs;
+
+/// One entry of the list of effects.
+pub struct EffectEntry {
+    pub name: &'static str,
+    pub summary: &'static str,
+    /// What must be precomputed for it.
+    pub needs: Needs,
+}
+
+/// All effects; a new one is one file and one line here.
+pub const EFFECTS: &[EffectEntry] = &[EffectEntry {
+    name: "haptics",
+    summary: "force and torque on every control element, from the 12E × 12E handle stiffness",
+    needs: Needs { stiffness: true },
+}];
+
+/// The effect called `name`, or what there is instead.
+pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
+    EFFECTS
+        .iter()
+        .find(|entry| entry.name == name)
+        .ok_or_else(|| crate::config::unknown_name("effect", name, EFFECTS.iter().map(|entry| entry.name)))
+}

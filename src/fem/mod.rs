@@ -1,1 +1,17 @@
-//! (in work)
+//! The finite element method: tetrahedra and material constants in, the stiffness matrix K of K u = f out.
+//!
+//! Elements are linear tetrahedra (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed.,
+//! section 6.2); K is kept in 3×3 blocks on the nodes and edges of the mesh (the paper's figure 4).
+
+mod assembly;
+mod fields;
+mod material;
+mod partition;
+mod stiffness;
+pub mod tet4;
+
+pub use assembly::{AssemblyError, assemble};
+pub use fields::NodeFields;
+pub use material::Lame;
+pub use partition::Partition;
+pub use stiffness::StiffnessMatrix;

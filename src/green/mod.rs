@@ -1,1 +1,67 @@
-//! (in work)
+//! The precomputed Green's functions: a scene's body in, the surface rows of u⁽ᵏ⁾ = -A⁻¹B b⁽ᵏ⁾ out, in one
+//! checked file.
+//!
+//! Twelve affine columns per control element (the paper, "Elastic deformation using control elements") and, for
+//! the effect `haptics`, the handle stiffness S = Φᵀ(C - BᵀA⁻¹B)Φ.
+
+mod basis;
+mod check;
+mod control;
+mod file;
+mod fingerprint;
+
+pub use basis::{Precomputed, Solution, StepTimes, precompute, solve};
+pub use control::{ControlElement, FIELD_NAMES, FIELDS};
+pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
+pub use fingerprint::fingerprint;
+
+use crate::fem::AssemblyError;
+use crate::scene::SceneError;
+use crate::solve::SolveError;
+use std::path::PathBuf;
+
+/// What a body's model and effects need beside the basis columns; nothing else is computed or stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Needs {
+    /// The 12E × 12E handle stiffness S.
+    pub stiffness: bool,
+}
+
+impl Needs {
+    /// What either asks for.
+    pub fn and(self, other: Needs) -> Needs {
+        Needs { stiffness: self.stiffness || other.stiffness }
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum GreenError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("body.{body}: {source}")]
+    Assembly { body: String, source: AssemblyError },
+    #[error("body.{body}: {source}")]
+    Solve { body: String, source: SolveError },
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {reason}; run `greenstage precompute` on its scene to make it anew", path.display())]
+    Damaged { path: PathBuf, reason: String },
+    #[error(
+        "{}: is stale: the scene, its mesh or the program changed since it was made (its fingerprint is {found}, \
+         the scene's {expected}); run `greenstage precompute` on the scene",
+        path.display()
+    )]
+    Stale { path: PathBuf, found: String, expected: String },
+}
+
+impl GreenError {
+    /// Whether the request or its files are to blame, rather than the work.
+    pub fn is_request(&self) -> bool {
+        match self {
+            GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
+            GreenError::Assembly { .. } => true,
+            GreenError::Solve { .. } => false,
+            GreenError::Io { source, .. } => source.kind() == std::io::ErrorKind::NotFound,
+        }
+    }
+}

@@ -1,1 +1,337 @@
-//! (in work)
+//! What a scene asks for: bodies, materials, control elements, deformation model, effects, solver, place.
+//!
+//! In: a strict TOML file. Out: a checked [`Scene`]; meshes and node selections are loaded from it on demand.
+//! Names of models and effects are checked where their lists stand, in `deform` and `effect`.
+
+mod select;
+
+pub use select::Nodes;
+
+use crate::config::{self, ConfigError};
+use crate::mesh::{self, MeshError, generate};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    #[error("{}: {entity}: {message}", path.display())]
+    Invalid { path: PathBuf, entity: String, message: String },
+    #[error("{}: body.{body}.mesh: {source}", path.display())]
+    Mesh { path: PathBuf, body: String, source: MeshError },
+    #[error("{}: {entity}: {source}", path.display())]
+    Generate { path: PathBuf, entity: String, source: generate::GenerateError },
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Name of a built-in stage, or the path of a stage file.
+    #[serde(default = "desktop")]
+    pub stage: String,
+    /// Key frames that move head and stylus where nobody does; relative to the scene file.
+    pub script: Option<PathBuf>,
+    pub body: BTreeMap<String, Body>,
+    /// Where the scene was read from; relative paths start at its folder.
+    #[serde(skip)]
+    pub path: PathBuf,
+}
+
+fn desktop() -> String {
+    "desktop".into()
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Mesh file, relative to the scene; or else `generate`.
+    pub mesh: Option<PathBuf>,
+    pub generate: Option<Generate>,
+    #[serde(default)]
+    pub element: Element,
+    pub material: Material,
+    /// Materials of single regions, by the region's number or name; `material` holds for all others.
+    #[serde(default)]
+    pub region: BTreeMap<String, Material>,
+    #[serde(default = "linear")]
+    pub model: String,
+    #[serde(default)]
+    pub effects: Vec<String>,
+    #[serde(default)]
+    pub solver: Solver,
+    pub control: BTreeMap<String, Control>,
+    /// Where the body stands in the room; absent: fitted into the stage's workspace.
+    pub place: Option<Place>,
+}
+
+fn linear() -> String {
+    "linear".into()
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Generate {
+    Tube(generate::Tube),
+    Block(generate::Block),
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Element {
+    /// Linear tetrahedron, four nodes.
+    #[default]
+    Tet4,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// Young's modulus, Pa.
+    pub young: f64,
+    pub poisson: f64,
+    /// kg/m³; only effects that move mass need it.
+    pub density: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Solver {
+    pub method: Method,
+    /// PCG: relative residual ‖b - A x‖₂ / ‖b‖₂ at which a column is done.
+    pub tolerance: f64,
+    pub max_iterations: usize,
+}
+
+impl Default for Solver {
+    fn default() -> Solver {
+        Solver { method: Method::Cholesky, tolerance: 1e-10, max_iterations: 20_000 }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    Cholesky,
+    Pcg,
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Control {
+    pub nodes: Nodes,
+    pub grab: Grab,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grab {
+    /// Stays where it is.
+    Fixed,
+    /// Can be taken by a stylus.
+    Dragger,
+}
+
+/// room_from_body: x ↦ position + scale · R(rotation) · x.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// Where the body's own origin comes to stand, m.
+    pub position: [f64; 3],
+    /// Rotation vector (axis times angle), rad.
+    #[serde(default)]
+    pub rotation: [f64; 3],
+    #[serde(default = "one")]
+    pub scale: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Scene {
+    /// Reads and checks the scene file at `path`.
+    pub fn load(path: &Path) -> Result<Scene, SceneError> {
+        let mut scene: Scene = config::load(path)?;
+        scene.path = path.to_owned();
+        scene.check()?;
+        Ok(scene)
+    }
+
+    /// Parses a scene from text; `path` is where its relative paths start and what errors name.
+    pub fn parse(text: &str, path: &Path) -> Result<Scene, SceneError> {
+        let mut scene: Scene = config::parse(text, path)?;
+        scene.path = path.to_owned();
+        scene.check()?;
+        Ok(scene)
+    }
+
+    /// A path as the scene file means it.
+    pub fn resolve(&self, relative: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(relative)
+    }
+
+    /// The mesh of body `name`, with the notices of what was repaired.
+    pub fn load_mesh(&self, name: &str, body: &Body) -> Result<mesh::Loaded, SceneError> {
+        let generated = |source| SceneError::Generate {
+            path: self.path.clone(),
+            entity: format!("body.{name}.generate"),
+            source,
+        };
+        match (&body.mesh, &body.generate) {
+            (Some(file), None) => mesh::load(&self.resolve(file)).map_err(|source| SceneError::Mesh {
+                path: self.path.clone(),
+                body: name.to_owned(),
+                source,
+            }),
+            (None, Some(Generate::Tube(tube))) => generate::tube(tube).map(fresh).map_err(generated),
+            (None, Some(Generate::Block(block))) => generate::block(block).map(fresh).map_err(generated),
+            _ => Err(self.invalid(
+                &format!("body.{name}"),
+                "name either mesh = \"file\" or generate = { … }, one of the two",
+            )),
+        }
+    }
+
+    /// An error about one entity of this scene.
+    pub fn invalid(&self, entity: &str, message: impl Into<String>) -> SceneError {
+        SceneError::Invalid { path: self.path.clone(), entity: entity.to_owned(), message: message.into() }
+    }
+
+    fn check(&self) -> Result<(), SceneError> {
+        if self.body.is_empty() {
+            return Err(self.invalid("body", "the scene has no body; add a [body.NAME] table"));
+        }
+        for (name, body) in &self.body {
+            self.check_body(name, body)?;
+        }
+        Ok(())
+    }
+
+    fn check_body(&self, name: &str, body: &Body) -> Result<(), SceneError> {
+        let entity = format!("body.{name}");
+        if name.contains('/') {
+            return Err(self.invalid(&entity, "a body's name must not contain '/'"));
+        }
+        if body.mesh.is_some() == body.generate.is_some() {
+            return Err(
+                self.invalid(&entity, "name either mesh = \"file\" or generate = { … }, one of the two")
+            );
+        }
+        self.check_material(&format!("{entity}.material"), &body.material)?;
+        for (region, material) in &body.region {
+            self.check_material(&format!("{entity}.region.{region}"), material)?;
+        }
+        let solver = &body.solver;
+        if !(solver.tolerance > 0.0 && solver.tolerance < 1.0) || solver.max_iterations == 0 {
+            let message = format!(
+                "tolerance {} must lie between 0 and 1, max_iterations {} above 0",
+                solver.tolerance, solver.max_iterations
+            );
+            return Err(self.invalid(&format!("{entity}.solver"), message));
+        }
+        if body.control.is_empty() {
+            return Err(self.invalid(
+                &entity,
+                "no control element: nothing would hold the body; add a [body.NAME.control.NAME] table",
+            ));
+        }
+        for (control_name, control) in &body.control {
+            let entity = format!("{entity}.control.{control_name}");
+            if control_name.contains('/') {
+                return Err(self.invalid(&entity, "a control element's name must not contain '/'"));
+            }
+            control.nodes.check().map_err(|message| self.invalid(&entity, message))?;
+        }
+        if let Some(place) = &body.place {
+            let numbers = place.position.iter().chain(&place.rotation);
+            if !numbers.chain([&place.scale]).all(|v| v.is_finite()) || place.scale <= 0.0 {
+                return Err(self.invalid(
+                    &format!("{entity}.place"),
+                    "position and rotation must be finite, scale finite and above 0",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_material(&self, entity: &str, material: &Material) -> Result<(), SceneError> {
+        let Material { young, poisson, density } = *material;
+        if !(young > 0.0 && young.is_finite()) {
+            return Err(self.invalid(
+                entity,
+                format!("Young's modulus {young} Pa must be positive and finite"),
+            ));
+        }
+        if poisson == 0.5 {
+            return Err(self.invalid(
+                entity,
+                "Poisson's ratio 0.5 is exactly incompressible: λ is infinite and the displacement method cannot \
+                 solve it; write 0.49 for rubber-like materials",
+            ));
+        }
+        if !(poisson > -1.0 && poisson < 0.5) {
+            return Err(self.invalid(
+                entity,
+                format!("Poisson's ratio {poisson} is not physical; it must lie between -1 and 0.5"),
+            ));
+        }
+        if density.is_some_and(|density| !(density > 0.0 && density.is_finite())) {
+            return Err(self.invalid(entity, "density must be positive and finite, kg/m³"));
+        }
+        Ok(())
+    }
+}
+
+fn fresh(mesh: mesh::TetMesh) -> mesh::Loaded {
+    mesh::Loaded { mesh, notices: Vec::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BLOCK: &str = r#"
+[body.block]
+generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }
+material = { young = 1.0e6, poisson = 0.3 }
+[body.block.control.low]
+nodes = { group = "xmin" }
+grab = "fixed"
+"#;
+
+    fn error(from: &str, to: &str) -> String {
+        let text = BLOCK.replace(from, to);
+        assert_ne!(text, BLOCK, "{from} must stand in the scene");
+        Scene::parse(&text, Path::new("scene.toml")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn defaults_are_the_papers() {
+        let scene = Scene::parse(BLOCK, Path::new("scene.toml")).unwrap();
+        let body = &scene.body["block"];
+        assert_eq!((scene.stage.as_str(), body.model.as_str()), ("desktop", "linear"));
+        assert_eq!((body.element, body.solver.method), (Element::Tet4, Method::Cholesky));
+        assert!(body.effects.is_empty() && body.place.is_none());
+    }
+
+    #[test]
+    fn mistakes_name_the_entity_and_the_remedy() {
+        for (from, to, expected) in [
+            ("young = 1.0e6", "young = -1.0", "body.block.material: Young's modulus -1 Pa"),
+            ("poisson = 0.3", "poisson = 0.5", "body.block.material: Poisson's ratio 0.5 is exactly incompressible"),
+            ("poisson = 0.3", "poisson = 0.7", "must lie between -1 and 0.5"),
+            ("poisson = 0.3", "poisson = nan", "must lie between -1 and 0.5"),
+            ("poisson = 0.3", "poison = 0.3", "scene.toml:4:"),
+            ("poisson = 0.3", "poison = 0.3", "did you mean `poisson`?"),
+            ("generate = {", "generat = {", "did you mean `generate`?"),
+            ("group = \"xmin\"", "gruop = \"xmin\"", "did you mean `group`?"),
+            ("grab = \"fixed\"", "grab = \"fixt\"", "did you mean `fixed`?"),
+            ("generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }", "", "one of the two"),
+        ] {
+            let text = error(from, to);
+            assert!(text.contains(expected), "{text}\nlacks {expected}");
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
+
+use super::{
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelStats, SurfaceDisplacements, Wrench,
+    find_model, vertex_normals, wrenches,
+};
+use crate::green::GreenFile;
+use nalgebra::{DMatrix, Vector3};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Time of the two steps of the last evaluation, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameTimes {
+    pub deform_s: f64,
+    pub normals_s: f64,
+}
+
+/// A deformable body, online.
+pub struct Deformer {
+    file: Arc<GreenFile>,
+    /// Name of the body in the scene and in the file.
+    pub body: String,
+    pub controls: Vec<ControlRest>,
+    /// Mesh coordinates of the origin about which all of the following stands, m.
+    pub centre: Vector3<f64>,
+    pub poses: ControlPoses,
+    pub displacements: SurfaceDisplacements,
+    /// X + u of the surface nodes, about `centre`, before `displacements.body_from_surface`.
+    pub positions: Vec<[f32; 3]>,
+    /// Unit normals in the same frame.
+    pub normals: Vec<[f32; 3]>,
+    pub times: FrameTimes,
+    model: Box<dyn DeformationModel>,
+    stiffness: Option<DMatrix<f64>>,
+    coefficients: Vec<[f64; crate::green::FIELDS]>,
+    sums: Vec<[f32; 4]>,
+    evaluated: bool,
+}
+
+impl Deformer {
+    /// A deformer at rest for `body` of the file; the error names an unknown body or model.
+    pub fn new(file: Arc<GreenFile>, body: &str, model: &str) -> Result<Deformer, String> {
+        let meta = file
+            .meta
+            .bodies
+            .get(body)
+            .ok_or_else(|| format!("{}: holds no body \"{body}\"", file.path.display()))?;
+        let entry = find_model(model)?;
+        let controls: Vec<ControlRest> = meta
+            .controls
+            .iter()
+            .map(|control| ControlRest {
+                name: control.name.clone(),
+                origin: Vector3::from(control.origin),
+                nodes: control.nodes,
+            })
+            .collect();
+        let nodes = meta.surface_nodes;
+        let mut deformer = Deformer {
+            body: body.to_owned(),
+            centre: Vector3::from(meta.centre),
+            poses: vec![ControlPose::REST; controls.len()],
+            displacements: SurfaceDisplacements::zeros(nodes),
+            positions: vec![[0.0; 3]; nodes],
+            normals: vec![[0.0; 3]; nodes],
+            times: FrameTimes::default(),
+            model: (entry.make)(&controls),
+            stiffness: file.stiffness(body),
+            coefficients: Vec::new(),
+            sums: Vec::new(),
+            evaluated: false,
+            controls,
+            file,
+        };
+        deformer.evaluate(&vec![ControlPose::REST; deformer.controls.len()]);
+        Ok(deformer)
+    }
+
+    pub fn rest(&self) -> &[[f32; 3]] {
+        self.file.rest(&self.body)
+    }
+
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        self.file.triangles(&self.body)
+    }
+
+    /// Mesh node tags of the surface nodes.
+    pub fn tags(&self) -> &[u64] {
+        self.file.tags(&self.body)
+    }
+
+    /// Surface nodes of control element `e`.
+    pub fn control_nodes(&self, e: usize) -> &[u32] {
+        self.file.control(&self.body, &self.controls[e].name)
+    }
+
+    /// Deforms the body for new poses; returns what it cost, or `None` where no pose changed.
+    ///
+    /// A pose that is not finite is not taken: that control element stays at its last valid one.
+    pub fn evaluate(&mut self, poses: &ControlPoses) -> Option<ModelStats> {
+        let taken: ControlPoses = self
+            .poses
+            .iter()
+            .zip(poses)
+            .map(|(last, new)| if new.is_finite() { *new } else { *last })
+            .collect();
+        if self.evaluated && taken == self.poses {
+            return None;
+        }
+        (self.poses, self.evaluated) = (taken, true);
+
+        let started = Instant::now();
+        let (file, body) = (&self.file, &self.body);
+        let columns =
+            Columns { elements: self.controls.iter().map(|control| file.basis(body, &control.name)).collect() };
+        let mut stats = self.model.evaluate(&columns, &self.poses, &mut self.displacements);
+        let rest = file.rest(body).as_flattened();
+        let u = self.displacements.u.as_flattened();
+        for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(rest.iter().zip(u)) {
+            *position = rest + u;
+        }
+        self.times.deform_s = started.elapsed().as_secs_f64();
+
+        let started = Instant::now();
+        vertex_normals(&self.positions, file.triangles(body), &mut self.sums, &mut self.normals);
+        self.times.normals_s = started.elapsed().as_secs_f64();
+        self.coefficients = std::mem::take(&mut stats.coefficients);
+        Some(stats)
+    }
+
+    /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.
+    pub fn displacement(&self, i: usize) -> Vector3<f64> {
+        let rest = Vector3::from(self.rest()[i]).cast::<f64>();
+        let u = Vector3::from(self.displacements.u[i]).cast::<f64>();
+        let motion = &self.displacements.body_from_surface;
+        // R (X + u) + t - X, written so that a small u keeps its digits beside a large X.
+        let turned = motion.rotation * rest - rest;
+        turned + motion.rotation * u + motion.translation.vector
+    }
+
+    /// Force and torque on every control element, and the strain energy, where the file has S.
+    pub fn wrenches(&self) -> Option<(Vec<Wrench>, f64)> {
+        let stiffness = self.stiffness.as_ref()?;
+        Some(wrenches(stiffness, &self.coefficients, self.displacements.body_from_surface.rotation))
+    }
+}

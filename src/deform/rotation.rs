@@ -1,0 +1,168 @@
+//! Method 2a of the paper's appendix: the mean rotation of the control elements is taken out of the poses and
+//! given to the whole body, so that the linear theory sees half the rotation or less.
+//!
+//! A = Σ w_e M_e + Σ w_e (c_e - c̄)(C_e - C̄)ᵀ/ℓ² with C_e = o_e, c_e = o_e + T_e, ℓ² = Σ w_e |C_e - C̄|² and w_e
+//! the element's share of all held nodes; R̄ = polar(A). Then x = R̄ (X + u(c̄)) + t̄ for the poses
+//! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
+
+use super::{
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats, Superposition,
+    SurfaceDisplacements,
+};
+use crate::green::Needs;
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+pub(super) const ENTRY: ModelEntry = ModelEntry {
+    name: "rotation",
+    summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
+    needs: Needs { stiffness: false },
+    make: |controls: &[ControlRest]| {
+        Box::new(Rotation {
+            controls: controls.to_vec(),
+            sum: Superposition::new(controls.len()),
+            last: Rotation3::identity(),
+        })
+    },
+};
+
+/// The mean rotation is not defined where σ₂ + σ₃ of A vanishes (two elements half a turn apart); below this part
+/// of σ₁ the last one is kept.
+const DEFINED: f64 = 0.1;
+
+pub struct Rotation {
+    controls: Vec<ControlRest>,
+    sum: Superposition,
+    /// R̄ of the last evaluation in which it was defined.
+    last: Rotation3<f64>,
+}
+
+impl DeformationModel for Rotation {
+    fn evaluate(
+        &mut self,
+        columns: &Columns<'_>,
+        poses: &ControlPoses,
+        u: &mut SurfaceDisplacements,
+    ) -> ModelStats {
+        if let Some(rotation) = mean_rotation(&self.controls, poses) {
+            self.last = rotation;
+        }
+        let (rotation, inverse) = (self.last, self.last.inverse());
+        let weights = weights(&self.controls);
+        let moved = |e: usize| self.controls[e].origin + poses[e].translation;
+        let shift: Vector3<f64> = (0..poses.len())
+            .map(|e| (moved(e) - rotation * self.controls[e].origin) * weights[e])
+            .sum();
+        u.body_from_surface = Isometry3::from_parts(
+            Translation3::from(shift),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        );
+        let coefficients = (0..poses.len())
+            .map(|e| {
+                let seen = ControlPose {
+                    translation: inverse * (moved(e) - shift) - self.controls[e].origin,
+                    matrix: inverse.matrix() * poses[e].matrix,
+                };
+                seen.coefficients()
+            })
+            .collect();
+        self.sum.update(columns, coefficients, &mut u.u)
+    }
+}
+
+/// R̄ of the poses, or `None` where it is not defined.
+pub fn mean_rotation(controls: &[ControlRest], poses: &ControlPoses) -> Option<Rotation3<f64>> {
+    let weights = weights(controls);
+    let mean = |point: &dyn Fn(usize) -> Vector3<f64>| -> Vector3<f64> {
+        (0..poses.len()).map(|e| point(e) * weights[e]).sum()
+    };
+    let rest = |e: usize| controls[e].origin;
+    let moved = |e: usize| controls[e].origin + poses[e].translation;
+    let (rest_mean, moved_mean) = (mean(&rest), mean(&moved));
+    let mut a: Matrix3<f64> = (0..poses.len()).map(|e| poses[e].matrix * weights[e]).sum();
+    let square: f64 = (0..poses.len()).map(|e| weights[e] * (rest(e) - rest_mean).norm_squared()).sum();
+    if square > 0.0 {
+        let chords: Matrix3<f64> = (0..poses.len())
+            .map(|e| (moved(e) - moved_mean) * (rest(e) - rest_mean).transpose() * weights[e])
+            .sum();
+        a += chords / square;
+    }
+    polar(&a)
+}
+
+fn weights(controls: &[ControlRest]) -> Vec<f64> {
+    let total: usize = controls.iter().map(|control| control.nodes).sum();
+    controls.iter().map(|control| control.nodes as f64 / total.max(1) as f64).collect()
+}
+
+/// The rotation nearest to A: U diag(1, 1, det UVᵀ) Vᵀ of A = U Σ Vᵀ.
+fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+    if !a.iter().all(|value| value.is_finite()) {
+        return None;
+    }
+    let svd = a.svd(true, true);
+    let (u, vt) = (svd.u?, svd.v_t?);
+    let sign = (u * vt).determinant().signum();
+    let sigma = svd.singular_values;
+    if sigma[1] + sign * sigma[2] < DEFINED * sigma[0] || sigma[0] == 0.0 {
+        return None;
+    }
+    let fix = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign));
+    Some(Rotation3::from_matrix_unchecked(u * fix * vt))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn controls() -> Vec<ControlRest> {
+        [(-1.0, 100), (1.0, 100)]
+            .map(|(x, nodes)| ControlRest { name: String::new(), origin: Vector3::new(x, 0.2, 0.0), nodes })
+            .to_vec()
+    }
+
+    fn rigid(rotation: Rotation3<f64>, shift: Vector3<f64>) -> ControlPoses {
+        controls()
+            .iter()
+            .map(|control| ControlPose {
+                translation: rotation * control.origin + shift - control.origin,
+                matrix: *rotation.matrix(),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn rigid_motion_leaves_no_coefficients_and_moves_the_body() {
+        let rotation = Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 2.0));
+        let shift = Vector3::new(0.3, -2.0, 0.7);
+        let mut model = (ENTRY.make)(&controls());
+        let mut u = SurfaceDisplacements::zeros(1);
+        let empty = [0.0; 36];
+        let columns = Columns { elements: vec![&empty, &empty] };
+        let stats = model.evaluate(&columns, &rigid(rotation, shift), &mut u);
+        assert!(stats.coefficients.as_flattened().iter().all(|c| c.abs() < 1e-14), "{stats:?}");
+        let x = nalgebra::Point3::new(0.5, 0.1, -0.3);
+        let expected = rotation * x + shift;
+        assert!((u.body_from_surface * x - expected).norm() < 1e-14);
+    }
+
+    #[test]
+    fn two_ends_share_the_rotation_between_them() {
+        let turned = Rotation3::from_axis_angle(&Vector3::x_axis(), 1.2);
+        let mut poses = rigid(Rotation3::identity(), Vector3::zeros());
+        poses[1].matrix = *turned.matrix();
+        let mean = mean_rotation(&controls(), &poses).unwrap();
+        // The chord does not turn; the mean of {0, 1.2} pulled towards it by its own weight.
+        let (axis, angle) = mean.axis_angle().unwrap();
+        assert!((axis.x - 1.0).abs() < 1e-12 && angle > 0.3 && angle <= 0.6 + 1e-12, "{angle}");
+    }
+
+    #[test]
+    fn undefined_mean_keeps_the_last_one() {
+        let half_turn = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let mut poses = rigid(Rotation3::identity(), Vector3::zeros());
+        poses[1].matrix = *half_turn.matrix();
+        assert!(mean_rotation(&controls(), &poses).is_none());
+        poses[1].matrix = Matrix3::from_element(f64::NAN);
+        assert!(mean_rotation(&controls(), &poses).is_none());
+    }
+}

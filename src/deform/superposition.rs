@@ -1,0 +1,193 @@
+//! u = Σ cₖ u⁽ᵏ⁾ in f32, vectorised, with only the changed control elements summed again.
+//!
+//! Every control element keeps its own partial sum. When its coefficients change, that sum is made anew from its
+//! columns and the total from the partial sums, so that nothing drifts however often the body is moved.
+
+use super::ModelStats;
+use crate::green::FIELDS;
+
+/// The basis columns of a body: per control element twelve columns of 3·nodes numbers, one after the other.
+pub struct Columns<'a> {
+    pub elements: Vec<&'a [f32]>,
+}
+
+/// Numbers summed at a time: the partial sums and the total of one block stay in the first-level cache.
+const BLOCK: usize = 2048;
+
+/// The partial sums of one body.
+pub struct Superposition {
+    /// The coefficients summed last, per control element.
+    coefficients: Vec<[f32; FIELDS]>,
+    partial: Vec<Vec<f32>>,
+}
+
+impl Superposition {
+    pub fn new(elements: usize) -> Superposition {
+        Superposition { coefficients: vec![[0.0; FIELDS]; elements], partial: vec![Vec::new(); elements] }
+    }
+
+    /// Brings `u` to the sum over all control elements for coefficients `c`, 12 a control element.
+    ///
+    /// `u` must be what the last call left, or zero on the first.
+    pub fn update(&mut self, columns: &Columns<'_>, c: Vec<[f64; FIELDS]>, u: &mut [[f32; 3]]) -> ModelStats {
+        let rounded: Vec<[f32; FIELDS]> = c.iter().map(|c| c.map(|c| c as f32)).collect();
+        let changed: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != self.coefficients[e]).collect();
+        let mut stats =
+            ModelStats { elements_summed: changed.len(), columns_read: 0, coefficients: c };
+        if changed.is_empty() {
+            return stats;
+        }
+        let u = u.as_flattened_mut();
+        let terms: Vec<(usize, Vec<(f32, &[f32])>)> = changed
+            .iter()
+            .map(|&e| {
+                let used = (0..FIELDS).filter(|&k| rounded[e][k] != 0.0);
+                let column = |k: usize| &columns.elements[e][k * u.len()..(k + 1) * u.len()];
+                (e, used.map(|k| (rounded[e][k], column(k))).collect())
+            })
+            .collect();
+        stats.columns_read = terms.iter().map(|(_, terms)| terms.len()).sum();
+        for (e, used) in &terms {
+            self.partial[*e].resize(if used.is_empty() { 0 } else { u.len() }, 0.0);
+        }
+        for start in (0..u.len()).step_by(BLOCK) {
+            let range = start..(start + BLOCK).min(u.len());
+            for (e, used) in terms.iter().filter(|(_, used)| !used.is_empty()) {
+                combine(&mut self.partial[*e][range.clone()], used, start);
+            }
+            let mut sums = self.partial.iter().filter(|partial| !partial.is_empty());
+            let total = &mut u[range.clone()];
+            match sums.next() {
+                Some(first) => total.copy_from_slice(&first[range.clone()]),
+                None => total.fill(0.0),
+            }
+            for partial in sums {
+                add(total, &partial[range.clone()]);
+            }
+        }
+        self.coefficients = rounded;
+        stats
+    }
+}
+
+fn add(total: &mut [f32], term: &[f32]) {
+    for (total, term) in total.iter_mut().zip(term) {
+        *total += term;
+    }
+}
+
+/// out = Σ c · column[start..], four columns a pass.
+fn combine(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if std::arch::is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has the features that the function is compiled for.
+            return unsafe { combine_avx512(out, terms, start) };
+        }
+        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+            // SAFETY: the processor has the features that the function is compiled for.
+            return unsafe { combine_avx2(out, terms, start) };
+        }
+    }
+    combine_with(out, terms, start, |c, x, sum| c * x + sum);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,fma")]
+fn combine_avx512(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
+    combine_with(out, terms, start, f32::mul_add);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn combine_avx2(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
+    combine_with(out, terms, start, f32::mul_add);
+}
+
+/// The sum itself, inlined into each of the functions above and compiled for its instruction set.
+#[inline(always)]
+fn combine_with(
+    out: &mut [f32],
+    terms: &[(f32, &[f32])],
+    start: usize,
+    multiply_add: impl Fn(f32, f32, f32) -> f32,
+) {
+    let n = out.len();
+    out.fill(0.0);
+    let mut passes = terms.chunks_exact(4);
+    for pass in &mut passes {
+        let [(c0, x0), (c1, x1), (c2, x2), (c3, x3)] = [pass[0], pass[1], pass[2], pass[3]]
+            .map(|(c, column)| (c, &column[start..start + n]));
+        for i in 0..n {
+            let low = multiply_add(c1, x1[i], multiply_add(c0, x0[i], out[i]));
+            out[i] = multiply_add(c3, x3[i], multiply_add(c2, x2[i], low));
+        }
+    }
+    for &(c, column) in passes.remainder() {
+        let column = &column[start..start + n];
+        for i in 0..n {
+            out[i] = multiply_add(c, column[i], out[i]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NODES: usize = 1501;
+
+    fn columns(elements: usize) -> Vec<Vec<f32>> {
+        let value = |i: usize| ((i * 2654435761 % 1000) as f32 - 500.0) * 1e-3;
+        (0..elements).map(|e| (0..FIELDS * 3 * NODES).map(|i| value(i + 7 * e)).collect()).collect()
+    }
+
+    fn direct(columns: &[Vec<f32>], c: &[[f64; FIELDS]], i: usize) -> f64 {
+        let term = |e: usize, k: usize| c[e][k] * f64::from(columns[e][k * 3 * NODES + i]);
+        (0..columns.len()).flat_map(|e| (0..FIELDS).map(move |k| (e, k))).map(|(e, k)| term(e, k)).sum()
+    }
+
+    #[test]
+    fn sum_agrees_with_f64_and_reads_only_what_changed() {
+        let data = columns(3);
+        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+        let mut sum = Superposition::new(3);
+        let mut u = vec![[0.0; 3]; NODES];
+        let mut c = vec![[0.0; FIELDS]; 3];
+        c[0][2] = 0.5;
+        c[2] = std::array::from_fn(|k| 0.1 * k as f64 - 0.4);
+        let stats = sum.update(&columns, c.clone(), &mut u);
+        assert_eq!((stats.elements_summed, stats.columns_read), (2, 1 + 11));
+        c[1][11] = -0.25;
+        let stats = sum.update(&columns, c.clone(), &mut u);
+        assert_eq!((stats.elements_summed, stats.columns_read), (1, 1));
+        for (i, u) in u.as_flattened().iter().enumerate() {
+            assert!((f64::from(*u) - direct(&data, &c, i)).abs() < 2e-6);
+        }
+        let stats = sum.update(&columns, c, &mut u);
+        assert_eq!((stats.elements_summed, stats.columns_read), (0, 0));
+        let stats = sum.update(&columns, vec![[0.0; FIELDS]; 3], &mut u);
+        assert_eq!((stats.elements_summed, stats.columns_read), (3, 0));
+        assert!(u.as_flattened().iter().all(|u| *u == 0.0));
+    }
+
+    #[test]
+    fn a_million_updates_do_not_drift() {
+        const FEW: usize = 5;
+        let data: Vec<Vec<f32>> =
+            columns(2).iter().map(|all| all[..FIELDS * 3 * FEW].to_vec()).collect();
+        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+        let pose = |step: usize, e: usize| -> [f64; FIELDS] {
+            std::array::from_fn(|k| ((step * (k + 3) + e) as f64 * 0.37).sin())
+        };
+        let mut sum = Superposition::new(2);
+        let mut u = vec![[0.0; 3]; FEW];
+        for step in 0..1_000_000 {
+            sum.update(&columns, vec![pose(step / 2, 0), pose(step.div_ceil(2), 1)], &mut u);
+        }
+        let mut fresh = Superposition::new(2);
+        let mut expected = vec![[0.0; 3]; FEW];
+        fresh.update(&columns, vec![pose(499_999, 0), pose(500_000, 1)], &mut expected);
+        assert_eq!(u, expected);
+    }
+}

@@ -1,0 +1,215 @@
+//! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
+
+use super::check::check_support;
+use super::{ControlElement, FIELDS, GreenError, Needs};
+use crate::fem::{self, Lame, NodeFields, Partition, StiffnessMatrix};
+use crate::mesh::{Surface, TetMesh};
+use crate::scene::{Body, Material, Method, Scene};
+use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};
+use nalgebra::{DMatrix, Vector3};
+use std::time::Instant;
+
+/// Wall time of the steps outside the solver, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct StepTimes {
+    pub mesh_s: f64,
+    pub assembly_s: f64,
+    pub stiffness_s: f64,
+}
+
+/// The full f64 solution of one body: every basis field over every node.
+pub struct Solution {
+    pub mesh: TetMesh,
+    pub surface: Surface,
+    pub controls: Vec<ControlElement>,
+    /// Column 12 e + k is u⁽ᵏ⁾ of control element e over all nodes, its own nodes included.
+    pub fields: NodeFields,
+    /// S, N/m and N and N·m by the fields' units; only where it is needed.
+    pub stiffness: Option<DMatrix<f64>>,
+    /// max |S - Sᵀ| / max |S| before S was symmetrised: Betti's reciprocity as the solver kept it.
+    pub asymmetry: Option<f64>,
+    pub stats: SolveStats,
+    pub times: StepTimes,
+    /// Scalar entries of K.
+    pub matrix_entries: usize,
+    pub notices: Vec<String>,
+}
+
+/// What goes into the .green file for one body.
+pub struct Precomputed {
+    pub name: String,
+    pub fingerprint: String,
+    pub needs: Needs,
+    pub solution: Solution,
+}
+
+/// Precomputes body `name` of the scene.
+pub fn precompute(
+    scene: &Scene,
+    name: &str,
+    needs: Needs,
+    progress: &dyn Progress,
+) -> Result<Precomputed, GreenError> {
+    let solution = solve(scene, name, needs, progress)?;
+    Ok(Precomputed {
+        name: name.to_owned(),
+        fingerprint: super::fingerprint(scene, name, needs)?,
+        needs,
+        solution,
+    })
+}
+
+/// Solves all basis fields of body `name` over all nodes, in f64.
+pub fn solve(
+    scene: &Scene,
+    name: &str,
+    needs: Needs,
+    progress: &dyn Progress,
+) -> Result<Solution, GreenError> {
+    let body = &scene.body[name];
+    progress.begin("mesh", 0);
+    let started = Instant::now();
+    let loaded = scene.load_mesh(name, body)?;
+    let (mesh, mut notices) = (loaded.mesh, loaded.notices);
+    let surface = Surface::of(&mesh);
+    let controls = control_elements(scene, name, body, &mesh)?;
+    check_support(scene, name, &mesh, &controls)?;
+    notices.extend(controls.iter().filter_map(ControlElement::notice));
+    let lame = materials(scene, name, body, &mesh)?;
+    let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };
+    progress.end();
+
+    progress.begin("assembly", 0);
+    let started = Instant::now();
+    let k = fem::assemble(&mesh, &lame)
+        .map_err(|source| GreenError::Assembly { body: name.to_owned(), source })?;
+    let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
+    let a = partition.a(&k);
+    times.assembly_s = started.elapsed().as_secs_f64();
+    progress.end();
+
+    let mut fields = NodeFields::zeros(mesh.nodes.len(), FIELDS * controls.len());
+    for (e, control) in controls.iter().enumerate() {
+        control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
+    }
+    let prescribed = fields.clone();
+    let rhs = partition.minus_b_times(&k, &fields);
+    let (free, stats) = solve_free(body, &a, &rhs, progress)
+        .map_err(|source| GreenError::Solve { body: name.to_owned(), source })?;
+    partition.insert_free(&free, &mut fields);
+
+    let started = Instant::now();
+    let (stiffness, asymmetry) = if needs.stiffness {
+        progress.begin("handle stiffness", 0);
+        let (s, asymmetry) = handle_stiffness(&k, &partition, &prescribed, &fields);
+        progress.end();
+        (Some(s), Some(asymmetry))
+    } else {
+        (None, None)
+    };
+    times.stiffness_s = started.elapsed().as_secs_f64();
+    let matrix_entries = k.scalar_entries();
+    Ok(Solution { mesh, surface, controls, fields, stiffness, asymmetry, stats, times, matrix_entries, notices })
+}
+
+fn solve_free(
+    body: &Body,
+    a: &StiffnessMatrix,
+    rhs: &NodeFields,
+    progress: &dyn Progress,
+) -> Result<(NodeFields, SolveStats), SolveError> {
+    if a.nodes() == 0 {
+        let residuals = vec![0.0; rhs.columns];
+        let stats = SolveStats { method: "none".into(), columns: rhs.columns, residuals, ..Default::default() };
+        return Ok((rhs.clone(), stats));
+    }
+    match body.solver.method {
+        Method::Cholesky => {
+            let symbolic = Symbolic::new(a, progress)?;
+            Cholesky::new(a, &symbolic, progress)?.solve(rhs, progress)
+        }
+        Method::Pcg => {
+            let pcg =
+                Pcg { tolerance: body.solver.tolerance, max_iterations: body.solver.max_iterations };
+            pcg.solve(a, rhs, progress)
+        }
+    }
+}
+
+/// S = Φᵀ f_b with f_b = (Bᵀ u + C b) of every basis field: the generalised force on field i for a unit of
+/// field j. Returns S symmetrised, and how far it was from symmetric.
+fn handle_stiffness(
+    k: &StiffnessMatrix,
+    partition: &Partition,
+    prescribed: &NodeFields,
+    fields: &NodeFields,
+) -> (DMatrix<f64>, f64) {
+    let reaction = partition.reaction(k, fields);
+    let m = fields.columns;
+    let mut s = DMatrix::zeros(m, m);
+    for (row, &node) in partition.controlled.iter().enumerate() {
+        for axis in 0..3 {
+            let phi = prescribed.row(3 * node as usize + axis);
+            let force = reaction.row(3 * row + axis);
+            for (i, phi) in phi.iter().enumerate().filter(|(_, phi)| **phi != 0.0) {
+                for (j, force) in force.iter().enumerate() {
+                    s[(i, j)] += phi * force;
+                }
+            }
+        }
+    }
+    let difference = (&s - s.transpose()).amax();
+    let asymmetry = if difference == 0.0 { 0.0 } else { difference / s.amax() };
+    ((&s + s.transpose()) * 0.5, asymmetry)
+}
+
+fn control_elements(
+    scene: &Scene,
+    name: &str,
+    body: &Body,
+    mesh: &TetMesh,
+) -> Result<Vec<ControlElement>, GreenError> {
+    let size = extent(&mesh.nodes);
+    body.control
+        .iter()
+        .map(|(control_name, control)| {
+            let nodes = control.nodes.select(mesh, |path| scene.resolve(path)).map_err(|message| {
+                scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message)
+            })?;
+            Ok(ControlElement::new(control_name, nodes, &mesh.nodes, size))
+        })
+        .collect()
+}
+
+/// Diagonal of the bounding box, m.
+fn extent(nodes: &[Vector3<f64>]) -> f64 {
+    let Some(first) = nodes.first() else { return 0.0 };
+    let (low, high) = nodes.iter().fold((*first, *first), |(low, high), x| (low.inf(x), high.sup(x)));
+    (high - low).norm()
+}
+
+/// Lamé's constants of every tetrahedron.
+fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<Vec<Lame>, GreenError> {
+    let lame = |material: &Material| Lame::from_young_poisson(material.young, material.poisson);
+    let mut by_region = std::collections::BTreeMap::new();
+    for (key, material) in &body.region {
+        let named = mesh.region_names.iter().find(|(_, region_name)| *region_name == key).map(|(id, _)| *id);
+        let region = named.or_else(|| key.parse().ok()).filter(|id| mesh.regions.contains(id));
+        let Some(region) = region else {
+            let known: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();
+            let known: Vec<String> = known
+                .iter()
+                .map(|id| match mesh.region_names.get(id) {
+                    Some(region_name) => format!("{id} ({region_name})"),
+                    None => id.to_string(),
+                })
+                .collect();
+            let message =
+                format!("no tetrahedron lies in this region; the mesh has regions {}", known.join(", "));
+            return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
+        };
+        by_region.insert(region, lame(material));
+    }
+    let other = lame(&body.material);
+    Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&other)).collect())
+}

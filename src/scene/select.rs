@@ -1,0 +1,120 @@
+//! Which nodes of a mesh a control element holds.
+
+use crate::config::nearest;
+use crate::mesh::TetMesh;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A choice of nodes; bounds count as inside. Coordinates in metres, in the mesh's own frame.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Nodes {
+    /// A named node group (physical group) of the mesh.
+    Group(String),
+    Box { min: [f64; 3], max: [f64; 3] },
+    Sphere { centre: [f64; 3], radius: f64 },
+    /// All nodes at most `distance` from the plane.
+    Plane { point: [f64; 3], normal: [f64; 3], distance: f64 },
+    /// A text file of node tags, one a line, # begins a comment; relative to the scene.
+    File(PathBuf),
+}
+
+impl Nodes {
+    /// What can be judged without the mesh.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        match self {
+            Nodes::Box { min, max } => {
+                if !finite(min) || !finite(max) || (0..3).any(|axis| min[axis] > max[axis]) {
+                    return Err(format!("box: min {min:?} must be finite and nowhere above max {max:?}"));
+                }
+            }
+            Nodes::Sphere { centre, radius } => {
+                if !finite(centre) || !(*radius > 0.0 && radius.is_finite()) {
+                    return Err(format!("sphere: centre {centre:?} must be finite, radius {radius} above 0"));
+                }
+            }
+            Nodes::Plane { point, normal, distance } => {
+                let usable = finite(point) && finite(normal) && Vector3::from(*normal).norm() > 0.0;
+                if !usable || !(*distance >= 0.0 && distance.is_finite()) {
+                    return Err(format!(
+                        "plane: point {point:?} and normal {normal:?} must be finite, normal not zero, distance \
+                         {distance} not negative"
+                    ));
+                }
+            }
+            Nodes::Group(_) | Nodes::File(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Ascending node indices. `resolve` turns the scene's relative paths into real ones. The error says what was
+    /// looked for and what there is instead; an empty choice is an error.
+    pub fn select(&self, mesh: &TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<Vec<u32>, String> {
+        let within = |inside: &dyn Fn(&Vector3<f64>) -> bool| -> Vec<u32> {
+            (0..mesh.nodes.len() as u32).filter(|&node| inside(&mesh.nodes[node as usize])).collect()
+        };
+        let nodes = match self {
+            Nodes::Group(name) => group(mesh, name)?,
+            Nodes::Box { min, max } => {
+                within(&|x| (0..3).all(|axis| min[axis] <= x[axis] && x[axis] <= max[axis]))
+            }
+            Nodes::Sphere { centre, radius } => {
+                let centre = Vector3::from(*centre);
+                within(&|x| (x - centre).norm() <= *radius)
+            }
+            Nodes::Plane { point, normal, distance } => {
+                let (point, normal) = (Vector3::from(*point), Vector3::from(*normal).normalize());
+                within(&|x| normal.dot(&(x - point)).abs() <= *distance)
+            }
+            Nodes::File(path) => tags(mesh, &resolve(path))?,
+        };
+        if nodes.is_empty() {
+            let (low, high) = mesh.nodes.iter().fold(
+                (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)),
+                |(low, high), x| (low.inf(x), high.sup(x)),
+            );
+            return Err(format!(
+                "selects no node; the mesh spans ({}, {}, {}) to ({}, {}, {}) m",
+                low.x, low.y, low.z, high.x, high.y, high.z
+            ));
+        }
+        Ok(nodes)
+    }
+}
+
+fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
+    if let Some(nodes) = mesh.groups.get(name) {
+        return Ok(nodes.clone());
+    }
+    let known: Vec<&str> = mesh.groups.keys().map(String::as_str).collect();
+    let advice = match nearest(name, known.iter().copied()) {
+        Some(like) => format!("; did you mean \"{like}\"?"),
+        None if known.is_empty() => "; it has none: select by box, sphere, plane or file".into(),
+        None => String::new(),
+    };
+    Err(format!("the mesh has no node group \"{name}\" (groups: {}){advice}", known.join(", ")))
+}
+
+fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let index: BTreeMap<u64, u32> = mesh.tags.iter().copied().zip(0..).collect();
+    let mut nodes = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let word = line.split('#').next().unwrap_or("").trim();
+        if word.is_empty() {
+            continue;
+        }
+        let place = format!("{}:{}", path.display(), number + 1);
+        let tag: u64 = word
+            .parse()
+            .map_err(|error| format!("{place}: {word:?} is not a node tag ({error}); write one a line"))?;
+        let node = index.get(&tag).ok_or_else(|| format!("{place}: the mesh has no used node with tag {tag}"))?;
+        nodes.push(*node);
+    }
+    nodes.sort_unstable();
+    nodes.dedup();
+    Ok(nodes)
+}

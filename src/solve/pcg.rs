@@ -1,0 +1,153 @@
+//! Conjugate gradients on the 3×3-block matrix, preconditioned by its diagonal blocks (block-Jacobi); all columns
+//! are iterated together, so that one pass over the matrix serves them all.
+
+use super::{Progress, SolveError, SolveStats, residuals};
+use crate::fem::{NodeFields, StiffnessMatrix};
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// The solver's two limits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pcg {
+    /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
+    pub tolerance: f64,
+    pub max_iterations: usize,
+}
+
+/// The recurrence's residual parts from the true one by rounding; the iteration is restarted from the true
+/// residual at most this often before it is called stagnant.
+const RESTARTS: usize = 8;
+
+impl Pcg {
+    /// Solves A x = b from x = 0. Errors where a diagonal block is not positive definite, or where a column's true
+    /// residual stays above the tolerance.
+    pub fn solve(
+        &self,
+        a: &StiffnessMatrix,
+        b: &NodeFields,
+        progress: &dyn Progress,
+    ) -> Result<(NodeFields, SolveStats), SolveError> {
+        let started = Instant::now();
+        let inverse = inverse_diagonal(a)?;
+        let factor_s = started.elapsed().as_secs_f64();
+        // One unit a thousandth of the way down to the tolerance on a logarithmic scale.
+        progress.begin("conjugate gradients", 1000);
+        let started = Instant::now();
+        let mut x = NodeFields::zeros(b.nodes, b.columns);
+        let mut iterations = 0;
+        let mut done = 0;
+        let (mut relative, mut r) = residuals(a, &x, b);
+        for _ in 0..=RESTARTS {
+            if relative.iter().all(|&r| r <= self.tolerance) || iterations >= self.max_iterations {
+                break;
+            }
+            iterations += self.iterate(a, &inverse, &mut x, r, &b.norms(), self.max_iterations - iterations, &mut |worst| {
+                let way = (1000.0 * (worst.max(self.tolerance).ln() / self.tolerance.ln())) as u64;
+                progress.advance(way.saturating_sub(done));
+                done = done.max(way);
+            });
+            (relative, r) = residuals(a, &x, b);
+        }
+        progress.end();
+        for (column, &residual) in relative.iter().enumerate() {
+            if !(residual <= self.tolerance) {
+                return Err(SolveError::Residual { column, residual, limit: self.tolerance, iterations });
+            }
+        }
+        let stats = SolveStats {
+            method: "pcg".into(),
+            unknowns: 3 * b.nodes,
+            columns: b.columns,
+            factor_s,
+            solve_s: started.elapsed().as_secs_f64(),
+            iterations,
+            residuals: relative,
+            ..Default::default()
+        };
+        Ok((x, stats))
+    }
+
+    /// Iterates until the recurrence's residual of every column is below half the tolerance; returns the number of
+    /// iterations. A column that has arrived is left as it is.
+    #[allow(clippy::too_many_arguments, reason = "the state of one iteration, used nowhere else")]
+    fn iterate(
+        &self,
+        a: &StiffnessMatrix,
+        inverse: &[Matrix3<f64>],
+        x: &mut NodeFields,
+        mut r: NodeFields,
+        b_norms: &[f64],
+        limit: usize,
+        told: &mut dyn FnMut(f64),
+    ) -> usize {
+        let m = r.columns;
+        let mut z = NodeFields::zeros(r.nodes, m);
+        precondition(inverse, &r, &mut z);
+        let mut p = z.clone();
+        let mut ap = NodeFields::zeros(r.nodes, m);
+        let mut rz = r.dots(&z);
+        for iteration in 0..limit {
+            let relative: Vec<f64> =
+                r.norms().iter().zip(b_norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
+            let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * self.tolerance).collect();
+            told(relative.iter().copied().fold(0.0, f64::max));
+            if !active.contains(&true) {
+                return iteration;
+            }
+            a.multiply(&p, &mut ap);
+            let pap = p.dots(&ap);
+            let alpha: Vec<f64> =
+                (0..m).map(|c| if active[c] && pap[c] > 0.0 { rz[c] / pap[c] } else { 0.0 }).collect();
+            add_scaled(x, &alpha, &p);
+            let minus: Vec<f64> = alpha.iter().map(|a| -a).collect();
+            add_scaled(&mut r, &minus, &ap);
+            precondition(inverse, &r, &mut z);
+            let new_rz = r.dots(&z);
+            let beta: Vec<f64> = (0..m).map(|c| if rz[c] > 0.0 { new_rz[c] / rz[c] } else { 0.0 }).collect();
+            p.data.par_chunks_mut(m).zip(z.data.par_chunks(m)).with_min_len(1024).for_each(|(p, z)| {
+                for c in 0..m {
+                    p[c] = z[c] + beta[c] * p[c];
+                }
+            });
+            rz = new_rz;
+        }
+        limit
+    }
+}
+
+fn inverse_diagonal(a: &StiffnessMatrix) -> Result<Vec<Matrix3<f64>>, SolveError> {
+    a.diagonal
+        .iter()
+        .enumerate()
+        .map(|(node, block)| match block.cholesky() {
+            Some(factor) => Ok(factor.inverse()),
+            None => Err(SolveError::NotPositiveDefinite { unknowns: 3 * a.nodes(), pivot: 3 * node }),
+        })
+        .collect()
+}
+
+/// z = D⁻¹ r with D the diagonal blocks.
+fn precondition(inverse: &[Matrix3<f64>], r: &NodeFields, z: &mut NodeFields) {
+    let m = r.columns;
+    z.data.par_chunks_mut(3 * m).zip(r.data.par_chunks(3 * m)).zip(inverse).with_min_len(512).for_each(
+        |((z, r), inverse)| {
+            for row in 0..3 {
+                let (i0, i1, i2) = (inverse[(row, 0)], inverse[(row, 1)], inverse[(row, 2)]);
+                for c in 0..m {
+                    z[row * m + c] = i0 * r[c] + i1 * r[m + c] + i2 * r[2 * m + c];
+                }
+            }
+        },
+    );
+}
+
+/// x += s_c p for every column c.
+fn add_scaled(x: &mut NodeFields, scale: &[f64], p: &NodeFields) {
+    let m = x.columns;
+    x.data.par_chunks_mut(m).zip(p.data.par_chunks(m)).with_min_len(1024).for_each(|(x, p)| {
+        for c in 0..m {
+            x[c] += scale[c] * p[c];
+        }
+    });
+}

@@ -1,0 +1,18 @@
+//! How long work tells how far it has come.
+
+/// Receives the steps of long work; the command line draws bars, tests stay silent.
+pub trait Progress: Sync {
+    /// A step begins; `units` of work, 0 where it cannot be known.
+    fn begin(&self, step: &str, units: u64);
+    fn advance(&self, units: u64);
+    fn end(&self);
+}
+
+/// Tells nobody.
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _step: &str, _units: u64) {}
+    fn advance(&self, _units: u64) {}
+    fn end(&self) {}
+}
