@@ -3,8 +3,20 @@
 //! In: file bytes or a generator's parameters. Out: a [`TetMesh`] with positively oriented tetrahedra and
 //! every node used, notices of what was repaired, and its [`Surface`] with outward triangles.
 
+mod assemble;
+mod error;
+pub mod formats;
+pub mod generate;
+pub mod quality;
+mod surface;
+
+pub use error::{MeshError, Place};
+pub use formats::{Encoding, encode};
+pub use generate::{Block, GenerateError, Tube, block, tube};
+
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// A tetrahedral mesh. All indices are 0-based; lengths in metres.
 ///
@@ -19,8 +31,44 @@ pub struct TetMesh {
     /// Region (physical volume) per tetrahedron; 0 where the file names none.
     pub regions: Vec<u32>,
     pub region_names: BTreeMap<u32, String>,
-    /// Named node groups: sorted, unique node indices.
+    /// Named node groups: sorted, unique node indices. A named region read from a file is also a node group.
     pub groups: BTreeMap<String, Vec<u32>>,
+}
+
+impl TetMesh {
+    /// The four corner positions of tetrahedron `tet`.
+    pub fn corners(&self, tet: usize) -> [Vector3<f64>; 4] {
+        self.tets[tet].map(|node| self.nodes[node as usize])
+    }
+}
+
+/// A mesh from a file, and what was repaired or left out on the way, one sentence each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    pub mesh: TetMesh,
+    pub notices: Vec<String>,
+}
+
+/// Reads the mesh file at `path`, of any format in [`formats::FORMATS`].
+pub fn load(path: &Path) -> Result<Loaded, MeshError> {
+    let bytes = std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
+    parse(path, &bytes)
+}
+
+/// [`load`] from a file's `bytes`; `path` tells the format and is named in errors.
+///
+/// Memory grows with `bytes`, whatever counts stand in them.
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
+    formats::format_of(path, bytes)
+        .and_then(|format| (format.read)(path, bytes))
+        .and_then(assemble::assemble)
+        .map_err(|fault| fault.in_file(path, bytes))
+}
+
+/// Writes `mesh` to the file at `path`; see [`encode`].
+pub fn save(path: &Path, mesh: &TetMesh, encoding: Encoding) -> Result<(), MeshError> {
+    let bytes = encode(mesh, encoding)?;
+    std::fs::write(path, bytes).map_err(|source| MeshError::Write { path: path.to_owned(), source })
 }
 
 /// The outer surface of a [`TetMesh`]: triangles oriented outward over the surface nodes.

@@ -1,0 +1,303 @@
+//! From what a file says to a [`TetMesh`] that the rest of the program can trust.
+//!
+//! In: a [`RawMesh`], nodes and elements by their tags as a format's reader found them. Out: tetrahedra by
+//! index, checked, positively oriented, every node used, physical groups as regions and node groups.
+
+use super::error::Fault;
+use super::quality::signed_volume;
+use super::{Loaded, TetMesh};
+use nalgebra::Vector3;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// A file's nodes and elements of every dimension, unchecked; `at` are byte offsets for error messages.
+#[derive(Clone, Debug, Default)]
+pub struct RawMesh {
+    pub nodes: Vec<RawNode>,
+    pub elements: Vec<RawElement>,
+    /// Node tags of all elements, one element after the other.
+    pub corners: Vec<u64>,
+    /// Names of physical groups by (dimension, number).
+    pub names: BTreeMap<(u8, u32), String>,
+    /// Physical groups of each geometric entity (dimension, tag); the first volume group is the region.
+    pub physicals: BTreeMap<(u8, i32), Vec<u32>>,
+    pub notices: Vec<String>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct RawNode {
+    pub tag: u64,
+    pub position: Vector3<f64>,
+    pub at: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct RawElement {
+    pub tag: u64,
+    pub kind: Kind,
+    pub entity: i32,
+    pub at: usize,
+}
+
+/// An element's shape. A tetrahedron's first four nodes are its corners, whatever its order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kind {
+    pub dimension: u8,
+    pub nodes: u8,
+    pub is_tetrahedron: bool,
+}
+
+/// A node that belongs to no tetrahedron.
+const DROPPED: u32 = u32::MAX;
+
+/// Checks `raw` and builds the mesh, with a notice for everything that was repaired or left out.
+pub fn assemble(raw: RawMesh) -> Result<Loaded, Fault> {
+    let corners = resolve(&raw)?;
+    let (mut tets, elements) = tetrahedra(&raw, &corners)?;
+    refuse_duplicates(&raw, &tets, &elements)?;
+    let mut notices = raw.notices.clone();
+    orient(&raw, &mut tets, &elements, &mut notices)?;
+
+    let index = used_nodes(&raw, &corners, &tets, &mut notices);
+    let kept = |node: &usize| index.get(*node).is_some_and(|&i| i != DROPPED);
+    let mut mesh = TetMesh {
+        nodes: (0..raw.nodes.len()).filter(kept).map(|i| raw.nodes[i].position).collect(),
+        tags: (0..raw.nodes.len()).filter(kept).map(|i| raw.nodes[i].tag).collect(),
+        tets: tets.iter().map(|tet| tet.map(|node| index[node as usize])).collect(),
+        ..TetMesh::default()
+    };
+    mesh.regions = regions(&raw, &elements, &mut notices);
+    for (&(dimension, number), name) in &raw.names {
+        if dimension == 3 {
+            mesh.region_names.insert(number, name.clone());
+        }
+    }
+    mesh.groups = groups(&raw, &corners, &index, &mut notices);
+    Ok(Loaded { mesh, notices })
+}
+
+/// The node index of each element corner.
+fn resolve(raw: &RawMesh) -> Result<Vec<u32>, Fault> {
+    if raw.nodes.len() >= DROPPED as usize {
+        return Err(Fault::whole(format!("{} nodes are more than 2³² - 2", raw.nodes.len())));
+    }
+    let mut index_of = HashMap::with_capacity(raw.nodes.len());
+    for (node, index) in raw.nodes.iter().zip(0u32..) {
+        if !node.position.iter().all(|x| x.is_finite()) {
+            let reason = format!("node {} has a coordinate that is no finite number", node.tag);
+            return Err(Fault::at(node.at, reason));
+        }
+        if index_of.insert(node.tag, index).is_some() {
+            return Err(Fault::at(node.at, format!("node {} is defined twice", node.tag)));
+        }
+    }
+    let mut corners = Vec::with_capacity(raw.corners.len());
+    for (element, tags) in with_corners(raw, &raw.corners) {
+        for tag in tags {
+            let &index = index_of.get(tag).ok_or_else(|| {
+                let reason = format!("element {} names node {tag}, which the file does not define", element.tag);
+                Fault::at(element.at, reason)
+            })?;
+            corners.push(index);
+        }
+    }
+    Ok(corners)
+}
+
+/// Each element with its share of `corners`.
+fn with_corners<'a, T>(raw: &'a RawMesh, corners: &'a [T]) -> impl Iterator<Item = (&'a RawElement, &'a [T])> {
+    raw.elements.iter().scan(0, |first, element| {
+        let range = *first..*first + usize::from(element.kind.nodes);
+        *first = range.end;
+        Some((element, corners.get(range)?))
+    })
+}
+
+/// The corners of all tetrahedra, and the element each comes from.
+fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawElement>), Fault> {
+    let mut tets = Vec::new();
+    let mut elements = Vec::new();
+    for (element, nodes) in with_corners(raw, corners) {
+        let (true, &[a, b, c, d, ..]) = (element.kind.is_tetrahedron, nodes) else { continue };
+        if a == b || a == c || a == d || b == c || b == d || c == d {
+            let tags = [a, b, c, d].map(|node| raw.nodes[node as usize].tag);
+            let reason = format!("tetrahedron {} names a node twice: {tags:?}", element.tag);
+            return Err(Fault::at(element.at, reason));
+        }
+        tets.push([a, b, c, d]);
+        elements.push(*element);
+    }
+    if tets.is_empty() {
+        let reason = match raw.elements.len() {
+            0 => "the file holds no elements".to_owned(),
+            n => format!("none of the file's {n} elements is a tetrahedron: mesh the volume first (gmsh -3)"),
+        };
+        return Err(Fault::whole(reason));
+    }
+    Ok((tets, elements))
+}
+
+fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) -> Result<(), Fault> {
+    let mut sorted: Vec<([u32; 4], usize)> = tets.iter().copied().zip(0..).collect();
+    for (tet, _) in &mut sorted {
+        tet.sort_unstable();
+    }
+    sorted.sort_unstable();
+    let twins = sorted.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+    let Some(pair) = twins.min_by_key(|pair| pair[1].1) else { return Ok(()) };
+    let (first, second) = (elements[pair[0].1], elements[pair[1].1]);
+    let tags = pair[0].0.map(|node| raw.nodes[node as usize].tag);
+    let reason = format!(
+        "tetrahedron {} has the same nodes {tags:?} as tetrahedron {}: keep one of them \
+         (Gmsh 2.2 writes an element once for each of its physical groups)",
+        second.tag, first.tag
+    );
+    Err(Fault::at(second.at, reason))
+}
+
+/// Swaps two corners of each tetrahedron of negative volume; one of zero volume is left as it is.
+fn orient(
+    raw: &RawMesh,
+    tets: &mut [[u32; 4]],
+    elements: &[RawElement],
+    notices: &mut Vec<String>,
+) -> Result<(), Fault> {
+    let mut flipped = Vec::new();
+    for (tet, element) in tets.iter_mut().zip(elements) {
+        let volume = signed_volume(&tet.map(|node| raw.nodes[node as usize].position));
+        if !volume.is_finite() {
+            let reason = format!("tetrahedron {}: its coordinates are too large to compute with", element.tag);
+            return Err(Fault::at(element.at, reason));
+        }
+        if volume < 0.0 {
+            tet.swap(2, 3);
+            flipped.push(element.tag);
+        }
+    }
+    if !flipped.is_empty() {
+        notices.push(format!(
+            "{} of {} tetrahedra were oriented negatively and have been flipped (element {})",
+            flipped.len(),
+            tets.len(),
+            first_few(&flipped)
+        ));
+    }
+    Ok(())
+}
+
+/// The new index of each node of the file, [`DROPPED`] where it is no corner of a tetrahedron.
+fn used_nodes(raw: &RawMesh, corners: &[u32], tets: &[[u32; 4]], notices: &mut Vec<String>) -> Vec<u32> {
+    let mut index = vec![DROPPED; raw.nodes.len()];
+    for &node in tets.iter().flatten() {
+        index[node as usize] = 0;
+    }
+    let (mut high_order, mut other_solids) = (0, 0);
+    let mut is_between = vec![false; raw.nodes.len()];
+    for (element, nodes) in with_corners(raw, corners) {
+        match element.kind {
+            Kind { is_tetrahedron: true, nodes: 5.., .. } => {
+                high_order += 1;
+                nodes.iter().skip(4).for_each(|&node| is_between[node as usize] = true);
+            }
+            Kind { is_tetrahedron: false, dimension: 3, .. } => other_solids += 1,
+            _ => {}
+        }
+    }
+    let mut next = 0;
+    let (mut between, mut unused) = (0, Vec::new());
+    for (i, index) in index.iter_mut().enumerate() {
+        if *index != DROPPED {
+            *index = next;
+            next += 1;
+        } else if is_between[i] {
+            between += 1;
+        } else {
+            unused.push(raw.nodes[i].tag);
+        }
+    }
+    if high_order > 0 {
+        notices.push(format!(
+            "{high_order} tetrahedra of 10 or more nodes: only their 4 corners are used, {between} nodes between \
+             them have been dropped"
+        ));
+    }
+    if other_solids > 0 {
+        notices.push(format!("{other_solids} solid elements that are no tetrahedra have been left out"));
+    }
+    if !unused.is_empty() {
+        notices.push(format!(
+            "{} nodes belong to no tetrahedron and have been dropped (node {})",
+            unused.len(),
+            first_few(&unused)
+        ));
+    }
+    index
+}
+
+fn regions(raw: &RawMesh, elements: &[RawElement], notices: &mut Vec<String>) -> Vec<u32> {
+    let mut ambiguous = BTreeSet::new();
+    let physical = |element: &RawElement| {
+        let physicals = raw.physicals.get(&(3, element.entity)).map_or(&[][..], Vec::as_slice);
+        if physicals.len() > 1 {
+            ambiguous.insert(element.entity);
+        }
+        physicals.first().copied().unwrap_or(0)
+    };
+    let regions = elements.iter().map(physical).collect();
+    for entity in ambiguous {
+        let physicals = &raw.physicals[&(3, entity)];
+        notices.push(format!(
+            "volume {entity} belongs to the physical groups {physicals:?}: its region is the first, {}",
+            physicals[0]
+        ));
+    }
+    regions
+}
+
+/// Node groups: one for each named physical group, and for each unnamed one of points, curves or surfaces
+/// under its number. Groups of equal name are joined.
+fn groups(
+    raw: &RawMesh,
+    corners: &[u32],
+    index: &[u32],
+    notices: &mut Vec<String>,
+) -> BTreeMap<String, Vec<u32>> {
+    let mut members: BTreeMap<(u8, u32), Vec<u32>> = raw.names.keys().map(|&key| (key, Vec::new())).collect();
+    for (element, nodes) in with_corners(raw, corners) {
+        let dimension = element.kind.dimension;
+        for &number in raw.physicals.get(&(dimension, element.entity)).map_or(&[][..], Vec::as_slice) {
+            let key = (dimension, number);
+            if raw.names.contains_key(&key) || (dimension < 3 && number != 0) {
+                members.entry(key).or_default().extend(nodes.iter().map(|&node| index[node as usize]));
+            }
+        }
+    }
+    let mut groups: BTreeMap<String, Vec<u32>> = BTreeMap::new();
+    let mut parts: BTreeMap<String, Vec<(u8, u32)>> = BTreeMap::new();
+    for (key, mut nodes) in members {
+        let name = raw.names.get(&key).cloned().unwrap_or_else(|| key.1.to_string());
+        if !nodes.is_empty() {
+            parts.entry(name.clone()).or_default().push(key);
+        }
+        let group = groups.entry(name).or_default();
+        nodes.retain(|&node| node != DROPPED);
+        group.append(&mut nodes);
+    }
+    for group in groups.values_mut() {
+        group.sort_unstable();
+        group.dedup();
+    }
+    for (name, keys) in parts.iter().filter(|(_, keys)| keys.len() > 1) {
+        const DIMENSIONS: [&str; 4] = ["points", "curve", "surface", "volume"];
+        let listed: Vec<String> =
+            keys.iter().map(|&(dim, number)| format!("{} {number}", DIMENSIONS[usize::from(dim)])).collect();
+        notices.push(format!("group \"{name}\" joins the physical groups {}", listed.join(", ")));
+    }
+    groups
+}
+
+/// "3", "3, 5, 8" or "3, 5, 8, …".
+fn first_few(tags: &[u64]) -> String {
+    let shown: Vec<String> = tags.iter().take(5).map(u64::to_string).collect();
+    let more = if tags.len() > shown.len() { ", …" } else { "" };
+    shown.join(", ") + more
+}

@@ -1,0 +1,65 @@
+//! Why a mesh was refused: the file, the place in it, the reason and the remedy.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Why a mesh could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum MeshError {
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: cannot be written: {source}", path.display())]
+    Write { path: PathBuf, source: std::io::Error },
+    #[error("{}:{place}: {reason}", path.display())]
+    Malformed { path: PathBuf, place: Place, reason: String },
+    #[error("{}: {reason}", path.display())]
+    Refused { path: PathBuf, reason: String },
+    #[error("the mesh cannot be written as {encoding}: {reason}")]
+    Unwritable { encoding: &'static str, reason: String },
+}
+
+/// Where in a file: a 1-based line of a text, a byte offset into a binary file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    Line(usize),
+    Byte(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "{line}"),
+            Place::Byte(offset) => write!(f, "byte {offset}"),
+        }
+    }
+}
+
+/// What a format's reader objects to: at a byte offset, or in the file as a whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fault {
+    pub at: Option<usize>,
+    pub reason: String,
+}
+
+impl Fault {
+    pub fn at(at: usize, reason: impl Into<String>) -> Fault {
+        Fault { at: Some(at), reason: reason.into() }
+    }
+
+    pub fn whole(reason: impl Into<String>) -> Fault {
+        Fault { at: None, reason: reason.into() }
+    }
+
+    /// The error that names the file and, from its `bytes`, the line. A file with a zero byte is no text:
+    /// there the offset itself is named.
+    pub fn in_file(self, path: &Path, bytes: &[u8]) -> MeshError {
+        let path = path.to_owned();
+        let Some(at) = self.at else { return MeshError::Refused { path, reason: self.reason } };
+        let place = if bytes.contains(&0) {
+            Place::Byte(at)
+        } else {
+            Place::Line(bytes.iter().take(at).filter(|&&byte| byte == b'\n').count() + 1)
+        };
+        MeshError::Malformed { path, place, reason: self.reason }
+    }
+}

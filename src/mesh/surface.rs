@@ -1,0 +1,65 @@
+//! The outer surface of a tetrahedral mesh.
+//!
+//! In: a [`TetMesh`]. Out: the faces that belong to one tetrahedron only, as outward triangles in the order of
+//! their tetrahedra. Faces between two regions belong to two tetrahedra, so they are none of these.
+
+use super::{Surface, TetMesh};
+use nalgebra::Vector3;
+
+/// The faces of a positively oriented tetrahedron, counter-clockwise as seen from outside; face i lies opposite
+/// corner 3 - i.
+const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+
+/// All faces, sorted: their nodes in ascending order, and 4·tetrahedron + face. Equal faces are neighbours.
+pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {
+    let mut faces = Vec::with_capacity(4 * mesh.tets.len());
+    for (t, tet) in mesh.tets.iter().enumerate() {
+        for (f, corners) in FACES.iter().enumerate() {
+            let mut face = corners.map(|corner| tet[corner]);
+            face.sort_unstable();
+            faces.push((face, 4 * t + f));
+        }
+    }
+    faces.sort_unstable();
+    faces
+}
+
+impl Surface {
+    pub fn of(mesh: &TetMesh) -> Surface {
+        let faces = sorted_faces(mesh);
+        let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);
+        let mut boundary: Vec<usize> = single.map(|same| same[0].1).collect();
+        boundary.sort_unstable();
+        let mut triangles: Vec<[u32; 3]> =
+            boundary.iter().map(|id| FACES[id % 4].map(|corner| mesh.tets[id / 4][corner])).collect();
+
+        let mut index = vec![u32::MAX; mesh.nodes.len()];
+        triangles.iter().flatten().for_each(|&node| index[node as usize] = 0);
+        let mut nodes = Vec::new();
+        for (node, index) in (0u32..).zip(&mut index).filter(|(_, index)| **index == 0) {
+            *index = nodes.len() as u32;
+            nodes.push(node);
+        }
+        triangles.iter_mut().flatten().for_each(|node| *node = index[*node as usize]);
+        Surface { triangles, nodes }
+    }
+
+    /// Corner positions of each triangle of this surface of `mesh`.
+    fn corners<'a>(&'a self, mesh: &'a TetMesh) -> impl Iterator<Item = [Vector3<f64>; 3]> + 'a {
+        let position = |corner: u32| mesh.nodes[self.nodes[corner as usize] as usize];
+        self.triangles.iter().map(move |triangle| triangle.map(position))
+    }
+
+    /// Area of this surface of `mesh`, in m².
+    pub fn area(&self, mesh: &TetMesh) -> f64 {
+        self.corners(mesh).map(|[a, b, c]| (b - a).cross(&(c - a)).norm() / 2.0).sum()
+    }
+
+    /// Volume inside this surface of `mesh`, in m³: ∮ x·n dA / 3, with x from the surface's first node so that
+    /// a body far from the origin loses no digits.
+    pub fn volume(&self, mesh: &TetMesh) -> f64 {
+        let Some(&first) = self.nodes.first() else { return 0.0 };
+        let origin = mesh.nodes[first as usize];
+        self.corners(mesh).map(|[a, b, c]| (a - origin).dot(&(b - origin).cross(&(c - origin))) / 6.0).sum()
+    }
+}
