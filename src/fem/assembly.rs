@@ -1,7 +1,7 @@
 //! Assembly of the stiffness matrix from its tetrahedra.
 
 use super::{Lame, StiffnessMatrix, tet4};
-use crate::mesh::TetMesh;
+use crate::mesh::{TetMesh, quality};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -62,7 +62,7 @@ fn geometries(mesh: &TetMesh) -> Result<Vec<tet4::Geometry>, AssemblyError> {
         .map(|index| {
             let corners = mesh.tets[index];
             let x = corners.map(|node| mesh.nodes[node as usize]);
-            let relative = relative_volume(x);
+            let relative = quality::quality(&x);
             // Written so that a NaN is refused too.
             match tet4::geometry(x) {
                 Some(element) if relative >= FLAT => Ok(element),
@@ -75,16 +75,6 @@ fn geometries(mesh: &TetMesh) -> Result<Vec<tet4::Geometry>, AssemblyError> {
             }
         })
         .collect()
-}
-
-/// 6·√2·V/ℓ³ with ℓ the root-mean-square edge length: 1 for the regular tetrahedron.
-fn relative_volume(x: [nalgebra::Vector3<f64>; 4]) -> f64 {
-    let squares: f64 = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
-        .iter()
-        .map(|&(i, j)| (x[i] - x[j]).norm_squared())
-        .sum();
-    let six_volumes = (x[1] - x[0]).dot(&(x[2] - x[0]).cross(&(x[3] - x[0])));
-    std::f64::consts::SQRT_2 * six_volumes / (squares / 6.0).powf(1.5)
 }
 
 /// The tetrahedra around every node, ascending.

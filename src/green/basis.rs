@@ -3,10 +3,10 @@
 use super::check::check_support;
 use super::{ControlElement, FIELDS, GreenError, Needs};
 use crate::fem::{self, Lame, NodeFields, Partition, StiffnessMatrix};
-use crate::mesh::{Surface, TetMesh};
+use crate::mesh::{Surface, TetMesh, quality};
 use crate::scene::{Body, Material, Method, Scene};
 use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::DMatrix;
 use std::time::Instant;
 
 /// Wall time of the steps outside the solver, s.
@@ -169,23 +169,17 @@ fn control_elements(
     body: &Body,
     mesh: &TetMesh,
 ) -> Result<Vec<ControlElement>, GreenError> {
-    let size = extent(&mesh.nodes);
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let size = (high - low).norm();
     body.control
         .iter()
         .map(|(control_name, control)| {
             let nodes = control.nodes.select(mesh, |path| scene.resolve(path)).map_err(|message| {
                 scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message)
             })?;
-            Ok(ControlElement::new(control_name, nodes, &mesh.nodes, size))
+            Ok(ControlElement::new(control_name, nodes, mesh, size))
         })
         .collect()
-}
-
-/// Diagonal of the bounding box, m.
-fn extent(nodes: &[Vector3<f64>]) -> f64 {
-    let Some(first) = nodes.first() else { return 0.0 };
-    let (low, high) = nodes.iter().fold((*first, *first), |(low, high), x| (low.inf(x), high.sup(x)));
-    (high - low).norm()
 }
 
 /// Lamé's constants of every tetrahedron.

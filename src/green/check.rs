@@ -1,7 +1,7 @@
 //! What must be right before anything is factorised: a Cholesky factorization that succeeds proves nothing, it
 //! passes floating pieces held at two points and answers with nonsense.
 
-use super::control::{centroid, rank};
+use super::control::rank;
 use super::{ControlElement, GreenError};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::Scene;
@@ -17,21 +17,11 @@ pub fn check_support(
 ) -> Result<(), GreenError> {
     let owner = owners(scene, body, mesh, controls)?;
     let components = quality::components(mesh);
-    let mut nodes_of = vec![std::collections::BTreeSet::new(); components.count];
-    for (tet, &component) in mesh.tets.iter().zip(&components.of_tet) {
-        nodes_of[component as usize].extend(tet.iter().copied());
-    }
-    for (component, nodes) in nodes_of.iter().enumerate() {
-        let all: Vec<Vector3<f64>> = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
-        let held: Vec<Vector3<f64>> = nodes
-            .iter()
-            .filter(|&&node| owner[node as usize].is_some())
-            .map(|&node| mesh.nodes[node as usize])
-            .collect();
-        let centre = centroid(&all);
-        let size = all.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
-        let held_centre = centroid(&held);
-        let offsets: Vec<Vector3<f64>> = held.iter().map(|x| x - held_centre).collect();
+    for (component, nodes) in components.nodes.iter().enumerate() {
+        let held: Vec<u32> = nodes.iter().copied().filter(|&node| owner[node as usize].is_some()).collect();
+        let (centre, all) = offsets_from_centroid(mesh, nodes);
+        let (_, offsets) = offsets_from_centroid(mesh, &held);
+        let size = all.iter().map(Vector3::norm).fold(0.0, f64::max);
         if rank(&offsets, 1e-6 * size) >= 2 {
             continue;
         }
@@ -47,7 +37,7 @@ pub fn check_support(
              control element at three nodes or more that are not on one line, join it to the rest by shared faces, \
              or remove it from the mesh",
             component + 1,
-            components.count,
+            components.nodes.len(),
             nodes.len(),
             tags.join(", "),
             centre.x,
@@ -57,6 +47,11 @@ pub fn check_support(
         return Err(scene.invalid(&format!("body.{body}"), message).into());
     }
     Ok(())
+}
+
+fn offsets_from_centroid(mesh: &TetMesh, nodes: &[u32]) -> (Vector3<f64>, Vec<Vector3<f64>>) {
+    let centre = quality::centroid(mesh, nodes).unwrap_or_default();
+    (centre, nodes.iter().map(|&node| mesh.nodes[node as usize] - centre).collect())
 }
 
 /// The control element of every node, if any.

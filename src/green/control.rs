@@ -1,6 +1,7 @@
 //! Control elements: sets of nodes that move affinely, and the rank of what they can prescribe.
 
 use crate::fem::NodeFields;
+use crate::mesh::{TetMesh, quality};
 use nalgebra::{DMatrix, Vector3};
 
 /// Affine fields of one control element.
@@ -29,10 +30,10 @@ pub struct ControlElement {
 
 impl ControlElement {
     /// `body_size`: the length against which an offset counts as rounding, m.
-    pub fn new(name: &str, nodes: Vec<u32>, all: &[Vector3<f64>], body_size: f64) -> ControlElement {
-        let points: Vec<Vector3<f64>> = nodes.iter().map(|&node| all[node as usize]).collect();
-        let origin = centroid(&points);
-        let offsets: Vec<Vector3<f64>> = points.iter().map(|x| x - origin).collect();
+    pub fn new(name: &str, nodes: Vec<u32>, mesh: &TetMesh, body_size: f64) -> ControlElement {
+        let origin = quality::centroid(mesh, &nodes).unwrap_or_default();
+        let offsets: Vec<Vector3<f64>> =
+            nodes.iter().map(|&node| mesh.nodes[node as usize] - origin).collect();
         let tolerance = RANK_TOLERANCE * body_size;
         let is_flat = |axis: usize| offsets.iter().all(|offset| offset[axis].abs() <= tolerance);
         // Field 3 + 3 i + j prescribes the displacement e_i (x - o)_j.
@@ -85,14 +86,6 @@ impl ControlElement {
     }
 }
 
-/// Mean of the points; the offsets from the first are averaged, so that a body far from the world's origin loses
-/// nothing.
-pub fn centroid(points: &[Vector3<f64>]) -> Vector3<f64> {
-    let Some(first) = points.first() else { return Vector3::zeros() };
-    let sum: Vector3<f64> = points.iter().map(|x| x - first).sum();
-    first + sum / points.len() as f64
-}
-
 /// Number of singular values of the offsets above `tolerance`·√n.
 pub fn rank(offsets: &[Vector3<f64>], tolerance: f64) -> usize {
     if offsets.is_empty() {
@@ -107,9 +100,12 @@ pub fn rank(offsets: &[Vector3<f64>], tolerance: f64) -> usize {
 mod tests {
     use super::*;
 
+    fn cloud(points: impl IntoIterator<Item = [f64; 3]>) -> TetMesh {
+        TetMesh { nodes: points.into_iter().map(Vector3::from).collect(), ..Default::default() }
+    }
+
     fn element(points: &[[f64; 3]]) -> ControlElement {
-        let all: Vec<Vector3<f64>> = points.iter().map(|x| Vector3::from(*x)).collect();
-        ControlElement::new("c", (0..all.len() as u32).collect(), &all, 1.0)
+        ControlElement::new("c", (0..points.len() as u32).collect(), &cloud(points.iter().copied()), 1.0)
     }
 
     #[test]
@@ -135,10 +131,8 @@ mod tests {
     #[test]
     fn rank_does_not_depend_on_unit_or_place() {
         for scale in [1e-9, 1.0, 1e6] {
-            let all: Vec<Vector3<f64>> = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 1e-3]]
-                .iter()
-                .map(|x| (Vector3::from(*x) + Vector3::new(1e4, 0.0, 0.0)) * scale)
-                .collect();
+            let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 1e-3]];
+            let all = cloud(points.map(|[x, y, z]| [(x + 1e4) * scale, y * scale, z * scale]));
             assert_eq!(ControlElement::new("c", vec![0, 1, 2, 3], &all, scale).rank, 3, "scale {scale}");
             assert_eq!(ControlElement::new("c", vec![0, 1, 2], &all, scale).rank, 2, "scale {scale}");
         }
@@ -146,12 +140,12 @@ mod tests {
 
     #[test]
     fn prescribed_fields_are_the_affine_motion() {
-        let all = [Vector3::new(0.0, 1.0, 2.0), Vector3::new(3.0, 5.0, 4.0)];
+        let all = cloud([[0.0, 1.0, 2.0], [3.0, 5.0, 4.0]]);
         let element = ControlElement::new("c", vec![0, 1], &all, 1.0);
         let mut fields = NodeFields::zeros(2, 12);
-        element.prescribe(&all, 0, &mut fields);
+        element.prescribe(&all.nodes, 0, &mut fields);
         let c = [0.1, -0.2, 0.3, 0.01, 0.02, 0.03, -0.04, 0.05, 0.06, 0.07, 0.08, -0.09];
-        for (node, x) in all.iter().enumerate() {
+        for (node, x) in all.nodes.iter().enumerate() {
             let offset = x - element.origin;
             for axis in 0..3 {
                 let sum: f64 = fields.row(3 * node + axis).iter().zip(c).map(|(f, c)| f * c).sum();

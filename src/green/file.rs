@@ -5,6 +5,7 @@
 //! metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the file as it is.
 
 use super::{FIELDS, GreenError, Needs, Precomputed};
+use crate::mesh::quality;
 use memmap2::Mmap;
 use nalgebra::{DMatrix, Vector3};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -161,13 +162,10 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
     }
 }
 
-/// Middle of the surface's bounding box.
+/// Middle of the body's bounding box.
 fn rest_centre(body: &Precomputed) -> Vector3<f64> {
-    let nodes = &body.solution.surface.nodes;
-    let at = |&node: &u32| body.solution.mesh.nodes[node as usize];
-    let low = nodes.iter().map(at).fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(&x));
-    let high = nodes.iter().map(at).fold(Vector3::repeat(f64::NEG_INFINITY), |high, x| high.sup(&x));
-    if nodes.is_empty() { Vector3::zeros() } else { low + (high - low) * 0.5 }
+    let (low, high) = quality::bounding_box(&body.solution.mesh.nodes);
+    low + (high - low) * 0.5
 }
 
 fn add_tensors(body: &Precomputed, tensors: &mut BTreeMap<String, Tensor>) {

@@ -1,0 +1,61 @@
+//! Helpers that several integration tests share.
+#![allow(dead_code, reason = "each test file uses some of them")]
+
+use greenstage::deform::ControlPose;
+use greenstage::scene::Scene;
+use std::path::{Path, PathBuf};
+
+/// The folder of independently computed cases beside the project, where there is one; else says that it skips.
+pub fn shared(what: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(what);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: {} is not on this machine", path.display());
+    None
+}
+
+/// A scene from text, with the package's folder as its place.
+pub fn scene(text: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+    Scene::parse(text, &path).unwrap()
+}
+
+/// A cube of side 1 about the origin, held at two faces.
+pub fn block_scene(cells: [u32; 3], extra: &str) -> Scene {
+    let [i, j, k] = cells;
+    scene(&format!(
+        r#"
+[body.block]
+generate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [{i}, {j}, {k}] }} }}
+material = {{ young = 1.0e3, poisson = 0.3 }}
+{extra}
+[body.block.control.high]
+nodes = {{ group = "xmax" }}
+grab = "dragger"
+[body.block.control.low]
+nodes = {{ group = "xmin" }}
+grab = "fixed"
+"#
+    ))
+}
+
+/// A folder of its own for one test, emptied.
+pub fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// A pose that differs from rest in everything.
+pub fn some_pose(seed: f64) -> ControlPose {
+    let mut pose = ControlPose::REST;
+    for i in 0..3 {
+        pose.translation[i] = 0.1 * (seed + i as f64).sin();
+        for j in 0..3 {
+            pose.matrix[(i, j)] += 0.1 * (seed + 3.0 * i as f64 + j as f64).cos();
+        }
+    }
+    pose
+}
