@@ -1,1 +1,79 @@
-//! (in work)
+//! The command line: one file per subcommand, each with its arguments and one run function.
+//!
+//! Only here do mechanics and pictures meet. Exit status: 0 done, 1 the work failed, 2 the request or its files
+//! are wrong. Results go to standard output, notices and progress to standard error.
+
+mod bench;
+mod deform;
+mod failure;
+mod inspect;
+mod manual;
+mod poses;
+mod precompute;
+mod progress;
+mod render;
+mod session;
+mod table;
+mod view;
+
+pub use failure::Failure;
+
+use clap::{Parser, Subcommand};
+use std::path::PathBuf;
+
+const AFTER_HELP: &str = "\
+A first tour:
+  greenstage                                          the demo: bend a tube on the workbench
+  greenstage precompute configs/scenes/tube.toml      the offline stage alone
+  greenstage render configs/scenes/tube.toml --stage cyberstage -o out/cave
+  greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
+  greenstage manual                                   the manual's chapters
+
+Exit status: 0 done; 1 the work failed; 2 the request or its files are wrong.
+GREENSTAGE_LOG=info shows what the program does, =debug more.";
+
+/// Grab, bend and twist elastic finite element bodies in stereo, by precomputed Green's functions.
+#[derive(Debug, Parser)]
+#[command(version, about, after_help = AFTER_HELP, max_term_width = 110)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Precompute(precompute::Args),
+    View(view::Args),
+    Render(render::Args),
+    Deform(deform::Args),
+    Bench(bench::Args),
+    Inspect(inspect::Args),
+    Manual(manual::Args),
+}
+
+/// The demo's scene, from the package's folder.
+const DEMO: &str = "configs/scenes/tube.toml";
+
+/// Runs the command that was asked for; without one, the demo.
+pub fn run(cli: Cli) -> Result<(), Failure> {
+    match cli.command {
+        Some(Command::Precompute(args)) => precompute::run(&args),
+        Some(Command::View(args)) => view::run(&args),
+        Some(Command::Render(args)) => render::run(&args),
+        Some(Command::Deform(args)) => deform::run(&args),
+        Some(Command::Bench(args)) => bench::run(&args),
+        Some(Command::Inspect(args)) => inspect::run(&args),
+        Some(Command::Manual(args)) => manual::run(&args),
+        None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_consistent() {
+        <Cli as clap::CommandFactory>::command().debug_assert();
+    }
+}

@@ -1,0 +1,252 @@
+//! `greenstage deform`: poses in, displacements and forces out.
+
+use super::failure::Failure;
+use super::poses::{self, Pose};
+use super::session;
+use crate::deform::{ControlPoses, Deformer, Wrench, wrenches};
+use crate::green::{self, FIELDS, Solution};
+use crate::scene::Scene;
+use crate::solve::Silent;
+use anyhow::Context;
+use nalgebra::{UnitQuaternion, Vector3};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use vtkio::model::{
+    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
+};
+
+/// Batch: poses in, displacements and forces out
+///
+/// POSES holds [[pose]] tables: name, and per control element
+/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
+/// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
+/// field a pose), and OUT.forces.csv where the scene lists the effect haptics.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Pose file (TOML)
+    #[arg(long)]
+    pub poses: PathBuf,
+    /// Where to write: OUT or OUT.csv
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
+    #[arg(long)]
+    pub green: Option<PathBuf>,
+    /// All nodes, those inside too, solved again in f64 and not taken from the .green file (model linear only)
+    #[arg(long)]
+    pub all_nodes: bool,
+}
+
+/// One row's worth of results for one pose of one body.
+struct Deformed {
+    pose: String,
+    body: String,
+    displacement: Vec<Vector3<f64>>,
+    wrenches: Option<(Vec<Wrench>, f64)>,
+}
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let scene = Scene::load(&args.scene)?;
+    let poses = poses::load(&args.poses)?;
+    let file = session::green_file(&scene, args.green.as_deref())?;
+    let mut bodies = session::deformers(&scene, &file)?;
+    let mut results = Vec::new();
+    for pose in &poses {
+        let body = body_of(pose, &mut bodies, &args.poses)?;
+        let control_poses = poses::control_poses(pose, body, &args.poses)?;
+        results.push(surface_result(pose, body, &control_poses));
+    }
+    let mut geometry: Vec<Geometry> = bodies.iter().map(Geometry::surface).collect();
+    if args.all_nodes {
+        for (index, (name, body)) in scene.body.iter().enumerate() {
+            if body.model != "linear" {
+                return Err(Failure::request(scene.invalid(
+                    &format!("body.{name}.model"),
+                    format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
+                )));
+            }
+            let solution = green::solve(&scene, name, session::needs(&scene, name, body)?, &Silent)?;
+            geometry[index] = Geometry::volume(name, &solution);
+            for (pose, result) in poses.iter().zip(&mut results).filter(|(_, result)| result.body == *name) {
+                let control_poses = poses::control_poses(pose, &bodies[index], &args.poses)?;
+                *result = volume_result(pose, name, &solution, &control_poses);
+            }
+        }
+    }
+    write_all(args, &bodies, &geometry, &results)
+}
+
+fn body_of<'a>(pose: &Pose, bodies: &'a mut [Deformer], path: &Path) -> Result<&'a mut Deformer, Failure> {
+    let names: Vec<String> = bodies.iter().map(|body| body.body.clone()).collect();
+    let wrong = |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
+    let index = match &pose.body {
+        None if bodies.len() == 1 => Some(0),
+        None => return Err(wrong(format!("name its body: {}", names.join(", ")))),
+        Some(name) => names.iter().position(|known| known == name),
+    };
+    match (index, &pose.body) {
+        (Some(index), _) => Ok(&mut bodies[index]),
+        (None, name) => {
+            let name = name.as_deref().unwrap_or_default();
+            Err(wrong(crate::config::unknown_name("body", name, names.iter().map(String::as_str))))
+        }
+    }
+}
+
+fn surface_result(pose: &Pose, body: &mut Deformer, control_poses: &ControlPoses) -> Deformed {
+    body.evaluate(control_poses);
+    Deformed {
+        pose: pose.name.clone(),
+        body: body.body.clone(),
+        displacement: (0..body.positions.len()).map(|i| body.displacement(i)).collect(),
+        wrenches: body.wrenches(),
+    }
+}
+
+fn volume_result(pose: &Pose, name: &str, solution: &Solution, control_poses: &ControlPoses) -> Deformed {
+    let coefficients: Vec<[f64; FIELDS]> = control_poses.iter().map(|pose| pose.coefficients()).collect();
+    let c = coefficients.as_flattened();
+    let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+    Deformed {
+        pose: pose.name.clone(),
+        body: name.to_owned(),
+        displacement: (0..solution.mesh.nodes.len())
+            .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
+            .collect(),
+        wrenches: solution
+            .stiffness
+            .as_ref()
+            .map(|s| wrenches(s, &coefficients, UnitQuaternion::identity())),
+    }
+}
+
+/// Where the displacements of one body belong: node tags, rest positions, cells.
+struct Geometry {
+    body: String,
+    tags: Vec<u64>,
+    rest: Vec<Vector3<f64>>,
+    /// Triangles or tetrahedra.
+    cells: Vec<Vec<u32>>,
+}
+
+impl Geometry {
+    fn surface(body: &Deformer) -> Geometry {
+        Geometry {
+            body: body.body.clone(),
+            tags: body.tags().to_vec(),
+            rest: body.rest().iter().map(|x| Vector3::from(*x).cast() + body.centre).collect(),
+            cells: body.triangles().iter().map(|triangle| triangle.to_vec()).collect(),
+        }
+    }
+
+    fn volume(name: &str, solution: &Solution) -> Geometry {
+        Geometry {
+            body: name.to_owned(),
+            tags: solution.mesh.tags.clone(),
+            rest: solution.mesh.nodes.clone(),
+            cells: solution.mesh.tets.iter().map(|tet| tet.to_vec()).collect(),
+        }
+    }
+}
+
+fn write_all(
+    args: &Args,
+    bodies: &[Deformer],
+    geometry: &[Geometry],
+    results: &[Deformed],
+) -> Result<(), Failure> {
+    let stem = match args.output.extension() {
+        Some(extension) if extension == "csv" => args.output.with_extension(""),
+        _ => args.output.clone(),
+    };
+    let with = |ending: &str| PathBuf::from(format!("{}{ending}", stem.display()));
+    if let Some(folder) = stem.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make the folder {}", folder.display()))
+            .map_err(Failure::Request)?;
+    }
+    let write = |path: PathBuf, text: &str| {
+        std::fs::write(&path, text).with_context(|| path.display().to_string()).map_err(Failure::Request)?;
+        println!("{}", path.display());
+        Ok::<(), Failure>(())
+    };
+    let several = bodies.len() > 1;
+    write(with(".csv"), &displacement_csv(geometry, results, several))?;
+    if results.iter().any(|result| result.wrenches.is_some()) {
+        write(with(".forces.csv"), &forces_csv(bodies, results, several))?;
+    }
+    let vtu = with(".vtu");
+    vtk(geometry, results).export(&vtu).map_err(|error| {
+        Failure::Work(anyhow::anyhow!("{}: {error}", vtu.display()))
+    })?;
+    println!("{}", vtu.display());
+    Ok(())
+}
+
+/// In a scene of several bodies a pose is called POSE/BODY.
+fn label(result: &Deformed, several: bool) -> String {
+    if several { format!("{}/{}", result.pose, result.body) } else { result.pose.clone() }
+}
+
+fn displacement_csv(geometry: &[Geometry], results: &[Deformed], several: bool) -> String {
+    let mut text = String::from("pose,node,ux,uy,uz\n");
+    for result in results {
+        let label = label(result, several);
+        let tags = geometry.iter().find(|g| g.body == result.body).map_or(&[][..], |g| &g.tags);
+        for (tag, u) in tags.iter().zip(&result.displacement) {
+            // Writing into a String cannot fail.
+            let _ = writeln!(text, "{label},{tag},{:e},{:e},{:e}", u.x, u.y, u.z);
+        }
+    }
+    text
+}
+
+fn forces_csv(bodies: &[Deformer], results: &[Deformed], several: bool) -> String {
+    let mut text = String::from("pose,control,fx,fy,fz,mx,my,mz,energy\n");
+    for result in results {
+        let Some((wrenches, energy)) = &result.wrenches else { continue };
+        let label = label(result, several);
+        let Some(body) = bodies.iter().find(|body| body.body == result.body) else { continue };
+        for (control, Wrench { force: f, moment: m }) in body.controls.iter().zip(wrenches) {
+            let name = &control.name;
+            let numbers = [f.x, f.y, f.z, m.x, m.y, m.z, *energy].map(|value| format!("{value:e}"));
+            let _ = writeln!(text, "{label},{name},{}", numbers.join(","));
+        }
+    }
+    text
+}
+
+/// One piece per body: rest points, its cells, one displacement field a pose.
+fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
+    let piece = |g: &Geometry| {
+        let fields = results.iter().filter(|result| result.body == g.body).map(|result| {
+            let u: Vec<f64> = result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect();
+            Attribute::vectors(format!("displacement {}", result.pose)).with_data(u)
+        });
+        let size = g.cells.first().map_or(3, Vec::len);
+        let kind = if size == 4 { CellType::Tetra } else { CellType::Triangle };
+        UnstructuredGridPiece {
+            points: g.rest.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect::<Vec<f64>>().into(),
+            cells: Cells {
+                cell_verts: VertexNumbers::XML {
+                    connectivity: g.cells.iter().flatten().map(|&node| u64::from(node)).collect(),
+                    offsets: (1..=g.cells.len() as u64).map(|count| count * size as u64).collect(),
+                },
+                types: vec![kind; g.cells.len()],
+            },
+            data: Attributes { point: fields.collect(), cell: vec![] },
+        }
+    };
+    Vtk {
+        version: Version::XML { major: 1, minor: 0 },
+        title: "greenstage deform".into(),
+        byte_order: ByteOrder::LittleEndian,
+        file_path: None,
+        data: DataSet::UnstructuredGrid {
+            meta: None,
+            pieces: geometry.iter().map(|g| vtkio::model::Piece::Inline(Box::new(piece(g)))).collect(),
+        },
+    }
+}

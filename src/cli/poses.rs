@@ -1,0 +1,80 @@
+//! The pose file of `greenstage deform`: [[pose]] tables in TOML.
+
+use super::failure::Failure;
+use crate::config;
+use crate::deform::{ControlPose, ControlPoses, Deformer};
+use nalgebra::{Matrix3, Vector3};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoseFile {
+    pose: Vec<Pose>,
+}
+
+/// One pose of one body; control elements that it does not name are at rest.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pose {
+    pub name: String,
+    /// Which body; may be left out where the scene has one.
+    pub body: Option<String>,
+    #[serde(default)]
+    pub control: BTreeMap<String, Affine>,
+}
+
+/// x ↦ o + translation + matrix · (x - o).
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Affine {
+    #[serde(default)]
+    pub translation: [f64; 3],
+    #[serde(default = "identity")]
+    pub matrix: [[f64; 3]; 3],
+}
+
+fn identity() -> [[f64; 3]; 3] {
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+}
+
+/// Reads the pose file.
+pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
+    let file: PoseFile = config::load(path)?;
+    for (index, pose) in file.pose.iter().enumerate() {
+        let first = file.pose.iter().position(|other| other.name == pose.name && other.body == pose.body);
+        if first != Some(index) {
+            return Err(Failure::wrong(format!("{}: two poses are called \"{}\"", path.display(), pose.name)));
+        }
+    }
+    Ok(file.pose)
+}
+
+/// The poses of all control elements of `body`, in its order.
+pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<ControlPoses, Failure> {
+    let entity = |message: String| {
+        Failure::wrong(format!("{}: pose \"{}\": body.{}: {message}", path.display(), pose.name, body.body))
+    };
+    for name in pose.control.keys() {
+        if !body.controls.iter().any(|control| control.name == *name) {
+            let known = body.controls.iter().map(|control| control.name.as_str());
+            return Err(entity(config::unknown_name("control element", name, known)));
+        }
+    }
+    body.controls
+        .iter()
+        .map(|control| {
+            let Some(affine) = pose.control.get(&control.name) else { return Ok(ControlPose::REST) };
+            let m = affine.matrix;
+            let pose = ControlPose {
+                translation: Vector3::from(affine.translation),
+                matrix: Matrix3::from_fn(|i, j| m[i][j]),
+            };
+            if !pose.is_finite() {
+                return Err(entity(format!("control {}: a number is not finite", control.name)));
+            }
+            Ok(pose)
+        })
+        .collect()
+}

@@ -1,0 +1,93 @@
+//! A scene made ready for the online stage: its .green file found fresh or made, its models and effects known.
+
+use super::failure::Failure;
+use super::progress::Bars;
+use crate::deform::{Deformer, find_model};
+use crate::effect::find_effect;
+use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
+use crate::scene::{Body, Scene};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What the model and the effects of a body need beside the basis columns; errors name an unknown one.
+pub fn needs(scene: &Scene, name: &str, body: &Body) -> Result<Needs, Failure> {
+    let wrong = |key: &str, message: String| Failure::request(scene.invalid(&format!("body.{name}.{key}"), message));
+    let model = find_model(&body.model).map_err(|message| wrong("model", message))?;
+    body.effects.iter().try_fold(model.needs, |needs, effect| {
+        Ok(needs.and(find_effect(effect).map_err(|message| wrong("effects", message))?.needs))
+    })
+}
+
+/// Where the .green file of a scene stands unless told otherwise: beside the scene.
+pub fn green_path(scene: &Scene) -> PathBuf {
+    scene.path.with_extension("green")
+}
+
+/// The scene's .green file if it is there and belongs to the scene as it is now; why not, otherwise.
+///
+/// A damaged file is an error, not a reason: it is never replaced without a word.
+pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>, Failure> {
+    let file = match GreenFile::open(path) {
+        Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            return Ok(Err(GreenError::Io { path: path.to_owned(), source }));
+        }
+        other => other?,
+    };
+    for (name, body) in &scene.body {
+        let expected = green::fingerprint(scene, name, needs(scene, name, body)?)?;
+        if let Err(stale) = file.check_fresh(name, &expected) {
+            return Ok(Err(stale));
+        }
+    }
+    Ok(Ok(file))
+}
+
+/// Precomputes every body of the scene.
+pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failure> {
+    scene
+        .body
+        .iter()
+        .map(|(name, body)| {
+            let needs = needs(scene, name, body)?;
+            let precomputed = green::precompute(scene, name, needs, &Bars::new(name, quiet))?;
+            for notice in &precomputed.solution.notices {
+                eprintln!("note: body.{name}: {notice}");
+            }
+            Ok(precomputed)
+        })
+        .collect()
+}
+
+/// The scene's .green file, made now where it is missing or stale. A file named by the user is only read.
+pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>, Failure> {
+    if let Some(path) = named {
+        return Ok(Arc::new(fresh(scene, path)??));
+    }
+    let path = green_path(scene);
+    let reason = match fresh(scene, &path)? {
+        Ok(file) => return Ok(Arc::new(file)),
+        Err(GreenError::Stale { .. }) => "is stale (the scene, its mesh or the program changed)",
+        Err(_) => "is not there yet",
+    };
+    eprintln!("{} {reason}: precomputing", path.display());
+    green::write(&path, &precompute(scene, false)?).map_err(|error| unwritable(error, &path))?;
+    Ok(Arc::new(GreenFile::open(&path)?))
+}
+
+/// An error in writing the .green file, with the remedy.
+pub fn unwritable(error: GreenError, path: &Path) -> Failure {
+    let advice = format!(
+        "cannot write {}; name another place: `greenstage precompute SCENE -o FILE`, then `--green FILE`",
+        path.display()
+    );
+    Failure::Request(anyhow::Error::from(error).context(advice))
+}
+
+/// A deformer for every body of the scene, in the scene's order.
+pub fn deformers(scene: &Scene, file: &Arc<GreenFile>) -> Result<Vec<Deformer>, Failure> {
+    scene
+        .body
+        .iter()
+        .map(|(name, body)| Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong))
+        .collect()
+}

@@ -1,0 +1,92 @@
+//! Tables for people: aligned columns, text left and numbers right.
+
+/// Rows of equal length; the first row is the heading.
+pub struct Table {
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub fn new(heading: &[&str]) -> Table {
+        Table { rows: vec![heading.iter().map(|cell| (*cell).to_owned()).collect()] }
+    }
+
+    pub fn row(&mut self, cells: &[&str]) {
+        self.rows.push(cells.iter().map(|cell| (*cell).to_owned()).collect());
+    }
+
+    /// Aligned text with a rule under the heading.
+    pub fn text(&self) -> String {
+        let widths = self.widths();
+        let mut text = String::new();
+        for (i, row) in self.rows.iter().enumerate() {
+            let cells: Vec<String> = row.iter().zip(&widths).map(|(cell, width)| pad(cell, *width, i)).collect();
+            text.push_str(cells.join("  ").trim_end());
+            text.push('\n');
+            if i == 0 {
+                text.push_str(&"─".repeat(widths.iter().sum::<usize>() + 2 * widths.len().saturating_sub(1)));
+                text.push('\n');
+            }
+        }
+        text
+    }
+
+    /// The same as a Markdown table.
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        for (i, row) in self.rows.iter().enumerate() {
+            text.push_str(&format!("| {} |\n", row.join(" | ")));
+            if i == 0 {
+                text.push_str(&format!("|{}\n", "---|".repeat(row.len())));
+            }
+        }
+        text
+    }
+
+    fn widths(&self) -> Vec<usize> {
+        let columns = self.rows.first().map_or(0, Vec::len);
+        (0..columns)
+            .map(|c| self.rows.iter().filter_map(|row| row.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0))
+            .collect()
+    }
+}
+
+/// Numbers to the right, everything else and the heading to the left.
+fn pad(cell: &str, width: usize, row: usize) -> String {
+    let is_number = row > 0 && cell.starts_with(|c: char| c.is_ascii_digit() || c == '-');
+    if is_number { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+}
+
+/// A time in the unit that suits it.
+pub fn seconds(s: f64) -> String {
+    if s >= 0.9995 {
+        format!("{s:.2} s")
+    } else if s >= 0.9995e-3 {
+        format!("{:.2} ms", s * 1e3)
+    } else {
+        format!("{:.1} µs", s * 1e6)
+    }
+}
+
+/// A number of bytes in the unit that suits it.
+pub fn bytes(count: f64) -> String {
+    match count {
+        c if c >= 1e9 => format!("{:.2} GB", c * 1e-9),
+        c if c >= 1e6 => format!("{:.2} MB", c * 1e-6),
+        c if c >= 1e3 => format!("{:.1} kB", c * 1e-3),
+        c => format!("{c:.0} B"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_align() {
+        let mut table = Table::new(&["step", "time"]);
+        table.row(&["assembly", "1.5 s"]);
+        table.row(&["ordering", "12.5 s"]);
+        assert_eq!(table.text(), "step      time\n────────────────\nassembly   1.5 s\nordering  12.5 s\n");
+        assert_eq!(table.markdown().lines().nth(1), Some("|---|---|"));
+    }
+}
