@@ -65,7 +65,9 @@ pub enum GenerateError {
     Odd { around: u32 },
     #[error("{tetrahedra} tetrahedra are more than {MAX_TETRAHEDRA}: take fewer cells")]
     TooMany { tetrahedra: u128 },
-    #[error("tetrahedron {tet} has volume {volume} m³: sizes so small, large or unlike cannot be computed with")]
+    #[error(
+        "tetrahedron {tet} has volume {volume} m³: sizes so small, large or unlike cannot be computed with"
+    )]
     Volume { tet: usize, volume: f64 },
 }
 
