@@ -136,6 +136,10 @@ fn other_versions_are_refused_with_advice() {
         let message = read(text).unwrap_err();
         assert!(message.starts_with(start) && message.ends_with(advice), "{message}");
     }
+    refused(
+        version_2("$Nodes", "$ParametricNodes"),
+        "m.msh:8: nodes with parametric coordinates are read in Gmsh 4.1",
+    );
     refused(read(""), "m.msh: no section $MeshFormat");
     refused(read("(0 \"fluent\")"), "m.msh:1: expected a section ($Name), found `(0 \\\"fluent\\\")`");
     refused(read("$Nodes\n0\n$EndNodes\n"), "m.msh:1: $Nodes stands before $MeshFormat");

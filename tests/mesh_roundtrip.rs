@@ -15,7 +15,7 @@ fn any_mesh() -> impl Strategy<Value = TetMesh> {
     let groups = btree_map(name, vec(any::<Index>(), 0..20), 0..4);
     (shape, btree_set(0..=i32::MAX as u64, 64), regions, groups).prop_map(|(shape, tags, regions, groups)| {
         let (cells, exponent, shifts) = shape;
-        let mut mesh = block(&Block { size: cells.map(f64::from), cells }).unwrap();
+        let mut mesh = block(&Block { size: cells.map(f64::from), cells }).expect("1 to 3 cells of size 1");
         for (node, shift) in mesh.nodes.iter_mut().zip(shifts.chunks(3)) {
             *node = (*node + nalgebra::Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
         }

@@ -151,8 +151,8 @@ fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) 
     let (first, second) = (elements[pair[0].1], elements[pair[1].1]);
     let tags = pair[0].0.map(|node| raw.nodes[node as usize].tag);
     let reason = format!(
-        "tetrahedron {} has the same nodes {tags:?} as tetrahedron {}: keep one of them \
-         (Gmsh 2.2 writes an element once for each of its physical groups)",
+        "tetrahedron {} has the same nodes {tags:?} as tetrahedron {}: keep one of them (Gmsh writes 2.2 files with \
+         one for each physical group of a volume; save as 4.1)",
         second.tag, first.tag
     );
     Err(Fault::at(second.at, reason))

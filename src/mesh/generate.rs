@@ -5,7 +5,7 @@
 //! Each hexahedral cell becomes five tetrahedra, one inside and four corners cut off, in mirror images from cell to
 //! cell so that the diagonals of shared faces agree. Against the six tetrahedra of Kuhn's split (all around one
 //! space diagonal) the worst quality in a cube is 0.77 instead of 0.66, there are a sixth fewer elements, and no
-//! direction is preferred: with Kuhn's diagonals, all parallel, a tube that is bent also twists.
+//! direction is preferred, where Kuhn's parallel diagonals wind around a tube like a thread.
 
 use super::TetMesh;
 use super::quality::signed_volume;

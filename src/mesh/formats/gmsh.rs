@@ -42,6 +42,11 @@ fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
             ("Nodes" | "Elements" | "Entities" | "PartitionedEntities" | "PhysicalNames", None) => {
                 return Err(Fault::at(at, format!("${name} stands before $MeshFormat")));
             }
+            ("ParametricNodes", _) => {
+                let reason = "nodes with parametric coordinates are read in Gmsh 4.1 only: save with \
+                              Mesh.SaveParametric = 0, or as 4.1";
+                return Err(Fault::at(at, reason));
+            }
             ("PhysicalNames", _) => physical_names(&mut scan, &mut raw)?,
             ("Nodes", Some(V2)) => gmsh2::nodes(&mut scan, &mut raw)?,
             ("Elements", Some(V2)) => gmsh2::elements(&mut scan, &mut raw)?,
