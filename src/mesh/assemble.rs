@@ -94,7 +94,8 @@ fn resolve(raw: &RawMesh) -> Result<Vec<u32>, Fault> {
     for (element, tags) in with_corners(raw, &raw.corners) {
         for tag in tags {
             let &index = index_of.get(tag).ok_or_else(|| {
-                let reason = format!("element {} names node {tag}, which the file does not define", element.tag);
+                let reason =
+                    format!("element {} names node {tag}, which the file does not define", element.tag);
                 Fault::at(element.at, reason)
             })?;
             corners.push(index);
@@ -104,7 +105,10 @@ fn resolve(raw: &RawMesh) -> Result<Vec<u32>, Fault> {
 }
 
 /// Each element with its share of `corners`.
-fn with_corners<'a, T>(raw: &'a RawMesh, corners: &'a [T]) -> impl Iterator<Item = (&'a RawElement, &'a [T])> {
+fn with_corners<'a, T>(
+    raw: &'a RawMesh,
+    corners: &'a [T],
+) -> impl Iterator<Item = (&'a RawElement, &'a [T])> {
     raw.elements.iter().scan(0, |first, element| {
         let range = *first..*first + usize::from(element.kind.nodes);
         *first = range.end;
@@ -147,8 +151,8 @@ fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) 
     let (first, second) = (elements[pair[0].1], elements[pair[1].1]);
     let tags = pair[0].0.map(|node| raw.nodes[node as usize].tag);
     let reason = format!(
-        "tetrahedron {} has the same nodes {tags:?} as tetrahedron {}: keep one of them \
-         (Gmsh 2.2 writes an element once for each of its physical groups)",
+        "tetrahedron {} has the same nodes {tags:?} as tetrahedron {}: keep one of them (Gmsh writes 2.2 files with \
+         one for each physical group of a volume; save as 4.1)",
         second.tag, first.tag
     );
     Err(Fault::at(second.at, reason))
@@ -165,7 +169,8 @@ fn orient(
     for (tet, element) in tets.iter_mut().zip(elements) {
         let volume = signed_volume(&tet.map(|node| raw.nodes[node as usize].position));
         if !volume.is_finite() {
-            let reason = format!("tetrahedron {}: its coordinates are too large to compute with", element.tag);
+            let reason =
+                format!("tetrahedron {}: its coordinates are too large to compute with", element.tag);
             return Err(Fault::at(element.at, reason));
         }
         if volume < 0.0 {

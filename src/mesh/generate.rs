@@ -5,7 +5,7 @@
 //! Each hexahedral cell becomes five tetrahedra, one inside and four corners cut off, in mirror images from cell to
 //! cell so that the diagonals of shared faces agree. Against the six tetrahedra of Kuhn's split (all around one
 //! space diagonal) the worst quality in a cube is 0.77 instead of 0.66, there are a sixth fewer elements, and no
-//! direction is preferred: with Kuhn's diagonals, all parallel, a tube that is bent also twists.
+//! direction is preferred, where Kuhn's parallel diagonals wind around a tube like a thread.
 
 use super::TetMesh;
 use super::quality::signed_volume;
@@ -65,7 +65,9 @@ pub enum GenerateError {
     Odd { around: u32 },
     #[error("{tetrahedra} tetrahedra are more than {MAX_TETRAHEDRA}: take fewer cells")]
     TooMany { tetrahedra: u128 },
-    #[error("tetrahedron {tet} has volume {volume} m³: sizes so small, large or unlike cannot be computed with")]
+    #[error(
+        "tetrahedron {tet} has volume {volume} m³: sizes so small, large or unlike cannot be computed with"
+    )]
     Volume { tet: usize, volume: f64 },
 }
 

@@ -3,14 +3,14 @@
 //! In: file bytes or a generator's parameters. Out: a [`TetMesh`] with positively oriented tetrahedra and
 //! every node used, notices of what was repaired, and its [`Surface`] with outward triangles.
 
-mod assemble;
+pub mod assemble;
 mod error;
 pub mod formats;
 pub mod generate;
 pub mod quality;
 mod surface;
 
-pub use error::{MeshError, Place};
+pub use error::{Fault, MeshError, Place};
 pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 

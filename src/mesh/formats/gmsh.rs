@@ -33,6 +33,7 @@ fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
     let mut seen = BTreeSet::new();
     let mut skipped = BTreeSet::new();
     loop {
+        scan.skip_white();
         let at = scan.at();
         let Some(name) = scan.section()? else { break };
         match (name, version) {
@@ -40,6 +41,11 @@ fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
             ("MeshFormat", None) => version = Some(mesh_format(&mut scan)?),
             ("Nodes" | "Elements" | "Entities" | "PartitionedEntities" | "PhysicalNames", None) => {
                 return Err(Fault::at(at, format!("${name} stands before $MeshFormat")));
+            }
+            ("ParametricNodes", _) => {
+                let reason = "nodes with parametric coordinates are read in Gmsh 4.1 only: save with \
+                              Mesh.SaveParametric = 0, or as 4.1";
+                return Err(Fault::at(at, reason));
             }
             ("PhysicalNames", _) => physical_names(&mut scan, &mut raw)?,
             ("Nodes", Some(V2)) => gmsh2::nodes(&mut scan, &mut raw)?,
@@ -49,7 +55,7 @@ fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
             ("Entities", Some(V4)) => gmsh4::entities(&mut scan, &mut raw)?,
             ("PartitionedEntities", Some(V4)) => gmsh4::partitioned_entities(&mut scan, &mut raw)?,
             _ => {
-                scan.skip_section(name)?;
+                scan.skip_section(at, name)?;
                 skipped.insert(name);
                 continue;
             }
@@ -65,7 +71,8 @@ fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
         }
     }
     if !skipped.is_empty() {
-        let names: Vec<String> = skipped.iter().map(|name| format!("${}", excerpt(name.as_bytes()))).collect();
+        let names: Vec<String> =
+            skipped.iter().map(|name| format!("${}", excerpt(name.as_bytes()))).collect();
         raw.notices.push(format!("sections not used: {}", names.join(", ")));
     }
     Ok(raw)
@@ -77,14 +84,16 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
     let line = String::from_utf8_lossy(scan.line());
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let &[version, file_type, data_size] = words.as_slice() else {
-        let reason = format!("expected version, file type and data size, found `{}`", excerpt(line.as_bytes()));
+        let reason =
+            format!("expected version, file type and data size, found `{}`", excerpt(line.as_bytes()));
         return Err(Fault::at(at, reason));
     };
     let version = match version {
         "2" | "2.0" | "2.1" | "2.2" => Version::V2,
         "4.1" => Version::V4,
         other => {
-            let reason = format!("Gmsh {} is not read, only 2.2 and 4.1: {ADVICE}", excerpt(other.as_bytes()));
+            let reason =
+                format!("Gmsh {} is not read, only 2.2 and 4.1: {ADVICE}", excerpt(other.as_bytes()));
             return Err(Fault::at(at, reason));
         }
     };
@@ -92,7 +101,8 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         "0" => return Ok(version),
         "1" => {}
         other => {
-            let reason = format!("file type {} is neither 0 (text) nor 1 (binary)", excerpt(other.as_bytes()));
+            let reason =
+                format!("file type {} is neither 0 (text) nor 1 (binary)", excerpt(other.as_bytes()));
             return Err(Fault::at(at, reason));
         }
     }
@@ -109,7 +119,10 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         [1, 0, 0, 0] => false,
         [0, 0, 0, 1] => true,
         other => {
-            return Err(Fault::at(at, format!("expected the number 1 that tells the byte order, found {other:?}")));
+            return Err(Fault::at(
+                at,
+                format!("expected the number 1 that tells the byte order, found {other:?}"),
+            ));
         }
     };
     scan.mode = Mode::Binary { big_endian, size_bytes };

@@ -127,7 +127,8 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
         let (dimension, entity) = (dimension(scan)?, scan.int()?);
         let kind = known_kind(scan.int()?, at)?;
         if kind.dimension != dimension {
-            let reason = format!("elements of dimension {} on an entity of dimension {dimension}", kind.dimension);
+            let reason =
+                format!("elements of dimension {} on an entity of dimension {dimension}", kind.dimension);
             return Err(Fault::at(at, reason));
         }
         let count = scan.size()?;

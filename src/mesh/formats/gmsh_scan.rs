@@ -11,7 +11,10 @@ use std::str::FromStr;
 pub enum Mode {
     Text,
     /// `size_bytes` is the width of tags and counts: 4 in Gmsh 2.2, sizeof(size_t) in 4.1.
-    Binary { big_endian: bool, size_bytes: usize },
+    Binary {
+        big_endian: bool,
+        size_bytes: usize,
+    },
 }
 
 pub struct Scanner<'a> {
@@ -84,14 +87,13 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Moves behind `$EndNAME`, whatever stands before it.
-    pub fn skip_section(&mut self, name: &str) -> Result<(), Fault> {
-        let start = self.at;
+    /// Moves behind `$EndNAME`, whatever stands before it; the section began at `start`.
+    pub fn skip_section(&mut self, start: usize, name: &str) -> Result<(), Fault> {
         let end = format!("$End{name}");
         loop {
             let rest = self.rest();
             let Some(found) = rest.windows(end.len()).position(|window| window == end.as_bytes()) else {
-                return Err(Fault::at(start, format!("the file ends before {end}")));
+                return Err(Fault::at(start, format!("the section has no {end}")));
             };
             self.at += found;
             if self.line() == end.as_bytes() {

@@ -121,7 +121,10 @@ impl<'a> Plan<'a> {
             mesh,
             volumes: distinct.into_iter().zip(1..).collect(),
             regions,
-            groups: (1..).zip(groups).map(|(i, (name, nodes))| (i, name.as_str(), nodes.as_slice())).collect(),
+            groups: (1..)
+                .zip(groups)
+                .map(|(i, (name, nodes))| (i, name.as_str(), nodes.as_slice()))
+                .collect(),
             region_names: named
                 .map(|(&region, name)| Ok((int("region", region.into())?, name.as_str())))
                 .collect::<Result<_, MeshError>>()?,
@@ -355,5 +358,21 @@ impl Sink {
 
     fn end_section(&mut self, name: &str) {
         self.text(format_args!("{}$End{name}\n", if self.binary { "\n" } else { "" }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Block, block, parse};
+
+    #[test]
+    fn big_endian_files_are_read_as_well() {
+        let mesh = block(&Block { size: [1.0, 2.0, 3.0], cells: [2, 3, 1] }).unwrap();
+        for encoding in [Encoding::Gmsh22Binary, Encoding::Gmsh41Binary] {
+            let bytes = encode_with_endianness(&mesh, encoding, true).unwrap();
+            assert_ne!(bytes, encode(&mesh, encoding).unwrap());
+            assert_eq!(parse("m.msh".as_ref(), &bytes).unwrap().mesh, mesh, "{encoding:?}");
+        }
     }
 }

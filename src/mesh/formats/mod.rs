@@ -1,6 +1,6 @@
 //! Mesh file formats: one file each, and one line in [`FORMATS`].
 //!
-//! In: a file's bytes. Out: a [`RawMesh`](super::assemble::RawMesh), not yet checked, or the place and reason of
+//! In: a file's bytes. Out: a [`RawMesh`], not yet checked, or the place and reason of
 //! a fault.
 
 mod gmsh;
