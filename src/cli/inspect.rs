@@ -1,10 +1,157 @@
+//! `greenstage inspect`: what is in a mesh, .green, scene or stage file.
+
 use super::failure::Failure;
-/// in work
+use super::session;
+use super::table::{Table, bytes};
+use crate::green::{GreenError, GreenFile};
+use crate::mesh::{self, Surface, quality};
+use crate::scene::Scene;
+use crate::stage::Stage;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// What is in a mesh, .green, scene or stage file
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    pub scene: std::path::PathBuf,
+    /// The file; its kind is found by its name and content
+    pub file: PathBuf,
+    /// As JSON, for machines
+    #[arg(long)]
+    pub json: bool,
 }
-impl Args {
-    pub fn demo(scene: std::path::PathBuf) -> Args { Args { scene } }
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let extension = args.file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let (text, value) = match extension.as_str() {
+        "green" => green(&args.file)?,
+        "toml" if is_stage(&args.file)? => stage(&args.file)?,
+        "toml" => scene(&args.file)?,
+        _ => mesh(&args.file)?,
+    };
+    if args.json {
+        println!("{value:#}");
+    } else {
+        print!("{text}");
+    }
+    Ok(())
 }
-pub fn run(_args: &Args) -> Result<(), Failure> { Ok(()) }
+
+/// A TOML file with [[screen]] tables describes a stage, any other a scene.
+fn is_stage(path: &Path) -> Result<bool, Failure> {
+    let table: toml::Table = crate::config::load(path)?;
+    Ok(table.contains_key("screen"))
+}
+
+fn mesh(path: &Path) -> Result<(String, Value), Failure> {
+    let loaded = mesh::load(path).map_err(Failure::request)?;
+    let surface = Surface::of(&loaded.mesh);
+    let report = quality::report(&loaded.mesh, &surface);
+    let [low, high] = report.bounding_box;
+    let mut text = format!(
+        "{}\n{} nodes, {} tetrahedra; surface {} nodes, {} triangles; {} piece(s)\n\
+         box ({:.6}, {:.6}, {:.6}) to ({:.6}, {:.6}, {:.6})\nvolume {:.6e} m³, surface {:.6e} m²\n\n",
+        path.display(), report.nodes, report.tetrahedra, report.surface_nodes, report.surface_triangles,
+        report.components, low[0], low[1], low[2], high[0], high[1], high[2], report.volume, report.area,
+    );
+    let mut regions = Table::new(&["region", "name", "tetrahedra", "volume m³"]);
+    for (number, region) in &report.regions {
+        let name = region.name.as_deref().unwrap_or("");
+        let (count, volume) = (region.tetrahedra.to_string(), format!("{:.6e}", region.volume));
+        regions.row(&[&number.to_string(), name, &count, &volume]);
+    }
+    text.push_str(&regions.text());
+    if !report.groups.is_empty() {
+        let mut groups = Table::new(&["node group", "nodes"]);
+        for (name, nodes) in &report.groups {
+            groups.row(&[name, &nodes.to_string()]);
+        }
+        text.push_str(&format!("\n{}", groups.text()));
+    }
+    text.push_str(&format!("\n{}", histogram(&report.quality)));
+    for notice in &loaded.notices {
+        text.push_str(&format!("note: {notice}\n"));
+    }
+    let value = json!({ "file": path, "mesh": report, "notices": loaded.notices });
+    Ok((text, value))
+}
+
+/// Text bars of the element qualities.
+fn histogram(quality: &quality::QualityReport) -> String {
+    const WIDTH: usize = 50;
+    let most = quality.histogram.iter().copied().max().unwrap_or(0).max(1);
+    let mut text = format!(
+        "quality 6·√2·V/l³ (1 = regular): least {:.4}, mean {:.3}\n",
+        quality.min, quality.mean
+    );
+    for (bin, &count) in quality.histogram.iter().enumerate() {
+        let bar = "█".repeat((count * WIDTH).div_ceil(most).min(WIDTH));
+        text.push_str(&format!("  {:.1} – {:.1}  {count:>8}  {bar}\n", bin as f64 / 10.0, (bin + 1) as f64 / 10.0));
+    }
+    text
+}
+
+fn green(path: &Path) -> Result<(String, Value), Failure> {
+    let file = GreenFile::open(path)?;
+    let mut text = format!("{}\n{}, format {}, {}\n", path.display(), file.meta.program, file.meta.format, file.meta.units);
+    for (name, body) in &file.meta.bodies {
+        text.push_str(&format!(
+            "\nbody {name}: mesh of {} nodes and {} tetrahedra, surface {} nodes and {} triangles\n  solver {}, \
+             worst relative residual {:.1e}{}\n  stored as {}\n  fingerprint {}\n",
+            body.mesh_nodes, body.mesh_tets, body.surface_nodes, body.surface_triangles, body.accuracy.solver,
+            body.accuracy.residual,
+            body.accuracy.asymmetry.map(|a| format!(", asymmetry of S {a:.1e}")).unwrap_or_default(),
+            body.accuracy.storage, body.fingerprint,
+        ));
+        for control in &body.controls {
+            let zero = match control.vanishing.is_empty() {
+                true => String::new(),
+                false => format!(", zero: {}", control.vanishing.join(", ")),
+            };
+            text.push_str(&format!(
+                "  control {}: {} nodes, {} of 12 fields independent{zero}\n",
+                control.name, control.nodes, control.independent
+            ));
+        }
+    }
+    let mut tensors = Table::new(&["tensor", "type", "shape", "size"]);
+    for (name, dtype, shape, size) in file.tensors() {
+        tensors.row(&[name, &dtype, &format!("{shape:?}"), &bytes(size as f64)]);
+    }
+    text.push_str(&format!("\n{}", tensors.text()));
+    Ok((text, json!({ "file": path, "green": file.meta })))
+}
+
+fn scene(path: &Path) -> Result<(String, Value), Failure> {
+    let scene = Scene::load(path)?;
+    let mut text = format!("{}\nstage {}\n", path.display(), scene.stage);
+    for (name, body) in &scene.body {
+        let needs = session::needs(&scene, name, body)?;
+        let loaded = scene.load_mesh(name, body)?;
+        let effects = if body.effects.is_empty() { "none".to_owned() } else { body.effects.join(", ") };
+        text.push_str(&format!(
+            "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{}\n",
+            loaded.mesh.nodes.len(), loaded.mesh.tets.len(), body.model,
+            if needs.stiffness { "; needs the handle stiffness" } else { "" },
+        ));
+        for (control_name, control) in &body.control {
+            let nodes = control.nodes.select(&loaded.mesh, |file| scene.resolve(file)).map_err(|message| {
+                Failure::request(scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message))
+            })?;
+            text.push_str(&format!("  control {control_name}: {} nodes, {:?}\n", nodes.len(), control.grab));
+        }
+    }
+    let path = session::green_path(&scene);
+    let state = match session::fresh(&scene, &path)? {
+        Ok(_) => "is fresh",
+        Err(GreenError::Stale { .. }) => "is stale",
+        Err(_) => "is not there yet",
+    };
+    text.push_str(&format!("\n{} {state}\n", path.display()));
+    Ok((text, json!({ "scene": scene, "green": path, "state": state })))
+}
+
+fn stage(path: &Path) -> Result<(String, Value), Failure> {
+    let stage = Stage::load(path).map_err(Failure::request)?;
+    let text = stage.to_string();
+    Ok((text.clone(), json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() })))
+}

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use std::time::Instant;
 
 /// Columns solved together by one thread: fewer waste the cache that holds a supernode, more leave threads idle.
+/// The width depends on the number of columns alone: it decides the bits, and threads must not.
 const BLOCK_COLUMNS: std::ops::RangeInclusive<usize> = 12..=128;
 /// Relative residual above which a step of iterative refinement is made, and above which a solution is refused.
 const REFINE_ABOVE: f64 = 1e-12;
@@ -186,8 +187,7 @@ impl<'a> Cholesky<'a> {
     /// Forward and backward substitution, each thread its own block of columns.
     fn substitute(&self, b: &NodeFields, progress: &dyn Progress) -> NodeFields {
         let rows = 3 * b.nodes;
-        let per_thread = b.columns.div_ceil(rayon::current_num_threads().max(1));
-        let width = per_thread.clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end());
+        let width = (b.columns / 8).clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end());
         let factor = LltRef::new(&self.symbolic.factor, &self.values);
         let blocks: Vec<Mat<f64>> = (0..b.columns.div_ceil(width))
             .into_par_iter()
