@@ -69,9 +69,9 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Lines of 4 % of the spacing in a quiet blue-grey.
+    /// Lines of 3 % of the spacing in a quiet blue-grey.
     pub fn new(center: Point3<f32>, half_size: [f32; 2], spacing: f32) -> Self {
-        Self { center, half_size, spacing, line_width: 0.04 * spacing, color: [0.16, 0.22, 0.30] }
+        Self { center, half_size, spacing, line_width: 0.03 * spacing, color: [0.085, 0.115, 0.16] }
     }
 }
 
@@ -97,12 +97,12 @@ impl Default for Look {
     /// A warm key from the upper left front, a cool fill from the right, a dark blue room.
     fn default() -> Self {
         Self {
-            to_key: Vector3::new(-0.45, 0.80, 0.55),
-            key: [1.30, 1.22, 1.08],
-            to_fill: Vector3::new(0.85, 0.10, 0.45),
-            fill: [0.16, 0.22, 0.32],
-            sky: [0.42, 0.50, 0.62],
-            ground: [0.10, 0.085, 0.075],
+            to_key: Vector3::new(-0.62, 0.70, 0.36),
+            key: [1.75, 1.62, 1.42],
+            to_fill: Vector3::new(0.90, -0.10, 0.40),
+            fill: [0.10, 0.14, 0.21],
+            sky: [0.20, 0.25, 0.33],
+            ground: [0.035, 0.030, 0.030],
             zenith: [0.010, 0.014, 0.024],
             horizon: [0.040, 0.052, 0.076],
             nadir: [0.006, 0.008, 0.012],
