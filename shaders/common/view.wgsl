@@ -1,0 +1,36 @@
+// What every pass knows: the eye it draws for, and the lights, sky and floor of the frame.
+// The Rust twins of both structs are in src/render/uniforms.rs; a test compares the layouts.
+
+struct View {
+    clip_from_room: mat4x4<f32>,
+    // Direction in the room (not unit) of the sight line through (x, y, 1) in normalised device coordinates.
+    direction_from_ndc: mat3x3<f32>,
+    eye_in_room: vec3<f32>,
+    // +1 where an outward triangle is counter-clockwise on the screen, -1 for a mirrored picture.
+    front_sign: f32,
+}
+
+struct Frame {
+    to_key: vec3<f32>,
+    key: vec3<f32>,
+    to_fill: vec3<f32>,
+    fill: vec3<f32>,
+    sky: vec3<f32>,
+    ground: vec3<f32>,
+    zenith: vec3<f32>,
+    horizon: vec3<f32>,
+    nadir: vec3<f32>,
+    grid_center: vec3<f32>,
+    grid_spacing: f32,
+    grid_color: vec3<f32>,
+    grid_line_width: f32,
+    grid_half_size: vec2<f32>,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> frame: Frame;
+
+// sRGB to linear by a cubic, within 0.2 % of the standard's curve (Hable and others); per vertex, so cheap is enough.
+fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
+    return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878);
+}

@@ -1,0 +1,42 @@
+// The floor: anti-aliased lines on a horizontal rectangle, every fifth one brighter, fading towards its rim.
+// Lines never get thinner than a pixel; they get fainter instead, and where cells shrink to pixels the lines melt
+// into their mean (B. Golus, "The best darn grid shader (yet)", 2023).
+
+struct Varyings {
+    @builtin(position) clip: vec4<f32>,
+    // Cells from the centre, and the same as a share of the half size.
+    @location(0) cell: vec2<f32>,
+    @location(1) share: vec2<f32>,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> Varyings {
+    let corner = vec2<f32>(f32(index & 1u), f32(index >> 1u)) * 2.0 - 1.0;
+    let offset = corner * frame.grid_half_size;
+    let position_in_room = frame.grid_center + vec3<f32>(offset.x, 0.0, offset.y);
+    var out: Varyings;
+    out.clip = view.clip_from_room * vec4<f32>(position_in_room, 1.0);
+    out.cell = offset / frame.grid_spacing;
+    out.share = corner;
+    return out;
+}
+
+// The share of a pixel that the lines of a grid cover; `width` and `pixel` in cells.
+fn coverage(cell: vec2<f32>, pixel: vec2<f32>, width: f32) -> f32 {
+    let drawn = max(vec2<f32>(width), pixel);
+    let to_line = abs(fract(cell + 0.5) - 0.5);
+    let sharp = saturate((drawn * 0.5 - to_line) / pixel + 0.5) * (width / drawn);
+    let lines = mix(sharp, vec2<f32>(width), saturate(pixel * 2.0 - 1.0));
+    return lines.x + lines.y - lines.x * lines.y;
+}
+
+@fragment
+fn fragment(in: Varyings) -> @location(0) vec4<f32> {
+    let pixel = max(fwidth(in.cell), vec2<f32>(1e-6));
+    let fine = coverage(in.cell, pixel, frame.grid_line_width);
+    let coarse = coverage(in.cell * 0.2, pixel * 0.2, frame.grid_line_width * 0.4);
+    let distance2 = dot(in.share, in.share);
+    let fade = saturate(1.0 - distance2);
+    let alpha = max(fine * 0.45, coarse) * fade;
+    return vec4<f32>(frame.grid_color * alpha, alpha);
+}

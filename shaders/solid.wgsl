@@ -1,0 +1,41 @@
+// The stylus, its ray and its hit point: small rigid solids, one instance each, lit or glowing.
+
+struct Varyings {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) position: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    // Linear colour, and the share of it that is emitted.
+    @location(2) color: vec4<f32>,
+}
+
+@vertex
+fn vertex(
+    @location(0) position: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    // The fourth component is the weight of the instance's colour.
+    @location(2) base_color: vec4<f32>,
+    @location(3) room_from_solid_0: vec4<f32>,
+    @location(4) room_from_solid_1: vec4<f32>,
+    @location(5) room_from_solid_2: vec4<f32>,
+    @location(6) room_from_solid_3: vec4<f32>,
+    @location(7) instance_color: vec4<f32>,
+) -> Varyings {
+    let room_from_solid = mat4x4<f32>(room_from_solid_0, room_from_solid_1, room_from_solid_2, room_from_solid_3);
+    let position_in_room = room_from_solid * vec4<f32>(position, 1.0);
+    var out: Varyings;
+    out.clip = view.clip_from_room * position_in_room;
+    out.position = position_in_room.xyz;
+    out.normal = (room_from_solid * vec4<f32>(normal, 0.0)).xyz;
+    out.color = mix(vec4<f32>(linear_from_srgb(base_color.rgb), 0.0), instance_color, base_color.a);
+    return out;
+}
+
+@fragment
+fn fragment(in: Varyings) -> @location(0) vec4<f32> {
+    let to_eye = normalize(view.eye_in_room - in.position);
+    let normal = normalize(in.normal);
+    let lit = tone(shade(in.color.rgb, normal, to_eye));
+    // A glow is a little brighter towards its middle, which rounds the ray without lighting it.
+    let glow = in.color.rgb * (0.7 + 0.3 * saturate(dot(normal, to_eye)));
+    return vec4<f32>(mix(lit, glow, in.color.a), 1.0);
+}

@@ -1,0 +1,40 @@
+//! What can go wrong between a frame's data and its picture, with the numbers and the remedy.
+
+/// Every failure of the renderer.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    #[error(
+        "no graphics device: neither Vulkan nor OpenGL found an adapter ({0}); install a GPU driver, or a software \
+         one (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
+    )]
+    NoAdapter(String),
+    #[error("the graphics device {adapter} refused to open: {reason}")]
+    NoDevice { adapter: String, reason: String },
+    #[error("{adapter} cannot draw {format:?} pictures with {samples} samples a pixel; it offers {offered:?}")]
+    Samples { adapter: String, format: wgpu::TextureFormat, samples: u32, offered: Vec<u32> },
+    #[error("a picture of {width} × {height} pixels cannot be drawn: this device allows 1 to {limit} each way")]
+    PictureSize { width: u32, height: u32, limit: u32 },
+    #[error("the {what} need {bytes} bytes, and this device allows {limit} in one buffer: use a coarser surface")]
+    BufferSize { what: &'static str, bytes: u64, limit: u64 },
+    #[error("viewport {rect:?} (x, y, width, height) does not lie within its picture of {width} × {height} pixels")]
+    ViewportOutside { rect: [u32; 4], width: u32, height: u32 },
+    #[error("a target with {found} samples a pixel was handed to a renderer made for {expected}")]
+    SamplesDiffer { found: u32, expected: u32 },
+    #[error("a body needs at least one triangle and one vertex; this has {vertices} vertices, {triangles} triangles")]
+    EmptyBody { vertices: usize, triangles: usize },
+    #[error("triangle {triangle} names vertex {vertex}, but the body has only {vertices} vertices")]
+    VertexOutOfRange { triangle: usize, vertex: u32, vertices: usize },
+    #[error("{found} {what} were handed over for a body of {expected} vertices")]
+    VertexCount { what: &'static str, found: usize, expected: usize },
+    #[error("the graphics device reported: {0}")]
+    Device(String),
+    #[error("no display to open windows on: {0}")]
+    NoDisplay(String),
+    #[error("window {window} (\"{title}\"): {reason}")]
+    Window { window: usize, title: String, reason: String },
+    #[error("viewports for {found} windows were handed over, but {expected} are open")]
+    WindowCount { found: usize, expected: usize },
+    /// What the application returned from its own part of the frame.
+    #[error(transparent)]
+    App(Box<dyn std::error::Error + Send + Sync>),
+}

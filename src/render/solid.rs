@@ -1,0 +1,237 @@
+//! The rigid solids of a frame: pen, ray and hit point of each stylus. In come [`StylusShape`]s, out go instances of
+//! three procedural surfaces of revolution that are made and uploaded once.
+
+use super::uniforms::Instance;
+use super::{FrameContents, Gpu, RenderError, StylusShape};
+use nalgebra::{Matrix4, Point3, Rotation3, Vector2, Vector3};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::ops::Range;
+use wgpu::BufferUsages;
+
+/// Segments around the axis; at 48 pixels of diameter a chord stays within 0.1 pixel of its arc.
+const SEGMENTS: u32 = 32;
+const RAY_RADIUS: f32 = 0.010;
+const HIT_RADIUS: f32 = 0.040;
+/// Linear RGB of ray, ring and hit point.
+const IDLE: [f32; 3] = [0.02, 0.85, 0.16];
+const PRESSED: [f32; 3] = [1.0, 0.42, 0.03];
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct SolidVertex {
+    position: [f32; 3],
+    normal: [f32; 3],
+    /// sRGB, and the weight of the instance's colour instead.
+    color: [u8; 4],
+}
+
+const ATTRIBUTES: [wgpu::VertexAttribute; 3] =
+    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Unorm8x4];
+
+pub(super) fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 2] {
+    let per_vertex = wgpu::VertexBufferLayout {
+        array_stride: size_of::<SolidVertex>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &ATTRIBUTES,
+    };
+    [Some(per_vertex), Some(super::body::instance_layout())]
+}
+
+/// The three surfaces in one pair of buffers, each a range of indices.
+pub(super) struct SolidMeshes {
+    pub(super) vertices: wgpu::Buffer,
+    pub(super) indices: wgpu::Buffer,
+    /// In the order of [`instances`].
+    pub(super) ranges: [Range<u32>; 3],
+}
+
+impl SolidMeshes {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self, RenderError> {
+        let mut mesh = Revolved::default();
+        let ranges = [mesh.pen(), mesh.cylinder(), mesh.sphere()];
+        let (vertices, indices) = (bytemuck::cast_slice(&mesh.vertices), bytemuck::cast_slice(&mesh.indices));
+        let solids = Self {
+            vertices: gpu.buffer("solids", vertices.len() as u64, BufferUsages::VERTEX | BufferUsages::COPY_DST)?,
+            indices: gpu.buffer("solids", indices.len() as u64, BufferUsages::INDEX | BufferUsages::COPY_DST)?,
+            ranges,
+        };
+        gpu.queue.write_buffer(&solids.vertices, 0, vertices);
+        gpu.queue.write_buffer(&solids.indices, 0, indices);
+        Ok(solids)
+    }
+}
+
+/// Appends the instances of all pens, then all rays, then all hit points; returns how many there are of each.
+pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 3] {
+    let accent = |stylus: &StylusShape| if stylus.pressed { PRESSED } else { IDLE };
+    let start = all.len();
+    for stylus in contents.styli {
+        let [r, g, b] = accent(stylus);
+        let room_from_pen = stylus.room_from_stylus * Matrix4::new_scaling(stylus.size_m);
+        all.push(Instance { room_from_shape: room_from_pen.into(), color: [r, g, b, 0.6] });
+    }
+    let pens_end = all.len();
+    for stylus in contents.styli {
+        let [r, g, b] = accent(stylus);
+        if let Some(room_from_ray) = room_from_ray(stylus) {
+            all.push(Instance { room_from_shape: room_from_ray.into(), color: [r, g, b, 1.0] });
+        }
+    }
+    let rays_end = all.len();
+    for stylus in contents.styli {
+        if let Some(hit) = stylus.hit {
+            let room_from_hit =
+                Matrix4::new_translation(&hit.coords) * Matrix4::new_scaling(stylus.size_m * HIT_RADIUS);
+            // Paler than the ray, so that it stands out at the ray's end.
+            let [r, g, b] = accent(stylus).map(|c| 0.55 * c + 0.45);
+            all.push(Instance { room_from_shape: room_from_hit.into(), color: [r, g, b, 0.9] });
+        }
+    }
+    [pens_end - start, rays_end - pens_end, all.len() - rays_end].map(|n| n as u32)
+}
+
+/// The unit cylinder along -Z laid from the stylus' tip to its hit, or along the ray; None for a ray of no length.
+fn room_from_ray(stylus: &StylusShape) -> Option<Matrix4<f32>> {
+    let m = &stylus.room_from_stylus;
+    let tip = Point3::from(m.fixed_view::<3, 1>(0, 3).into_owned());
+    let along = match stylus.hit {
+        Some(hit) => hit - tip,
+        None => {
+            let forward = -m.fixed_view::<3, 1>(0, 2).into_owned();
+            forward.try_normalize(0.0)? * stylus.ray_length_m
+        }
+    };
+    let length = along.norm();
+    if !(length.is_finite() && length > 0.0) {
+        return None;
+    }
+    // A half turn about x where the ray points exactly backwards and the shortest rotation is not unique.
+    let rotation = Rotation3::rotation_between(&-Vector3::z(), &along)
+        .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), PI));
+    let radius = stylus.size_m * RAY_RADIUS;
+    let scaling = Matrix4::new_nonuniform_scaling(&Vector3::new(radius, radius, length));
+    Some(Matrix4::new_translation(&tip.coords) * rotation.to_homogeneous() * scaling)
+}
+
+/// Surfaces of revolution about the z axis, collected into one mesh.
+#[derive(Default)]
+struct Revolved {
+    vertices: Vec<SolidVertex>,
+    indices: Vec<u32>,
+}
+
+impl Revolved {
+    /// A pen of unit length: tip at the origin, body along +Z; parts meet in sharp edges.
+    fn pen(&mut self) -> Range<u32> {
+        const STEEL: [u8; 4] = [188, 194, 202, 0];
+        const GRAPHITE: [u8; 4] = [74, 82, 96, 0];
+        const LIGHT: [u8; 4] = [150, 158, 170, 0];
+        const ACCENT: [u8; 4] = [0, 0, 0, 255];
+        let start = self.indices.len() as u32;
+        self.revolve(&[(0.0, 0.0), (0.0, 0.006)], STEEL);
+        self.revolve(&[(0.0, 0.006), (0.17, 0.036)], STEEL);
+        self.revolve(&[(0.17, 0.036), (0.17, 0.041)], ACCENT);
+        self.revolve(&[(0.17, 0.041), (0.21, 0.041)], ACCENT);
+        self.revolve(&[(0.21, 0.041), (0.21, 0.038)], ACCENT);
+        self.revolve(&[(0.21, 0.038), (0.45, 0.044), (0.86, 0.040)], GRAPHITE);
+        self.revolve(&[(0.86, 0.040), (0.90, 0.039)], LIGHT);
+        let cap: Vec<_> = (0..=6).map(|k| quarter(k as f32 / 6.0)).map(|(z, r)| (0.90 + 0.10 * z, 0.037 * r)).collect();
+        self.revolve(&cap, GRAPHITE);
+        start..self.indices.len() as u32
+    }
+
+    /// Radius 1 from z = 0 to z = -1, open at both ends.
+    fn cylinder(&mut self) -> Range<u32> {
+        self.revolve(&[(-1.0, 1.0), (0.0, 1.0)], [0, 0, 0, 255])
+    }
+
+    /// Radius 1 about the origin.
+    fn sphere(&mut self) -> Range<u32> {
+        let profile: Vec<_> = (0..=16)
+            .map(|k| {
+                let (sin, cos) = (PI * k as f32 / 16.0).sin_cos();
+                (-cos, sin)
+            })
+            .collect();
+        self.revolve(&profile, [0, 0, 0, 255])
+    }
+
+    /// Turns a profile of (z, r), given so that outside is to its left for r upwards and z to the right, about z.
+    /// Normals are smooth along the profile.
+    fn revolve(&mut self, profile: &[(f32, f32)], color: [u8; 4]) -> Range<u32> {
+        let start = self.indices.len() as u32;
+        let base = self.vertices.len() as u32;
+        let point = |k: usize| Vector2::new(profile[k].0, profile[k].1);
+        for k in 0..profile.len() {
+            let tangent = point((k + 1).min(profile.len() - 1)) - point(k.saturating_sub(1));
+            let (z, r) = profile[k];
+            for segment in 0..=SEGMENTS {
+                let (sin, cos) = (TAU * segment as f32 / SEGMENTS as f32).sin_cos();
+                self.vertices.push(SolidVertex {
+                    position: [r * cos, r * sin, z],
+                    normal: [tangent.x * cos, tangent.x * sin, -tangent.y],
+                    color,
+                });
+            }
+        }
+        let ring = SEGMENTS + 1;
+        for k in 0..profile.len() as u32 - 1 {
+            for segment in 0..SEGMENTS {
+                let a = base + k * ring + segment;
+                self.indices.extend([a, a + 1, a + ring, a + ring, a + 1, a + ring + 1]);
+            }
+        }
+        start..self.indices.len() as u32
+    }
+}
+
+/// A quarter circle from (0, 1) to (1, 0).
+fn quarter(share: f32) -> (f32, f32) {
+    (share * FRAC_PI_2).sin_cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stylus(hit: Option<Point3<f32>>) -> StylusShape {
+        let room_from_stylus = Matrix4::new_translation(&Vector3::new(1.0, 2.0, 3.0));
+        StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 5.0, hit, pressed: false }
+    }
+
+    #[test]
+    fn the_ray_runs_from_the_tip_to_the_hit_or_along_minus_z() {
+        let end = |shape: &StylusShape| room_from_ray(shape).unwrap() * Point3::new(0.0, 0.0, -1.0).to_homogeneous();
+        let free = end(&stylus(None));
+        assert!((free.xyz() - Vector3::new(1.0, 2.0, -2.0)).norm() < 1e-5, "{free}");
+        for hit in [Point3::new(0.3, 2.5, -1.0), Point3::new(1.0, 2.0, 4.0)] {
+            let reached = end(&stylus(Some(hit)));
+            assert!((reached.xyz() - hit.coords).norm() < 1e-5, "{reached}");
+        }
+    }
+
+    #[test]
+    fn a_hit_at_the_tip_and_a_broken_pose_draw_no_ray() {
+        assert!(room_from_ray(&stylus(Some(Point3::new(1.0, 2.0, 3.0)))).is_none());
+        let broken = StylusShape { room_from_stylus: Matrix4::from_element(f32::NAN), ..stylus(None) };
+        assert!(room_from_ray(&broken).is_none());
+    }
+
+    /// Each triangle turns counter-clockwise seen from outside, and its vertices' normals point there too.
+    #[test]
+    fn solids_are_oriented_outward() {
+        let mut mesh = Revolved::default();
+        mesh.pen();
+        mesh.cylinder();
+        mesh.sphere();
+        for triangle in mesh.indices.chunks_exact(3) {
+            let [a, b, c] = [0, 1, 2].map(|k| mesh.vertices[triangle[k] as usize]);
+            let [p, q, r] = [a, b, c].map(|v| Vector3::from(v.position));
+            let area = (q - p).cross(&(r - p));
+            if area.norm() > 1e-9 {
+                let normal = Vector3::from(a.normal) + Vector3::from(b.normal) + Vector3::from(c.normal);
+                assert!(area.dot(&normal) > 0.0, "{p} {q} {r}");
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! What a picture is drawn into: the multisampled colour and depth of one size, and the plain texture they resolve to.
+
+use super::{Gpu, RenderError, Viewport};
+
+pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// Depth, and multisampled colour where there is more than one sample, for targets of one size.
+pub struct Attachments {
+    pub width: u32,
+    pub height: u32,
+    pub samples: u32,
+    pub(super) multisampled: Option<wgpu::TextureView>,
+    pub(super) depth: wgpu::TextureView,
+}
+
+impl Attachments {
+    /// # Errors
+    /// [`RenderError::PictureSize`] outside 1 to the device's texture limit.
+    pub fn new(
+        gpu: &Gpu,
+        format: wgpu::TextureFormat,
+        samples: u32,
+        [width, height]: [u32; 2],
+    ) -> Result<Self, RenderError> {
+        let limit = gpu.device.limits().max_texture_dimension_2d;
+        if width == 0 || height == 0 || width > limit || height > limit {
+            return Err(RenderError::PictureSize { width, height, limit });
+        }
+        let attachment = |format| {
+            gpu.device
+                .create_texture(&texture([width, height], format, samples, wgpu::TextureUsages::RENDER_ATTACHMENT))
+                .create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        let attachments = Self {
+            width,
+            height,
+            samples,
+            multisampled: (samples > 1).then(|| attachment(format)),
+            depth: attachment(DEPTH_FORMAT),
+        };
+        gpu.check()?;
+        Ok(attachments)
+    }
+}
+
+/// One target of a frame: where it is drawn and which views it holds. What no viewport covers stays black.
+#[derive(Clone, Copy)]
+pub struct Picture<'a> {
+    pub attachments: &'a Attachments,
+    /// A plain two-dimensional texture: some software drivers resolve layers of an array into the wrong one.
+    pub texture: &'a wgpu::TextureView,
+    pub viewports: &'a [Viewport],
+}
+
+impl Picture<'_> {
+    pub(super) fn check(&self, samples: u32) -> Result<(), RenderError> {
+        let &Attachments { width, height, samples: found, .. } = self.attachments;
+        if found != samples {
+            return Err(RenderError::SamplesDiffer { found, expected: samples });
+        }
+        for viewport in self.viewports {
+            let rect @ [x, y, w, h] = viewport.rect.map(u64::from);
+            let inside = w > 0 && h > 0 && x + w <= u64::from(width) && y + h <= u64::from(height);
+            if !inside {
+                let rect = rect.map(|side| side as u32);
+                return Err(RenderError::ViewportOutside { rect, width, height });
+            }
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn texture(
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    sample_count: u32,
+    usage: wgpu::TextureUsages,
+) -> wgpu::TextureDescriptor<'static> {
+    wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    }
+}

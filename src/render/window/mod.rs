@@ -1,0 +1,305 @@
+//! Windows of one process on one device, one per screen or pair of eyes.
+//!
+//! In come window sizes and places and an application; out go its pictures, drawn by the same [`Renderer`] as offscreen
+//! ones and presented together after all were drawn, and the user's input in neutral terms ([`Input`]).
+
+mod display;
+mod input;
+mod surface;
+
+pub use display::find_display;
+pub use input::{Button, Input, Key};
+
+use super::{FrameContents, Gpu, Picture, RenderError, Renderer, Viewport};
+use std::panic::catch_unwind;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use surface::WindowSurface;
+use winit::application::ApplicationHandler;
+use winit::dpi::{PhysicalPosition, PhysicalSize};
+use winit::event::WindowEvent;
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+use winit::window::{Fullscreen, Window, WindowId};
+
+/// How long to sleep when no window can be drawn: all are minimised or hidden.
+const IDLE: Duration = Duration::from_millis(20);
+
+/// One window, in physical pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WindowSpec {
+    pub title: String,
+    /// Of the top left corner on the desktop that spans all monitors; None leaves it to the window manager. Wayland
+    /// ignores it: walls of several projectors need X11.
+    pub position: Option<[i32; 2]>,
+    pub size: [u32; 2],
+    pub decorated: bool,
+    /// Borderless over the whole monitor that holds `position`. Needs a window manager; an undecorated window with a
+    /// place and the monitor's size does not.
+    pub fullscreen: bool,
+}
+
+/// How all windows draw and present.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WindowOptions {
+    /// 1 or 4 samples a pixel.
+    pub samples: u32,
+    /// Wait for the display's refresh; false presents at once, for benchmarks.
+    pub vsync: bool,
+}
+
+/// Whether the windows stay open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    Continue,
+    Quit,
+}
+
+/// What an application may return as its own error.
+pub type AppError = Box<dyn std::error::Error + Send + Sync>;
+
+/// The application behind the windows. Escape and closing any window quit without asking it.
+pub trait WindowApp {
+    /// Called once, when the windows are open and the device is there to make buffers on.
+    ///
+    /// # Errors
+    /// Any error ends [`run`] with it.
+    fn start(&mut self, gpu: &Gpu) -> Result<(), AppError>;
+
+    fn input(&mut self, input: Input);
+
+    /// Called once per frame: update, upload, then [`Windows::draw`] once.
+    ///
+    /// # Errors
+    /// Any error ends [`run`] with it.
+    fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError>;
+}
+
+/// The open windows with their device and renderer.
+pub struct Windows {
+    pub gpu: Gpu,
+    renderer: Renderer,
+    surfaces: Vec<WindowSurface>,
+}
+
+/// Where a frame's time went on the CPU; with vsync, waiting for the display is in `acquire` or `present`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WindowTimes {
+    pub acquire: Duration,
+    pub encode: Duration,
+    pub present: Duration,
+}
+
+impl Windows {
+    /// Width and height of each window in pixels; zero while it is minimised.
+    pub fn sizes(&self) -> impl Iterator<Item = [u32; 2]> {
+        self.surfaces.iter().map(|surface| surface.size)
+    }
+
+    /// Draws `contents` through each window's viewports and presents all windows together. A window that cannot be
+    /// drawn just now (minimised, covered, being resized) is left out of this frame.
+    ///
+    /// # Errors
+    /// A viewport outside its window, a number of windows that differs, or a device that failed.
+    pub fn draw<V: AsRef<[Viewport]>>(
+        &mut self,
+        viewports: &[V],
+        contents: &FrameContents<'_>,
+    ) -> Result<WindowTimes, RenderError> {
+        let (found, expected) = (viewports.len(), self.surfaces.len());
+        if found != expected {
+            return Err(RenderError::WindowCount { found, expected });
+        }
+        let start = Instant::now();
+        let mut frames = Vec::new();
+        for (surface, viewports) in self.surfaces.iter_mut().zip(viewports) {
+            if let Some(frame) = surface.acquire(&self.gpu, &self.renderer)? {
+                frames.push((frame, surface, viewports.as_ref()));
+            }
+        }
+        let acquire = start.elapsed();
+        if frames.is_empty() {
+            std::thread::sleep(IDLE);
+            return Ok(WindowTimes { acquire, ..WindowTimes::default() });
+        }
+        let pictures: Vec<_> = frames
+            .iter()
+            .filter_map(|(frame, surface, viewports)| {
+                let attachments = surface.attachments.as_ref()?;
+                Some(Picture { attachments, texture: &frame.view, viewports })
+            })
+            .collect();
+        let encode = self.renderer.draw(&self.gpu, &pictures, contents)?;
+
+        let start = Instant::now();
+        for (frame, surface, _) in frames {
+            surface.window.pre_present_notify();
+            self.gpu.queue.present(frame.texture);
+        }
+        self.gpu.check()?;
+        Ok(WindowTimes { acquire, encode, present: start.elapsed() })
+    }
+}
+
+/// Opens the windows and runs `app` until it quits, Escape is pressed or a window is closed.
+///
+/// # Errors
+/// [`RenderError::NoDisplay`] where windows cannot be opened, any error of the device, and what `app` returns.
+pub fn run(
+    specs: &[WindowSpec],
+    options: WindowOptions,
+    app: &mut impl WindowApp,
+) -> Result<(), RenderError> {
+    find_display()?;
+    // winit panics when a library it loads at run time is missing; the user gets an error with the remedy instead.
+    let event_loop = catch_unwind(build_event_loop)
+        .map_err(|panic| no_display(panic_message(&*panic).to_owned()))?
+        .map_err(|error| no_display(error.to_string()))?;
+    event_loop.set_control_flow(ControlFlow::Poll);
+    let mut handler = Handler { specs, options, app, windows: None, result: Ok(()) };
+    event_loop.run_app(&mut handler).map_err(|error| no_display(error.to_string()))?;
+    handler.result
+}
+
+fn build_event_loop() -> Result<EventLoop<()>, winit::error::EventLoopError> {
+    let mut builder = EventLoop::builder();
+    #[cfg(target_os = "linux")]
+    {
+        // Both of Linux' window systems allow it, and tests do not run on the main thread.
+        use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
+        EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
+        EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+    }
+    builder.build()
+}
+
+fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("the window system did not start")
+}
+
+fn no_display(reason: String) -> RenderError {
+    RenderError::NoDisplay(format!(
+        "{reason}; on X11 windows need libxcursor1, libxi6 and libxkbcommon-x11-0 (Debian, Ubuntu: apt install)"
+    ))
+}
+
+struct Handler<'a, A> {
+    specs: &'a [WindowSpec],
+    options: WindowOptions,
+    app: &'a mut A,
+    windows: Option<Windows>,
+    result: Result<(), RenderError>,
+}
+
+impl<A: WindowApp> Handler<'_, A> {
+    fn finish(&mut self, event_loop: &ActiveEventLoop, result: Result<(), RenderError>) {
+        if self.result.is_ok() {
+            self.result = result;
+        }
+        event_loop.exit();
+    }
+
+    fn open(&mut self, event_loop: &ActiveEventLoop) -> Result<(), RenderError> {
+        let mut opened = Vec::new();
+        for (index, spec) in self.specs.iter().enumerate() {
+            let window = event_loop
+                .create_window(attributes(event_loop, spec))
+                .map_err(|error| window_error(index, spec, error.to_string()))?;
+            if let Some([x, y]) = spec.position {
+                // Some window managers only heed the place once the window is there.
+                window.set_outer_position(PhysicalPosition::new(x, y));
+            }
+            opened.push(Arc::new(window));
+        }
+        let display = Box::new(event_loop.owned_display_handle());
+        let instance =
+            wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(display));
+        let mut surfaces = Vec::new();
+        for (index, (window, spec)) in opened.iter().zip(self.specs).enumerate() {
+            let surface = instance
+                .create_surface(window.clone())
+                .map_err(|error| window_error(index, spec, error.to_string()))?;
+            surfaces.push(surface);
+        }
+        let gpu = Gpu::open(instance, surfaces.first())?;
+        let mut configured = Vec::new();
+        for (index, ((window, surface), spec)) in opened.into_iter().zip(surfaces).zip(self.specs).enumerate() {
+            let surface = WindowSurface::new(&gpu, window, surface, self.options.vsync)
+                .map_err(|reason| window_error(index, spec, reason))?;
+            configured.push(surface);
+        }
+        let Some(first) = configured.first() else {
+            return Err(RenderError::WindowCount { found: 0, expected: 1 });
+        };
+        let renderer = Renderer::new(&gpu, first.format(), self.options.samples)?;
+        self.app.start(&gpu).map_err(RenderError::App)?;
+        self.windows = Some(Windows { gpu, renderer, surfaces: configured });
+        Ok(())
+    }
+}
+
+impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if self.windows.is_none()
+            && let Err(error) = self.open(event_loop)
+        {
+            self.finish(event_loop, Err(error));
+        }
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
+        let Some(windows) = &mut self.windows else { return };
+        let Some(index) = windows.surfaces.iter().position(|surface| surface.window.id() == id) else { return };
+        if let WindowEvent::Resized(size) = event {
+            windows.surfaces[index].resize(size.into());
+        }
+        if let WindowEvent::CloseRequested = event {
+            return self.finish(event_loop, Ok(()));
+        }
+        if let Some(input) = input::neutral(index, windows.surfaces[index].size, &event) {
+            if let Input::Key { key: Key::Escape, pressed: true, .. } = input {
+                return self.finish(event_loop, Ok(()));
+            }
+            self.app.input(input);
+        }
+    }
+
+    fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
+        let Some(windows) = &mut self.windows else { return };
+        if event_loop.exiting() {
+            return;
+        }
+        match self.app.frame(windows) {
+            Ok(Flow::Continue) => {}
+            Ok(Flow::Quit) => self.finish(event_loop, Ok(())),
+            Err(error) => self.finish(event_loop, Err(RenderError::App(error))),
+        }
+    }
+}
+
+fn window_error(window: usize, spec: &WindowSpec, reason: String) -> RenderError {
+    RenderError::Window { window, title: spec.title.clone(), reason }
+}
+
+fn attributes(event_loop: &ActiveEventLoop, spec: &WindowSpec) -> winit::window::WindowAttributes {
+    let [width, height] = spec.size;
+    let mut attributes = Window::default_attributes()
+        .with_title(&spec.title)
+        .with_inner_size(PhysicalSize::new(width.max(1), height.max(1)))
+        .with_decorations(spec.decorated);
+    if let Some([x, y]) = spec.position {
+        attributes = attributes.with_position(PhysicalPosition::new(x, y));
+    }
+    if spec.fullscreen {
+        let [x, y] = spec.position.unwrap_or_default();
+        let monitor = event_loop.available_monitors().find(|monitor| {
+            let (corner, size) = (monitor.position(), monitor.size());
+            let within = |p: i32, start: i32, length: u32| {
+                (0..i64::from(length)).contains(&(i64::from(p) - i64::from(start)))
+            };
+            within(x, corner.x, size.width) && within(y, corner.y, size.height)
+        });
+        attributes = attributes.with_fullscreen(Some(Fullscreen::Borderless(monitor)));
+    }
+    attributes
+}

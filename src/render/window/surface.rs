@@ -1,0 +1,123 @@
+//! A window's swap chain: configured when it opens, again when its size changes or the system says so.
+
+use super::super::{Attachments, Gpu, RenderError, Renderer};
+use std::sync::Arc;
+use wgpu::CurrentSurfaceTexture;
+use winit::window::Window;
+
+pub(super) struct WindowSurface {
+    pub(super) size: [u32; 2],
+    /// Of the configured size; None until the window has been drawn at that size.
+    pub(super) attachments: Option<Attachments>,
+    surface: wgpu::Surface<'static>,
+    config: wgpu::SurfaceConfiguration,
+    /// The swap chain fits the window.
+    is_current: bool,
+    /// Last, so that the surface goes before its window.
+    pub(super) window: Arc<Window>,
+}
+
+/// The image that a window will show next.
+pub(super) struct SurfaceFrame {
+    pub(super) texture: wgpu::SurfaceTexture,
+    pub(super) view: wgpu::TextureView,
+}
+
+impl WindowSurface {
+    /// # Errors
+    /// A sentence when the device cannot present on this window, or not in sRGB.
+    pub(super) fn new(
+        gpu: &Gpu,
+        window: Arc<Window>,
+        surface: wgpu::Surface<'static>,
+        vsync: bool,
+    ) -> Result<Self, String> {
+        let capabilities = surface.get_capabilities(&gpu.adapter);
+        let formats = &capabilities.formats;
+        let Some(&format) = formats.iter().find(|format| format.is_srgb()) else {
+            return Err(format!(
+                "{} cannot present sRGB pictures on this window (it offers {formats:?})",
+                gpu.adapter_name
+            ));
+        };
+        let size: [u32; 2] = window.inner_size().into();
+        let config = wgpu::SurfaceConfiguration {
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            format,
+            color_space: wgpu::SurfaceColorSpace::Auto,
+            width: size[0],
+            height: size[1],
+            present_mode: if vsync { wgpu::PresentMode::AutoVsync } else { wgpu::PresentMode::AutoNoVsync },
+            // One frame ahead: latency counts more than throughput when a hand moves the picture.
+            desired_maximum_frame_latency: 1,
+            alpha_mode: wgpu::CompositeAlphaMode::Auto,
+            view_formats: vec![],
+        };
+        Ok(Self { size, attachments: None, surface, config, is_current: false, window })
+    }
+
+    pub(super) fn format(&self) -> wgpu::TextureFormat {
+        self.config.format
+    }
+
+    pub(super) fn resize(&mut self, size: [u32; 2]) {
+        if size != self.size {
+            self.size = size;
+            self.is_current = false;
+        }
+    }
+
+    /// The next image to draw into, or None when this frame has to go without this window.
+    pub(super) fn acquire(
+        &mut self,
+        gpu: &Gpu,
+        renderer: &Renderer,
+    ) -> Result<Option<SurfaceFrame>, RenderError> {
+        if self.size.contains(&0) {
+            return Ok(None);
+        }
+        if !self.is_current {
+            self.configure(gpu, renderer)?;
+        }
+        let texture = match self.surface.get_current_texture() {
+            CurrentSurfaceTexture::Success(texture) => texture,
+            CurrentSurfaceTexture::Suboptimal(texture) => {
+                // Still good for this frame; the next one starts from a new swap chain.
+                self.is_current = false;
+                texture
+            }
+            CurrentSurfaceTexture::Timeout | CurrentSurfaceTexture::Occluded => return Ok(None),
+            CurrentSurfaceTexture::Outdated => {
+                self.is_current = false;
+                return Ok(None);
+            }
+            CurrentSurfaceTexture::Lost => {
+                self.is_current = false;
+                self.surface = gpu
+                    .instance
+                    .create_surface(self.window.clone())
+                    .map_err(|error| RenderError::Device(format!("a lost window surface: {error}")))?;
+                return Ok(None);
+            }
+            CurrentSurfaceTexture::Validation => {
+                gpu.check()?;
+                return Ok(None);
+            }
+        };
+        let view = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(Some(SurfaceFrame { texture, view }))
+    }
+
+    fn configure(&mut self, gpu: &Gpu, renderer: &Renderer) -> Result<(), RenderError> {
+        [self.config.width, self.config.height] = self.size;
+        let fits = |old: &Attachments| [old.width, old.height] == self.size;
+        if !self.attachments.as_ref().is_some_and(fits) {
+            // Also refuses a size beyond the device's limit before the swap chain would.
+            self.attachments = Some(Attachments::new(gpu, self.config.format, renderer.samples, self.size)?);
+        }
+        self.surface.configure(&gpu.device, &self.config);
+        gpu.check()?;
+        self.is_current = true;
+        Ok(())
+    }
+}
