@@ -5,6 +5,7 @@
 
 use super::ModelStats;
 use crate::green::FIELDS;
+use rayon::prelude::*;
 
 /// The basis columns of a body: per control element twelve columns of 3·nodes numbers, one after the other.
 pub struct Columns<'a> {
@@ -14,26 +15,29 @@ pub struct Columns<'a> {
 /// Numbers summed at a time: the partial sums and the total of one block stay in the first-level cache.
 const BLOCK: usize = 2048;
 
+/// Bytes of columns that are worth a thread of their own: waking it costs some 10 µs, reading these more.
+const BYTES_PER_THREAD: usize = 1 << 20;
+
 /// The partial sums of one body.
 pub struct Superposition {
     /// The coefficients summed last, per control element.
     coefficients: Vec<[f32; FIELDS]>,
-    partial: Vec<Vec<f32>>,
+    /// Per block of numbers, the partial sum of every control element, each `BLOCK` long.
+    partial: Vec<f32>,
 }
 
 impl Superposition {
     pub fn new(elements: usize) -> Superposition {
-        Superposition { coefficients: vec![[0.0; FIELDS]; elements], partial: vec![Vec::new(); elements] }
+        Superposition { coefficients: vec![[0.0; FIELDS]; elements], partial: Vec::new() }
     }
 
     /// Brings `u` to the sum over all control elements for coefficients `c`, 12 a control element.
     ///
-    /// `u` must be what the last call left, or zero on the first.
+    /// `u` must be what the last call left, or zero on the first. The bits do not depend on the number of threads.
     pub fn update(&mut self, columns: &Columns<'_>, c: Vec<[f64; FIELDS]>, u: &mut [[f32; 3]]) -> ModelStats {
         let rounded: Vec<[f32; FIELDS]> = c.iter().map(|c| c.map(|c| c as f32)).collect();
         let changed: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != self.coefficients[e]).collect();
-        let mut stats =
-            ModelStats { elements_summed: changed.len(), columns_read: 0, coefficients: c };
+        let mut stats = ModelStats { elements_summed: changed.len(), columns_read: 0, coefficients: c };
         if changed.is_empty() {
             return stats;
         }
@@ -47,24 +51,28 @@ impl Superposition {
             })
             .collect();
         stats.columns_read = terms.iter().map(|(_, terms)| terms.len()).sum();
-        for (e, used) in &terms {
-            self.partial[*e].resize(if used.is_empty() { 0 } else { u.len() }, 0.0);
-        }
-        for start in (0..u.len()).step_by(BLOCK) {
-            let range = start..(start + BLOCK).min(u.len());
-            for (e, used) in terms.iter().filter(|(_, used)| !used.is_empty()) {
-                combine(&mut self.partial[*e][range.clone()], used, start);
-            }
-            let mut sums = self.partial.iter().filter(|partial| !partial.is_empty());
-            let total = &mut u[range.clone()];
-            match sums.next() {
-                Some(first) => total.copy_from_slice(&first[range.clone()]),
-                None => total.fill(0.0),
-            }
-            for partial in sums {
-                add(total, &partial[range.clone()]);
-            }
-        }
+        let moved: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != [0.0; FIELDS]).collect();
+
+        let stride = BLOCK * rounded.len();
+        self.partial.resize(u.len().div_ceil(BLOCK) * stride, 0.0);
+        let block_bytes = 4 * BLOCK * stats.columns_read.max(1);
+        self.partial
+            .par_chunks_mut(stride)
+            .zip(u.par_chunks_mut(BLOCK))
+            .enumerate()
+            .with_min_len(BYTES_PER_THREAD.div_ceil(block_bytes))
+            .for_each(|(block, (partial, total))| {
+                let n = total.len();
+                for (e, used) in &terms {
+                    combine(&mut partial[e * BLOCK..][..n], used, block * BLOCK);
+                }
+                let mut sums = moved.iter().map(|e| &partial[e * BLOCK..][..n]);
+                match sums.next() {
+                    Some(first) => total.copy_from_slice(first),
+                    None => total.fill(0.0),
+                }
+                sums.for_each(|partial| add(total, partial));
+            });
         self.coefficients = rounded;
         stats
     }

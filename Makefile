@@ -1,0 +1,20 @@
+# `make demo` builds the program, precomputes the demo's tube and shows it being bent.
+# `make test` runs all that CI runs.
+# Both install what is missing on Debian or Ubuntu, and say what and why (scripts/setup.sh).
+
+.PHONY: demo test figures
+
+demo:
+	@sh scripts/setup.sh
+	cargo build --release --locked
+	target/release/greenstage
+
+test:
+	@sh scripts/setup.sh test
+	@sh scripts/test.sh
+
+# Measures on this machine and writes the README's tables.
+figures:
+	@sh scripts/setup.sh
+	cargo build --release --locked
+	target/release/greenstage bench configs/scenes/tube.toml --readme README.md

@@ -1,0 +1,53 @@
+//! The online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use greenstage::deform::{Columns, Superposition, vertex_normals};
+use greenstage::green::FIELDS;
+use std::hint::black_box;
+
+const NODES: usize = 10_000;
+
+fn superposition(c: &mut Criterion) {
+    let data: Vec<Vec<f32>> =
+        (0..2).map(|e| (0..FIELDS * 3 * NODES).map(|i| ((i + e) as f32).sin()).collect()).collect();
+    let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+    let mut group = c.benchmark_group("superposition 10,000 nodes");
+    for (name, moved) in [("one control element, 12 columns", 1), ("two, 24 columns", 2)] {
+        let mut sum = Superposition::new(2);
+        let mut u = vec![[0.0; 3]; NODES];
+        let mut step = 0.0;
+        group.throughput(Throughput::Bytes((moved * FIELDS * 12 * NODES) as u64));
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                step += 1e-3;
+                let coefficients = (0..2).map(|e| [if e < moved { 0.1 + step } else { 0.0 }; FIELDS]).collect();
+                black_box(sum.update(&columns, coefficients, &mut u));
+            });
+        });
+    }
+    group.finish();
+}
+
+fn normals(c: &mut Criterion) {
+    let (around, along) = (100u32, NODES as u32 / 100);
+    let positions: Vec<[f32; 3]> = (0..NODES as u32)
+        .map(|i| {
+            let (angle, z) = ((i % around) as f32 * 0.0628, (i / around) as f32 * 0.1);
+            [angle.cos(), angle.sin(), z]
+        })
+        .collect();
+    let triangles: Vec<[u32; 3]> = (0..along - 1)
+        .flat_map(|j| (0..around).map(move |i| (j, i)))
+        .flat_map(|(j, i)| {
+            let at = |j: u32, i: u32| j * around + i % around;
+            [[at(j, i), at(j, i + 1), at(j + 1, i)], [at(j + 1, i), at(j, i + 1), at(j + 1, i + 1)]]
+        })
+        .collect();
+    let (mut sums, mut normals) = (Vec::new(), vec![[0.0; 3]; NODES]);
+    c.bench_function("normals 10,000 nodes, 19,800 triangles", |b| {
+        b.iter(|| vertex_normals(black_box(&positions), &triangles, &mut sums, &mut normals));
+    });
+}
+
+criterion_group!(benches, superposition, normals);
+criterion_main!(benches);

@@ -1,0 +1,27 @@
+#!/bin/sh
+# All that CI runs: format, lints, documentation, tests, benches once. Stops at the first failure and says how long
+# each step took. One profile (release) serves all, so dependencies are built once.
+set -eu
+cd "$(dirname "$0")/.."
+export GREENSTAGE_REQUIRE_GPU=1 CARGO_TERM_COLOR=never
+began=$(date +%s)
+step() { # name, command…
+    name=$1
+    shift
+    echo "── $name: $*"
+    started=$(date +%s)
+    if ! "$@"; then
+        echo "── $name FAILED after $(($(date +%s) - started)) s" >&2
+        exit 1
+    fi
+    times="$times
+   $(printf '%6d s  %s' $(($(date +%s) - started)) "$name")"
+}
+times=""
+step format cargo fmt --check
+step lints cargo clippy --release --locked --all-targets -- -D warnings
+RUSTDOCFLAGS="-D warnings" step documentation cargo doc --release --locked --no-deps --document-private-items
+step build cargo test --release --locked --no-run
+step tests cargo test --release --locked -- --nocapture --test-threads 2
+step benches cargo test --release --locked --benches
+echo "── all passed in $(($(date +%s) - began)) s:$times"

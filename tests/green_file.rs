@@ -1,0 +1,144 @@
+//! The .green file: what is written is what is read, and no damage passes.
+
+mod common;
+
+use common::{block_scene, folder, scene};
+use greenstage::green::{self, FIELDS, GreenError, GreenFile, Needs};
+use greenstage::solve::Silent;
+use std::path::{Path, PathBuf};
+
+const HAPTICS: Needs = Needs { stiffness: true };
+
+fn written(name: &str, needs: Needs) -> (PathBuf, green::Precomputed) {
+    let path = folder(name).join("block.green");
+    let precomputed = green::precompute(&block_scene([2, 1, 1], ""), "block", needs, &Silent).unwrap();
+    green::write(&path, std::slice::from_ref(&precomputed)).unwrap();
+    (path, precomputed)
+}
+
+#[test]
+fn round_trip_keeps_every_number_to_f32() {
+    let (path, precomputed) = written("green-round-trip", HAPTICS);
+    let file = GreenFile::open(&path).unwrap();
+    let solution = &precomputed.solution;
+    let body = &file.meta.bodies["block"];
+    let nodes = &solution.surface.nodes;
+    assert_eq!((body.surface_nodes, file.tags("block").len()), (nodes.len(), nodes.len()));
+    assert_eq!(file.triangles("block"), solution.surface.triangles);
+    for (e, control) in solution.controls.iter().enumerate() {
+        let columns = file.basis("block", &control.name);
+        for k in 0..FIELDS {
+            for (i, &node) in nodes.iter().enumerate() {
+                for axis in 0..3 {
+                    let stored = columns[(k * nodes.len() + i) * 3 + axis];
+                    let solved = solution.fields.row(3 * node as usize + axis)[FIELDS * e + k];
+                    assert_eq!(stored, solved as f32);
+                }
+            }
+        }
+        let held: Vec<u32> = file.control("block", &control.name).iter().map(|&i| nodes[i as usize]).collect();
+        assert_eq!(held, control.nodes);
+    }
+    assert_eq!(file.stiffness("block"), solution.stiffness);
+}
+
+#[test]
+fn same_scene_gives_the_same_bytes() {
+    let (one, _) = written("green-same-1", HAPTICS);
+    let (two, _) = written("green-same-2", HAPTICS);
+    assert!(std::fs::read(one).unwrap() == std::fs::read(two).unwrap());
+}
+
+#[test]
+fn scene_without_haptics_has_no_stiffness_in_its_file() {
+    let (with, _) = written("green-with", HAPTICS);
+    let (without, _) = written("green-without", Needs::default());
+    let stiffness = |path: &Path| GreenFile::open(path).unwrap().stiffness("block").is_some();
+    assert!(stiffness(&with) && !stiffness(&without));
+    let size = |path: &Path| std::fs::metadata(path).unwrap().len() as usize;
+    assert!(size(&with) - size(&without) > 24 * 24 * 8);
+}
+
+/// Every byte flipped in turn, each refused with the reason and the remedy.
+#[test]
+fn no_flipped_byte_passes() {
+    let (path, _) = written("green-flipped", Needs::default());
+    let bytes = std::fs::read(&path).unwrap();
+    let damaged = path.with_extension("damaged.green");
+    for at in 0..bytes.len() {
+        let mut copy = bytes.clone();
+        copy[at] ^= 0x10;
+        std::fs::write(&damaged, &copy).unwrap();
+        match GreenFile::open(&damaged) {
+            Err(error @ GreenError::Damaged { .. }) => assert!(error.to_string().contains("greenstage precompute")),
+            other => panic!("byte {at} of {} flipped: {:?}", bytes.len(), other.map(|file| file.meta)),
+        }
+    }
+}
+
+#[test]
+fn no_cut_file_passes() {
+    let (path, _) = written("green-cut", Needs::default());
+    let bytes = std::fs::read(&path).unwrap();
+    let cut = path.with_extension("cut.green");
+    for length in (0..bytes.len()).step_by(7) {
+        std::fs::write(&cut, &bytes[..length]).unwrap();
+        assert!(GreenFile::open(&cut).is_err(), "cut to {length} bytes");
+    }
+    let mut longer = bytes.clone();
+    longer.extend([0; 8]);
+    std::fs::write(&cut, longer).unwrap();
+    assert!(GreenFile::open(&cut).is_err(), "eight bytes too many");
+}
+
+#[test]
+fn changed_scene_makes_the_file_stale() {
+    let fingerprint = |text: &str, needs| green::fingerprint(&block_scene([2, 1, 1], text), "block", needs).unwrap();
+    let base = fingerprint("", Needs::default());
+    assert_eq!(base, fingerprint("", Needs::default()));
+    assert_eq!(base, fingerprint("place = { position = [0.0, 1.0, 0.0] }", Needs::default()), "placing moves nothing");
+    assert_ne!(base, fingerprint("", HAPTICS));
+    assert_ne!(base, fingerprint("solver = { method = \"pcg\" }", Needs::default()));
+    let finer = green::fingerprint(&block_scene([2, 2, 1], ""), "block", Needs::default()).unwrap();
+    assert_ne!(base, finer);
+
+    let (path, _) = written("green-stale", Needs::default());
+    let file = GreenFile::open(&path).unwrap();
+    file.check_fresh("block", &base).unwrap();
+    let stale = file.check_fresh("block", &finer).unwrap_err();
+    assert!(matches!(stale, GreenError::Stale { .. }) && stale.to_string().contains("stale"), "{stale}");
+}
+
+/// One flat control element and one of a single node: their fields that prescribe nothing are kept as zero columns
+/// and named.
+#[test]
+fn vanishing_columns_are_zero_and_named() {
+    let scene = scene(
+        r#"
+[body.block]
+generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }
+material = { young = 1.0e3, poisson = 0.3 }
+[body.block.control.face]
+nodes = { group = "xmin" }
+grab = "fixed"
+[body.block.control.point]
+nodes = { sphere = { centre = [0.5, 0.5, 0.5], radius = 0.01 } }
+grab = "dragger"
+"#,
+    );
+    let path = folder("green-vanishing").join("block.green");
+    let precomputed = green::precompute(&scene, "block", HAPTICS, &Silent).unwrap();
+    assert!(precomputed.solution.notices.iter().any(|n| n.contains("planar") && n.contains("m11, m21, m31")));
+    assert!(precomputed.solution.notices.iter().any(|n| n.contains("a single point")));
+    green::write(&path, &[precomputed]).unwrap();
+    let file = GreenFile::open(&path).unwrap();
+    let [face, point] = &file.meta.bodies["block"].controls[..] else { panic!("two control elements") };
+    assert_eq!((face.independent, face.vanishing.as_slice()), (9, ["m11", "m21", "m31"].map(String::from).as_slice()));
+    assert_eq!((point.independent, point.vanishing.len()), (3, 9));
+    let columns = file.basis("block", "point");
+    let nodes = file.rest("block").len();
+    assert!(columns[3 * 3 * nodes..].iter().all(|u| *u == 0.0));
+    assert!(columns[..3 * nodes].iter().any(|u| *u == 1.0));
+    let s = file.stiffness("block").unwrap();
+    assert!((15..24).all(|k| s.column(k).amax() == 0.0) && s.column(12).amax() > 0.0);
+}
