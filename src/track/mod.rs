@@ -1,1 +1,93 @@
-//! (in work)
+//! Where poses come from: each source is a file here and gives a [`TrackerState`] for an instant.
+//!
+//! In: mouse and keys, or a script of key frames. Out: the head and the styli in the room's frame (metres, y up,
+//! right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
+
+mod interpolate;
+pub mod mouse;
+pub mod script;
+
+pub use mouse::{Mouse, MouseInput};
+pub use script::{Script, ScriptError};
+
+use crate::stage::ROOM_LIMIT_M;
+use nalgebra::{Isometry3, UnitQuaternion};
+
+/// What the trackers say at one instant.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrackerState {
+    /// `None`: the head is not tracked and stays where the stage has it.
+    pub head: Option<Isometry3<f32>>,
+    /// Always the same styli in the same order from one source.
+    pub styli: Vec<StylusState>,
+    pub time_s: f64,
+}
+
+/// A six-degree-of-freedom pointing device with one button.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StylusState {
+    pub room_from_stylus: Isometry3<f32>,
+    pub pressed: bool,
+    /// The ray starts at the viewer's eye, as the mouse's does: seen end-on, neither stylus nor ray is to be
+    /// drawn, only the place that it hits.
+    pub from_eye: bool,
+}
+
+/// The last usable pose of a tracked thing, and how many unusable ones came since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HeldPose {
+    pub last: Option<Isometry3<f64>>,
+    pub invalid: u64,
+}
+
+impl HeldPose {
+    /// Takes a new pose if it is usable and counts it otherwise; true if it was taken.
+    pub fn update(&mut self, pose: &Isometry3<f32>) -> bool {
+        match usable(pose) {
+            Some(pose) => {
+                self.last = Some(pose);
+                true
+            }
+            None => {
+                self.invalid = self.invalid.saturating_add(1);
+                false
+            }
+        }
+    }
+}
+
+/// The pose in f64, its rotation normalised again; `None` if a number is not finite, the place lies more than
+/// 1 km away, or the quaternion's length is off by more than 1 %.
+pub fn usable(pose: &Isometry3<f32>) -> Option<Isometry3<f64>> {
+    let pose: Isometry3<f64> = pose.cast();
+    let is_in_room = pose.translation.vector.iter().all(|x| x.abs() <= ROOM_LIMIT_M);
+    let is_rotation = (pose.rotation.coords.norm() - 1.0).abs() <= 0.01;
+    (is_in_room && is_rotation).then(|| {
+        let rotation = UnitQuaternion::new_normalize(pose.rotation.into_inner());
+        Isometry3::from_parts(pose.translation, rotation)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Quaternion, Translation3};
+
+    #[test]
+    fn unusable_poses_are_counted_and_the_last_usable_one_is_held() {
+        let good = Isometry3::translation(1.0, 2.0, 3.0);
+        let mut held = HeldPose::default();
+        assert!(held.update(&good));
+        let zero_quaternion = UnitQuaternion::new_unchecked(Quaternion::new(0.0, 0.0, 0.0, 0.0));
+        for bad in [
+            Isometry3::translation(f32::NAN, 0.0, 0.0),
+            Isometry3::translation(0.0, f32::INFINITY, 0.0),
+            Isometry3::translation(0.0, 0.0, 1e30),
+            Isometry3::from_parts(Translation3::identity(), zero_quaternion),
+            Isometry3::rotation(nalgebra::Vector3::new(f32::NAN, 0.0, 0.0)),
+        ] {
+            assert!(!held.update(&bad), "{bad}");
+        }
+        assert_eq!((held.last, held.invalid), (Some(good.cast()), 5));
+    }
+}

@@ -1,0 +1,397 @@
+//! Mouse and keyboard as head and stylus, for a desktop without trackers.
+//!
+//! In: neutral events (cursor on a screen, buttons, wheel, keys by their W3C names). Out: a [`TrackerState`].
+//! Pure arithmetic; no window system.
+//!
+//! | input | what it does |
+//! |---|---|
+//! | cursor | aims: the stylus' ray runs from midway between the eyes through the cursor |
+//! | left button | grabs what the ray hits, until released |
+//! | … and moved | carries it parallel to the screen, under the cursor |
+//! | … and wheel | carries it away from the eye or towards it |
+//! | … with right button or Ctrl, and moved | turns it about the grab point, across the screen and up |
+//! | … with right button or Ctrl, and wheel | turns it about the screen's normal |
+//! | W A S D, arrow keys | move the head forward, left, back, right |
+//! | Q, E | move the head down, up |
+//! | R | puts the head back where the stage has it |
+
+use super::{StylusState, TrackerState};
+use crate::stage::{Eye, MIN_EYE_DISTANCE_M, Stage, rotation_towards};
+use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+
+/// The bindings, as `--help` and the window's overlay show them.
+pub const BINDINGS: &[(&str, &str)] = &[
+    ("left button", "grab what the cursor points at; moving carries it parallel to the screen"),
+    ("wheel while grabbing", "carry it away from the eye or towards it"),
+    ("right button or Ctrl while grabbing", "moving turns it, the wheel twists it about the line of sight"),
+    ("W A S D, arrow keys", "move the head forward, left, back, right"),
+    ("Q, E", "move the head down, up"),
+    ("R", "put the head back"),
+];
+
+/// One event, in no window system's terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MouseInput<'a> {
+    /// The cursor is on screen number `screen` at `ndc` (x right, y up, -1..1 over the screen).
+    Cursor { screen: usize, ndc: [f64; 2] },
+    Button { button: Button, pressed: bool },
+    /// Positive away from the user, in notches.
+    Wheel { notches: f64 },
+    /// A key by its W3C name, any case: `w`, `ArrowUp`, `Control`.
+    Key { name: &'a str, pressed: bool },
+    /// The window lost the focus: all buttons and keys count as released.
+    FocusLost,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Button {
+    Left,
+    Right,
+}
+
+/// Head and stylus as mouse and keys have moved them.
+#[derive(Clone, Debug)]
+pub struct Mouse {
+    /// Distance along the ray to what it hits now, set by whoever picks; the grab point of the next grab. `None`
+    /// (nothing hit) lets the ray end at the workspace's distance.
+    pub hit_distance_m: Option<f64>,
+    stage: Stage,
+    room_from_head: Isometry3<f64>,
+    screen: usize,
+    ndc: [f64; 2],
+    grab: Option<Grab>,
+    right_button: bool,
+    control: bool,
+    /// Head movement asked for by the keys held: right, up, back; and the opposite ones.
+    forward_keys: [bool; 3],
+    backward_keys: [bool; 3],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Grab {
+    point: Point3<f64>,
+    room_from_stylus: Isometry3<f64>,
+}
+
+/// Turning by the cursor's way from one edge of the screen to the other, radians.
+const TURN_PER_SCREEN: f64 = std::f64::consts::PI;
+const TWIST_PER_NOTCH: f64 = 5.0 * std::f64::consts::PI / 180.0;
+/// Part of the distance to the eye that one notch of the wheel carries a thing.
+const REACH_PER_NOTCH: f64 = 0.05;
+const NEAREST_REACH_M: f64 = 0.02;
+/// Head speed in workspace radii per second, so that each stage is crossed in the same time.
+const HEAD_SPEED: f64 = 1.5;
+const FARTHEST_HEAD_M: f64 = 3.0;
+/// A longer frame moves the head no further: after a stall it does not jump.
+const LONGEST_STEP_S: f64 = 0.1;
+const MOST_NOTCHES: f64 = 20.0;
+
+impl Mouse {
+    pub fn new(stage: Stage) -> Self {
+        Self {
+            hit_distance_m: None,
+            room_from_head: stage.viewer.room_from_head,
+            stage,
+            screen: 0,
+            ndc: [0.0, 0.0],
+            grab: None,
+            right_button: false,
+            control: false,
+            forward_keys: [false; 3],
+            backward_keys: [false; 3],
+        }
+    }
+
+    /// Takes one event. Numbers that are not finite and screens that do not exist are ignored.
+    pub fn handle(&mut self, input: MouseInput) {
+        match input {
+            MouseInput::Cursor { screen, ndc } => self.move_cursor(screen, ndc),
+            MouseInput::Button { button: Button::Right, pressed } => self.right_button = pressed,
+            MouseInput::Button { button: Button::Left, pressed: false } => self.grab = None,
+            MouseInput::Button { button: Button::Left, pressed: true } => {
+                if self.grab.is_none() {
+                    self.grab = Some(self.grab_at_cursor());
+                }
+            }
+            MouseInput::Wheel { notches } if notches.is_finite() => {
+                self.turn_wheel(notches.clamp(-MOST_NOTCHES, MOST_NOTCHES));
+            }
+            MouseInput::Wheel { .. } => {}
+            MouseInput::Key { name, pressed } => self.press_key(name, pressed),
+            MouseInput::FocusLost => {
+                self.grab = None;
+                (self.right_button, self.control) = (false, false);
+                (self.forward_keys, self.backward_keys) = ([false; 3], [false; 3]);
+            }
+        }
+    }
+
+    /// Moves the head by the keys that are held, for `step_s` seconds.
+    pub fn advance(&mut self, step_s: f64) {
+        let step_s = if step_s.is_finite() { step_s.clamp(0.0, LONGEST_STEP_S) } else { 0.0 };
+        let start = self.stage.viewer.room_from_head;
+        let right = start.rotation * Vector3::x();
+        let axes = [right, Vector3::y(), right.cross(&Vector3::y())];
+        let mut velocity = Vector3::zeros();
+        for (i, axis) in axes.iter().enumerate() {
+            velocity += axis * (f64::from(self.forward_keys[i]) - f64::from(self.backward_keys[i]));
+        }
+        let step = velocity * (HEAD_SPEED * self.stage.workspace.radius_m * step_s);
+        let moved = self.room_from_head.translation.vector - start.translation.vector + step;
+        let place = start.translation.vector + moved.cap_magnitude(FARTHEST_HEAD_M);
+        self.room_from_head.translation = Translation3::from(place);
+    }
+
+    /// Head and stylus as they are now.
+    pub fn state(&self, time_s: f64) -> TrackerState {
+        let room_from_stylus = self.grab.map_or_else(|| self.aim(), |grab| grab.room_from_stylus);
+        let stylus = StylusState {
+            room_from_stylus: room_from_stylus.cast(),
+            pressed: self.grab.is_some(),
+            from_eye: true,
+        };
+        TrackerState { head: Some(self.room_from_head.cast()), styli: vec![stylus], time_s }
+    }
+
+    fn eye(&self) -> Point3<f64> {
+        self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre)
+    }
+
+    /// The stylus at the eye, its -z axis through the cursor.
+    fn aim(&self) -> Isometry3<f64> {
+        let eye = self.eye();
+        let through = self.stage.screens[self.screen].point(self.ndc);
+        let rotation = rotation_towards(&(through - eye), 0.0).unwrap_or(self.room_from_head.rotation);
+        Isometry3::from_parts(Translation3::from(eye.coords), rotation)
+    }
+
+    fn grab_at_cursor(&self) -> Grab {
+        let room_from_stylus = self.aim();
+        let to_workspace_m = (self.stage.workspace.centre - self.eye()).norm();
+        let usable = |distance_m: &f64| distance_m.is_finite() && *distance_m > 0.0;
+        let reach_m = self.hit_distance_m.filter(usable).unwrap_or(to_workspace_m);
+        Grab { point: room_from_stylus * Point3::new(0.0, 0.0, -reach_m), room_from_stylus }
+    }
+
+    fn move_cursor(&mut self, screen: usize, ndc: [f64; 2]) {
+        // A window that is dragged out of reports places beyond its edges; ten screens away is no place.
+        if screen >= self.stage.screens.len() || !ndc.iter().all(|x| x.abs() <= 10.0) {
+            return;
+        }
+        let eye = self.eye();
+        let before = (self.screen, self.ndc);
+        (self.screen, self.ndc) = (screen, ndc);
+        if before.0 != screen {
+            return;
+        }
+        let shown_on = &self.stage.screens[screen];
+        let [right, up, normal] = shown_on.axes();
+        let is_turning = self.right_button || self.control;
+        let Some(grab) = &mut self.grab else { return };
+        if is_turning {
+            let across = (ndc[0] - before.1[0]) / 2.0 * TURN_PER_SCREEN;
+            let upward = (ndc[1] - before.1[1]) / 2.0 * TURN_PER_SCREEN;
+            grab.turn(&UnitQuaternion::from_scaled_axis(up * across - right * upward));
+            return;
+        }
+        let eye_distance_m = shown_on.distance_m(&eye);
+        if eye_distance_m >= MIN_EYE_DISTANCE_M {
+            // Similar triangles: what lies twice as far as the glass moves twice as far as the cursor.
+            let depth = (eye - grab.point).dot(&normal).max(0.0) / eye_distance_m;
+            grab.shift((shown_on.point(ndc) - shown_on.point(before.1)) * depth);
+        }
+    }
+
+    fn turn_wheel(&mut self, notches: f64) {
+        let eye = self.eye();
+        let normal = self.stage.screens[self.screen].axes()[2];
+        let is_turning = self.right_button || self.control;
+        let Some(grab) = &mut self.grab else { return };
+        if is_turning {
+            let axis = Unit::new_normalize(normal);
+            grab.turn(&UnitQuaternion::from_axis_angle(&axis, notches * TWIST_PER_NOTCH));
+            return;
+        }
+        let sight = grab.point - eye;
+        let reach_m = sight.norm();
+        if reach_m > 0.0 {
+            let new_reach_m = (reach_m * (1.0 + REACH_PER_NOTCH).powf(notches)).clamp(NEAREST_REACH_M, 100.0);
+            grab.shift(sight * (new_reach_m / reach_m - 1.0));
+        }
+    }
+
+    fn press_key(&mut self, name: &str, pressed: bool) {
+        match name.to_ascii_lowercase().as_str() {
+            "control" => self.control = pressed,
+            "d" | "arrowright" => self.forward_keys[0] = pressed,
+            "a" | "arrowleft" => self.backward_keys[0] = pressed,
+            "e" => self.forward_keys[1] = pressed,
+            "q" => self.backward_keys[1] = pressed,
+            "s" | "arrowdown" => self.forward_keys[2] = pressed,
+            "w" | "arrowup" => self.backward_keys[2] = pressed,
+            "r" if pressed => self.room_from_head = self.stage.viewer.room_from_head,
+            _ => {}
+        }
+    }
+}
+
+impl Grab {
+    fn shift(&mut self, by: Vector3<f64>) {
+        self.point += by;
+        self.room_from_stylus.translation.vector += by;
+    }
+
+    /// Turns the stylus about the grab point.
+    fn turn(&mut self, rotation: &UnitQuaternion<f64>) {
+        let arm = self.room_from_stylus.translation.vector - self.point.coords;
+        self.room_from_stylus.translation.vector = self.point.coords + rotation * arm;
+        let turned = rotation * self.room_from_stylus.rotation;
+        self.room_from_stylus.rotation = UnitQuaternion::new_normalize(turned.into_inner());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mouse() -> Mouse {
+        Mouse::new(Stage::find("desktop").unwrap())
+    }
+
+    fn stylus(mouse: &Mouse) -> Isometry3<f64> {
+        mouse.state(0.0).styli[0].room_from_stylus.cast()
+    }
+
+    fn cursor(x: f64, y: f64) -> MouseInput<'static> {
+        MouseInput::Cursor { screen: 0, ndc: [x, y] }
+    }
+
+    const PRESS: MouseInput = MouseInput::Button { button: Button::Left, pressed: true };
+    const RELEASE: MouseInput = MouseInput::Button { button: Button::Left, pressed: false };
+    const PRESS_RIGHT: MouseInput = MouseInput::Button { button: Button::Right, pressed: true };
+
+    /// Where the thing that was grabbed at `point` is carried by a stylus that moved from `before` to now.
+    fn carried(mouse: &Mouse, before: &Isometry3<f64>, point: &Point3<f64>) -> Point3<f64> {
+        stylus(mouse) * (before.inverse() * point)
+    }
+
+    #[test]
+    fn the_ray_runs_from_between_the_eyes_through_the_cursor() {
+        let mut mouse = mouse();
+        mouse.handle(cursor(0.5, -0.5));
+        let pose = stylus(&mouse);
+        let through = Point3::new(0.0864, -0.054, 0.0);
+        let eye = Point3::new(0.0, 0.06, 0.60);
+        assert!((pose * Point3::origin() - eye).norm() < 1e-6);
+        assert!((pose * -Vector3::z() - (through - eye).normalize()).norm() < 1e-6);
+        assert!(!mouse.state(0.0).styli[0].pressed);
+    }
+
+    #[test]
+    fn what_is_grabbed_stays_under_the_cursor_and_parallel_to_the_screen() {
+        let mut mouse = mouse();
+        mouse.hit_distance_m = Some(0.7);
+        mouse.handle(PRESS);
+        let before = stylus(&mouse);
+        let point = before * Point3::new(0.0, 0.0, -0.7);
+        for x in 0..=10 {
+            mouse.handle(cursor(0.06 * f64::from(x), 0.02 * f64::from(x)));
+        }
+        let now = carried(&mouse, &before, &point);
+        assert!((now.z - point.z).abs() < 1e-6, "{now}");
+        let stage = Stage::find("desktop").unwrap();
+        let view = stage.screens[0].view(&Point3::new(0.0, 0.06, 0.60), 0.05).unwrap();
+        let clip = view.clip_from_room * now.cast::<f32>().to_homogeneous();
+        assert!((clip.x / clip.w - 0.6).abs() < 1e-5 && (clip.y / clip.w - 0.2).abs() < 1e-5);
+        assert!(mouse.state(0.0).styli[0].pressed);
+        mouse.handle(RELEASE);
+        assert!(!mouse.state(0.0).styli[0].pressed);
+    }
+
+    #[test]
+    fn the_wheel_carries_along_the_line_of_sight() {
+        let mut mouse = mouse();
+        mouse.hit_distance_m = Some(0.5);
+        mouse.handle(PRESS);
+        let before = stylus(&mouse);
+        let point = before * Point3::new(0.0, 0.0, -0.5);
+        mouse.handle(MouseInput::Wheel { notches: 2.0 });
+        let now = carried(&mouse, &before, &point);
+        let eye = Point3::new(0.0, 0.06, 0.60);
+        assert!(((now - eye).norm() - 0.5 * 1.05 * 1.05).abs() < 1e-6);
+        assert!((now - eye).angle(&(point - eye)) < 1e-4);
+    }
+
+    #[test]
+    fn turning_leaves_the_grab_point_where_it_is() {
+        for hold in [PRESS_RIGHT, MouseInput::Key { name: "Control", pressed: true }] {
+            let mut mouse = mouse();
+            mouse.hit_distance_m = Some(0.5);
+            mouse.handle(PRESS);
+            let before = stylus(&mouse);
+            let point = before * Point3::new(0.0, 0.0, -0.5);
+            mouse.handle(hold);
+            mouse.handle(cursor(0.5, 0.0));
+            assert!((carried(&mouse, &before, &point) - point).norm() < 1e-6);
+            let turn = stylus(&mouse).rotation * before.rotation.inverse();
+            assert!((turn.scaled_axis() - Vector3::new(0.0, TURN_PER_SCREEN / 4.0, 0.0)).norm() < 1e-5);
+            mouse.handle(cursor(0.0, 0.0));
+            mouse.handle(MouseInput::Wheel { notches: 3.0 });
+            let turn = stylus(&mouse).rotation * before.rotation.inverse();
+            assert!((turn.scaled_axis() - Vector3::new(0.0, 0.0, 3.0 * TWIST_PER_NOTCH)).norm() < 1e-5);
+            assert!((carried(&mouse, &before, &point) - point).norm() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn keys_move_the_head_and_r_puts_it_back() {
+        let place = |mouse: &Mouse| mouse.state(0.0).head.unwrap().translation.vector.cast::<f64>();
+        for (name, direction) in [
+            ("w", -Vector3::z()), ("S", Vector3::z()), ("ArrowLeft", -Vector3::x()), ("d", Vector3::x()),
+            ("q", -Vector3::y()), ("E", Vector3::y()),
+        ] {
+            let mut mouse = mouse();
+            let start = place(&mouse);
+            mouse.handle(MouseInput::Key { name, pressed: true });
+            mouse.advance(0.1);
+            let moved = place(&mouse) - start;
+            assert!((moved - direction * (HEAD_SPEED * 0.12 * 0.1)).norm() < 1e-6, "{name}: {moved}");
+            mouse.handle(MouseInput::Key { name, pressed: false });
+            mouse.advance(0.1);
+            assert!((place(&mouse) - start - moved).norm() < 1e-6);
+            mouse.handle(MouseInput::Key { name: "r", pressed: true });
+            assert!((place(&mouse) - start).norm() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn losing_the_focus_lets_everything_go() {
+        let mut mouse = mouse();
+        for input in [PRESS, PRESS_RIGHT, MouseInput::Key { name: "w", pressed: true }, MouseInput::FocusLost] {
+            mouse.handle(input);
+        }
+        let before = mouse.state(0.0);
+        mouse.advance(0.1);
+        assert_eq!(mouse.state(0.0), before);
+        assert!(!before.styli[0].pressed);
+    }
+
+    #[test]
+    fn no_event_makes_a_pose_unusable() {
+        let values = [f64::NAN, f64::INFINITY, -1e300, 1e300, 3.0, -0.5];
+        let mut mouse = Mouse::new(Stage::find("cyberstage").unwrap());
+        for round in 0..200 {
+            let value = values[round % values.len()];
+            mouse.hit_distance_m = Some(values[(round / 3) % values.len()].min(1e3));
+            mouse.handle(if round % 7 == 0 { RELEASE } else { PRESS });
+            mouse.handle(MouseInput::Cursor { screen: round % 6, ndc: [value, values[(round / 5) % values.len()]] });
+            mouse.handle(MouseInput::Button { button: Button::Right, pressed: round % 2 == 0 });
+            mouse.handle(MouseInput::Wheel { notches: value });
+            mouse.handle(MouseInput::Key { name: "d", pressed: true });
+            mouse.advance(value);
+            let state = mouse.state(0.0);
+            let head = state.head.unwrap();
+            assert!(super::super::usable(&head).is_some() && super::super::usable(&state.styli[0].room_from_stylus).is_some());
+        }
+    }
+}

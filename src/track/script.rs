@@ -1,0 +1,418 @@
+//! A script of key frames: what a head and some styli do, for demonstrations and tests without a person.
+//!
+//! In: a strict TOML file. Out: the [`TrackerState`] at any time, on any stage. Between key frames motion is
+//! smooth and never overshoots; before the first and after the last it rests.
+//!
+//! ```toml
+//! frame = "workspace"       # or "room": metres in the room
+//! [[key]]
+//! time = 0.0                # seconds, strictly increasing
+//! head = { offset = [0.0, 0.0, 0.0] }
+//! stylus.right = { position = [0.9, 0.7, 0.8], target = [0.9, 0.0, 0.0] }
+//! [[key]]
+//! time = 1.0
+//! stylus.right = { pressed = true }
+//! ```
+//!
+//! | key | meaning |
+//! |---|---|
+//! | `frame` | `workspace`: the room's axes, origin at the stage's workspace centre, unit its radius, so that one script serves all stages |
+//! | `position` | place, in the frame |
+//! | `target`, `direction`, `rotation` | orientation: -z towards a place, or along a direction, or a rotation vector in radians; one of them |
+//! | `roll` | with target or direction: radians about the -z axis |
+//! | `pressed` | the stylus' button, from this key frame on |
+//! | `head.offset` | instead of all those: metres in the room's axes from where the stage has the viewer, looking as there |
+//!
+//! The first key frame states all that the script moves; what a later one does not state holds as it was.
+
+use super::interpolate::{interpolate, locate};
+use super::{StylusState, TrackerState};
+use crate::config::{self, ConfigError};
+use crate::stage::{ROOM_LIMIT_M, Stage, rotation_towards};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// A checked script: every track has a value at every key time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Script {
+    pub frame: Frame,
+    /// Time of the last key frame.
+    pub duration_s: f64,
+    times_s: Vec<f64>,
+    /// Empty if the script does not move the head.
+    head: Vec<HeadKey>,
+    /// By name, in the order of the names.
+    styli: BTreeMap<String, Vec<StylusKey>>,
+}
+
+/// What a script's positions refer to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Frame {
+    Room,
+    Workspace,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum HeadKey {
+    Offset(Vector3<f64>),
+    Pose(Isometry3<f64>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct StylusKey {
+    pose: Isometry3<f64>,
+    pressed: bool,
+}
+
+/// Why a script was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ScriptError {
+    #[error(transparent)]
+    File(#[from] ConfigError),
+    #[error("{}: the script has no key frame: add a [[key]] with time and what it moves", path.display())]
+    Empty { path: PathBuf },
+    #[error("{}:{line}: key frame {key}: {fault}", path.display())]
+    Invalid { path: PathBuf, line: usize, key: usize, fault: Fault },
+}
+
+/// What is wrong with a key frame, and what to do about it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Fault {
+    #[error("time is {time_s}: give seconds between 0 and {LONGEST_S}")]
+    Time { time_s: f64 },
+    #[error("time is {time_s} s, not later than the key frame before it ({previous_s} s): order them by time")]
+    Order { time_s: f64, previous_s: f64 },
+    #[error("{who} has no {what}: the first key frame must state it")]
+    Missing { who: String, what: &'static str },
+    #[error("{who} is not in the first key frame, which must state all that moves{hint}")]
+    Unknown { who: String, hint: String },
+    #[error("{who} has several of `target`, `direction` and `rotation`: keep one")]
+    SeveralOrientations { who: String },
+    #[error("{who} has a `roll` without `target` or `direction` to turn about: add one, or use `rotation`")]
+    LoneRoll { who: String },
+    #[error("{who} points nowhere: `target` must differ from `position`, `direction` must not be zero")]
+    NoDirection { who: String },
+    #[error("the head has `offset` and a pose: keep one; with `offset` it looks as the stage has it")]
+    OffsetAndPose,
+    #[error("{what} of {who} is {value}: give numbers between -{ROOM_LIMIT_M} and {ROOM_LIMIT_M}")]
+    Number { who: String, what: &'static str, value: f64 },
+}
+
+const LONGEST_S: f64 = 86400.0;
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScriptFile {
+    frame: Frame,
+    #[serde(default, rename = "key")]
+    keys: Vec<Spanned<KeyFile>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KeyFile {
+    time: f64,
+    head: Option<HeadFile>,
+    #[serde(default)]
+    stylus: BTreeMap<String, StylusFile>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HeadFile {
+    offset: Option<[f64; 3]>,
+    position: Option<[f64; 3]>,
+    target: Option<[f64; 3]>,
+    direction: Option<[f64; 3]>,
+    rotation: Option<[f64; 3]>,
+    roll: Option<f64>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StylusFile {
+    position: Option<[f64; 3]>,
+    target: Option<[f64; 3]>,
+    direction: Option<[f64; 3]>,
+    rotation: Option<[f64; 3]>,
+    roll: Option<f64>,
+    pressed: Option<bool>,
+}
+
+/// What a head and a stylus have in common.
+struct PoseFile<'a> {
+    who: &'a str,
+    position: Option<[f64; 3]>,
+    target: Option<[f64; 3]>,
+    direction: Option<[f64; 3]>,
+    rotation: Option<[f64; 3]>,
+    roll: Option<f64>,
+}
+
+impl Script {
+    pub fn load(path: &Path) -> Result<Self, ScriptError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Checks the text of a script; `path` is only named in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ScriptError> {
+        let file: ScriptFile = config::parse(text, path)?;
+        let mut script = Self {
+            frame: file.frame,
+            duration_s: 0.0,
+            times_s: Vec::new(),
+            head: Vec::new(),
+            styli: BTreeMap::new(),
+        };
+        for (index, key) in file.keys.iter().enumerate() {
+            script.push(key.get_ref()).map_err(|fault| ScriptError::Invalid {
+                path: path.to_owned(),
+                line: config::line_and_column(text, key.span().start).0,
+                key: index + 1,
+                fault,
+            })?;
+        }
+        match script.times_s.last() {
+            Some(&last_s) => Ok(Self { duration_s: last_s, ..script }),
+            None => Err(ScriptError::Empty { path: path.to_owned() }),
+        }
+    }
+
+    /// The styli's names, in the order of [`TrackerState::styli`].
+    pub fn stylus_names(&self) -> impl Iterator<Item = &str> {
+        self.styli.keys().map(String::as_str)
+    }
+
+    /// What a tracker on `stage` would say at `time_s`.
+    pub fn sample(&self, stage: &Stage, time_s: f64) -> TrackerState {
+        let times = &self.times_s;
+        let at = locate(times, time_s);
+        let head = (!self.head.is_empty())
+            .then(|| interpolate(times, at, |k| self.room_from_head(stage, &self.head[k])).cast());
+        let styli = self.styli.values().map(|keys| StylusState {
+            room_from_stylus: interpolate(times, at, |k| self.in_room(stage, &keys[k].pose)).cast(),
+            pressed: keys[at.left].pressed,
+            from_eye: false,
+        });
+        TrackerState { head, styli: styli.collect(), time_s }
+    }
+
+    fn room_from_head(&self, stage: &Stage, key: &HeadKey) -> Isometry3<f64> {
+        match key {
+            HeadKey::Offset(offset) => Translation3::from(*offset) * stage.viewer.room_from_head,
+            HeadKey::Pose(pose) => self.in_room(stage, pose),
+        }
+    }
+
+    fn in_room(&self, stage: &Stage, pose: &Isometry3<f64>) -> Isometry3<f64> {
+        match self.frame {
+            Frame::Room => *pose,
+            Frame::Workspace => {
+                let place = stage.workspace.centre.coords + pose.translation.vector * stage.workspace.radius_m;
+                Isometry3::from_parts(Translation3::from(place), pose.rotation)
+            }
+        }
+    }
+
+    /// Adds one key frame to every track.
+    fn push(&mut self, key: &KeyFile) -> Result<(), Fault> {
+        let time_s = key.time;
+        if !(0.0..=LONGEST_S).contains(&time_s) {
+            return Err(Fault::Time { time_s });
+        }
+        let is_first = self.times_s.is_empty();
+        if let Some(&previous_s) = self.times_s.last()
+            && previous_s >= time_s
+        {
+            return Err(Fault::Order { time_s, previous_s });
+        }
+        self.times_s.push(time_s);
+
+        let previous = self.head.last().copied();
+        match &key.head {
+            Some(_) if previous.is_none() && !is_first => {
+                return Err(Fault::Unknown { who: "the head".to_owned(), hint: String::new() });
+            }
+            Some(head) => self.head.push(head_key(head, previous)?),
+            None => self.head.extend(previous),
+        }
+
+        for name in key.stylus.keys() {
+            if is_first {
+                self.styli.insert(name.clone(), Vec::new());
+            } else if !self.styli.contains_key(name) {
+                let nearest = config::nearest(name, self.styli.keys().map(String::as_str));
+                let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+                return Err(Fault::Unknown { who: format!("stylus `{name}`"), hint });
+            }
+        }
+        for (name, keys) in &mut self.styli {
+            let previous = keys.last().copied();
+            match key.stylus.get(name) {
+                Some(stylus) => keys.push(stylus_key(name, stylus, previous)?),
+                None => keys.extend(previous),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault> {
+    let HeadFile { offset, position, target, direction, rotation, roll } = *head;
+    let pose = PoseFile { who: "the head", position, target, direction, rotation, roll };
+    let Some(offset) = offset else {
+        let previous = match previous {
+            Some(HeadKey::Pose(pose)) => Some(pose),
+            _ => None,
+        };
+        return Ok(HeadKey::Pose(pose.resolve(previous)?));
+    };
+    if position.or(target).or(direction).or(rotation).is_some() || roll.is_some() {
+        return Err(Fault::OffsetAndPose);
+    }
+    Ok(HeadKey::Offset(pose.vector("offset", offset)?))
+}
+
+fn stylus_key(name: &str, stylus: &StylusFile, previous: Option<StylusKey>) -> Result<StylusKey, Fault> {
+    let StylusFile { position, target, direction, rotation, roll, pressed } = *stylus;
+    let who = format!("stylus `{name}`");
+    let pose = PoseFile { who: &who, position, target, direction, rotation, roll };
+    Ok(StylusKey {
+        pose: pose.resolve(previous.map(|key| key.pose))?,
+        pressed: pressed.unwrap_or(previous.is_some_and(|key| key.pressed)),
+    })
+}
+
+impl PoseFile<'_> {
+    /// The whole pose; what is not stated is the previous one's.
+    fn resolve(&self, previous: Option<Isometry3<f64>>) -> Result<Isometry3<f64>, Fault> {
+        let missing = |what| Fault::Missing { who: self.who.to_owned(), what };
+        let position = match self.position {
+            Some(position) => self.vector("position", position)?,
+            None => previous.ok_or_else(|| missing("position"))?.translation.vector,
+        };
+        let rotation = match self.orientation(&Point3::from(position))? {
+            Some(rotation) => rotation,
+            None => previous.ok_or_else(|| missing("orientation (`target`, `direction` or `rotation`)"))?.rotation,
+        };
+        Ok(Isometry3::from_parts(Translation3::from(position), rotation))
+    }
+
+    fn orientation(&self, position: &Point3<f64>) -> Result<Option<UnitQuaternion<f64>>, Fault> {
+        let direction = match (self.target, self.direction, self.rotation) {
+            (None, None, None) if self.roll.is_none() => return Ok(None),
+            (None, None, Some(rotation)) if self.roll.is_none() => {
+                return Ok(Some(UnitQuaternion::from_scaled_axis(self.vector("rotation", rotation)?)));
+            }
+            (Some(target), None, None) => self.vector("target", target)? - position.coords,
+            (None, Some(direction), None) => self.vector("direction", direction)?,
+            (None, None, _) => return Err(Fault::LoneRoll { who: self.who.to_owned() }),
+            _ => return Err(Fault::SeveralOrientations { who: self.who.to_owned() }),
+        };
+        let roll = self.number("roll", self.roll.unwrap_or(0.0))?;
+        match rotation_towards(&direction, roll) {
+            Some(rotation) => Ok(Some(rotation)),
+            None => Err(Fault::NoDirection { who: self.who.to_owned() }),
+        }
+    }
+
+    fn vector(&self, what: &'static str, numbers: [f64; 3]) -> Result<Vector3<f64>, Fault> {
+        for value in numbers {
+            self.number(what, value)?;
+        }
+        Ok(numbers.into())
+    }
+
+    fn number(&self, what: &'static str, value: f64) -> Result<f64, Fault> {
+        if value.abs() <= ROOM_LIMIT_M {
+            Ok(value)
+        } else {
+            Err(Fault::Number { who: self.who.to_owned(), what, value })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WAVE: &str = r#"
+frame = "workspace"
+[[key]]
+time = 0.5
+head = { offset = [0.0, 0.0, 0.0] }
+stylus.right = { position = [1.0, 0.0, 0.0], direction = [0.0, 0.0, -1.0] }
+[[key]]
+time = 1.0
+stylus.right = { pressed = true }
+[[key]]
+time = 2.0
+head = { offset = [0.1, 0.0, 0.0] }
+stylus.right = { position = [0.0, 1.0, 0.0], rotation = [0.0, 0.0, 1.0] }
+[[key]]
+time = 3.0
+stylus.right = { pressed = false }
+"#;
+
+    fn parse(text: &str) -> Result<Script, ScriptError> {
+        Script::parse(text, Path::new("wave.toml"))
+    }
+
+    fn refusal(from: &str, to: &str) -> String {
+        assert!(WAVE.contains(from));
+        parse(&WAVE.replacen(from, to, 1)).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn poses_are_placed_in_the_stages_workspace_and_what_is_not_stated_holds() {
+        let script = parse(WAVE).unwrap();
+        let stage = Stage::find("workbench").unwrap();
+        assert_eq!(script.duration_s, 3.0);
+        let stylus = |t: f64| script.sample(&stage, t).styli[0];
+        let start = stylus(0.0);
+        assert!((start.room_from_stylus.translation.vector - nalgebra::Vector3::new(0.35, 1.15, 0.55)).norm() < 1e-6);
+        assert_eq!(stylus(0.8).room_from_stylus, start.room_from_stylus);
+        assert_eq!([0.5, 0.99, 1.0, 2.99, 3.0, 9.0].map(|t| stylus(t).pressed), [
+            false, false, true, true, false, false
+        ]);
+        assert!((stylus(2.5).room_from_stylus.rotation.angle() - 1.0).abs() < 1e-6);
+        assert!((stylus(2.5).room_from_stylus.translation.y - 1.5).abs() < 1e-6);
+        let head_x = |t: f64| script.sample(&stage, t).head.unwrap().translation.x;
+        assert!((head_x(1.0)).abs() < 1e-7 && (head_x(3.0) - 0.1).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_script_in_the_room_needs_no_workspace_and_an_unmoved_head_is_untracked() {
+        let text = WAVE.replace("workspace", "room").replace("head = ", "# ");
+        let state = parse(&text).unwrap().sample(&Stage::find("desktop").unwrap(), 0.5);
+        assert_eq!(state.head, None);
+        assert_eq!(state.styli[0].room_from_stylus.translation.x, 1.0);
+    }
+
+    #[test]
+    fn faults_name_file_line_key_frame_and_remedy() {
+        let error = refusal("time = 1.0", "time = 0.5");
+        assert!(error.starts_with("wave.toml:7: key frame 2: time is 0.5 s, not later than"), "{error}");
+        assert!(refusal("time = 0.5", "time = -1").contains("between 0 and 86400"));
+        assert!(refusal("time = 3.0", "time = nan").contains("time is NaN"));
+        assert!(refusal("position = [1.0, 0.0, 0.0], ", "").contains("stylus `right` has no position"));
+        assert!(refusal(", direction = [0.0, 0.0, -1.0]", "").contains("has no orientation"));
+        assert!(refusal("[0.0, 0.0, -1.0]", "[0, 0, 0]").contains("points nowhere"));
+        assert!(refusal("[0.0, 0.0, -1.0]", "[0, 0, inf]").contains("direction of stylus `right` is inf"));
+        assert!(refusal("direction =", "target = [0, 0, 0], direction =").contains("keep one"));
+        assert!(refusal("pressed = true", "roll = 1").contains("`roll` without"));
+        assert!(refusal("rotation = [0.0, 0.0, 1.0]", "rotation = [0, 0, 1], roll = 1").contains("`roll` without"));
+        assert!(refusal("[0.1, 0.0, 0.0]", "[0.1, 0.0, 0.0], roll = 1").contains("the head has `offset`"));
+        let error = refusal("stylus.right = { pressed = true }", "stylus.rihgt = { pressed = true }");
+        assert!(error.contains("stylus `rihgt` is not in the first") && error.contains("`right`?"), "{error}");
+        assert!(refusal("pressed = true", "presed = true").contains("did you mean `pressed`?"));
+        assert!(parse("frame = \"room\"").unwrap_err().to_string().contains("no key frame"));
+        let late_head = WAVE.replacen("head = { offset = [0.0, 0.0, 0.0] }", "", 1);
+        assert!(parse(&late_head).unwrap_err().to_string().contains("the head is not in the first key frame"));
+    }
+}
