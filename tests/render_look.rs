@@ -16,7 +16,7 @@ fn eyes() -> [View; 2] {
 fn styli(mesh: &Mesh, room_from_body: &Matrix4<f32>, pressed: bool) -> [StylusShape; 1] {
     let vertex = mesh.positions.iter().max_by(|a, b| (a[0] + 0.3 * a[2]).total_cmp(&(b[0] + 0.3 * b[2]))).unwrap();
     let hit = room_from_body.transform_point(&Point3::from(*vertex));
-    let tip = Point3::new(0.42, 1.08, 0.62);
+    let tip = Point3::new(0.36, 1.16, 0.50);
     let rotation = UnitQuaternion::face_towards(&(tip - hit), &Vector3::y());
     let room_from_stylus = Isometry3::from_parts(Translation3::from(tip), rotation).to_homogeneous();
     [StylusShape { room_from_stylus, size_m: 0.22, ray_length_m: 2.0, hit: Some(hit), pressed }]

@@ -14,7 +14,7 @@ const RAY_RADIUS: f32 = 0.010;
 const HIT_RADIUS: f32 = 0.040;
 /// Linear RGB of ray, ring and hit point.
 const IDLE: [f32; 3] = [0.02, 0.85, 0.16];
-const PRESSED: [f32; 3] = [1.0, 0.42, 0.03];
+const PRESSED: [f32; 3] = [0.95, 0.78, 0.04];
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -150,7 +150,7 @@ impl Revolved {
         let profile: Vec<_> = (0..=16)
             .map(|k| {
                 let (sin, cos) = (PI * k as f32 / 16.0).sin_cos();
-                (-cos, sin)
+                (-cos, sin.max(0.0))
             })
             .collect();
         self.revolve(&profile, [0, 0, 0, 255])
@@ -228,7 +228,7 @@ mod tests {
             let [a, b, c] = [0, 1, 2].map(|k| mesh.vertices[triangle[k] as usize]);
             let [p, q, r] = [a, b, c].map(|v| Vector3::from(v.position));
             let area = (q - p).cross(&(r - p));
-            if area.norm() > 1e-9 {
+            if area.norm() > 1e-8 {
                 let normal = Vector3::from(a.normal) + Vector3::from(b.normal) + Vector3::from(c.normal);
                 assert!(area.dot(&normal) > 0.0, "{p} {q} {r}");
             }
