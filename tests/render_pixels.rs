@@ -1,5 +1,7 @@
 //! What is drawn lands where the projection says, nearer before farther, the same in every arrangement of viewports.
 
+#![allow(clippy::unwrap_used, reason = "a test may unwrap")]
+
 mod render_common;
 use greenstage::render::*;
 use image::RgbaImage;
@@ -14,9 +16,8 @@ fn black_room() -> Look {
 }
 
 fn eyes() -> [View; 2] {
-    [-0.032, 0.032].map(|x| {
-        off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], -0.3, Point3::new(x + 0.1, 1.3, 0.9))
-    })
+    [-0.032, 0.032]
+        .map(|x| off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], -0.3, Point3::new(x + 0.1, 1.3, 0.9)))
 }
 
 /// Mean place of the pixels that are at least half as bright as the brightest, in pixels from the top left corner.
@@ -65,7 +66,8 @@ fn ray_and_hit_point_land_on_their_projected_pixels() {
     let tip = Point3::new(-0.1, 1.2, -0.6);
     let room_from_stylus = Matrix4::new_translation(&tip.coords);
     for pressed in [false, true] {
-        let stylus = StylusShape { room_from_stylus, size_m: 0.4, ray_length_m: 1.0, hit: Some(hit), pressed };
+        let stylus =
+            StylusShape { room_from_stylus, size_m: 0.4, ray_length_m: 1.0, hit: Some(hit), pressed };
         let contents = FrameContents { styli: &[stylus], look: black_room(), ..FrameContents::default() };
         for view in eyes() {
             let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
@@ -135,8 +137,8 @@ fn both_sides_of_a_surface_are_lit_and_a_mirrored_picture_is_the_mirror_image() 
     let buffers = square(0.3, [0.0; 3], [200, 200, 200, 0]).buffers(&gpu);
     let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], 0.0, Point3::new(0.1, 1.0, 0.8));
     let center = |view: View, turn: f32| {
-        let room_from_body =
-            Matrix4::new_translation(&Vector3::<f32>::y()) * Matrix4::new_rotation(Vector3::new(0.0, turn, 0.0));
+        let room_from_body = Matrix4::new_translation(&Vector3::<f32>::y())
+            * Matrix4::new_rotation(Vector3::new(0.0, turn, 0.0));
         let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
         let contents = FrameContents { bodies: &bodies, ..FrameContents::default() };
         let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
@@ -147,21 +149,30 @@ fn both_sides_of_a_surface_are_lit_and_a_mirrored_picture_is_the_mirror_image() 
 
     let mirror = Matrix4::new_nonuniform_scaling(&Vector3::new(-1.0, 1.0, 1.0));
     let mirrored = View { clip_from_room: mirror * view.clip_from_room, ..view };
-    assert!(center(mirrored, 0.0).abs_diff(front) <= 1, "a mirrored picture swaps the winding, not the sides");
+    assert!(
+        center(mirrored, 0.0).abs_diff(front) <= 1,
+        "a mirrored picture swaps the winding, not the sides"
+    );
 
     // The whole scene, background included.
     let room_from_body = Matrix4::new_translation(&Vector3::new(0.2, 1.1, 0.0));
     let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
     let contents = FrameContents { bodies: &bodies, ..FrameContents::default() };
     let plain = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
-    let flipped = image::imageops::flip_horizontal(&draw_full(&gpu, &mut renderer, SIZE, mirrored, &contents));
-    assert!(largest_difference(&plain, &flipped, 2) < 4, "{} pixels", largest_difference(&plain, &flipped, 2));
+    let flipped =
+        image::imageops::flip_horizontal(&draw_full(&gpu, &mut renderer, SIZE, mirrored, &contents));
+    assert!(
+        largest_difference(&plain, &flipped, 2) < 4,
+        "{} pixels",
+        largest_difference(&plain, &flipped, 2)
+    );
 }
 
 /// How many pixels differ by more than `step` in any channel.
 fn largest_difference(a: &RgbaImage, b: &RgbaImage, step: u8) -> usize {
     assert_eq!(a.dimensions(), b.dimensions());
-    let differs = |p: &image::Rgba<u8>, q: &image::Rgba<u8>| p.0.iter().zip(q.0).any(|(&x, y)| x.abs_diff(y) > step);
+    let differs =
+        |p: &image::Rgba<u8>, q: &image::Rgba<u8>| p.0.iter().zip(q.0).any(|(&x, y)| x.abs_diff(y) > step);
     a.pixels().zip(b.pixels()).filter(|(p, q)| differs(p, q)).count()
 }
 
@@ -277,6 +288,28 @@ fn the_border_of_a_control_element_is_sharp_and_lies_halfway() {
             163.. => assert!(r > 150 && b < 110, "column {x}: {r} {b}"),
             _ => {}
         }
+    }
+}
+
+/// With four samples, values are extrapolated where a pixel's middle lies outside its triangle; undoing the weights of
+/// the two colours there once gave green and blue dots along the silhouette of a control element.
+#[test]
+fn red_bodies_have_no_coloured_dots_along_their_silhouette() {
+    let Some(gpu) = require_gpu() else { return };
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
+    let mut mesh = bent_tube(20, 16);
+    mesh.colors.iter_mut().for_each(|color| *color = [230, 0, 0, color[3]]);
+    let buffers = mesh.buffers(&gpu);
+    let grey = [0.3; 3];
+    let look = Look { key: grey, fill: grey, sky: grey, ground: grey, ..black_room() };
+    for step in 0..40 {
+        let turn = Matrix4::new_rotation(Vector3::new(0.0, 0.15 * step as f32, 0.0));
+        let room_from_body = Matrix4::new_translation(&Vector3::<f32>::y()) * turn;
+        let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
+        let contents = FrameContents { bodies: &bodies, look, ..FrameContents::default() };
+        let image = draw_full(&gpu, &mut renderer, [160, 128], eyes()[0], &contents);
+        let wrong = image.enumerate_pixels().find(|(_, _, p)| p.0[1].max(p.0[2]) > p.0[0]);
+        assert_eq!(wrong, None, "step {step}");
     }
 }
 

@@ -38,9 +38,8 @@ impl WindowApp for TwoScreens {
         let bodies = [BodyInstance { buffers: body, room_from_body }];
         let grid = Some(Grid::new(Point3::new(0.0, 0.7, 0.0), [1.2, 1.2], 0.1));
         let contents = FrameContents { bodies: &bodies, grid, ..FrameContents::default() };
-        let [left, right] = [-0.032, 0.032].map(|x| {
-            off_axis(Point3::new(0.0, 0.95, 0.0), [1.2, 0.96], -0.7, Point3::new(x, 1.8, 0.9))
-        });
+        let [left, right] = [-0.032, 0.032]
+            .map(|x| off_axis(Point3::new(0.0, 0.95, 0.0), [1.2, 0.96], -0.7, Point3::new(x, 1.8, 0.9)));
         self.sizes = windows.sizes().collect();
         let viewports = [
             Viewport::full(self.sizes[0], Some(left)).to_vec(),

@@ -51,8 +51,16 @@ impl SolidMeshes {
         let ranges = [mesh.pen(), mesh.cylinder(), mesh.sphere()];
         let (vertices, indices) = (bytemuck::cast_slice(&mesh.vertices), bytemuck::cast_slice(&mesh.indices));
         let solids = Self {
-            vertices: gpu.buffer("solids", vertices.len() as u64, BufferUsages::VERTEX | BufferUsages::COPY_DST)?,
-            indices: gpu.buffer("solids", indices.len() as u64, BufferUsages::INDEX | BufferUsages::COPY_DST)?,
+            vertices: gpu.buffer(
+                "solids",
+                vertices.len() as u64,
+                BufferUsages::VERTEX | BufferUsages::COPY_DST,
+            )?,
+            indices: gpu.buffer(
+                "solids",
+                indices.len() as u64,
+                BufferUsages::INDEX | BufferUsages::COPY_DST,
+            )?,
             ranges,
         };
         gpu.queue.write_buffer(&solids.vertices, 0, vertices);
@@ -135,7 +143,8 @@ impl Revolved {
         self.revolve(&[(0.21, 0.041), (0.21, 0.038)], ACCENT);
         self.revolve(&[(0.21, 0.038), (0.45, 0.044), (0.86, 0.040)], GRAPHITE);
         self.revolve(&[(0.86, 0.040), (0.90, 0.039)], LIGHT);
-        let cap: Vec<_> = (0..=6).map(|k| quarter(k as f32 / 6.0)).map(|(z, r)| (0.90 + 0.10 * z, 0.037 * r)).collect();
+        let cap: Vec<_> =
+            (0..=6).map(|k| quarter(k as f32 / 6.0)).map(|(z, r)| (0.90 + 0.10 * z, 0.037 * r)).collect();
         self.revolve(&cap, GRAPHITE);
         start..self.indices.len() as u32
     }
@@ -201,7 +210,9 @@ mod tests {
 
     #[test]
     fn the_ray_runs_from_the_tip_to_the_hit_or_along_minus_z() {
-        let end = |shape: &StylusShape| room_from_ray(shape).unwrap() * Point3::new(0.0, 0.0, -1.0).to_homogeneous();
+        let end = |shape: &StylusShape| {
+            room_from_ray(shape).unwrap() * Point3::new(0.0, 0.0, -1.0).to_homogeneous()
+        };
         let free = end(&stylus(None));
         assert!((free.xyz() - Vector3::new(1.0, 2.0, -2.0)).norm() < 1e-5, "{free}");
         for hit in [Point3::new(0.3, 2.5, -1.0), Point3::new(1.0, 2.0, 4.0)] {
