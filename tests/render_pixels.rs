@@ -161,15 +161,11 @@ fn both_sides_of_a_surface_are_lit_and_a_mirrored_picture_is_the_mirror_image() 
     let plain = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
     let flipped =
         image::imageops::flip_horizontal(&draw_full(&gpu, &mut renderer, SIZE, mirrored, &contents));
-    assert!(
-        largest_difference(&plain, &flipped, 2) < 4,
-        "{} pixels",
-        largest_difference(&plain, &flipped, 2)
-    );
+    assert!(pixels_apart(&plain, &flipped, 2) < 4, "{} pixels", pixels_apart(&plain, &flipped, 2));
 }
 
 /// How many pixels differ by more than `step` in any channel.
-fn largest_difference(a: &RgbaImage, b: &RgbaImage, step: u8) -> usize {
+fn pixels_apart(a: &RgbaImage, b: &RgbaImage, step: u8) -> usize {
     assert_eq!(a.dimensions(), b.dimensions());
     let differs =
         |p: &image::Rgba<u8>, q: &image::Rgba<u8>| p.0.iter().zip(q.0).any(|(&x, y)| x.abs_diff(y) > step);
@@ -202,8 +198,11 @@ fn side_by_side_equals_two_separate_pictures() {
             for (k, view) in [left, right].into_iter().enumerate() {
                 let alone = draw_full(&gpu, &mut renderer, SIZE, view, contents);
                 let half = image::imageops::crop_imm(&both, k as u32 * width, 0, width, height).to_image();
-                // A viewport's offset changes the rounding of interpolated values: one step of 8 bits, no edge.
-                assert_eq!(largest_difference(&alone, &half, 1), 0, "eye {k}, {samples} samples");
+                // A viewport's offset changes the rounding of interpolated values, here and there by one step of 8
+                // bits; no edge moves.
+                assert_eq!(pixels_apart(&alone, &half, 1), 0, "eye {k}, {samples} samples");
+                let rounded = pixels_apart(&alone, &half, 0);
+                assert!(rounded * 1000 < width as usize * height as usize, "{rounded} pixels, eye {k}");
             }
         });
     }

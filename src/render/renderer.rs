@@ -108,6 +108,8 @@ impl Renderer {
                 pass.set_bind_group(0, &self.uniforms.group, &[offset]);
                 self.draw_view(&mut pass, contents, solid_counts);
             }
+            // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
+            pass.set_scissor_rect(0, 0, picture.attachments.width, picture.attachments.height);
         }
         gpu.queue.submit([encoder.finish()]);
         gpu.check()?;
@@ -292,7 +294,7 @@ fn pipeline(
             module: &pass.module,
             entry_point: Some("fragment"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR })],
+            targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
         }),
         multiview_mask: None,
         cache: None,
