@@ -34,14 +34,20 @@ fn vertex(
     return out;
 }
 
+// The colour that was interpolated with this weight. The weight may leave 0 to 1, because multisampling extrapolates
+// at the middle of a pixel that lies outside its triangle.
+fn unweighted(sum: vec3<f32>, weight: f32) -> vec3<f32> {
+    return saturate(sum / select(weight, 1e-3, abs(weight) < 1e-3));
+}
+
 @fragment
 fn fragment(in: Varyings, @builtin(front_facing) counter_clockwise: bool) -> @location(0) vec4<f32> {
     let mark = in.marked.a;
     let border = mark - 0.5;
     let pixel = max(fwidth(mark), 1e-6);
     let share = saturate(border / pixel + 0.5);
-    let plain = in.plain / max(1.0 - mark, 1e-3);
-    let marked = in.marked.rgb / max(mark, 1e-3);
+    let plain = unweighted(in.plain, 1.0 - mark);
+    let marked = unweighted(in.marked.rgb, mark);
     let seam = 1.0 - 0.55 * saturate(1.6 - abs(border) / pixel);
     let albedo = mix(plain, marked, share) * seam;
 

@@ -1,5 +1,7 @@
 //! A picture to look at, and what it costs: `cargo test --release --test render_look -- --ignored --nocapture`.
 
+#![allow(clippy::unwrap_used, reason = "a test may unwrap")]
+
 mod render_common;
 use greenstage::render::*;
 use nalgebra::{Isometry3, Matrix4, Point3, Translation3, UnitQuaternion, Vector3};
@@ -8,15 +10,14 @@ use render_common::*;
 /// The two eyes over the table's top, the stylus reaching for the tube's right end.
 fn eyes() -> [View; 2] {
     let center = Point3::new(0.0, 0.9, 0.0);
-    [-0.032, 0.032].map(|x| {
-        off_axis(center, [1.8, 1.44], -0.9, Point3::new(x - 0.15, 1.75, 1.05))
-    })
+    [-0.032, 0.032].map(|x| off_axis(center, [1.8, 1.44], -0.9, Point3::new(x - 0.15, 1.75, 1.05)))
 }
 
 fn styli(mesh: &Mesh, room_from_body: &Matrix4<f32>, pressed: bool) -> [StylusShape; 1] {
-    let vertex = mesh.positions.iter().max_by(|a, b| (a[0] + 0.3 * a[2]).total_cmp(&(b[0] + 0.3 * b[2]))).unwrap();
+    let vertex =
+        mesh.positions.iter().max_by(|a, b| (a[0] + 0.3 * a[2]).total_cmp(&(b[0] + 0.3 * b[2]))).unwrap();
     let hit = room_from_body.transform_point(&Point3::from(*vertex));
-    let tip = Point3::new(0.42, 1.08, 0.62);
+    let tip = Point3::new(0.36, 1.16, 0.50);
     let rotation = UnitQuaternion::face_towards(&(tip - hit), &Vector3::y());
     let room_from_stylus = Isometry3::from_parts(Translation3::from(tip), rotation).to_homogeneous();
     [StylusShape { room_from_stylus, size_m: 0.22, ray_length_m: 2.0, hit: Some(hit), pressed }]
@@ -96,7 +97,10 @@ fn cost_of_each_part() {
         };
         println!("{samples}×: {:<12} {:6.1} ms an eye", "black", measure(&[], &background));
         for (name, contents) in &frames {
-            println!("{samples}×: {name:<12} {:6.1} ms an eye", measure(&Viewport::full(size, Some(eyes()[0])), contents));
+            println!(
+                "{samples}×: {name:<12} {:6.1} ms an eye",
+                measure(&Viewport::full(size, Some(eyes()[0])), contents)
+            );
         }
     }
 }

@@ -10,17 +10,27 @@ pub enum RenderError {
     NoAdapter(String),
     #[error("the graphics device {adapter} refused to open: {reason}")]
     NoDevice { adapter: String, reason: String },
-    #[error("{adapter} cannot draw {format:?} pictures with {samples} samples a pixel; it offers {offered:?}")]
+    #[error(
+        "{adapter} cannot draw {format:?} pictures with {samples} samples a pixel; it offers {offered:?}"
+    )]
     Samples { adapter: String, format: wgpu::TextureFormat, samples: u32, offered: Vec<u32> },
-    #[error("a picture of {width} × {height} pixels cannot be drawn: this device allows 1 to {limit} each way")]
+    #[error(
+        "a picture of {width} × {height} pixels cannot be drawn: this device allows 1 to {limit} each way"
+    )]
     PictureSize { width: u32, height: u32, limit: u32 },
-    #[error("the {what} need {bytes} bytes, and this device allows {limit} in one buffer: use a coarser surface")]
+    #[error(
+        "the {what} need {bytes} bytes, and this device allows {limit} in one buffer: use a coarser surface"
+    )]
     BufferSize { what: &'static str, bytes: u64, limit: u64 },
-    #[error("viewport {rect:?} (x, y, width, height) does not lie within its picture of {width} × {height} pixels")]
+    #[error(
+        "viewport {rect:?} (x, y, width, height) does not lie within its picture of {width} × {height} pixels"
+    )]
     ViewportOutside { rect: [u32; 4], width: u32, height: u32 },
     #[error("a target with {found} samples a pixel was handed to a renderer made for {expected}")]
     SamplesDiffer { found: u32, expected: u32 },
-    #[error("a body needs at least one triangle and one vertex; this has {vertices} vertices, {triangles} triangles")]
+    #[error(
+        "a body needs at least one triangle and one vertex; this has {vertices} vertices, {triangles} triangles"
+    )]
     EmptyBody { vertices: usize, triangles: usize },
     #[error("triangle {triangle} names vertex {vertex}, but the body has only {vertices} vertices")]
     VertexOutOfRange { triangle: usize, vertex: u32, vertices: usize },

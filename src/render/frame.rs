@@ -52,7 +52,7 @@ pub struct StylusShape {
     pub ray_length_m: f32,
     /// Where the ray hits, in the room; the ray ends there.
     pub hit: Option<Point3<f32>>,
-    /// The button is held: ring, ray and hit point change from green to amber.
+    /// The button is held: ring, ray and hit point change from green to yellow.
     pub pressed: bool,
 }
 
@@ -69,9 +69,9 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Lines of 3 % of the spacing in a quiet blue-grey.
+    /// Lines of 2 % of the spacing in a quiet blue-grey.
     pub fn new(center: Point3<f32>, half_size: [f32; 2], spacing: f32) -> Self {
-        Self { center, half_size, spacing, line_width: 0.03 * spacing, color: [0.085, 0.115, 0.16] }
+        Self { center, half_size, spacing, line_width: 0.02 * spacing, color: [0.085, 0.115, 0.16] }
     }
 }
 
@@ -98,10 +98,10 @@ impl Default for Look {
     fn default() -> Self {
         Self {
             to_key: Vector3::new(-0.62, 0.70, 0.36),
-            key: [1.75, 1.62, 1.42],
+            key: [2.30, 2.14, 1.90],
             to_fill: Vector3::new(0.90, -0.10, 0.40),
-            fill: [0.10, 0.14, 0.21],
-            sky: [0.20, 0.25, 0.33],
+            fill: [0.13, 0.18, 0.27],
+            sky: [0.22, 0.27, 0.36],
             ground: [0.035, 0.030, 0.030],
             zenith: [0.010, 0.014, 0.024],
             horizon: [0.040, 0.052, 0.076],

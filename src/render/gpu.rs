@@ -78,7 +78,8 @@ impl Gpu {
     /// One line for logs and tables, with the warning where one is due.
     pub fn describe(&self) -> String {
         let software = if self.is_software { ", in software on the CPU" } else { "" };
-        let fallback = if self.backend == wgpu::Backend::Gl { ", the fallback for want of Vulkan" } else { "" };
+        let fallback =
+            if self.backend == wgpu::Backend::Gl { ", the fallback for want of Vulkan" } else { "" };
         format!("{} by {:?}{fallback}{software} ({})", self.adapter_name, self.backend, self.driver)
     }
 
@@ -114,7 +115,8 @@ impl Gpu {
         if bytes > limit {
             return Err(RenderError::BufferSize { what, bytes, limit });
         }
-        let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
+        let descriptor =
+            wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
         let buffer = self.device.create_buffer(&descriptor);
         self.check()?;
         Ok(buffer)

@@ -31,8 +31,11 @@ impl Offscreen {
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let bytes_per_row = (size[0] * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let bytes = u64::from(bytes_per_row) * u64::from(size[1]);
-        let readback =
-            gpu.buffer("picture to read back", bytes, wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ)?;
+        let readback = gpu.buffer(
+            "picture to read back",
+            bytes,
+            wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        )?;
         gpu.check()?;
         Ok(Self { attachments, texture, view, readback, bytes_per_row })
     }
@@ -70,7 +73,9 @@ impl Offscreen {
         gpu.wait()?;
         match receiver.try_recv() {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(RenderError::Device(format!("the picture cannot be read: {error}"))),
+            Ok(Err(error)) => {
+                return Err(RenderError::Device(format!("the picture cannot be read: {error}")));
+            }
             Err(error) => return Err(RenderError::Device(format!("the picture was not copied: {error}"))),
         }
         let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);

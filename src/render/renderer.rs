@@ -108,13 +108,20 @@ impl Renderer {
                 pass.set_bind_group(0, &self.uniforms.group, &[offset]);
                 self.draw_view(&mut pass, contents, solid_counts);
             }
+            // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
+            pass.set_scissor_rect(0, 0, picture.attachments.width, picture.attachments.height);
         }
         gpu.queue.submit([encoder.finish()]);
         gpu.check()?;
         Ok(start.elapsed())
     }
 
-    fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, contents: &FrameContents<'_>, solid_counts: [u32; 3]) {
+    fn draw_view(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        contents: &FrameContents<'_>,
+        solid_counts: [u32; 3],
+    ) {
         let instances = |first: usize| self.instances.slice((first * size_of::<Instance>()) as u64..);
         pass.set_pipeline(&self.body);
         for (k, body) in contents.bodies.iter().enumerate() {
@@ -170,10 +177,12 @@ impl Renderer {
     fn write_instances(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<[u32; 3], RenderError> {
         let list = &mut self.instance_list;
         list.clear();
-        list.extend(contents.bodies.iter().map(|body| Instance {
-            room_from_shape: body.room_from_body.into(),
-            color: [0.0; 4],
-        }));
+        list.extend(
+            contents
+                .bodies
+                .iter()
+                .map(|body| Instance { room_from_shape: body.room_from_body.into(), color: [0.0; 4] }),
+        );
         let counts = solid::instances(contents, list);
         let bytes: &[u8] = bytemuck::cast_slice(list);
         if bytes.len() as u64 > self.instances.size() {
@@ -191,8 +200,11 @@ impl Uniforms {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let views = gpu.buffer("views", u64::from(stride) * views as u64, usage)?;
         let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, usage)?;
-        let one_view =
-            wgpu::BufferBinding { buffer: &views, offset: 0, size: wgpu::BufferSize::new(u64::from(view_size)) };
+        let one_view = wgpu::BufferBinding {
+            buffer: &views,
+            offset: 0,
+            size: wgpu::BufferSize::new(u64::from(view_size)),
+        };
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout,
@@ -258,7 +270,8 @@ fn pipeline(
         Surface::Background => wgpu::CompareFunction::Equal,
         Surface::Opaque | Surface::Translucent => wgpu::CompareFunction::Greater,
     };
-    let blend = (pass.surface == Surface::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+    let blend =
+        (pass.surface == Surface::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(pass.label),
         layout: Some(pass.layout),
@@ -281,7 +294,7 @@ fn pipeline(
             module: &pass.module,
             entry_point: Some("fragment"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR })],
+            targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
         }),
         multiview_mask: None,
         cache: None,
@@ -305,7 +318,10 @@ fn begin_pass<'a>(encoder: &'a mut wgpu::CommandEncoder, picture: &Picture<'_>) 
         })],
         depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
             view: &attachments.depth,
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+            depth_ops: Some(wgpu::Operations {
+                load: wgpu::LoadOp::Clear(0.0),
+                store: wgpu::StoreOp::Discard,
+            }),
             stencil_ops: None,
         }),
         timestamp_writes: None,

@@ -27,9 +27,12 @@ mod tests {
             let source = parts.concat();
             let module = naga::front::wgsl::parse_str(&source)
                 .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
-            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
-                .validate(&module)
-                .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
+            naga::valid::Validator::new(
+                naga::valid::ValidationFlags::all(),
+                naga::valid::Capabilities::empty(),
+            )
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
             let mut stages: Vec<_> = module.entry_points.iter().map(|e| (e.stage, e.name.as_str())).collect();
             stages.sort_by_key(|&(_, stage)| stage);
             assert_eq!(

@@ -28,7 +28,12 @@ impl Attachments {
         }
         let attachment = |format| {
             gpu.device
-                .create_texture(&texture([width, height], format, samples, wgpu::TextureUsages::RENDER_ATTACHMENT))
+                .create_texture(&texture(
+                    [width, height],
+                    format,
+                    samples,
+                    wgpu::TextureUsages::RENDER_ATTACHMENT,
+                ))
                 .create_view(&wgpu::TextureViewDescriptor::default())
         };
         let attachments = Self {

@@ -121,8 +121,22 @@ mod tests {
     fn uniforms_lie_as_the_shaders_read_them() {
         assert_layout!(ViewUniform, "View", clip_from_room, direction_from_ndc, eye_in_room, front_sign);
         assert_layout!(
-            FrameUniform, "Frame", to_key, key, to_fill, fill, sky, ground, zenith, horizon, nadir, grid_center,
-            grid_spacing, grid_color, grid_line_width, grid_half_size
+            FrameUniform,
+            "Frame",
+            to_key,
+            key,
+            to_fill,
+            fill,
+            sky,
+            ground,
+            zenith,
+            horizon,
+            nadir,
+            grid_center,
+            grid_spacing,
+            grid_color,
+            grid_line_width,
+            grid_half_size
         );
         assert_eq!(INSTANCE_ATTRIBUTES[4].offset as usize, offset_of!(Instance, color));
     }

@@ -1,8 +1,8 @@
 //! What the render tests share: a device, views of a plain screen, and a bent tube to look at.
-#![allow(dead_code, reason = "each test file uses its part")]
+#![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; a test may unwrap")]
 
-use greenstage::render::{COLOR_FORMAT, Gpu, Offscreen, RenderError, Renderer, View, Viewport};
 use greenstage::render::{BodyBuffers, FrameContents};
+use greenstage::render::{COLOR_FORMAT, Gpu, Offscreen, RenderError, Renderer, View, Viewport};
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
 use std::f32::consts::{PI, TAU};
@@ -79,14 +79,16 @@ pub fn bent_tube(rings: usize, around: usize) -> Mesh {
     let section = |s: f32| {
         let angle = (s - 0.5) * 1.9;
         let bend = length / 1.9;
-        let center = Vector3::new(bend * angle.sin(), bend * (1.0 - angle.cos()), 0.10 * (s * PI * 2.0).sin());
+        let center =
+            Vector3::new(bend * angle.sin(), bend * (1.0 - angle.cos()), 0.10 * (s * PI * 2.0).sin());
         let forward = Vector3::new(angle.cos(), angle.sin(), 0.35 * (s * PI * 2.0).cos()).normalize();
         let side = Vector3::z().cross(&forward).normalize();
         (center, side, forward.cross(&side))
     };
     // Around the wall's section: out along the outside, in across the end, back along the inside, and out again.
     let stations = |from: f32, to: f32, r0: f32, r1: f32, n: usize| {
-        (0..n).map(move |k| (k as f32 / n as f32, from, to, r0, r1))
+        (0..n)
+            .map(move |k| (k as f32 / n as f32, from, to, r0, r1))
             .map(|(t, from, to, r0, r1)| (from + (to - from) * t, r0 + (r1 - r0) * t))
     };
     let (outer, inner) = (radius, radius - wall);

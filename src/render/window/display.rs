@@ -48,15 +48,21 @@ fn connect_x11(name: &str) -> Result<(), String> {
 
     let (host, rest) = name.rsplit_once(':').ok_or("that is not [host]:number")?;
     let number = rest.split('.').next().unwrap_or_default();
-    let number: u16 = number.parse().map_err(|error| format!("\"{number}\" is no display number ({error})"))?;
+    let number: u16 =
+        number.parse().map_err(|error| format!("\"{number}\" is no display number ({error})"))?;
     if matches!(host, "" | "unix") || host.starts_with('/') {
         return connect_local(number);
     }
     let port = 6000_u16.checked_add(number).ok_or("its display number is beyond TCP's ports")?;
     let host = host.strip_prefix("tcp/").unwrap_or(host).trim_matches(['[', ']']);
-    let addresses = (host, port).to_socket_addrs().map_err(|error| format!("its host is unknown ({error})"))?;
+    let addresses =
+        (host, port).to_socket_addrs().map_err(|error| format!("its host is unknown ({error})"))?;
     let reachable = |address| TcpStream::connect_timeout(&address, Duration::from_secs(3)).is_ok();
-    if addresses.into_iter().any(reachable) { Ok(()) } else { Err(format!("{host} port {port} does not answer")) }
+    if addresses.into_iter().any(reachable) {
+        Ok(())
+    } else {
+        Err(format!("{host} port {port} does not answer"))
+    }
 }
 
 #[cfg(all(unix, not(target_os = "macos")))]

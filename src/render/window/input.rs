@@ -10,17 +10,39 @@ const PIXELS_PER_LINE: f64 = 40.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Input {
     /// Share of the window's width from the left and of its height from the top; outside 0 to 1 while a drag leaves it.
-    Cursor { window: usize, position: [f32; 2] },
-    CursorLeft { window: usize },
-    Button { window: usize, button: Button, pressed: bool },
+    Cursor {
+        window: usize,
+        position: [f32; 2],
+    },
+    CursorLeft {
+        window: usize,
+    },
+    Button {
+        window: usize,
+        button: Button,
+        pressed: bool,
+    },
     /// Lines, positive away from the user.
-    Wheel { window: usize, lines: f32 },
+    Wheel {
+        window: usize,
+        lines: f32,
+    },
     /// Key repeats are left out.
-    Key { window: usize, key: Key, pressed: bool },
+    Key {
+        window: usize,
+        key: Key,
+        pressed: bool,
+    },
     /// Width and height in pixels; zero when minimised.
-    Resized { window: usize, size: [u32; 2] },
+    Resized {
+        window: usize,
+        size: [u32; 2],
+    },
     /// On losing the focus, releases of held keys and buttons may never come.
-    Focus { window: usize, focused: bool },
+    Focus {
+        window: usize,
+        focused: bool,
+    },
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -223,7 +223,8 @@ impl<A: WindowApp> Handler<'_, A> {
         }
         let gpu = Gpu::open(instance, surfaces.first())?;
         let mut configured = Vec::new();
-        for (index, ((window, surface), spec)) in opened.into_iter().zip(surfaces).zip(self.specs).enumerate() {
+        for (index, ((window, surface), spec)) in opened.into_iter().zip(surfaces).zip(self.specs).enumerate()
+        {
             let surface = WindowSurface::new(&gpu, window, surface, self.options.vsync)
                 .map_err(|reason| window_error(index, spec, reason))?;
             configured.push(surface);
@@ -249,7 +250,9 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
         let Some(windows) = &mut self.windows else { return };
-        let Some(index) = windows.surfaces.iter().position(|surface| surface.window.id() == id) else { return };
+        let Some(index) = windows.surfaces.iter().position(|surface| surface.window.id() == id) else {
+            return;
+        };
         if let WindowEvent::Resized(size) = event {
             windows.surfaces[index].resize(size.into());
         }
