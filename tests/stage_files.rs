@@ -44,7 +44,9 @@ fn parse_and_use(text: &str) {
     assert!(!stage.to_string().is_empty());
     for screen in &stage.screens {
         let head = stage.viewer.room_from_head;
-        let view = screen.view(&stage.viewer.eye_in_room(&head, Eye::Centre), 0.05).unwrap();
+        let view = screen
+            .view(&stage.viewer.eye_in_room(&head, Eye::Centre), 0.05)
+            .expect("an accepted screen is seen from the viewer's start");
         assert!(view.clip_from_room.iter().all(|x| x.is_finite()), "{text}");
         assert!(view.near_m > 0.0, "{text}");
     }
@@ -64,6 +66,8 @@ fn with_number(text: &str, nth: usize, number: &str) -> String {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn no_text_panics(text in "\\PC*") {
         parse_and_use(&text);

@@ -4,11 +4,12 @@
 //! [`EyeView`] for any eye. Lengths in metres in the room's frame: x right, y up, right-handed; f64 until the
 //! last step. From R. Kooima, "Generalized Perspective Projection" (2008).
 
+mod fault;
 mod file;
 mod screen;
 mod summary;
 
-pub use file::{Fault, StageError};
+pub use fault::{Fault, StageError};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use summary::Seam;
 
@@ -87,7 +88,7 @@ impl Stage {
         }
         match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
             Some((name, text)) => Self::parse(text, Path::new(&format!("configs/stages/{name}.toml"))),
-            None => Err(file::unknown(name_or_path)),
+            None => Err(fault::unknown(name_or_path)),
         }
     }
 

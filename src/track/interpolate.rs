@@ -112,7 +112,8 @@ mod tests {
         };
         let h = 1e-6;
         for key_time in [1.0, 1.5, 3.0] {
-            let [before, at, after] = [key_time - h, key_time, key_time + h].map(|t| interpolate(&TIMES, locate(&TIMES, t), pose));
+            let [before, at, after] =
+                [key_time - h, key_time, key_time + h].map(|t| interpolate(&TIMES, locate(&TIMES, t), pose));
             let speeds = [(before, at), (at, after)].map(|(a, b)| {
                 [(b.translation.x - a.translation.x) / h, a.rotation.angle_to(&b.rotation) / h]
             });
@@ -125,7 +126,8 @@ mod tests {
 
     #[test]
     fn a_half_turn_between_two_keys_does_not_panic() {
-        let pose = |k: usize| Isometry3::rotation(nalgebra::Vector3::new(0.0, std::f64::consts::PI * k as f64, 0.0));
+        let pose =
+            |k: usize| Isometry3::rotation(nalgebra::Vector3::new(0.0, std::f64::consts::PI * k as f64, 0.0));
         for i in 0..=400 {
             let pose = interpolate(&TIMES, locate(&TIMES, f64::from(i) / 100.0), pose);
             assert!((pose.rotation.coords.norm() - 1.0).abs() < 1e-9);

@@ -33,12 +33,23 @@ pub const BINDINGS: &[(&str, &str)] = &[
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MouseInput<'a> {
     /// The cursor is on screen number `screen` at `ndc` (x right, y up, -1..1 over the screen).
-    Cursor { screen: usize, ndc: [f64; 2] },
-    Button { button: Button, pressed: bool },
+    Cursor {
+        screen: usize,
+        ndc: [f64; 2],
+    },
+    Button {
+        button: Button,
+        pressed: bool,
+    },
     /// Positive away from the user, in notches.
-    Wheel { notches: f64 },
+    Wheel {
+        notches: f64,
+    },
     /// A key by its W3C name, any case: `w`, `ArrowUp`, `Control`.
-    Key { name: &'a str, pressed: bool },
+    Key {
+        name: &'a str,
+        pressed: bool,
+    },
     /// The window lost the focus: all buttons and keys count as released.
     FocusLost,
 }
@@ -347,8 +358,12 @@ mod tests {
     fn keys_move_the_head_and_r_puts_it_back() {
         let place = |mouse: &Mouse| mouse.state(0.0).head.unwrap().translation.vector.cast::<f64>();
         for (name, direction) in [
-            ("w", -Vector3::z()), ("S", Vector3::z()), ("ArrowLeft", -Vector3::x()), ("d", Vector3::x()),
-            ("q", -Vector3::y()), ("E", Vector3::y()),
+            ("w", -Vector3::z()),
+            ("S", Vector3::z()),
+            ("ArrowLeft", -Vector3::x()),
+            ("d", Vector3::x()),
+            ("q", -Vector3::y()),
+            ("E", Vector3::y()),
         ] {
             let mut mouse = mouse();
             let start = place(&mouse);
@@ -367,7 +382,8 @@ mod tests {
     #[test]
     fn losing_the_focus_lets_everything_go() {
         let mut mouse = mouse();
-        for input in [PRESS, PRESS_RIGHT, MouseInput::Key { name: "w", pressed: true }, MouseInput::FocusLost] {
+        for input in [PRESS, PRESS_RIGHT, MouseInput::Key { name: "w", pressed: true }, MouseInput::FocusLost]
+        {
             mouse.handle(input);
         }
         let before = mouse.state(0.0);
@@ -384,14 +400,20 @@ mod tests {
             let value = values[round % values.len()];
             mouse.hit_distance_m = Some(values[(round / 3) % values.len()].min(1e3));
             mouse.handle(if round % 7 == 0 { RELEASE } else { PRESS });
-            mouse.handle(MouseInput::Cursor { screen: round % 6, ndc: [value, values[(round / 5) % values.len()]] });
+            mouse.handle(MouseInput::Cursor {
+                screen: round % 6,
+                ndc: [value, values[(round / 5) % values.len()]],
+            });
             mouse.handle(MouseInput::Button { button: Button::Right, pressed: round % 2 == 0 });
             mouse.handle(MouseInput::Wheel { notches: value });
             mouse.handle(MouseInput::Key { name: "d", pressed: true });
             mouse.advance(value);
             let state = mouse.state(0.0);
             let head = state.head.unwrap();
-            assert!(super::super::usable(&head).is_some() && super::super::usable(&state.styli[0].room_from_stylus).is_some());
+            assert!(
+                super::super::usable(&head).is_some()
+                    && super::super::usable(&state.styli[0].room_from_stylus).is_some()
+            );
         }
     }
 }

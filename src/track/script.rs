@@ -83,7 +83,9 @@ pub enum ScriptError {
 pub enum Fault {
     #[error("time is {time_s}: give seconds between 0 and {LONGEST_S}")]
     Time { time_s: f64 },
-    #[error("time is {time_s} s, not later than the key frame before it ({previous_s} s): order them by time")]
+    #[error(
+        "time is {time_s} s, not later than the key frame before it ({previous_s} s): order them by time"
+    )]
     Order { time_s: f64, previous_s: f64 },
     #[error("{who} has no {what}: the first key frame must state it")]
     Missing { who: String, what: &'static str },
@@ -213,7 +215,8 @@ impl Script {
         match self.frame {
             Frame::Room => *pose,
             Frame::Workspace => {
-                let place = stage.workspace.centre.coords + pose.translation.vector * stage.workspace.radius_m;
+                let place =
+                    stage.workspace.centre.coords + pose.translation.vector * stage.workspace.radius_m;
                 Isometry3::from_parts(Translation3::from(place), pose.rotation)
             }
         }
@@ -298,7 +301,9 @@ impl PoseFile<'_> {
         };
         let rotation = match self.orientation(&Point3::from(position))? {
             Some(rotation) => rotation,
-            None => previous.ok_or_else(|| missing("orientation (`target`, `direction` or `rotation`)"))?.rotation,
+            None => {
+                previous.ok_or_else(|| missing("orientation (`target`, `direction` or `rotation`)"))?.rotation
+            }
         };
         Ok(Isometry3::from_parts(Translation3::from(position), rotation))
     }
@@ -375,11 +380,15 @@ stylus.right = { pressed = false }
         assert_eq!(script.duration_s, 3.0);
         let stylus = |t: f64| script.sample(&stage, t).styli[0];
         let start = stylus(0.0);
-        assert!((start.room_from_stylus.translation.vector - nalgebra::Vector3::new(0.35, 1.15, 0.55)).norm() < 1e-6);
+        assert!(
+            (start.room_from_stylus.translation.vector - nalgebra::Vector3::new(0.35, 1.15, 0.55)).norm()
+                < 1e-6
+        );
         assert_eq!(stylus(0.8).room_from_stylus, start.room_from_stylus);
-        assert_eq!([0.5, 0.99, 1.0, 2.99, 3.0, 9.0].map(|t| stylus(t).pressed), [
-            false, false, true, true, false, false
-        ]);
+        assert_eq!(
+            [0.5, 0.99, 1.0, 2.99, 3.0, 9.0].map(|t| stylus(t).pressed),
+            [false, false, true, true, false, false]
+        );
         assert!((stylus(2.5).room_from_stylus.rotation.angle() - 1.0).abs() < 1e-6);
         assert!((stylus(2.5).room_from_stylus.translation.y - 1.5).abs() < 1e-6);
         let head_x = |t: f64| script.sample(&stage, t).head.unwrap().translation.x;
@@ -406,13 +415,21 @@ stylus.right = { pressed = false }
         assert!(refusal("[0.0, 0.0, -1.0]", "[0, 0, inf]").contains("direction of stylus `right` is inf"));
         assert!(refusal("direction =", "target = [0, 0, 0], direction =").contains("keep one"));
         assert!(refusal("pressed = true", "roll = 1").contains("`roll` without"));
-        assert!(refusal("rotation = [0.0, 0.0, 1.0]", "rotation = [0, 0, 1], roll = 1").contains("`roll` without"));
+        assert!(
+            refusal("rotation = [0.0, 0.0, 1.0]", "rotation = [0, 0, 1], roll = 1")
+                .contains("`roll` without")
+        );
         assert!(refusal("[0.1, 0.0, 0.0]", "[0.1, 0.0, 0.0], roll = 1").contains("the head has `offset`"));
         let error = refusal("stylus.right = { pressed = true }", "stylus.rihgt = { pressed = true }");
-        assert!(error.contains("stylus `rihgt` is not in the first") && error.contains("`right`?"), "{error}");
+        assert!(
+            error.contains("stylus `rihgt` is not in the first") && error.contains("`right`?"),
+            "{error}"
+        );
         assert!(refusal("pressed = true", "presed = true").contains("did you mean `pressed`?"));
         assert!(parse("frame = \"room\"").unwrap_err().to_string().contains("no key frame"));
         let late_head = WAVE.replacen("head = { offset = [0.0, 0.0, 0.0] }", "", 1);
-        assert!(parse(&late_head).unwrap_err().to_string().contains("the head is not in the first key frame"));
+        assert!(
+            parse(&late_head).unwrap_err().to_string().contains("the head is not in the first key frame")
+        );
     }
 }

@@ -1,0 +1,127 @@
+//! What a ray hits: the nearest of the control elements, as they are deformed now.
+//!
+//! In: a ray in the room and each element's triangles in its body's frame. Out: the [`Hit`]. The intersections
+//! are parry's. There is no tree over the triangles: they move in every frame, and building one costs more than
+//! the one ray that is cast through it.
+
+use crate::mesh::Surface;
+use crate::track::{StylusState, usable};
+use nalgebra::{Point3, Similarity3, Vector3};
+use parry3d::query::{Ray, RayCast, RayIntersection};
+use parry3d::shape::{Ball, Triangle};
+use std::collections::BTreeSet;
+
+/// A ray in the room; the direction has length 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PickRay {
+    pub origin_in_room: Point3<f32>,
+    pub direction_in_room: Vector3<f32>,
+}
+
+/// What can be hit of one control element, as indices into its body's surface vertices.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PickShape {
+    /// The surface's triangles that belong wholly to the element.
+    pub triangles: Vec<[u32; 3]>,
+    /// Where there is no such triangle: the element's vertices, to be hit as balls.
+    pub points: Vec<u32>,
+}
+
+/// A control element as it is deformed now.
+#[derive(Clone, Copy, Debug)]
+pub struct PickTarget<'a> {
+    pub shape: &'a PickShape,
+    /// All surface vertices of the body, deformed, in the body's frame.
+    pub positions: &'a [Vector3<f32>],
+    /// Radius of the balls about `shape.points`, in the body's metres.
+    pub ball_radius_m: f32,
+    pub room_from_body: Similarity3<f64>,
+}
+
+/// The nearest place that a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Index into the targets.
+    pub target: usize,
+    pub point_in_room: Point3<f32>,
+    /// From the ray's origin, metres in the room.
+    pub distance_m: f32,
+    /// Unit normal of what was hit, towards the ray's origin; zero if the ray starts in the middle of a ball.
+    pub normal_in_room: Vector3<f32>,
+}
+
+impl PickRay {
+    /// The stylus' -z axis from its origin; `None` if its pose is not usable.
+    pub fn from_stylus(stylus: &StylusState) -> Option<Self> {
+        let pose = usable(&stylus.room_from_stylus)?;
+        Some(Self {
+            origin_in_room: Point3::from(pose.translation.vector.cast::<f32>()),
+            direction_in_room: (pose.rotation * -Vector3::z()).cast(),
+        })
+    }
+}
+
+impl PickShape {
+    /// What of a control element is on the surface; `element_nodes` are nodes of the mesh. Empty if none is: such
+    /// an element cannot be picked.
+    pub fn new(surface: &Surface, element_nodes: &[u32]) -> Self {
+        let nodes: BTreeSet<u32> = element_nodes.iter().copied().collect();
+        let is_of_element =
+            |&vertex: &u32| surface.nodes.get(vertex as usize).is_some_and(|node| nodes.contains(node));
+        let triangles: Vec<[u32; 3]> =
+            surface.triangles.iter().filter(|triangle| triangle.iter().all(is_of_element)).copied().collect();
+        let points = if triangles.is_empty() {
+            (0..surface.nodes.len() as u32).filter(is_of_element).collect()
+        } else {
+            Vec::new()
+        };
+        Self { triangles, points }
+    }
+}
+
+/// The nearest hit of a ray with any target, if there is one. A triangle can be hit from either side; those
+/// without area, with a vertex that does not exist or is not finite are never hit.
+pub fn pick(ray: &PickRay, targets: &[PickTarget]) -> Option<Hit> {
+    let hits = targets.iter().enumerate().filter_map(|(target, shape)| pick_one(ray, target, shape));
+    hits.min_by(|a, b| a.distance_m.total_cmp(&b.distance_m))
+}
+
+fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
+    let body_from_room = element.room_from_body.inverse();
+    let origin: Vector3<f64> = (body_from_room * ray.origin_in_room.cast::<f64>()).coords;
+    let direction: Vector3<f64> =
+        (body_from_room.isometry.rotation * ray.direction_in_room.cast::<f64>()).try_normalize(1e-6)?;
+    let ray_in_body = Ray::new(origin.cast::<f32>().into(), direction.cast::<f32>().into());
+    let position = |vertex: u32| element.positions.get(vertex as usize).copied();
+
+    let triangles = element.shape.triangles.iter().filter_map(|&[a, b, c]| {
+        let triangle = Triangle::new(position(a)?.into(), position(b)?.into(), position(c)?.into());
+        triangle.cast_local_ray_and_get_normal(&ray_in_body, f32::MAX, false)
+    });
+    let balls = element.shape.points.iter().filter_map(|&vertex| {
+        let centre = position(vertex)?;
+        let from_centre = Ray::new((origin.cast::<f32>() - centre).into(), ray_in_body.dir);
+        Ball::new(element.ball_radius_m).cast_local_ray_and_get_normal(&from_centre, f32::MAX, true)
+    });
+    let is_place = |hit: &RayIntersection| hit.time_of_impact.is_finite() && hit.time_of_impact >= 0.0;
+    let nearest = triangles
+        .chain(balls)
+        .filter(is_place)
+        .min_by(|a, b| a.time_of_impact.total_cmp(&b.time_of_impact))?;
+
+    let room_from_body = element.room_from_body;
+    let distance_m = f64::from(nearest.time_of_impact) * room_from_body.scaling();
+    let towards_room = room_from_body.isometry.rotation * direction;
+    let point = ray.origin_in_room.cast::<f64>() + towards_room * distance_m;
+    let normal = Vector3::<f32>::from(nearest.normal).cast::<f64>();
+    let facing = if normal.dot(&direction) > 0.0 { -normal } else { normal };
+    let unit =
+        facing.try_normalize(1e-6).filter(|n| n.iter().all(|x| x.is_finite())).unwrap_or_else(Vector3::zeros);
+    let is_finite = point.iter().all(|x| x.is_finite());
+    is_finite.then(|| Hit {
+        target,
+        point_in_room: point.cast(),
+        distance_m: distance_m as f32,
+        normal_in_room: (room_from_body.isometry.rotation * unit).cast(),
+    })
+}

@@ -1,0 +1,108 @@
+//! Why a stage is refused: each fault carries its numbers and says what to do about it.
+
+use super::BUILT_IN;
+use crate::config::{self, ConfigError};
+use nalgebra::Point3;
+use std::path::PathBuf;
+
+/// Why a stage was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum StageError {
+    #[error(transparent)]
+    File(#[from] ConfigError),
+    #[error("{}:{line}: {fault}", path.display())]
+    Invalid { path: PathBuf, line: usize, fault: Fault },
+    #[error(
+        "no stage is named `{name}`{}; there are {known}, or give the path of a .toml file",
+        did_you_mean(nearest)
+    )]
+    Unknown { name: String, nearest: Option<&'static str>, known: String },
+}
+
+/// What is wrong with a stage, and what to do about it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Fault {
+    #[error(
+        "the stage has no screen: add a [[screen]] with name, lower_left, lower_right, upper_left, pixels"
+    )]
+    NoScreen,
+    #[error(
+        "`{name}` cannot name a {what}: use 1 to 64 letters, digits, `-` and `_`, since images are named after it"
+    )]
+    Name { what: &'static str, name: String },
+    #[error(
+        "a second screen is named `{screen}` (the first stands in line {first_line}): rename one of them"
+    )]
+    Duplicate { screen: String, first_line: usize },
+    #[error("{what} is {value}: it must be a number of metres between {min} and {max}")]
+    Length { what: String, value: f64, min: f64, max: f64 },
+    #[error("the viewer has both `target` and `direction`: keep one")]
+    TwoDirections,
+    #[error(
+        "the viewer looks nowhere: `target` must differ from `position`, and `direction` must not be zero"
+    )]
+    NoDirection,
+    #[error(
+        "ipd is {ipd_m} m: the distance between human pupils is 0.045 to 0.080 m (mean 0.063){}",
+        if *ipd_m == 0.0 { "; 0 shows no depth and is allowed only with stereo = \"mono\"" } else { "" }
+    )]
+    Ipd { ipd_m: f64 },
+    #[error("screen `{screen}` has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}")]
+    Pixels { screen: String, width: u32, height: u32 },
+    #[error(
+        "screen `{screen}` is {width_m:.4} × {height_m:.4} m: each side must be between {MIN_SIDE_M} and {MAX_SIDE_M} m; \
+         lower_left, lower_right and upper_left must be three different corners, in metres"
+    )]
+    Size { screen: String, width_m: f64, height_m: f64 },
+    #[error(
+        "screen `{screen}` is no rectangle: its edges meet at {degrees:.2}° instead of 90°; upper_left {} would be \
+         right",
+        place(upper_left)
+    )]
+    Skewed { screen: String, degrees: f64, upper_left: Point3<f64> },
+    #[error(
+        "screen `{screen}` is mirrored: the viewer, at {}, stands {distance_m:.3} m behind it. Swap {swap}: \
+         lower_left = {}, lower_right = {}, upper_left = {}",
+        place(viewer), place(&corners[0]), place(&corners[1]), place(&corners[2])
+    )]
+    Mirrored {
+        screen: String,
+        viewer: Point3<f64>,
+        distance_m: f64,
+        swap: &'static str,
+        /// Lower left, lower right and upper left as they should be.
+        corners: Box<[Point3<f64>; 3]>,
+    },
+    #[error(
+        "the viewer starts in the plane of screen `{screen}` ({:.1} mm away): move the viewer before the screen",
+        distance_m * 1000.0
+    )]
+    EdgeOn { screen: String, distance_m: f64 },
+}
+
+/// wgpu's textures go no further on common devices.
+pub const MAX_PIXELS: u32 = 16384;
+pub const MIN_SIDE_M: f64 = 0.01;
+pub const MAX_SIDE_M: f64 = 100.0;
+/// Cosine of the angle between a screen's edges up to which it counts as rectangular: one millimetre of
+/// measuring error on a metre.
+pub const MAX_SKEW: f64 = 1e-3;
+pub const IPD_M: std::ops::RangeInclusive<f64> = 0.045..=0.080;
+
+/// The error for a name that is no built-in stage.
+pub fn unknown(name: &str) -> StageError {
+    let names = BUILT_IN.map(|(name, _)| name);
+    StageError::Unknown {
+        name: name.to_owned(),
+        nearest: config::nearest(name, names),
+        known: names.map(|name| format!("`{name}`")).join(", "),
+    }
+}
+
+fn did_you_mean(nearest: &Option<&'static str>) -> String {
+    nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
+}
+
+fn place(point: &Point3<f64>) -> String {
+    format!("[{:.4}, {:.4}, {:.4}]", point.x, point.y, point.z)
+}
