@@ -8,6 +8,7 @@ mod deform;
 mod failure;
 mod inspect;
 mod manual;
+mod picture;
 mod poses;
 mod precompute;
 mod progress;
@@ -15,6 +16,7 @@ mod render;
 mod session;
 mod table;
 mod view;
+mod world;
 
 pub use failure::Failure;
 
@@ -66,6 +68,18 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }
+}
+
+fn samples(text: &str) -> Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "4" => Ok(4),
+        _ => Err("samples a pixel are 1 or 4".into()),
+    }
+}
+
+fn scale(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|scale| (0.01..=8.0).contains(scale)).ok_or("a number from 0.01 to 8".into())
 }
 
 #[cfg(test)]

@@ -1,10 +1,170 @@
+//! `greenstage render`: the scripted scene as offscreen pictures.
+
 use super::failure::Failure;
-/// in work
+use super::picture::{DrawTimes, Layout, Targets};
+use super::session;
+use super::table::seconds;
+use super::world::{StepTimes, World};
+use crate::scene::Scene;
+use crate::stage::Stage;
+use crate::track::Script;
+use anyhow::Context;
+use image::{RgbaImage, imageops};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Offscreen PNGs of the scripted scene: every frame, screen and eye, and a contact sheet
+///
+/// Head and stylus follow the scene's script (or --script); without one everything stands at rest.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    pub scene: std::path::PathBuf,
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    #[arg(long)]
+    pub stage: Option<String>,
+    /// Folder for the pictures
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Frames, evenly over the script
+    #[arg(long, default_value_t = 20)]
+    pub frames: usize,
+    /// Key frames for head and stylus; default: the scene's
+    #[arg(long)]
+    pub script: Option<PathBuf>,
+    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
+    #[arg(long)]
+    pub green: Option<PathBuf>,
+    /// Samples a pixel, 1 or 4
+    #[arg(long, default_value_t = 4, value_parser = super::samples)]
+    pub samples: u32,
+    /// Size of the pictures against the screens' own pixels
+    #[arg(long, default_value_t = 1.0, value_parser = super::scale)]
+    pub scale: f64,
+    /// Pictures per eye, or both eyes side by side
+    #[arg(long, value_enum, default_value = "eyes")]
+    pub layout: Layout,
 }
-impl Args {
-    pub fn demo(scene: std::path::PathBuf) -> Args { Args { scene } }
+
+/// Width of one picture on the contact sheet.
+const SHEET_PICTURE: u32 = 480;
+const SHEET_GAP: u32 = 8;
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let scene = Scene::load(&args.scene)?;
+    let stage = stage(&scene, args.stage.as_deref())?;
+    let script = script(&scene, args.script.as_deref())?;
+    let file = session::green_file(&scene, args.green.as_deref())?;
+    let mut world = World::new(&scene, &file, stage)?;
+    pictures(args, &mut world, script.as_ref())
 }
-pub fn run(_args: &Args) -> Result<(), Failure> { Ok(()) }
+
+/// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
+pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
+    let name = match asked {
+        Some(name) => name.to_owned(),
+        None if scene.stage.ends_with(".toml") => scene.resolve(Path::new(&scene.stage)).display().to_string(),
+        None => scene.stage.clone(),
+    };
+    Stage::find(&name).map_err(Failure::request)
+}
+
+/// The script that is asked for, else the scene's, if it has one.
+pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Failure> {
+    let path = asked.map(Path::to_owned).or(scene.script.as_ref().map(|path| scene.resolve(path)));
+    path.map(|path| Script::load(&path).map_err(Failure::request)).transpose()
+}
+
+/// Moves the world to frame `frame` of `frames` of the script and returns what the mechanics took.
+pub fn step(world: &mut World, script: Option<&Script>, frame: usize, frames: usize) -> StepTimes {
+    let Some(script) = script else { return world.step(&Default::default()) };
+    let share = if frames > 1 { frame as f64 / (frames - 1) as f64 } else { 0.0 };
+    let state = script.sample(&world.stage, share * script.duration_s);
+    world.step(&state)
+}
+
+/// Renders all frames into the folder, with a contact sheet of first, middle and last.
+pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Result<(), Failure> {
+    let folder = &args.output;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))
+        .map_err(Failure::Request)?;
+    if args.frames == 0 {
+        return Err(Failure::wrong("--frames must be 1 or more"));
+    }
+    let mut targets = Targets::new(world, args.layout, args.samples, args.scale).map_err(Failure::work)?;
+    eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
+    let shown = [0, args.frames / 2, args.frames - 1];
+    let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");
+    let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();
+    let (mut drawn_s, mut mechanics_s, mut count) = (0.0, 0.0, 0);
+    let started = Instant::now();
+    // A grab needs the frames between, whose pictures nobody asked for: the script is followed in fine steps.
+    let substeps = SCRIPT_STEPS.div_ceil(args.frames);
+    for frame in 0..args.frames {
+        let mut times = StepTimes::default();
+        let first = if frame == 0 { 0 } else { (frame - 1) * substeps + 1 };
+        for fine in first..=frame * substeps {
+            times = step(world, script, fine, (args.frames - 1) * substeps + 1);
+        }
+        let DrawTimes { upload_s, encode_s, draw_s } = targets.draw(world).map_err(Failure::work)?;
+        drawn_s += upload_s + encode_s + draw_s;
+        mechanics_s += times.interact_s + times.deform_s + times.normals_s;
+        let (images, _) = targets.read().map_err(Failure::work)?;
+        for (name, image) in &images {
+            save(image, &folder.join(format!("frame{frame:04}-{name}.png")))?;
+            count += 1;
+        }
+        if shown.contains(&frame) {
+            sheet.push(images.into_iter().map(|(_, image)| small(&image)).collect());
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let path = folder.join("contact-sheet.png");
+    save(&contact_sheet(&sheet), &path)?;
+    let pairs = (args.frames * world.stage.screens.len()) as f64;
+    println!("{count} pictures in {} (all steps, PNG files too: {})", folder.display(), seconds(started.elapsed().as_secs_f64()));
+    println!(
+        "drawing {:.1} stereo pairs/s, a frame of {} screen(s) {}; its mechanics {}",
+        pairs / drawn_s,
+        world.stage.screens.len(),
+        seconds(drawn_s / args.frames as f64),
+        seconds(mechanics_s / args.frames as f64)
+    );
+    println!("contact sheet {}", path.display());
+    Ok(())
+}
+
+/// Fine steps over a whole script.
+const SCRIPT_STEPS: usize = 240;
+
+fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
+    image.save(path).with_context(|| path.display().to_string()).map_err(Failure::Work)
+}
+
+fn small(image: &RgbaImage) -> RgbaImage {
+    let width = SHEET_PICTURE.min(image.width());
+    let height = (u64::from(image.height()) * u64::from(width) / u64::from(image.width())).max(1) as u32;
+    imageops::resize(image, width, height, imageops::FilterType::Triangle)
+}
+
+/// One row per frame, one column per picture.
+fn contact_sheet(rows: &[Vec<RgbaImage>]) -> RgbaImage {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
+    let size = |pick: fn(&RgbaImage) -> u32| rows.iter().flatten().map(pick).max().unwrap_or(1);
+    let (width, height) = (size(RgbaImage::width), size(RgbaImage::height));
+    let mut sheet = RgbaImage::from_pixel(
+        columns * (width + SHEET_GAP) + SHEET_GAP,
+        rows.len() as u32 * (height + SHEET_GAP) + SHEET_GAP,
+        image::Rgba([24, 26, 30, 255]),
+    );
+    for (r, row) in rows.iter().enumerate() {
+        for (c, image) in row.iter().enumerate() {
+            let x = SHEET_GAP + c as u32 * (width + SHEET_GAP);
+            let y = SHEET_GAP + r as u32 * (height + SHEET_GAP);
+            imageops::replace(&mut sheet, image, i64::from(x), i64::from(y));
+        }
+    }
+    sheet
+}
