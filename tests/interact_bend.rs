@@ -4,13 +4,13 @@
 use greenstage::interact::{
     Dragger, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
-use greenstage::stage::{BUILT_IN, Stage};
+use greenstage::stage::{BUILT_IN, Screen, Stage};
 use greenstage::track::Script;
 use nalgebra::{Matrix3, Point3, Vector3};
 use proptest::prelude::*;
 use std::path::Path;
 
-const BEND: &str = include_str!("../configs/scripts/bend.toml");
+const BEND: &str = greenstage::track::script::BUILT_IN[0].1;
 
 /// The right control element of a tube of length 1.9 and radius 0.1 about the x axis: x from 0.85 to 0.95.
 fn tube_end() -> (Vec<Vector3<f32>>, PickShape) {
@@ -31,7 +31,7 @@ fn tube_end() -> (Vec<Vector3<f32>>, PickShape) {
 
 #[test]
 fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
-    let script = Script::parse(BEND, Path::new("bend.toml")).unwrap();
+    let script = Script::find("bend").unwrap();
     assert_eq!(script.duration_s, 4.0);
     assert_eq!(script.stylus_names().collect::<Vec<_>>(), ["hand"]);
     let (positions, shape) = tube_end();
@@ -76,12 +76,40 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
 
 #[test]
 fn the_head_sways_ten_centimetres_on_every_stage() {
-    let script = Script::parse(BEND, Path::new("bend.toml")).unwrap();
+    let script = Script::find("bend").unwrap();
     for (name, _) in BUILT_IN {
         let stage = Stage::find(name).unwrap();
         let head_x = |t: f64| f64::from(script.sample(&stage, t).head.unwrap().translation.x);
         assert!((head_x(2.0) - head_x(0.0) - 0.1).abs() < 1e-6, "{name}");
         assert!((head_x(4.0) - stage.viewer.room_from_head.translation.x).abs() < 1e-6, "{name}");
+    }
+}
+
+#[test]
+fn stylus_and_tube_stay_within_the_pictures_of_every_stage() {
+    let script = Script::find("bend").unwrap();
+    for (name, _) in BUILT_IN {
+        let stage = Stage::find(name).unwrap();
+        let tube =
+            [-0.95, 0.0, 0.95].map(|x| stage.workspace.centre + Vector3::x() * x * stage.workspace.radius_m);
+        for frame in 0..=40 {
+            let state = script.sample(&stage, f64::from(frame) / 10.0);
+            let head = state.head.unwrap().cast();
+            let stylus = Point3::from(state.styli[0].room_from_stylus.translation.vector.cast::<f64>());
+            for (point, &eye) in tube
+                .iter()
+                .chain([&stylus])
+                .flat_map(|point| stage.eyes().iter().map(move |eye| (point, eye)))
+            {
+                let eye = stage.viewer.eye_in_room(&head, eye);
+                let is_on = |screen: &Screen| {
+                    let clip = screen.view(&eye, 0.05).unwrap().clip_from_room
+                        * point.cast::<f32>().to_homogeneous();
+                    clip.w > 0.0 && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w
+                };
+                assert!(stage.screens.iter().any(is_on), "{name}, frame {frame}: {point} is on no screen");
+            }
+        }
     }
 }
 

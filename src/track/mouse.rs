@@ -370,7 +370,7 @@ mod tests {
             mouse.handle(MouseInput::Key { name, pressed: true });
             mouse.advance(0.1);
             let moved = place(&mouse) - start;
-            assert!((moved - direction * (HEAD_SPEED * 0.12 * 0.1)).norm() < 1e-6, "{name}: {moved}");
+            assert!((moved - direction * (HEAD_SPEED * 0.10 * 0.1)).norm() < 1e-6, "{name}: {moved}");
             mouse.handle(MouseInput::Key { name, pressed: false });
             mouse.advance(0.1);
             assert!((place(&mouse) - start - moved).norm() < 1e-6);

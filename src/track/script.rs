@@ -67,11 +67,16 @@ struct StylusKey {
     pressed: bool,
 }
 
+/// The scripts that the program carries within itself, by name.
+pub const BUILT_IN: [(&str, &str); 1] = [("bend", include_str!("../../configs/scripts/bend.toml"))];
+
 /// Why a script was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ScriptError {
     #[error(transparent)]
     File(#[from] ConfigError),
+    #[error("no script is named `{name}`; there is `bend`, or give the path of a .toml file")]
+    Unknown { name: String },
     #[error("{}: the script has no key frame: add a [[key]] with time and what it moves", path.display())]
     Empty { path: PathBuf },
     #[error("{}:{line}: key frame {key}: {fault}", path.display())]
@@ -155,6 +160,17 @@ struct PoseFile<'a> {
 }
 
 impl Script {
+    /// The script of a built-in name, or of a file: whatever ends in `.toml` is a path.
+    pub fn find(name_or_path: &str) -> Result<Self, ScriptError> {
+        if name_or_path.ends_with(".toml") {
+            return Self::load(Path::new(name_or_path));
+        }
+        match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
+            Some((name, text)) => Self::parse(text, Path::new(&format!("configs/scripts/{name}.toml"))),
+            None => Err(ScriptError::Unknown { name: name_or_path.to_owned() }),
+        }
+    }
+
     pub fn load(path: &Path) -> Result<Self, ScriptError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
@@ -393,6 +409,13 @@ stylus.right = { pressed = false }
         assert!((stylus(2.5).room_from_stylus.translation.y - 1.5).abs() < 1e-6);
         let head_x = |t: f64| script.sample(&stage, t).head.unwrap().translation.x;
         assert!((head_x(1.0)).abs() < 1e-7 && (head_x(3.0) - 0.1).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_script_is_found_by_name_or_by_path() {
+        assert_eq!(Script::find("bend").unwrap().duration_s, 4.0);
+        assert!(Script::find("bnd").unwrap_err().to_string().contains("there is `bend`"));
+        assert!(Script::find("no/such.toml").unwrap_err().to_string().starts_with("no/such.toml: "));
     }
 
     #[test]
