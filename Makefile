@@ -2,6 +2,10 @@
 # `make test` runs all that CI runs.
 # Both install what is missing on Debian or Ubuntu, and say what and why (scripts/setup.sh).
 
+# Mesa complains where no session has set it.
+XDG_RUNTIME_DIR ?= /tmp
+export XDG_RUNTIME_DIR
+
 .PHONY: demo test figures
 
 demo:

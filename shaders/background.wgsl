@@ -2,7 +2,7 @@
 // screen, so it is the same for both eyes and runs on across the seam of two screens.
 
 struct Varyings {
-    @builtin(position) clip: vec4<f32>,
+    @invariant @builtin(position) clip: vec4<f32>,
     @location(0) direction: vec3<f32>,
 }
 

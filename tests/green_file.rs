@@ -11,7 +11,8 @@ const HAPTICS: Needs = Needs { stiffness: true };
 
 fn written(name: &str, needs: Needs) -> (PathBuf, green::Precomputed) {
     let path = folder(name).join("block.green");
-    let precomputed = green::precompute(&block_scene([2, 1, 1], ""), "block", needs, &Silent).unwrap();
+    let precomputed =
+        green::precompute(&block_scene([2, 1, 1], ""), "block", needs, &Silent).unwrap();
     green::write(&path, std::slice::from_ref(&precomputed)).unwrap();
     (path, precomputed)
 }
@@ -23,7 +24,10 @@ fn round_trip_keeps_every_number_to_f32() {
     let solution = &precomputed.solution;
     let body = &file.meta.bodies["block"];
     let nodes = &solution.surface.nodes;
-    assert_eq!((body.surface_nodes, file.tags("block").len()), (nodes.len(), nodes.len()));
+    assert_eq!(
+        (body.surface_nodes, file.tags("block").len()),
+        (nodes.len(), nodes.len())
+    );
     assert_eq!(file.triangles("block"), solution.surface.triangles);
     for (e, control) in solution.controls.iter().enumerate() {
         let columns = file.basis("block", &control.name);
@@ -36,7 +40,11 @@ fn round_trip_keeps_every_number_to_f32() {
                 }
             }
         }
-        let held: Vec<u32> = file.control("block", &control.name).iter().map(|&i| nodes[i as usize]).collect();
+        let held: Vec<u32> = file
+            .control("block", &control.name)
+            .iter()
+            .map(|&i| nodes[i as usize])
+            .collect();
         assert_eq!(held, control.nodes);
     }
     assert_eq!(file.stiffness("block"), solution.stiffness);
@@ -70,8 +78,14 @@ fn no_flipped_byte_passes() {
         copy[at] ^= 0x10;
         std::fs::write(&damaged, &copy).unwrap();
         match GreenFile::open(&damaged) {
-            Err(error @ GreenError::Damaged { .. }) => assert!(error.to_string().contains("greenstage precompute")),
-            other => panic!("byte {at} of {} flipped: {:?}", bytes.len(), other.map(|file| file.meta)),
+            Err(error @ GreenError::Damaged { .. }) => {
+                assert!(error.to_string().contains("greenstage precompute"))
+            }
+            other => panic!(
+                "byte {at} of {} flipped: {:?}",
+                bytes.len(),
+                other.map(|file| file.meta)
+            ),
         }
     }
 }
@@ -93,12 +107,21 @@ fn no_cut_file_passes() {
 
 #[test]
 fn changed_scene_makes_the_file_stale() {
-    let fingerprint = |text: &str, needs| green::fingerprint(&block_scene([2, 1, 1], text), "block", needs).unwrap();
+    let fingerprint = |text: &str, needs| {
+        green::fingerprint(&block_scene([2, 1, 1], text), "block", needs).unwrap()
+    };
     let base = fingerprint("", Needs::default());
     assert_eq!(base, fingerprint("", Needs::default()));
-    assert_eq!(base, fingerprint("place = { position = [0.0, 1.0, 0.0] }", Needs::default()), "placing moves nothing");
+    assert_eq!(
+        base,
+        fingerprint("place = { position = [0.0, 1.0, 0.0] }", Needs::default()),
+        "placing moves nothing"
+    );
     assert_ne!(base, fingerprint("", HAPTICS));
-    assert_ne!(base, fingerprint("solver = { method = \"pcg\" }", Needs::default()));
+    assert_ne!(
+        base,
+        fingerprint("solver = { method = \"pcg\" }", Needs::default())
+    );
     let finer = green::fingerprint(&block_scene([2, 2, 1], ""), "block", Needs::default()).unwrap();
     assert_ne!(base, finer);
 
@@ -106,7 +129,10 @@ fn changed_scene_makes_the_file_stale() {
     let file = GreenFile::open(&path).unwrap();
     file.check_fresh("block", &base).unwrap();
     let stale = file.check_fresh("block", &finer).unwrap_err();
-    assert!(matches!(stale, GreenError::Stale { .. }) && stale.to_string().contains("stale"), "{stale}");
+    assert!(
+        matches!(stale, GreenError::Stale { .. }) && stale.to_string().contains("stale"),
+        "{stale}"
+    );
 }
 
 /// One flat control element and one of a single node: their fields that prescribe nothing are kept as zero columns
@@ -128,12 +154,29 @@ grab = "dragger"
     );
     let path = folder("green-vanishing").join("block.green");
     let precomputed = green::precompute(&scene, "block", HAPTICS, &Silent).unwrap();
-    assert!(precomputed.solution.notices.iter().any(|n| n.contains("planar") && n.contains("m11, m21, m31")));
-    assert!(precomputed.solution.notices.iter().any(|n| n.contains("a single point")));
+    assert!(
+        precomputed
+            .solution
+            .notices
+            .iter()
+            .any(|n| n.contains("planar") && n.contains("m11, m21, m31"))
+    );
+    assert!(
+        precomputed
+            .solution
+            .notices
+            .iter()
+            .any(|n| n.contains("a single point"))
+    );
     green::write(&path, &[precomputed]).unwrap();
     let file = GreenFile::open(&path).unwrap();
-    let [face, point] = &file.meta.bodies["block"].controls[..] else { panic!("two control elements") };
-    assert_eq!((face.independent, face.vanishing.as_slice()), (9, ["m11", "m21", "m31"].map(String::from).as_slice()));
+    let [face, point] = &file.meta.bodies["block"].controls[..] else {
+        panic!("two control elements")
+    };
+    assert_eq!(
+        (face.independent, face.vanishing.as_slice()),
+        (9, ["m11", "m21", "m31"].map(String::from).as_slice())
+    );
     assert_eq!((point.independent, point.vanishing.len()), (3, 9));
     let columns = file.basis("block", "point");
     let nodes = file.rest("block").len();

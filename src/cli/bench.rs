@@ -1,10 +1,390 @@
+//! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
+
 use super::failure::Failure;
-/// in work
+use super::picture::{DrawTimes, Layout, Targets};
+use super::table::{Table, bytes, seconds};
+use super::world::{StepTimes, World};
+use super::{precompute, render, session};
+use crate::deform::{Columns, Superposition, vertex_normals};
+use crate::green::{FIELDS, Precomputed};
+use crate::scene::Scene;
+use anyhow::Context;
+use serde_json::{Value, json};
+use std::hint::black_box;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Frame rate, and where a frame's time goes; offline and online
+///
+/// Runs the offline stage anew, the two online loops at the paper's 10,000 nodes beside the memory bandwidth
+/// measured in the same run, and the scene's script offscreen on a stage.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    pub scene: std::path::PathBuf,
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    #[arg(long)]
+    pub stage: Option<String>,
+    /// Frames to draw for each figure
+    #[arg(long, default_value_t = 24)]
+    pub frames: usize,
+    /// Results as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Write the tables between the marks of this Markdown file
+    #[arg(long)]
+    pub readme: Option<PathBuf>,
 }
-impl Args {
-    pub fn demo(scene: std::path::PathBuf) -> Args { Args { scene } }
+
+/// Size of the paper's largest model.
+const PAPER_NODES: usize = 10_000;
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let scene = Scene::load(&args.scene)?;
+    let stage = render::stage(&scene, args.stage.as_deref())?;
+    let offline = session::precompute(&scene, true)?;
+    let peak_memory = precompute::peak_memory();
+    let file = session::green_file(&scene, None)?;
+    let loops = loops();
+    let mut drawn = Vec::new();
+    for samples in [4, 1] {
+        let mut world = World::new(&scene, &file, stage.clone())?;
+        let script = render::script(&scene, None)?;
+        let mut targets = Targets::new(&world, Layout::Eyes, samples, 1.0)?;
+        let device = targets.gpu.describe();
+        let mut frames = Vec::new();
+        for frame in 0..args.frames.max(2) {
+            let step = render::step(&mut world, script.as_ref(), frame, args.frames.max(2));
+            let draw = targets.draw(&mut world)?;
+            let (_, read_s) = targets.read()?;
+            frames.push((step, draw, read_s));
+        }
+        // The first frame also compiles and allocates.
+        drawn.push(Drawn::new(
+            samples,
+            device,
+            world.stage.screens.len(),
+            &frames[1..],
+        ));
+    }
+    let tables = [
+        offline_table(&offline, peak_memory),
+        loops_table(&loops),
+        frame_table(&stage.name, &drawn),
+    ];
+    if let Some(path) = &args.readme {
+        write_between_marks(path, &markdown(&tables))?;
+        println!("{}: tables written", path.display());
+    }
+    if args.json {
+        println!("{:#}", as_json(&offline, peak_memory, &loops, &drawn));
+    } else {
+        for (title, table) in &tables {
+            println!("{title}\n\n{}", table.text());
+        }
+    }
+    Ok(())
 }
-pub fn run(_args: &Args) -> Result<(), Failure> { Ok(()) }
+
+/// Medians of the frames drawn with one number of samples, s.
+struct Drawn {
+    samples: u32,
+    device: String,
+    screens: usize,
+    /// Name of the step and its median time.
+    steps: Vec<(&'static str, f64)>,
+    frame_s: f64,
+}
+
+impl Drawn {
+    fn new(
+        samples: u32,
+        device: String,
+        screens: usize,
+        frames: &[(StepTimes, DrawTimes, f64)],
+    ) -> Drawn {
+        let of = |pick: fn(&(StepTimes, DrawTimes, f64)) -> f64| median(frames.iter().map(pick));
+        let steps = vec![
+            ("pick and drag", of(|f| f.0.interact_s)),
+            ("deform", of(|f| f.0.deform_s)),
+            ("normals", of(|f| f.0.normals_s)),
+            ("upload", of(|f| f.1.upload_s)),
+            ("encode", of(|f| f.1.encode_s)),
+            ("draw", of(|f| f.1.draw_s)),
+        ];
+        let whole = |f: &(StepTimes, DrawTimes, f64)| {
+            f.0.interact_s + f.0.deform_s + f.0.normals_s + f.1.upload_s + f.1.encode_s + f.1.draw_s
+        };
+        let frame_s = median(frames.iter().map(whole));
+        let read = ("read-back (offscreen only, not counted)", of(|f| f.2));
+        Drawn {
+            samples,
+            device,
+            screens,
+            steps: [steps, vec![read]].concat(),
+            frame_s,
+        }
+    }
+
+    fn pairs_per_second(&self) -> f64 {
+        self.screens as f64 / self.frame_s
+    }
+}
+
+/// The online loops at the paper's size.
+struct Loops {
+    /// Reading as many bytes as 24 columns have, the same ones again and again, bytes/s.
+    read_again: f64,
+    /// Reading 256 MB, bytes/s.
+    read_memory: f64,
+    /// Name, seconds, bytes of columns read.
+    rows: Vec<(&'static str, f64, f64)>,
+}
+
+fn loops() -> Loops {
+    let numbers = 2 * FIELDS * 3 * PAPER_NODES;
+    let data: Vec<f32> = (0..numbers).map(|i| (i as f32).sin()).collect();
+    let columns = Columns {
+        elements: data.chunks_exact(numbers / 2).collect(),
+    };
+    let large = vec![1.0f32; 64 << 20];
+    let mut sum = Superposition::new(2);
+    let mut u = vec![[0.0; 3]; PAPER_NODES];
+    let mut c = 0.0;
+    let mut superpose = |moved: usize| {
+        c += 1e-3;
+        let coefficients = (0..2)
+            .map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS])
+            .collect();
+        black_box(sum.update(&columns, coefficients, &mut u));
+    };
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let mut rows = vec![];
+    let bytes_of = |elements: usize| (elements * FIELDS * 12 * PAPER_NODES) as f64;
+    if let Ok(one) = one {
+        let time = one.install(|| repeat(|| superpose(2)));
+        rows.push(("superposition, 24 columns, one thread", time, bytes_of(2)));
+        let time = one.install(|| repeat(|| superpose(1)));
+        rows.push((
+            "superposition, 12 columns (one element moved), one thread",
+            time,
+            bytes_of(1),
+        ));
+    }
+    rows.push((
+        "superposition, 24 columns, all threads",
+        repeat(|| superpose(2)),
+        bytes_of(2),
+    ));
+
+    let (around, along) = (100u32, PAPER_NODES as u32 / 100);
+    let positions: Vec<[f32; 3]> = (0..PAPER_NODES as u32)
+        .map(|i| {
+            let angle = (i % around) as f32 * std::f32::consts::TAU / around as f32;
+            [angle.cos(), angle.sin(), (i / around) as f32 * 0.06]
+        })
+        .collect();
+    let cell = |i: u32| {
+        let next = i / around * around + (i + 1) % around;
+        [[i, next, i + around], [i + around, next, next + around]]
+    };
+    let triangles: Vec<[u32; 3]> = (0..(along - 1) * around).flat_map(cell).collect();
+    let (mut sums, mut normals) = (Vec::new(), vec![[0.0; 3]; PAPER_NODES]);
+    let time =
+        repeat(|| vertex_normals(black_box(&positions), &triangles, &mut sums, &mut normals));
+    rows.push(("normals, 19,800 triangles, one thread", time, 0.0));
+    Loops {
+        read_again: 4.0 * numbers as f64
+            / repeat(|| {
+                black_box(read(&data));
+            }),
+        read_memory: 4.0 * large.len() as f64
+            / repeat(|| {
+                black_box(read(&large));
+            }),
+        rows,
+    }
+}
+
+/// Adds all numbers in sixteen lanes: as fast as one thread can read.
+fn read(data: &[f32]) -> f32 {
+    let mut lanes = [0.0f32; 64];
+    for chunk in data.chunks_exact(64) {
+        for (lane, value) in lanes.iter_mut().zip(chunk) {
+            *lane += value;
+        }
+    }
+    lanes.iter().sum()
+}
+
+/// Median time of one call over half a second, s.
+fn repeat(mut work: impl FnMut()) -> f64 {
+    let began = Instant::now();
+    let mut times = Vec::new();
+    while began.elapsed().as_secs_f64() < 0.5 || times.len() < 5 {
+        let started = Instant::now();
+        work();
+        times.push(started.elapsed().as_secs_f64());
+    }
+    median(times.into_iter())
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn offline_table(bodies: &[Precomputed], peak_memory: Option<f64>) -> (String, Table) {
+    let mut table = Table::new(&["offline", "time", "what"]);
+    for body in bodies {
+        table
+            .rows
+            .extend(precompute::report(body).rows.into_iter().skip(1));
+    }
+    if let Some(peak) = peak_memory {
+        table.row(&[
+            "peak memory",
+            &bytes(peak),
+            "resident, of the whole process",
+        ]);
+    }
+    (
+        format!("Offline, {} threads", rayon::current_num_threads()),
+        table,
+    )
+}
+
+fn loops_table(loops: &Loops) -> (String, Table) {
+    let mut table = Table::new(&["online, 10,000 nodes", "time", "reads", "of read bandwidth"]);
+    for (name, time, read) in &loops.rows {
+        let (rate, share) = if *read > 0.0 {
+            let rate = read / time;
+            (
+                format!("{:.1} GB/s", rate * 1e-9),
+                format!("{:.2}", rate / loops.read_again),
+            )
+        } else {
+            (String::new(), String::new())
+        };
+        table.row(&[name, &seconds(*time), &rate, &share]);
+    }
+    let rate = |rate: f64| format!("{:.1} GB/s", rate * 1e-9);
+    table.row(&[
+        "reading 24 columns' 2.88 MB again and again, one thread",
+        "",
+        &rate(loops.read_again),
+        "1.00",
+    ]);
+    let share = format!("{:.2}", loops.read_memory / loops.read_again);
+    table.row(&[
+        "reading 256 MB from memory, one thread",
+        "",
+        &rate(loops.read_memory),
+        &share,
+    ]);
+    ("Online loops".into(), table)
+}
+
+fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
+    let heading: Vec<String> = std::iter::once("median of a frame".to_owned())
+        .chain(drawn.iter().map(|d| {
+            if d.samples > 1 {
+                format!("{}× MSAA", d.samples)
+            } else {
+                "no MSAA".into()
+            }
+        }))
+        .collect();
+    let mut table = Table {
+        rows: vec![heading],
+    };
+    let Some(first) = drawn.first() else {
+        return (String::new(), table);
+    };
+    for (i, (name, _)) in first.steps.iter().enumerate() {
+        let cells = drawn.iter().map(|d| seconds(d.steps[i].1));
+        table
+            .rows
+            .push(std::iter::once((*name).to_owned()).chain(cells).collect());
+    }
+    let whole = drawn.iter().map(|d| seconds(d.frame_s));
+    table
+        .rows
+        .push(std::iter::once("frame".to_owned()).chain(whole).collect());
+    let pairs = drawn.iter().map(|d| format!("{:.1}", d.pairs_per_second()));
+    table.rows.push(
+        std::iter::once("stereo pairs per second".to_owned())
+            .chain(pairs)
+            .collect(),
+    );
+    (
+        format!(
+            "Frames: {stage}, {} screen(s), on {}",
+            first.screens, first.device
+        ),
+        table,
+    )
+}
+
+fn as_json(
+    offline: &[Precomputed],
+    peak_memory: Option<f64>,
+    loops: &Loops,
+    drawn: &[Drawn],
+) -> Value {
+    let bodies: Vec<Value> = offline
+        .iter()
+        .map(|body| {
+            let s = &body.solution;
+            json!({ "body": body.name, "nodes": s.mesh.nodes.len(), "tetrahedra": s.mesh.tets.len(),
+                "steps": s.times, "solver": s.stats })
+        })
+        .collect();
+    let rows: Vec<Value> = loops
+        .rows
+        .iter()
+        .map(|(name, time, read)| json!({ "loop": name, "time_s": time, "bytes_read": read }))
+        .collect();
+    let frames: Vec<Value> = drawn
+        .iter()
+        .map(|d| {
+            let steps: serde_json::Map<String, Value> =
+                d.steps.iter().map(|(name, time)| ((*name).to_owned(), json!(time))).collect();
+            json!({ "samples": d.samples, "device": d.device, "screens": d.screens, "steps_s": steps,
+                "frame_s": d.frame_s, "stereo_pairs_per_s": d.pairs_per_second() })
+        })
+        .collect();
+    json!({ "offline": bodies, "peak_memory_bytes": peak_memory, "loops": rows,
+        "read_bytes_per_s": { "again": loops.read_again, "memory": loops.read_memory }, "frames": frames })
+}
+
+fn markdown(tables: &[(String, Table)]) -> String {
+    tables
+        .iter()
+        .map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown()))
+        .collect()
+}
+
+const BEGIN: &str = "<!-- bench: begin -->\n";
+const END: &str = "<!-- bench: end -->";
+
+fn write_between_marks(path: &Path, text: &str) -> Result<(), Failure> {
+    let old = std::fs::read_to_string(path)
+        .with_context(|| path.display().to_string())
+        .map_err(Failure::Request)?;
+    let ends = old
+        .find(BEGIN)
+        .zip(old.find(END))
+        .filter(|(begin, end)| begin < end);
+    let Some((begin, end)) = ends else {
+        return Err(Failure::wrong(format!(
+            "{}: the lines {BEGIN}and {END} are missing",
+            path.display()
+        )));
+    };
+    let new = format!("{}{text}{}", &old[..begin + BEGIN.len()], &old[end..]);
+    std::fs::write(path, new)
+        .with_context(|| path.display().to_string())
+        .map_err(Failure::Work)
+}

@@ -21,7 +21,11 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let extension = args.file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let extension = args
+        .file
+        .extension()
+        .map(|e| e.to_string_lossy().to_lowercase())
+        .unwrap_or_default();
     let (text, value) = match extension.as_str() {
         "green" => green(&args.file)?,
         "toml" if is_stage(&args.file)? => stage(&args.file)?,
@@ -50,13 +54,28 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     let mut text = format!(
         "{}\n{} nodes, {} tetrahedra; surface {} nodes, {} triangles; {} piece(s)\n\
          box ({:.6}, {:.6}, {:.6}) to ({:.6}, {:.6}, {:.6})\nvolume {:.6e} m³, surface {:.6e} m²\n\n",
-        path.display(), report.nodes, report.tetrahedra, report.surface_nodes, report.surface_triangles,
-        report.components, low[0], low[1], low[2], high[0], high[1], high[2], report.volume, report.area,
+        path.display(),
+        report.nodes,
+        report.tetrahedra,
+        report.surface_nodes,
+        report.surface_triangles,
+        report.components,
+        low[0],
+        low[1],
+        low[2],
+        high[0],
+        high[1],
+        high[2],
+        report.volume,
+        report.area,
     );
     let mut regions = Table::new(&["region", "name", "tetrahedra", "volume m³"]);
     for (number, region) in &report.regions {
         let name = region.name.as_deref().unwrap_or("");
-        let (count, volume) = (region.tetrahedra.to_string(), format!("{:.6e}", region.volume));
+        let (count, volume) = (
+            region.tetrahedra.to_string(),
+            format!("{:.6e}", region.volume),
+        );
         regions.row(&[&number.to_string(), name, &count, &volume]);
     }
     text.push_str(&regions.text());
@@ -85,14 +104,24 @@ fn histogram(quality: &quality::QualityReport) -> String {
     );
     for (bin, &count) in quality.histogram.iter().enumerate() {
         let bar = "█".repeat((count * WIDTH).div_ceil(most).min(WIDTH));
-        text.push_str(&format!("  {:.1} – {:.1}  {count:>8}  {bar}\n", bin as f64 / 10.0, (bin + 1) as f64 / 10.0));
+        text.push_str(&format!(
+            "  {:.1} – {:.1}  {count:>8}  {bar}\n",
+            bin as f64 / 10.0,
+            (bin + 1) as f64 / 10.0
+        ));
     }
     text
 }
 
 fn green(path: &Path) -> Result<(String, Value), Failure> {
     let file = GreenFile::open(path)?;
-    let mut text = format!("{}\n{}, format {}, {}\n", path.display(), file.meta.program, file.meta.format, file.meta.units);
+    let mut text = format!(
+        "{}\n{}, format {}, {}\n",
+        path.display(),
+        file.meta.program,
+        file.meta.format,
+        file.meta.units
+    );
     for (name, body) in &file.meta.bodies {
         text.push_str(&format!(
             "\nbody {name}: mesh of {} nodes and {} tetrahedra, surface {} nodes and {} triangles\n  solver {}, \
@@ -127,17 +156,37 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &scene.body {
         let needs = session::needs(&scene, name, body)?;
         let loaded = scene.load_mesh(name, body)?;
-        let effects = if body.effects.is_empty() { "none".to_owned() } else { body.effects.join(", ") };
+        let effects = if body.effects.is_empty() {
+            "none".to_owned()
+        } else {
+            body.effects.join(", ")
+        };
         text.push_str(&format!(
             "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{}\n",
-            loaded.mesh.nodes.len(), loaded.mesh.tets.len(), body.model,
-            if needs.stiffness { "; needs the handle stiffness" } else { "" },
+            loaded.mesh.nodes.len(),
+            loaded.mesh.tets.len(),
+            body.model,
+            if needs.stiffness {
+                "; needs the handle stiffness"
+            } else {
+                ""
+            },
         ));
         for (control_name, control) in &body.control {
-            let nodes = control.nodes.select(&loaded.mesh, |file| scene.resolve(file)).map_err(|message| {
-                Failure::request(scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message))
-            })?;
-            text.push_str(&format!("  control {control_name}: {} nodes, {:?}\n", nodes.len(), control.grab));
+            let nodes = control
+                .nodes
+                .select(&loaded.mesh, |file| scene.resolve(file))
+                .map_err(|message| {
+                    Failure::request(scene.invalid(
+                        &format!("body.{name}.control.{control_name}.nodes"),
+                        message,
+                    ))
+                })?;
+            text.push_str(&format!(
+                "  control {control_name}: {} nodes, {:?}\n",
+                nodes.len(),
+                control.grab
+            ));
         }
     }
     let path = session::green_path(&scene);
@@ -147,11 +196,17 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         Err(_) => "is not there yet",
     };
     text.push_str(&format!("\n{} {state}\n", path.display()));
-    Ok((text, json!({ "scene": scene, "green": path, "state": state })))
+    Ok((
+        text,
+        json!({ "scene": scene, "green": path, "state": state }),
+    ))
 }
 
 fn stage(path: &Path) -> Result<(String, Value), Failure> {
     let stage = Stage::load(path).map_err(Failure::request)?;
     let text = stage.to_string();
-    Ok((text.clone(), json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() })))
+    Ok((
+        text.clone(),
+        json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() }),
+    ))
 }

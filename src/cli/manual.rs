@@ -5,6 +5,10 @@ pub struct Args {
     pub scene: std::path::PathBuf,
 }
 impl Args {
-    pub fn demo(scene: std::path::PathBuf) -> Args { Args { scene } }
+    pub fn demo(scene: std::path::PathBuf) -> Args {
+        Args { scene }
+    }
 }
-pub fn run(_args: &Args) -> Result<(), Failure> { Ok(()) }
+pub fn run(_args: &Args) -> Result<(), Failure> {
+    Ok(())
+}

@@ -43,9 +43,16 @@ fn identity() -> [[f64; 3]; 3] {
 pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
     let file: PoseFile = config::load(path)?;
     for (index, pose) in file.pose.iter().enumerate() {
-        let first = file.pose.iter().position(|other| other.name == pose.name && other.body == pose.body);
+        let first = file
+            .pose
+            .iter()
+            .position(|other| other.name == pose.name && other.body == pose.body);
         if first != Some(index) {
-            return Err(Failure::wrong(format!("{}: two poses are called \"{}\"", path.display(), pose.name)));
+            return Err(Failure::wrong(format!(
+                "{}: two poses are called \"{}\"",
+                path.display(),
+                pose.name
+            )));
         }
     }
     Ok(file.pose)
@@ -54,7 +61,12 @@ pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
 /// The poses of all control elements of `body`, in its order.
 pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<ControlPoses, Failure> {
     let entity = |message: String| {
-        Failure::wrong(format!("{}: pose \"{}\": body.{}: {message}", path.display(), pose.name, body.body))
+        Failure::wrong(format!(
+            "{}: pose \"{}\": body.{}: {message}",
+            path.display(),
+            pose.name,
+            body.body
+        ))
     };
     for name in pose.control.keys() {
         if !body.controls.iter().any(|control| control.name == *name) {
@@ -65,14 +77,19 @@ pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<Contro
     body.controls
         .iter()
         .map(|control| {
-            let Some(affine) = pose.control.get(&control.name) else { return Ok(ControlPose::REST) };
+            let Some(affine) = pose.control.get(&control.name) else {
+                return Ok(ControlPose::REST);
+            };
             let m = affine.matrix;
             let pose = ControlPose {
                 translation: Vector3::from(affine.translation),
                 matrix: Matrix3::from_fn(|i, j| m[i][j]),
             };
             if !pose.is_finite() {
-                return Err(entity(format!("control {}: a number is not finite", control.name)));
+                return Err(entity(format!(
+                    "control {}: a number is not finite",
+                    control.name
+                )));
             }
             Ok(pose)
         })

@@ -47,7 +47,7 @@ pub struct Args {
 }
 
 /// Width of one picture on the contact sheet.
-const SHEET_PICTURE: u32 = 480;
+const SHEET_PICTURE: u32 = 400;
 const SHEET_GAP: u32 = 8;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
@@ -63,7 +63,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
     let name = match asked {
         Some(name) => name.to_owned(),
-        None if scene.stage.ends_with(".toml") => scene.resolve(Path::new(&scene.stage)).display().to_string(),
+        None if scene.stage.ends_with(".toml") => {
+            scene.resolve(Path::new(&scene.stage)).display().to_string()
+        }
         None => scene.stage.clone(),
     };
     Stage::find(&name).map_err(Failure::request)
@@ -71,14 +73,23 @@ pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
 
 /// The script that is asked for, else the scene's, if it has one.
 pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Failure> {
-    let path = asked.map(Path::to_owned).or(scene.script.as_ref().map(|path| scene.resolve(path)));
-    path.map(|path| Script::load(&path).map_err(Failure::request)).transpose()
+    let path = asked
+        .map(Path::to_owned)
+        .or(scene.script.as_ref().map(|path| scene.resolve(path)));
+    path.map(|path| Script::load(&path).map_err(Failure::request))
+        .transpose()
 }
 
 /// Moves the world to frame `frame` of `frames` of the script and returns what the mechanics took.
 pub fn step(world: &mut World, script: Option<&Script>, frame: usize, frames: usize) -> StepTimes {
-    let Some(script) = script else { return world.step(&Default::default()) };
-    let share = if frames > 1 { frame as f64 / (frames - 1) as f64 } else { 0.0 };
+    let Some(script) = script else {
+        return world.step(&Default::default());
+    };
+    let share = if frames > 1 {
+        frame as f64 / (frames - 1) as f64
+    } else {
+        0.0
+    };
     let state = script.sample(&world.stage, share * script.duration_s);
     world.step(&state)
 }
@@ -92,8 +103,13 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     if args.frames == 0 {
         return Err(Failure::wrong("--frames must be 1 or more"));
     }
-    let mut targets = Targets::new(world, args.layout, args.samples, args.scale).map_err(Failure::work)?;
-    eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
+    let mut targets =
+        Targets::new(world, args.layout, args.samples, args.scale).map_err(Failure::work)?;
+    eprintln!(
+        "{}: drawing on {}",
+        world.stage.name,
+        targets.gpu.describe()
+    );
     let shown = [0, args.frames / 2, args.frames - 1];
     let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");
     let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();
@@ -103,11 +119,19 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     let substeps = SCRIPT_STEPS.div_ceil(args.frames);
     for frame in 0..args.frames {
         let mut times = StepTimes::default();
-        let first = if frame == 0 { 0 } else { (frame - 1) * substeps + 1 };
+        let first = if frame == 0 {
+            0
+        } else {
+            (frame - 1) * substeps + 1
+        };
         for fine in first..=frame * substeps {
             times = step(world, script, fine, (args.frames - 1) * substeps + 1);
         }
-        let DrawTimes { upload_s, encode_s, draw_s } = targets.draw(world).map_err(Failure::work)?;
+        let DrawTimes {
+            upload_s,
+            encode_s,
+            draw_s,
+        } = targets.draw(world).map_err(Failure::work)?;
         drawn_s += upload_s + encode_s + draw_s;
         mechanics_s += times.interact_s + times.deform_s + times.normals_s;
         let (images, _) = targets.read().map_err(Failure::work)?;
@@ -122,9 +146,13 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     }
     bar.finish_and_clear();
     let path = folder.join("contact-sheet.png");
-    save(&contact_sheet(&sheet), &path)?;
+    save(&contact_sheet(&sheet, world.stage.screens.len()), &path)?;
     let pairs = (args.frames * world.stage.screens.len()) as f64;
-    println!("{count} pictures in {} (all steps, PNG files too: {})", folder.display(), seconds(started.elapsed().as_secs_f64()));
+    println!(
+        "{count} pictures in {} (all steps, PNG files too: {})",
+        folder.display(),
+        seconds(started.elapsed().as_secs_f64())
+    );
     println!(
         "drawing {:.1} stereo pairs/s, a frame of {} screen(s) {}; its mechanics {}",
         pairs / drawn_s,
@@ -140,29 +168,38 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
 const SCRIPT_STEPS: usize = 240;
 
 fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
-    image.save(path).with_context(|| path.display().to_string()).map_err(Failure::Work)
+    image
+        .save(path)
+        .with_context(|| path.display().to_string())
+        .map_err(Failure::Work)
 }
 
 fn small(image: &RgbaImage) -> RgbaImage {
     let width = SHEET_PICTURE.min(image.width());
-    let height = (u64::from(image.height()) * u64::from(width) / u64::from(image.width())).max(1) as u32;
+    let height =
+        (u64::from(image.height()) * u64::from(width) / u64::from(image.width())).max(1) as u32;
     imageops::resize(image, width, height, imageops::FilterType::Triangle)
 }
 
-/// One row per frame, one column per picture.
-fn contact_sheet(rows: &[Vec<RgbaImage>]) -> RgbaImage {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
-    let size = |pick: fn(&RgbaImage) -> u32| rows.iter().flatten().map(pick).max().unwrap_or(1);
+/// Frames from left to right, in each one column per eye; a column shows the screens, the last on top, so that a
+/// wall stands on the table before it.
+fn contact_sheet(frames: &[Vec<RgbaImage>], screens: usize) -> RgbaImage {
+    let pictures = frames.iter().map(Vec::len).max().unwrap_or(0);
+    let eyes = pictures.checked_div(screens).unwrap_or(0).max(1);
+    let size = |pick: fn(&RgbaImage) -> u32| frames.iter().flatten().map(pick).max().unwrap_or(1);
     let (width, height) = (size(RgbaImage::width), size(RgbaImage::height));
+    let frame_width = eyes as u32 * (width + SHEET_GAP) + 2 * SHEET_GAP;
+    let background = image::Rgba([24, 26, 30, 255]);
     let mut sheet = RgbaImage::from_pixel(
-        columns * (width + SHEET_GAP) + SHEET_GAP,
-        rows.len() as u32 * (height + SHEET_GAP) + SHEET_GAP,
-        image::Rgba([24, 26, 30, 255]),
+        frames.len() as u32 * frame_width + SHEET_GAP,
+        screens as u32 * (height + 1) + 2 * SHEET_GAP,
+        background,
     );
-    for (r, row) in rows.iter().enumerate() {
-        for (c, image) in row.iter().enumerate() {
-            let x = SHEET_GAP + c as u32 * (width + SHEET_GAP);
-            let y = SHEET_GAP + r as u32 * (height + SHEET_GAP);
+    for (f, frame) in frames.iter().enumerate() {
+        for (p, image) in frame.iter().enumerate() {
+            let (screen, eye) = (p / eyes, p % eyes);
+            let x = 2 * SHEET_GAP + f as u32 * frame_width + eye as u32 * (width + SHEET_GAP);
+            let y = SHEET_GAP + (screens - 1 - screen) as u32 * (height + 1);
             imageops::replace(&mut sheet, image, i64::from(x), i64::from(y));
         }
     }

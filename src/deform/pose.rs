@@ -25,12 +25,25 @@ impl ControlPose {
     pub fn coefficients(&self) -> [f64; FIELDS] {
         let (t, d) = (self.translation, self.matrix - Matrix3::identity());
         [
-            t.x, t.y, t.z, d[(0, 0)], d[(0, 1)], d[(0, 2)], d[(1, 0)], d[(1, 1)], d[(1, 2)], d[(2, 0)], d[(2, 1)],
+            t.x,
+            t.y,
+            t.z,
+            d[(0, 0)],
+            d[(0, 1)],
+            d[(0, 2)],
+            d[(1, 0)],
+            d[(1, 1)],
+            d[(1, 2)],
+            d[(2, 0)],
+            d[(2, 1)],
             d[(2, 2)],
         ]
     }
 
     pub fn is_finite(&self) -> bool {
-        self.translation.iter().chain(self.matrix.iter()).all(|value| value.is_finite())
+        self.translation
+            .iter()
+            .chain(self.matrix.iter())
+            .all(|value| value.is_finite())
     }
 }

@@ -28,16 +28,30 @@ pub struct Superposition {
 
 impl Superposition {
     pub fn new(elements: usize) -> Superposition {
-        Superposition { coefficients: vec![[0.0; FIELDS]; elements], partial: Vec::new() }
+        Superposition {
+            coefficients: vec![[0.0; FIELDS]; elements],
+            partial: Vec::new(),
+        }
     }
 
     /// Brings `u` to the sum over all control elements for coefficients `c`, 12 a control element.
     ///
     /// `u` must be what the last call left, or zero on the first. The bits do not depend on the number of threads.
-    pub fn update(&mut self, columns: &Columns<'_>, c: Vec<[f64; FIELDS]>, u: &mut [[f32; 3]]) -> ModelStats {
+    pub fn update(
+        &mut self,
+        columns: &Columns<'_>,
+        c: Vec<[f64; FIELDS]>,
+        u: &mut [[f32; 3]],
+    ) -> ModelStats {
         let rounded: Vec<[f32; FIELDS]> = c.iter().map(|c| c.map(|c| c as f32)).collect();
-        let changed: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != self.coefficients[e]).collect();
-        let mut stats = ModelStats { elements_summed: changed.len(), columns_read: 0, coefficients: c };
+        let changed: Vec<usize> = (0..rounded.len())
+            .filter(|&e| rounded[e] != self.coefficients[e])
+            .collect();
+        let mut stats = ModelStats {
+            elements_summed: changed.len(),
+            columns_read: 0,
+            coefficients: c,
+        };
         if changed.is_empty() {
             return stats;
         }
@@ -51,7 +65,9 @@ impl Superposition {
             })
             .collect();
         stats.columns_read = terms.iter().map(|(_, terms)| terms.len()).sum();
-        let moved: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != [0.0; FIELDS]).collect();
+        let moved: Vec<usize> = (0..rounded.len())
+            .filter(|&e| rounded[e] != [0.0; FIELDS])
+            .collect();
 
         let stride = BLOCK * rounded.len();
         self.partial.resize(u.len().div_ceil(BLOCK) * stride, 0.0);
@@ -92,7 +108,8 @@ fn combine(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
             // SAFETY: the processor has the features that the function is compiled for.
             return unsafe { combine_avx512(out, terms, start) };
         }
-        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
+        {
             // SAFETY: the processor has the features that the function is compiled for.
             return unsafe { combine_avx2(out, terms, start) };
         }
@@ -124,8 +141,8 @@ fn combine_with(
     out.fill(0.0);
     let mut passes = terms.chunks_exact(4);
     for pass in &mut passes {
-        let [(c0, x0), (c1, x1), (c2, x2), (c3, x3)] = [pass[0], pass[1], pass[2], pass[3]]
-            .map(|(c, column)| (c, &column[start..start + n]));
+        let [(c0, x0), (c1, x1), (c2, x2), (c3, x3)] =
+            [pass[0], pass[1], pass[2], pass[3]].map(|(c, column)| (c, &column[start..start + n]));
         for i in 0..n {
             let low = multiply_add(c1, x1[i], multiply_add(c0, x0[i], out[i]));
             out[i] = multiply_add(c3, x3[i], multiply_add(c2, x2[i], low));
@@ -147,18 +164,25 @@ mod tests {
 
     fn columns(elements: usize) -> Vec<Vec<f32>> {
         let value = |i: usize| ((i * 2654435761 % 1000) as f32 - 500.0) * 1e-3;
-        (0..elements).map(|e| (0..FIELDS * 3 * NODES).map(|i| value(i + 7 * e)).collect()).collect()
+        (0..elements)
+            .map(|e| (0..FIELDS * 3 * NODES).map(|i| value(i + 7 * e)).collect())
+            .collect()
     }
 
     fn direct(columns: &[Vec<f32>], c: &[[f64; FIELDS]], i: usize) -> f64 {
         let term = |e: usize, k: usize| c[e][k] * f64::from(columns[e][k * 3 * NODES + i]);
-        (0..columns.len()).flat_map(|e| (0..FIELDS).map(move |k| (e, k))).map(|(e, k)| term(e, k)).sum()
+        (0..columns.len())
+            .flat_map(|e| (0..FIELDS).map(move |k| (e, k)))
+            .map(|(e, k)| term(e, k))
+            .sum()
     }
 
     #[test]
     fn sum_agrees_with_f64_and_reads_only_what_changed() {
         let data = columns(3);
-        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+        let columns = Columns {
+            elements: data.iter().map(Vec::as_slice).collect(),
+        };
         let mut sum = Superposition::new(3);
         let mut u = vec![[0.0; 3]; NODES];
         let mut c = vec![[0.0; FIELDS]; 3];
@@ -182,20 +206,32 @@ mod tests {
     #[test]
     fn a_million_updates_do_not_drift() {
         const FEW: usize = 5;
-        let data: Vec<Vec<f32>> =
-            columns(2).iter().map(|all| all[..FIELDS * 3 * FEW].to_vec()).collect();
-        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+        let data: Vec<Vec<f32>> = columns(2)
+            .iter()
+            .map(|all| all[..FIELDS * 3 * FEW].to_vec())
+            .collect();
+        let columns = Columns {
+            elements: data.iter().map(Vec::as_slice).collect(),
+        };
         let pose = |step: usize, e: usize| -> [f64; FIELDS] {
             std::array::from_fn(|k| ((step * (k + 3) + e) as f64 * 0.37).sin())
         };
         let mut sum = Superposition::new(2);
         let mut u = vec![[0.0; 3]; FEW];
         for step in 0..1_000_000 {
-            sum.update(&columns, vec![pose(step / 2, 0), pose(step.div_ceil(2), 1)], &mut u);
+            sum.update(
+                &columns,
+                vec![pose(step / 2, 0), pose(step.div_ceil(2), 1)],
+                &mut u,
+            );
         }
         let mut fresh = Superposition::new(2);
         let mut expected = vec![[0.0; 3]; FEW];
-        fresh.update(&columns, vec![pose(499_999, 0), pose(500_000, 1)], &mut expected);
+        fresh.update(
+            &columns,
+            vec![pose(499_999, 0), pose(500_000, 1)],
+            &mut expected,
+        );
         assert_eq!(u, expected);
     }
 }

@@ -11,7 +11,12 @@ pub enum AssemblyError {
         "tetrahedron {index} (nodes with tags {tags:?}) has volume {volume:.3e} m³, relative volume {relative:.1e}; \
          remove it or move a node: its stiffness would be infinite or wrong"
     )]
-    Degenerate { index: usize, tags: [u64; 4], volume: f64, relative: f64 },
+    Degenerate {
+        index: usize,
+        tags: [u64; 4],
+        volume: f64,
+        relative: f64,
+    },
 }
 
 /// Smallest accepted 6·√2·V/ℓ³ of an element (ℓ its root-mean-square edge): below it a tetrahedron counts as
@@ -37,9 +42,15 @@ pub fn assemble(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, Assemb
             for &tet in incident.of(node) {
                 let corners = mesh.tets[tet as usize];
                 let (element, lame) = (&elements[tet as usize], lame[tet as usize]);
-                let Some(a) = corners.iter().position(|&corner| corner as usize == node) else { continue };
+                let Some(a) = corners.iter().position(|&corner| corner as usize == node) else {
+                    continue;
+                };
                 diagonal += tet4::stiffness_block(element, lame, a, a);
-                for (b, &corner) in corners.iter().enumerate().filter(|(_, corner)| **corner as usize > node) {
+                for (b, &corner) in corners
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, corner)| **corner as usize > node)
+                {
                     if let Ok(slot) = edges.binary_search_by_key(&corner, |edge| edge[1]) {
                         blocks[slot] += tet4::stiffness_block(element, lame, a, b);
                     }
@@ -122,7 +133,10 @@ fn edges(mesh: &TetMesh, incident: &Incidence) -> Vec<[u32; 2]> {
                 .collect();
             above.sort_unstable();
             above.dedup();
-            above.into_iter().map(|other| [node as u32, other]).collect()
+            above
+                .into_iter()
+                .map(|other| [node as u32, other])
+                .collect()
         })
         .collect();
     per_node.concat()
