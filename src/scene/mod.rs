@@ -9,6 +9,7 @@ pub use select::Nodes;
 
 use crate::config::{self, ConfigError};
 use crate::mesh::{self, MeshError, generate};
+use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -45,7 +46,8 @@ pub struct Scene {
     pub stage: String,
     /// Key frames that move head and stylus where nobody does; relative to the scene file.
     pub script: Option<PathBuf>,
-    pub body: BTreeMap<String, Body>,
+    /// In the order of the file.
+    pub body: IndexMap<String, Body>,
     /// Where the scene was read from; relative paths start at its folder.
     #[serde(skip)]
     pub path: PathBuf,
@@ -73,7 +75,8 @@ pub struct Body {
     pub effects: Vec<String>,
     #[serde(default)]
     pub solver: Solver,
-    pub control: BTreeMap<String, Control>,
+    /// In the order of the file, which is the order of all results.
+    pub control: IndexMap<String, Control>,
     /// Where the body stands in the room; absent: fitted into the stage's workspace.
     pub place: Option<Place>,
 }
