@@ -37,9 +37,9 @@ pub struct Args {
     /// Samples a pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = super::samples)]
     pub samples: u32,
-    /// Size of the windows against the screens' own pixels
-    #[arg(long, default_value_t = 1.0, value_parser = super::scale)]
-    pub scale: f64,
+    /// Size of the windows against the screens' own pixels; default: 1 for a single window, else 0.5
+    #[arg(long, value_parser = super::scale)]
+    pub scale: Option<f64>,
     /// Present at once instead of waiting for the display's refresh
     #[arg(long)]
     pub no_vsync: bool,
@@ -60,7 +60,7 @@ impl Args {
             script: None,
             green: None,
             samples: 4,
-            scale: 1.0,
+            scale: None,
             no_vsync: false,
             seconds: None,
             offscreen: "out/demo".into(),
@@ -91,7 +91,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     println!("{}", bindings());
     let panes = panes(&world.stage);
-    let specs = windows(&world.stage, &panes, args.scale);
+    let specs = windows(
+        &world.stage,
+        &panes,
+        args.scale
+            .unwrap_or(if panes.len() > 1 { 0.5 } else { 1.0 }),
+    );
     let mut app = Viewer {
         mouse: Mouse::new(world.stage.clone()),
         world,
@@ -101,6 +106,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         started: Instant::now(),
         last: Instant::now(),
         frames: 0,
+        round: 0,
         limit_s: args.seconds,
     };
     let options = WindowOptions {
@@ -127,7 +133,7 @@ fn offscreen(args: &Args) -> render::Args {
         script: args.script.clone(),
         green: args.green.clone(),
         samples: args.samples,
-        scale: args.scale,
+        scale: args.scale.unwrap_or(1.0),
         layout: Layout::Eyes,
     }
 }
@@ -156,8 +162,11 @@ fn panes(stage: &Stage) -> Vec<Pane> {
     (0..stage.screens.len()).flat_map(of).collect()
 }
 
+/// Several windows are laid out side by side: a column per eye, the last screen on top as in the room.
 fn windows(stage: &Stage, panes: &[Pane], scale: f64) -> Vec<WindowSpec> {
+    let (tiled, last) = (panes.len() > 1, stage.screens.len() - 1);
     let spec = |pane: &Pane| {
+        let place = u32::from(pane.eyes == [Eye::Right]);
         let screen = &stage.screens[pane.screen];
         let size = screen
             .pixels
@@ -170,7 +179,10 @@ fn windows(stage: &Stage, panes: &[Pane], scale: f64) -> Vec<WindowSpec> {
                 screen.name,
                 eyes.join(" and ")
             ),
-            position: None,
+            position: tiled.then_some([
+                (place * size[0]) as i32,
+                ((last - pane.screen) as u32 * size[1]) as i32,
+            ]),
             size: [size[0] * pane.eyes.len() as u32, size[1]],
             decorated: true,
             fullscreen: false,
@@ -189,6 +201,8 @@ struct Viewer {
     started: Instant,
     last: Instant,
     frames: u32,
+    /// How often the script has begun anew.
+    round: u32,
     limit_s: Option<f64>,
 }
 
@@ -287,8 +301,13 @@ impl Viewer {
         let time_s = self.started.elapsed().as_secs_f64();
         match &self.script {
             Some(script) => {
-                // A pause of a second between two rounds.
-                script.sample(&self.world.stage, time_s % (script.duration_s + 1.0))
+                // A pause of a second between two rounds, each of which starts at rest.
+                let round_s = script.duration_s + 1.0;
+                let round = (time_s / round_s) as u32;
+                if std::mem::replace(&mut self.round, round) != round {
+                    self.world.reset();
+                }
+                script.sample(&self.world.stage, time_s % round_s)
             }
             None => {
                 self.mouse.advance(step_s);

@@ -150,6 +150,14 @@ impl World {
         times
     }
 
+    /// Lets go of everything and puts every body back to rest.
+    pub fn reset(&mut self) {
+        self.grips.clear();
+        for body in &mut self.bodies {
+            body.deformer.evaluate(&vec![ControlPose::REST; body.controls.len()]);
+        }
+    }
+
     /// Distance from the first stylus to what it points at, for the mouse to grab there.
     pub fn hit_distance_m(&self) -> Option<f64> {
         let stylus = self.styli.first()?;
