@@ -8,21 +8,11 @@ use std::hint::black_box;
 const NODES: usize = 10_000;
 
 fn superposition(c: &mut Criterion) {
-    let data: Vec<Vec<f32>> = (0..2)
-        .map(|e| {
-            (0..FIELDS * 3 * NODES)
-                .map(|i| ((i + e) as f32).sin())
-                .collect()
-        })
-        .collect();
-    let columns = Columns {
-        elements: data.iter().map(Vec::as_slice).collect(),
-    };
+    let data: Vec<Vec<f32>> =
+        (0..2).map(|e| (0..FIELDS * 3 * NODES).map(|i| ((i + e) as f32).sin()).collect()).collect();
+    let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
     let mut group = c.benchmark_group("superposition 10,000 nodes");
-    for (name, moved) in [
-        ("one control element, 12 columns", 1),
-        ("two, 24 columns", 2),
-    ] {
+    for (name, moved) in [("one control element, 12 columns", 1), ("two, 24 columns", 2)] {
         let mut sum = Superposition::new(2);
         let mut u = vec![[0.0; 3]; NODES];
         let mut step = 0.0;
@@ -30,9 +20,8 @@ fn superposition(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 step += 1e-3;
-                let coefficients = (0..2)
-                    .map(|e| [if e < moved { 0.1 + step } else { 0.0 }; FIELDS])
-                    .collect();
+                let coefficients =
+                    (0..2).map(|e| [if e < moved { 0.1 + step } else { 0.0 }; FIELDS]).collect();
                 black_box(sum.update(&columns, coefficients, &mut u));
             });
         });
@@ -52,10 +41,7 @@ fn normals(c: &mut Criterion) {
         .flat_map(|j| (0..around).map(move |i| (j, i)))
         .flat_map(|(j, i)| {
             let at = |j: u32, i: u32| j * around + i % around;
-            [
-                [at(j, i), at(j, i + 1), at(j + 1, i)],
-                [at(j + 1, i), at(j, i + 1), at(j + 1, i + 1)],
-            ]
+            [[at(j, i), at(j, i + 1), at(j + 1, i)], [at(j + 1, i), at(j, i + 1), at(j + 1, i + 1)]]
         })
         .collect();
     let (mut sums, mut normals) = (Vec::new(), vec![[0.0; 3]; NODES]);

@@ -10,25 +10,15 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     #[error("{}: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     #[error("{}:{line}:{column}: {message}", path.display())]
-    Parse {
-        path: PathBuf,
-        line: usize,
-        column: usize,
-        message: String,
-    },
+    Parse { path: PathBuf, line: usize, column: usize, message: String },
 }
 
 /// Reads and parses the TOML file at `path`.
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
     parse(&text, path)
 }
 
@@ -36,12 +26,7 @@ pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
 pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigError> {
     toml::from_str(text).map_err(|error| {
         let (line, column) = line_and_column(text, error.span().map_or(0, |span| span.start));
-        ConfigError::Parse {
-            path: path.to_owned(),
-            line,
-            column,
-            message: explain(error.message()),
-        }
+        ConfigError::Parse { path: path.to_owned(), line, column, message: explain(error.message()) }
     })
 }
 
@@ -49,10 +34,7 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigEr
 pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text.as_bytes()[..offset.min(text.len())];
     let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
-    let start = before
-        .iter()
-        .rposition(|&byte| byte == b'\n')
-        .map_or(0, |i| i + 1);
+    let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |i| i + 1);
     (line, before.len() - start + 1)
 }
 
@@ -80,19 +62,10 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
 }
 
 /// What to say of a name that is in no list: what is known, and the nearest of it.
-pub fn unknown_name<'a>(
-    kind: &str,
-    name: &str,
-    known: impl Iterator<Item = &'a str> + Clone,
-) -> String {
+pub fn unknown_name<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str> + Clone) -> String {
     let list: Vec<&str> = known.clone().collect();
-    let advice = nearest(name, known)
-        .map(|like| format!("; did you mean \"{like}\"?"))
-        .unwrap_or_default();
-    format!(
-        "unknown {kind} \"{name}\" (known: {}){advice}",
-        list.join(", ")
-    )
+    let advice = nearest(name, known).map(|like| format!("; did you mean \"{like}\"?")).unwrap_or_default();
+    format!("unknown {kind} \"{name}\" (known: {}){advice}", list.join(", "))
 }
 
 #[cfg(test)]
@@ -110,13 +83,9 @@ mod tests {
 
     #[test]
     fn unknown_key_names_line_and_nearest_key() {
-        let error =
-            parse::<Material>("young = 1.0\npoison = 0.3\n", Path::new("a.toml")).unwrap_err();
+        let error = parse::<Material>("young = 1.0\npoison = 0.3\n", Path::new("a.toml")).unwrap_err();
         let text = error.to_string();
-        assert!(
-            text.starts_with("a.toml:2:1: unknown field `poison`"),
-            "{text}"
-        );
+        assert!(text.starts_with("a.toml:2:1: unknown field `poison`"), "{text}");
         assert!(text.ends_with("did you mean `poisson`?"), "{text}");
     }
 

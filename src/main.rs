@@ -7,8 +7,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_env("GREENSTAGE_LOG")
-                .unwrap_or_else(|_| "warn".into()),
+            tracing_subscriber::EnvFilter::try_from_env("GREENSTAGE_LOG").unwrap_or_else(|_| "warn".into()),
         )
         .without_time()
         .init();

@@ -1,4 +1,5 @@
 //! The finite element method against closed forms: patch test, rigid motions, symmetry, published matrices.
+#![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
 mod common;
 
@@ -11,17 +12,12 @@ use nalgebra::{Matrix3, Vector3};
 
 /// A block whose inner nodes are moved at random, so that nothing holds by symmetry.
 fn crooked_block(cells: [u32; 3]) -> TetMesh {
-    let block = generate::Block {
-        size: [1.0, 0.8, 1.2],
-        cells,
-    };
+    let block = generate::Block { size: [1.0, 0.8, 1.2], cells };
     let mut mesh = generate::block(&block).unwrap();
     let half = Vector3::from(block.size) * 0.5;
     let mut state = 1u64;
     let mut random = || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (state >> 33) as f64 / (1u64 << 31) as f64 - 0.5
     };
     for node in &mut mesh.nodes {
@@ -39,27 +35,15 @@ fn uniform(mesh: &TetMesh) -> Vec<Lame> {
 }
 
 fn field(mesh: &TetMesh, displacement: impl Fn(&Vector3<f64>) -> Vector3<f64>) -> NodeFields {
-    let data = mesh
-        .nodes
-        .iter()
-        .flat_map(|x| <[f64; 3]>::from(displacement(x)))
-        .collect();
-    NodeFields {
-        nodes: mesh.nodes.len(),
-        columns: 1,
-        data,
-    }
+    let data = mesh.nodes.iter().flat_map(|x| <[f64; 3]>::from(displacement(x))).collect();
+    NodeFields { nodes: mesh.nodes.len(), columns: 1, data }
 }
 
 #[test]
 fn rigid_motions_cost_no_force() {
     let mesh = crooked_block([4, 3, 5]);
     let k = assemble(&mesh, &uniform(&mesh)).unwrap();
-    let scale: f64 = k
-        .diagonal
-        .iter()
-        .map(|block| block.norm())
-        .fold(0.0, f64::max);
+    let scale: f64 = k.diagonal.iter().map(|block| block.norm()).fold(0.0, f64::max);
     for mode in 0..6 {
         let axis = Vector3::ith(mode % 3, 1.0);
         let rigid = field(&mesh, |x| if mode < 3 { axis } else { axis.cross(x) });
@@ -75,10 +59,7 @@ fn assembly_has_the_same_bits_on_every_thread_count() {
     let mesh = crooked_block([6, 5, 4]);
     let lame = uniform(&mesh);
     let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| assemble(&mesh, &lame).unwrap())
     };
     let one = with(1);
@@ -93,9 +74,7 @@ fn matrix_is_symmetric_and_positive_on_deformations() {
         assert!((block - block.transpose()).amax() <= 1e-14 * block.amax());
     }
     let (a, b) = (
-        field(&mesh, |x| {
-            Vector3::new(x.y.sin(), x.x * x.z, 3.0 * x.x.cos())
-        }),
+        field(&mesh, |x| Vector3::new(x.y.sin(), x.x * x.z, 3.0 * x.x.cos())),
         field(&mesh, |x| Vector3::new(x.z * x.z, x.x.exp(), x.y - x.x)),
     );
     let product = |x: &NodeFields| {
@@ -115,24 +94,13 @@ fn patch_test_inner_nodes_follow_an_affine_boundary() {
     let h = Matrix3::new(0.01, -0.02, 0.005, 0.03, 0.004, -0.01, 0.002, 0.015, -0.02);
     let mesh = crooked_block([4, 4, 4]);
     let folder = common::folder("patch");
-    greenstage::mesh::save(
-        &folder.join("patch.msh"),
-        &mesh,
-        greenstage::mesh::Encoding::Gmsh41Binary,
-    )
-    .unwrap();
+    greenstage::mesh::save(&folder.join("patch.msh"), &mesh, greenstage::mesh::Encoding::Gmsh41Binary)
+        .unwrap();
     let half = [0.5, 0.4, 0.6];
-    let is_outside =
-        |x: &Vector3<f64>| (0..3).any(|axis| x[axis].abs() > half[axis] * (1.0 - 1e-9));
+    let is_outside = |x: &Vector3<f64>| (0..3).any(|axis| x[axis].abs() > half[axis] * (1.0 - 1e-9));
     let tags = |low: bool| {
-        let chosen = mesh
-            .nodes
-            .iter()
-            .zip(&mesh.tags)
-            .filter(|(x, _)| is_outside(x) && (x.x < 0.1) == low);
-        chosen
-            .map(|(_, tag)| format!("{tag}\n"))
-            .collect::<String>()
+        let chosen = mesh.nodes.iter().zip(&mesh.tags).filter(|(x, _)| is_outside(x) && (x.x < 0.1) == low);
+        chosen.map(|(_, tag)| format!("{tag}\n")).collect::<String>()
     };
     std::fs::write(folder.join("low.txt"), tags(true)).unwrap();
     std::fs::write(folder.join("high.txt"), tags(false)).unwrap();
@@ -154,21 +122,13 @@ grab = "fixed"
         .iter()
         .flat_map(|control| {
             let t = h * control.origin;
-            [t.x, t.y, t.z]
-                .into_iter()
-                .chain(h.transpose().iter().copied().collect::<Vec<_>>())
+            [t.x, t.y, t.z].into_iter().chain(h.transpose().iter().copied().collect::<Vec<_>>())
         })
         .collect();
     let mut worst = 0.0f64;
     for (node, x) in solution.mesh.nodes.iter().enumerate() {
         for axis in 0..3 {
-            let u: f64 = solution
-                .fields
-                .row(3 * node + axis)
-                .iter()
-                .zip(&c)
-                .map(|(u, c)| u * c)
-                .sum();
+            let u: f64 = solution.fields.row(3 * node + axis).iter().zip(&c).map(|(u, c)| u * c).sum();
             worst = worst.max((u - (h * x)[axis]).abs());
         }
     }
@@ -178,27 +138,13 @@ grab = "fixed"
 /// The same patch with every solver: PCG is the check on Cholesky.
 #[test]
 fn pcg_and_cholesky_agree() {
-    let cholesky = green::solve(
-        &block_scene([5, 4, 4], ""),
-        "block",
-        Needs::default(),
-        &Silent,
-    )
-    .unwrap();
-    let scene = block_scene(
-        [5, 4, 4],
-        "solver = { method = \"pcg\", tolerance = 1e-12 }",
-    );
+    let cholesky = green::solve(&block_scene([5, 4, 4], ""), "block", Needs::default(), &Silent).unwrap();
+    let scene = block_scene([5, 4, 4], "solver = { method = \"pcg\", tolerance = 1e-12 }");
     let pcg = green::solve(&scene, "block", Needs::default(), &Silent).unwrap();
     assert!(pcg.stats.iterations > 10 && cholesky.stats.iterations == 0);
     assert!(pcg.stats.worst_residual() <= 1e-12 && cholesky.stats.worst_residual() <= 1e-12);
-    let worst = cholesky
-        .fields
-        .data
-        .iter()
-        .zip(&pcg.fields.data)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f64::max);
+    let worst =
+        cholesky.fields.data.iter().zip(&pcg.fields.data).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(worst < 1e-10, "{worst:e}");
 }
 
@@ -207,15 +153,8 @@ fn solutions_have_the_same_bits_on_every_thread_count() {
     for solver in ["", "solver = { method = \"pcg\", tolerance = 1e-8 }"] {
         let scene = block_scene([4, 4, 3], solver);
         let with = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            pool.install(|| {
-                green::solve(&scene, "block", Needs::default(), &Silent)
-                    .unwrap()
-                    .fields
-            })
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| green::solve(&scene, "block", Needs::default(), &Silent).unwrap().fields)
         };
         assert!(with(1) == with(2), "{solver}");
     }
@@ -227,22 +166,11 @@ fn element_matrices_match_the_independent_ones() {
     let Some(folder) = shared("cases/unit_tet") else {
         return;
     };
-    let general = [
-        [0.1, -0.2, 0.3],
-        [1.2, 0.1, -0.1],
-        [0.2, 0.9, 0.2],
-        [-0.1, 0.3, 1.4],
-    ];
-    let unit = [
-        [0.0, 0.0, 0.0],
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-    ];
-    for (file, nodes, young, poisson) in [
-        ("K_E1_nu025.csv", unit, 1.0, 0.25),
-        ("K_general_E2.5_nu037.csv", general, 2.5, 0.37),
-    ] {
+    let general = [[0.1, -0.2, 0.3], [1.2, 0.1, -0.1], [0.2, 0.9, 0.2], [-0.1, 0.3, 1.4]];
+    let unit = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for (file, nodes, young, poisson) in
+        [("K_E1_nu025.csv", unit, 1.0, 0.25), ("K_general_E2.5_nu037.csv", general, 2.5, 0.37)]
+    {
         let text = std::fs::read_to_string(folder.join(file)).unwrap();
         let expected: Vec<f64> = text
             .split([',', '\n'])
@@ -257,10 +185,7 @@ fn element_matrices_match_the_independent_ones() {
             for column in 0..12 {
                 let block = tet4::stiffness_block(&element, lame, row / 3, column / 3);
                 let difference = block[(row % 3, column % 3)] - expected[12 * row + column];
-                assert!(
-                    difference.abs() <= 1e-14 * largest,
-                    "{file} ({row}, {column}): {difference:e}"
-                );
+                assert!(difference.abs() <= 1e-14 * largest, "{file} ({row}, {column}): {difference:e}");
             }
         }
     }

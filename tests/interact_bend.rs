@@ -23,19 +23,10 @@ fn tube_end() -> (Vec<Vector3<f32>>, PickShape) {
         }));
     }
     let ring = |i: u32| {
-        [
-            [i, (i + 1) % around, i + around],
-            [(i + 1) % around, (i + 1) % around + around, i + around],
-        ]
+        [[i, (i + 1) % around, i + around], [(i + 1) % around, (i + 1) % around + around, i + around]]
     };
     let triangles = (0..around).flat_map(ring).collect();
-    (
-        positions,
-        PickShape {
-            triangles,
-            points: vec![],
-        },
-    )
+    (positions, PickShape { triangles, points: vec![] })
 }
 
 #[test]
@@ -49,12 +40,7 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
         let stage = Stage::find(name).unwrap();
         let body = (Point3::new(-0.95, -0.1, -0.1), Point3::new(0.95, 0.1, 0.1));
         let room_from_body = stage.workspace.room_from_body(body.0, body.1).unwrap();
-        let rest = room_from_element(
-            &room_from_body,
-            &origin,
-            &Vector3::zeros(),
-            &Matrix3::identity(),
-        );
+        let rest = room_from_element(&room_from_body, &origin, &Vector3::zeros(), &Matrix3::identity());
         let mut dragger = Dragger::default();
         let mut last = None;
         let mut largest_deviation: f64 = 0.0;
@@ -62,12 +48,8 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
         for frame in 0..=240 {
             let state = script.sample(&stage, f64::from(frame) / 60.0);
             let stylus = &state.styli[0];
-            let target = PickTarget {
-                shape: &shape,
-                positions: &positions,
-                ball_radius_m: 0.01,
-                room_from_body,
-            };
+            let target =
+                PickTarget { shape: &shape, positions: &positions, ball_radius_m: 0.01, room_from_body };
             let hit = PickRay::from_stylus(stylus).and_then(|ray| pick(&ray, &[target]));
             let Some(drag) = dragger.update(stylus, hit.as_ref(), |_| rest) else {
                 continue;
@@ -84,21 +66,12 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
             largest_deviation = largest_deviation.max((translation - expected).norm());
             last = Some((angle, matrix));
         }
-        println!(
-            "{name}: farthest from the arc {largest_deviation:.2e} of 1.8, {frames_held} frames held"
-        );
+        println!("{name}: farthest from the arc {largest_deviation:.2e} of 1.8, {frames_held} frames held");
         assert!(largest_deviation < 0.005, "{name}: {largest_deviation}");
         assert_eq!(frames_held, 156, "{name}: from 0.8 s to 3.4 s at 60 Hz");
         let (angle, matrix) = last.unwrap();
-        assert!(
-            (angle.to_degrees() - 60.0).abs() < 0.01,
-            "{name}: {}",
-            angle.to_degrees()
-        );
-        assert!(
-            (matrix.transpose() * matrix - Matrix3::identity()).norm() < 1e-6,
-            "{name}: {matrix}"
-        );
+        assert!((angle.to_degrees() - 60.0).abs() < 0.01, "{name}: {}", angle.to_degrees());
+        assert!((matrix.transpose() * matrix - Matrix3::identity()).norm() < 1e-6, "{name}: {matrix}");
         assert_eq!(dragger.held(), None, "{name}: the stylus lets go");
     }
 }
@@ -110,10 +83,7 @@ fn the_head_sways_ten_centimetres_on_every_stage() {
         let stage = Stage::find(name).unwrap();
         let head_x = |t: f64| f64::from(script.sample(&stage, t).head.unwrap().translation.x);
         assert!((head_x(2.0) - head_x(0.0) - 0.1).abs() < 1e-6, "{name}");
-        assert!(
-            (head_x(4.0) - stage.viewer.room_from_head.translation.x).abs() < 1e-6,
-            "{name}"
-        );
+        assert!((head_x(4.0) - stage.viewer.room_from_head.translation.x).abs() < 1e-6, "{name}");
     }
 }
 
@@ -122,18 +92,12 @@ fn stylus_and_tube_stay_within_the_pictures_of_every_stage() {
     let script = Script::find("bend").unwrap();
     for (name, _) in BUILT_IN {
         let stage = Stage::find(name).unwrap();
-        let tube = [-0.95, 0.0, 0.95]
-            .map(|x| stage.workspace.centre + Vector3::x() * x * stage.workspace.radius_m);
+        let tube =
+            [-0.95, 0.0, 0.95].map(|x| stage.workspace.centre + Vector3::x() * x * stage.workspace.radius_m);
         for frame in 0..=40 {
             let state = script.sample(&stage, f64::from(frame) / 10.0);
             let head = state.head.unwrap().cast();
-            let stylus = Point3::from(
-                state.styli[0]
-                    .room_from_stylus
-                    .translation
-                    .vector
-                    .cast::<f64>(),
-            );
+            let stylus = Point3::from(state.styli[0].room_from_stylus.translation.vector.cast::<f64>());
             for (point, &eye) in tube
                 .iter()
                 .chain([&stylus])
@@ -145,10 +109,7 @@ fn stylus_and_tube_stay_within_the_pictures_of_every_stage() {
                         * point.cast::<f32>().to_homogeneous();
                     clip.w > 0.0 && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w
                 };
-                assert!(
-                    stage.screens.iter().any(is_on),
-                    "{name}, frame {frame}: {point} is on no screen"
-                );
+                assert!(stage.screens.iter().any(is_on), "{name}, frame {frame}: {point} is on no screen");
             }
         }
     }
@@ -161,16 +122,9 @@ fn parse_and_use(text: &str) {
     };
     for part in [-1.0, 0.0, 0.1, 0.35, 0.5, 0.77, 1.0, 2.0, f64::NAN] {
         let state = script.sample(&stage, part * script.duration_s);
-        let poses = state
-            .styli
-            .iter()
-            .map(|stylus| stylus.room_from_stylus)
-            .chain(state.head);
+        let poses = state.styli.iter().map(|stylus| stylus.room_from_stylus).chain(state.head);
         for pose in poses {
-            assert!(
-                pose.translation.vector.iter().all(|x| x.is_finite()),
-                "{text}"
-            );
+            assert!(pose.translation.vector.iter().all(|x| x.is_finite()), "{text}");
             assert!((pose.rotation.coords.norm() - 1.0).abs() < 1e-5, "{text}");
         }
     }

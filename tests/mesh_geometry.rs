@@ -18,9 +18,7 @@ fn demo_tube() -> Tube {
 }
 
 fn tet_volume(mesh: &TetMesh) -> f64 {
-    (0..mesh.tets.len())
-        .map(|tet| signed_volume(&mesh.corners(tet)))
-        .sum()
+    (0..mesh.tets.len()).map(|tet| signed_volume(&mesh.corners(tet))).sum()
 }
 
 /// Each edge is run through once in each direction; returns V - E + F.
@@ -33,10 +31,7 @@ fn euler_characteristic_of_closed(surface: &Surface) -> i64 {
     }
     for (&(a, b), &count) in &directed {
         assert_eq!(count, 1, "edge {a}-{b} is run through {count} times");
-        assert!(
-            directed.contains_key(&(b, a)),
-            "edge {a}-{b} has one side only"
-        );
+        assert!(directed.contains_key(&(b, a)), "edge {a}-{b} has one side only");
     }
     surface.nodes.len() as i64 - directed.len() as i64 / 2 + surface.triangles.len() as i64
 }
@@ -51,17 +46,9 @@ fn demo_tube_has_ten_thousand_nodes_of_good_quality() {
     assert_eq!(components(&mesh).nodes.len(), 1);
     // 0.1 m of layers 1/62 m apart: 0 to 6.
     assert_eq!(mesh.groups["left"].len(), 7 * 4 * 40);
-    assert!(
-        mesh.groups["left"]
-            .iter()
-            .all(|&node| mesh.nodes[node as usize].x <= -0.4 + 1e-12)
-    );
+    assert!(mesh.groups["left"].iter().all(|&node| mesh.nodes[node as usize].x <= -0.4 + 1e-12));
     assert_eq!(mesh.groups["right"].len(), 7 * 4 * 40);
-    assert!(
-        mesh.groups["right"]
-            .iter()
-            .all(|&node| mesh.nodes[node as usize].x >= 0.4 - 1e-12)
-    );
+    assert!(mesh.groups["right"].iter().all(|&node| mesh.nodes[node as usize].x >= 0.4 - 1e-12));
     for (name, radius) in [("inner", 0.07), ("outer", 0.1)] {
         assert_eq!(mesh.groups[name].len(), 40 * 63);
         for &node in &mesh.groups[name] {
@@ -89,13 +76,7 @@ fn tube_volume_converges_at_rate_2() {
     let exact = PI * (0.1f64.powi(2) - 0.07f64.powi(2));
     let errors: Vec<f64> = [8, 16, 32, 64]
         .map(|around| {
-            let mesh = tube(&Tube {
-                around,
-                along: 4,
-                radial: 1,
-                ..demo_tube()
-            })
-            .unwrap();
+            let mesh = tube(&Tube { around, along: 4, radial: 1, ..demo_tube() }).unwrap();
             (tet_volume(&mesh) / exact - 1.0).abs()
         })
         .to_vec();
@@ -107,11 +88,7 @@ fn tube_volume_converges_at_rate_2() {
 
 #[test]
 fn block_surface_is_a_closed_sphere() {
-    let mesh = block(&Block {
-        size: [3.0, 2.0, 1.0],
-        cells: [5, 4, 3],
-    })
-    .unwrap();
+    let mesh = block(&Block { size: [3.0, 2.0, 1.0], cells: [5, 4, 3] }).unwrap();
     assert_eq!((mesh.nodes.len(), mesh.tets.len()), (6 * 5 * 4, 5 * 60));
     let surface = Surface::of(&mesh);
     assert_eq!(surface.triangles.len(), 4 * (20 + 15 + 12));
@@ -132,41 +109,23 @@ fn block_surface_is_a_closed_sphere() {
 
 #[test]
 fn faces_between_regions_are_no_surface() {
-    let mut mesh = block(&Block {
-        size: [1.0; 3],
-        cells: [4; 3],
-    })
-    .unwrap();
+    let mut mesh = block(&Block { size: [1.0; 3], cells: [4; 3] }).unwrap();
     let whole = Surface::of(&mesh);
-    mesh.regions
-        .iter_mut()
-        .enumerate()
-        .for_each(|(tet, region)| *region = tet as u32 % 3);
+    mesh.regions.iter_mut().enumerate().for_each(|(tet, region)| *region = tet as u32 % 3);
     assert_eq!(Surface::of(&mesh), whole);
     assert_eq!(whole.nodes.len(), 125 - 27);
 }
 
 #[test]
 fn surface_of_one_tetrahedron_looks_outward() {
-    let corners = [
-        [0.0, 0.0, 0.0],
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-    ];
-    let mesh = TetMesh {
-        nodes: corners.map(Into::into).to_vec(),
-        tets: vec![[0, 1, 2, 3]],
-        ..TetMesh::default()
-    };
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mesh =
+        TetMesh { nodes: corners.map(Into::into).to_vec(), tets: vec![[0, 1, 2, 3]], ..TetMesh::default() };
     let surface = Surface::of(&mesh);
     for triangle in &surface.triangles {
         let [a, b, c] = triangle.map(|i| mesh.nodes[surface.nodes[i as usize] as usize]);
         let centre = nalgebra::Vector3::repeat(0.25);
-        assert!(
-            (b - a).cross(&(c - a)).dot(&(a - centre)) > 0.0,
-            "{triangle:?}"
-        );
+        assert!((b - a).cross(&(c - a)).dot(&(a - centre)) > 0.0, "{triangle:?}");
     }
 }
 
@@ -174,119 +133,30 @@ fn surface_of_one_tetrahedron_looks_outward() {
 fn impossible_sizes_are_refused_with_their_numbers() {
     let refused = |parameters: Tube| tube(&parameters).unwrap_err().to_string();
     let t = demo_tube();
-    assert!(
-        refused(Tube {
-            length: f64::NAN,
-            ..t.clone()
-        })
-        .starts_with("length is NaN")
-    );
-    assert!(
-        refused(Tube {
-            inner_radius: 0.0,
-            ..t.clone()
-        })
-        .starts_with("inner_radius is 0 m")
-    );
-    assert!(
-        refused(Tube {
-            outer_radius: f64::INFINITY,
-            ..t.clone()
-        })
-        .starts_with("outer_radius is inf")
-    );
-    assert!(
-        refused(Tube {
-            inner_radius: 0.2,
-            ..t.clone()
-        })
-        .contains("(0.1 m) must be greater")
-    );
-    assert!(
-        refused(Tube {
-            around: 41,
-            ..t.clone()
-        })
-        .contains("41 cells: an even number")
-    );
-    assert!(
-        refused(Tube {
-            around: 2,
-            ..t.clone()
-        })
-        .contains("at least 4")
-    );
-    assert!(
-        refused(Tube {
-            along: 0,
-            ..t.clone()
-        })
-        .contains("along is 0 cells")
-    );
-    assert!(
-        refused(Tube {
-            control_length: 0.5,
-            ..t.clone()
-        })
-        .contains("control_length is 0.5 m")
-    );
-    assert!(
-        refused(Tube {
-            control_length: -0.1,
-            ..t.clone()
-        })
-        .contains("control_length is -0.1 m")
-    );
-    assert!(
-        refused(Tube {
-            control_length: f64::NAN,
-            ..t.clone()
-        })
-        .contains("control_length is NaN m")
-    );
-    let dense = Tube {
-        around: 1 << 31,
-        along: u32::MAX,
-        radial: u32::MAX,
-        ..t
-    };
+    assert!(refused(Tube { length: f64::NAN, ..t.clone() }).starts_with("length is NaN"));
+    assert!(refused(Tube { inner_radius: 0.0, ..t.clone() }).starts_with("inner_radius is 0 m"));
+    assert!(refused(Tube { outer_radius: f64::INFINITY, ..t.clone() }).starts_with("outer_radius is inf"));
+    assert!(refused(Tube { inner_radius: 0.2, ..t.clone() }).contains("(0.1 m) must be greater"));
+    assert!(refused(Tube { around: 41, ..t.clone() }).contains("41 cells: an even number"));
+    assert!(refused(Tube { around: 2, ..t.clone() }).contains("at least 4"));
+    assert!(refused(Tube { along: 0, ..t.clone() }).contains("along is 0 cells"));
+    assert!(refused(Tube { control_length: 0.5, ..t.clone() }).contains("control_length is 0.5 m"));
+    assert!(refused(Tube { control_length: -0.1, ..t.clone() }).contains("control_length is -0.1 m"));
+    assert!(refused(Tube { control_length: f64::NAN, ..t.clone() }).contains("control_length is NaN m"));
+    let dense = Tube { around: 1 << 31, along: u32::MAX, radial: u32::MAX, ..t };
     assert!(refused(dense).contains("are more than 20000000"));
-    let many = Block {
-        size: [1.0; 3],
-        cells: [4_000_001, 1, 1],
-    };
-    assert_eq!(
-        block(&many),
-        Err(GenerateError::TooMany {
-            tetrahedra: 20_000_005
-        })
-    );
-    let tiny = block(&Block {
-        size: [1e-120; 3],
-        cells: [1; 3],
-    })
-    .unwrap_err();
+    let many = Block { size: [1.0; 3], cells: [4_000_001, 1, 1] };
+    assert_eq!(block(&many), Err(GenerateError::TooMany { tetrahedra: 20_000_005 }));
+    let tiny = block(&Block { size: [1e-120; 3], cells: [1; 3] }).unwrap_err();
     assert!(matches!(tiny, GenerateError::Volume { .. }), "{tiny}");
 }
 
 #[test]
 fn parameters_are_strict_toml() {
     let parsed: Block =
-        greenstage::config::parse("size = [1.0, 1.0, 1.0]\ncells = [1, 2, 3]", "a".as_ref())
-            .unwrap();
-    assert_eq!(
-        parsed,
-        Block {
-            size: [1.0; 3],
-            cells: [1, 2, 3]
-        }
-    );
+        greenstage::config::parse("size = [1.0, 1.0, 1.0]\ncells = [1, 2, 3]", "a".as_ref()).unwrap();
+    assert_eq!(parsed, Block { size: [1.0; 3], cells: [1, 2, 3] });
     let text = "size = [1.0, 1.0, 1.0]\ncell = [1, 2, 3]";
-    let error = greenstage::config::parse::<Block>(text, "a.toml".as_ref())
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.starts_with("a.toml:2:1") && error.contains("did you mean `cells`"),
-        "{error}"
-    );
+    let error = greenstage::config::parse::<Block>(text, "a.toml".as_ref()).unwrap_err().to_string();
+    assert!(error.starts_with("a.toml:2:1") && error.contains("did you mean `cells`"), "{error}");
 }

@@ -14,10 +14,7 @@ static PEAK: AtomicUsize = AtomicUsize::new(0);
 // SAFETY: both calls go to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(
-            IN_USE.fetch_add(layout.size(), Relaxed) + layout.size(),
-            Relaxed,
-        );
+        PEAK.fetch_max(IN_USE.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
         // SAFETY: the caller's promise is handed on.
         unsafe { System.alloc(layout) }
     }
@@ -43,22 +40,13 @@ fn replaced(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
 /// The only test of this file, since the counter sees all threads.
 #[test]
 fn forged_counts_fail_at_once_and_allocate_nothing() {
-    let mesh = block(&Block {
-        size: [1.0; 3],
-        cells: [2; 3],
-    })
-    .unwrap();
-    let [text_2, binary_2, text_4, binary_4] =
-        Encoding::ALL.map(|encoding| encode(&mesh, encoding).unwrap());
+    let mesh = block(&Block { size: [1.0; 3], cells: [2; 3] }).unwrap();
+    let [text_2, binary_2, text_4, binary_4] = Encoding::ALL.map(|encoding| encode(&mesh, encoding).unwrap());
     let size = |n: u64| n.to_le_bytes();
     let sizes = |sizes: [u64; 4]| sizes.map(size).concat();
     const FORGED: u64 = 1_000_000_000_000_000;
     let tets = mesh.tets.len() as u64;
-    let points = mesh
-        .groups
-        .values()
-        .map(|nodes| nodes.len() as u64)
-        .sum::<u64>();
+    let points = mesh.groups.values().map(|nodes| nodes.len() as u64).sum::<u64>();
     let elements = points + tets;
     let blocks = mesh.groups.len() as u64 + 1;
     let int = |n: i32| n.to_le_bytes();
@@ -66,33 +54,17 @@ fn forged_counts_fail_at_once_and_allocate_nothing() {
     let tets_after_counts = |n: u64| [&int(3)[..], &int(1), &int(4), &size(n)].concat();
     let files = [
         replaced(&text_2, b"$Nodes\n27", b"$Nodes\n1000000000000000"),
-        replaced(
-            &text_2,
-            format!("$Elements\n{elements}").as_bytes(),
-            b"$Elements\n1000000000000000",
-        ),
+        replaced(&text_2, format!("$Elements\n{elements}").as_bytes(), b"$Elements\n1000000000000000"),
         replaced(&text_2, b" 15 2 1 1 ", b" 15 1000000000000000 1 1 "),
-        replaced(
-            &text_2,
-            b"$PhysicalNames\n6",
-            b"$PhysicalNames\n1000000000000000",
-        ),
+        replaced(&text_2, b"$PhysicalNames\n6", b"$PhysicalNames\n1000000000000000"),
         replaced(&binary_2, b"$Nodes\n27", b"$Nodes\n1000000000000000"),
         replaced(
-            &replaced(
-                &binary_2,
-                format!("$Elements\n{elements}").as_bytes(),
-                b"$Elements\n1000000000000000",
-            ),
+            &replaced(&binary_2, format!("$Elements\n{elements}").as_bytes(), b"$Elements\n1000000000000000"),
             &tet_head(tets as i32),
             &tet_head(i32::MAX),
         ),
         replaced(&text_4, b"$Entities\n6", b"$Entities\n1000000000000000"),
-        replaced(
-            &text_4,
-            b"$Nodes\n1 27",
-            b"$Nodes\n1000000000000000 1000000000000000",
-        ),
+        replaced(&text_4, b"$Nodes\n1 27", b"$Nodes\n1000000000000000 1000000000000000"),
         replaced(&text_4, b"3 1 0 27", b"3 1 0 1000000000000000"),
         replaced(&text_4, b"0 1 15 9", b"0 1 15 1000000000000000"),
         replaced(
@@ -100,26 +72,14 @@ fn forged_counts_fail_at_once_and_allocate_nothing() {
             &[&b"$Entities\n"[..], &size(6)].concat(),
             &[&b"$Entities\n"[..], &size(FORGED)].concat(),
         ),
-        replaced(
-            &binary_4,
-            &sizes([1, 27, 1, 27]),
-            &sizes([FORGED, FORGED, 1, 27]),
-        ),
+        replaced(&binary_4, &sizes([1, 27, 1, 27]), &sizes([FORGED, FORGED, 1, 27])),
         replaced(
             &binary_4,
             &[&int(3)[..], &int(1), &int(0), &size(27)].concat(),
             &[&int(3)[..], &int(1), &int(0), &size(FORGED)].concat(),
         ),
-        replaced(
-            &binary_4,
-            &sizes([blocks, elements, 1, elements]),
-            &sizes([FORGED, FORGED, 1, FORGED]),
-        ),
-        replaced(
-            &binary_4,
-            &tets_after_counts(tets),
-            &tets_after_counts(u64::MAX),
-        ),
+        replaced(&binary_4, &sizes([blocks, elements, 1, elements]), &sizes([FORGED, FORGED, 1, FORGED])),
+        replaced(&binary_4, &tets_after_counts(tets), &tets_after_counts(u64::MAX)),
     ];
     for (i, file) in files.iter().enumerate() {
         let before = IN_USE.load(Relaxed);
@@ -128,11 +88,7 @@ fn forged_counts_fail_at_once_and_allocate_nothing() {
         let error = parse(Path::new("m.msh"), file).unwrap_err().to_string();
         let (peak, time) = (PEAK.load(Relaxed) - before, start.elapsed());
         println!("{i}: {peak} bytes in {time:.1?}: {error}");
-        assert!(
-            peak < 40 * file.len(),
-            "file {i} of {} bytes: {peak} bytes",
-            file.len()
-        );
+        assert!(peak < 40 * file.len(), "file {i} of {} bytes: {peak} bytes", file.len());
         assert!(time.as_millis() < 500, "file {i}: {time:?}");
     }
 }

@@ -1,8 +1,6 @@
 //! What is written is read back, bit by bit; whatever is read, nothing panics.
 
-use greenstage::mesh::{
-    Block, Encoding, Loaded, TetMesh, Tube, block, encode, load, parse, save, tube,
-};
+use greenstage::mesh::{Block, Encoding, Loaded, TetMesh, Tube, block, encode, load, parse, save, tube};
 use proptest::collection::{btree_map, btree_set, vec};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -11,55 +9,35 @@ use std::path::Path;
 
 /// A block, its nodes moved a little and its size anything, with tags, regions, names and groups of all kinds.
 fn any_mesh() -> impl Strategy<Value = TetMesh> {
-    let shape = (
-        prop::array::uniform3(1u32..4),
-        -90..90i32,
-        vec(-0.1..0.1f64, 64 * 3),
-    );
+    let shape = (prop::array::uniform3(1u32..4), -90..90i32, vec(-0.1..0.1f64, 64 * 3));
     let name = "[^\"\\p{Cc}]{0,12}";
-    let regions = (
-        vec(select(vec![0, 1, 2, 7, i32::MAX as u32]), 27 * 5),
-        btree_map(0u32..8, name, 0..4),
-    );
+    let regions = (vec(select(vec![0, 1, 2, 7, i32::MAX as u32]), 27 * 5), btree_map(0u32..8, name, 0..4));
     let groups = btree_map(name, vec(any::<Index>(), 0..20), 0..4);
-    (shape, btree_set(0..=i32::MAX as u64, 64), regions, groups).prop_map(
-        |(shape, tags, regions, groups)| {
-            let (cells, exponent, shifts) = shape;
-            let mut mesh = block(&Block {
-                size: cells.map(f64::from),
-                cells,
-            })
-            .expect("1 to 3 cells of size 1");
-            for (node, shift) in mesh.nodes.iter_mut().zip(shifts.chunks(3)) {
-                *node =
-                    (*node + nalgebra::Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
-            }
-            mesh.tags = tags.into_iter().take(mesh.nodes.len()).collect();
-            mesh.regions = regions.0.into_iter().take(mesh.tets.len()).collect();
-            mesh.region_names = regions.1;
-            mesh.groups.clear();
-            for (name, members) in groups {
-                let nodes: BTreeSet<u32> = members
-                    .iter()
-                    .map(|index| index.index(mesh.nodes.len()) as u32)
-                    .collect();
-                mesh.groups.insert(name, nodes.into_iter().collect());
-            }
-            // A named region is a group, too.
-            for (region, name) in &mesh.region_names {
-                let group = mesh.groups.entry(name.clone()).or_default();
-                let tets = mesh
-                    .tets
-                    .iter()
-                    .zip(&mesh.regions)
-                    .filter(|(_, of)| *of == region);
-                group.extend(tets.flat_map(|(tet, _)| tet));
-                group.sort_unstable();
-                group.dedup();
-            }
-            mesh
-        },
-    )
+    (shape, btree_set(0..=i32::MAX as u64, 64), regions, groups).prop_map(|(shape, tags, regions, groups)| {
+        let (cells, exponent, shifts) = shape;
+        let mut mesh = block(&Block { size: cells.map(f64::from), cells }).expect("1 to 3 cells of size 1");
+        for (node, shift) in mesh.nodes.iter_mut().zip(shifts.chunks(3)) {
+            *node = (*node + nalgebra::Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
+        }
+        mesh.tags = tags.into_iter().take(mesh.nodes.len()).collect();
+        mesh.regions = regions.0.into_iter().take(mesh.tets.len()).collect();
+        mesh.region_names = regions.1;
+        mesh.groups.clear();
+        for (name, members) in groups {
+            let nodes: BTreeSet<u32> =
+                members.iter().map(|index| index.index(mesh.nodes.len()) as u32).collect();
+            mesh.groups.insert(name, nodes.into_iter().collect());
+        }
+        // A named region is a group, too.
+        for (region, name) in &mesh.region_names {
+            let group = mesh.groups.entry(name.clone()).or_default();
+            let tets = mesh.tets.iter().zip(&mesh.regions).filter(|(_, of)| *of == region);
+            group.extend(tets.flat_map(|(tet, _)| tet));
+            group.sort_unstable();
+            group.dedup();
+        }
+        mesh
+    })
 }
 
 fn read(bytes: &[u8]) -> Option<Loaded> {
@@ -144,30 +122,15 @@ fn a_tube_goes_through_a_file_of_each_encoding() {
         let start = std::time::Instant::now();
         let loaded = load(&path).unwrap();
         println!("{}: read in {:.1?}", encoding.name(), start.elapsed());
-        assert_eq!(
-            loaded,
-            Loaded {
-                mesh: mesh.clone(),
-                notices: vec![]
-            }
-        );
+        assert_eq!(loaded, Loaded { mesh: mesh.clone(), notices: vec![] });
     }
-    let message = save(&folder.path().join("no/such"), &mesh, Encoding::Gmsh41Text)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        message.contains("no/such: cannot be written: "),
-        "{message}"
-    );
+    let message = save(&folder.path().join("no/such"), &mesh, Encoding::Gmsh41Text).unwrap_err().to_string();
+    assert!(message.contains("no/such: cannot be written: "), "{message}");
 }
 
 #[test]
 fn negative_zero_and_extreme_digits_survive_as_text() {
-    let mut mesh = block(&Block {
-        size: [1.0; 3],
-        cells: [1; 3],
-    })
-    .unwrap();
+    let mut mesh = block(&Block { size: [1.0; 3], cells: [1; 3] }).unwrap();
     mesh.nodes[0].x = -0.5 - f64::EPSILON;
     mesh.nodes[0].y = -0.1 - 0.2 - 0.2;
     mesh.nodes.iter_mut().for_each(|node| node.z += 0.5);

@@ -6,9 +6,7 @@ use std::path::PathBuf;
 
 /// `None`, with a word, where the folder is not there.
 fn shared(path: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../shared")
-        .join(path);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
     if path.exists() {
         return Some(path);
     }
@@ -52,10 +50,9 @@ fn unordered(mesh: &TetMesh) -> Unordered {
 #[test]
 fn cases_are_the_same_in_gmsh_2_and_4() {
     for (case, nodes) in [("tube", 2769), ("block2", 1574)] {
-        let (Some(two), Some(four)) = (
-            shared(&format!("cases/{case}/mesh.msh")),
-            shared(&format!("cases/{case}/mesh41.msh")),
-        ) else {
+        let (Some(two), Some(four)) =
+            (shared(&format!("cases/{case}/mesh.msh")), shared(&format!("cases/{case}/mesh41.msh")))
+        else {
             return;
         };
         let (two, four) = (load(&two).unwrap(), load(&four).unwrap());
@@ -72,10 +69,8 @@ fn real_meshes_have_the_counts_of_their_manifest() {
         return;
     };
     let text = std::fs::read_to_string(&manifest).unwrap();
-    let rows = text
-        .lines()
-        .take_while(|line| !line.starts_with("## raw"))
-        .filter(|line| line.contains(".msh |"));
+    let rows =
+        text.lines().take_while(|line| !line.starts_with("## raw")).filter(|line| line.contains(".msh |"));
     let mut count = 0;
     for row in rows {
         let cells: Vec<&str> = row.split('|').map(str::trim).collect();
@@ -104,10 +99,7 @@ fn real_meshes_have_the_counts_of_their_manifest() {
             "{row}: {:?}",
             report.quality
         );
-        assert!(
-            (report.volume / surface.volume(&mesh) - 1.0).abs() < 1e-11,
-            "{row}"
-        );
+        assert!((report.volume / surface.volume(&mesh) - 1.0).abs() < 1e-11, "{row}");
         count += 1;
     }
     assert_eq!(count, 14);
@@ -119,41 +111,19 @@ fn raw_meshes_are_read_or_refused_with_the_reason() {
     type Read = (usize, usize, &'static [&'static str]);
     let expected: [(&str, Result<Read, &str>); 8] = [
         ("sofa_msh4_cube.msh", Ok((24, 14, &[]))),
-        (
-            "sofa_6_tetra_bad.msh",
-            Ok((6, 17, &["1 of 6 tetrahedra were oriented negatively"])),
-        ),
+        ("sofa_6_tetra_bad.msh", Ok((6, 17, &["1 of 6 tetrahedra were oriented negatively"]))),
         (
             "polyfem_microstructure_P2.msh",
-            Ok((
-                6414,
-                1585,
-                &[
-                    "8 of 6414 tetrahedra were",
-                    "6414 tetrahedra of 10 or more nodes",
-                ],
-            )),
+            Ok((6414, 1585, &["8 of 6414 tetrahedra were", "6414 tetrahedra of 10 or more nodes"])),
         ),
-        (
-            "fenris_cube_tet10_24.msh",
-            Ok((24, 14, &["24 tetrahedra of 10 or more nodes"])),
-        ),
+        ("fenris_cube_tet10_24.msh", Ok((24, 14, &["24 tetrahedra of 10 or more nodes"]))),
         (
             "mfemdata_piece.asc.v40.msh",
             Err(":2: Gmsh 4 is not read, only 2.2 and 4.1: convert it with `gmsh "),
         ),
-        (
-            "mfemdata_piece.asc.v41.msh",
-            Ok((13370, 4067, &["27 nodes belong to no tetrahedron"])),
-        ),
-        (
-            "mfemdata_piece.bin.v41.msh",
-            Ok((13370, 4067, &["27 nodes belong to no tetrahedron"])),
-        ),
-        (
-            "mfemdata_piece.bin.v22.msh",
-            Ok((13179, 3915, &["24 nodes belong to no tetrahedron"])),
-        ),
+        ("mfemdata_piece.asc.v41.msh", Ok((13370, 4067, &["27 nodes belong to no tetrahedron"]))),
+        ("mfemdata_piece.bin.v41.msh", Ok((13370, 4067, &["27 nodes belong to no tetrahedron"]))),
+        ("mfemdata_piece.bin.v22.msh", Ok((13179, 3915, &["24 nodes belong to no tetrahedron"]))),
     ];
     for (name, expected) in expected {
         let Some(path) = shared(&format!("meshes/raw/{name}")) else {
@@ -163,12 +133,7 @@ fn raw_meshes_are_read_or_refused_with_the_reason() {
             (Ok(loaded), Ok((tets, nodes, notices))) => {
                 let found = (loaded.mesh.tets.len(), loaded.mesh.nodes.len());
                 assert_eq!(found, (tets, nodes), "{name}: {:?}", loaded.notices);
-                assert_eq!(
-                    loaded.notices.len(),
-                    notices.len(),
-                    "{name}: {:?}",
-                    loaded.notices
-                );
+                assert_eq!(loaded.notices.len(), notices.len(), "{name}: {:?}", loaded.notices);
                 for notice in notices {
                     assert!(
                         loaded.notices.iter().any(|n| n.starts_with(notice)),

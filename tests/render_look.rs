@@ -14,23 +14,13 @@ fn eyes() -> [View; 2] {
 }
 
 fn styli(mesh: &Mesh, room_from_body: &Matrix4<f32>, pressed: bool) -> [StylusShape; 1] {
-    let vertex = mesh
-        .positions
-        .iter()
-        .max_by(|a, b| (a[0] + 0.3 * a[2]).total_cmp(&(b[0] + 0.3 * b[2])))
-        .unwrap();
+    let vertex =
+        mesh.positions.iter().max_by(|a, b| (a[0] + 0.3 * a[2]).total_cmp(&(b[0] + 0.3 * b[2]))).unwrap();
     let hit = room_from_body.transform_point(&Point3::from(*vertex));
     let tip = Point3::new(0.36, 1.16, 0.50);
     let rotation = UnitQuaternion::face_towards(&(tip - hit), &Vector3::y());
-    let room_from_stylus =
-        Isometry3::from_parts(Translation3::from(tip), rotation).to_homogeneous();
-    [StylusShape {
-        room_from_stylus,
-        size_m: 0.22,
-        ray_length_m: 2.0,
-        hit: Some(hit),
-        pressed,
-    }]
+    let room_from_stylus = Isometry3::from_parts(Translation3::from(tip), rotation).to_homogeneous();
+    [StylusShape { room_from_stylus, size_m: 0.22, ray_length_m: 2.0, hit: Some(hit), pressed }]
 }
 
 #[test]
@@ -39,25 +29,13 @@ fn a_bent_tube_on_the_workbench() {
     let Some(gpu) = require_gpu() else { return };
     println!("{}", gpu.describe());
     let mesh = bent_tube(72, 70);
-    println!(
-        "{} vertices, {} triangles",
-        mesh.positions.len(),
-        mesh.triangles.len()
-    );
+    println!("{} vertices, {} triangles", mesh.positions.len(), mesh.triangles.len());
     let buffers = mesh.buffers(&gpu);
     let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 0.98, 0.08));
-    let bodies = [BodyInstance {
-        buffers: &buffers,
-        room_from_body,
-    }];
+    let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
     let styli = styli(&mesh, &room_from_body, false);
     let grid = Some(Grid::new(Point3::new(0.0, 0.78, 0.0), [1.6, 1.6], 0.1));
-    let contents = FrameContents {
-        bodies: &bodies,
-        styli: &styli,
-        grid,
-        look: Look::default(),
-    };
+    let contents = FrameContents { bodies: &bodies, styli: &styli, grid, look: Look::default() };
     let views = eyes();
     let size = [1280, 1024];
     for samples in [4, 1] {
@@ -67,30 +45,19 @@ fn a_bent_tube_on_the_workbench() {
         let (mut encode, mut drawn, mut pairs) = (0.0, 0.0, 0);
         let start = std::time::Instant::now();
         while start.elapsed().as_secs_f64() < 4.0 {
-            buffers
-                .upload(&gpu, &mesh.positions, &mesh.normals)
-                .unwrap();
+            buffers.upload(&gpu, &mesh.positions, &mesh.normals).unwrap();
             let pictures = [0, 1].map(|k| targets[k].picture(&viewports[k]));
-            encode += renderer
-                .draw(&gpu, &pictures, &contents)
-                .unwrap()
-                .as_secs_f64();
+            encode += renderer.draw(&gpu, &pictures, &contents).unwrap().as_secs_f64();
             drawn += gpu.wait().unwrap().as_secs_f64();
             pairs += 1;
         }
         let rate = f64::from(pairs) / start.elapsed().as_secs_f64();
         let ms = |seconds: f64| seconds * 1e3 / f64::from(pairs);
-        println!(
-            "{samples}×: {rate:.1} pairs/s, encode {:.2} ms, draw {:.1} ms",
-            ms(encode),
-            ms(drawn)
-        );
+        println!("{samples}×: {rate:.1} pairs/s, encode {:.2} ms, draw {:.1} ms", ms(encode), ms(drawn));
         for (eye, target) in ["left", "right"].iter().zip(&targets) {
             let (image, time) = target.read(&gpu).unwrap();
             println!("read {time:?}");
-            image
-                .save(format!("target/look_{samples}x_{eye}.png"))
-                .unwrap();
+            image.save(format!("target/look_{samples}x_{eye}.png")).unwrap();
         }
     }
 }
@@ -104,32 +71,15 @@ fn cost_of_each_part() {
     let mesh = bent_tube(72, 70);
     let buffers = mesh.buffers(&gpu);
     let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 0.98, 0.08));
-    let bodies = [BodyInstance {
-        buffers: &buffers,
-        room_from_body,
-    }];
+    let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
     let styli = styli(&mesh, &room_from_body, false);
     let grid = Some(Grid::new(Point3::new(0.0, 0.78, 0.0), [1.6, 1.6], 0.1));
     let background = FrameContents::default();
     let frames = [
         ("background", background),
         ("+ grid", FrameContents { grid, ..background }),
-        (
-            "+ body",
-            FrameContents {
-                bodies: &bodies,
-                ..background
-            },
-        ),
-        (
-            "+ all",
-            FrameContents {
-                bodies: &bodies,
-                styli: &styli,
-                grid,
-                ..background
-            },
-        ),
+        ("+ body", FrameContents { bodies: &bodies, ..background }),
+        ("+ all", FrameContents { bodies: &bodies, styli: &styli, grid, ..background }),
     ];
     let size = [1280, 1024];
     for samples in [4, 1] {
@@ -139,19 +89,13 @@ fn cost_of_each_part() {
             let mut best = f64::INFINITY;
             for _ in 0..12 {
                 let start = std::time::Instant::now();
-                renderer
-                    .draw(&gpu, &[target.picture(viewports)], contents)
-                    .unwrap();
+                renderer.draw(&gpu, &[target.picture(viewports)], contents).unwrap();
                 gpu.wait().unwrap();
                 best = best.min(start.elapsed().as_secs_f64() * 1e3);
             }
             best
         };
-        println!(
-            "{samples}×: {:<12} {:6.1} ms an eye",
-            "black",
-            measure(&[], &background)
-        );
+        println!("{samples}×: {:<12} {:6.1} ms an eye", "black", measure(&[], &background));
         for (name, contents) in &frames {
             println!(
                 "{samples}×: {name:<12} {:6.1} ms an eye",

@@ -21,11 +21,7 @@ struct TwoScreens {
 impl WindowApp for TwoScreens {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
         println!("{}", gpu.describe());
-        self.body = Some(BodyBuffers::new(
-            gpu,
-            &self.mesh.triangles,
-            &self.mesh.colors,
-        )?);
+        self.body = Some(BodyBuffers::new(gpu, &self.mesh.triangles, &self.mesh.colors)?);
         Ok(())
     }
 
@@ -39,24 +35,11 @@ impl WindowApp for TwoScreens {
         body.upload(&windows.gpu, &self.mesh.positions, &self.mesh.normals)?;
         let turn = Matrix4::new_rotation(Vector3::new(0.0, 0.02 * self.frames as f32, 0.0));
         let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 1.0, 0.0)) * turn;
-        let bodies = [BodyInstance {
-            buffers: body,
-            room_from_body,
-        }];
+        let bodies = [BodyInstance { buffers: body, room_from_body }];
         let grid = Some(Grid::new(Point3::new(0.0, 0.7, 0.0), [1.2, 1.2], 0.1));
-        let contents = FrameContents {
-            bodies: &bodies,
-            grid,
-            ..FrameContents::default()
-        };
-        let [left, right] = [-0.032, 0.032].map(|x| {
-            off_axis(
-                Point3::new(0.0, 0.95, 0.0),
-                [1.2, 0.96],
-                -0.7,
-                Point3::new(x, 1.8, 0.9),
-            )
-        });
+        let contents = FrameContents { bodies: &bodies, grid, ..FrameContents::default() };
+        let [left, right] = [-0.032, 0.032]
+            .map(|x| off_axis(Point3::new(0.0, 0.95, 0.0), [1.2, 0.96], -0.7, Point3::new(x, 1.8, 0.9)));
         self.sizes = windows.sizes().collect();
         let viewports = [
             Viewport::full(self.sizes[0], Some(left)).to_vec(),
@@ -93,27 +76,12 @@ fn two_windows_of_one_process_draw_and_quit() {
         sizes: vec![],
         inputs: vec![],
     };
-    run(
-        &specs,
-        WindowOptions {
-            samples: 4,
-            vsync: true,
-        },
-        &mut app,
-    )
-    .unwrap();
+    run(&specs, WindowOptions { samples: 4, vsync: true }, &mut app).unwrap();
     println!("{} frames, the last one {:?}", app.frames, app.times);
     if seconds == 0.0 {
         assert_eq!(app.frames, 12);
-        assert!(
-            app.times.encode > Duration::ZERO,
-            "the last frame was drawn"
-        );
+        assert!(app.times.encode > Duration::ZERO, "the last frame was drawn");
     }
     // A tiling window manager may choose other sizes, but none of zero.
-    assert!(
-        app.sizes.iter().flatten().all(|&side| side > 0),
-        "{:?}",
-        app.sizes
-    );
+    assert!(app.sizes.iter().flatten().all(|&side| side > 0), "{:?}", app.sizes);
 }

@@ -19,21 +19,11 @@ fn the_built_in_stages_have_the_dimensions_they_claim() {
     let screens = |name: &str| Stage::find(name).unwrap().screens;
     assert_eq!(screens("workbench").len(), 2);
     assert_eq!(
-        screens("cyberstage")
-            .iter()
-            .map(|s| s.name.as_str())
-            .collect::<Vec<_>>(),
+        screens("cyberstage").iter().map(|s| s.name.as_str()).collect::<Vec<_>>(),
         ["left", "front", "right", "floor"]
     );
-    assert!(
-        screens("cyberstage")
-            .iter()
-            .all(|screen| screen.pixels == [1280, 1024])
-    );
-    let slope = screens("workbench-one-sided")[0].axes()[1]
-        .y
-        .asin()
-        .to_degrees();
+    assert!(screens("cyberstage").iter().all(|screen| screen.pixels == [1280, 1024]));
+    let slope = screens("workbench-one-sided")[0].axes()[1].y.asin().to_degrees();
     assert!((slope - 20.0).abs() < 1e-9, "{slope}");
     assert_eq!(Stage::find("desktop").unwrap().stereo, Stereo::Mono);
     assert_eq!(Stage::find("desktop").unwrap().eyes(), [Eye::Centre]);
@@ -44,10 +34,7 @@ fn a_path_is_loaded_from_disk_even_if_it_is_named_like_a_built_in() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("workbench.toml");
     std::fs::write(&path, BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.060")).unwrap();
-    assert_eq!(
-        Stage::find(path.to_str().unwrap()).unwrap().viewer.ipd_m,
-        0.060
-    );
+    assert_eq!(Stage::find(path.to_str().unwrap()).unwrap().viewer.ipd_m, 0.060);
     assert_eq!(Stage::find("workbench").unwrap().viewer.ipd_m, 0.064);
 }
 
@@ -76,9 +63,7 @@ fn with_number(text: &str, nth: usize, number: &str) -> String {
         .map(|(i, _)| i)
         .collect();
     let start = starts[nth % starts.len()];
-    let end = text[start..]
-        .find(|c: char| !is_part(c))
-        .map_or(text.len(), |length| start + length);
+    let end = text[start..].find(|c: char| !is_part(c)).map_or(text.len(), |length| start + length);
     format!("{}{number}{}", &text[..start], &text[end..])
 }
 

@@ -78,17 +78,10 @@ fn a_point_on_a_seam_lands_on_one_physical_place_from_1000_head_poses() {
                 }
             }
         }
-        println!(
-            "{name}: {} seams, worst place {:.2e} m",
-            seams.len(),
-            worst_m
-        );
+        println!("{name}: {} seams, worst place {:.2e} m", seams.len(), worst_m);
         assert!(worst_m < 1e-5, "{name}: {worst_m} m");
     }
-    assert_eq!(
-        seams_seen, 6,
-        "the workbench's seam and the CyberStage's five"
-    );
+    assert_eq!(seams_seen, 6, "the workbench's seam and the CyberStage's five");
 }
 
 #[test]
@@ -100,9 +93,7 @@ fn a_point_on_a_screen_is_shown_at_its_own_place() {
             let head = head(&stage, &mut random);
             for screen in &stage.screens {
                 let point = screen.point([2.0 * random.unit() - 1.0, 2.0 * random.unit() - 1.0]);
-                let view = screen
-                    .view(&stage.viewer.eye_in_room(&head, Eye::Right), 0.05)
-                    .unwrap();
+                let view = screen.view(&stage.viewer.eye_in_room(&head, Eye::Right), 0.05).unwrap();
                 let error_m = (shown_at(screen, &view, &point) - point).norm();
                 assert!(error_m < 1e-5, "{name}, {}: {error_m} m", screen.name);
             }

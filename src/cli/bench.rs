@@ -60,18 +60,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             frames.push((step, draw, read_s));
         }
         // The first frame also compiles and allocates.
-        drawn.push(Drawn::new(
-            samples,
-            device,
-            world.stage.screens.len(),
-            &frames[1..],
-        ));
+        drawn.push(Drawn::new(samples, device, world.stage.screens.len(), &frames[1..]));
     }
-    let tables = [
-        offline_table(&offline, peak_memory),
-        loops_table(&loops),
-        frame_table(&stage.name, &drawn),
-    ];
+    let tables =
+        [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
     if let Some(path) = &args.readme {
         write_between_marks(path, &markdown(&tables))?;
         println!("{}: tables written", path.display());
@@ -97,12 +89,7 @@ struct Drawn {
 }
 
 impl Drawn {
-    fn new(
-        samples: u32,
-        device: String,
-        screens: usize,
-        frames: &[(StepTimes, DrawTimes, f64)],
-    ) -> Drawn {
+    fn new(samples: u32, device: String, screens: usize, frames: &[(StepTimes, DrawTimes, f64)]) -> Drawn {
         let of = |pick: fn(&(StepTimes, DrawTimes, f64)) -> f64| median(frames.iter().map(pick));
         let steps = vec![
             ("pick and drag", of(|f| f.0.interact_s)),
@@ -117,13 +104,7 @@ impl Drawn {
         };
         let frame_s = median(frames.iter().map(whole));
         let read = ("read-back (offscreen only, not counted)", of(|f| f.2));
-        Drawn {
-            samples,
-            device,
-            screens,
-            steps: [steps, vec![read]].concat(),
-            frame_s,
-        }
+        Drawn { samples, device, screens, steps: [steps, vec![read]].concat(), frame_s }
     }
 
     fn pairs_per_second(&self) -> f64 {
@@ -144,18 +125,14 @@ struct Loops {
 fn loops() -> Loops {
     let numbers = 2 * FIELDS * 3 * PAPER_NODES;
     let data: Vec<f32> = (0..numbers).map(|i| (i as f32).sin()).collect();
-    let columns = Columns {
-        elements: data.chunks_exact(numbers / 2).collect(),
-    };
+    let columns = Columns { elements: data.chunks_exact(numbers / 2).collect() };
     let large = vec![1.0f32; 64 << 20];
     let mut sum = Superposition::new(2);
     let mut u = vec![[0.0; 3]; PAPER_NODES];
     let mut c = 0.0;
     let mut superpose = |moved: usize| {
         c += 1e-3;
-        let coefficients = (0..2)
-            .map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS])
-            .collect();
+        let coefficients = (0..2).map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]).collect();
         black_box(sum.update(&columns, coefficients, &mut u));
     };
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -165,17 +142,9 @@ fn loops() -> Loops {
         let time = one.install(|| repeat(|| superpose(2)));
         rows.push(("superposition, 24 columns, one thread", time, bytes_of(2)));
         let time = one.install(|| repeat(|| superpose(1)));
-        rows.push((
-            "superposition, 12 columns (one element moved), one thread",
-            time,
-            bytes_of(1),
-        ));
+        rows.push(("superposition, 12 columns (one element moved), one thread", time, bytes_of(1)));
     }
-    rows.push((
-        "superposition, 24 columns, all threads",
-        repeat(|| superpose(2)),
-        bytes_of(2),
-    ));
+    rows.push(("superposition, 24 columns, all threads", repeat(|| superpose(2)), bytes_of(2)));
 
     let (around, along) = (100u32, PAPER_NODES as u32 / 100);
     let positions: Vec<[f32; 3]> = (0..PAPER_NODES as u32)
@@ -190,8 +159,7 @@ fn loops() -> Loops {
     };
     let triangles: Vec<[u32; 3]> = (0..(along - 1) * around).flat_map(cell).collect();
     let (mut sums, mut normals) = (Vec::new(), vec![[0.0; 3]; PAPER_NODES]);
-    let time =
-        repeat(|| vertex_normals(black_box(&positions), &triangles, &mut sums, &mut normals));
+    let time = repeat(|| vertex_normals(black_box(&positions), &triangles, &mut sums, &mut normals));
     rows.push(("normals, 19,800 triangles, one thread", time, 0.0));
     Loops {
         read_again: 4.0 * numbers as f64
@@ -238,21 +206,12 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 fn offline_table(bodies: &[Precomputed], peak_memory: Option<f64>) -> (String, Table) {
     let mut table = Table::new(&["offline", "time", "what"]);
     for body in bodies {
-        table
-            .rows
-            .extend(precompute::report(body).rows.into_iter().skip(1));
+        table.rows.extend(precompute::report(body).rows.into_iter().skip(1));
     }
     if let Some(peak) = peak_memory {
-        table.row(&[
-            "peak memory",
-            &bytes(peak),
-            "resident, of the whole process",
-        ]);
+        table.row(&["peak memory", &bytes(peak), "resident, of the whole process"]);
     }
-    (
-        format!("Offline, {} threads", rayon::current_num_threads()),
-        table,
-    )
+    (format!("Offline, {} threads", rayon::current_num_threads()), table)
 }
 
 fn loops_table(loops: &Loops) -> (String, Table) {
@@ -260,10 +219,7 @@ fn loops_table(loops: &Loops) -> (String, Table) {
     for (name, time, read) in &loops.rows {
         let (rate, share) = if *read > 0.0 {
             let rate = read / time;
-            (
-                format!("{:.1} GB/s", rate * 1e-9),
-                format!("{:.2}", rate / loops.read_again),
-            )
+            (format!("{:.1} GB/s", rate * 1e-9), format!("{:.2}", rate / loops.read_again))
         } else {
             (String::new(), String::new())
         };
@@ -277,62 +233,34 @@ fn loops_table(loops: &Loops) -> (String, Table) {
         "1.00",
     ]);
     let share = format!("{:.2}", loops.read_memory / loops.read_again);
-    table.row(&[
-        "reading 256 MB from memory, one thread",
-        "",
-        &rate(loops.read_memory),
-        &share,
-    ]);
+    table.row(&["reading 256 MB from memory, one thread", "", &rate(loops.read_memory), &share]);
     ("Online loops".into(), table)
 }
 
 fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
     let heading: Vec<String> = std::iter::once("median of a frame".to_owned())
-        .chain(drawn.iter().map(|d| {
-            if d.samples > 1 {
-                format!("{}× MSAA", d.samples)
-            } else {
-                "no MSAA".into()
-            }
-        }))
+        .chain(
+            drawn
+                .iter()
+                .map(|d| if d.samples > 1 { format!("{}× MSAA", d.samples) } else { "no MSAA".into() }),
+        )
         .collect();
-    let mut table = Table {
-        rows: vec![heading],
-    };
+    let mut table = Table { rows: vec![heading] };
     let Some(first) = drawn.first() else {
         return (String::new(), table);
     };
     for (i, (name, _)) in first.steps.iter().enumerate() {
         let cells = drawn.iter().map(|d| seconds(d.steps[i].1));
-        table
-            .rows
-            .push(std::iter::once((*name).to_owned()).chain(cells).collect());
+        table.rows.push(std::iter::once((*name).to_owned()).chain(cells).collect());
     }
     let whole = drawn.iter().map(|d| seconds(d.frame_s));
-    table
-        .rows
-        .push(std::iter::once("frame".to_owned()).chain(whole).collect());
+    table.rows.push(std::iter::once("frame".to_owned()).chain(whole).collect());
     let pairs = drawn.iter().map(|d| format!("{:.1}", d.pairs_per_second()));
-    table.rows.push(
-        std::iter::once("stereo pairs per second".to_owned())
-            .chain(pairs)
-            .collect(),
-    );
-    (
-        format!(
-            "Frames: {stage}, {} screen(s), on {}",
-            first.screens, first.device
-        ),
-        table,
-    )
+    table.rows.push(std::iter::once("stereo pairs per second".to_owned()).chain(pairs).collect());
+    (format!("Frames: {stage}, {} screen(s), on {}", first.screens, first.device), table)
 }
 
-fn as_json(
-    offline: &[Precomputed],
-    peak_memory: Option<f64>,
-    loops: &Loops,
-    drawn: &[Drawn],
-) -> Value {
+fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &Loops, drawn: &[Drawn]) -> Value {
     let bodies: Vec<Value> = offline
         .iter()
         .map(|body| {
@@ -360,10 +288,7 @@ fn as_json(
 }
 
 fn markdown(tables: &[(String, Table)]) -> String {
-    tables
-        .iter()
-        .map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown()))
-        .collect()
+    tables.iter().map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown())).collect()
 }
 
 const BEGIN: &str = "<!-- bench: begin -->\n";
@@ -373,18 +298,10 @@ fn write_between_marks(path: &Path, text: &str) -> Result<(), Failure> {
     let old = std::fs::read_to_string(path)
         .with_context(|| path.display().to_string())
         .map_err(Failure::Request)?;
-    let ends = old
-        .find(BEGIN)
-        .zip(old.find(END))
-        .filter(|(begin, end)| begin < end);
+    let ends = old.find(BEGIN).zip(old.find(END)).filter(|(begin, end)| begin < end);
     let Some((begin, end)) = ends else {
-        return Err(Failure::wrong(format!(
-            "{}: the lines {BEGIN}and {END} are missing",
-            path.display()
-        )));
+        return Err(Failure::wrong(format!("{}: the lines {BEGIN}and {END} are missing", path.display())));
     };
     let new = format!("{}{text}{}", &old[..begin + BEGIN.len()], &old[end..]);
-    std::fs::write(path, new)
-        .with_context(|| path.display().to_string())
-        .map_err(Failure::Work)
+    std::fs::write(path, new).with_context(|| path.display().to_string()).map_err(Failure::Work)
 }

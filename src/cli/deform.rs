@@ -18,7 +18,7 @@ use vtkio::model::{
 
 /// Batch: poses in, displacements and forces out
 ///
-/// POSES holds [[pose]] tables: name, and per control element
+/// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
 /// field a pose), and OUT.forces.csv where the scene lists the effect haptics.
@@ -65,20 +65,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             if body.model != "linear" {
                 return Err(Failure::request(scene.invalid(
                     &format!("body.{name}.model"),
-                    format!(
-                        "--all-nodes solves the linear theory, not the model \"{}\"",
-                        body.model
-                    ),
+                    format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
                 )));
             }
-            let solution =
-                green::solve(&scene, name, session::needs(&scene, name, body)?, &Silent)?;
+            let solution = green::solve(&scene, name, session::needs(&scene, name, body)?, &Silent)?;
             geometry[index] = Geometry::volume(name, &solution);
-            for (pose, result) in poses
-                .iter()
-                .zip(&mut results)
-                .filter(|(_, result)| result.body == *name)
-            {
+            for (pose, result) in poses.iter().zip(&mut results).filter(|(_, result)| result.body == *name) {
                 let control_poses = poses::control_poses(pose, &bodies[index], &args.poses)?;
                 *result = volume_result(pose, name, &solution, &control_poses);
             }
@@ -87,19 +79,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     write_all(args, &bodies, &geometry, &results)
 }
 
-fn body_of<'a>(
-    pose: &Pose,
-    bodies: &'a mut [Deformer],
-    path: &Path,
-) -> Result<&'a mut Deformer, Failure> {
+fn body_of<'a>(pose: &Pose, bodies: &'a mut [Deformer], path: &Path) -> Result<&'a mut Deformer, Failure> {
     let names: Vec<String> = bodies.iter().map(|body| body.body.clone()).collect();
-    let wrong = |message: String| {
-        Failure::wrong(format!(
-            "{}: pose \"{}\": {message}",
-            path.display(),
-            pose.name
-        ))
-    };
+    let wrong =
+        |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
     let index = match &pose.body {
         None if bodies.len() == 1 => Some(0),
         None => return Err(wrong(format!("name its body: {}", names.join(", ")))),
@@ -109,11 +92,7 @@ fn body_of<'a>(
         (Some(index), _) => Ok(&mut bodies[index]),
         (None, name) => {
             let name = name.as_deref().unwrap_or_default();
-            Err(wrong(crate::config::unknown_name(
-                "body",
-                name,
-                names.iter().map(String::as_str),
-            )))
+            Err(wrong(crate::config::unknown_name("body", name, names.iter().map(String::as_str))))
         }
     }
 }
@@ -123,43 +102,22 @@ fn surface_result(pose: &Pose, body: &mut Deformer, control_poses: &ControlPoses
     Deformed {
         pose: pose.name.clone(),
         body: body.body.clone(),
-        displacement: (0..body.positions.len())
-            .map(|i| body.displacement(i))
-            .collect(),
+        displacement: (0..body.positions.len()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches(),
     }
 }
 
-fn volume_result(
-    pose: &Pose,
-    name: &str,
-    solution: &Solution,
-    control_poses: &ControlPoses,
-) -> Deformed {
-    let coefficients: Vec<[f64; FIELDS]> = control_poses
-        .iter()
-        .map(|pose| pose.coefficients())
-        .collect();
+fn volume_result(pose: &Pose, name: &str, solution: &Solution, control_poses: &ControlPoses) -> Deformed {
+    let coefficients: Vec<[f64; FIELDS]> = control_poses.iter().map(|pose| pose.coefficients()).collect();
     let c = coefficients.as_flattened();
-    let value = |row: usize| {
-        solution
-            .fields
-            .row(row)
-            .iter()
-            .zip(c)
-            .map(|(u, c)| u * c)
-            .sum::<f64>()
-    };
+    let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
     Deformed {
         pose: pose.name.clone(),
         body: name.to_owned(),
         displacement: (0..solution.mesh.nodes.len())
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
-        wrenches: solution
-            .stiffness
-            .as_ref()
-            .map(|s| wrenches(s, &coefficients, UnitQuaternion::identity())),
+        wrenches: solution.stiffness.as_ref().map(|s| wrenches(s, &coefficients, UnitQuaternion::identity())),
     }
 }
 
@@ -177,16 +135,8 @@ impl Geometry {
         Geometry {
             body: body.body.clone(),
             tags: body.tags().to_vec(),
-            rest: body
-                .rest()
-                .iter()
-                .map(|x| Vector3::from(*x).cast() + body.centre)
-                .collect(),
-            cells: body
-                .triangles()
-                .iter()
-                .map(|triangle| triangle.to_vec())
-                .collect(),
+            rest: body.rest().iter().map(|x| Vector3::from(*x).cast() + body.centre).collect(),
+            cells: body.triangles().iter().map(|triangle| triangle.to_vec()).collect(),
         }
     }
 
@@ -211,18 +161,13 @@ fn write_all(
         _ => args.output.clone(),
     };
     let with = |ending: &str| PathBuf::from(format!("{}{ending}", stem.display()));
-    if let Some(folder) = stem
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-    {
+    if let Some(folder) = stem.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))
             .map_err(Failure::Request)?;
     }
     let write = |path: PathBuf, text: &str| {
-        std::fs::write(&path, text)
-            .with_context(|| path.display().to_string())
-            .map_err(Failure::Request)?;
+        std::fs::write(&path, text).with_context(|| path.display().to_string()).map_err(Failure::Request)?;
         println!("{}", path.display());
         Ok::<(), Failure>(())
     };
@@ -241,21 +186,14 @@ fn write_all(
 
 /// In a scene of several bodies a pose is called POSE/BODY.
 fn label(result: &Deformed, several: bool) -> String {
-    if several {
-        format!("{}/{}", result.pose, result.body)
-    } else {
-        result.pose.clone()
-    }
+    if several { format!("{}/{}", result.pose, result.body) } else { result.pose.clone() }
 }
 
 fn displacement_csv(geometry: &[Geometry], results: &[Deformed], several: bool) -> String {
     let mut text = String::from("pose,node,ux,uy,uz\n");
     for result in results {
         let label = label(result, several);
-        let tags = geometry
-            .iter()
-            .find(|g| g.body == result.body)
-            .map_or(&[][..], |g| &g.tags);
+        let tags = geometry.iter().find(|g| g.body == result.body).map_or(&[][..], |g| &g.tags);
         for (tag, u) in tags.iter().zip(&result.displacement) {
             // Writing into a String cannot fail.
             let _ = writeln!(text, "{label},{tag},{:e},{:e},{:e}", u.x, u.y, u.z);
@@ -274,14 +212,7 @@ fn forces_csv(bodies: &[Deformer], results: &[Deformed], several: bool) -> Strin
         let Some(body) = bodies.iter().find(|body| body.body == result.body) else {
             continue;
         };
-        for (
-            control,
-            Wrench {
-                force: f,
-                moment: m,
-            },
-        ) in body.controls.iter().zip(wrenches)
-        {
+        for (control, Wrench { force: f, moment: m }) in body.controls.iter().zip(wrenches) {
             let name = &control.name;
             let numbers = [f.x, f.y, f.z, m.x, m.y, m.z, *energy].map(|value| format!("{value:e}"));
             let _ = writeln!(text, "{label},{name},{}", numbers.join(","));
@@ -293,48 +224,22 @@ fn forces_csv(bodies: &[Deformer], results: &[Deformed], several: bool) -> Strin
 /// One piece per body: rest points, its cells, one displacement field a pose.
 fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
     let piece = |g: &Geometry| {
-        let fields = results
-            .iter()
-            .filter(|result| result.body == g.body)
-            .map(|result| {
-                let u: Vec<f64> = result
-                    .displacement
-                    .iter()
-                    .flat_map(|u| <[f64; 3]>::from(*u))
-                    .collect();
-                Attribute::vectors(format!("displacement {}", result.pose)).with_data(u)
-            });
+        let fields = results.iter().filter(|result| result.body == g.body).map(|result| {
+            let u: Vec<f64> = result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect();
+            Attribute::vectors(format!("displacement {}", result.pose)).with_data(u)
+        });
         let size = g.cells.first().map_or(3, Vec::len);
-        let kind = if size == 4 {
-            CellType::Tetra
-        } else {
-            CellType::Triangle
-        };
+        let kind = if size == 4 { CellType::Tetra } else { CellType::Triangle };
         UnstructuredGridPiece {
-            points: g
-                .rest
-                .iter()
-                .flat_map(|x| <[f64; 3]>::from(*x))
-                .collect::<Vec<f64>>()
-                .into(),
+            points: g.rest.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect::<Vec<f64>>().into(),
             cells: Cells {
                 cell_verts: VertexNumbers::XML {
-                    connectivity: g
-                        .cells
-                        .iter()
-                        .flatten()
-                        .map(|&node| u64::from(node))
-                        .collect(),
-                    offsets: (1..=g.cells.len() as u64)
-                        .map(|count| count * size as u64)
-                        .collect(),
+                    connectivity: g.cells.iter().flatten().map(|&node| u64::from(node)).collect(),
+                    offsets: (1..=g.cells.len() as u64).map(|count| count * size as u64).collect(),
                 },
                 types: vec![kind; g.cells.len()],
             },
-            data: Attributes {
-                point: fields.collect(),
-                cell: vec![],
-            },
+            data: Attributes { point: fields.collect(), cell: vec![] },
         }
     };
     Vtk {
@@ -344,10 +249,7 @@ fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
         file_path: None,
         data: DataSet::UnstructuredGrid {
             meta: None,
-            pieces: geometry
-                .iter()
-                .map(|g| vtkio::model::Piece::Inline(Box::new(piece(g))))
-                .collect(),
+            pieces: geometry.iter().map(|g| vtkio::model::Piece::Inline(Box::new(piece(g)))).collect(),
         },
     }
 }

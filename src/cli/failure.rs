@@ -63,10 +63,6 @@ impl From<SceneError> for Failure {
 
 impl From<GreenError> for Failure {
     fn from(error: GreenError) -> Failure {
-        if error.is_request() {
-            Failure::request(error)
-        } else {
-            Failure::work(error)
-        }
+        if error.is_request() { Failure::request(error) } else { Failure::work(error) }
     }
 }

@@ -21,11 +21,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let extension = args
-        .file
-        .extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default();
+    let extension = args.file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let (text, value) = match extension.as_str() {
         "green" => green(&args.file)?,
         "toml" if is_stage(&args.file)? => stage(&args.file)?,
@@ -40,7 +36,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A TOML file with [[screen]] tables describes a stage, any other a scene.
+/// A TOML file with `[[screen]]` tables describes a stage, any other a scene.
 fn is_stage(path: &Path) -> Result<bool, Failure> {
     let table: toml::Table = crate::config::load(path)?;
     Ok(table.contains_key("screen"))
@@ -72,10 +68,7 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     let mut regions = Table::new(&["region", "name", "tetrahedra", "volume m³"]);
     for (number, region) in &report.regions {
         let name = region.name.as_deref().unwrap_or("");
-        let (count, volume) = (
-            region.tetrahedra.to_string(),
-            format!("{:.6e}", region.volume),
-        );
+        let (count, volume) = (region.tetrahedra.to_string(), format!("{:.6e}", region.volume));
         regions.row(&[&number.to_string(), name, &count, &volume]);
     }
     text.push_str(&regions.text());
@@ -98,10 +91,8 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
 fn histogram(quality: &quality::QualityReport) -> String {
     const WIDTH: usize = 50;
     let most = quality.histogram.iter().copied().max().unwrap_or(0).max(1);
-    let mut text = format!(
-        "quality 6·√2·V/l³ (1 = regular): least {:.4}, mean {:.3}\n",
-        quality.min, quality.mean
-    );
+    let mut text =
+        format!("quality 6·√2·V/l³ (1 = regular): least {:.4}, mean {:.3}\n", quality.min, quality.mean);
     for (bin, &count) in quality.histogram.iter().enumerate() {
         let bar = "█".repeat((count * WIDTH).div_ceil(most).min(WIDTH));
         text.push_str(&format!(
@@ -156,37 +147,22 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &scene.body {
         let needs = session::needs(&scene, name, body)?;
         let loaded = scene.load_mesh(name, body)?;
-        let effects = if body.effects.is_empty() {
-            "none".to_owned()
-        } else {
-            body.effects.join(", ")
-        };
+        let effects = if body.effects.is_empty() { "none".to_owned() } else { body.effects.join(", ") };
         text.push_str(&format!(
             "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{}\n",
             loaded.mesh.nodes.len(),
             loaded.mesh.tets.len(),
             body.model,
-            if needs.stiffness {
-                "; needs the handle stiffness"
-            } else {
-                ""
-            },
+            if needs.stiffness { "; needs the handle stiffness" } else { "" },
         ));
         for (control_name, control) in &body.control {
-            let nodes = control
-                .nodes
-                .select(&loaded.mesh, |file| scene.resolve(file))
-                .map_err(|message| {
-                    Failure::request(scene.invalid(
-                        &format!("body.{name}.control.{control_name}.nodes"),
-                        message,
-                    ))
+            let nodes =
+                control.nodes.select(&loaded.mesh, |file| scene.resolve(file)).map_err(|message| {
+                    Failure::request(
+                        scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message),
+                    )
                 })?;
-            text.push_str(&format!(
-                "  control {control_name}: {} nodes, {:?}\n",
-                nodes.len(),
-                control.grab
-            ));
+            text.push_str(&format!("  control {control_name}: {} nodes, {:?}\n", nodes.len(), control.grab));
         }
     }
     let path = session::green_path(&scene);
@@ -196,17 +172,11 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         Err(_) => "is not there yet",
     };
     text.push_str(&format!("\n{} {state}\n", path.display()));
-    Ok((
-        text,
-        json!({ "scene": scene, "green": path, "state": state }),
-    ))
+    Ok((text, json!({ "scene": scene, "green": path, "state": state })))
 }
 
 fn stage(path: &Path) -> Result<(String, Value), Failure> {
     let stage = Stage::load(path).map_err(Failure::request)?;
     let text = stage.to_string();
-    Ok((
-        text.clone(),
-        json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() }),
-    ))
+    Ok((text.clone(), json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() })))
 }

@@ -79,10 +79,7 @@ fn samples(text: &str) -> Result<u32, String> {
 }
 
 fn scale(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|scale| (0.01..=8.0).contains(scale))
-        .ok_or("a number from 0.01 to 8".into())
+    text.parse().ok().filter(|scale| (0.01..=8.0).contains(scale)).ok_or("a number from 0.01 to 8".into())
 }
 
 #[cfg(test)]

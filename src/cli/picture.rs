@@ -2,8 +2,7 @@
 
 use super::world::World;
 use crate::render::{
-    BodyBuffers, BodyInstance, COLOR_FORMAT, FrameContents, Gpu, Offscreen, RenderError, Renderer,
-    Viewport,
+    BodyBuffers, BodyInstance, COLOR_FORMAT, FrameContents, Gpu, Offscreen, RenderError, Renderer, Viewport,
 };
 use crate::stage::Eye;
 use image::RgbaImage;
@@ -19,9 +18,7 @@ impl Bodies {
         let make = |body: &super::world::PlacedBody| {
             BodyBuffers::new(gpu, body.deformer.triangles(), &body.colours())
         };
-        Ok(Bodies {
-            buffers: world.bodies.iter().map(make).collect::<Result<_, _>>()?,
-        })
+        Ok(Bodies { buffers: world.bodies.iter().map(make).collect::<Result<_, _>>()? })
     }
 
     /// Uploads what changed; returns the time it took, s.
@@ -38,27 +35,18 @@ impl Bodies {
 
     /// The bodies at their places.
     pub fn instances(&self, world: &World) -> Vec<BodyInstance<'_>> {
-        let matrix =
-            |body: &super::world::PlacedBody| body.room_from_surface().to_homogeneous().cast();
+        let matrix = |body: &super::world::PlacedBody| body.room_from_surface().to_homogeneous().cast();
         self.buffers
             .iter()
             .zip(&world.bodies)
-            .map(|(buffers, body)| BodyInstance {
-                buffers,
-                room_from_body: matrix(body),
-            })
+            .map(|(buffers, body)| BodyInstance { buffers, room_from_body: matrix(body) })
             .collect()
     }
 }
 
 /// What is drawn in this frame.
 pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> FrameContents<'a> {
-    FrameContents {
-        bodies: instances,
-        styli: &world.styli,
-        grid: world.grid(),
-        ..Default::default()
-    }
+    FrameContents { bodies: instances, styli: &world.styli, grid: world.grid(), ..Default::default() }
 }
 
 /// How the pictures of one screen are laid out offscreen.
@@ -85,6 +73,9 @@ struct Target {
     offscreen: Offscreen,
 }
 
+/// A picture and the screen and eye it belongs to.
+pub type NamedImage<'a> = (&'a str, RgbaImage);
+
 /// Time of the drawing of one frame, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DrawTimes {
@@ -95,20 +86,14 @@ pub struct DrawTimes {
 
 impl Targets {
     /// Targets of `scale` times the screens' own pixels.
-    pub fn new(
-        world: &World,
-        layout: Layout,
-        samples: u32,
-        scale: f64,
-    ) -> Result<Targets, RenderError> {
+    pub fn new(world: &World, layout: Layout, samples: u32, scale: f64) -> Result<Targets, RenderError> {
         let gpu = Gpu::headless()?;
         let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
         let bodies = Bodies::new(&gpu, world)?;
         let mut pictures = Vec::new();
         for (screen, shape) in world.stage.screens.iter().enumerate() {
-            let [width, height] = shape
-                .pixels
-                .map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
+            let [width, height] =
+                shape.pixels.map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
             let eyes = world.stage.eyes();
             let groups: Vec<Vec<Eye>> = match layout {
                 Layout::Eyes => eyes.iter().map(|eye| vec![*eye]).collect(),
@@ -119,21 +104,12 @@ impl Targets {
                 pictures.push(Target {
                     screen,
                     name: format!("{}-{}", shape.name, names.join("-")),
-                    offscreen: Offscreen::new(
-                        &gpu,
-                        &renderer,
-                        [width * eyes.len() as u32, height],
-                    )?,
+                    offscreen: Offscreen::new(&gpu, &renderer, [width * eyes.len() as u32, height])?,
                     eyes,
                 });
             }
         }
-        Ok(Targets {
-            gpu,
-            renderer,
-            bodies,
-            pictures,
-        })
+        Ok(Targets { gpu, renderer, bodies, pictures })
     }
 
     /// Draws the world into all targets with one upload and one submission, and waits for the device.
@@ -159,20 +135,13 @@ impl Targets {
             .map(|(t, viewports)| t.offscreen.picture(viewports))
             .collect();
         let instances = self.bodies.instances(world);
-        let encode_s = self
-            .renderer
-            .draw(&self.gpu, &pictures, &contents(world, &instances))?
-            .as_secs_f64();
+        let encode_s = self.renderer.draw(&self.gpu, &pictures, &contents(world, &instances))?.as_secs_f64();
         let draw_s = self.gpu.wait()?.as_secs_f64();
-        Ok(DrawTimes {
-            upload_s,
-            encode_s,
-            draw_s,
-        })
+        Ok(DrawTimes { upload_s, encode_s, draw_s })
     }
 
     /// Reads all pictures back, named by screen and eye; and the time it took, s.
-    pub fn read(&self) -> Result<(Vec<(&str, RgbaImage)>, f64), RenderError> {
+    pub fn read(&self) -> Result<(Vec<NamedImage<'_>>, f64), RenderError> {
         let mut read_s = 0.0;
         let mut images = Vec::new();
         for target in &self.pictures {

@@ -1,4 +1,4 @@
-//! The pose file of `greenstage deform`: [[pose]] tables in TOML.
+//! The pose file of `greenstage deform`: `[[pose]]` tables in TOML.
 
 use super::failure::Failure;
 use crate::config;
@@ -43,10 +43,7 @@ fn identity() -> [[f64; 3]; 3] {
 pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
     let file: PoseFile = config::load(path)?;
     for (index, pose) in file.pose.iter().enumerate() {
-        let first = file
-            .pose
-            .iter()
-            .position(|other| other.name == pose.name && other.body == pose.body);
+        let first = file.pose.iter().position(|other| other.name == pose.name && other.body == pose.body);
         if first != Some(index) {
             return Err(Failure::wrong(format!(
                 "{}: two poses are called \"{}\"",
@@ -61,12 +58,7 @@ pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
 /// The poses of all control elements of `body`, in its order.
 pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<ControlPoses, Failure> {
     let entity = |message: String| {
-        Failure::wrong(format!(
-            "{}: pose \"{}\": body.{}: {message}",
-            path.display(),
-            pose.name,
-            body.body
-        ))
+        Failure::wrong(format!("{}: pose \"{}\": body.{}: {message}", path.display(), pose.name, body.body))
     };
     for name in pose.control.keys() {
         if !body.controls.iter().any(|control| control.name == *name) {
@@ -86,10 +78,7 @@ pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<Contro
                 matrix: Matrix3::from_fn(|i, j| m[i][j]),
             };
             if !pose.is_finite() {
-                return Err(entity(format!(
-                    "control {}: a number is not finite",
-                    control.name
-                )));
+                return Err(entity(format!("control {}: a number is not finite", control.name)));
             }
             Ok(pose)
         })

@@ -29,15 +29,9 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
-    let path = args
-        .output
-        .clone()
-        .unwrap_or_else(|| session::green_path(&scene));
+    let path = args.output.clone().unwrap_or_else(|| session::green_path(&scene));
     if !args.force && path.exists() && session::fresh(&scene, &path)?.is_ok() {
-        println!(
-            "{} is fresh; nothing to do (--force computes it anew)",
-            path.display()
-        );
+        println!("{} is fresh; nothing to do (--force computes it anew)", path.display());
         return Ok(());
     }
     let started = Instant::now();
@@ -49,16 +43,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print!("{}", report(body).text());
         println!();
     }
-    println!(
-        "{}: {} written in {}",
-        path.display(),
-        bytes(size as f64),
-        seconds(written_s)
-    );
-    print!(
-        "whole offline stage {}",
-        seconds(started.elapsed().as_secs_f64())
-    );
+    println!("{}: {} written in {}", path.display(), bytes(size as f64), seconds(written_s));
+    print!("whole offline stage {}", seconds(started.elapsed().as_secs_f64()));
     match peak_memory() {
         Some(peak) => println!(", peak memory {}", bytes(peak)),
         None => println!(),
@@ -89,50 +75,24 @@ pub fn report(body: &Precomputed) -> Table {
     row(
         "assembly",
         times.assembly_s,
-        format!(
-            "K: {entries:.3e} entries, {:.3} % of full",
-            100.0 * entries / full
-        ),
+        format!("K: {entries:.3e} entries, {:.3} % of full", 100.0 * entries / full),
     );
     if stats.method == "cholesky" {
-        row(
-            "ordering",
-            stats.ordering_s,
-            "nested dissection (METIS)".into(),
-        );
-        row(
-            "symbolic",
-            stats.symbolic_s,
-            format!("{} unknowns", stats.unknowns),
-        );
+        row("ordering", stats.ordering_s, "nested dissection (METIS)".into());
+        row("symbolic", stats.symbolic_s, format!("{} unknowns", stats.unknowns));
         let fill = stats.factor_entries as f64;
-        row(
-            "factor",
-            stats.factor_s,
-            format!("L: {fill:.3e} entries, {}", bytes(8.0 * fill)),
-        );
-        row(
-            "solves",
-            stats.solve_s,
-            format!("{} columns, with their residuals", stats.columns),
-        );
+        row("factor", stats.factor_s, format!("L: {fill:.3e} entries, {}", bytes(8.0 * fill)));
+        row("solves", stats.solve_s, format!("{} columns, with their residuals", stats.columns));
     } else {
         row(
             "solves",
             stats.solve_s,
-            format!(
-                "{} columns together, {} iterations",
-                stats.columns, stats.iterations
-            ),
+            format!("{} columns together, {} iterations", stats.columns, stats.iterations),
         );
     }
     if let Some(asymmetry) = solution.asymmetry {
         let size = stats.columns;
-        row(
-            "stiffness",
-            times.stiffness_s,
-            format!("S: {size} × {size}, asymmetry {asymmetry:.1e}"),
-        );
+        row("stiffness", times.stiffness_s, format!("S: {size} × {size}, asymmetry {asymmetry:.1e}"));
     }
     let total = times.mesh_s
         + times.assembly_s
@@ -141,24 +101,14 @@ pub fn report(body: &Precomputed) -> Table {
         + stats.symbolic_s
         + stats.factor_s
         + stats.solve_s;
-    row(
-        "all",
-        total,
-        format!(
-            "worst relative residual {:.1e} ({})",
-            stats.worst_residual(),
-            stats.method
-        ),
-    );
+    row("all", total, format!("worst relative residual {:.1e} ({})", stats.worst_residual(), stats.method));
     table
 }
 
 /// Largest resident memory of this process so far, bytes, where the system tells.
 pub fn peak_memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kilobytes: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
     Some(kilobytes * 1024.0)
 }

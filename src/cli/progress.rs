@@ -21,19 +21,12 @@ struct Step {
 
 impl Bars {
     pub fn new(body: &str, quiet: bool) -> Bars {
-        Bars {
-            body: body.to_owned(),
-            quiet,
-            current: Mutex::new(None),
-        }
+        Bars { body: body.to_owned(), quiet, current: Mutex::new(None) }
     }
 
     fn with_step(&self, act: impl FnOnce(&mut Option<Step>)) {
         // A panic elsewhere must not hide behind a poisoned progress bar.
-        act(&mut self
-            .current
-            .lock()
-            .unwrap_or_else(|poisoned| poisoned.into_inner()));
+        act(&mut self.current.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
     }
 }
 
@@ -42,29 +35,19 @@ impl Progress for Bars {
         let bar = if self.quiet || !std::io::stderr().is_terminal() {
             ProgressBar::hidden()
         } else {
-            let bar = if units > 0 {
-                ProgressBar::new(units)
-            } else {
-                ProgressBar::new_spinner()
-            };
+            let bar = if units > 0 { ProgressBar::new(units) } else { ProgressBar::new_spinner() };
             let template = if units > 0 {
                 "{prefix:>12}  {msg:<18} {bar:32.green} {percent:>3} %  {elapsed} (left {eta})"
             } else {
                 "{prefix:>12}  {msg:<18} {spinner:.green} {elapsed}"
             };
-            let style = ProgressStyle::with_template(template)
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            bar.with_style(style)
-                .with_prefix(self.body.clone())
-                .with_message(step.to_owned())
+            let style =
+                ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+            bar.with_style(style).with_prefix(self.body.clone()).with_message(step.to_owned())
         };
         bar.enable_steady_tick(Duration::from_millis(100));
         self.with_step(|current| {
-            *current = Some(Step {
-                name: step.to_owned(),
-                started: Instant::now(),
-                bar,
-            });
+            *current = Some(Step { name: step.to_owned(), started: Instant::now(), bar });
         });
     }
 

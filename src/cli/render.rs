@@ -73,11 +73,8 @@ pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
 
 /// The script that is asked for, else the scene's, if it has one.
 pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Failure> {
-    let path = asked
-        .map(Path::to_owned)
-        .or(scene.script.as_ref().map(|path| scene.resolve(path)));
-    path.map(|path| Script::load(&path).map_err(Failure::request))
-        .transpose()
+    let path = asked.map(Path::to_owned).or(scene.script.as_ref().map(|path| scene.resolve(path)));
+    path.map(|path| Script::load(&path).map_err(Failure::request)).transpose()
 }
 
 /// Moves the world to frame `frame` of `frames` of the script and returns what the mechanics took.
@@ -85,11 +82,7 @@ pub fn step(world: &mut World, script: Option<&Script>, frame: usize, frames: us
     let Some(script) = script else {
         return world.step(&Default::default());
     };
-    let share = if frames > 1 {
-        frame as f64 / (frames - 1) as f64
-    } else {
-        0.0
-    };
+    let share = if frames > 1 { frame as f64 / (frames - 1) as f64 } else { 0.0 };
     let state = script.sample(&world.stage, share * script.duration_s);
     world.step(&state)
 }
@@ -103,13 +96,8 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     if args.frames == 0 {
         return Err(Failure::wrong("--frames must be 1 or more"));
     }
-    let mut targets =
-        Targets::new(world, args.layout, args.samples, args.scale).map_err(Failure::work)?;
-    eprintln!(
-        "{}: drawing on {}",
-        world.stage.name,
-        targets.gpu.describe()
-    );
+    let mut targets = Targets::new(world, args.layout, args.samples, args.scale).map_err(Failure::work)?;
+    eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
     let shown = [0, args.frames / 2, args.frames - 1];
     let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");
     let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();
@@ -119,19 +107,11 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     let substeps = SCRIPT_STEPS.div_ceil(args.frames);
     for frame in 0..args.frames {
         let mut times = StepTimes::default();
-        let first = if frame == 0 {
-            0
-        } else {
-            (frame - 1) * substeps + 1
-        };
+        let first = if frame == 0 { 0 } else { (frame - 1) * substeps + 1 };
         for fine in first..=frame * substeps {
             times = step(world, script, fine, (args.frames - 1) * substeps + 1);
         }
-        let DrawTimes {
-            upload_s,
-            encode_s,
-            draw_s,
-        } = targets.draw(world).map_err(Failure::work)?;
+        let DrawTimes { upload_s, encode_s, draw_s } = targets.draw(world).map_err(Failure::work)?;
         drawn_s += upload_s + encode_s + draw_s;
         mechanics_s += times.interact_s + times.deform_s + times.normals_s;
         let (images, _) = targets.read().map_err(Failure::work)?;
@@ -168,16 +148,12 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
 const SCRIPT_STEPS: usize = 240;
 
 fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
-    image
-        .save(path)
-        .with_context(|| path.display().to_string())
-        .map_err(Failure::Work)
+    image.save(path).with_context(|| path.display().to_string()).map_err(Failure::Work)
 }
 
 fn small(image: &RgbaImage) -> RgbaImage {
     let width = SHEET_PICTURE.min(image.width());
-    let height =
-        (u64::from(image.height()) * u64::from(width) / u64::from(image.width())).max(1) as u32;
+    let height = (u64::from(image.height()) * u64::from(width) / u64::from(image.width())).max(1) as u32;
     imageops::resize(image, width, height, imageops::FilterType::Triangle)
 }
 

@@ -11,16 +11,11 @@ use std::sync::Arc;
 
 /// What the model and the effects of a body need beside the basis columns; errors name an unknown one.
 pub fn needs(scene: &Scene, name: &str, body: &Body) -> Result<Needs, Failure> {
-    let wrong = |key: &str, message: String| {
-        Failure::request(scene.invalid(&format!("body.{name}.{key}"), message))
-    };
+    let wrong =
+        |key: &str, message: String| Failure::request(scene.invalid(&format!("body.{name}.{key}"), message));
     let model = find_model(&body.model).map_err(|message| wrong("model", message))?;
     body.effects.iter().try_fold(model.needs, |needs, effect| {
-        Ok(needs.and(
-            find_effect(effect)
-                .map_err(|message| wrong("effects", message))?
-                .needs,
-        ))
+        Ok(needs.and(find_effect(effect).map_err(|message| wrong("effects", message))?.needs))
     })
 }
 
@@ -35,10 +30,7 @@ pub fn green_path(scene: &Scene) -> PathBuf {
 pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>, Failure> {
     let file = match GreenFile::open(path) {
         Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
-            return Ok(Err(GreenError::Io {
-                path: path.to_owned(),
-                source,
-            }));
+            return Ok(Err(GreenError::Io { path: path.to_owned(), source }));
         }
         other => other?,
     };

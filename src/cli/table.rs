@@ -7,14 +7,11 @@ pub struct Table {
 
 impl Table {
     pub fn new(heading: &[&str]) -> Table {
-        Table {
-            rows: vec![heading.iter().map(|cell| (*cell).to_owned()).collect()],
-        }
+        Table { rows: vec![heading.iter().map(|cell| (*cell).to_owned()).collect()] }
     }
 
     pub fn row(&mut self, cells: &[&str]) {
-        self.rows
-            .push(cells.iter().map(|cell| (*cell).to_owned()).collect());
+        self.rows.push(cells.iter().map(|cell| (*cell).to_owned()).collect());
     }
 
     /// Aligned text with a rule under the heading.
@@ -22,17 +19,18 @@ impl Table {
         let widths = self.widths();
         let mut text = String::new();
         for (i, row) in self.rows.iter().enumerate() {
-            let cells: Vec<String> = row
-                .iter()
-                .zip(&widths)
-                .map(|(cell, width)| pad(cell, *width, i))
-                .collect();
+            let pad = |(c, (cell, &width)): (usize, (&String, &usize))| {
+                if i > 0 && self.is_numeric(c) {
+                    format!("{cell:>width$}")
+                } else {
+                    format!("{cell:<width$}")
+                }
+            };
+            let cells: Vec<String> = row.iter().zip(&widths).enumerate().map(pad).collect();
             text.push_str(cells.join("  ").trim_end());
             text.push('\n');
             if i == 0 {
-                text.push_str(
-                    &"─".repeat(widths.iter().sum::<usize>() + 2 * widths.len().saturating_sub(1)),
-                );
+                text.push_str(&"─".repeat(widths.iter().sum::<usize>() + 2 * widths.len().saturating_sub(1)));
                 text.push('\n');
             }
         }
@@ -51,6 +49,13 @@ impl Table {
         text
     }
 
+    /// Whether every cell of a column begins like a number: such columns stand to the right.
+    fn is_numeric(&self, column: usize) -> bool {
+        let begins_like_one =
+            |cell: &String| cell.is_empty() || cell.starts_with(|c: char| c.is_ascii_digit() || c == '-');
+        self.rows[1..].iter().filter_map(|row| row.get(column)).all(begins_like_one)
+    }
+
     fn widths(&self) -> Vec<usize> {
         let columns = self.rows.first().map_or(0, Vec::len);
         (0..columns)
@@ -63,16 +68,6 @@ impl Table {
                     .unwrap_or(0)
             })
             .collect()
-    }
-}
-
-/// Numbers to the right, everything else and the heading to the left.
-fn pad(cell: &str, width: usize, row: usize) -> String {
-    let is_number = row > 0 && cell.starts_with(|c: char| c.is_ascii_digit() || c == '-');
-    if is_number {
-        format!("{cell:>width$}")
-    } else {
-        format!("{cell:<width$}")
     }
 }
 
@@ -106,10 +101,7 @@ mod tests {
         let mut table = Table::new(&["step", "time"]);
         table.row(&["assembly", "1.5 s"]);
         table.row(&["ordering", "12.5 s"]);
-        assert_eq!(
-            table.text(),
-            "step      time\n────────────────\nassembly   1.5 s\nordering  12.5 s\n"
-        );
+        assert_eq!(table.text(), "step      time\n────────────────\nassembly   1.5 s\nordering  12.5 s\n");
         assert_eq!(table.markdown().lines().nth(1), Some("|---|---|"));
     }
 }

@@ -69,10 +69,7 @@ impl Args {
 }
 
 fn bindings() -> String {
-    let rows: Vec<String> = BINDINGS
-        .iter()
-        .map(|(input, what)| format!("  {input:<36} {what}"))
-        .collect();
+    let rows: Vec<String> = BINDINGS.iter().map(|(input, what)| format!("  {input:<36} {what}")).collect();
     format!("Mouse and keyboard:\n{}", rows.join("\n"))
 }
 
@@ -83,20 +80,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let file = session::green_file(&scene, args.green.as_deref())?;
     let mut world = World::new(&scene, &file, stage)?;
     if let Err(reason) = window::find_display() {
-        println!(
-            "{reason}: rendering offscreen to {}",
-            args.offscreen.display()
-        );
+        println!("{reason}: rendering offscreen to {}", args.offscreen.display());
         return render::pictures(&offscreen(args), &mut world, script.as_ref());
     }
     println!("{}", bindings());
     let panes = panes(&world.stage);
-    let specs = windows(
-        &world.stage,
-        &panes,
-        args.scale
-            .unwrap_or(if panes.len() > 1 { 0.5 } else { 1.0 }),
-    );
+    let specs = windows(&world.stage, &panes, args.scale.unwrap_or(if panes.len() > 1 { 0.5 } else { 1.0 }));
     let mut app = Viewer {
         mouse: Mouse::new(world.stage.clone()),
         world,
@@ -109,17 +98,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         round: 0,
         limit_s: args.seconds,
     };
-    let options = WindowOptions {
-        samples: args.samples,
-        vsync: !args.no_vsync,
-    };
+    let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
     let seconds = app.started.elapsed().as_secs_f64();
-    println!(
-        "{} frames in {seconds:.1} s: {:.1} frames/s",
-        app.frames,
-        f64::from(app.frames) / seconds
-    );
+    println!("{} frames in {seconds:.1} s: {:.1} frames/s", app.frames, f64::from(app.frames) / seconds);
     Ok(())
 }
 
@@ -146,18 +128,8 @@ struct Pane {
 
 fn panes(stage: &Stage) -> Vec<Pane> {
     let of = |screen: usize| match stage.stereo {
-        Stereo::Separate => stage
-            .eyes()
-            .iter()
-            .map(|eye| Pane {
-                screen,
-                eyes: vec![*eye],
-            })
-            .collect(),
-        Stereo::SideBySide | Stereo::Mono => vec![Pane {
-            screen,
-            eyes: stage.eyes().to_vec(),
-        }],
+        Stereo::Separate => stage.eyes().iter().map(|eye| Pane { screen, eyes: vec![*eye] }).collect(),
+        Stereo::SideBySide | Stereo::Mono => vec![Pane { screen, eyes: stage.eyes().to_vec() }],
     };
     (0..stage.screens.len()).flat_map(of).collect()
 }
@@ -168,21 +140,12 @@ fn windows(stage: &Stage, panes: &[Pane], scale: f64) -> Vec<WindowSpec> {
     let spec = |pane: &Pane| {
         let place = u32::from(pane.eyes == [Eye::Right]);
         let screen = &stage.screens[pane.screen];
-        let size = screen
-            .pixels
-            .map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
+        let size = screen.pixels.map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
         let eyes: Vec<&str> = pane.eyes.iter().map(|eye| eye.name()).collect();
         WindowSpec {
-            title: format!(
-                "greenstage – {} – {} – {}",
-                stage.name,
-                screen.name,
-                eyes.join(" and ")
-            ),
-            position: tiled.then_some([
-                (place * size[0]) as i32,
-                ((last - pane.screen) as u32 * size[1]) as i32,
-            ]),
+            title: format!("greenstage – {} – {} – {}", stage.name, screen.name, eyes.join(" and ")),
+            position: tiled
+                .then_some([(place * size[0]) as i32, ((last - pane.screen) as u32 * size[1]) as i32]),
             size: [size[0] * pane.eyes.len() as u32, size[1]],
             decorated: true,
             fullscreen: false,
@@ -224,40 +187,17 @@ impl WindowApp for Viewer {
                 let [x, y] = position.map(f64::from);
                 // Side by side, each half of the window is the whole screen.
                 let x = x * pane.eyes.len() as f64;
-                let x = if (0.0..pane.eyes.len() as f64).contains(&x) {
-                    x.fract()
-                } else {
-                    x
-                };
+                let x = if (0.0..pane.eyes.len() as f64).contains(&x) { x.fract() } else { x };
                 let ndc = [2.0 * x - 1.0, 1.0 - 2.0 * y];
-                self.mouse.handle(MouseInput::Cursor {
-                    screen: pane.screen,
-                    ndc,
-                });
+                self.mouse.handle(MouseInput::Cursor { screen: pane.screen, ndc });
             }
-            Input::Button {
-                button: Button::Left,
-                pressed,
-                ..
-            } => {
-                self.mouse.handle(MouseInput::Button {
-                    button: MouseButton::Left,
-                    pressed,
-                });
+            Input::Button { button: Button::Left, pressed, .. } => {
+                self.mouse.handle(MouseInput::Button { button: MouseButton::Left, pressed });
             }
-            Input::Button {
-                button: Button::Right,
-                pressed,
-                ..
-            } => {
-                self.mouse.handle(MouseInput::Button {
-                    button: MouseButton::Right,
-                    pressed,
-                });
+            Input::Button { button: Button::Right, pressed, .. } => {
+                self.mouse.handle(MouseInput::Button { button: MouseButton::Right, pressed });
             }
-            Input::Wheel { lines, .. } => self.mouse.handle(MouseInput::Wheel {
-                notches: lines.into(),
-            }),
+            Input::Wheel { lines, .. } => self.mouse.handle(MouseInput::Wheel { notches: lines.into() }),
             Input::Key { key, pressed, .. } => {
                 let mut typed = [0; 4];
                 let name = match key {
@@ -289,9 +229,7 @@ impl WindowApp for Viewer {
             windows.draw(&viewports, &contents(&self.world, &instances))?;
         }
         self.frames += 1;
-        let is_over = self
-            .limit_s
-            .is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
+        let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
         Ok(if is_over { Flow::Quit } else { Flow::Continue })
     }
 }
@@ -324,10 +262,7 @@ impl Viewer {
             let mut row = Vec::new();
             for (i, eye) in pane.eyes.iter().enumerate() {
                 let view = self.world.view(pane.screen, *eye);
-                row.push(Viewport {
-                    rect: [i as u32 * part, 0, part, height],
-                    view,
-                });
+                row.push(Viewport { rect: [i as u32 * part, 0, part, height], view });
             }
             viewports.push(row);
         }

@@ -87,10 +87,7 @@ impl World {
                 let room_from_mesh = body.place.as_ref().map_or(fitted, placed);
                 PlacedBody {
                     room_from_body: room_from_mesh * mesh_from_body,
-                    controls: placed_controls(
-                        &deformer,
-                        body.control.values().map(|control| control.grab),
-                    ),
+                    controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
                     recolour: true,
                     deformer,
                 }
@@ -114,16 +111,10 @@ impl World {
             self.head.update(head);
         }
         self.room_from_head = self.head.last.unwrap_or(self.stage.viewer.room_from_head);
-        let mut poses: Vec<Vec<ControlPose>> = self
-            .bodies
-            .iter()
-            .map(|body| body.deformer.poses.clone())
-            .collect();
-        let mut moods: Vec<Vec<Mood>> = self
-            .bodies
-            .iter()
-            .map(|body| vec![Mood::Idle; body.controls.len()])
-            .collect();
+        let mut poses: Vec<Vec<ControlPose>> =
+            self.bodies.iter().map(|body| body.deformer.poses.clone()).collect();
+        let mut moods: Vec<Vec<Mood>> =
+            self.bodies.iter().map(|body| vec![Mood::Idle; body.controls.len()]).collect();
         self.grips.resize_with(state.styli.len(), Grip::default);
         let mut grips = std::mem::take(&mut self.grips);
         self.styli = state
@@ -133,10 +124,7 @@ impl World {
             .filter_map(|(stylus, grip)| self.follow(stylus, grip, &mut poses, &mut moods))
             .collect();
         self.grips = grips;
-        let mut times = StepTimes {
-            interact_s: started.elapsed().as_secs_f64(),
-            ..Default::default()
-        };
+        let mut times = StepTimes { interact_s: started.elapsed().as_secs_f64(), ..Default::default() };
         for ((body, poses), moods) in self.bodies.iter_mut().zip(&poses).zip(moods) {
             if body.deformer.evaluate(poses).is_some() {
                 times.deform_s += body.deformer.times.deform_s;
@@ -162,10 +150,7 @@ impl World {
     pub fn hit_distance_m(&self) -> Option<f64> {
         let stylus = self.styli.first()?;
         let hit: Point3<f64> = stylus.hit?.cast();
-        let eye = self
-            .stage
-            .viewer
-            .eye_in_room(&self.room_from_head, Eye::Centre);
+        let eye = self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre);
         Some((hit - eye).norm())
     }
 
@@ -179,9 +164,8 @@ impl World {
     ) -> Option<StylusShape> {
         let targets = self.targets();
         let was_held = grip.dragger.held().is_some();
-        let hit = PickRay::from_stylus(stylus)
-            .filter(|_| !was_held)
-            .and_then(|ray| self.pick(&ray, &targets));
+        let hit =
+            PickRay::from_stylus(stylus).filter(|_| !was_held).and_then(|ray| self.pick(&ray, &targets));
         let matrix = |target: usize| {
             let (b, c) = targets[target];
             self.room_from_element(b, c, &poses[b][c])
@@ -200,11 +184,7 @@ impl World {
             }
         }
         if let Some((b, c)) = target.map(|target| targets[target]) {
-            moods[b][c] = if drag.is_some() {
-                Mood::Held
-            } else {
-                Mood::Hovered
-            };
+            moods[b][c] = if drag.is_some() { Mood::Held } else { Mood::Hovered };
         }
         let place = match drag {
             Some(_) => grip.hit_in_stylus.map(|point| room_from_stylus * point),
@@ -216,11 +196,7 @@ impl World {
     /// All control elements that can be taken, as (body, control element).
     fn targets(&self) -> Vec<(usize, usize)> {
         let of = |(b, body): (usize, &PlacedBody)| {
-            let takable = body
-                .controls
-                .iter()
-                .enumerate()
-                .filter(|(_, c)| c.grab == Grab::Dragger);
+            let takable = body.controls.iter().enumerate().filter(|(_, c)| c.grab == Grab::Dragger);
             takable.map(move |(c, _)| (b, c)).collect::<Vec<_>>()
         };
         self.bodies.iter().enumerate().flat_map(of).collect()
@@ -235,8 +211,8 @@ impl World {
                     shape: &body.controls[c].shape,
                     positions: bytemuck::cast_slice(&body.deformer.positions),
                     // A control element without a surface triangle: a tenth of what fits the hand.
-                    ball_radius_m: (0.1 * self.stage.workspace.radius_m
-                        / body.room_from_body.scaling()) as f32,
+                    ball_radius_m: (0.1 * self.stage.workspace.radius_m / body.room_from_body.scaling())
+                        as f32,
                     room_from_body: body.room_from_surface(),
                 }
             })
@@ -247,23 +223,14 @@ impl World {
     fn room_from_element(&self, b: usize, c: usize, pose: &ControlPose) -> Matrix4<f64> {
         let body = &self.bodies[b];
         let origin = Point3::from(body.deformer.controls[c].origin);
-        room_from_element(
-            &body.room_from_body,
-            &origin,
-            &pose.translation,
-            &pose.matrix,
-        )
+        room_from_element(&body.room_from_body, &origin, &pose.translation, &pose.matrix)
     }
 
     fn pose_of(&self, b: usize, c: usize, room_from_element: &Matrix4<f64>) -> Option<ControlPose> {
         let body = &self.bodies[b];
         let origin = Point3::from(body.deformer.controls[c].origin);
-        let (translation, matrix) =
-            control_pose_in_body(room_from_element, &body.room_from_body, &origin)?;
-        Some(ControlPose {
-            translation,
-            matrix,
-        })
+        let (translation, matrix) = control_pose_in_body(room_from_element, &body.room_from_body, &origin)?;
+        Some(ControlPose { translation, matrix })
     }
 
     /// How a stylus is drawn. One that starts at the eye would be seen end-on: its pen is drawn as held in the right
@@ -284,12 +251,8 @@ impl World {
             let to_workspace = (self.stage.workspace.centre.coords - eye).norm();
             let aim = hit.unwrap_or(shown * Point3::new(0.0, 0.0, -to_workspace));
             let hand = self.stage.workspace.radius_m;
-            let hand = shown
-                * Point3::new(
-                    0.9 * hand,
-                    -0.9 * hand,
-                    -(to_workspace - 1.4 * hand).max(0.5 * hand),
-                );
+            let hand =
+                shown * Point3::new(0.9 * hand, -0.9 * hand, -(to_workspace - 1.4 * hand).max(0.5 * hand));
             if let Some(rotation) = crate::stage::rotation_towards(&(aim - hand), 0.0) {
                 shown = Isometry3::from_parts(Translation3::from(hand.coords), rotation);
                 ray_length_m = (aim - hand).norm();
@@ -308,10 +271,7 @@ impl World {
     pub fn view(&mut self, screen: usize, eye: Eye) -> Option<View> {
         let place = self.stage.viewer.eye_in_room(&self.room_from_head, eye);
         match self.stage.screens[screen].view(&place, NEAR_M) {
-            Ok(view) => Some(View {
-                clip_from_room: view.clip_from_room,
-                eye_in_room: view.eye_in_room,
-            }),
+            Ok(view) => Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room }),
             Err(unseen) => {
                 let key = format!("{screen} {eye:?} {:?}", std::mem::discriminant(&unseen));
                 if self.told.insert(key) {
@@ -383,22 +343,13 @@ fn placed(place: &Place) -> Similarity3<f64> {
 
 /// room_from_mesh that fits all bodies without a place of their own, together, into the stage's workspace.
 fn fit(scene: &Scene, deformers: &[Deformer], stage: &Stage) -> Similarity3<f64> {
-    let unplaced = deformers
-        .iter()
-        .zip(scene.body.values())
-        .filter(|(_, body)| body.place.is_none());
+    let unplaced = deformers.iter().zip(scene.body.values()).filter(|(_, body)| body.place.is_none());
     let mut corners = unplaced.flat_map(|(deformer, _)| {
-        deformer
-            .rest()
-            .iter()
-            .map(|x| Point3::from(Vector3::from(*x).cast::<f64>() + deformer.centre))
+        deformer.rest().iter().map(|x| Point3::from(Vector3::from(*x).cast::<f64>() + deformer.centre))
     });
     let Some(first) = corners.next() else {
         return Similarity3::identity();
     };
     let (low, high) = corners.fold((first, first), |(low, high), x| (low.inf(&x), high.sup(&x)));
-    stage
-        .workspace
-        .room_from_body(low, high)
-        .unwrap_or_else(Similarity3::identity)
+    stage.workspace.room_from_body(low, high).unwrap_or_else(Similarity3::identity)
 }

@@ -1,8 +1,8 @@
 //! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelStats,
-    SurfaceDisplacements, Wrench, find_model, vertex_normals, wrenches,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelStats, SurfaceDisplacements,
+    Wrench, find_model, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, Vector3};
@@ -113,34 +113,18 @@ impl Deformer {
         let started = Instant::now();
         let (file, body) = (&self.file, &self.body);
         let columns = Columns {
-            elements: self
-                .controls
-                .iter()
-                .map(|control| file.basis(body, &control.name))
-                .collect(),
+            elements: self.controls.iter().map(|control| file.basis(body, &control.name)).collect(),
         };
-        let mut stats = self
-            .model
-            .evaluate(&columns, &self.poses, &mut self.displacements);
+        let mut stats = self.model.evaluate(&columns, &self.poses, &mut self.displacements);
         let rest = file.rest(body).as_flattened();
         let u = self.displacements.u.as_flattened();
-        for (position, (rest, u)) in self
-            .positions
-            .as_flattened_mut()
-            .iter_mut()
-            .zip(rest.iter().zip(u))
-        {
+        for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(rest.iter().zip(u)) {
             *position = rest + u;
         }
         self.times.deform_s = started.elapsed().as_secs_f64();
 
         let started = Instant::now();
-        vertex_normals(
-            &self.positions,
-            file.triangles(body),
-            &mut self.sums,
-            &mut self.normals,
-        );
+        vertex_normals(&self.positions, file.triangles(body), &mut self.sums, &mut self.normals);
         self.times.normals_s = started.elapsed().as_secs_f64();
         self.coefficients = std::mem::take(&mut stats.coefficients);
         Some(stats)
@@ -159,10 +143,6 @@ impl Deformer {
     /// Force and torque on every control element, and the strain energy, where the file has S.
     pub fn wrenches(&self) -> Option<(Vec<Wrench>, f64)> {
         let stiffness = self.stiffness.as_ref()?;
-        Some(wrenches(
-            stiffness,
-            &self.coefficients,
-            self.displacements.body_from_surface.rotation,
-        ))
+        Some(wrenches(stiffness, &self.coefficients, self.displacements.body_from_surface.rotation))
     }
 }

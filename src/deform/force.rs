@@ -35,10 +35,7 @@ pub fn wrenches(
                 ),
         }
     };
-    (
-        g.as_slice().chunks_exact(FIELDS).map(wrench).collect(),
-        0.5 * c.dot(&g),
-    )
+    (g.as_slice().chunks_exact(FIELDS).map(wrench).collect(), 0.5 * c.dot(&g))
 }
 
 #[cfg(test)]
@@ -52,10 +49,7 @@ mod tests {
         g.extend((0..9).map(|k| f[k / 3] * r[k % 3]));
         let stiffness = DMatrix::from_diagonal(&DVector::from_vec(g));
         let (wrenches, energy) = wrenches(&stiffness, &[[1.0; FIELDS]], UnitQuaternion::identity());
-        assert!(
-            (wrenches[0].force - f).norm() < 1e-15
-                && (wrenches[0].moment - r.cross(&f)).norm() < 1e-15
-        );
+        assert!((wrenches[0].force - f).norm() < 1e-15 && (wrenches[0].moment - r.cross(&f)).norm() < 1e-15);
         assert!((energy - 0.5 * stiffness.trace()).abs() < 1e-15);
     }
 }

@@ -3,8 +3,8 @@
 //! Exact for the linear theory of elasticity, which holds for small rotations of the control elements.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats,
-    Superposition, SurfaceDisplacements,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats, Superposition,
+    SurfaceDisplacements,
 };
 use crate::green::Needs;
 use nalgebra::Isometry3;
@@ -13,11 +13,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "linear",
     summary: "the paper's main method: exact in the linear theory, right for small rotations",
     needs: Needs { stiffness: false },
-    make: |controls: &[ControlRest]| {
-        Box::new(Linear {
-            sum: Superposition::new(controls.len()),
-        })
-    },
+    make: |controls: &[ControlRest]| Box::new(Linear { sum: Superposition::new(controls.len()) }),
 };
 
 pub struct Linear {
@@ -32,10 +28,6 @@ impl DeformationModel for Linear {
         u: &mut SurfaceDisplacements,
     ) -> ModelStats {
         u.body_from_surface = Isometry3::identity();
-        self.sum.update(
-            columns,
-            poses.iter().map(ControlPose::coefficients).collect(),
-            &mut u.u,
-        )
+        self.sum.update(columns, poses.iter().map(ControlPose::coefficients).collect(), &mut u.u)
     }
 }

@@ -34,10 +34,7 @@ pub struct SurfaceDisplacements {
 
 impl SurfaceDisplacements {
     pub fn zeros(nodes: usize) -> SurfaceDisplacements {
-        SurfaceDisplacements {
-            u: vec![[0.0; 3]; nodes],
-            body_from_surface: Isometry3::identity(),
-        }
+        SurfaceDisplacements { u: vec![[0.0; 3]; nodes], body_from_surface: Isometry3::identity() }
     }
 }
 
@@ -90,7 +87,5 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
     MODELS
         .iter()
         .find(|entry| entry.name == name)
-        .ok_or_else(|| {
-            crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name))
-        })
+        .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
 }

@@ -26,11 +26,7 @@ pub fn vertex_normals(
     }
     for (normal, sum) in normals.iter_mut().zip(sums.iter()) {
         let square = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
-        let scale = if square > 0.0 {
-            1.0 / square.sqrt()
-        } else {
-            0.0
-        };
+        let scale = if square > 0.0 { 1.0 / square.sqrt() } else { 0.0 };
         *normal = [sum[0] * scale, sum[1] * scale, sum[2] * scale];
     }
 }
@@ -49,23 +45,12 @@ mod tests {
             [0.0, 0.0, 2.0],
             [0.0, 0.0, -2.0],
         ];
-        let triangles = [
-            [0, 2, 4],
-            [2, 1, 4],
-            [1, 3, 4],
-            [3, 0, 4],
-            [2, 0, 5],
-            [1, 2, 5],
-            [3, 1, 5],
-            [0, 3, 5],
-        ];
+        let triangles =
+            [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
         let mut normals = [[0.0; 3]; 6];
         vertex_normals(&positions, &triangles, &mut Vec::new(), &mut normals);
         for (normal, position) in normals.iter().zip(positions) {
-            assert!(
-                (0..3).all(|axis| (normal[axis] - 0.5 * position[axis]).abs() < 1e-6),
-                "{normals:?}"
-            );
+            assert!((0..3).all(|axis| (normal[axis] - 0.5 * position[axis]).abs() < 1e-6), "{normals:?}");
         }
     }
 

@@ -41,9 +41,6 @@ impl ControlPose {
     }
 
     pub fn is_finite(&self) -> bool {
-        self.translation
-            .iter()
-            .chain(self.matrix.iter())
-            .all(|value| value.is_finite())
+        self.translation.iter().chain(self.matrix.iter()).all(|value| value.is_finite())
     }
 }

@@ -6,8 +6,8 @@
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats,
-    Superposition, SurfaceDisplacements,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats, Superposition,
+    SurfaceDisplacements,
 };
 use crate::green::Needs;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -49,13 +49,10 @@ impl DeformationModel for Rotation {
         let (rotation, inverse) = (self.last, self.last.inverse());
         let weights = weights(&self.controls);
         let moved = |e: usize| self.controls[e].origin + poses[e].translation;
-        let shift: Vector3<f64> = (0..poses.len())
-            .map(|e| (moved(e) - rotation * self.controls[e].origin) * weights[e])
-            .sum();
-        u.body_from_surface = Isometry3::from_parts(
-            Translation3::from(shift),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        );
+        let shift: Vector3<f64> =
+            (0..poses.len()).map(|e| (moved(e) - rotation * self.controls[e].origin) * weights[e]).sum();
+        u.body_from_surface =
+            Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_rotation_matrix(&rotation));
         let coefficients = (0..poses.len())
             .map(|e| {
                 let seen = ControlPose {
@@ -79,9 +76,7 @@ pub fn mean_rotation(controls: &[ControlRest], poses: &ControlPoses) -> Option<R
     let moved = |e: usize| controls[e].origin + poses[e].translation;
     let (rest_mean, moved_mean) = (mean(&rest), mean(&moved));
     let mut a: Matrix3<f64> = (0..poses.len()).map(|e| poses[e].matrix * weights[e]).sum();
-    let square: f64 = (0..poses.len())
-        .map(|e| weights[e] * (rest(e) - rest_mean).norm_squared())
-        .sum();
+    let square: f64 = (0..poses.len()).map(|e| weights[e] * (rest(e) - rest_mean).norm_squared()).sum();
     if square > 0.0 {
         let chords: Matrix3<f64> = (0..poses.len())
             .map(|e| (moved(e) - moved_mean) * (rest(e) - rest_mean).transpose() * weights[e])
@@ -93,10 +88,7 @@ pub fn mean_rotation(controls: &[ControlRest], poses: &ControlPoses) -> Option<R
 
 fn weights(controls: &[ControlRest]) -> Vec<f64> {
     let total: usize = controls.iter().map(|control| control.nodes).sum();
-    controls
-        .iter()
-        .map(|control| control.nodes as f64 / total.max(1) as f64)
-        .collect()
+    controls.iter().map(|control| control.nodes as f64 / total.max(1) as f64).collect()
 }
 
 /// The rotation nearest to A: U diag(1, 1, det UVᵀ) Vᵀ of A = U Σ Vᵀ.
@@ -121,11 +113,7 @@ mod tests {
 
     fn controls() -> Vec<ControlRest> {
         [(-1.0, 100), (1.0, 100)]
-            .map(|(x, nodes)| ControlRest {
-                name: String::new(),
-                origin: Vector3::new(x, 0.2, 0.0),
-                nodes,
-            })
+            .map(|(x, nodes)| ControlRest { name: String::new(), origin: Vector3::new(x, 0.2, 0.0), nodes })
             .to_vec()
     }
 
@@ -146,18 +134,9 @@ mod tests {
         let mut model = (ENTRY.make)(&controls());
         let mut u = SurfaceDisplacements::zeros(1);
         let empty = [0.0; 36];
-        let columns = Columns {
-            elements: vec![&empty, &empty],
-        };
+        let columns = Columns { elements: vec![&empty, &empty] };
         let stats = model.evaluate(&columns, &rigid(rotation, shift), &mut u);
-        assert!(
-            stats
-                .coefficients
-                .as_flattened()
-                .iter()
-                .all(|c| c.abs() < 1e-14),
-            "{stats:?}"
-        );
+        assert!(stats.coefficients.as_flattened().iter().all(|c| c.abs() < 1e-14), "{stats:?}");
         let x = nalgebra::Point3::new(0.5, 0.1, -0.3);
         let expected = rotation * x + shift;
         assert!((u.body_from_surface * x - expected).norm() < 1e-14);
@@ -171,10 +150,7 @@ mod tests {
         let mean = mean_rotation(&controls(), &poses).unwrap();
         // The chord does not turn; the mean of {0, 1.2} pulled towards it by its own weight.
         let (axis, angle) = mean.axis_angle().unwrap();
-        assert!(
-            (axis.x - 1.0).abs() < 1e-12 && angle > 0.3 && angle <= 0.6 + 1e-12,
-            "{angle}"
-        );
+        assert!((axis.x - 1.0).abs() < 1e-12 && angle > 0.3 && angle <= 0.6 + 1e-12, "{angle}");
     }
 
     #[test]

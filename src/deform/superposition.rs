@@ -12,6 +12,9 @@ pub struct Columns<'a> {
     pub elements: Vec<&'a [f32]>,
 }
 
+/// A coefficient and its column.
+type Term<'a> = (f32, &'a [f32]);
+
 /// Numbers summed at a time: the partial sums and the total of one block stay in the first-level cache.
 const BLOCK: usize = 2048;
 
@@ -28,35 +31,22 @@ pub struct Superposition {
 
 impl Superposition {
     pub fn new(elements: usize) -> Superposition {
-        Superposition {
-            coefficients: vec![[0.0; FIELDS]; elements],
-            partial: Vec::new(),
-        }
+        Superposition { coefficients: vec![[0.0; FIELDS]; elements], partial: Vec::new() }
     }
 
     /// Brings `u` to the sum over all control elements for coefficients `c`, 12 a control element.
     ///
     /// `u` must be what the last call left, or zero on the first. The bits do not depend on the number of threads.
-    pub fn update(
-        &mut self,
-        columns: &Columns<'_>,
-        c: Vec<[f64; FIELDS]>,
-        u: &mut [[f32; 3]],
-    ) -> ModelStats {
+    pub fn update(&mut self, columns: &Columns<'_>, c: Vec<[f64; FIELDS]>, u: &mut [[f32; 3]]) -> ModelStats {
         let rounded: Vec<[f32; FIELDS]> = c.iter().map(|c| c.map(|c| c as f32)).collect();
-        let changed: Vec<usize> = (0..rounded.len())
-            .filter(|&e| rounded[e] != self.coefficients[e])
-            .collect();
-        let mut stats = ModelStats {
-            elements_summed: changed.len(),
-            columns_read: 0,
-            coefficients: c,
-        };
+        let changed: Vec<usize> =
+            (0..rounded.len()).filter(|&e| rounded[e] != self.coefficients[e]).collect();
+        let mut stats = ModelStats { elements_summed: changed.len(), columns_read: 0, coefficients: c };
         if changed.is_empty() {
             return stats;
         }
         let u = u.as_flattened_mut();
-        let terms: Vec<(usize, Vec<(f32, &[f32])>)> = changed
+        let terms: Vec<(usize, Vec<Term>)> = changed
             .iter()
             .map(|&e| {
                 let used = (0..FIELDS).filter(|&k| rounded[e][k] != 0.0);
@@ -65,9 +55,7 @@ impl Superposition {
             })
             .collect();
         stats.columns_read = terms.iter().map(|(_, terms)| terms.len()).sum();
-        let moved: Vec<usize> = (0..rounded.len())
-            .filter(|&e| rounded[e] != [0.0; FIELDS])
-            .collect();
+        let moved: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != [0.0; FIELDS]).collect();
 
         let stride = BLOCK * rounded.len();
         self.partial.resize(u.len().div_ceil(BLOCK) * stride, 0.0);
@@ -101,15 +89,14 @@ fn add(total: &mut [f32], term: &[f32]) {
 }
 
 /// out = Σ c · column[start..], four columns a pass.
-fn combine(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
+fn combine(out: &mut [f32], terms: &[Term], start: usize) {
     #[cfg(target_arch = "x86_64")]
     {
         if std::arch::is_x86_feature_detected!("avx512f") {
             // SAFETY: the processor has the features that the function is compiled for.
             return unsafe { combine_avx512(out, terms, start) };
         }
-        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
-        {
+        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
             // SAFETY: the processor has the features that the function is compiled for.
             return unsafe { combine_avx2(out, terms, start) };
         }
@@ -119,24 +106,19 @@ fn combine(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,fma")]
-fn combine_avx512(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
+fn combine_avx512(out: &mut [f32], terms: &[Term], start: usize) {
     combine_with(out, terms, start, f32::mul_add);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-fn combine_avx2(out: &mut [f32], terms: &[(f32, &[f32])], start: usize) {
+fn combine_avx2(out: &mut [f32], terms: &[Term], start: usize) {
     combine_with(out, terms, start, f32::mul_add);
 }
 
 /// The sum itself, inlined into each of the functions above and compiled for its instruction set.
 #[inline(always)]
-fn combine_with(
-    out: &mut [f32],
-    terms: &[(f32, &[f32])],
-    start: usize,
-    multiply_add: impl Fn(f32, f32, f32) -> f32,
-) {
+fn combine_with(out: &mut [f32], terms: &[Term], start: usize, multiply_add: impl Fn(f32, f32, f32) -> f32) {
     let n = out.len();
     out.fill(0.0);
     let mut passes = terms.chunks_exact(4);
@@ -164,25 +146,18 @@ mod tests {
 
     fn columns(elements: usize) -> Vec<Vec<f32>> {
         let value = |i: usize| ((i * 2654435761 % 1000) as f32 - 500.0) * 1e-3;
-        (0..elements)
-            .map(|e| (0..FIELDS * 3 * NODES).map(|i| value(i + 7 * e)).collect())
-            .collect()
+        (0..elements).map(|e| (0..FIELDS * 3 * NODES).map(|i| value(i + 7 * e)).collect()).collect()
     }
 
     fn direct(columns: &[Vec<f32>], c: &[[f64; FIELDS]], i: usize) -> f64 {
         let term = |e: usize, k: usize| c[e][k] * f64::from(columns[e][k * 3 * NODES + i]);
-        (0..columns.len())
-            .flat_map(|e| (0..FIELDS).map(move |k| (e, k)))
-            .map(|(e, k)| term(e, k))
-            .sum()
+        (0..columns.len()).flat_map(|e| (0..FIELDS).map(move |k| (e, k))).map(|(e, k)| term(e, k)).sum()
     }
 
     #[test]
     fn sum_agrees_with_f64_and_reads_only_what_changed() {
         let data = columns(3);
-        let columns = Columns {
-            elements: data.iter().map(Vec::as_slice).collect(),
-        };
+        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
         let mut sum = Superposition::new(3);
         let mut u = vec![[0.0; 3]; NODES];
         let mut c = vec![[0.0; FIELDS]; 3];
@@ -206,32 +181,19 @@ mod tests {
     #[test]
     fn a_million_updates_do_not_drift() {
         const FEW: usize = 5;
-        let data: Vec<Vec<f32>> = columns(2)
-            .iter()
-            .map(|all| all[..FIELDS * 3 * FEW].to_vec())
-            .collect();
-        let columns = Columns {
-            elements: data.iter().map(Vec::as_slice).collect(),
-        };
+        let data: Vec<Vec<f32>> = columns(2).iter().map(|all| all[..FIELDS * 3 * FEW].to_vec()).collect();
+        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
         let pose = |step: usize, e: usize| -> [f64; FIELDS] {
             std::array::from_fn(|k| ((step * (k + 3) + e) as f64 * 0.37).sin())
         };
         let mut sum = Superposition::new(2);
         let mut u = vec![[0.0; 3]; FEW];
         for step in 0..1_000_000 {
-            sum.update(
-                &columns,
-                vec![pose(step / 2, 0), pose(step.div_ceil(2), 1)],
-                &mut u,
-            );
+            sum.update(&columns, vec![pose(step / 2, 0), pose(step.div_ceil(2), 1)], &mut u);
         }
         let mut fresh = Superposition::new(2);
         let mut expected = vec![[0.0; 3]; FEW];
-        fresh.update(
-            &columns,
-            vec![pose(499_999, 0), pose(500_000, 1)],
-            &mut expected,
-        );
+        fresh.update(&columns, vec![pose(499_999, 0), pose(500_000, 1)], &mut expected);
         assert_eq!(u, expected);
     }
 }

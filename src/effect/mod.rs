@@ -25,7 +25,5 @@ pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
     EFFECTS
         .iter()
         .find(|entry| entry.name == name)
-        .ok_or_else(|| {
-            crate::config::unknown_name("effect", name, EFFECTS.iter().map(|entry| entry.name))
-        })
+        .ok_or_else(|| crate::config::unknown_name("effect", name, EFFECTS.iter().map(|entry| entry.name)))
 }

@@ -11,12 +11,7 @@ pub enum AssemblyError {
         "tetrahedron {index} (nodes with tags {tags:?}) has volume {volume:.3e} m³, relative volume {relative:.1e}; \
          remove it or move a node: its stiffness would be infinite or wrong"
     )]
-    Degenerate {
-        index: usize,
-        tags: [u64; 4],
-        volume: f64,
-        relative: f64,
-    },
+    Degenerate { index: usize, tags: [u64; 4], volume: f64, relative: f64 },
 }
 
 /// Smallest accepted 6·√2·V/ℓ³ of an element (ℓ its root-mean-square edge): below it a tetrahedron counts as
@@ -46,10 +41,7 @@ pub fn assemble(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, Assemb
                     continue;
                 };
                 diagonal += tet4::stiffness_block(element, lame, a, a);
-                for (b, &corner) in corners
-                    .iter()
-                    .enumerate()
-                    .filter(|(_, corner)| **corner as usize > node)
+                for (b, &corner) in corners.iter().enumerate().filter(|(_, corner)| **corner as usize > node)
                 {
                     if let Ok(slot) = edges.binary_search_by_key(&corner, |edge| edge[1]) {
                         blocks[slot] += tet4::stiffness_block(element, lame, a, b);
@@ -133,10 +125,7 @@ fn edges(mesh: &TetMesh, incident: &Incidence) -> Vec<[u32; 2]> {
                 .collect();
             above.sort_unstable();
             above.dedup();
-            above
-                .into_iter()
-                .map(|other| [node as u32, other])
-                .collect()
+            above.into_iter().map(|other| [node as u32, other]).collect()
         })
         .collect();
     per_node.concat()

@@ -14,11 +14,7 @@ pub struct NodeFields {
 
 impl NodeFields {
     pub fn zeros(nodes: usize, columns: usize) -> NodeFields {
-        NodeFields {
-            nodes,
-            columns,
-            data: vec![0.0; 3 * nodes * columns],
-        }
+        NodeFields { nodes, columns, data: vec![0.0; 3 * nodes * columns] }
     }
 
     /// The `columns` values of unknown `row` = 3·node + axis.
@@ -46,10 +42,7 @@ impl NodeFields {
             .zip(other.data.par_chunks(chunk))
             .map(|(a, b)| {
                 let mut sums = vec![0.0; self.columns];
-                for (x, y) in a
-                    .chunks_exact(self.columns)
-                    .zip(b.chunks_exact(self.columns))
-                {
+                for (x, y) in a.chunks_exact(self.columns).zip(b.chunks_exact(self.columns)) {
                     for c in 0..self.columns {
                         sums[c] += x[c] * y[c];
                     }

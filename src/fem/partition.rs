@@ -48,9 +48,7 @@ impl Partition {
     pub fn insert_free(&self, solution: &NodeFields, fields: &mut NodeFields) {
         for (from, &to) in self.free.iter().enumerate() {
             for axis in 0..3 {
-                fields
-                    .row_mut(3 * to as usize + axis)
-                    .copy_from_slice(solution.row(3 * from + axis));
+                fields.row_mut(3 * to as usize + axis).copy_from_slice(solution.row(3 * from + axis));
             }
         }
     }
@@ -64,13 +62,7 @@ impl Partition {
 }
 
 fn gather(fields: &NodeFields, nodes: &[u32]) -> NodeFields {
-    let rows = nodes
-        .iter()
-        .flat_map(|&node| (0..3).map(move |axis| 3 * node as usize + axis));
+    let rows = nodes.iter().flat_map(|&node| (0..3).map(move |axis| 3 * node as usize + axis));
     let data = rows.flat_map(|row| fields.row(row)).copied().collect();
-    NodeFields {
-        nodes: nodes.len(),
-        columns: fields.columns,
-        data,
-    }
+    NodeFields { nodes: nodes.len(), columns: fields.columns, data }
 }

@@ -57,8 +57,8 @@ impl StiffnessMatrix {
         let below = self.lower[self.lower_start[node]..self.lower_start[node + 1]]
             .iter()
             .map(|&(i, e)| (i as usize, e as usize, true));
-        let above = (self.edge_start[node]..self.edge_start[node + 1])
-            .map(|e| (self.edges[e][1] as usize, e, false));
+        let above =
+            (self.edge_start[node]..self.edge_start[node + 1]).map(|e| (self.edges[e][1] as usize, e, false));
         below.chain(above)
     }
 
@@ -66,29 +66,13 @@ impl StiffnessMatrix {
     /// number.
     pub fn multiply(&self, x: &NodeFields, y: &mut NodeFields) {
         let m = x.columns;
-        y.data
-            .par_chunks_mut(3 * m)
-            .enumerate()
-            .with_min_len(64)
-            .for_each(|(node, rows)| {
-                rows.fill(0.0);
-                add_block_product(
-                    &self.diagonal[node],
-                    false,
-                    &x.data[3 * m * node..][..3 * m],
-                    rows,
-                    m,
-                );
-                for (other, edge, transposed) in self.neighbours(node) {
-                    add_block_product(
-                        &self.blocks[edge],
-                        transposed,
-                        &x.data[3 * m * other..][..3 * m],
-                        rows,
-                        m,
-                    );
-                }
-            });
+        y.data.par_chunks_mut(3 * m).enumerate().with_min_len(64).for_each(|(node, rows)| {
+            rows.fill(0.0);
+            add_block_product(&self.diagonal[node], false, &x.data[3 * m * node..][..3 * m], rows, m);
+            for (other, edge, transposed) in self.neighbours(node) {
+                add_block_product(&self.blocks[edge], transposed, &x.data[3 * m * other..][..3 * m], rows, m);
+            }
+        });
     }
 
     /// The principal submatrix on `keep` (ascending node indices), numbered in that order.
@@ -98,16 +82,9 @@ impl StiffnessMatrix {
             index[old as usize] = new as u32;
         }
         let kept: Vec<usize> = (0..self.edges.len())
-            .filter(|&e| {
-                self.edges[e]
-                    .iter()
-                    .all(|&node| index[node as usize] != u32::MAX)
-            })
+            .filter(|&e| self.edges[e].iter().all(|&node| index[node as usize] != u32::MAX))
             .collect();
-        let edges = kept
-            .iter()
-            .map(|&e| self.edges[e].map(|node| index[node as usize]))
-            .collect();
+        let edges = kept.iter().map(|&e| self.edges[e].map(|node| index[node as usize])).collect();
         let mut restricted = StiffnessMatrix::zeros(keep.len(), edges);
         for (new, &old) in keep.iter().enumerate() {
             restricted.diagonal[new] = self.diagonal[old as usize];
@@ -133,11 +110,7 @@ fn starts(nodes: usize, keys: impl Iterator<Item = u32>) -> Vec<usize> {
 /// y += M x (or Mᵀ x) for 3 × m row-major x and y.
 fn add_block_product(block: &Matrix3<f64>, transposed: bool, x: &[f64], y: &mut [f64], m: usize) {
     for r in 0..3 {
-        let row = if transposed {
-            block.column(r).transpose()
-        } else {
-            block.row(r).clone_owned()
-        };
+        let row = if transposed { block.column(r).transpose() } else { block.row(r).clone_owned() };
         let out = &mut y[r * m..][..m];
         for c in 0..m {
             out[c] += row[0] * x[c] + row[1] * x[m + c] + row[2] * x[2 * m + c];

@@ -26,10 +26,7 @@ pub fn geometry(x: [Vector3<f64>; 4]) -> Option<Geometry> {
         return None;
     }
     let (g1, g2, g3) = (b.cross(&c) / det, c.cross(&a) / det, a.cross(&b) / det);
-    Some(Geometry {
-        volume: det / 6.0,
-        gradients: [-(g1 + g2 + g3), g1, g2, g3],
-    })
+    Some(Geometry { volume: det / 6.0, gradients: [-(g1 + g2 + g3), g1, g2, g3] })
 }
 
 /// Block K_ab = V (λ G_a⊗G_b + μ G_b⊗G_a + μ (G_a·G_b) I), N/m.
@@ -61,10 +58,7 @@ mod tests {
             }
         }
         let k01 = stiffness_block(&element, lame, 0, 1);
-        assert!(
-            (k01[(0, 0)] + 0.2).abs() < 1e-15 && (k01[(1, 0)] + 1.0 / 15.0).abs() < 1e-15,
-            "{k01}"
-        );
+        assert!((k01[(0, 0)] + 0.2).abs() < 1e-15 && (k01[(1, 0)] + 1.0 / 15.0).abs() < 1e-15, "{k01}");
     }
 
     /// K u = dW/du for W = V (λ/2 tr(ε)² + μ ε:ε), by central differences of the energy.
@@ -79,34 +73,21 @@ mod tests {
         let element = geometry(x).unwrap();
         let lame = Lame::from_young_poisson(2.5, 0.37);
         let energy = |u: &[Vector3<f64>; 4]| {
-            let h: Matrix3<f64> = (0..4)
-                .map(|a| u[a] * element.gradients[a].transpose())
-                .sum();
+            let h: Matrix3<f64> = (0..4).map(|a| u[a] * element.gradients[a].transpose()).sum();
             let strain = (h + h.transpose()) * 0.5;
-            element.volume
-                * (0.5 * lame.lambda * strain.trace().powi(2) + lame.mu * strain.dot(&strain))
+            element.volume * (0.5 * lame.lambda * strain.trace().powi(2) + lame.mu * strain.dot(&strain))
         };
         let u: [Vector3<f64>; 4] = std::array::from_fn(|a| {
-            Vector3::new(
-                0.3 - 0.1 * a as f64,
-                0.2 * a as f64,
-                (a as f64 - 1.5).powi(2) * 0.1,
-            )
+            Vector3::new(0.3 - 0.1 * a as f64, 0.2 * a as f64, (a as f64 - 1.5).powi(2) * 0.1)
         });
         for a in 0..4 {
-            let force: Vector3<f64> = (0..4)
-                .map(|b| stiffness_block(&element, lame, a, b) * u[b])
-                .sum();
+            let force: Vector3<f64> = (0..4).map(|b| stiffness_block(&element, lame, a, b) * u[b]).sum();
             for i in 0..3 {
                 let (mut plus, mut minus) = (u, u);
                 plus[a][i] += 1e-4;
                 minus[a][i] -= 1e-4;
                 let slope = (energy(&plus) - energy(&minus)) / 2e-4;
-                assert!(
-                    (force[i] - slope).abs() < 1e-10,
-                    "node {a} axis {i}: {} against {slope}",
-                    force[i]
-                );
+                assert!((force[i] - slope).abs() < 1e-10, "node {a} axis {i}: {} against {slope}", force[i]);
             }
         }
     }
@@ -114,13 +95,7 @@ mod tests {
     #[test]
     fn flat_tetrahedron_has_no_geometry() {
         assert!(
-            geometry([
-                Vector3::zeros(),
-                Vector3::x(),
-                Vector3::y(),
-                Vector3::x() + Vector3::y()
-            ])
-            .is_none()
+            geometry([Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::x() + Vector3::y()]).is_none()
         );
     }
 }

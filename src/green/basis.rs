@@ -76,22 +76,14 @@ pub fn solve(
     check_support(scene, name, &mesh, &controls)?;
     notices.extend(controls.iter().filter_map(ControlElement::notice));
     let lame = materials(scene, name, body, &mesh)?;
-    let mut times = StepTimes {
-        mesh_s: started.elapsed().as_secs_f64(),
-        ..Default::default()
-    };
+    let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };
     progress.end();
 
     progress.begin("assembly", 0);
     let started = Instant::now();
-    let k = fem::assemble(&mesh, &lame).map_err(|source| GreenError::Assembly {
-        body: name.to_owned(),
-        source,
-    })?;
-    let partition = Partition::new(
-        mesh.nodes.len(),
-        controls.iter().flat_map(|c| c.nodes.iter().copied()),
-    );
+    let k = fem::assemble(&mesh, &lame)
+        .map_err(|source| GreenError::Assembly { body: name.to_owned(), source })?;
+    let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
     let a = partition.a(&k);
     times.assembly_s = started.elapsed().as_secs_f64();
     progress.end();
@@ -102,11 +94,8 @@ pub fn solve(
     }
     let prescribed = fields.clone();
     let rhs = partition.minus_b_times(&k, &fields);
-    let (free, stats) =
-        solve_free(body, &a, &rhs, progress).map_err(|source| GreenError::Solve {
-            body: name.to_owned(),
-            source,
-        })?;
+    let (free, stats) = solve_free(body, &a, &rhs, progress)
+        .map_err(|source| GreenError::Solve { body: name.to_owned(), source })?;
     partition.insert_free(&free, &mut fields);
 
     let started = Instant::now();
@@ -142,12 +131,8 @@ fn solve_free(
 ) -> Result<(NodeFields, SolveStats), SolveError> {
     if a.nodes() == 0 {
         let residuals = vec![0.0; rhs.columns];
-        let stats = SolveStats {
-            method: "none".into(),
-            columns: rhs.columns,
-            residuals,
-            ..Default::default()
-        };
+        let stats =
+            SolveStats { method: "none".into(), columns: rhs.columns, residuals, ..Default::default() };
         return Ok((rhs.clone(), stats));
     }
     match body.solver.method {
@@ -156,10 +141,7 @@ fn solve_free(
             Cholesky::new(a, &symbolic, progress)?.solve(rhs, progress)
         }
         Method::Pcg => {
-            let pcg = Pcg {
-                tolerance: body.solver.tolerance,
-                max_iterations: body.solver.max_iterations,
-            };
+            let pcg = Pcg { tolerance: body.solver.tolerance, max_iterations: body.solver.max_iterations };
             pcg.solve(a, rhs, progress)
         }
     }
@@ -188,11 +170,7 @@ fn handle_stiffness(
         }
     }
     let difference = (&s - s.transpose()).amax();
-    let asymmetry = if difference == 0.0 {
-        0.0
-    } else {
-        difference / s.amax()
-    };
+    let asymmetry = if difference == 0.0 { 0.0 } else { difference / s.amax() };
     ((&s + s.transpose()) * 0.5, asymmetry)
 }
 
@@ -207,38 +185,21 @@ fn control_elements(
     body.control
         .iter()
         .map(|(control_name, control)| {
-            let nodes = control
-                .nodes
-                .select(mesh, |path| scene.resolve(path))
-                .map_err(|message| {
-                    scene.invalid(
-                        &format!("body.{name}.control.{control_name}.nodes"),
-                        message,
-                    )
-                })?;
+            let nodes = control.nodes.select(mesh, |path| scene.resolve(path)).map_err(|message| {
+                scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message)
+            })?;
             Ok(ControlElement::new(control_name, nodes, mesh, size))
         })
         .collect()
 }
 
 /// Lamé's constants of every tetrahedron.
-fn materials(
-    scene: &Scene,
-    name: &str,
-    body: &Body,
-    mesh: &TetMesh,
-) -> Result<Vec<Lame>, GreenError> {
+fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<Vec<Lame>, GreenError> {
     let lame = |material: &Material| Lame::from_young_poisson(material.young, material.poisson);
     let mut by_region = std::collections::BTreeMap::new();
     for (key, material) in &body.region {
-        let named = mesh
-            .region_names
-            .iter()
-            .find(|(_, region_name)| *region_name == key)
-            .map(|(id, _)| *id);
-        let region = named
-            .or_else(|| key.parse().ok())
-            .filter(|id| mesh.regions.contains(id));
+        let named = mesh.region_names.iter().find(|(_, region_name)| *region_name == key).map(|(id, _)| *id);
+        let region = named.or_else(|| key.parse().ok()).filter(|id| mesh.regions.contains(id));
         let Some(region) = region else {
             let known: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();
             let known: Vec<String> = known
@@ -248,20 +209,12 @@ fn materials(
                     None => id.to_string(),
                 })
                 .collect();
-            let message = format!(
-                "no tetrahedron lies in this region; the mesh has regions {}",
-                known.join(", ")
-            );
-            return Err(scene
-                .invalid(&format!("body.{name}.region.{key}"), message)
-                .into());
+            let message =
+                format!("no tetrahedron lies in this region; the mesh has regions {}", known.join(", "));
+            return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
         };
         by_region.insert(region, lame(material));
     }
     let other = lame(&body.material);
-    Ok(mesh
-        .regions
-        .iter()
-        .map(|region| *by_region.get(region).unwrap_or(&other))
-        .collect())
+    Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&other)).collect())
 }

@@ -18,22 +18,15 @@ pub fn check_support(
     let owner = owners(scene, body, mesh, controls)?;
     let components = quality::components(mesh);
     for (component, nodes) in components.nodes.iter().enumerate() {
-        let held: Vec<u32> = nodes
-            .iter()
-            .copied()
-            .filter(|&node| owner[node as usize].is_some())
-            .collect();
+        let held: Vec<u32> = nodes.iter().copied().filter(|&node| owner[node as usize].is_some()).collect();
         let (centre, all) = offsets_from_centroid(mesh, nodes);
         let (_, offsets) = offsets_from_centroid(mesh, &held);
         let size = all.iter().map(Vector3::norm).fold(0.0, f64::max);
         if rank(&offsets, 1e-6 * size) >= 2 {
             continue;
         }
-        let tags: Vec<String> = nodes
-            .iter()
-            .take(5)
-            .map(|&node| mesh.tags[node as usize].to_string())
-            .collect();
+        let tags: Vec<String> =
+            nodes.iter().take(5).map(|&node| mesh.tags[node as usize].to_string()).collect();
         let how = match held.len() {
             0 => "is held by no control element".to_owned(),
             1 => "is held at a single node, about which it can turn freely".to_owned(),
@@ -60,13 +53,7 @@ pub fn check_support(
 
 fn offsets_from_centroid(mesh: &TetMesh, nodes: &[u32]) -> (Vector3<f64>, Vec<Vector3<f64>>) {
     let centre = quality::centroid(mesh, nodes).unwrap_or_default();
-    (
-        centre,
-        nodes
-            .iter()
-            .map(|&node| mesh.nodes[node as usize] - centre)
-            .collect(),
-    )
+    (centre, nodes.iter().map(|&node| mesh.nodes[node as usize] - centre).collect())
 }
 
 /// The control element of every node, if any.
@@ -81,19 +68,13 @@ fn owners(
         for &node in &control.nodes {
             if let Some(other) = owner[node as usize].replace(index) {
                 let other = &controls[other];
-                let shared = control
-                    .nodes
-                    .iter()
-                    .filter(|n| other.nodes.binary_search(n).is_ok())
-                    .count();
+                let shared = control.nodes.iter().filter(|n| other.nodes.binary_search(n).is_ok()).count();
                 let message = format!(
                     "overlaps control {}: {shared} nodes belong to both (the first has tag {}); each node can be \
                      prescribed by one control element only, so make the selections disjoint",
                     other.name, mesh.tags[node as usize]
                 );
-                return Err(scene
-                    .invalid(&format!("body.{body}.control.{}", control.name), message)
-                    .into());
+                return Err(scene.invalid(&format!("body.{body}.control.{}", control.name), message).into());
             }
         }
     }

@@ -87,10 +87,7 @@ struct Tensor {
 
 /// Writes all bodies of a scene to `path`: to a temporary file beside it, synced, then renamed. Returns its size.
 pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
-    let failed = |source| GreenError::Io {
-        path: path.to_owned(),
-        source,
-    };
+    let failed = |source| GreenError::Io { path: path.to_owned(), source };
     let mut tensors = BTreeMap::new();
     let mut meta = Meta {
         format: FORMAT,
@@ -104,20 +101,11 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
         add_tensors(body, &mut tensors);
     }
     for (name, tensor) in &tensors {
-        meta.blake3.insert(
-            name.clone(),
-            blake3::hash(&tensor.bytes).to_hex().to_string(),
-        );
+        meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
     }
     let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    let mut file = tempfile::Builder::new()
-        .prefix(".green-")
-        .tempfile_in(folder)
-        .map_err(failed)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = tempfile::Builder::new().prefix(".green-").tempfile_in(folder).map_err(failed)?;
     file.write_all(&bytes).map_err(failed)?;
     file.as_file().sync_all().map_err(failed)?;
     file.persist(path).map_err(|error| failed(error.error))?;
@@ -130,23 +118,12 @@ fn container(
 ) -> Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
     let content = serde_json::value::to_raw_value(meta)?;
     let seal = blake3::hash(content.get().as_bytes()).to_hex().to_string();
-    let sealed = serde_json::to_string(&Sealed {
-        blake3: seal,
-        content: &content,
-    })?;
+    let sealed = serde_json::to_string(&Sealed { blake3: seal, content: &content })?;
     let views = tensors
         .iter()
-        .map(|(name, t)| {
-            Ok((
-                name.as_str(),
-                TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?,
-            ))
-        })
+        .map(|(name, t)| Ok((name.as_str(), TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?)))
         .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
-    Ok(safetensors::serialize(
-        views,
-        Some([(KEY.to_owned(), sealed)].into()),
-    )?)
+    Ok(safetensors::serialize(views, Some([(KEY.to_owned(), sealed)].into()))?)
 }
 
 fn body_meta(body: &Precomputed) -> BodyMeta {
@@ -196,73 +173,35 @@ fn add_tensors(body: &Precomputed, tensors: &mut BTreeMap<String, Tensor>) {
     let (nodes, mesh) = (&solution.surface.nodes, &solution.mesh);
     let centre = rest_centre(body);
     let mut add = |name: String, dtype: Dtype, shape: Vec<usize>, bytes: Vec<u8>| {
-        tensors.insert(
-            format!("{}/{name}", body.name),
-            Tensor {
-                dtype,
-                shape,
-                bytes,
-            },
-        );
+        tensors.insert(format!("{}/{name}", body.name), Tensor { dtype, shape, bytes });
     };
-    let rest = nodes
-        .iter()
-        .flat_map(|&n| <[f64; 3]>::from(mesh.nodes[n as usize] - centre));
+    let rest = nodes.iter().flat_map(|&n| <[f64; 3]>::from(mesh.nodes[n as usize] - centre));
     add(
         "rest".into(),
         Dtype::F32,
         vec![nodes.len(), 3],
         rest.flat_map(|x| (x as f32).to_le_bytes()).collect(),
     );
-    let corners = solution
-        .surface
-        .triangles
-        .iter()
-        .flatten()
-        .flat_map(|corner| corner.to_le_bytes());
-    add(
-        "triangles".into(),
-        Dtype::U32,
-        vec![solution.surface.triangles.len(), 3],
-        corners.collect(),
-    );
-    let tags = nodes
-        .iter()
-        .flat_map(|&n| mesh.tags[n as usize].to_le_bytes());
+    let corners = solution.surface.triangles.iter().flatten().flat_map(|corner| corner.to_le_bytes());
+    add("triangles".into(), Dtype::U32, vec![solution.surface.triangles.len(), 3], corners.collect());
+    let tags = nodes.iter().flat_map(|&n| mesh.tags[n as usize].to_le_bytes());
     add("tags".into(), Dtype::U64, vec![nodes.len()], tags.collect());
     for (e, control) in solution.controls.iter().enumerate() {
         let columns = (FIELDS * e..FIELDS * (e + 1)).flat_map(|column| {
-            nodes
-                .iter()
-                .flat_map(move |&n| (0..3).map(move |axis| (3 * n as usize + axis, column)))
+            nodes.iter().flat_map(move |&n| (0..3).map(move |axis| (3 * n as usize + axis, column)))
         });
         let values = columns.map(|(row, column)| solution.fields.row(row)[column] as f32);
         let bytes = values.flat_map(f32::to_le_bytes).collect();
-        add(
-            format!("basis/{}", control.name),
-            Dtype::F32,
-            vec![FIELDS, nodes.len(), 3],
-            bytes,
-        );
+        add(format!("basis/{}", control.name), Dtype::F32, vec![FIELDS, nodes.len(), 3], bytes);
         let held: Vec<u32> = (0..nodes.len() as u32)
             .filter(|&i| control.nodes.binary_search(&nodes[i as usize]).is_ok())
             .collect();
         let bytes = held.iter().flat_map(|index| index.to_le_bytes()).collect();
-        add(
-            format!("control/{}", control.name),
-            Dtype::U32,
-            vec![held.len()],
-            bytes,
-        );
+        add(format!("control/{}", control.name), Dtype::U32, vec![held.len()], bytes);
     }
     if let Some(s) = &solution.stiffness {
         let bytes = s.iter().flat_map(|value| value.to_le_bytes()).collect();
-        add(
-            "stiffness".into(),
-            Dtype::F64,
-            vec![s.nrows(), s.ncols()],
-            bytes,
-        );
+        add("stiffness".into(), Dtype::F64, vec![s.nrows(), s.ncols()], bytes);
     }
 }
 
@@ -278,45 +217,26 @@ pub struct GreenFile {
 impl GreenFile {
     /// Maps and checks the file: container, version, every hash, every shape.
     pub fn open(path: &Path) -> Result<GreenFile, GreenError> {
-        let failed = |source| GreenError::Io {
-            path: path.to_owned(),
-            source,
-        };
+        let failed = |source| GreenError::Io { path: path.to_owned(), source };
         let file = std::fs::File::open(path).map_err(failed)?;
         // SAFETY: the map is read-only, and greenstage replaces a .green file by renaming, never by writing into
         // it, so the mapped bytes stay as they are for as long as the map lives.
         let map = unsafe { Mmap::map(&file) }.map_err(failed)?;
-        let damaged = |reason: String| GreenError::Damaged {
-            path: path.to_owned(),
-            reason,
-        };
+        let damaged = |reason: String| GreenError::Damaged { path: path.to_owned(), reason };
         let (meta, tensors) = read_container(&map).map_err(damaged)?;
-        let file = GreenFile {
-            path: path.to_owned(),
-            meta,
-            map,
-            tensors,
-        };
+        let file = GreenFile { path: path.to_owned(), meta, map, tensors };
         file.check().map_err(damaged)?;
         Ok(file)
     }
 
     /// Errors where body `name` was made from something else than `fingerprint` says.
     pub fn check_fresh(&self, name: &str, fingerprint: &str) -> Result<(), GreenError> {
-        let found = self
-            .meta
-            .bodies
-            .get(name)
-            .map_or("absent", |body| body.fingerprint.as_str());
+        let found = self.meta.bodies.get(name).map_or("absent", |body| body.fingerprint.as_str());
         if found == fingerprint {
             return Ok(());
         }
         let short = |text: &str| text.chars().take(12).collect::<String>();
-        Err(GreenError::Stale {
-            path: self.path.clone(),
-            found: short(found),
-            expected: short(fingerprint),
-        })
+        Err(GreenError::Stale { path: self.path.clone(), found: short(found), expected: short(fingerprint) })
     }
 
     pub fn rest(&self, body: &str) -> &[[f32; 3]] {
@@ -345,30 +265,19 @@ impl GreenFile {
     pub fn stiffness(&self, body: &str) -> Option<DMatrix<f64>> {
         let name = format!("{body}/stiffness");
         let (_, shape, _) = self.tensors.get(&name)?;
-        Some(DMatrix::from_column_slice(
-            shape[0],
-            shape[1],
-            self.slice(&name),
-        ))
+        Some(DMatrix::from_column_slice(shape[0], shape[1], self.slice(&name)))
     }
 
     /// Names, types and shapes of all tensors, for `inspect`.
     pub fn tensors(&self) -> impl Iterator<Item = (&str, String, &[usize], usize)> {
         self.tensors.iter().map(|(name, (dtype, shape, range))| {
-            (
-                name.as_str(),
-                format!("{dtype:?}"),
-                shape.as_slice(),
-                range.len(),
-            )
+            (name.as_str(), format!("{dtype:?}"), shape.as_slice(), range.len())
         })
     }
 
     /// The tensor's numbers where they are mapped. `check` has seen that it is there, of this type and aligned.
     fn slice<T: bytemuck::AnyBitPattern>(&self, name: &str) -> &[T] {
-        self.tensors.get(name).map_or(&[], |(_, _, range)| {
-            bytemuck::cast_slice(&self.map[range.clone()])
-        })
+        self.tensors.get(name).map_or(&[], |(_, _, range)| bytemuck::cast_slice(&self.map[range.clone()]))
     }
 
     fn check(&self) -> Result<(), String> {
@@ -379,11 +288,7 @@ impl GreenFile {
             return Err("tensors are missing, or there are too many".into());
         }
         for (name, (_, _, range)) in &self.tensors {
-            let expected = self
-                .meta
-                .blake3
-                .get(name)
-                .ok_or_else(|| format!("tensor {name} has no hash"))?;
+            let expected = self.meta.blake3.get(name).ok_or_else(|| format!("tensor {name} has no hash"))?;
             let found = blake3::hash(&self.map[range.clone()]).to_hex();
             if found.as_str() != expected {
                 return Err(format!(
@@ -401,38 +306,18 @@ impl GreenFile {
         let nodes = body.surface_nodes;
         let fields = FIELDS * body.controls.len();
         self.expect(&format!("{name}/rest"), Dtype::F32, &[nodes, 3])?;
-        self.expect(
-            &format!("{name}/triangles"),
-            Dtype::U32,
-            &[body.surface_triangles, 3],
-        )?;
+        self.expect(&format!("{name}/triangles"), Dtype::U32, &[body.surface_triangles, 3])?;
         self.expect(&format!("{name}/tags"), Dtype::U64, &[nodes])?;
-        if self
-            .triangles(name)
-            .iter()
-            .flatten()
-            .any(|&corner| corner as usize >= nodes)
-        {
+        if self.triangles(name).iter().flatten().any(|&corner| corner as usize >= nodes) {
             return Err(format!("{name}/triangles names a node that is not there"));
         }
         for control in &body.controls {
             let control = &control.name;
-            self.expect(
-                &format!("{name}/basis/{control}"),
-                Dtype::F32,
-                &[FIELDS, nodes, 3],
-            )?;
+            self.expect(&format!("{name}/basis/{control}"), Dtype::F32, &[FIELDS, nodes, 3])?;
             let held = format!("{name}/control/{control}");
-            let count = self
-                .tensors
-                .get(&held)
-                .map_or(0, |(_, shape, _)| shape.iter().product());
+            let count = self.tensors.get(&held).map_or(0, |(_, shape, _)| shape.iter().product());
             self.expect(&held, Dtype::U32, &[count])?;
-            if self
-                .control(name, control)
-                .iter()
-                .any(|&node| node as usize >= nodes)
-            {
+            if self.control(name, control).iter().any(|&node| node as usize >= nodes) {
                 return Err(format!("{held} names a node that is not there"));
             }
         }
@@ -443,14 +328,10 @@ impl GreenFile {
     }
 
     fn expect(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), String> {
-        let (found, found_shape, range) = self
-            .tensors
-            .get(name)
-            .ok_or_else(|| format!("tensor {name} is missing"))?;
+        let (found, found_shape, range) =
+            self.tensors.get(name).ok_or_else(|| format!("tensor {name} is missing"))?;
         if *found != dtype || found_shape != shape {
-            return Err(format!(
-                "tensor {name} is {found:?} {found_shape:?}, should be {dtype:?} {shape:?}"
-            ));
+            return Err(format!("tensor {name} is {found:?} {found_shape:?}, should be {dtype:?} {shape:?}"));
         }
         if !(self.map.as_ptr() as usize + range.start).is_multiple_of(dtype.bitsize() / 8) {
             return Err(format!("tensor {name} is not aligned to its numbers"));
@@ -471,20 +352,13 @@ fn read_container(bytes: &[u8]) -> Result<(Meta, Tensors), String> {
         .and_then(|metadata| metadata.get(KEY))
         .ok_or("it is a safetensors file, but not one of greenstage")?;
     let sealed: Sealed = serde_json::from_str(sealed).map_err(|error| text(&error))?;
-    if blake3::hash(sealed.content.get().as_bytes())
-        .to_hex()
-        .as_str()
-        != sealed.blake3
-    {
+    if blake3::hash(sealed.content.get().as_bytes()).to_hex().as_str() != sealed.blake3 {
         return Err("its metadata is damaged (the hash differs)".into());
     }
     let value: serde_json::Value =
         serde_json::from_str(sealed.content.get()).map_err(|error| text(&error))?;
     if value["format"] != FORMAT {
-        return Err(format!(
-            "it has format {}, this program reads format {FORMAT}",
-            value["format"]
-        ));
+        return Err(format!("it has format {}, this program reads format {FORMAT}", value["format"]));
     }
     let meta: Meta = serde_json::from_value(value).map_err(|error| text(&error))?;
     let base = header + 8;

@@ -9,11 +9,7 @@ use std::path::Path;
 /// and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, GreenError> {
     let body = &scene.body[name];
-    let selections: Vec<_> = body
-        .control
-        .iter()
-        .map(|(control, c)| (control, &c.nodes))
-        .collect();
+    let selections: Vec<_> = body.control.iter().map(|(control, c)| (control, &c.nodes)).collect();
     let asked = serde_json::json!({
         "program": env!("CARGO_PKG_VERSION"),
         "generate": body.generate,
@@ -26,13 +22,10 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
     });
     let mut hasher = blake3::Hasher::new();
     hasher.update(asked.to_string().as_bytes());
-    let files = body
-        .control
-        .values()
-        .filter_map(|control| match &control.nodes {
-            Nodes::File(path) => Some(path.as_path()),
-            _ => None,
-        });
+    let files = body.control.values().filter_map(|control| match &control.nodes {
+        Nodes::File(path) => Some(path.as_path()),
+        _ => None,
+    });
     for file in body.mesh.as_deref().into_iter().chain(files) {
         hash_file(&mut hasher, &scene.resolve(file))?;
     }
@@ -40,10 +33,7 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
 }
 
 fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> Result<(), GreenError> {
-    let failed = |source| GreenError::Io {
-        path: path.to_owned(),
-        source,
-    };
+    let failed = |source| GreenError::Io { path: path.to_owned(), source };
     let file = std::fs::File::open(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
     hasher.update(&length.to_le_bytes());

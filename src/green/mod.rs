@@ -30,9 +30,7 @@ pub struct Needs {
 impl Needs {
     /// What either asks for.
     pub fn and(self, other: Needs) -> Needs {
-        Needs {
-            stiffness: self.stiffness || other.stiffness,
-        }
+        Needs { stiffness: self.stiffness || other.stiffness }
     }
 }
 
@@ -45,10 +43,7 @@ pub enum GreenError {
     #[error("body.{body}: {source}")]
     Solve { body: String, source: SolveError },
     #[error("{}: {source}", path.display())]
-    Io {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     #[error("{}: {reason}; run `greenstage precompute` on its scene to make it anew", path.display())]
     Damaged { path: PathBuf, reason: String },
     #[error(
@@ -56,11 +51,7 @@ pub enum GreenError {
          the scene's {expected}); run `greenstage precompute` on the scene",
         path.display()
     )]
-    Stale {
-        path: PathBuf,
-        found: String,
-        expected: String,
-    },
+    Stale { path: PathBuf, found: String, expected: String },
 }
 
 impl GreenError {

@@ -61,10 +61,7 @@ impl Dragger {
         }
         self.hold.map(|hold| {
             let motion = (room_from_stylus * hold.stylus_from_room).to_homogeneous();
-            Drag {
-                target: hold.target,
-                room_from_element: motion * hold.room_from_element,
-            }
+            Drag { target: hold.target, room_from_element: motion * hold.room_from_element }
         })
     }
 
@@ -92,11 +89,7 @@ mod tests {
     };
 
     fn stylus(pose: Isometry3<f32>, pressed: bool) -> StylusState {
-        StylusState {
-            room_from_stylus: pose,
-            pressed,
-            from_eye: false,
-        }
+        StylusState { room_from_stylus: pose, pressed, from_eye: false }
     }
 
     fn element() -> Matrix4<f64> {
@@ -114,53 +107,26 @@ mod tests {
     #[test]
     fn the_element_follows_rigidly_and_keeps_its_scale() {
         let mut dragger = Dragger::default();
-        let start = dragger
-            .update(&stylus(pose(0.0), true), Some(&HIT), |_| element())
-            .unwrap();
+        let start = dragger.update(&stylus(pose(0.0), true), Some(&HIT), |_| element()).unwrap();
         assert_eq!(start.target, 3);
         assert!((start.room_from_element - element()).norm() < 1e-14);
-        let drag = dragger
-            .update(&stylus(pose(0.7), true), None, |_| Matrix4::zeros())
-            .unwrap();
+        let drag = dragger.update(&stylus(pose(0.7), true), None, |_| Matrix4::zeros()).unwrap();
         let motion = pose(0.7).cast::<f64>() * pose(0.0).cast::<f64>().inverse();
         assert!((drag.room_from_element - motion.to_homogeneous() * element()).norm() < 1e-6);
-        let scales = drag
-            .room_from_element
-            .fixed_view::<3, 3>(0, 0)
-            .into_owned()
-            .singular_values();
-        assert!(
-            (scales - Vector3::new(2.0, 1.0, 0.5)).norm() < 1e-12,
-            "{scales}"
-        );
+        let scales = drag.room_from_element.fixed_view::<3, 3>(0, 0).into_owned().singular_values();
+        assert!((scales - Vector3::new(2.0, 1.0, 0.5)).norm() < 1e-12, "{scales}");
         assert_eq!(dragger.held(), Some(3));
-        assert_eq!(
-            dragger.update(&stylus(pose(0.8), false), Some(&HIT), |_| element()),
-            None
-        );
+        assert_eq!(dragger.update(&stylus(pose(0.8), false), Some(&HIT), |_| element()), None);
         assert_eq!(dragger.held(), None);
     }
 
     #[test]
     fn a_press_beside_everything_grabs_nothing_until_the_next_press() {
         let mut dragger = Dragger::default();
-        assert_eq!(
-            dragger.update(&stylus(pose(0.0), true), None, |_| element()),
-            None
-        );
-        assert_eq!(
-            dragger.update(&stylus(pose(0.1), true), Some(&HIT), |_| element()),
-            None
-        );
-        assert_eq!(
-            dragger.update(&stylus(pose(0.1), false), Some(&HIT), |_| element()),
-            None
-        );
-        assert!(
-            dragger
-                .update(&stylus(pose(0.1), true), Some(&HIT), |_| element())
-                .is_some()
-        );
+        assert_eq!(dragger.update(&stylus(pose(0.0), true), None, |_| element()), None);
+        assert_eq!(dragger.update(&stylus(pose(0.1), true), Some(&HIT), |_| element()), None);
+        assert_eq!(dragger.update(&stylus(pose(0.1), false), Some(&HIT), |_| element()), None);
+        assert!(dragger.update(&stylus(pose(0.1), true), Some(&HIT), |_| element()).is_some());
     }
 
     #[test]
@@ -168,13 +134,9 @@ mod tests {
         let mut dragger = Dragger::default();
         dragger.update(&stylus(pose(0.0), true), Some(&HIT), |_| element());
         for i in 0..1_000_000 {
-            dragger.update(&stylus(pose(i as f32 * 1e-3), true), Some(&HIT), |_| {
-                element()
-            });
+            dragger.update(&stylus(pose(i as f32 * 1e-3), true), Some(&HIT), |_| element());
         }
-        let back = dragger
-            .update(&stylus(pose(0.0), true), None, |_| element())
-            .unwrap();
+        let back = dragger.update(&stylus(pose(0.0), true), None, |_| element()).unwrap();
         assert!(
             (back.room_from_element - element()).norm() < 1e-14,
             "{}",
@@ -184,22 +146,13 @@ mod tests {
 
     #[test]
     fn unusable_poses_hold_the_last_one_and_are_counted() {
-        let bad = Isometry3::from_parts(
-            Translation3::new(f32::NAN, 0.0, 0.0),
-            UnitQuaternion::identity(),
-        );
+        let bad = Isometry3::from_parts(Translation3::new(f32::NAN, 0.0, 0.0), UnitQuaternion::identity());
         let mut dragger = Dragger::default();
-        assert_eq!(
-            dragger.update(&stylus(bad, true), Some(&HIT), |_| element()),
-            None
-        );
+        assert_eq!(dragger.update(&stylus(bad, true), Some(&HIT), |_| element()), None);
         let grabbed = dragger.update(&stylus(pose(0.0), true), Some(&HIT), |_| element());
         assert!(grabbed.is_some(), "the press waits for a usable pose");
         let moved = dragger.update(&stylus(pose(0.4), true), None, |_| element());
-        assert_eq!(
-            dragger.update(&stylus(bad, true), None, |_| element()),
-            moved
-        );
+        assert_eq!(dragger.update(&stylus(bad, true), None, |_| element()), moved);
         assert_eq!(dragger.stylus.invalid, 2);
         assert_eq!(
             dragger.update(&stylus(bad, false), None, |_| element()),

@@ -66,22 +66,12 @@ impl PickShape {
     /// an element cannot be picked.
     pub fn new(surface: &Surface, element_nodes: &[u32]) -> Self {
         let nodes: BTreeSet<u32> = element_nodes.iter().copied().collect();
-        let is_of_element = |&vertex: &u32| {
-            surface
-                .nodes
-                .get(vertex as usize)
-                .is_some_and(|node| nodes.contains(node))
-        };
-        let triangles: Vec<[u32; 3]> = surface
-            .triangles
-            .iter()
-            .filter(|triangle| triangle.iter().all(is_of_element))
-            .copied()
-            .collect();
+        let is_of_element =
+            |&vertex: &u32| surface.nodes.get(vertex as usize).is_some_and(|node| nodes.contains(node));
+        let triangles: Vec<[u32; 3]> =
+            surface.triangles.iter().filter(|triangle| triangle.iter().all(is_of_element)).copied().collect();
         let points = if triangles.is_empty() {
-            (0..surface.nodes.len() as u32)
-                .filter(is_of_element)
-                .collect()
+            (0..surface.nodes.len() as u32).filter(is_of_element).collect()
         } else {
             Vec::new()
         };
@@ -92,28 +82,20 @@ impl PickShape {
 /// The nearest hit of a ray with any target, if there is one. A triangle can be hit from either side; those
 /// without area, with a vertex that does not exist or is not finite are never hit.
 pub fn pick(ray: &PickRay, targets: &[PickTarget]) -> Option<Hit> {
-    let hits = targets
-        .iter()
-        .enumerate()
-        .filter_map(|(target, shape)| pick_one(ray, target, shape));
+    let hits = targets.iter().enumerate().filter_map(|(target, shape)| pick_one(ray, target, shape));
     hits.min_by(|a, b| a.distance_m.total_cmp(&b.distance_m))
 }
 
 fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
     let body_from_room = element.room_from_body.inverse();
     let origin: Vector3<f64> = (body_from_room * ray.origin_in_room.cast::<f64>()).coords;
-    let direction: Vector3<f64> = (body_from_room.isometry.rotation
-        * ray.direction_in_room.cast::<f64>())
-    .try_normalize(1e-6)?;
+    let direction: Vector3<f64> =
+        (body_from_room.isometry.rotation * ray.direction_in_room.cast::<f64>()).try_normalize(1e-6)?;
     let ray_in_body = Ray::new(origin.cast::<f32>().into(), direction.cast::<f32>().into());
     let position = |vertex: u32| element.positions.get(vertex as usize).copied();
 
     let triangles = element.shape.triangles.iter().filter_map(|&[a, b, c]| {
-        let triangle = Triangle::new(
-            position(a)?.into(),
-            position(b)?.into(),
-            position(c)?.into(),
-        );
+        let triangle = Triangle::new(position(a)?.into(), position(b)?.into(), position(c)?.into());
         triangle.cast_local_ray_and_get_normal(&ray_in_body, f32::MAX, false)
     });
     let balls = element.shape.points.iter().filter_map(|&vertex| {
@@ -121,8 +103,7 @@ fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
         let from_centre = Ray::new((origin.cast::<f32>() - centre).into(), ray_in_body.dir);
         Ball::new(element.ball_radius_m).cast_local_ray_and_get_normal(&from_centre, f32::MAX, true)
     });
-    let is_place =
-        |hit: &RayIntersection| hit.time_of_impact.is_finite() && hit.time_of_impact >= 0.0;
+    let is_place = |hit: &RayIntersection| hit.time_of_impact.is_finite() && hit.time_of_impact >= 0.0;
     let nearest = triangles
         .chain(balls)
         .filter(is_place)
@@ -133,15 +114,9 @@ fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
     let towards_room = room_from_body.isometry.rotation * direction;
     let point = ray.origin_in_room.cast::<f64>() + towards_room * distance_m;
     let normal = Vector3::<f32>::from(nearest.normal).cast::<f64>();
-    let facing = if normal.dot(&direction) > 0.0 {
-        -normal
-    } else {
-        normal
-    };
-    let unit = facing
-        .try_normalize(1e-6)
-        .filter(|n| n.iter().all(|x| x.is_finite()))
-        .unwrap_or_else(Vector3::zeros);
+    let facing = if normal.dot(&direction) > 0.0 { -normal } else { normal };
+    let unit =
+        facing.try_normalize(1e-6).filter(|n| n.iter().all(|x| x.is_finite())).unwrap_or_else(Vector3::zeros);
     let is_finite = point.iter().all(|x| x.is_finite());
     is_finite.then(|| Hit {
         target,

@@ -16,9 +16,7 @@ pub fn room_from_element(
 ) -> Matrix4<f64> {
     let mut body_from_element = matrix.to_homogeneous();
     let place = origin_in_body.coords + translation;
-    body_from_element
-        .fixed_view_mut::<3, 1>(0, 3)
-        .copy_from(&place);
+    body_from_element.fixed_view_mut::<3, 1>(0, 3).copy_from(&place);
     room_from_body.to_homogeneous() * body_from_element
 }
 
@@ -33,10 +31,7 @@ pub fn control_pose_in_body(
     let matrix: Matrix3<f64> = body_from_element.fixed_view::<3, 3>(0, 0).into_owned();
     let place: Vector3<f64> = body_from_element.fixed_view::<3, 1>(0, 3).into_owned();
     let translation = place - origin_in_body.coords;
-    let is_finite = matrix
-        .iter()
-        .chain(translation.iter())
-        .all(|x| x.is_finite());
+    let is_finite = matrix.iter().chain(translation.iter()).all(|x| x.is_finite());
     is_finite.then_some((translation, matrix))
 }
 
@@ -46,11 +41,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     fn placed() -> Similarity3<f64> {
-        Similarity3::new(
-            Vector3::new(0.3, 1.2, -0.4),
-            Vector3::new(0.2, -0.9, 0.5),
-            0.35,
-        )
+        Similarity3::new(Vector3::new(0.3, 1.2, -0.4), Vector3::new(0.2, -0.9, 0.5), 0.35)
     }
 
     #[test]
@@ -59,8 +50,7 @@ mod tests {
         let translation = Vector3::new(0.1, 0.2, -0.3);
         let matrix = Matrix3::new(1.1, 0.2, 0.0, -0.3, 0.9, 0.1, 0.4, 0.0, 1.3);
         let in_room = room_from_element(&placed(), &origin, &translation, &matrix);
-        let (back_translation, back_matrix) =
-            control_pose_in_body(&in_room, &placed(), &origin).unwrap();
+        let (back_translation, back_matrix) = control_pose_in_body(&in_room, &placed(), &origin).unwrap();
         assert!((back_translation - translation).norm() < 1e-14);
         assert!((back_matrix - matrix).norm() < 1e-14);
         // The definition: a rest point x of the body goes to o + T + M (x - o).
@@ -84,19 +74,13 @@ mod tests {
         let body_pivot = placed().inverse() * pivot;
         assert!((matrix - body_turn.to_rotation_matrix().matrix()).norm() < 1e-13);
         let expected = body_pivot + body_turn * (origin - body_pivot) - origin;
-        assert!(
-            (translation - expected).norm() < 1e-13,
-            "{translation} is not {expected}"
-        );
+        assert!((translation - expected).norm() < 1e-13, "{translation} is not {expected}");
     }
 
     #[test]
     fn what_is_not_finite_is_no_pose() {
         let mut matrix = Matrix4::identity();
         matrix[(1, 2)] = f64::NAN;
-        assert_eq!(
-            control_pose_in_body(&matrix, &placed(), &Point3::origin()),
-            None
-        );
+        assert_eq!(control_pose_in_body(&matrix, &placed(), &Point3::origin()), None);
     }
 }

@@ -60,18 +60,9 @@ pub fn assemble(raw: RawMesh) -> Result<Loaded, Fault> {
     let index = used_nodes(&raw, &corners, &tets, &mut notices);
     let kept = |node: &usize| index.get(*node).is_some_and(|&i| i != DROPPED);
     let mut mesh = TetMesh {
-        nodes: (0..raw.nodes.len())
-            .filter(kept)
-            .map(|i| raw.nodes[i].position)
-            .collect(),
-        tags: (0..raw.nodes.len())
-            .filter(kept)
-            .map(|i| raw.nodes[i].tag)
-            .collect(),
-        tets: tets
-            .iter()
-            .map(|tet| tet.map(|node| index[node as usize]))
-            .collect(),
+        nodes: (0..raw.nodes.len()).filter(kept).map(|i| raw.nodes[i].position).collect(),
+        tags: (0..raw.nodes.len()).filter(kept).map(|i| raw.nodes[i].tag).collect(),
+        tets: tets.iter().map(|tet| tet.map(|node| index[node as usize])).collect(),
         ..TetMesh::default()
     };
     mesh.regions = regions(&raw, &elements, &mut notices);
@@ -87,35 +78,24 @@ pub fn assemble(raw: RawMesh) -> Result<Loaded, Fault> {
 /// The node index of each element corner.
 fn resolve(raw: &RawMesh) -> Result<Vec<u32>, Fault> {
     if raw.nodes.len() >= DROPPED as usize {
-        return Err(Fault::whole(format!(
-            "{} nodes are more than 2³² - 2",
-            raw.nodes.len()
-        )));
+        return Err(Fault::whole(format!("{} nodes are more than 2³² - 2", raw.nodes.len())));
     }
     let mut index_of = HashMap::with_capacity(raw.nodes.len());
     for (node, index) in raw.nodes.iter().zip(0u32..) {
         if !node.position.iter().all(|x| x.is_finite()) {
-            let reason = format!(
-                "node {} has a coordinate that is no finite number",
-                node.tag
-            );
+            let reason = format!("node {} has a coordinate that is no finite number", node.tag);
             return Err(Fault::at(node.at, reason));
         }
         if index_of.insert(node.tag, index).is_some() {
-            return Err(Fault::at(
-                node.at,
-                format!("node {} is defined twice", node.tag),
-            ));
+            return Err(Fault::at(node.at, format!("node {} is defined twice", node.tag)));
         }
     }
     let mut corners = Vec::with_capacity(raw.corners.len());
     for (element, tags) in with_corners(raw, &raw.corners) {
         for tag in tags {
             let &index = index_of.get(tag).ok_or_else(|| {
-                let reason = format!(
-                    "element {} names node {tag}, which the file does not define",
-                    element.tag
-                );
+                let reason =
+                    format!("element {} names node {tag}, which the file does not define", element.tag);
                 Fault::at(element.at, reason)
             })?;
             corners.push(index);
@@ -155,20 +135,14 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
     if tets.is_empty() {
         let reason = match raw.elements.len() {
             0 => "the file holds no elements".to_owned(),
-            n => format!(
-                "none of the file's {n} elements is a tetrahedron: mesh the volume first (gmsh -3)"
-            ),
+            n => format!("none of the file's {n} elements is a tetrahedron: mesh the volume first (gmsh -3)"),
         };
         return Err(Fault::whole(reason));
     }
     Ok((tets, elements))
 }
 
-fn refuse_duplicates(
-    raw: &RawMesh,
-    tets: &[[u32; 4]],
-    elements: &[RawElement],
-) -> Result<(), Fault> {
+fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) -> Result<(), Fault> {
     let mut sorted: Vec<([u32; 4], usize)> = tets.iter().copied().zip(0..).collect();
     for (tet, _) in &mut sorted {
         tet.sort_unstable();
@@ -199,10 +173,8 @@ fn orient(
     for (tet, element) in tets.iter_mut().zip(elements) {
         let volume = signed_volume(&tet.map(|node| raw.nodes[node as usize].position));
         if !volume.is_finite() {
-            let reason = format!(
-                "tetrahedron {}: its coordinates are too large to compute with",
-                element.tag
-            );
+            let reason =
+                format!("tetrahedron {}: its coordinates are too large to compute with", element.tag);
             return Err(Fault::at(element.at, reason));
         }
         if volume < 0.0 {
@@ -222,12 +194,7 @@ fn orient(
 }
 
 /// The new index of each node of the file, [`DROPPED`] where it is no corner of a tetrahedron.
-fn used_nodes(
-    raw: &RawMesh,
-    corners: &[u32],
-    tets: &[[u32; 4]],
-    notices: &mut Vec<String>,
-) -> Vec<u32> {
+fn used_nodes(raw: &RawMesh, corners: &[u32], tets: &[[u32; 4]], notices: &mut Vec<String>) -> Vec<u32> {
     let mut index = vec![DROPPED; raw.nodes.len()];
     for &node in tets.iter().flatten() {
         index[node as usize] = 0;
@@ -236,22 +203,11 @@ fn used_nodes(
     let mut is_between = vec![false; raw.nodes.len()];
     for (element, nodes) in with_corners(raw, corners) {
         match element.kind {
-            Kind {
-                is_tetrahedron: true,
-                nodes: 5..,
-                ..
-            } => {
+            Kind { is_tetrahedron: true, nodes: 5.., .. } => {
                 high_order += 1;
-                nodes
-                    .iter()
-                    .skip(4)
-                    .for_each(|&node| is_between[node as usize] = true);
+                nodes.iter().skip(4).for_each(|&node| is_between[node as usize] = true);
             }
-            Kind {
-                is_tetrahedron: false,
-                dimension: 3,
-                ..
-            } => other_solids += 1,
+            Kind { is_tetrahedron: false, dimension: 3, .. } => other_solids += 1,
             _ => {}
         }
     }
@@ -274,9 +230,7 @@ fn used_nodes(
         ));
     }
     if other_solids > 0 {
-        notices.push(format!(
-            "{other_solids} solid elements that are no tetrahedra have been left out"
-        ));
+        notices.push(format!("{other_solids} solid elements that are no tetrahedra have been left out"));
     }
     if !unused.is_empty() {
         notices.push(format!(
@@ -291,10 +245,7 @@ fn used_nodes(
 fn regions(raw: &RawMesh, elements: &[RawElement], notices: &mut Vec<String>) -> Vec<u32> {
     let mut ambiguous = BTreeSet::new();
     let physical = |element: &RawElement| {
-        let physicals = raw
-            .physicals
-            .get(&(3, element.entity))
-            .map_or(&[][..], Vec::as_slice);
+        let physicals = raw.physicals.get(&(3, element.entity)).map_or(&[][..], Vec::as_slice);
         if physicals.len() > 1 {
             ambiguous.insert(element.entity);
         }
@@ -319,32 +270,20 @@ fn groups(
     index: &[u32],
     notices: &mut Vec<String>,
 ) -> BTreeMap<String, Vec<u32>> {
-    let mut members: BTreeMap<(u8, u32), Vec<u32>> =
-        raw.names.keys().map(|&key| (key, Vec::new())).collect();
+    let mut members: BTreeMap<(u8, u32), Vec<u32>> = raw.names.keys().map(|&key| (key, Vec::new())).collect();
     for (element, nodes) in with_corners(raw, corners) {
         let dimension = element.kind.dimension;
-        for &number in raw
-            .physicals
-            .get(&(dimension, element.entity))
-            .map_or(&[][..], Vec::as_slice)
-        {
+        for &number in raw.physicals.get(&(dimension, element.entity)).map_or(&[][..], Vec::as_slice) {
             let key = (dimension, number);
             if raw.names.contains_key(&key) || (dimension < 3 && number != 0) {
-                members
-                    .entry(key)
-                    .or_default()
-                    .extend(nodes.iter().map(|&node| index[node as usize]));
+                members.entry(key).or_default().extend(nodes.iter().map(|&node| index[node as usize]));
             }
         }
     }
     let mut groups: BTreeMap<String, Vec<u32>> = BTreeMap::new();
     let mut parts: BTreeMap<String, Vec<(u8, u32)>> = BTreeMap::new();
     for (key, mut nodes) in members {
-        let name = raw
-            .names
-            .get(&key)
-            .cloned()
-            .unwrap_or_else(|| key.1.to_string());
+        let name = raw.names.get(&key).cloned().unwrap_or_else(|| key.1.to_string());
         if !nodes.is_empty() {
             parts.entry(name.clone()).or_default().push(key);
         }
@@ -358,14 +297,9 @@ fn groups(
     }
     for (name, keys) in parts.iter().filter(|(_, keys)| keys.len() > 1) {
         const DIMENSIONS: [&str; 4] = ["points", "curve", "surface", "volume"];
-        let listed: Vec<String> = keys
-            .iter()
-            .map(|&(dim, number)| format!("{} {number}", DIMENSIONS[usize::from(dim)]))
-            .collect();
-        notices.push(format!(
-            "group \"{name}\" joins the physical groups {}",
-            listed.join(", ")
-        ));
+        let listed: Vec<String> =
+            keys.iter().map(|&(dim, number)| format!("{} {number}", DIMENSIONS[usize::from(dim)])).collect();
+        notices.push(format!("group \"{name}\" joins the physical groups {}", listed.join(", ")));
     }
     groups
 }
@@ -373,10 +307,6 @@ fn groups(
 /// "3", "3, 5, 8" or "3, 5, 8, …".
 fn first_few(tags: &[u64]) -> String {
     let shown: Vec<String> = tags.iter().take(5).map(u64::to_string).collect();
-    let more = if tags.len() > shown.len() {
-        ", …"
-    } else {
-        ""
-    };
+    let more = if tags.len() > shown.len() { ", …" } else { "" };
     shown.join(", ") + more
 }

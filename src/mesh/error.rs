@@ -7,28 +7,15 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
     #[error("{}: cannot be read: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     #[error("{}: cannot be written: {source}", path.display())]
-    Write {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    Write { path: PathBuf, source: std::io::Error },
     #[error("{}:{place}: {reason}", path.display())]
-    Malformed {
-        path: PathBuf,
-        place: Place,
-        reason: String,
-    },
+    Malformed { path: PathBuf, place: Place, reason: String },
     #[error("{}: {reason}", path.display())]
     Refused { path: PathBuf, reason: String },
     #[error("the mesh cannot be written as {encoding}: {reason}")]
-    Unwritable {
-        encoding: &'static str,
-        reason: String,
-    },
+    Unwritable { encoding: &'static str, reason: String },
 }
 
 /// Where in a file: a 1-based line of a text, a byte offset into a binary file.
@@ -56,17 +43,11 @@ pub struct Fault {
 
 impl Fault {
     pub fn at(at: usize, reason: impl Into<String>) -> Fault {
-        Fault {
-            at: Some(at),
-            reason: reason.into(),
-        }
+        Fault { at: Some(at), reason: reason.into() }
     }
 
     pub fn whole(reason: impl Into<String>) -> Fault {
-        Fault {
-            at: None,
-            reason: reason.into(),
-        }
+        Fault { at: None, reason: reason.into() }
     }
 
     /// The error that names the file and, from its `bytes`, the line. A file with a zero byte is no text:
@@ -74,20 +55,13 @@ impl Fault {
     pub fn in_file(self, path: &Path, bytes: &[u8]) -> MeshError {
         let path = path.to_owned();
         let Some(at) = self.at else {
-            return MeshError::Refused {
-                path,
-                reason: self.reason,
-            };
+            return MeshError::Refused { path, reason: self.reason };
         };
         let place = if bytes.contains(&0) {
             Place::Byte(at)
         } else {
             Place::Line(bytes.iter().take(at).filter(|&&byte| byte == b'\n').count() + 1)
         };
-        MeshError::Malformed {
-            path,
-            place,
-            reason: self.reason,
-        }
+        MeshError::Malformed { path, place, reason: self.reason }
     }
 }

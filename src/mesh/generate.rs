@@ -60,11 +60,7 @@ pub enum GenerateError {
     )]
     Control { control_length: f64, length: f64 },
     #[error("{name} is {cells} cells: at least {least} are needed")]
-    Cells {
-        name: &'static str,
-        cells: u32,
-        least: u32,
-    },
+    Cells { name: &'static str, cells: u32, least: u32 },
     #[error("around is {around} cells: an even number is needed")]
     Odd { around: u32 },
     #[error("{tetrahedra} tetrahedra are more than {MAX_TETRAHEDRA}: take fewer cells")]
@@ -76,29 +72,14 @@ pub enum GenerateError {
 }
 
 pub fn tube(tube: &Tube) -> Result<TetMesh, GenerateError> {
-    let &Tube {
-        inner_radius,
-        outer_radius,
-        length,
-        radial,
-        around,
-        along,
-        control_length,
-    } = tube;
+    let &Tube { inner_radius, outer_radius, length, radial, around, along, control_length } = tube;
     check_length("inner_radius", inner_radius)?;
     check_length("outer_radius", outer_radius)?;
     check_length("length", length)?;
     if outer_radius <= inner_radius {
-        return Err(GenerateError::Radii {
-            inner: inner_radius,
-            outer: outer_radius,
-        });
+        return Err(GenerateError::Radii { inner: inner_radius, outer: outer_radius });
     }
-    let cells = [
-        ("along", along, 1),
-        ("radial", radial, 1),
-        ("around", around, 4),
-    ];
+    let cells = [("along", along, 1), ("radial", radial, 1), ("around", around, 4)];
     check_cells(cells)?;
     if around % 2 == 1 {
         return Err(GenerateError::Odd { around });
@@ -106,10 +87,7 @@ pub fn tube(tube: &Tube) -> Result<TetMesh, GenerateError> {
     let control_layers = f64::floor(control_length / length * f64::from(along) + 1e-9);
     let is_control = control_length >= 0.0 && 2.0 * control_layers < f64::from(along);
     if !is_control {
-        return Err(GenerateError::Control {
-            control_length,
-            length,
-        });
+        return Err(GenerateError::Control { control_length, length });
     }
 
     let mut nodes = Vec::new();
@@ -143,11 +121,7 @@ pub fn block(block: &Block) -> Result<TetMesh, GenerateError> {
     for (name, value) in ["size[0]", "size[1]", "size[2]"].into_iter().zip(size) {
         check_length(name, value)?;
     }
-    check_cells([
-        ("cells[0]", cells[0], 1),
-        ("cells[1]", cells[1], 1),
-        ("cells[2]", cells[2], 1),
-    ])?;
+    check_cells([("cells[0]", cells[0], 1), ("cells[1]", cells[1], 1), ("cells[2]", cells[2], 1)])?;
 
     let mut nodes = Vec::new();
     let mut groups = Groups::new(["xmin", "xmax", "ymin", "ymax", "zmin", "zmax"]);
@@ -171,11 +145,7 @@ pub fn block(block: &Block) -> Result<TetMesh, GenerateError> {
 
 fn check_length(name: &'static str, value: f64) -> Result<(), GenerateError> {
     let is_length = value.is_finite() && value > 0.0;
-    if is_length {
-        Ok(())
-    } else {
-        Err(GenerateError::Length { name, value })
-    }
+    if is_length { Ok(()) } else { Err(GenerateError::Length { name, value }) }
 }
 
 /// Name, number and least number of cells in each direction.
@@ -185,15 +155,8 @@ fn check_cells(cells: [(&'static str, u32, u32); 3]) -> Result<(), GenerateError
             return Err(GenerateError::Cells { name, cells, least });
         }
     }
-    let tetrahedra = 5 * cells
-        .iter()
-        .map(|(_, cells, _)| u128::from(*cells))
-        .product::<u128>();
-    if tetrahedra > MAX_TETRAHEDRA {
-        Err(GenerateError::TooMany { tetrahedra })
-    } else {
-        Ok(())
-    }
+    let tetrahedra = 5 * cells.iter().map(|(_, cells, _)| u128::from(*cells)).product::<u128>();
+    if tetrahedra > MAX_TETRAHEDRA { Err(GenerateError::TooMany { tetrahedra }) } else { Ok(()) }
 }
 
 /// Node groups in the making.
@@ -204,20 +167,12 @@ struct Groups<const N: usize> {
 
 impl<const N: usize> Groups<N> {
     fn new(names: [&'static str; N]) -> Groups<N> {
-        Groups {
-            names,
-            nodes: names.map(|_| Vec::new()),
-        }
+        Groups { names, nodes: names.map(|_| Vec::new()) }
     }
 
     /// Adds a node to each group of which it `is_member`; nodes come in ascending order.
     fn add(&mut self, node: usize, is_member: [bool; N]) {
-        for (nodes, _) in self
-            .nodes
-            .iter_mut()
-            .zip(is_member)
-            .filter(|(_, is_member)| *is_member)
-        {
+        for (nodes, _) in self.nodes.iter_mut().zip(is_member).filter(|(_, is_member)| *is_member) {
             nodes.push(node as u32);
         }
     }
@@ -229,25 +184,12 @@ fn split(cells: [u32; 3], node: impl Fn([u32; 3]) -> u32) -> Vec<[u32; 4]> {
     for i in 0..cells[0] {
         for j in 0..cells[1] {
             for k in 0..cells[2] {
-                let corner =
-                    |bits: u32| node([i + (bits >> 2), j + (bits >> 1 & 1), k + (bits & 1)]);
+                let corner = |bits: u32| node([i + (bits >> 2), j + (bits >> 1 & 1), k + (bits & 1)]);
                 // The inner tetrahedron, and each corner that is cut off with its neighbours along the axes.
                 let cell = if (i + j + k) % 2 == 0 {
-                    [
-                        [0, 5, 6, 3],
-                        [4, 6, 0, 5],
-                        [2, 0, 6, 3],
-                        [1, 3, 5, 0],
-                        [7, 5, 3, 6],
-                    ]
+                    [[0, 5, 6, 3], [4, 6, 0, 5], [2, 0, 6, 3], [1, 3, 5, 0], [7, 5, 3, 6]]
                 } else {
-                    [
-                        [7, 1, 2, 4],
-                        [0, 4, 2, 1],
-                        [3, 7, 1, 2],
-                        [5, 1, 7, 4],
-                        [6, 2, 4, 7],
-                    ]
+                    [[7, 1, 2, 4], [0, 4, 2, 1], [3, 7, 1, 2], [5, 1, 7, 4], [6, 2, 4, 7]]
                 };
                 tets.extend(cell.map(|tet| tet.map(corner)));
             }
@@ -265,12 +207,7 @@ fn finish<const N: usize>(
         tags: (1..=nodes.len() as u64).collect(),
         regions: vec![0; tets.len()],
         region_names: BTreeMap::new(),
-        groups: groups
-            .names
-            .into_iter()
-            .map(str::to_owned)
-            .zip(groups.nodes)
-            .collect(),
+        groups: groups.names.into_iter().map(str::to_owned).zip(groups.nodes).collect(),
         nodes,
         tets,
     };

@@ -51,10 +51,7 @@ pub struct Loaded {
 
 /// Reads the mesh file at `path`, of any format in [`formats::FORMATS`].
 pub fn load(path: &Path) -> Result<Loaded, MeshError> {
-    let bytes = std::fs::read(path).map_err(|source| MeshError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
     parse(path, &bytes)
 }
 
@@ -71,10 +68,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
 /// Writes `mesh` to the file at `path`; see [`encode`].
 pub fn save(path: &Path, mesh: &TetMesh, encoding: Encoding) -> Result<(), MeshError> {
     let bytes = encode(mesh, encoding)?;
-    std::fs::write(path, bytes).map_err(|source| MeshError::Write {
-        path: path.to_owned(),
-        source,
-    })
+    std::fs::write(path, bytes).map_err(|source| MeshError::Write { path: path.to_owned(), source })
 }
 
 /// The outer surface of a [`TetMesh`]: triangles oriented outward over the surface nodes.

@@ -26,30 +26,21 @@ pub fn quality(corners: &[Vector3<f64>; 4]) -> f64 {
         return 0.0;
     }
     let [ab, ac, ad, ..] = edges.map(|edge| edge / longest);
-    let mean_square = edges
-        .iter()
-        .map(|edge| (edge / longest).norm_squared())
-        .sum::<f64>()
-        / 6.0;
+    let mean_square = edges.iter().map(|edge| (edge / longest).norm_squared()).sum::<f64>() / 6.0;
     std::f64::consts::SQRT_2 * ab.dot(&ac.cross(&ad)) / mean_square.powf(1.5)
 }
 
 /// Least and greatest coordinates of `nodes`; zero where there are none.
 pub fn bounding_box(nodes: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
     let first = nodes.first().copied().unwrap_or_default();
-    nodes.iter().fold((first, first), |(min, max), node| {
-        (min.inf(node), max.sup(node))
-    })
+    nodes.iter().fold((first, first), |(min, max), node| (min.inf(node), max.sup(node)))
 }
 
 /// Mean position of some nodes of `mesh`, such as a group's; `None` of no nodes.
 pub fn centroid(mesh: &TetMesh, nodes: &[u32]) -> Option<Vector3<f64>> {
     let &first = nodes.first()?;
     let origin = mesh.nodes[first as usize];
-    let sum: Vector3<f64> = nodes
-        .iter()
-        .map(|&node| mesh.nodes[node as usize] - origin)
-        .sum();
+    let sum: Vector3<f64> = nodes.iter().map(|&node| mesh.nodes[node as usize] - origin).sum();
     Some(origin + sum / nodes.len() as f64)
 }
 
@@ -74,18 +65,12 @@ pub fn components(mesh: &TetMesh) -> Components {
     }
     for same in sorted_faces(mesh).chunk_by(|a, b| a.0 == b.0) {
         for pair in same.windows(2) {
-            let (a, b) = (
-                root(&mut parent, pair[0].1 / 4),
-                root(&mut parent, pair[1].1 / 4),
-            );
+            let (a, b) = (root(&mut parent, pair[0].1 / 4), root(&mut parent, pair[1].1 / 4));
             parent[a.max(b)] = a.min(b);
         }
     }
     // The smaller root always wins, so a piece's root is its first tetrahedron.
-    let mut components = Components {
-        of_tet: Vec::with_capacity(mesh.tets.len()),
-        nodes: Vec::new(),
-    };
+    let mut components = Components { of_tet: Vec::with_capacity(mesh.tets.len()), nodes: Vec::new() };
     for tet in 0..mesh.tets.len() {
         let root = root(&mut parent, tet);
         if root == tet {
@@ -106,11 +91,7 @@ pub fn components(mesh: &TetMesh) -> Components {
 /// Faces of three or more tetrahedra, by their nodes: there the mesh overlaps itself, and its surface is not closed.
 pub fn overlapping_faces(mesh: &TetMesh) -> Vec<[u32; 3]> {
     let faces = sorted_faces(mesh);
-    faces
-        .chunk_by(|a, b| a.0 == b.0)
-        .filter(|same| same.len() > 2)
-        .map(|same| same[0].0)
-        .collect()
+    faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 2).map(|same| same[0].0).collect()
 }
 
 /// What `inspect` tells of a mesh; lengths in m.
@@ -169,23 +150,14 @@ pub fn report(mesh: &TetMesh, surface: &Surface) -> MeshReport {
         volume: regions.values().map(|region| region.volume).sum(),
         area: surface.area(mesh),
         regions,
-        groups: mesh
-            .groups
-            .iter()
-            .map(|(name, nodes)| (name.clone(), nodes.len()))
-            .collect(),
+        groups: mesh.groups.iter().map(|(name, nodes)| (name.clone(), nodes.len())).collect(),
         quality: quality_report(mesh),
     }
 }
 
 /// Of a mesh without tetrahedra: all zero.
 pub fn quality_report(mesh: &TetMesh) -> QualityReport {
-    let mut report = QualityReport {
-        min: f64::INFINITY,
-        mean: 0.0,
-        worst: 0,
-        histogram: [0; 10],
-    };
+    let mut report = QualityReport { min: f64::INFINITY, mean: 0.0, worst: 0, histogram: [0; 10] };
     for tet in 0..mesh.tets.len() {
         let q = quality(&mesh.corners(tet));
         report.histogram[((q * 10.0) as usize).min(9)] += 1;
@@ -211,60 +183,34 @@ mod tests {
 
     #[test]
     fn quality_of_regular_right_and_flat_tetrahedra() {
-        let regular = [
-            [1.0, 1.0, 1.0],
-            [-1.0, 1.0, -1.0],
-            [1.0, -1.0, -1.0],
-            [-1.0, -1.0, 1.0],
-        ];
+        let regular = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
         assert!((quality(&tetrahedron(regular)) - 1.0).abs() < 1e-15);
-        let right = [
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [0.0, 0.0, 1.0],
-        ];
+        let right = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let by_hand = 6.0 * 2f64.sqrt() * (1.0 / 6.0) / 1.5f64.powf(1.5);
         assert!((quality(&tetrahedron(right)) - by_hand).abs() < 1e-15);
         let tiny = right.map(|corner| corner.map(|x| x * 1e-120));
         assert!((quality(&tetrahedron(tiny)) - by_hand).abs() < 1e-15);
-        let flat = [
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [1.0, 1.0, 0.0],
-        ];
+        let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
         assert_eq!(quality(&tetrahedron(flat)), 0.0);
         assert_eq!(quality(&[Vector3::zeros(); 4]), 0.0);
     }
 
     #[test]
     fn two_cubes_that_share_an_edge_are_two_components() {
-        let one = block(&Block {
-            size: [1.0; 3],
-            cells: [1; 3],
-        })
-        .unwrap();
+        let one = block(&Block { size: [1.0; 3], cells: [1; 3] }).unwrap();
         let mut two = one.clone();
         let shift = |node: u32| {
             let at = one.nodes[node as usize] + Vector3::new(1.0, 1.0, 0.0);
-            one.nodes
-                .iter()
-                .position(|other| (other - at).norm() < 1e-12)
+            one.nodes.iter().position(|other| (other - at).norm() < 1e-12)
         };
         let mut index: Vec<u32> = Vec::new();
         for node in 0..8 {
             index.push(shift(node).map_or(two.nodes.len() as u32, |shared| shared as u32));
             if shift(node).is_none() {
-                two.nodes
-                    .push(one.nodes[node as usize] + Vector3::new(1.0, 1.0, 0.0));
+                two.nodes.push(one.nodes[node as usize] + Vector3::new(1.0, 1.0, 0.0));
             }
         }
-        two.tets.extend(
-            one.tets
-                .iter()
-                .map(|tet| tet.map(|node| index[node as usize])),
-        );
+        two.tets.extend(one.tets.iter().map(|tet| tet.map(|node| index[node as usize])));
         assert_eq!(two.nodes.len(), 14);
         let components = components(&two);
         assert_eq!(components.of_tet, [0, 0, 0, 0, 0, 1, 1, 1, 1, 1]);
@@ -274,11 +220,7 @@ mod tests {
 
     #[test]
     fn centroid_is_exact_far_from_the_origin() {
-        let mut mesh = block(&Block {
-            size: [1.0; 3],
-            cells: [2; 3],
-        })
-        .unwrap();
+        let mut mesh = block(&Block { size: [1.0; 3], cells: [2; 3] }).unwrap();
         mesh.nodes.iter_mut().for_each(|node| node.x += 1e9);
         let all: Vec<u32> = (0..27).collect();
         assert_eq!(centroid(&mesh, &all), Some(Vector3::new(1e9, 0.0, 0.0)));
@@ -287,42 +229,25 @@ mod tests {
 
     #[test]
     fn report_of_a_block() {
-        let mut mesh = block(&Block {
-            size: [2.0, 1.0, 1.0],
-            cells: [2, 1, 1],
-        })
-        .unwrap();
+        let mut mesh = block(&Block { size: [2.0, 1.0, 1.0], cells: [2, 1, 1] }).unwrap();
         mesh.regions[5..].fill(7);
         mesh.region_names.insert(7, "stiff".to_owned());
         let report = report(&mesh, &Surface::of(&mesh));
-        assert_eq!(
-            (report.nodes, report.tetrahedra, report.components),
-            (12, 10, 1)
-        );
+        assert_eq!((report.nodes, report.tetrahedra, report.components), (12, 10, 1));
         assert_eq!((report.surface_nodes, report.surface_triangles), (12, 20));
         assert_eq!(report.bounding_box, [[-1.0, -0.5, -0.5], [1.0, 0.5, 0.5]]);
         assert!((report.volume - 2.0).abs() < 1e-15 && (report.area - 10.0).abs() < 1e-14);
         assert_eq!(report.regions[&7].name.as_deref(), Some("stiff"));
-        assert_eq!(
-            (report.regions[&0].tetrahedra, report.regions[&7].tetrahedra),
-            (5, 5)
-        );
+        assert_eq!((report.regions[&0].tetrahedra, report.regions[&7].tetrahedra), (5, 5));
         assert!((report.regions[&7].volume - 1.0).abs() < 1e-15);
         assert_eq!(report.groups["xmin"], 4);
         assert_eq!(report.quality.histogram.iter().sum::<usize>(), 10);
-        assert!(
-            (report.quality.min - 0.7698).abs() < 1e-4,
-            "{}",
-            report.quality.min
-        );
+        assert!((report.quality.min - 0.7698).abs() < 1e-4, "{}", report.quality.min);
     }
 
     #[test]
     fn a_face_of_three_tetrahedra_is_an_overlap() {
-        let mut mesh = TetMesh {
-            tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
-            ..TetMesh::default()
-        };
+        let mut mesh = TetMesh { tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]], ..TetMesh::default() };
         assert!(overlapping_faces(&mesh).is_empty());
         mesh.tets.push([0, 1, 2, 5]);
         assert_eq!(overlapping_faces(&mesh), [[0, 1, 2]]);

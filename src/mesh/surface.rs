@@ -27,46 +27,32 @@ pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {
 impl Surface {
     pub fn of(mesh: &TetMesh) -> Surface {
         let faces = sorted_faces(mesh);
-        let single = faces
-            .chunk_by(|a, b| a.0 == b.0)
-            .filter(|same| same.len() == 1);
+        let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);
         let mut boundary: Vec<usize> = single.map(|same| same[0].1).collect();
         boundary.sort_unstable();
-        let mut triangles: Vec<[u32; 3]> = boundary
-            .iter()
-            .map(|id| FACES[id % 4].map(|corner| mesh.tets[id / 4][corner]))
-            .collect();
+        let mut triangles: Vec<[u32; 3]> =
+            boundary.iter().map(|id| FACES[id % 4].map(|corner| mesh.tets[id / 4][corner])).collect();
 
         let mut index = vec![u32::MAX; mesh.nodes.len()];
-        triangles
-            .iter()
-            .flatten()
-            .for_each(|&node| index[node as usize] = 0);
+        triangles.iter().flatten().for_each(|&node| index[node as usize] = 0);
         let mut nodes = Vec::new();
         for (node, index) in (0u32..).zip(&mut index).filter(|(_, index)| **index == 0) {
             *index = nodes.len() as u32;
             nodes.push(node);
         }
-        triangles
-            .iter_mut()
-            .flatten()
-            .for_each(|node| *node = index[*node as usize]);
+        triangles.iter_mut().flatten().for_each(|node| *node = index[*node as usize]);
         Surface { triangles, nodes }
     }
 
     /// Corner positions of each triangle of this surface of `mesh`.
     fn corners<'a>(&'a self, mesh: &'a TetMesh) -> impl Iterator<Item = [Vector3<f64>; 3]> + 'a {
         let position = |corner: u32| mesh.nodes[self.nodes[corner as usize] as usize];
-        self.triangles
-            .iter()
-            .map(move |triangle| triangle.map(position))
+        self.triangles.iter().map(move |triangle| triangle.map(position))
     }
 
     /// Area of this surface of `mesh`, in m².
     pub fn area(&self, mesh: &TetMesh) -> f64 {
-        self.corners(mesh)
-            .map(|[a, b, c]| (b - a).cross(&(c - a)).norm() / 2.0)
-            .sum()
+        self.corners(mesh).map(|[a, b, c]| (b - a).cross(&(c - a)).norm() / 2.0).sum()
     }
 
     /// Volume inside this surface of `mesh`, in m³: ∮ x·n dA / 3, with x from the surface's first node so that
@@ -76,8 +62,6 @@ impl Surface {
             return 0.0;
         };
         let origin = mesh.nodes[first as usize];
-        self.corners(mesh)
-            .map(|[a, b, c]| (a - origin).dot(&(b - origin).cross(&(c - origin))) / 6.0)
-            .sum()
+        self.corners(mesh).map(|[a, b, c]| (a - origin).dot(&(b - origin).cross(&(c - origin))) / 6.0).sum()
     }
 }

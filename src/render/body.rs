@@ -27,18 +27,11 @@ impl BodyBuffers {
     pub fn new(gpu: &Gpu, triangles: &[[u32; 3]], colors: &[[u8; 4]]) -> Result<Self, RenderError> {
         let vertices = colors.len();
         if triangles.is_empty() || vertices == 0 {
-            return Err(RenderError::EmptyBody {
-                vertices,
-                triangles: triangles.len(),
-            });
+            return Err(RenderError::EmptyBody { vertices, triangles: triangles.len() });
         }
         for (triangle, nodes) in triangles.iter().enumerate() {
             if let Some(&vertex) = nodes.iter().find(|&&node| node as usize >= vertices) {
-                return Err(RenderError::VertexOutOfRange {
-                    triangle,
-                    vertex,
-                    vertices,
-                });
+                return Err(RenderError::VertexOutOfRange { triangle, vertex, vertices });
             }
         }
         let vertex = BufferUsages::VERTEX | BufferUsages::COPY_DST;
@@ -51,8 +44,7 @@ impl BodyBuffers {
             normals: gpu.buffer("normals", vertices as u64 * 12, vertex)?,
             colors: gpu.buffer("vertex colours", vertices as u64 * 4, vertex)?,
         };
-        gpu.queue
-            .write_buffer(&body.indices, 0, bytemuck::cast_slice(triangles));
+        gpu.queue.write_buffer(&body.indices, 0, bytemuck::cast_slice(triangles));
         body.set_colors(gpu, colors)?;
         Ok(body)
     }
@@ -69,12 +61,7 @@ impl BodyBuffers {
     ///
     /// # Errors
     /// [`RenderError::VertexCount`] unless there is one position and one normal per vertex.
-    pub fn upload(
-        &self,
-        gpu: &Gpu,
-        positions: &[[f32; 3]],
-        normals: &[[f32; 3]],
-    ) -> Result<(), RenderError> {
+    pub fn upload(&self, gpu: &Gpu, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<(), RenderError> {
         self.write(gpu, "positions", &self.positions, positions)?;
         self.write(gpu, "normals", &self.normals, normals)
     }
@@ -87,14 +74,9 @@ impl BodyBuffers {
         values: &[T],
     ) -> Result<(), RenderError> {
         if values.len() != self.vertex_count {
-            return Err(RenderError::VertexCount {
-                what,
-                found: values.len(),
-                expected: self.vertex_count,
-            });
+            return Err(RenderError::VertexCount { what, found: values.len(), expected: self.vertex_count });
         }
-        gpu.queue
-            .write_buffer(buffer, 0, bytemuck::cast_slice(values));
+        gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
         Ok(())
     }
 }
@@ -106,18 +88,9 @@ pub(super) const COLOR: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 
 /// Vertex buffers of the body pass, in the order they are bound.
 pub(super) fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 4] {
     let per_vertex = |array_stride, attributes| {
-        Some(wgpu::VertexBufferLayout {
-            array_stride,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes,
-        })
+        Some(wgpu::VertexBufferLayout { array_stride, step_mode: wgpu::VertexStepMode::Vertex, attributes })
     };
-    [
-        per_vertex(12, &POSITION),
-        per_vertex(12, &NORMAL),
-        per_vertex(4, &COLOR),
-        Some(instance_layout()),
-    ]
+    [per_vertex(12, &POSITION), per_vertex(12, &NORMAL), per_vertex(4, &COLOR), Some(instance_layout())]
 }
 
 pub(super) fn instance_layout() -> wgpu::VertexBufferLayout<'static> {

@@ -13,12 +13,7 @@ pub enum RenderError {
     #[error(
         "{adapter} cannot draw {format:?} pictures with {samples} samples a pixel; it offers {offered:?}"
     )]
-    Samples {
-        adapter: String,
-        format: wgpu::TextureFormat,
-        samples: u32,
-        offered: Vec<u32>,
-    },
+    Samples { adapter: String, format: wgpu::TextureFormat, samples: u32, offered: Vec<u32> },
     #[error(
         "a picture of {width} × {height} pixels cannot be drawn: this device allows 1 to {limit} each way"
     )]
@@ -26,19 +21,11 @@ pub enum RenderError {
     #[error(
         "the {what} need {bytes} bytes, and this device allows {limit} in one buffer: use a coarser surface"
     )]
-    BufferSize {
-        what: &'static str,
-        bytes: u64,
-        limit: u64,
-    },
+    BufferSize { what: &'static str, bytes: u64, limit: u64 },
     #[error(
         "viewport {rect:?} (x, y, width, height) does not lie within its picture of {width} × {height} pixels"
     )]
-    ViewportOutside {
-        rect: [u32; 4],
-        width: u32,
-        height: u32,
-    },
+    ViewportOutside { rect: [u32; 4], width: u32, height: u32 },
     #[error("a target with {found} samples a pixel was handed to a renderer made for {expected}")]
     SamplesDiffer { found: u32, expected: u32 },
     #[error(
@@ -46,27 +33,15 @@ pub enum RenderError {
     )]
     EmptyBody { vertices: usize, triangles: usize },
     #[error("triangle {triangle} names vertex {vertex}, but the body has only {vertices} vertices")]
-    VertexOutOfRange {
-        triangle: usize,
-        vertex: u32,
-        vertices: usize,
-    },
+    VertexOutOfRange { triangle: usize, vertex: u32, vertices: usize },
     #[error("{found} {what} were handed over for a body of {expected} vertices")]
-    VertexCount {
-        what: &'static str,
-        found: usize,
-        expected: usize,
-    },
+    VertexCount { what: &'static str, found: usize, expected: usize },
     #[error("the graphics device reported: {0}")]
     Device(String),
     #[error("no display to open windows on: {0}")]
     NoDisplay(String),
     #[error("window {window} (\"{title}\"): {reason}")]
-    Window {
-        window: usize,
-        title: String,
-        reason: String,
-    },
+    Window { window: usize, title: String, reason: String },
     #[error("viewports for {found} windows were handed over, but {expected} are open")]
     WindowCount { found: usize, expected: usize },
     /// What the application returned from its own part of the frame.

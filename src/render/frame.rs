@@ -23,30 +23,14 @@ pub struct Viewport {
 impl Viewport {
     /// One eye over the whole target.
     pub fn full([width, height]: [u32; 2], view: Option<View>) -> [Self; 1] {
-        [Self {
-            rect: [0, 0, width, height],
-            view,
-        }]
+        [Self { rect: [0, 0, width, height], view }]
     }
 
     /// Left eye in the left half, right eye in the right half of a double-wide target; of an odd width the last
     /// column stays black.
-    pub fn side_by_side(
-        [width, height]: [u32; 2],
-        left: Option<View>,
-        right: Option<View>,
-    ) -> [Self; 2] {
+    pub fn side_by_side([width, height]: [u32; 2], left: Option<View>, right: Option<View>) -> [Self; 2] {
         let half = width / 2;
-        [
-            Self {
-                rect: [0, 0, half, height],
-                view: left,
-            },
-            Self {
-                rect: [half, 0, half, height],
-                view: right,
-            },
-        ]
+        [Self { rect: [0, 0, half, height], view: left }, Self { rect: [half, 0, half, height], view: right }]
     }
 }
 
@@ -87,13 +71,7 @@ pub struct Grid {
 impl Grid {
     /// Lines of 2 % of the spacing in a quiet blue-grey.
     pub fn new(center: Point3<f32>, half_size: [f32; 2], spacing: f32) -> Self {
-        Self {
-            center,
-            half_size,
-            spacing,
-            line_width: 0.02 * spacing,
-            color: [0.085, 0.115, 0.16],
-        }
+        Self { center, half_size, spacing, line_width: 0.02 * spacing, color: [0.085, 0.115, 0.16] }
     }
 }
 

@@ -30,8 +30,7 @@ impl Gpu {
     /// # Errors
     /// [`RenderError::NoAdapter`] without any driver, [`RenderError::NoDevice`] when the driver fails.
     pub fn headless() -> Result<Self, RenderError> {
-        let instance =
-            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         Self::open(instance, None)
     }
 
@@ -52,10 +51,7 @@ impl Gpu {
             required_limits: adapter.limits(),
             ..Default::default()
         }))
-        .map_err(|error| RenderError::NoDevice {
-            adapter: info.name.clone(),
-            reason: error.to_string(),
-        })?;
+        .map_err(|error| RenderError::NoDevice { adapter: info.name.clone(), reason: error.to_string() })?;
 
         let reported = Arc::new(Mutex::new(None));
         let listener = reported.clone();
@@ -67,9 +63,7 @@ impl Gpu {
         let gpu = Self {
             adapter_name: info.name,
             backend: info.backend,
-            driver: format!("{} {}", info.driver, info.driver_info)
-                .trim()
-                .to_owned(),
+            driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
             is_software: info.device_type == wgpu::DeviceType::Cpu,
             instance,
             adapter,
@@ -83,20 +77,10 @@ impl Gpu {
 
     /// One line for logs and tables, with the warning where one is due.
     pub fn describe(&self) -> String {
-        let software = if self.is_software {
-            ", in software on the CPU"
-        } else {
-            ""
-        };
-        let fallback = if self.backend == wgpu::Backend::Gl {
-            ", the fallback for want of Vulkan"
-        } else {
-            ""
-        };
-        format!(
-            "{} by {:?}{fallback}{software} ({})",
-            self.adapter_name, self.backend, self.driver
-        )
+        let software = if self.is_software { ", in software on the CPU" } else { "" };
+        let fallback =
+            if self.backend == wgpu::Backend::Gl { ", the fallback for want of Vulkan" } else { "" };
+        format!("{} by {:?}{fallback}{software} ({})", self.adapter_name, self.backend, self.driver)
     }
 
     /// Waits until everything submitted is drawn; returns how long that took.
@@ -106,10 +90,7 @@ impl Gpu {
     pub fn wait(&self) -> Result<Duration, RenderError> {
         let start = Instant::now();
         self.device
-            .poll(wgpu::PollType::Wait {
-                submission_index: None,
-                timeout: Some(WAIT_LIMIT),
-            })
+            .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(WAIT_LIMIT) })
             .map_err(|error| RenderError::Device(error.to_string()))?;
         self.check()?;
         Ok(start.elapsed())
@@ -117,12 +98,7 @@ impl Gpu {
 
     /// Hands over the error the device reported since the last check, if any.
     pub(super) fn check(&self) -> Result<(), RenderError> {
-        match self
-            .reported
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take()
-        {
+        match self.reported.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(message) => Err(RenderError::Device(message)),
             None => Ok(()),
         }
@@ -139,12 +115,8 @@ impl Gpu {
         if bytes > limit {
             return Err(RenderError::BufferSize { what, bytes, limit });
         }
-        let descriptor = wgpu::BufferDescriptor {
-            label: Some(what),
-            size: bytes,
-            usage,
-            mapped_at_creation: false,
-        };
+        let descriptor =
+            wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
         let buffer = self.device.create_buffer(&descriptor);
         self.check()?;
         Ok(buffer)

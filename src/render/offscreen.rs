@@ -27,9 +27,7 @@ impl Offscreen {
     pub fn new(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
         let attachments = Attachments::new(gpu, COLOR_FORMAT, renderer.samples, size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
-        let texture = gpu
-            .device
-            .create_texture(&texture(size, COLOR_FORMAT, 1, usage));
+        let texture = gpu.device.create_texture(&texture(size, COLOR_FORMAT, 1, usage));
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let bytes_per_row = (size[0] * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let bytes = u64::from(bytes_per_row) * u64::from(size[1]);
@@ -39,21 +37,11 @@ impl Offscreen {
             wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
         )?;
         gpu.check()?;
-        Ok(Self {
-            attachments,
-            texture,
-            view,
-            readback,
-            bytes_per_row,
-        })
+        Ok(Self { attachments, texture, view, readback, bytes_per_row })
     }
 
     pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
-        Picture {
-            attachments: &self.attachments,
-            texture: &self.view,
-            viewports,
-        }
+        Picture { attachments: &self.attachments, texture: &self.view, viewports }
     }
 
     /// The picture as drawn by everything submitted so far, and the time to fetch it. [`Gpu::wait`] first tells the
@@ -64,9 +52,7 @@ impl Offscreen {
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         let start = Instant::now();
         let &Attachments { width, height, .. } = &self.attachments;
-        let mut encoder = gpu
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let rows = wgpu::TexelCopyBufferLayout {
             offset: 0,
             bytes_per_row: Some(self.bytes_per_row),
@@ -74,43 +60,32 @@ impl Offscreen {
         };
         encoder.copy_texture_to_buffer(
             self.texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &self.readback,
-                layout: rows,
-            },
-            wgpu::Extent3d {
-                width,
-                height,
-                depth_or_array_layers: 1,
-            },
+            wgpu::TexelCopyBufferInfo { buffer: &self.readback, layout: rows },
+            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         );
         gpu.queue.submit([encoder.finish()]);
 
         let (sender, receiver) = mpsc::channel();
-        self.readback
-            .map_async(wgpu::MapMode::Read, .., move |result| {
-                // The receiver waits below; if it is gone, so is the need for an answer.
-                sender.send(result).ok();
-            });
+        self.readback.map_async(wgpu::MapMode::Read, .., move |result| {
+            // The receiver waits below; if it is gone, so is the need for an answer.
+            sender.send(result).ok();
+        });
         gpu.wait()?;
         match receiver.try_recv() {
             Ok(Ok(())) => {}
             Ok(Err(error)) => {
-                return Err(RenderError::Device(format!(
-                    "the picture cannot be read: {error}"
-                )));
+                return Err(RenderError::Device(format!("the picture cannot be read: {error}")));
             }
             Err(error) => {
-                return Err(RenderError::Device(format!(
-                    "the picture was not copied: {error}"
-                )));
+                return Err(RenderError::Device(format!("the picture was not copied: {error}")));
             }
         }
         let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
         {
-            let mapped = self.readback.get_mapped_range(..).map_err(|error| {
-                RenderError::Device(format!("the picture cannot be read: {error}"))
-            })?;
+            let mapped = self
+                .readback
+                .get_mapped_range(..)
+                .map_err(|error| RenderError::Device(format!("the picture cannot be read: {error}")))?;
             for row in mapped.chunks_exact(self.bytes_per_row as usize) {
                 pixels.extend_from_slice(&row[..width as usize * 4]);
             }

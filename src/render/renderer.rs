@@ -47,52 +47,23 @@ impl Renderer {
         let depth_flags = gpu.adapter.get_texture_format_features(DEPTH_FORMAT).flags;
         if !(flags.sample_count_supported(samples) && depth_flags.sample_count_supported(samples)) {
             let offered = (flags & depth_flags).supported_sample_counts();
-            return Err(RenderError::Samples {
-                adapter: gpu.adapter_name.clone(),
-                format,
-                samples,
-                offered,
-            });
+            return Err(RenderError::Samples { adapter: gpu.adapter_name.clone(), format, samples, offered });
         }
         let group_layout = group_layout(&gpu.device);
-        let layout = gpu
-            .device
-            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: None,
-                bind_group_layouts: &[Some(&group_layout)],
-                immediate_size: 0,
-            });
-        let pipeline =
-            |label, parts: &[&str], buffers: &[Option<wgpu::VertexBufferLayout<'_>>], surface| {
-                let module = shader::module(&gpu.device, label, parts);
-                pipeline(
-                    &gpu.device,
-                    &Pass {
-                        label,
-                        layout: &layout,
-                        module,
-                        buffers,
-                        surface,
-                    },
-                    format,
-                    samples,
-                )
-            };
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&group_layout)],
+            immediate_size: 0,
+        });
+        let pipeline = |label, parts: &[&str], buffers: &[Option<wgpu::VertexBufferLayout<'_>>], surface| {
+            let module = shader::module(&gpu.device, label, parts);
+            pipeline(&gpu.device, &Pass { label, layout: &layout, module, buffers, surface }, format, samples)
+        };
         let renderer = Self {
             format,
             samples,
-            body: pipeline(
-                "body",
-                &shader::BODY,
-                &body::vertex_layout(),
-                Surface::Opaque,
-            ),
-            solid: pipeline(
-                "solid",
-                &shader::SOLID,
-                &solid::vertex_layout(),
-                Surface::Opaque,
-            ),
+            body: pipeline("body", &shader::BODY, &body::vertex_layout(), Surface::Opaque),
+            solid: pipeline("solid", &shader::SOLID, &solid::vertex_layout(), Surface::Opaque),
             background: pipeline("background", &shader::BACKGROUND, &[], Surface::Background),
             grid: pipeline("grid", &shader::GRID, &[], Surface::Translucent),
             solids: SolidMeshes::new(gpu)?,
@@ -123,15 +94,9 @@ impl Renderer {
         }
         let offsets = self.write_views(gpu, pictures)?;
         let solid_counts = self.write_instances(gpu, contents)?;
-        gpu.queue.write_buffer(
-            &self.uniforms.frame,
-            0,
-            bytemuck::bytes_of(&FrameUniform::new(contents)),
-        );
+        gpu.queue.write_buffer(&self.uniforms.frame, 0, bytemuck::bytes_of(&FrameUniform::new(contents)));
 
-        let mut encoder = gpu
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut offsets = offsets.into_iter();
         for picture in pictures {
             let mut pass = begin_pass(&mut encoder, picture);
@@ -157,20 +122,10 @@ impl Renderer {
         contents: &FrameContents<'_>,
         solid_counts: [u32; 3],
     ) {
-        let instances = |first: usize| {
-            self.instances
-                .slice((first * size_of::<Instance>()) as u64..)
-        };
+        let instances = |first: usize| self.instances.slice((first * size_of::<Instance>()) as u64..);
         pass.set_pipeline(&self.body);
         for (k, body) in contents.bodies.iter().enumerate() {
-            let BodyBuffers {
-                indices,
-                positions,
-                normals,
-                colors,
-                triangle_count,
-                ..
-            } = body.buffers;
+            let BodyBuffers { indices, positions, normals, colors, triangle_count, .. } = body.buffers;
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
             pass.set_vertex_buffer(0, positions.slice(..));
             pass.set_vertex_buffer(1, normals.slice(..));
@@ -198,21 +153,15 @@ impl Renderer {
     }
 
     /// Uploads the views of all pictures; returns each viewport's offset, None where there is nothing to draw.
-    fn write_views(
-        &mut self,
-        gpu: &Gpu,
-        pictures: &[Picture<'_>],
-    ) -> Result<Vec<Option<u32>>, RenderError> {
+    fn write_views(&mut self, gpu: &Gpu, pictures: &[Picture<'_>]) -> Result<Vec<Option<u32>>, RenderError> {
         self.view_bytes.clear();
         let mut offsets = Vec::new();
         for viewport in pictures.iter().flat_map(|picture| picture.viewports) {
             let uniform = viewport.view.as_ref().and_then(ViewUniform::new);
             offsets.push(uniform.map(|uniform| {
                 let offset = self.view_bytes.len();
-                self.view_bytes
-                    .extend_from_slice(bytemuck::bytes_of(&uniform));
-                self.view_bytes
-                    .resize(offset + self.uniforms.stride as usize, 0);
+                self.view_bytes.extend_from_slice(bytemuck::bytes_of(&uniform));
+                self.view_bytes.resize(offset + self.uniforms.stride as usize, 0);
                 offset as u32
             }));
         }
@@ -220,23 +169,20 @@ impl Renderer {
             let count = (self.view_bytes.len() / self.uniforms.stride as usize).next_power_of_two();
             self.uniforms = Uniforms::new(gpu, &self.group_layout, count)?;
         }
-        gpu.queue
-            .write_buffer(&self.uniforms.views, 0, &self.view_bytes);
+        gpu.queue.write_buffer(&self.uniforms.views, 0, &self.view_bytes);
         Ok(offsets)
     }
 
     /// Uploads the instances: bodies in their order, then the solids; returns how many solids of each shape.
-    fn write_instances(
-        &mut self,
-        gpu: &Gpu,
-        contents: &FrameContents<'_>,
-    ) -> Result<[u32; 3], RenderError> {
+    fn write_instances(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<[u32; 3], RenderError> {
         let list = &mut self.instance_list;
         list.clear();
-        list.extend(contents.bodies.iter().map(|body| Instance {
-            room_from_shape: body.room_from_body.into(),
-            color: [0.0; 4],
-        }));
+        list.extend(
+            contents
+                .bodies
+                .iter()
+                .map(|body| Instance { room_from_shape: body.room_from_body.into(), color: [0.0; 4] }),
+        );
         let counts = solid::instances(contents, list);
         let bytes: &[u8] = bytemuck::cast_slice(list);
         if bytes.len() as u64 > self.instances.size() {
@@ -250,8 +196,7 @@ impl Renderer {
 impl Uniforms {
     fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, views: usize) -> Result<Self, RenderError> {
         let view_size = size_of::<ViewUniform>() as u32;
-        let stride =
-            view_size.next_multiple_of(gpu.device.limits().min_uniform_buffer_offset_alignment);
+        let stride = view_size.next_multiple_of(gpu.device.limits().min_uniform_buffer_offset_alignment);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let views = gpu.buffer("views", u64::from(stride) * views as u64, usage)?;
         let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, usage)?;
@@ -264,32 +209,17 @@ impl Uniforms {
             label: None,
             layout,
             entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::Buffer(one_view),
-                },
-                wgpu::BindGroupEntry {
-                    binding: 1,
-                    resource: frame.as_entire_binding(),
-                },
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(one_view) },
+                wgpu::BindGroupEntry { binding: 1, resource: frame.as_entire_binding() },
             ],
         });
-        Ok(Self {
-            views,
-            frame,
-            group,
-            stride,
-        })
+        Ok(Self { views, frame, group, stride })
     }
 }
 
 fn instance_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, RenderError> {
     let bytes = count as u64 * size_of::<Instance>() as u64;
-    gpu.buffer(
-        "instances",
-        bytes,
-        BufferUsages::VERTEX | BufferUsages::COPY_DST,
-    )
+    gpu.buffer("instances", bytes, BufferUsages::VERTEX | BufferUsages::COPY_DST)
 }
 
 fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
@@ -340,8 +270,8 @@ fn pipeline(
         Surface::Background => wgpu::CompareFunction::Equal,
         Surface::Opaque | Surface::Translucent => wgpu::CompareFunction::Greater,
     };
-    let blend = (pass.surface == Surface::Translucent)
-        .then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+    let blend =
+        (pass.surface == Surface::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(pass.label),
         layout: Some(pass.layout),
@@ -351,10 +281,7 @@ fn pipeline(
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers: pass.buffers,
         },
-        primitive: wgpu::PrimitiveState {
-            topology,
-            ..Default::default()
-        },
+        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(pass.surface == Surface::Opaque),
@@ -362,19 +289,12 @@ fn pipeline(
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
         }),
-        multisample: wgpu::MultisampleState {
-            count: samples,
-            ..Default::default()
-        },
+        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
         fragment: Some(wgpu::FragmentState {
             module: &pass.module,
             entry_point: Some("fragment"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::ColorTargetState {
-                format,
-                blend,
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
+            targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
         }),
         multiview_mask: None,
         cache: None,
@@ -382,10 +302,7 @@ fn pipeline(
 }
 
 /// Everything black and infinitely far.
-fn begin_pass<'a>(
-    encoder: &'a mut wgpu::CommandEncoder,
-    picture: &Picture<'_>,
-) -> wgpu::RenderPass<'a> {
+fn begin_pass<'a>(encoder: &'a mut wgpu::CommandEncoder, picture: &Picture<'_>) -> wgpu::RenderPass<'a> {
     let attachments = picture.attachments;
     let (view, resolve_target, store) = match &attachments.multisampled {
         Some(multisampled) => (multisampled, Some(picture.texture), wgpu::StoreOp::Discard),
@@ -397,10 +314,7 @@ fn begin_pass<'a>(
             view,
             depth_slice: None,
             resolve_target,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                store,
-            },
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store },
         })],
         depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
             view: &attachments.depth,

@@ -10,10 +10,7 @@ pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl"
 
 pub(super) fn module(device: &wgpu::Device, label: &str, parts: &[&str]) -> wgpu::ShaderModule {
     let source = wgpu::ShaderSource::Wgsl(parts.concat().into());
-    device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(label),
-        source,
-    })
+    device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
 }
 
 #[cfg(test)]
@@ -24,12 +21,9 @@ mod tests {
     /// Without a device: the front end and the validator are the ones wgpu itself uses.
     #[test]
     fn every_shader_is_valid() {
-        for (name, parts) in [
-            ("body", &BODY[..]),
-            ("solid", &SOLID),
-            ("background", &BACKGROUND),
-            ("grid", &GRID),
-        ] {
+        for (name, parts) in
+            [("body", &BODY[..]), ("solid", &SOLID), ("background", &BACKGROUND), ("grid", &GRID)]
+        {
             let source = parts.concat();
             let module = naga::front::wgsl::parse_str(&source)
                 .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
@@ -39,18 +33,11 @@ mod tests {
             )
             .validate(&module)
             .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
-            let mut stages: Vec<_> = module
-                .entry_points
-                .iter()
-                .map(|e| (e.stage, e.name.as_str()))
-                .collect();
+            let mut stages: Vec<_> = module.entry_points.iter().map(|e| (e.stage, e.name.as_str())).collect();
             stages.sort_by_key(|&(_, stage)| stage);
             assert_eq!(
                 stages,
-                [
-                    (naga::ShaderStage::Fragment, "fragment"),
-                    (naga::ShaderStage::Vertex, "vertex")
-                ],
+                [(naga::ShaderStage::Fragment, "fragment"), (naga::ShaderStage::Vertex, "vertex")],
                 "{name}.wgsl"
             );
         }

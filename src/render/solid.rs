@@ -49,10 +49,7 @@ impl SolidMeshes {
     pub(super) fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         let mut mesh = Revolved::default();
         let ranges = [mesh.pen(), mesh.cylinder(), mesh.sphere()];
-        let (vertices, indices) = (
-            bytemuck::cast_slice(&mesh.vertices),
-            bytemuck::cast_slice(&mesh.indices),
-        );
+        let (vertices, indices) = (bytemuck::cast_slice(&mesh.vertices), bytemuck::cast_slice(&mesh.indices));
         let solids = Self {
             vertices: gpu.buffer(
                 "solids",
@@ -79,32 +76,23 @@ pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -
     for stylus in contents.styli {
         let [r, g, b] = accent(stylus);
         let room_from_pen = stylus.room_from_stylus * Matrix4::new_scaling(stylus.size_m);
-        all.push(Instance {
-            room_from_shape: room_from_pen.into(),
-            color: [r, g, b, 0.6],
-        });
+        all.push(Instance { room_from_shape: room_from_pen.into(), color: [r, g, b, 0.6] });
     }
     let pens_end = all.len();
     for stylus in contents.styli {
         let [r, g, b] = accent(stylus);
         if let Some(room_from_ray) = room_from_ray(stylus) {
-            all.push(Instance {
-                room_from_shape: room_from_ray.into(),
-                color: [r, g, b, 1.0],
-            });
+            all.push(Instance { room_from_shape: room_from_ray.into(), color: [r, g, b, 1.0] });
         }
     }
     let rays_end = all.len();
     for stylus in contents.styli {
         if let Some(hit) = stylus.hit {
-            let room_from_hit = Matrix4::new_translation(&hit.coords)
-                * Matrix4::new_scaling(stylus.size_m * HIT_RADIUS);
+            let room_from_hit =
+                Matrix4::new_translation(&hit.coords) * Matrix4::new_scaling(stylus.size_m * HIT_RADIUS);
             // Paler than the ray, so that it stands out at the ray's end.
             let [r, g, b] = accent(stylus).map(|c| 0.55 * c + 0.45);
-            all.push(Instance {
-                room_from_shape: room_from_hit.into(),
-                color: [r, g, b, 0.9],
-            });
+            all.push(Instance { room_from_shape: room_from_hit.into(), color: [r, g, b, 0.9] });
         }
     }
     [pens_end - start, rays_end - pens_end, all.len() - rays_end].map(|n| n as u32)
@@ -155,10 +143,8 @@ impl Revolved {
         self.revolve(&[(0.21, 0.041), (0.21, 0.038)], ACCENT);
         self.revolve(&[(0.21, 0.038), (0.45, 0.044), (0.86, 0.040)], GRAPHITE);
         self.revolve(&[(0.86, 0.040), (0.90, 0.039)], LIGHT);
-        let cap: Vec<_> = (0..=6)
-            .map(|k| quarter(k as f32 / 6.0))
-            .map(|(z, r)| (0.90 + 0.10 * z, 0.037 * r))
-            .collect();
+        let cap: Vec<_> =
+            (0..=6).map(|k| quarter(k as f32 / 6.0)).map(|(z, r)| (0.90 + 0.10 * z, 0.037 * r)).collect();
         self.revolve(&cap, GRAPHITE);
         start..self.indices.len() as u32
     }
@@ -201,8 +187,7 @@ impl Revolved {
         for k in 0..profile.len() as u32 - 1 {
             for segment in 0..SEGMENTS {
                 let a = base + k * ring + segment;
-                self.indices
-                    .extend([a, a + 1, a + ring, a + ring, a + 1, a + ring + 1]);
+                self.indices.extend([a, a + 1, a + ring, a + ring, a + 1, a + ring + 1]);
             }
         }
         start..self.indices.len() as u32
@@ -220,13 +205,7 @@ mod tests {
 
     fn stylus(hit: Option<Point3<f32>>) -> StylusShape {
         let room_from_stylus = Matrix4::new_translation(&Vector3::new(1.0, 2.0, 3.0));
-        StylusShape {
-            room_from_stylus,
-            size_m: 0.2,
-            ray_length_m: 5.0,
-            hit,
-            pressed: false,
-        }
+        StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 5.0, hit, pressed: false }
     }
 
     #[test]
@@ -235,10 +214,7 @@ mod tests {
             room_from_ray(shape).unwrap() * Point3::new(0.0, 0.0, -1.0).to_homogeneous()
         };
         let free = end(&stylus(None));
-        assert!(
-            (free.xyz() - Vector3::new(1.0, 2.0, -2.0)).norm() < 1e-5,
-            "{free}"
-        );
+        assert!((free.xyz() - Vector3::new(1.0, 2.0, -2.0)).norm() < 1e-5, "{free}");
         for hit in [Point3::new(0.3, 2.5, -1.0), Point3::new(1.0, 2.0, 4.0)] {
             let reached = end(&stylus(Some(hit)));
             assert!((reached.xyz() - hit.coords).norm() < 1e-5, "{reached}");
@@ -248,10 +224,7 @@ mod tests {
     #[test]
     fn a_hit_at_the_tip_and_a_broken_pose_draw_no_ray() {
         assert!(room_from_ray(&stylus(Some(Point3::new(1.0, 2.0, 3.0)))).is_none());
-        let broken = StylusShape {
-            room_from_stylus: Matrix4::from_element(f32::NAN),
-            ..stylus(None)
-        };
+        let broken = StylusShape { room_from_stylus: Matrix4::from_element(f32::NAN), ..stylus(None) };
         assert!(room_from_ray(&broken).is_none());
     }
 
@@ -267,8 +240,7 @@ mod tests {
             let [p, q, r] = [a, b, c].map(|v| Vector3::from(v.position));
             let area = (q - p).cross(&(r - p));
             if area.norm() > 1e-8 {
-                let normal =
-                    Vector3::from(a.normal) + Vector3::from(b.normal) + Vector3::from(c.normal);
+                let normal = Vector3::from(a.normal) + Vector3::from(b.normal) + Vector3::from(c.normal);
                 assert!(area.dot(&normal) > 0.0, "{p} {q} {r}");
             }
         }

@@ -24,11 +24,7 @@ impl Attachments {
     ) -> Result<Self, RenderError> {
         let limit = gpu.device.limits().max_texture_dimension_2d;
         if width == 0 || height == 0 || width > limit || height > limit {
-            return Err(RenderError::PictureSize {
-                width,
-                height,
-                limit,
-            });
+            return Err(RenderError::PictureSize { width, height, limit });
         }
         let attachment = |format| {
             gpu.device
@@ -63,28 +59,16 @@ pub struct Picture<'a> {
 
 impl Picture<'_> {
     pub(super) fn check(&self, samples: u32) -> Result<(), RenderError> {
-        let &Attachments {
-            width,
-            height,
-            samples: found,
-            ..
-        } = self.attachments;
+        let &Attachments { width, height, samples: found, .. } = self.attachments;
         if found != samples {
-            return Err(RenderError::SamplesDiffer {
-                found,
-                expected: samples,
-            });
+            return Err(RenderError::SamplesDiffer { found, expected: samples });
         }
         for viewport in self.viewports {
             let rect @ [x, y, w, h] = viewport.rect.map(u64::from);
             let inside = w > 0 && h > 0 && x + w <= u64::from(width) && y + h <= u64::from(height);
             if !inside {
                 let rect = rect.map(|side| side as u32);
-                return Err(RenderError::ViewportOutside {
-                    rect,
-                    width,
-                    height,
-                });
+                return Err(RenderError::ViewportOutside { rect, width, height });
             }
         }
         Ok(())
@@ -99,11 +83,7 @@ pub(super) fn texture(
 ) -> wgpu::TextureDescriptor<'static> {
     wgpu::TextureDescriptor {
         label: None,
-        size: wgpu::Extent3d {
-            width,
-            height,
-            depth_or_array_layers: 1,
-        },
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count,
         dimension: wgpu::TextureDimension::D2,

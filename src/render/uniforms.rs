@@ -17,11 +17,7 @@ impl ViewUniform {
     /// None when the view shows nothing: a singular or not finite matrix, as of an eye in the plane of its screen.
     pub(super) fn new(view: &View) -> Option<Self> {
         let m = &view.clip_from_room;
-        if !m
-            .iter()
-            .chain(view.eye_in_room.iter())
-            .all(|x| x.is_finite())
-        {
+        if !m.iter().chain(view.eye_in_room.iter()).all(|x| x.is_finite()) {
             return None;
         }
         // A point at infinity in direction d lands at (x, y) = (m₀·d, m₁·d) / m₃·d, so d = M⁻¹ (x, y, 1).
@@ -96,7 +92,8 @@ pub(super) struct Instance {
     pub(super) color: [f32; 4],
 }
 
-pub(super) const INSTANCE_ATTRIBUTES: [wgpu::VertexAttribute; 5] = wgpu::vertex_attr_array![3 => Float32x4, 4 => Float32x4, 5 => Float32x4, 6 => Float32x4, 7 => Float32x4];
+pub(super) const INSTANCE_ATTRIBUTES: [wgpu::VertexAttribute; 5] =
+    wgpu::vertex_attr_array![3 => Float32x4, 4 => Float32x4, 5 => Float32x4, 6 => Float32x4, 7 => Float32x4];
 
 #[cfg(test)]
 mod tests {
@@ -107,18 +104,9 @@ mod tests {
     fn layout_in_wgsl(name: &str) -> (usize, Vec<(String, usize)>) {
         let source = super::super::shader::BODY.concat();
         let module = naga::front::wgsl::parse_str(&source).unwrap();
-        let (_, found) = module
-            .types
-            .iter()
-            .find(|(_, t)| t.name.as_deref() == Some(name))
-            .unwrap();
-        let naga::TypeInner::Struct { members, span } = &found.inner else {
-            panic!("{name} is no struct")
-        };
-        let offsets = members
-            .iter()
-            .map(|m| (m.name.clone().unwrap(), m.offset as usize))
-            .collect();
+        let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
+        let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is no struct") };
+        let offsets = members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
         (*span as usize, offsets)
     }
 
@@ -131,14 +119,7 @@ mod tests {
 
     #[test]
     fn uniforms_lie_as_the_shaders_read_them() {
-        assert_layout!(
-            ViewUniform,
-            "View",
-            clip_from_room,
-            direction_from_ndc,
-            eye_in_room,
-            front_sign
-        );
+        assert_layout!(ViewUniform, "View", clip_from_room, direction_from_ndc, eye_in_room, front_sign);
         assert_layout!(
             FrameUniform,
             "Frame",
@@ -157,26 +138,14 @@ mod tests {
             grid_line_width,
             grid_half_size
         );
-        assert_eq!(
-            INSTANCE_ATTRIBUTES[4].offset as usize,
-            offset_of!(Instance, color)
-        );
+        assert_eq!(INSTANCE_ATTRIBUTES[4].offset as usize, offset_of!(Instance, color));
     }
 
     #[test]
     fn a_singular_or_infinite_view_is_absent() {
         let eye_in_room = nalgebra::Point3::origin();
-        for clip_from_room in [
-            nalgebra::Matrix4::zeros(),
-            nalgebra::Matrix4::from_element(f32::NAN),
-        ] {
-            assert!(
-                ViewUniform::new(&View {
-                    clip_from_room,
-                    eye_in_room
-                })
-                .is_none()
-            );
+        for clip_from_room in [nalgebra::Matrix4::zeros(), nalgebra::Matrix4::from_element(f32::NAN)] {
+            assert!(ViewUniform::new(&View { clip_from_room, eye_in_room }).is_none());
         }
     }
 }

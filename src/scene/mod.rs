@@ -19,23 +19,11 @@ pub enum SceneError {
     #[error(transparent)]
     Config(#[from] ConfigError),
     #[error("{}: {entity}: {message}", path.display())]
-    Invalid {
-        path: PathBuf,
-        entity: String,
-        message: String,
-    },
+    Invalid { path: PathBuf, entity: String, message: String },
     #[error("{}: body.{body}.mesh: {source}", path.display())]
-    Mesh {
-        path: PathBuf,
-        body: String,
-        source: MeshError,
-    },
+    Mesh { path: PathBuf, body: String, source: MeshError },
     #[error("{}: {entity}: {source}", path.display())]
-    Generate {
-        path: PathBuf,
-        entity: String,
-        source: generate::GenerateError,
-    },
+    Generate { path: PathBuf, entity: String, source: generate::GenerateError },
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -121,11 +109,7 @@ pub struct Solver {
 
 impl Default for Solver {
     fn default() -> Solver {
-        Solver {
-            method: Method::Cholesky,
-            tolerance: 1e-10,
-            max_iterations: 20_000,
-        }
+        Solver { method: Method::Cholesky, tolerance: 1e-10, max_iterations: 20_000 }
     }
 }
 
@@ -199,19 +183,13 @@ impl Scene {
             source,
         };
         match (&body.mesh, &body.generate) {
-            (Some(file), None) => {
-                mesh::load(&self.resolve(file)).map_err(|source| SceneError::Mesh {
-                    path: self.path.clone(),
-                    body: name.to_owned(),
-                    source,
-                })
-            }
-            (None, Some(Generate::Tube(tube))) => {
-                generate::tube(tube).map(fresh).map_err(generated)
-            }
-            (None, Some(Generate::Block(block))) => {
-                generate::block(block).map(fresh).map_err(generated)
-            }
+            (Some(file), None) => mesh::load(&self.resolve(file)).map_err(|source| SceneError::Mesh {
+                path: self.path.clone(),
+                body: name.to_owned(),
+                source,
+            }),
+            (None, Some(Generate::Tube(tube))) => generate::tube(tube).map(fresh).map_err(generated),
+            (None, Some(Generate::Block(block))) => generate::block(block).map(fresh).map_err(generated),
             _ => Err(self.invalid(
                 &format!("body.{name}"),
                 "name either mesh = \"file\" or generate = { … }, one of the two",
@@ -221,11 +199,7 @@ impl Scene {
 
     /// An error about one entity of this scene.
     pub fn invalid(&self, entity: &str, message: impl Into<String>) -> SceneError {
-        SceneError::Invalid {
-            path: self.path.clone(),
-            entity: entity.to_owned(),
-            message: message.into(),
-        }
+        SceneError::Invalid { path: self.path.clone(), entity: entity.to_owned(), message: message.into() }
     }
 
     fn check(&self) -> Result<(), SceneError> {
@@ -244,10 +218,9 @@ impl Scene {
             return Err(self.invalid(&entity, "a body's name must not contain '/'"));
         }
         if body.mesh.is_some() == body.generate.is_some() {
-            return Err(self.invalid(
-                &entity,
-                "name either mesh = \"file\" or generate = { … }, one of the two",
-            ));
+            return Err(
+                self.invalid(&entity, "name either mesh = \"file\" or generate = { … }, one of the two")
+            );
         }
         self.check_material(&format!("{entity}.material"), &body.material)?;
         for (region, material) in &body.region {
@@ -272,10 +245,7 @@ impl Scene {
             if control_name.contains('/') {
                 return Err(self.invalid(&entity, "a control element's name must not contain '/'"));
             }
-            control
-                .nodes
-                .check()
-                .map_err(|message| self.invalid(&entity, message))?;
+            control.nodes.check().map_err(|message| self.invalid(&entity, message))?;
         }
         if let Some(place) = &body.place {
             let numbers = place.position.iter().chain(&place.rotation);
@@ -290,16 +260,11 @@ impl Scene {
     }
 
     fn check_material(&self, entity: &str, material: &Material) -> Result<(), SceneError> {
-        let Material {
-            young,
-            poisson,
-            density,
-        } = *material;
+        let Material { young, poisson, density } = *material;
         if !(young > 0.0 && young.is_finite()) {
-            return Err(self.invalid(
-                entity,
-                format!("Young's modulus {young} Pa must be positive and finite"),
-            ));
+            return Err(
+                self.invalid(entity, format!("Young's modulus {young} Pa must be positive and finite"))
+            );
         }
         if poisson == 0.5 {
             return Err(self.invalid(
@@ -311,9 +276,7 @@ impl Scene {
         if !(poisson > -1.0 && poisson < 0.5) {
             return Err(self.invalid(
                 entity,
-                format!(
-                    "Poisson's ratio {poisson} is not physical; it must lie between -1 and 0.5"
-                ),
+                format!("Poisson's ratio {poisson} is not physical; it must lie between -1 and 0.5"),
             ));
         }
         if density.is_some_and(|density| !(density > 0.0 && density.is_finite())) {
@@ -324,10 +287,7 @@ impl Scene {
 }
 
 fn fresh(mesh: mesh::TetMesh) -> mesh::Loaded {
-    mesh::Loaded {
-        mesh,
-        notices: Vec::new(),
-    }
+    mesh::Loaded { mesh, notices: Vec::new() }
 }
 
 #[cfg(test)]
@@ -346,67 +306,35 @@ grab = "fixed"
     fn error(from: &str, to: &str) -> String {
         let text = BLOCK.replace(from, to);
         assert_ne!(text, BLOCK, "{from} must stand in the scene");
-        Scene::parse(&text, Path::new("scene.toml"))
-            .unwrap_err()
-            .to_string()
+        Scene::parse(&text, Path::new("scene.toml")).unwrap_err().to_string()
     }
 
     #[test]
     fn defaults_are_the_papers() {
         let scene = Scene::parse(BLOCK, Path::new("scene.toml")).unwrap();
         let body = &scene.body["block"];
-        assert_eq!(
-            (scene.stage.as_str(), body.model.as_str()),
-            ("desktop", "linear")
-        );
-        assert_eq!(
-            (body.element, body.solver.method),
-            (Element::Tet4, Method::Cholesky)
-        );
+        assert_eq!((scene.stage.as_str(), body.model.as_str()), ("desktop", "linear"));
+        assert_eq!((body.element, body.solver.method), (Element::Tet4, Method::Cholesky));
         assert!(body.effects.is_empty() && body.place.is_none());
     }
 
     #[test]
     fn mistakes_name_the_entity_and_the_remedy() {
         for (from, to, expected) in [
-            (
-                "young = 1.0e6",
-                "young = -1.0",
-                "body.block.material: Young's modulus -1 Pa",
-            ),
+            ("young = 1.0e6", "young = -1.0", "body.block.material: Young's modulus -1 Pa"),
             (
                 "poisson = 0.3",
                 "poisson = 0.5",
                 "body.block.material: Poisson's ratio 0.5 is exactly incompressible",
             ),
-            (
-                "poisson = 0.3",
-                "poisson = 0.7",
-                "must lie between -1 and 0.5",
-            ),
-            (
-                "poisson = 0.3",
-                "poisson = nan",
-                "must lie between -1 and 0.5",
-            ),
+            ("poisson = 0.3", "poisson = 0.7", "must lie between -1 and 0.5"),
+            ("poisson = 0.3", "poisson = nan", "must lie between -1 and 0.5"),
             ("poisson = 0.3", "poison = 0.3", "scene.toml:4:"),
             ("poisson = 0.3", "poison = 0.3", "did you mean `poisson`?"),
             ("generate = {", "generat = {", "did you mean `generate`?"),
-            (
-                "group = \"xmin\"",
-                "gruop = \"xmin\"",
-                "did you mean `group`?",
-            ),
-            (
-                "grab = \"fixed\"",
-                "grab = \"fixt\"",
-                "did you mean `fixed`?",
-            ),
-            (
-                "generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }",
-                "",
-                "one of the two",
-            ),
+            ("group = \"xmin\"", "gruop = \"xmin\"", "did you mean `group`?"),
+            ("grab = \"fixed\"", "grab = \"fixt\"", "did you mean `fixed`?"),
+            ("generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }", "", "one of the two"),
         ] {
             let text = error(from, to);
             assert!(text.contains(expected), "{text}\nlacks {expected}");

@@ -38,25 +38,17 @@ impl Nodes {
         match self {
             Nodes::Box { min, max } => {
                 if !finite(min) || !finite(max) || (0..3).any(|axis| min[axis] > max[axis]) {
-                    return Err(format!(
-                        "box: min {min:?} must be finite and nowhere above max {max:?}"
-                    ));
+                    return Err(format!("box: min {min:?} must be finite and nowhere above max {max:?}"));
                 }
             }
             Nodes::Sphere { centre, radius } => {
-                if !finite(centre) || !(*radius > 0.0 && radius.is_finite()) {
-                    return Err(format!(
-                        "sphere: centre {centre:?} must be finite, radius {radius} above 0"
-                    ));
+                if !(finite(centre) && *radius > 0.0 && radius.is_finite()) {
+                    return Err(format!("sphere: centre {centre:?} must be finite, radius {radius} above 0"));
                 }
             }
-            Nodes::Plane {
-                point,
-                normal,
-                distance,
-            } => {
+            Nodes::Plane { point, normal, distance } => {
                 let usable = finite(point) && finite(normal) && Vector3::from(*normal).norm() > 0.0;
-                if !usable || !(*distance >= 0.0 && distance.is_finite()) {
+                if !(usable && *distance >= 0.0 && distance.is_finite()) {
                     return Err(format!(
                         "plane: point {point:?} and normal {normal:?} must be finite, normal not zero, distance \
                          {distance} not negative"
@@ -70,15 +62,9 @@ impl Nodes {
 
     /// Ascending node indices. `resolve` turns the scene's relative paths into real ones. The error says what was
     /// looked for and what there is instead; an empty choice is an error.
-    pub fn select(
-        &self,
-        mesh: &TetMesh,
-        resolve: impl Fn(&Path) -> PathBuf,
-    ) -> Result<Vec<u32>, String> {
+    pub fn select(&self, mesh: &TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<Vec<u32>, String> {
         let within = |inside: &dyn Fn(&Vector3<f64>) -> bool| -> Vec<u32> {
-            (0..mesh.nodes.len() as u32)
-                .filter(|&node| inside(&mesh.nodes[node as usize]))
-                .collect()
+            (0..mesh.nodes.len() as u32).filter(|&node| inside(&mesh.nodes[node as usize])).collect()
         };
         let nodes = match self {
             Nodes::Group(name) => group(mesh, name)?,
@@ -89,11 +75,7 @@ impl Nodes {
                 let centre = Vector3::from(*centre);
                 within(&|x| (x - centre).norm() <= *radius)
             }
-            Nodes::Plane {
-                point,
-                normal,
-                distance,
-            } => {
+            Nodes::Plane { point, normal, distance } => {
                 let (point, normal) = (Vector3::from(*point), Vector3::from(*normal).normalize());
                 within(&|x| normal.dot(&(x - point)).abs() <= *distance)
             }
@@ -101,10 +83,7 @@ impl Nodes {
         };
         if nodes.is_empty() {
             let (low, high) = mesh.nodes.iter().fold(
-                (
-                    Vector3::repeat(f64::INFINITY),
-                    Vector3::repeat(f64::NEG_INFINITY),
-                ),
+                (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)),
                 |(low, high), x| (low.inf(x), high.sup(x)),
             );
             return Err(format!(
@@ -126,15 +105,11 @@ fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
         None if known.is_empty() => "; it has none: select by box, sphere, plane or file".into(),
         None => String::new(),
     };
-    Err(format!(
-        "the mesh has no node group \"{name}\" (groups: {}){advice}",
-        known.join(", ")
-    ))
+    Err(format!("the mesh has no node group \"{name}\" (groups: {}){advice}", known.join(", ")))
 }
 
 fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
-    let text =
-        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let index: BTreeMap<u64, u32> = mesh.tags.iter().copied().zip(0..).collect();
     let mut nodes = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -143,12 +118,11 @@ fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
             continue;
         }
         let place = format!("{}:{}", path.display(), number + 1);
-        let tag: u64 = word.parse().map_err(|error| {
-            format!("{place}: {word:?} is not a node tag ({error}); write one a line")
-        })?;
-        let node = index
-            .get(&tag)
-            .ok_or_else(|| format!("{place}: the mesh has no used node with tag {tag}"))?;
+        let tag: u64 = word
+            .parse()
+            .map_err(|error| format!("{place}: {word:?} is not a node tag ({error}); write one a line"))?;
+        let node =
+            index.get(&tag).ok_or_else(|| format!("{place}: the mesh has no used node with tag {tag}"))?;
         nodes.push(*node);
     }
     nodes.sort_unstable();

@@ -10,8 +10,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
-    factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, Mat, Par, Side};
@@ -47,13 +46,8 @@ impl Symbolic {
         let started = Instant::now();
         let (column_start, row_index) = lower_pattern(a);
         let unknowns = 3 * a.nodes();
-        let pattern = SymbolicSparseColMatRef::new_checked(
-            unknowns,
-            unknowns,
-            &column_start,
-            None,
-            &row_index,
-        );
+        let pattern =
+            SymbolicSparseColMatRef::new_checked(unknowns, unknowns, &column_start, None, &row_index);
         let factor = analyse(pattern, &ordering)?;
         Ok(Symbolic {
             factor,
@@ -75,8 +69,7 @@ fn analyse(
     ordering: &Ordering,
 ) -> Result<SymbolicCholesky<usize>, SolveError> {
     let unknowns = pattern.nrows();
-    let permutation =
-        faer::perm::PermRef::new_checked(&ordering.forward, &ordering.inverse, unknowns);
+    let permutation = faer::perm::PermRef::new_checked(&ordering.forward, &ordering.inverse, unknowns);
     factorize_symbolic_cholesky(
         pattern,
         Side::Lower,
@@ -86,10 +79,7 @@ fn analyse(
             ..Default::default()
         },
     )
-    .map_err(|error| SolveError::Ordering {
-        nodes: unknowns / 3,
-        reason: format!("{error:?}"),
-    })
+    .map_err(|error| SolveError::Ordering { nodes: unknowns / 3, reason: format!("{error:?}") })
 }
 
 /// The numeric factor of A.
@@ -111,10 +101,7 @@ impl<'a> Cholesky<'a> {
         let started = Instant::now();
         let unknowns = 3 * a.nodes();
         let entries = symbolic.factor_entries();
-        let no_memory = || SolveError::OutOfMemory {
-            entries,
-            gigabytes: 8e-9 * entries as f64,
-        };
+        let no_memory = || SolveError::OutOfMemory { entries, gigabytes: 8e-9 * entries as f64 };
 
         let numbers = lower_values(a);
         let pattern = SymbolicSparseColMatRef::new_checked(
@@ -126,15 +113,11 @@ impl<'a> Cholesky<'a> {
         );
         let matrix = SparseColMatRef::new(pattern, &numbers);
         let mut values = Vec::new();
-        values
-            .try_reserve_exact(entries)
-            .map_err(|_reason| no_memory())?;
+        values.try_reserve_exact(entries).map_err(|_reason| no_memory())?;
         values.resize(entries, 0.0);
 
         let par = Par::rayon(0);
-        let scratch = symbolic
-            .factor
-            .factorize_numeric_llt_scratch::<f64>(par, Default::default());
+        let scratch = symbolic.factor.factorize_numeric_llt_scratch::<f64>(par, Default::default());
         let mut memory = MemBuffer::try_new(scratch).map_err(|_reason| no_memory())?;
         symbolic
             .factor
@@ -147,19 +130,12 @@ impl<'a> Cholesky<'a> {
                 MemStack::new(&mut memory),
                 Default::default(),
             )
-            .map_err(
-                |LltError::NonPositivePivot { index }| SolveError::NotPositiveDefinite {
-                    unknowns,
-                    pivot: index,
-                },
-            )?;
+            .map_err(|LltError::NonPositivePivot { index }| SolveError::NotPositiveDefinite {
+                unknowns,
+                pivot: index,
+            })?;
         progress.end();
-        Ok(Cholesky {
-            a,
-            symbolic,
-            values,
-            factor_s: started.elapsed().as_secs_f64(),
-        })
+        Ok(Cholesky { a, symbolic, values, factor_s: started.elapsed().as_secs_f64() })
     }
 
     /// Solves A x = b for all columns, refining where a residual is above 1e-12; errors where one stays above 1e-7.
@@ -178,15 +154,8 @@ impl<'a> Cholesky<'a> {
                 break;
             }
             let correction = self.substitute(&r, &super::Silent);
-            let refined = NodeFields {
-                data: x
-                    .data
-                    .iter()
-                    .zip(&correction.data)
-                    .map(|(x, d)| x + d)
-                    .collect(),
-                ..x
-            };
+            let refined =
+                NodeFields { data: x.data.iter().zip(&correction.data).map(|(x, d)| x + d).collect(), ..x };
             let (new_relative, new_r) = residuals(self.a, &refined, b);
             if worst(&new_relative).1 >= 0.5 * worst(&relative).1 {
                 break;
@@ -194,8 +163,7 @@ impl<'a> Cholesky<'a> {
             (x, relative, r) = (refined, new_relative, new_r);
         }
         let (column, residual) = worst(&relative);
-        // Written so that a NaN is refused too.
-        if !(residual <= REFUSE_ABOVE) {
+        if residual > REFUSE_ABOVE || residual.is_nan() {
             return Err(SolveError::Residual {
                 column,
                 residual,
@@ -229,47 +197,27 @@ impl<'a> Cholesky<'a> {
                 let first = block * width;
                 let count = width.min(b.columns - first);
                 let mut x = Mat::from_fn(rows, count, |row, column| b.row(row)[first + column]);
-                let scratch = self
-                    .symbolic
-                    .factor
-                    .solve_in_place_scratch::<f64>(count, Par::Seq);
+                let scratch = self.symbolic.factor.solve_in_place_scratch::<f64>(count, Par::Seq);
                 let mut memory = MemBuffer::new(scratch);
-                factor.solve_in_place_with_conj(
-                    Conj::No,
-                    x.as_mut(),
-                    Par::Seq,
-                    MemStack::new(&mut memory),
-                );
+                factor.solve_in_place_with_conj(Conj::No, x.as_mut(), Par::Seq, MemStack::new(&mut memory));
                 progress.advance(count as u64);
                 x
             })
             .collect();
         let mut x = NodeFields::zeros(b.nodes, b.columns);
-        x.data
-            .par_chunks_mut(b.columns.max(1))
-            .enumerate()
-            .with_min_len(256)
-            .for_each(|(row, out)| {
-                for (column, value) in out.iter_mut().enumerate() {
-                    *value = blocks[column / width][(row, column % width)];
-                }
-            });
+        x.data.par_chunks_mut(b.columns.max(1)).enumerate().with_min_len(256).for_each(|(row, out)| {
+            for (column, value) in out.iter_mut().enumerate() {
+                *value = blocks[column / width][(row, column % width)];
+            }
+        });
         x
     }
 }
 
 fn worst(relative: &[f64]) -> (usize, f64) {
-    relative
-        .iter()
-        .copied()
-        .enumerate()
-        .fold((0, 0.0), |worst, (column, residual)| {
-            if residual > worst.1 || residual.is_nan() {
-                (column, residual)
-            } else {
-                worst
-            }
-        })
+    relative.iter().copied().enumerate().fold((0, 0.0), |worst, (column, residual)| {
+        if residual > worst.1 || residual.is_nan() { (column, residual) } else { worst }
+    })
 }
 
 /// Column starts and row indices of the lower triangle of A as a scalar matrix.

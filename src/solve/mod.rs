@@ -60,28 +60,14 @@ pub enum SolveError {
          matrix is too ill-conditioned: look for slivers and for large contrasts of stiffness, or raise \
          solver.tolerance (PCG)"
     )]
-    Residual {
-        column: usize,
-        residual: f64,
-        limit: f64,
-        iterations: usize,
-    },
+    Residual { column: usize, residual: f64, limit: f64, iterations: usize },
 }
 
 /// ‖b - A x‖₂ / ‖b‖₂ of every column, and b - A x itself.
 pub fn residuals(a: &StiffnessMatrix, x: &NodeFields, b: &NodeFields) -> (Vec<f64>, NodeFields) {
     let mut r = NodeFields::zeros(b.nodes, b.columns);
     a.multiply(x, &mut r);
-    r.data
-        .par_iter_mut()
-        .zip(&b.data)
-        .with_min_len(4096)
-        .for_each(|(r, b)| *r = b - *r);
-    let relative = r
-        .norms()
-        .iter()
-        .zip(b.norms())
-        .map(|(r, b)| if b == 0.0 { 0.0 } else { r / b })
-        .collect();
+    r.data.par_iter_mut().zip(&b.data).with_min_len(4096).for_each(|(r, b)| *r = b - *r);
+    let relative = r.norms().iter().zip(b.norms()).map(|(r, b)| if b == 0.0 { 0.0 } else { r / b }).collect();
     (relative, r)
 }

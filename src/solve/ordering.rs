@@ -50,10 +50,8 @@ pub fn nested_dissection(matrix: &StiffnessMatrix) -> Result<Ordering, SolveErro
     } else {
         permutation.iter_mut().zip(0..).for_each(|(p, i)| *p = i);
     }
-    let forward: Vec<usize> = permutation
-        .iter()
-        .flat_map(|&node| (0..3).map(move |axis| 3 * node as usize + axis))
-        .collect();
+    let forward: Vec<usize> =
+        permutation.iter().flat_map(|&node| (0..3).map(move |axis| 3 * node as usize + axis)).collect();
     let mut inverse = vec![0; forward.len()];
     for (new, &old) in forward.iter().enumerate() {
         inverse[old] = new;
@@ -72,13 +70,7 @@ mod tests {
         let mut sorted = ordering.forward.clone();
         sorted.sort_unstable();
         assert_eq!(sorted, (0..150).collect::<Vec<_>>());
-        assert!(
-            ordering
-                .forward
-                .iter()
-                .enumerate()
-                .all(|(new, &old)| ordering.inverse[old] == new)
-        );
+        assert!(ordering.forward.iter().enumerate().all(|(new, &old)| ordering.inverse[old] == new));
         assert_eq!(ordering, nested_dissection(&matrix).unwrap());
     }
 

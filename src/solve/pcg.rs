@@ -50,8 +50,7 @@ impl Pcg {
                 &b.norms(),
                 self.max_iterations - iterations,
                 &mut |worst| {
-                    let way =
-                        (1000.0 * (worst.max(self.tolerance).ln() / self.tolerance.ln())) as u64;
+                    let way = (1000.0 * (worst.max(self.tolerance).ln() / self.tolerance.ln())) as u64;
                     progress.advance(way.saturating_sub(done));
                     done = done.max(way);
                 },
@@ -60,13 +59,8 @@ impl Pcg {
         }
         progress.end();
         for (column, &residual) in relative.iter().enumerate() {
-            if !(residual <= self.tolerance) {
-                return Err(SolveError::Residual {
-                    column,
-                    residual,
-                    limit: self.tolerance,
-                    iterations,
-                });
+            if residual > self.tolerance || residual.is_nan() {
+                return Err(SolveError::Residual { column, residual, limit: self.tolerance, iterations });
             }
         }
         let stats = SolveStats {
@@ -84,10 +78,7 @@ impl Pcg {
 
     /// Iterates until the recurrence's residual of every column is below half the tolerance; returns the number of
     /// iterations. A column that has arrived is left as it is.
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "the state of one iteration, used nowhere else"
-    )]
+    #[allow(clippy::too_many_arguments, reason = "the state of one iteration, used nowhere else")]
     fn iterate(
         &self,
         a: &StiffnessMatrix,
@@ -105,12 +96,8 @@ impl Pcg {
         let mut ap = NodeFields::zeros(r.nodes, m);
         let mut rz = r.dots(&z);
         for iteration in 0..limit {
-            let relative: Vec<f64> = r
-                .norms()
-                .iter()
-                .zip(b_norms)
-                .map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b })
-                .collect();
+            let relative: Vec<f64> =
+                r.norms().iter().zip(b_norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
             let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * self.tolerance).collect();
             told(relative.iter().copied().fold(0.0, f64::max));
             if !active.contains(&true) {
@@ -118,32 +105,19 @@ impl Pcg {
             }
             a.multiply(&p, &mut ap);
             let pap = p.dots(&ap);
-            let alpha: Vec<f64> = (0..m)
-                .map(|c| {
-                    if active[c] && pap[c] > 0.0 {
-                        rz[c] / pap[c]
-                    } else {
-                        0.0
-                    }
-                })
-                .collect();
+            let alpha: Vec<f64> =
+                (0..m).map(|c| if active[c] && pap[c] > 0.0 { rz[c] / pap[c] } else { 0.0 }).collect();
             add_scaled(x, &alpha, &p);
             let minus: Vec<f64> = alpha.iter().map(|a| -a).collect();
             add_scaled(&mut r, &minus, &ap);
             precondition(inverse, &r, &mut z);
             let new_rz = r.dots(&z);
-            let beta: Vec<f64> = (0..m)
-                .map(|c| if rz[c] > 0.0 { new_rz[c] / rz[c] } else { 0.0 })
-                .collect();
-            p.data
-                .par_chunks_mut(m)
-                .zip(z.data.par_chunks(m))
-                .with_min_len(1024)
-                .for_each(|(p, z)| {
-                    for c in 0..m {
-                        p[c] = z[c] + beta[c] * p[c];
-                    }
-                });
+            let beta: Vec<f64> = (0..m).map(|c| if rz[c] > 0.0 { new_rz[c] / rz[c] } else { 0.0 }).collect();
+            p.data.par_chunks_mut(m).zip(z.data.par_chunks(m)).with_min_len(1024).for_each(|(p, z)| {
+                for c in 0..m {
+                    p[c] = z[c] + beta[c] * p[c];
+                }
+            });
             rz = new_rz;
         }
         limit
@@ -156,10 +130,7 @@ fn inverse_diagonal(a: &StiffnessMatrix) -> Result<Vec<Matrix3<f64>>, SolveError
         .enumerate()
         .map(|(node, block)| match block.cholesky() {
             Some(factor) => Ok(factor.inverse()),
-            None => Err(SolveError::NotPositiveDefinite {
-                unknowns: 3 * a.nodes(),
-                pivot: 3 * node,
-            }),
+            None => Err(SolveError::NotPositiveDefinite { unknowns: 3 * a.nodes(), pivot: 3 * node }),
         })
         .collect()
 }
@@ -167,31 +138,24 @@ fn inverse_diagonal(a: &StiffnessMatrix) -> Result<Vec<Matrix3<f64>>, SolveError
 /// z = D⁻¹ r with D the diagonal blocks.
 fn precondition(inverse: &[Matrix3<f64>], r: &NodeFields, z: &mut NodeFields) {
     let m = r.columns;
-    z.data
-        .par_chunks_mut(3 * m)
-        .zip(r.data.par_chunks(3 * m))
-        .zip(inverse)
-        .with_min_len(512)
-        .for_each(|((z, r), inverse)| {
+    z.data.par_chunks_mut(3 * m).zip(r.data.par_chunks(3 * m)).zip(inverse).with_min_len(512).for_each(
+        |((z, r), inverse)| {
             for row in 0..3 {
                 let (i0, i1, i2) = (inverse[(row, 0)], inverse[(row, 1)], inverse[(row, 2)]);
                 for c in 0..m {
                     z[row * m + c] = i0 * r[c] + i1 * r[m + c] + i2 * r[2 * m + c];
                 }
             }
-        });
+        },
+    );
 }
 
 /// x += s_c p for every column c.
 fn add_scaled(x: &mut NodeFields, scale: &[f64], p: &NodeFields) {
     let m = x.columns;
-    x.data
-        .par_chunks_mut(m)
-        .zip(p.data.par_chunks(m))
-        .with_min_len(1024)
-        .for_each(|(x, p)| {
-            for c in 0..m {
-                x[c] += scale[c] * p[c];
-            }
-        });
+    x.data.par_chunks_mut(m).zip(p.data.par_chunks(m)).with_min_len(1024).for_each(|(x, p)| {
+        for c in 0..m {
+            x[c] += scale[c] * p[c];
+        }
+    });
 }

@@ -11,20 +11,12 @@ pub enum StageError {
     #[error(transparent)]
     File(#[from] ConfigError),
     #[error("{}:{line}: {fault}", path.display())]
-    Invalid {
-        path: PathBuf,
-        line: usize,
-        fault: Fault,
-    },
+    Invalid { path: PathBuf, line: usize, fault: Fault },
     #[error(
         "no stage is named `{name}`{}; there are {known}, or give the path of a .toml file",
         did_you_mean(nearest)
     )]
-    Unknown {
-        name: String,
-        nearest: Option<&'static str>,
-        known: String,
-    },
+    Unknown { name: String, nearest: Option<&'static str>, known: String },
 }
 
 /// What is wrong with a stage, and what to do about it.
@@ -43,12 +35,7 @@ pub enum Fault {
     )]
     Duplicate { screen: String, first_line: usize },
     #[error("{what} is {value}: it must be a number of metres between {min} and {max}")]
-    Length {
-        what: String,
-        value: f64,
-        min: f64,
-        max: f64,
-    },
+    Length { what: String, value: f64, min: f64, max: f64 },
     #[error("the viewer has both `target` and `direction`: keep one")]
     TwoDirections,
     #[error(
@@ -60,33 +47,19 @@ pub enum Fault {
         if *ipd_m == 0.0 { "; 0 shows no depth and is allowed only with stereo = \"mono\"" } else { "" }
     )]
     Ipd { ipd_m: f64 },
-    #[error(
-        "screen `{screen}` has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}"
-    )]
-    Pixels {
-        screen: String,
-        width: u32,
-        height: u32,
-    },
+    #[error("screen `{screen}` has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}")]
+    Pixels { screen: String, width: u32, height: u32 },
     #[error(
         "screen `{screen}` is {width_m:.4} × {height_m:.4} m: each side must be between {MIN_SIDE_M} and {MAX_SIDE_M} m; \
          lower_left, lower_right and upper_left must be three different corners, in metres"
     )]
-    Size {
-        screen: String,
-        width_m: f64,
-        height_m: f64,
-    },
+    Size { screen: String, width_m: f64, height_m: f64 },
     #[error(
         "screen `{screen}` is no rectangle: its edges meet at {degrees:.2}° instead of 90°; upper_left {} would be \
          right",
         place(upper_left)
     )]
-    Skewed {
-        screen: String,
-        degrees: f64,
-        upper_left: Point3<f64>,
-    },
+    Skewed { screen: String, degrees: f64, upper_left: Point3<f64> },
     #[error(
         "screen `{screen}` is mirrored: the viewer, at {}, stands {distance_m:.3} m behind it. Swap {swap}: \
          lower_left = {}, lower_right = {}, upper_left = {}",

@@ -63,10 +63,8 @@ struct ScreenFile {
 }
 
 pub fn load(path: &Path) -> Result<Stage, StageError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
     parse(&text, path)
 }
 
@@ -78,14 +76,12 @@ pub fn parse(text: &str, path: &Path) -> Result<Stage, StageError> {
         fault,
     };
     check_name("stage", &file.name).map_err(|fault| invalid(0, fault))?;
-    let workspace = workspace(file.workspace.get_ref())
-        .map_err(|fault| invalid(file.workspace.span().start, fault))?;
+    let workspace =
+        workspace(file.workspace.get_ref()).map_err(|fault| invalid(file.workspace.span().start, fault))?;
     let viewer = viewer(file.viewer.get_ref(), &workspace, file.stereo)
         .map_err(|fault| invalid(file.viewer.span().start, fault))?;
     let grid = match &file.grid {
-        Some(found) => {
-            Some(grid(found.get_ref()).map_err(|fault| invalid(found.span().start, fault))?)
-        }
+        Some(found) => Some(grid(found.get_ref()).map_err(|fault| invalid(found.span().start, fault))?),
         None => None,
     };
     if file.screens.is_empty() {
@@ -99,44 +95,20 @@ pub fn parse(text: &str, path: &Path) -> Result<Stage, StageError> {
         let line = config::line_and_column(text, start).0;
         let screen = screen(found.into_inner(), &eye).map_err(|fault| invalid(start, fault))?;
         if let Some(first_line) = lines.insert(screen.name.clone(), line) {
-            return Err(invalid(
-                start,
-                Fault::Duplicate {
-                    screen: screen.name,
-                    first_line,
-                },
-            ));
+            return Err(invalid(start, Fault::Duplicate { screen: screen.name, first_line }));
         }
         screens.push(screen);
     }
-    let StageFile {
-        name,
-        description,
-        stereo,
-        ..
-    } = file;
-    Ok(Stage {
-        name,
-        description,
-        stereo,
-        viewer,
-        workspace,
-        grid,
-        screens,
-    })
+    let StageFile { name, description, stereo, .. } = file;
+    Ok(Stage { name, description, stereo, viewer, workspace, grid, screens })
 }
 
 fn check_name(what: &'static str, name: &str) -> Result<(), Fault> {
-    let is_plain = name
-        .chars()
-        .all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+    let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
     if is_plain && (1..=64).contains(&name.len()) {
         Ok(())
     } else {
-        Err(Fault::Name {
-            what,
-            name: name.chars().take(64).collect(),
-        })
+        Err(Fault::Name { what, name: name.chars().take(64).collect() })
     }
 }
 
@@ -144,23 +116,13 @@ fn length(what: &str, value: f64, min: f64, max: f64) -> Result<f64, Fault> {
     if (min..=max).contains(&value) {
         Ok(value)
     } else {
-        Err(Fault::Length {
-            what: what.to_owned(),
-            value,
-            min,
-            max,
-        })
+        Err(Fault::Length { what: what.to_owned(), value, min, max })
     }
 }
 
 fn point(what: &str, coordinates: [f64; 3]) -> Result<Point3<f64>, Fault> {
     for (axis, value) in ["x", "y", "z"].into_iter().zip(coordinates) {
-        length(
-            &format!("{axis} of {what}"),
-            value,
-            -ROOM_LIMIT_M,
-            ROOM_LIMIT_M,
-        )?;
+        length(&format!("{axis} of {what}"), value, -ROOM_LIMIT_M, ROOM_LIMIT_M)?;
     }
     Ok(coordinates.into())
 }
@@ -174,12 +136,7 @@ fn workspace(file: &WorkspaceFile) -> Result<Workspace, Fault> {
 
 fn grid(file: &GridFile) -> Result<Grid, Fault> {
     Ok(Grid {
-        height_m: length(
-            "the grid's height",
-            file.height,
-            -ROOM_LIMIT_M,
-            ROOM_LIMIT_M,
-        )?,
+        height_m: length("the grid's height", file.height, -ROOM_LIMIT_M, ROOM_LIMIT_M)?,
         half_size_m: length("the grid's half_size", file.half_size, 0.001, ROOM_LIMIT_M)?,
     })
 }
@@ -197,23 +154,13 @@ fn viewer(file: &ViewerFile, workspace: &Workspace, stereo: Stereo) -> Result<Vi
         return Err(Fault::Ipd { ipd_m: file.ipd });
     }
     let room_from_head = Isometry3::from_parts(Translation3::from(position.coords), rotation);
-    Ok(Viewer {
-        room_from_head,
-        ipd_m: file.ipd,
-    })
+    Ok(Viewer { room_from_head, ipd_m: file.ipd })
 }
 
 fn screen(file: ScreenFile, viewer: &Point3<f64>) -> Result<Screen, Fault> {
-    let ScreenFile {
-        name,
-        lower_left,
-        lower_right,
-        upper_left,
-        pixels,
-    } = file;
+    let ScreenFile { name, lower_left, lower_right, upper_left, pixels } = file;
     check_name("screen", &name)?;
-    let corner =
-        |corner: &str, coordinates| point(&format!("{corner} of screen `{name}`"), coordinates);
+    let corner = |corner: &str, coordinates| point(&format!("{corner} of screen `{name}`"), coordinates);
     let screen = Screen {
         lower_left: corner("lower_left", lower_left)?,
         lower_right: corner("lower_right", lower_right)?,
@@ -224,19 +171,12 @@ fn screen(file: ScreenFile, viewer: &Point3<f64>) -> Result<Screen, Fault> {
     let name = || screen.name.clone();
     let [width, height] = pixels;
     if !(1..=MAX_PIXELS).contains(&width) || !(1..=MAX_PIXELS).contains(&height) {
-        return Err(Fault::Pixels {
-            screen: name(),
-            width,
-            height,
-        });
+        return Err(Fault::Pixels { screen: name(), width, height });
     }
     check_shape(&screen)?;
     let distance_m = screen.distance_m(viewer);
     if distance_m.abs() < MIN_EYE_DISTANCE_M {
-        return Err(Fault::EdgeOn {
-            screen: name(),
-            distance_m,
-        });
+        return Err(Fault::EdgeOn { screen: name(), distance_m });
     }
     if distance_m < 0.0 {
         let (swap, corners) = unmirrored(&screen);
@@ -259,11 +199,7 @@ fn check_shape(screen: &Screen) -> Result<(), Fault> {
     let upward = screen.upper_left - screen.lower_left;
     let area = across.cross(&upward).norm();
     if !side.contains(&width_m) || !side.contains(&height_m) || area < 1e-6 * width_m * height_m {
-        return Err(Fault::Size {
-            screen: screen.name.clone(),
-            width_m,
-            height_m,
-        });
+        return Err(Fault::Size { screen: screen.name.clone(), width_m, height_m });
     }
     let cosine = across.dot(&upward) / (width_m * height_m);
     if cosine.abs() > MAX_SKEW {
@@ -281,10 +217,7 @@ fn check_shape(screen: &Screen) -> Result<(), Fault> {
 /// horizontal axis, any other about its vertical one.
 fn unmirrored(screen: &Screen) -> (&'static str, [Point3<f64>; 3]) {
     if screen.upper_left.y < screen.lower_left.y - 1e-9 {
-        (
-            "lower_left with upper_left",
-            [screen.upper_left, screen.upper_right(), screen.lower_left],
-        )
+        ("lower_left with upper_left", [screen.upper_left, screen.upper_right(), screen.lower_left])
     } else {
         (
             "the left corners with the right ones",
@@ -310,12 +243,7 @@ mod tests {
     }
 
     fn line_of(needle: &str) -> usize {
-        BUILT_IN[0]
-            .1
-            .lines()
-            .position(|line| line.contains(needle))
-            .unwrap()
-            + 1
+        BUILT_IN[0].1.lines().position(|line| line.contains(needle)).unwrap() + 1
     }
 
     const WALL_LEFT: &str = "lower_left = [-0.80, 0.90, 0.00]";
@@ -323,83 +251,43 @@ mod tests {
 
     #[test]
     fn a_mirrored_screen_is_named_with_the_corners_to_swap() {
-        let text = BUILT_IN[0].1.replace(
-            "[-0.80, 0.90, 0.00]      # the",
-            "[0.80, 0.90, 0.00]  # the",
-        );
-        let text = text.replace(
-            "lower_right = [0.80, 0.90, 0.00]",
-            "lower_right = [-0.80, 0.90, 0.00]",
-        );
+        let text = BUILT_IN[0].1.replace("[-0.80, 0.90, 0.00]      # the", "[0.80, 0.90, 0.00]  # the");
+        let text = text.replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [-0.80, 0.90, 0.00]");
         let text = text.replace(WALL_UP, "upper_left = [0.80, 2.18, 0.00]");
         // The table's upper edge is the wall's lower: put it back.
-        let text = text.replace(
-            "upper_left = [0.80, 0.90, 0.00]",
-            "upper_left = [-0.80, 0.90, 0.00]",
-        );
-        let error = parse(&text, Path::new("bench.toml"))
-            .unwrap_err()
-            .to_string();
+        let text = text.replace("upper_left = [0.80, 0.90, 0.00]", "upper_left = [-0.80, 0.90, 0.00]");
+        let error = parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
         let line = line_of("name = \"wall\"") - 1;
-        assert!(
-            error.starts_with(&format!("bench.toml:{line}: screen `wall` is mirrored")),
-            "{error}"
-        );
-        assert!(
-            error.contains("Swap the left corners with the right ones"),
-            "{error}"
-        );
-        assert!(
-            error.contains("lower_left = [-0.8000, 0.9000, 0.0000], lower_right = [0.8000,"),
-            "{error}"
-        );
+        assert!(error.starts_with(&format!("bench.toml:{line}: screen `wall` is mirrored")), "{error}");
+        assert!(error.contains("Swap the left corners with the right ones"), "{error}");
+        assert!(error.contains("lower_left = [-0.8000, 0.9000, 0.0000], lower_right = [0.8000,"), "{error}");
     }
 
     #[test]
     fn an_upside_down_mirrored_screen_is_told_from_one_that_is_left_to_right() {
-        let text = BUILT_IN[0]
-            .1
-            .replace(WALL_UP, "upper_left = [-0.80, 0.90, 0.00]");
+        let text = BUILT_IN[0].1.replace(WALL_UP, "upper_left = [-0.80, 0.90, 0.00]");
         let text = text.replace(WALL_LEFT, "lower_left = [-0.80, 2.18, 0.00]");
-        let text = text.replace(
-            "lower_right = [0.80, 0.90, 0.00]",
-            "lower_right = [0.80, 2.18, 0.00]",
-        );
-        let error = parse(&text, Path::new("bench.toml"))
-            .unwrap_err()
-            .to_string();
+        let text = text.replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.80, 2.18, 0.00]");
+        let error = parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
         assert!(
-            error.contains("`wall` is mirrored")
-                && error.contains("Swap lower_left with upper_left"),
+            error.contains("`wall` is mirrored") && error.contains("Swap lower_left with upper_left"),
             "{error}"
         );
-        assert!(
-            error.contains("upper_left = [-0.8000, 2.1800, 0.0000]"),
-            "{error}"
-        );
+        assert!(error.contains("upper_left = [-0.8000, 2.1800, 0.0000]"), "{error}");
     }
 
     #[test]
     fn skewed_and_degenerate_screens_are_named_with_the_remedy() {
         let error = refusal(WALL_UP, "upper_left = [-0.75, 2.18, 0.00]");
-        assert!(
-            error.contains("screen `wall` is no rectangle") && error.contains("87.76°"),
-            "{error}"
-        );
-        assert!(
-            error.contains("upper_left [-0.8000, 2.1810, 0.0000]"),
-            "{error}"
-        );
+        assert!(error.contains("screen `wall` is no rectangle") && error.contains("87.76°"), "{error}");
+        assert!(error.contains("upper_left [-0.8000, 2.1810, 0.0000]"), "{error}");
         assert!(
             workbench_with(WALL_UP, "upper_left = [-0.7995, 2.18, 0.00]").is_ok(),
             "half a millimetre is no skew"
         );
-        for corner in [
-            "[-0.80, 0.90, 0.00]",
-            "[0.80, 0.90, 0.00]",
-            "[2.0, 0.90, 0.00]",
-            "[-800.0, 900.0, 0.0]",
-        ] {
+        for corner in
+            ["[-0.80, 0.90, 0.00]", "[0.80, 0.90, 0.00]", "[2.0, 0.90, 0.00]", "[-800.0, 900.0, 0.0]"]
+        {
             let error = refusal(WALL_UP, &format!("upper_left = {corner}"));
             assert!(
                 error.contains("screen `wall` is ") && error.contains("three different corners"),
@@ -422,8 +310,7 @@ mod tests {
                 .contains("y of upper_left of screen `wall` is inf")
         );
         assert!(
-            refusal("[0.0, 1.70, 1.50]", "[0.0, nan, 1.5]")
-                .contains("y of the viewer's position is NaN")
+            refusal("[0.0, 1.70, 1.50]", "[0.0, nan, 1.5]").contains("y of the viewer's position is NaN")
         );
         assert!(refusal("half_size = 0.80", "half_size = 0").contains("half_size is 0"));
     }
@@ -431,25 +318,18 @@ mod tests {
     #[test]
     fn a_mono_stage_needs_no_distance_between_the_eyes() {
         let desktop = BUILT_IN[3].1.replace("ipd = 0.064", "ipd = 0");
-        assert_eq!(
-            parse(&desktop, Path::new("d.toml")).unwrap().viewer.ipd_m,
-            0.0
-        );
+        assert_eq!(parse(&desktop, Path::new("d.toml")).unwrap().viewer.ipd_m, 0.0);
     }
 
     #[test]
     fn names_counts_and_directions_are_checked() {
         let error = refusal("name = \"wall\"", "name = \"table\"");
         let first = line_of("name = \"table\"") - 1;
-        assert!(
-            error.contains(&format!("named `table` (the first stands in line {first})")),
-            "{error}"
-        );
+        assert!(error.contains(&format!("named `table` (the first stands in line {first})")), "{error}");
         assert!(refusal("name = \"wall\"", "name = \"../wall\"").contains("cannot name a screen"));
         assert!(refusal("name = \"workbench\"", "name = \"\"").contains("cannot name a stage"));
         assert!(
-            refusal("target = [0.0, 1.20, 0.50]", "target = [0.0, 1.70, 1.50]")
-                .contains("looks nowhere")
+            refusal("target = [0.0, 1.20, 0.50]", "target = [0.0, 1.70, 1.50]").contains("looks nowhere")
         );
         assert!(refusal("ipd = 0.064", "direction = [0, 0, -1]").contains("keep one"));
         assert!(
@@ -457,12 +337,7 @@ mod tests {
                 .contains("plane of screen `table` (5.0 mm away)")
         );
         let head = BUILT_IN[0].1.split("[[screen]]").next().unwrap();
-        assert!(
-            parse(head, Path::new("a.toml"))
-                .unwrap_err()
-                .to_string()
-                .contains("no screen")
-        );
+        assert!(parse(head, Path::new("a.toml")).unwrap_err().to_string().contains("no screen"));
     }
 
     #[test]
@@ -477,10 +352,6 @@ mod tests {
     fn without_a_direction_the_viewer_looks_at_the_workspace() {
         let stage = workbench_with("target = [0.0, 1.20, 0.50]", "").unwrap();
         let gaze = stage.viewer.room_from_head.rotation * -Vector3::z();
-        assert!(
-            gaze.cross(&(Vector3::new(0.0, 1.15, 0.55) - Vector3::new(0.0, 1.70, 1.50)))
-                .norm()
-                < 1e-12
-        );
+        assert!(gaze.cross(&(Vector3::new(0.0, 1.15, 0.55) - Vector3::new(0.0, 1.70, 1.50))).norm() < 1e-12);
     }
 }

@@ -74,18 +74,9 @@ pub struct Grid {
 
 /// The stage files that the program carries within itself, by name.
 pub const BUILT_IN: [(&str, &str); 4] = [
-    (
-        "workbench",
-        include_str!("../../configs/stages/workbench.toml"),
-    ),
-    (
-        "workbench-one-sided",
-        include_str!("../../configs/stages/workbench-one-sided.toml"),
-    ),
-    (
-        "cyberstage",
-        include_str!("../../configs/stages/cyberstage.toml"),
-    ),
+    ("workbench", include_str!("../../configs/stages/workbench.toml")),
+    ("workbench-one-sided", include_str!("../../configs/stages/workbench-one-sided.toml")),
+    ("cyberstage", include_str!("../../configs/stages/cyberstage.toml")),
     ("desktop", include_str!("../../configs/stages/desktop.toml")),
 ];
 
@@ -96,9 +87,7 @@ impl Stage {
             return Self::load(Path::new(name_or_path));
         }
         match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-            Some((name, text)) => {
-                Self::parse(text, Path::new(&format!("configs/stages/{name}.toml")))
-            }
+            Some((name, text)) => Self::parse(text, Path::new(&format!("configs/stages/{name}.toml"))),
             None => Err(fault::unknown(name_or_path)),
         }
     }
@@ -157,13 +146,10 @@ impl Workspace {
         let scale = Self::FILL * self.radius_m / half_extent;
         let middle = nalgebra::center(&min, &max);
         let shift = self.centre.coords - middle.coords * scale;
-        let is_usable = half_extent > 0.0
-            && scale > 0.0
-            && scale.is_finite()
-            && shift.iter().all(|x| x.is_finite());
-        is_usable.then(|| {
-            Similarity3::from_parts(Translation3::from(shift), UnitQuaternion::identity(), scale)
-        })
+        let is_usable =
+            half_extent > 0.0 && scale > 0.0 && scale.is_finite() && shift.iter().all(|x| x.is_finite());
+        is_usable
+            .then(|| Similarity3::from_parts(Translation3::from(shift), UnitQuaternion::identity(), scale))
     }
 }
 
@@ -171,17 +157,11 @@ impl Workspace {
 /// turned by `roll` radians about that -z axis, right-handed. Looking straight up or down, x stays the room's.
 /// `None` if the direction has no length or is not finite.
 pub fn rotation_towards(direction: &Vector3<f64>, roll: f64) -> Option<UnitQuaternion<f64>> {
-    let forward = direction
-        .try_normalize(1e-12)
-        .filter(|unit| unit.iter().all(|x| x.is_finite()))?;
-    let right = forward
-        .cross(&Vector3::y())
-        .try_normalize(1e-9)
-        .unwrap_or_else(Vector3::x);
+    let forward = direction.try_normalize(1e-12).filter(|unit| unit.iter().all(|x| x.is_finite()))?;
+    let right = forward.cross(&Vector3::y()).try_normalize(1e-9).unwrap_or_else(Vector3::x);
     let axes = [right, right.cross(&forward), -forward];
     let level = UnitQuaternion::from_rotation_matrix(&Rotation3::from_basis_unchecked(&axes));
-    roll.is_finite()
-        .then(|| level * UnitQuaternion::from_axis_angle(&-Vector3::z_axis(), roll))
+    roll.is_finite().then(|| level * UnitQuaternion::from_axis_angle(&-Vector3::z_axis(), roll))
 }
 
 #[cfg(test)]
@@ -190,13 +170,9 @@ mod tests {
 
     #[test]
     fn rotation_towards_any_direction_is_level() {
-        for direction in [
-            [0.0, -0.5, -1.0],
-            [1.0, 0.0, 0.0],
-            [0.3, 0.9, 0.2],
-            [0.0, 1.0, 0.0],
-            [0.0, -2.0, 0.0],
-        ] {
+        for direction in
+            [[0.0, -0.5, -1.0], [1.0, 0.0, 0.0], [0.3, 0.9, 0.2], [0.0, 1.0, 0.0], [0.0, -2.0, 0.0]]
+        {
             let direction = Vector3::from(direction);
             let rotation = rotation_towards(&direction, 0.0).unwrap();
             assert!((rotation * -Vector3::z() - direction.normalize()).norm() < 1e-12);
@@ -204,10 +180,7 @@ mod tests {
             assert!((rotation * Vector3::y()).y > -1e-12);
         }
         assert_eq!(rotation_towards(&Vector3::zeros(), 0.0), None);
-        assert_eq!(
-            rotation_towards(&Vector3::new(f64::NAN, 0.0, 1.0), 0.0),
-            None
-        );
+        assert_eq!(rotation_towards(&Vector3::new(f64::NAN, 0.0, 1.0), 0.0), None);
         assert_eq!(rotation_towards(&Vector3::x(), f64::INFINITY), None);
     }
 
@@ -224,50 +197,26 @@ mod tests {
         let head = stage.viewer.room_from_head;
         let [left, right] = [Eye::Left, Eye::Right].map(|eye| stage.viewer.eye_in_room(&head, eye));
         assert!((right - left - Vector3::new(0.064, 0.0, 0.0)).norm() < 1e-12);
-        assert!(
-            (stage.viewer.eye_in_room(&head, Eye::Centre) - Point3::new(0.0, 1.7, 0.4)).norm()
-                < 1e-12
-        );
+        assert!((stage.viewer.eye_in_room(&head, Eye::Centre) - Point3::new(0.0, 1.7, 0.4)).norm() < 1e-12);
     }
 
     #[test]
     fn a_body_fills_the_workspace() {
-        let workspace = Workspace {
-            centre: Point3::new(0.0, 1.15, 0.55),
-            radius_m: 0.35,
-        };
-        let room_from_body = workspace
-            .room_from_body(Point3::new(10.0, -0.1, -0.1), Point3::new(12.0, 0.1, 0.1))
-            .unwrap();
+        let workspace = Workspace { centre: Point3::new(0.0, 1.15, 0.55), radius_m: 0.35 };
+        let room_from_body =
+            workspace.room_from_body(Point3::new(10.0, -0.1, -0.1), Point3::new(12.0, 0.1, 0.1)).unwrap();
         let end = room_from_body * Point3::new(12.0, 0.0, 0.0);
-        assert!(
-            (end - Point3::new(0.3325, 1.15, 0.55)).norm() < 1e-12,
-            "{end}"
-        );
+        assert!((end - Point3::new(0.3325, 1.15, 0.55)).norm() < 1e-12, "{end}");
         let point = Point3::new(1.0, 2.0, 3.0);
         assert_eq!(workspace.room_from_body(point, point), None);
-        assert_eq!(
-            workspace.room_from_body(point, Point3::new(f64::NAN, 3.0, 4.0)),
-            None
-        );
-        assert_eq!(
-            workspace.room_from_body(point, Point3::new(f64::INFINITY, 3.0, 4.0)),
-            None
-        );
+        assert_eq!(workspace.room_from_body(point, Point3::new(f64::NAN, 3.0, 4.0)), None);
+        assert_eq!(workspace.room_from_body(point, Point3::new(f64::INFINITY, 3.0, 4.0)), None);
     }
 
     #[test]
     fn an_unknown_name_is_answered_with_the_nearest() {
         let text = Stage::find("workbensh").unwrap_err().to_string();
-        assert!(
-            text.contains("did you mean `workbench`?") && text.contains("cyberstage"),
-            "{text}"
-        );
-        assert!(
-            Stage::find("no/such.toml")
-                .unwrap_err()
-                .to_string()
-                .starts_with("no/such.toml: ")
-        );
+        assert!(text.contains("did you mean `workbench`?") && text.contains("cyberstage"), "{text}");
+        assert!(Stage::find("no/such.toml").unwrap_err().to_string().starts_with("no/such.toml: "));
     }
 }

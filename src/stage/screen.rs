@@ -78,18 +78,13 @@ impl Screen {
     /// that is exact.
     pub fn axes(&self) -> [Vector3<f64>; 3] {
         let right = (self.lower_right - self.lower_left).normalize();
-        let normal = right
-            .cross(&(self.upper_left - self.lower_left))
-            .normalize();
+        let normal = right.cross(&(self.upper_left - self.lower_left)).normalize();
         [right, normal.cross(&right), normal]
     }
 
     /// Width and height of a pixel in metres.
     pub fn pixel_size_m(&self) -> [f64; 2] {
-        [
-            self.width_m() / f64::from(self.pixels[0]),
-            self.height_m() / f64::from(self.pixels[1]),
-        ]
+        [self.width_m() / f64::from(self.pixels[0]), self.height_m() / f64::from(self.pixels[1])]
     }
 
     /// Distance of a point to the screen's plane in metres; negative behind it.
@@ -106,12 +101,8 @@ impl Screen {
 
     /// Angles in radians that the screen's middle row and middle column span, seen from `eye`.
     pub fn field_of_view(&self, eye: &Point3<f64>) -> [f64; 2] {
-        let angle =
-            |from: [f64; 2], to: [f64; 2]| (self.point(from) - eye).angle(&(self.point(to) - eye));
-        [
-            angle([-1.0, 0.0], [1.0, 0.0]),
-            angle([0.0, -1.0], [0.0, 1.0]),
-        ]
+        let angle = |from: [f64; 2], to: [f64; 2]| (self.point(from) - eye).angle(&(self.point(to) - eye));
+        [angle([-1.0, 0.0], [1.0, 0.0]), angle([0.0, -1.0], [0.0, 1.0])]
     }
 
     /// The frustum of an eye at distance d before the screen:
@@ -125,23 +116,14 @@ impl Screen {
         let [right, up, normal] = self.axes();
         let in_room = |coordinate: &f64| coordinate.abs() <= ROOM_LIMIT_M;
         if !eye.iter().all(in_room) {
-            return Err(Unseen::Lost {
-                screen: screen(),
-                eye: eye.coords.into(),
-            });
+            return Err(Unseen::Lost { screen: screen(), eye: eye.coords.into() });
         }
         let distance_m = (eye - self.lower_left).dot(&normal);
         if distance_m <= 0.0 {
-            return Err(Unseen::Behind {
-                screen: screen(),
-                distance_m,
-            });
+            return Err(Unseen::Behind { screen: screen(), distance_m });
         }
         if distance_m < MIN_EYE_DISTANCE_M {
-            return Err(Unseen::TooNear {
-                screen: screen(),
-                distance_m,
-            });
+            return Err(Unseen::TooNear { screen: screen(), distance_m });
         }
         let near = near_limit_m.min(distance_m / 4.0).max(distance_m / 1000.0);
         let scale = near / distance_m;
@@ -189,13 +171,7 @@ impl Screen {
 impl Frustum {
     /// Perspective projection with reversed depth and an infinite far plane, for a clip space of depth 0..1.
     pub fn projection(&self) -> Matrix4<f64> {
-        let Frustum {
-            left: l,
-            right: r,
-            bottom: b,
-            top: t,
-            near: n,
-        } = *self;
+        let Frustum { left: l, right: r, bottom: b, top: t, near: n } = *self;
         Matrix4::new(
             2.0 * n / (r - l),
             0.0,
@@ -241,13 +217,8 @@ mod tests {
     fn cyberstage_front_wall_has_the_reference_frustum() {
         let eye = Point3::new(0.4, 1.7, 0.2);
         let frustum = front().frustum(&eye, 0.1).unwrap();
-        let expected = Frustum {
-            left: -0.1117647,
-            right: 0.0647059,
-            bottom: -0.1,
-            top: 0.0411765,
-            near: 0.1,
-        };
+        let expected =
+            Frustum { left: -0.1117647, right: 0.0647059, bottom: -0.1, top: 0.0411765, near: 0.1 };
         for (got, want) in [
             (frustum.left, expected.left),
             (frustum.right, expected.right),
@@ -257,10 +228,7 @@ mod tests {
         ] {
             assert!((got - want).abs() < 1e-7, "{got} is not {want}");
         }
-        let depth_at_wall = project(
-            &front().view(&eye, 0.1).unwrap(),
-            Point3::new(0.3, 0.7, -1.5),
-        )[2];
+        let depth_at_wall = project(&front().view(&eye, 0.1).unwrap(), Point3::new(0.3, 0.7, -1.5))[2];
         assert!((depth_at_wall - 0.058824).abs() < 1e-6, "{depth_at_wall}");
     }
 
@@ -283,20 +251,13 @@ mod tests {
             (screen.upper_right(), 1.0, 1.0),
         ] {
             let ndc = project(&view, corner);
-            assert!(
-                (ndc[0] - x).abs() < 1e-6 && (ndc[1] - y).abs() < 1e-6,
-                "{corner}: {ndc:?}"
-            );
+            assert!((ndc[0] - x).abs() < 1e-6 && (ndc[1] - y).abs() < 1e-6, "{corner}: {ndc:?}");
         }
     }
 
     #[test]
     fn the_near_plane_shrinks_as_the_eye_comes_close() {
-        let near = |z: f64| {
-            front()
-                .frustum(&Point3::new(0.0, 1.0, z), 0.1)
-                .map(|frustum| frustum.near)
-        };
+        let near = |z: f64| front().frustum(&Point3::new(0.0, 1.0, z), 0.1).map(|frustum| frustum.near);
         assert_eq!(near(0.5), Ok(0.1));
         assert!((near(-1.4).unwrap() - 0.025).abs() < 1e-12);
         assert!((near(-1.48).unwrap() - 0.005).abs() < 1e-12);
@@ -311,10 +272,7 @@ mod tests {
         assert!(matches!(unseen(f64::INFINITY), Unseen::Lost { .. }));
         assert!(matches!(unseen(1e300), Unseen::Lost { .. }));
         let text = unseen(-2.25).to_string();
-        assert_eq!(
-            text,
-            "screen `front` stays black: the eye is 0.750 m behind its plane"
-        );
+        assert_eq!(text, "screen `front` stays black: the eye is 0.750 m behind its plane");
     }
 
     #[test]
@@ -329,8 +287,7 @@ mod tests {
     #[test]
     fn a_point_behind_the_glass_has_uncrossed_parallax_and_one_before_it_crossed() {
         let screen = front();
-        let [left, right] =
-            [-0.032, 0.032].map(|x| screen.view(&Point3::new(x, 1.7, 0.4), 0.1).unwrap());
+        let [left, right] = [-0.032, 0.032].map(|x| screen.view(&Point3::new(x, 1.7, 0.4), 0.1).unwrap());
         let parallax = |z: f64| {
             let point = Point3::new(0.2, 1.1, z);
             project(&right, point)[0] - project(&left, point)[0]

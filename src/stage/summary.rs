@@ -26,17 +26,11 @@ impl Stage {
         let mut seams = Vec::new();
         for (i, a) in self.screens.iter().enumerate() {
             for (j, b) in self.screens.iter().enumerate().skip(i + 1) {
-                let pairs = edges(a)
-                    .into_iter()
-                    .flat_map(|edge| edges(b).map(|other| (edge, other)));
+                let pairs = edges(a).into_iter().flat_map(|edge| edges(b).map(|other| (edge, other)));
                 let gaps = pairs.map(|(edge, other)| (edge, gap_m(edge, other)));
                 seams.extend(
                     gaps.filter(|(edge, gap_m)| *gap_m <= LARGEST_GAP * (edge[1] - edge[0]).norm())
-                        .map(|(ends, gap_m)| Seam {
-                            screens: [i, j],
-                            ends,
-                            gap_m,
-                        }),
+                        .map(|(ends, gap_m)| Seam { screens: [i, j], ends, gap_m }),
                 );
             }
         }
@@ -45,12 +39,7 @@ impl Stage {
 }
 
 fn edges(screen: &Screen) -> [[Point3<f64>; 2]; 4] {
-    let (ll, lr, ul, ur) = (
-        screen.lower_left,
-        screen.lower_right,
-        screen.upper_left,
-        screen.upper_right(),
-    );
+    let (ll, lr, ul, ur) = (screen.lower_left, screen.lower_right, screen.upper_left, screen.upper_right());
     [[ll, lr], [lr, ur], [ul, ur], [ll, ul]]
 }
 
@@ -88,13 +77,7 @@ impl fmt::Display for Stage {
         writeln!(
             f,
             "{:<12} {:>15} {:>13} {:>15} {:>12} {:>11} {:>17}",
-            "screen",
-            "size (m)",
-            "pixels",
-            "pixel (mm)",
-            "width/height",
-            "viewer (m)",
-            "field of view (°)"
+            "screen", "size (m)", "pixels", "pixel (mm)", "width/height", "viewer (m)", "field of view (°)"
         )?;
         for screen in &self.screens {
             let [pixel_width_m, pixel_height_m] = screen.pixel_size_m();
@@ -105,11 +88,7 @@ impl fmt::Display for Stage {
                 screen.name,
                 format!("{:.3} × {:.3}", screen.width_m(), screen.height_m()),
                 format!("{} × {}", screen.pixels[0], screen.pixels[1]),
-                format!(
-                    "{:.3} × {:.3}",
-                    pixel_width_m * 1000.0,
-                    pixel_height_m * 1000.0
-                ),
+                format!("{:.3} × {:.3}", pixel_width_m * 1000.0, pixel_height_m * 1000.0),
                 pixel_width_m / pixel_height_m,
                 screen.distance_m(&eye),
                 format!("{across:.1} × {upward:.1}"),
@@ -118,11 +97,7 @@ impl fmt::Display for Stage {
         for seam in self.seams() {
             let [a, b] = seam.screens.map(|i| self.screens[i].name.as_str());
             let length_m = (seam.ends[1] - seam.ends[0]).norm();
-            writeln!(
-                f,
-                "seam {a} – {b}: {length_m:.3} m long, gap {:.2} mm",
-                seam.gap_m * 1000.0
-            )?;
+            writeln!(f, "seam {a} – {b}: {length_m:.3} m long, gap {:.2} mm", seam.gap_m * 1000.0)?;
         }
         Ok(())
     }
@@ -137,10 +112,7 @@ mod tests {
         let seams = |name: &str| Stage::find(name).unwrap().seams();
         assert_eq!(seams("workbench").len(), 1);
         assert_eq!(seams("cyberstage").len(), 5);
-        assert_eq!(
-            seams("workbench-one-sided").len() + seams("desktop").len(),
-            0
-        );
+        assert_eq!(seams("workbench-one-sided").len() + seams("desktop").len(), 0);
         assert!(seams("cyberstage").iter().all(|seam| seam.gap_m == 0.0));
     }
 
@@ -152,25 +124,15 @@ mod tests {
         wall.lower_right.y += 0.014;
         wall.upper_left.y += 0.014;
         assert!((stage.seams()[0].gap_m - 0.014).abs() < 1e-12);
-        assert!(
-            stage
-                .to_string()
-                .contains("seam table – wall: 1.600 m long, gap 14.00 mm"),
-            "{stage}"
-        );
+        assert!(stage.to_string().contains("seam table – wall: 1.600 m long, gap 14.00 mm"), "{stage}");
     }
 
     #[test]
     fn the_text_tells_sizes_pixels_distances_and_angles() {
         let text = Stage::find("cyberstage").unwrap().to_string();
-        for part in [
-            "3.000 × 2.400",
-            "1280 × 1024",
-            "2.344 × 2.344",
-            "1.900",
-            "eyes 64.0 mm apart",
-            "2.344 × 2.930",
-        ] {
+        for part in
+            ["3.000 × 2.400", "1280 × 1024", "2.344 × 2.344", "1.900", "eyes 64.0 mm apart", "2.344 × 2.930"]
+        {
             assert!(text.contains(part), "no `{part}` in\n{text}");
         }
     }

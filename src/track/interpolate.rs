@@ -15,20 +15,11 @@ pub struct Between {
 /// Finds `time_s` among strictly increasing `times` (at least one). Before the first key and after the last
 /// one that key holds; a time that is not a number counts as the start.
 pub fn locate(times: &[f64], time_s: f64) -> Between {
-    let left = times
-        .partition_point(|&time| time <= time_s)
-        .saturating_sub(1);
+    let left = times.partition_point(|&time| time <= time_s).saturating_sub(1);
     match times.get(left + 1) {
         Some(next) => {
             let s = (time_s - times[left]) / (next - times[left]);
-            Between {
-                left,
-                s: if s.is_finite() {
-                    s.clamp(0.0, 1.0)
-                } else {
-                    0.0
-                },
-            }
+            Between { left, s: if s.is_finite() { s.clamp(0.0, 1.0) } else { 0.0 } }
         }
         None => Between { left, s: 0.0 },
     }
@@ -36,11 +27,7 @@ pub fn locate(times: &[f64], time_s: f64) -> Between {
 
 /// The pose between key poses `pose(k)`: each coordinate on a monotone cubic, the rotation by slerp the shorter
 /// way, paced by a monotone cubic through the angles turned.
-pub fn interpolate(
-    times: &[f64],
-    at: Between,
-    pose: impl Fn(usize) -> Isometry3<f64>,
-) -> Isometry3<f64> {
+pub fn interpolate(times: &[f64], at: Between, pose: impl Fn(usize) -> Isometry3<f64>) -> Isometry3<f64> {
     let Between { left, s } = at;
     let from = pose(left);
     if s == 0.0 || left + 1 >= times.len() {
@@ -58,15 +45,9 @@ pub fn interpolate(
         k if k == left + 1 => angle,
         k => angle + turn(k - 1),
     };
-    let part = if angle > 0.0 {
-        cubic(times, at, turned) / angle
-    } else {
-        0.0
-    };
-    let rotation: UnitQuaternion<f64> = from
-        .rotation
-        .try_slerp(&to.rotation, part, 1e-12)
-        .unwrap_or(from.rotation);
+    let part = if angle > 0.0 { cubic(times, at, turned) / angle } else { 0.0 };
+    let rotation: UnitQuaternion<f64> =
+        from.rotation.try_slerp(&to.rotation, part, 1e-12).unwrap_or(from.rotation);
     Isometry3::from_parts(Translation3::from(place.coords), rotation)
 }
 
@@ -84,18 +65,10 @@ fn cubic(times: &[f64], at: Between, value: impl Fn(usize) -> f64) -> f64 {
             return 0.0;
         }
         let (width_before, width_after) = (times[k] - times[k - 1], times[k + 1] - times[k]);
-        let (a, b) = (
-            2.0 * width_after + width_before,
-            width_after + 2.0 * width_before,
-        );
+        let (a, b) = (2.0 * width_after + width_before, width_after + 2.0 * width_before);
         (a + b) / (a / before + b / after)
     };
-    let (v0, v1, m0, m1) = (
-        value(left),
-        value(left + 1),
-        slope(left) * width,
-        slope(left + 1) * width,
-    );
+    let (v0, v1, m0, m1) = (value(left), value(left + 1), slope(left) * width, slope(left + 1) * width);
     let t = s * s;
     let rise = t * (3.0 - 2.0 * s);
     v0 + (v1 - v0) * rise + m0 * s * (1.0 - s) * (1.0 - s) - m1 * t * (1.0 - s)
@@ -109,9 +82,7 @@ mod tests {
 
     fn value_at(values: [f64; 5], time_s: f64) -> f64 {
         let at = locate(&TIMES, time_s);
-        interpolate(&TIMES, at, |k| Isometry3::translation(values[k], 0.0, 0.0))
-            .translation
-            .x
+        interpolate(&TIMES, at, |k| Isometry3::translation(values[k], 0.0, 0.0)).translation.x
     }
 
     #[test]
@@ -124,10 +95,7 @@ mod tests {
             let time = f64::from(i) / 100.0;
             let value = value_at(values, time);
             assert!((0.0..=5.0).contains(&value), "{value} at {time}");
-            assert!(
-                !(1.0..=1.5).contains(&time) || (value - 2.0).abs() < 1e-12,
-                "{value} at {time}"
-            );
+            assert!(!(1.0..=1.5).contains(&time) || (value - 2.0).abs() < 1e-12, "{value} at {time}");
         }
         assert_eq!(value_at(values, -1.0), 0.0);
         assert_eq!(value_at(values, 9.0), 4.0);
@@ -144,33 +112,22 @@ mod tests {
         };
         let h = 1e-6;
         for key_time in [1.0, 1.5, 3.0] {
-            let [before, at, after] = [key_time - h, key_time, key_time + h]
-                .map(|t| interpolate(&TIMES, locate(&TIMES, t), pose));
+            let [before, at, after] =
+                [key_time - h, key_time, key_time + h].map(|t| interpolate(&TIMES, locate(&TIMES, t), pose));
             let speeds = [(before, at), (at, after)].map(|(a, b)| {
-                [
-                    (b.translation.x - a.translation.x) / h,
-                    a.rotation.angle_to(&b.rotation) / h,
-                ]
+                [(b.translation.x - a.translation.x) / h, a.rotation.angle_to(&b.rotation) / h]
             });
             for i in 0..2 {
                 assert!(speeds[0][i] > 0.1, "{speeds:?} at {key_time}");
-                assert!(
-                    (speeds[0][i] - speeds[1][i]).abs() < 1e-3,
-                    "{speeds:?} at {key_time}"
-                );
+                assert!((speeds[0][i] - speeds[1][i]).abs() < 1e-3, "{speeds:?} at {key_time}");
             }
         }
     }
 
     #[test]
     fn a_half_turn_between_two_keys_does_not_panic() {
-        let pose = |k: usize| {
-            Isometry3::rotation(nalgebra::Vector3::new(
-                0.0,
-                std::f64::consts::PI * k as f64,
-                0.0,
-            ))
-        };
+        let pose =
+            |k: usize| Isometry3::rotation(nalgebra::Vector3::new(0.0, std::f64::consts::PI * k as f64, 0.0));
         for i in 0..=400 {
             let pose = interpolate(&TIMES, locate(&TIMES, f64::from(i) / 100.0), pose);
             assert!((pose.rotation.coords.norm() - 1.0).abs() < 1e-9);

@@ -60,11 +60,7 @@ impl HeldPose {
 /// 1 km away, or the quaternion's length is off by more than 1 %.
 pub fn usable(pose: &Isometry3<f32>) -> Option<Isometry3<f64>> {
     let pose: Isometry3<f64> = pose.cast();
-    let is_in_room = pose
-        .translation
-        .vector
-        .iter()
-        .all(|x| x.abs() <= ROOM_LIMIT_M);
+    let is_in_room = pose.translation.vector.iter().all(|x| x.abs() <= ROOM_LIMIT_M);
     let is_rotation = (pose.rotation.coords.norm() - 1.0).abs() <= 0.01;
     (is_in_room && is_rotation).then(|| {
         let rotation = UnitQuaternion::new_normalize(pose.rotation.into_inner());

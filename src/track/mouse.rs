@@ -21,22 +21,10 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// The bindings, as `--help` and the window's overlay show them.
 pub const BINDINGS: &[(&str, &str)] = &[
-    (
-        "left button",
-        "grab what the cursor points at; moving carries it parallel to the screen",
-    ),
-    (
-        "wheel while grabbing",
-        "carry it away from the eye or towards it",
-    ),
-    (
-        "right button or Ctrl while grabbing",
-        "moving turns it, the wheel twists it about the line of sight",
-    ),
-    (
-        "W A S D, arrow keys",
-        "move the head forward, left, back, right",
-    ),
+    ("left button", "grab what the cursor points at; moving carries it parallel to the screen"),
+    ("wheel while grabbing", "carry it away from the eye or towards it"),
+    ("right button or Ctrl while grabbing", "moving turns it, the wheel twists it about the line of sight"),
+    ("W A S D, arrow keys", "move the head forward, left, back, right"),
     ("Q, E", "move the head down, up"),
     ("R", "put the head back"),
 ];
@@ -129,18 +117,9 @@ impl Mouse {
     pub fn handle(&mut self, input: MouseInput) {
         match input {
             MouseInput::Cursor { screen, ndc } => self.move_cursor(screen, ndc),
-            MouseInput::Button {
-                button: Button::Right,
-                pressed,
-            } => self.right_button = pressed,
-            MouseInput::Button {
-                button: Button::Left,
-                pressed: false,
-            } => self.grab = None,
-            MouseInput::Button {
-                button: Button::Left,
-                pressed: true,
-            } => {
+            MouseInput::Button { button: Button::Right, pressed } => self.right_button = pressed,
+            MouseInput::Button { button: Button::Left, pressed: false } => self.grab = None,
+            MouseInput::Button { button: Button::Left, pressed: true } => {
                 if self.grab.is_none() {
                     self.grab = Some(self.grab_at_cursor());
                 }
@@ -160,11 +139,7 @@ impl Mouse {
 
     /// Moves the head by the keys that are held, for `step_s` seconds.
     pub fn advance(&mut self, step_s: f64) {
-        let step_s = if step_s.is_finite() {
-            step_s.clamp(0.0, LONGEST_STEP_S)
-        } else {
-            0.0
-        };
+        let step_s = if step_s.is_finite() { step_s.clamp(0.0, LONGEST_STEP_S) } else { 0.0 };
         let start = self.stage.viewer.room_from_head;
         let right = start.rotation * Vector3::x();
         let axes = [right, Vector3::y(), right.cross(&Vector3::y())];
@@ -180,33 +155,24 @@ impl Mouse {
 
     /// Head and stylus as they are now.
     pub fn state(&self, time_s: f64) -> TrackerState {
-        let room_from_stylus = self
-            .grab
-            .map_or_else(|| self.aim(), |grab| grab.room_from_stylus);
+        let room_from_stylus = self.grab.map_or_else(|| self.aim(), |grab| grab.room_from_stylus);
         let stylus = StylusState {
             room_from_stylus: room_from_stylus.cast(),
             pressed: self.grab.is_some(),
             from_eye: true,
         };
-        TrackerState {
-            head: Some(self.room_from_head.cast()),
-            styli: vec![stylus],
-            time_s,
-        }
+        TrackerState { head: Some(self.room_from_head.cast()), styli: vec![stylus], time_s }
     }
 
     fn eye(&self) -> Point3<f64> {
-        self.stage
-            .viewer
-            .eye_in_room(&self.room_from_head, Eye::Centre)
+        self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre)
     }
 
     /// The stylus at the eye, its -z axis through the cursor.
     fn aim(&self) -> Isometry3<f64> {
         let eye = self.eye();
         let through = self.stage.screens[self.screen].point(self.ndc);
-        let rotation =
-            rotation_towards(&(through - eye), 0.0).unwrap_or(self.room_from_head.rotation);
+        let rotation = rotation_towards(&(through - eye), 0.0).unwrap_or(self.room_from_head.rotation);
         Isometry3::from_parts(Translation3::from(eye.coords), rotation)
     }
 
@@ -215,10 +181,7 @@ impl Mouse {
         let to_workspace_m = (self.stage.workspace.centre - self.eye()).norm();
         let usable = |distance_m: &f64| distance_m.is_finite() && *distance_m > 0.0;
         let reach_m = self.hit_distance_m.filter(usable).unwrap_or(to_workspace_m);
-        Grab {
-            point: room_from_stylus * Point3::new(0.0, 0.0, -reach_m),
-            room_from_stylus,
-        }
+        Grab { point: room_from_stylus * Point3::new(0.0, 0.0, -reach_m), room_from_stylus }
     }
 
     fn move_cursor(&mut self, screen: usize, ndc: [f64; 2]) {
@@ -239,9 +202,7 @@ impl Mouse {
         if is_turning {
             let across = (ndc[0] - before.1[0]) / 2.0 * TURN_PER_SCREEN;
             let upward = (ndc[1] - before.1[1]) / 2.0 * TURN_PER_SCREEN;
-            grab.turn(&UnitQuaternion::from_scaled_axis(
-                up * across - right * upward,
-            ));
+            grab.turn(&UnitQuaternion::from_scaled_axis(up * across - right * upward));
             return;
         }
         let eye_distance_m = shown_on.distance_m(&eye);
@@ -259,17 +220,13 @@ impl Mouse {
         let Some(grab) = &mut self.grab else { return };
         if is_turning {
             let axis = Unit::new_normalize(normal);
-            grab.turn(&UnitQuaternion::from_axis_angle(
-                &axis,
-                notches * TWIST_PER_NOTCH,
-            ));
+            grab.turn(&UnitQuaternion::from_axis_angle(&axis, notches * TWIST_PER_NOTCH));
             return;
         }
         let sight = grab.point - eye;
         let reach_m = sight.norm();
         if reach_m > 0.0 {
-            let new_reach_m =
-                (reach_m * (1.0 + REACH_PER_NOTCH).powf(notches)).clamp(NEAREST_REACH_M, 100.0);
+            let new_reach_m = (reach_m * (1.0 + REACH_PER_NOTCH).powf(notches)).clamp(NEAREST_REACH_M, 100.0);
             grab.shift(sight * (new_reach_m / reach_m - 1.0));
         }
     }
@@ -317,24 +274,12 @@ mod tests {
     }
 
     fn cursor(x: f64, y: f64) -> MouseInput<'static> {
-        MouseInput::Cursor {
-            screen: 0,
-            ndc: [x, y],
-        }
+        MouseInput::Cursor { screen: 0, ndc: [x, y] }
     }
 
-    const PRESS: MouseInput = MouseInput::Button {
-        button: Button::Left,
-        pressed: true,
-    };
-    const RELEASE: MouseInput = MouseInput::Button {
-        button: Button::Left,
-        pressed: false,
-    };
-    const PRESS_RIGHT: MouseInput = MouseInput::Button {
-        button: Button::Right,
-        pressed: true,
-    };
+    const PRESS: MouseInput = MouseInput::Button { button: Button::Left, pressed: true };
+    const RELEASE: MouseInput = MouseInput::Button { button: Button::Left, pressed: false };
+    const PRESS_RIGHT: MouseInput = MouseInput::Button { button: Button::Right, pressed: true };
 
     /// Where the thing that was grabbed at `point` is carried by a stylus that moved from `before` to now.
     fn carried(mouse: &Mouse, before: &Isometry3<f64>, point: &Point3<f64>) -> Point3<f64> {
@@ -366,9 +311,7 @@ mod tests {
         let now = carried(&mouse, &before, &point);
         assert!((now.z - point.z).abs() < 1e-6, "{now}");
         let stage = Stage::find("desktop").unwrap();
-        let view = stage.screens[0]
-            .view(&Point3::new(0.0, 0.06, 0.60), 0.05)
-            .unwrap();
+        let view = stage.screens[0].view(&Point3::new(0.0, 0.06, 0.60), 0.05).unwrap();
         let clip = view.clip_from_room * now.cast::<f32>().to_homogeneous();
         assert!((clip.x / clip.w - 0.6).abs() < 1e-5 && (clip.y / clip.w - 0.2).abs() < 1e-5);
         assert!(mouse.state(0.0).styli[0].pressed);
@@ -392,13 +335,7 @@ mod tests {
 
     #[test]
     fn turning_leaves_the_grab_point_where_it_is() {
-        for hold in [
-            PRESS_RIGHT,
-            MouseInput::Key {
-                name: "Control",
-                pressed: true,
-            },
-        ] {
+        for hold in [PRESS_RIGHT, MouseInput::Key { name: "Control", pressed: true }] {
             let mut mouse = mouse();
             mouse.hit_distance_m = Some(0.5);
             mouse.handle(PRESS);
@@ -408,30 +345,18 @@ mod tests {
             mouse.handle(cursor(0.5, 0.0));
             assert!((carried(&mouse, &before, &point) - point).norm() < 1e-6);
             let turn = stylus(&mouse).rotation * before.rotation.inverse();
-            assert!(
-                (turn.scaled_axis() - Vector3::new(0.0, TURN_PER_SCREEN / 4.0, 0.0)).norm() < 1e-5
-            );
+            assert!((turn.scaled_axis() - Vector3::new(0.0, TURN_PER_SCREEN / 4.0, 0.0)).norm() < 1e-5);
             mouse.handle(cursor(0.0, 0.0));
             mouse.handle(MouseInput::Wheel { notches: 3.0 });
             let turn = stylus(&mouse).rotation * before.rotation.inverse();
-            assert!(
-                (turn.scaled_axis() - Vector3::new(0.0, 0.0, 3.0 * TWIST_PER_NOTCH)).norm() < 1e-5
-            );
+            assert!((turn.scaled_axis() - Vector3::new(0.0, 0.0, 3.0 * TWIST_PER_NOTCH)).norm() < 1e-5);
             assert!((carried(&mouse, &before, &point) - point).norm() < 1e-6);
         }
     }
 
     #[test]
     fn keys_move_the_head_and_r_puts_it_back() {
-        let place = |mouse: &Mouse| {
-            mouse
-                .state(0.0)
-                .head
-                .unwrap()
-                .translation
-                .vector
-                .cast::<f64>()
-        };
+        let place = |mouse: &Mouse| mouse.state(0.0).head.unwrap().translation.vector.cast::<f64>();
         for (name, direction) in [
             ("w", -Vector3::z()),
             ("S", Vector3::z()),
@@ -442,26 +367,14 @@ mod tests {
         ] {
             let mut mouse = mouse();
             let start = place(&mouse);
-            mouse.handle(MouseInput::Key {
-                name,
-                pressed: true,
-            });
+            mouse.handle(MouseInput::Key { name, pressed: true });
             mouse.advance(0.1);
             let moved = place(&mouse) - start;
-            assert!(
-                (moved - direction * (HEAD_SPEED * 0.10 * 0.1)).norm() < 1e-6,
-                "{name}: {moved}"
-            );
-            mouse.handle(MouseInput::Key {
-                name,
-                pressed: false,
-            });
+            assert!((moved - direction * (HEAD_SPEED * 0.10 * 0.1)).norm() < 1e-6, "{name}: {moved}");
+            mouse.handle(MouseInput::Key { name, pressed: false });
             mouse.advance(0.1);
             assert!((place(&mouse) - start - moved).norm() < 1e-6);
-            mouse.handle(MouseInput::Key {
-                name: "r",
-                pressed: true,
-            });
+            mouse.handle(MouseInput::Key { name: "r", pressed: true });
             assert!((place(&mouse) - start).norm() < 1e-6);
         }
     }
@@ -469,15 +382,8 @@ mod tests {
     #[test]
     fn losing_the_focus_lets_everything_go() {
         let mut mouse = mouse();
-        for input in [
-            PRESS,
-            PRESS_RIGHT,
-            MouseInput::Key {
-                name: "w",
-                pressed: true,
-            },
-            MouseInput::FocusLost,
-        ] {
+        for input in [PRESS, PRESS_RIGHT, MouseInput::Key { name: "w", pressed: true }, MouseInput::FocusLost]
+        {
             mouse.handle(input);
         }
         let before = mouse.state(0.0);
@@ -498,15 +404,9 @@ mod tests {
                 screen: round % 6,
                 ndc: [value, values[(round / 5) % values.len()]],
             });
-            mouse.handle(MouseInput::Button {
-                button: Button::Right,
-                pressed: round % 2 == 0,
-            });
+            mouse.handle(MouseInput::Button { button: Button::Right, pressed: round % 2 == 0 });
             mouse.handle(MouseInput::Wheel { notches: value });
-            mouse.handle(MouseInput::Key {
-                name: "d",
-                pressed: true,
-            });
+            mouse.handle(MouseInput::Key { name: "d", pressed: true });
             mouse.advance(value);
             let state = mouse.state(0.0);
             let head = state.head.unwrap();

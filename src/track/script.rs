@@ -80,12 +80,7 @@ pub enum ScriptError {
     #[error("{}: the script has no key frame: add a [[key]] with time and what it moves", path.display())]
     Empty { path: PathBuf },
     #[error("{}:{line}: key frame {key}: {fault}", path.display())]
-    Invalid {
-        path: PathBuf,
-        line: usize,
-        key: usize,
-        fault: Fault,
-    },
+    Invalid { path: PathBuf, line: usize, key: usize, fault: Fault },
 }
 
 /// What is wrong with a key frame, and what to do about it.
@@ -103,24 +98,14 @@ pub enum Fault {
     Unknown { who: String, hint: String },
     #[error("{who} has several of `target`, `direction` and `rotation`: keep one")]
     SeveralOrientations { who: String },
-    #[error(
-        "{who} has a `roll` without `target` or `direction` to turn about: add one, or use `rotation`"
-    )]
+    #[error("{who} has a `roll` without `target` or `direction` to turn about: add one, or use `rotation`")]
     LoneRoll { who: String },
-    #[error(
-        "{who} points nowhere: `target` must differ from `position`, `direction` must not be zero"
-    )]
+    #[error("{who} points nowhere: `target` must differ from `position`, `direction` must not be zero")]
     NoDirection { who: String },
-    #[error(
-        "the head has `offset` and a pose: keep one; with `offset` it looks as the stage has it"
-    )]
+    #[error("the head has `offset` and a pose: keep one; with `offset` it looks as the stage has it")]
     OffsetAndPose,
     #[error("{what} of {who} is {value}: give numbers between -{ROOM_LIMIT_M} and {ROOM_LIMIT_M}")]
-    Number {
-        who: String,
-        what: &'static str,
-        value: f64,
-    },
+    Number { who: String, what: &'static str, value: f64 },
 }
 
 const LONGEST_S: f64 = 86400.0;
@@ -181,20 +166,14 @@ impl Script {
             return Self::load(Path::new(name_or_path));
         }
         match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-            Some((name, text)) => {
-                Self::parse(text, Path::new(&format!("configs/scripts/{name}.toml")))
-            }
-            None => Err(ScriptError::Unknown {
-                name: name_or_path.to_owned(),
-            }),
+            Some((name, text)) => Self::parse(text, Path::new(&format!("configs/scripts/{name}.toml"))),
+            None => Err(ScriptError::Unknown { name: name_or_path.to_owned() }),
         }
     }
 
     pub fn load(path: &Path) -> Result<Self, ScriptError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
     }
 
@@ -209,23 +188,16 @@ impl Script {
             styli: BTreeMap::new(),
         };
         for (index, key) in file.keys.iter().enumerate() {
-            script
-                .push(key.get_ref())
-                .map_err(|fault| ScriptError::Invalid {
-                    path: path.to_owned(),
-                    line: config::line_and_column(text, key.span().start).0,
-                    key: index + 1,
-                    fault,
-                })?;
+            script.push(key.get_ref()).map_err(|fault| ScriptError::Invalid {
+                path: path.to_owned(),
+                line: config::line_and_column(text, key.span().start).0,
+                key: index + 1,
+                fault,
+            })?;
         }
         match script.times_s.last() {
-            Some(&last_s) => Ok(Self {
-                duration_s: last_s,
-                ..script
-            }),
-            None => Err(ScriptError::Empty {
-                path: path.to_owned(),
-            }),
+            Some(&last_s) => Ok(Self { duration_s: last_s, ..script }),
+            None => Err(ScriptError::Empty { path: path.to_owned() }),
         }
     }
 
@@ -245,11 +217,7 @@ impl Script {
             pressed: keys[at.left].pressed,
             from_eye: false,
         });
-        TrackerState {
-            head,
-            styli: styli.collect(),
-            time_s,
-        }
+        TrackerState { head, styli: styli.collect(), time_s }
     }
 
     fn room_from_head(&self, stage: &Stage, key: &HeadKey) -> Isometry3<f64> {
@@ -263,8 +231,8 @@ impl Script {
         match self.frame {
             Frame::Room => *pose,
             Frame::Workspace => {
-                let place = stage.workspace.centre.coords
-                    + pose.translation.vector * stage.workspace.radius_m;
+                let place =
+                    stage.workspace.centre.coords + pose.translation.vector * stage.workspace.radius_m;
                 Isometry3::from_parts(Translation3::from(place), pose.rotation)
             }
         }
@@ -287,10 +255,7 @@ impl Script {
         let previous = self.head.last().copied();
         match &key.head {
             Some(_) if previous.is_none() && !is_first => {
-                return Err(Fault::Unknown {
-                    who: "the head".to_owned(),
-                    hint: String::new(),
-                });
+                return Err(Fault::Unknown { who: "the head".to_owned(), hint: String::new() });
             }
             Some(head) => self.head.push(head_key(head, previous)?),
             None => self.head.extend(previous),
@@ -301,12 +266,8 @@ impl Script {
                 self.styli.insert(name.clone(), Vec::new());
             } else if !self.styli.contains_key(name) {
                 let nearest = config::nearest(name, self.styli.keys().map(String::as_str));
-                let hint =
-                    nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
-                return Err(Fault::Unknown {
-                    who: format!("stylus `{name}`"),
-                    hint,
-                });
+                let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+                return Err(Fault::Unknown { who: format!("stylus `{name}`"), hint });
             }
         }
         for (name, keys) in &mut self.styli {
@@ -321,22 +282,8 @@ impl Script {
 }
 
 fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault> {
-    let HeadFile {
-        offset,
-        position,
-        target,
-        direction,
-        rotation,
-        roll,
-    } = *head;
-    let pose = PoseFile {
-        who: "the head",
-        position,
-        target,
-        direction,
-        rotation,
-        roll,
-    };
+    let HeadFile { offset, position, target, direction, rotation, roll } = *head;
+    let pose = PoseFile { who: "the head", position, target, direction, rotation, roll };
     let Some(offset) = offset else {
         let previous = match previous {
             Some(HeadKey::Pose(pose)) => Some(pose),
@@ -350,28 +297,10 @@ fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault
     Ok(HeadKey::Offset(pose.vector("offset", offset)?))
 }
 
-fn stylus_key(
-    name: &str,
-    stylus: &StylusFile,
-    previous: Option<StylusKey>,
-) -> Result<StylusKey, Fault> {
-    let StylusFile {
-        position,
-        target,
-        direction,
-        rotation,
-        roll,
-        pressed,
-    } = *stylus;
+fn stylus_key(name: &str, stylus: &StylusFile, previous: Option<StylusKey>) -> Result<StylusKey, Fault> {
+    let StylusFile { position, target, direction, rotation, roll, pressed } = *stylus;
     let who = format!("stylus `{name}`");
-    let pose = PoseFile {
-        who: &who,
-        position,
-        target,
-        direction,
-        rotation,
-        roll,
-    };
+    let pose = PoseFile { who: &who, position, target, direction, rotation, roll };
     Ok(StylusKey {
         pose: pose.resolve(previous.map(|key| key.pose))?,
         pressed: pressed.unwrap_or(previous.is_some_and(|key| key.pressed)),
@@ -381,60 +310,39 @@ fn stylus_key(
 impl PoseFile<'_> {
     /// The whole pose; what is not stated is the previous one's.
     fn resolve(&self, previous: Option<Isometry3<f64>>) -> Result<Isometry3<f64>, Fault> {
-        let missing = |what| Fault::Missing {
-            who: self.who.to_owned(),
-            what,
-        };
+        let missing = |what| Fault::Missing { who: self.who.to_owned(), what };
         let position = match self.position {
             Some(position) => self.vector("position", position)?,
-            None => {
-                previous
-                    .ok_or_else(|| missing("position"))?
-                    .translation
-                    .vector
-            }
+            None => previous.ok_or_else(|| missing("position"))?.translation.vector,
         };
         let rotation = match self.orientation(&Point3::from(position))? {
             Some(rotation) => rotation,
             None => {
-                previous
-                    .ok_or_else(|| missing("orientation (`target`, `direction` or `rotation`)"))?
-                    .rotation
+                previous.ok_or_else(|| missing("orientation (`target`, `direction` or `rotation`)"))?.rotation
             }
         };
-        Ok(Isometry3::from_parts(
-            Translation3::from(position),
-            rotation,
-        ))
+        Ok(Isometry3::from_parts(Translation3::from(position), rotation))
     }
 
     fn orientation(&self, position: &Point3<f64>) -> Result<Option<UnitQuaternion<f64>>, Fault> {
         let direction = match (self.target, self.direction, self.rotation) {
             (None, None, None) if self.roll.is_none() => return Ok(None),
             (None, None, Some(rotation)) if self.roll.is_none() => {
-                return Ok(Some(UnitQuaternion::from_scaled_axis(
-                    self.vector("rotation", rotation)?,
-                )));
+                return Ok(Some(UnitQuaternion::from_scaled_axis(self.vector("rotation", rotation)?)));
             }
             (Some(target), None, None) => self.vector("target", target)? - position.coords,
             (None, Some(direction), None) => self.vector("direction", direction)?,
             (None, None, _) => {
-                return Err(Fault::LoneRoll {
-                    who: self.who.to_owned(),
-                });
+                return Err(Fault::LoneRoll { who: self.who.to_owned() });
             }
             _ => {
-                return Err(Fault::SeveralOrientations {
-                    who: self.who.to_owned(),
-                });
+                return Err(Fault::SeveralOrientations { who: self.who.to_owned() });
             }
         };
         let roll = self.number("roll", self.roll.unwrap_or(0.0))?;
         match rotation_towards(&direction, roll) {
             Some(rotation) => Ok(Some(rotation)),
-            None => Err(Fault::NoDirection {
-                who: self.who.to_owned(),
-            }),
+            None => Err(Fault::NoDirection { who: self.who.to_owned() }),
         }
     }
 
@@ -449,11 +357,7 @@ impl PoseFile<'_> {
         if value.abs() <= ROOM_LIMIT_M {
             Ok(value)
         } else {
-            Err(Fault::Number {
-                who: self.who.to_owned(),
-                what,
-                value,
-            })
+            Err(Fault::Number { who: self.who.to_owned(), what, value })
         }
     }
 }
@@ -497,8 +401,7 @@ stylus.right = { pressed = false }
         let stylus = |t: f64| script.sample(&stage, t).styli[0];
         let start = stylus(0.0);
         assert!(
-            (start.room_from_stylus.translation.vector - nalgebra::Vector3::new(0.35, 1.15, 0.55))
-                .norm()
+            (start.room_from_stylus.translation.vector - nalgebra::Vector3::new(0.35, 1.15, 0.55)).norm()
                 < 1e-6
         );
         assert_eq!(stylus(0.8).room_from_stylus, start.room_from_stylus);
@@ -515,26 +418,14 @@ stylus.right = { pressed = false }
     #[test]
     fn a_script_is_found_by_name_or_by_path() {
         assert_eq!(Script::find("bend").unwrap().duration_s, 4.0);
-        assert!(
-            Script::find("bnd")
-                .unwrap_err()
-                .to_string()
-                .contains("there is `bend`")
-        );
-        assert!(
-            Script::find("no/such.toml")
-                .unwrap_err()
-                .to_string()
-                .starts_with("no/such.toml: ")
-        );
+        assert!(Script::find("bnd").unwrap_err().to_string().contains("there is `bend`"));
+        assert!(Script::find("no/such.toml").unwrap_err().to_string().starts_with("no/such.toml: "));
     }
 
     #[test]
     fn a_script_in_the_room_needs_no_workspace_and_an_unmoved_head_is_untracked() {
         let text = WAVE.replace("workspace", "room").replace("head = ", "# ");
-        let state = parse(&text)
-            .unwrap()
-            .sample(&Stage::find("desktop").unwrap(), 0.5);
+        let state = parse(&text).unwrap().sample(&Stage::find("desktop").unwrap(), 0.5);
         assert_eq!(state.head, None);
         assert_eq!(state.styli[0].room_from_stylus.translation.x, 1.0);
     }
@@ -542,55 +433,30 @@ stylus.right = { pressed = false }
     #[test]
     fn faults_name_file_line_key_frame_and_remedy() {
         let error = refusal("time = 1.0", "time = 0.5");
-        assert!(
-            error.starts_with("wave.toml:7: key frame 2: time is 0.5 s, not later than"),
-            "{error}"
-        );
+        assert!(error.starts_with("wave.toml:7: key frame 2: time is 0.5 s, not later than"), "{error}");
         assert!(refusal("time = 0.5", "time = -1").contains("between 0 and 86400"));
         assert!(refusal("time = 3.0", "time = nan").contains("time is NaN"));
-        assert!(
-            refusal("position = [1.0, 0.0, 0.0], ", "").contains("stylus `right` has no position")
-        );
+        assert!(refusal("position = [1.0, 0.0, 0.0], ", "").contains("stylus `right` has no position"));
         assert!(refusal(", direction = [0.0, 0.0, -1.0]", "").contains("has no orientation"));
         assert!(refusal("[0.0, 0.0, -1.0]", "[0, 0, 0]").contains("points nowhere"));
-        assert!(
-            refusal("[0.0, 0.0, -1.0]", "[0, 0, inf]")
-                .contains("direction of stylus `right` is inf")
-        );
+        assert!(refusal("[0.0, 0.0, -1.0]", "[0, 0, inf]").contains("direction of stylus `right` is inf"));
         assert!(refusal("direction =", "target = [0, 0, 0], direction =").contains("keep one"));
         assert!(refusal("pressed = true", "roll = 1").contains("`roll` without"));
         assert!(
-            refusal(
-                "rotation = [0.0, 0.0, 1.0]",
-                "rotation = [0, 0, 1], roll = 1"
-            )
-            .contains("`roll` without")
+            refusal("rotation = [0.0, 0.0, 1.0]", "rotation = [0, 0, 1], roll = 1")
+                .contains("`roll` without")
         );
-        assert!(
-            refusal("[0.1, 0.0, 0.0]", "[0.1, 0.0, 0.0], roll = 1")
-                .contains("the head has `offset`")
-        );
-        let error = refusal(
-            "stylus.right = { pressed = true }",
-            "stylus.rihgt = { pressed = true }",
-        );
+        assert!(refusal("[0.1, 0.0, 0.0]", "[0.1, 0.0, 0.0], roll = 1").contains("the head has `offset`"));
+        let error = refusal("stylus.right = { pressed = true }", "stylus.rihgt = { pressed = true }");
         assert!(
             error.contains("stylus `rihgt` is not in the first") && error.contains("`right`?"),
             "{error}"
         );
         assert!(refusal("pressed = true", "presed = true").contains("did you mean `pressed`?"));
-        assert!(
-            parse("frame = \"room\"")
-                .unwrap_err()
-                .to_string()
-                .contains("no key frame")
-        );
+        assert!(parse("frame = \"room\"").unwrap_err().to_string().contains("no key frame"));
         let late_head = WAVE.replacen("head = { offset = [0.0, 0.0, 0.0] }", "", 1);
         assert!(
-            parse(&late_head)
-                .unwrap_err()
-                .to_string()
-                .contains("the head is not in the first key frame")
+            parse(&late_head).unwrap_err().to_string().contains("the head is not in the first key frame")
         );
     }
 }

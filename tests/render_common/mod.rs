@@ -1,9 +1,5 @@
 //! What the render tests share: a device, views of a plain screen, and a bent tube to look at.
-#![allow(
-    dead_code,
-    clippy::unwrap_used,
-    reason = "each test file uses its part; a test may unwrap"
-)]
+#![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; a test may unwrap")]
 
 use greenstage::render::{BodyBuffers, FrameContents};
 use greenstage::render::{COLOR_FORMAT, Gpu, Offscreen, RenderError, Renderer, View, Viewport};
@@ -16,10 +12,7 @@ pub fn require_gpu() -> Option<Gpu> {
     match Gpu::headless() {
         Ok(gpu) => Some(gpu),
         Err(error @ RenderError::NoAdapter(_)) => {
-            assert!(
-                std::env::var("GREENSTAGE_REQUIRE_GPU").as_deref() != Ok("1"),
-                "{error}"
-            );
+            assert!(std::env::var("GREENSTAGE_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
             eprintln!("SKIPPED: {error}");
             None
         }
@@ -29,23 +22,12 @@ pub fn require_gpu() -> Option<Gpu> {
 
 /// An eye before a screen `width` wide and `height` high about `center`, facing +z turned about x by `tilt` (a table's
 /// top lies back by -90°). Reversed depth, infinite far.
-pub fn off_axis(
-    center: Point3<f32>,
-    [width, height]: [f32; 2],
-    tilt: f32,
-    eye: Point3<f32>,
-) -> View {
+pub fn off_axis(center: Point3<f32>, [width, height]: [f32; 2], tilt: f32, eye: Point3<f32>) -> View {
     let rotation = nalgebra::Rotation3::from_axis_angle(&Vector3::x_axis(), tilt);
     let eye_on_screen = rotation.inverse() * (eye - center);
     let (distance, near) = (eye_on_screen.z, 0.02);
-    let [left, right] = [
-        -width / 2.0 - eye_on_screen.x,
-        width / 2.0 - eye_on_screen.x,
-    ];
-    let [bottom, top] = [
-        -height / 2.0 - eye_on_screen.y,
-        height / 2.0 - eye_on_screen.y,
-    ];
+    let [left, right] = [-width / 2.0 - eye_on_screen.x, width / 2.0 - eye_on_screen.x];
+    let [bottom, top] = [-height / 2.0 - eye_on_screen.y, height / 2.0 - eye_on_screen.y];
     #[rustfmt::skip]
     let clip_from_eye = Matrix4::new(
         2.0 * distance / width, 0.0, (right + left) / width, 0.0,
@@ -53,21 +35,14 @@ pub fn off_axis(
         0.0, 0.0, 0.0, near,
         0.0, 0.0, -1.0, 0.0,
     );
-    let eye_from_room =
-        rotation.inverse().to_homogeneous() * Matrix4::new_translation(&-eye.coords);
-    View {
-        clip_from_room: clip_from_eye * eye_from_room,
-        eye_in_room: eye,
-    }
+    let eye_from_room = rotation.inverse().to_homogeneous() * Matrix4::new_translation(&-eye.coords);
+    View { clip_from_room: clip_from_eye * eye_from_room, eye_in_room: eye }
 }
 
 /// Where `point` lands, in pixels from the top left corner.
 pub fn pixel_of(view: &View, [width, height]: [u32; 2], point: Point3<f32>) -> [f32; 2] {
     let clip = view.clip_from_room * point.to_homogeneous();
-    [
-        (clip.x / clip.w * 0.5 + 0.5) * width as f32,
-        (0.5 - clip.y / clip.w * 0.5) * height as f32,
-    ]
+    [(clip.x / clip.w * 0.5 + 0.5) * width as f32, (0.5 - clip.y / clip.w * 0.5) * height as f32]
 }
 
 pub struct Mesh {
@@ -91,12 +66,7 @@ pub fn square(half: f32, center: [f32; 3], color: [u8; 4]) -> Mesh {
     let corner = |u: f32, v: f32| [x + u * half, y + v * half, z];
     Mesh {
         triangles: vec![[0, 1, 2], [2, 1, 3]],
-        positions: vec![
-            corner(-1.0, -1.0),
-            corner(1.0, -1.0),
-            corner(-1.0, 1.0),
-            corner(1.0, 1.0),
-        ],
+        positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0)],
         normals: vec![[0.0, 0.0, 1.0]; 4],
         colors: vec![color; 4],
     }
@@ -109,13 +79,9 @@ pub fn bent_tube(rings: usize, around: usize) -> Mesh {
     let section = |s: f32| {
         let angle = (s - 0.5) * 1.9;
         let bend = length / 1.9;
-        let center = Vector3::new(
-            bend * angle.sin(),
-            bend * (1.0 - angle.cos()),
-            0.10 * (s * PI * 2.0).sin(),
-        );
-        let forward =
-            Vector3::new(angle.cos(), angle.sin(), 0.35 * (s * PI * 2.0).cos()).normalize();
+        let center =
+            Vector3::new(bend * angle.sin(), bend * (1.0 - angle.cos()), 0.10 * (s * PI * 2.0).sin());
+        let forward = Vector3::new(angle.cos(), angle.sin(), 0.35 * (s * PI * 2.0).cos()).normalize();
         let side = Vector3::z().cross(&forward).normalize();
         (center, side, forward.cross(&side))
     };
@@ -131,18 +97,12 @@ pub fn bent_tube(rings: usize, around: usize) -> Mesh {
         .chain(stations(1.0, 0.0, inner, inner, rings))
         .chain(stations(0.0, 0.0, inner, outer, 3))
         .collect();
-    let mut mesh = Mesh {
-        triangles: vec![],
-        positions: vec![],
-        normals: vec![],
-        colors: vec![],
-    };
+    let mut mesh = Mesh { triangles: vec![], positions: vec![], normals: vec![], colors: vec![] };
     for &(s, r) in &path {
         let (center, side, up) = section(s);
         for k in 0..around {
             let (sin, cos) = (TAU * k as f32 / around as f32).sin_cos();
-            mesh.positions
-                .push((center + (side * cos + up * sin) * r).into());
+            mesh.positions.push((center + (side * cos + up * sin) * r).into());
             mesh.colors.push(match s {
                 s if s < 0.14 => [232, 138, 36, 255],
                 s if s > 0.86 => [32, 148, 196, 255],
@@ -153,12 +113,7 @@ pub fn bent_tube(rings: usize, around: usize) -> Mesh {
     for ring in 0..path.len() {
         for k in 0..around {
             let at = |ring: usize, k: usize| ((ring % path.len()) * around + k % around) as u32;
-            let [a, b, c, d] = [
-                at(ring, k),
-                at(ring, k + 1),
-                at(ring + 1, k),
-                at(ring + 1, k + 1),
-            ];
+            let [a, b, c, d] = [at(ring, k), at(ring, k + 1), at(ring + 1, k), at(ring + 1, k + 1)];
             mesh.triangles.extend([[a, b, c], [c, b, d]]);
         }
     }
@@ -181,13 +136,7 @@ pub fn draw_full(
     view: View,
     contents: &FrameContents<'_>,
 ) -> RgbaImage {
-    draw(
-        gpu,
-        renderer,
-        size,
-        &Viewport::full(size, Some(view)),
-        contents,
-    )
+    draw(gpu, renderer, size, &Viewport::full(size, Some(view)), contents)
 }
 
 pub fn draw(
@@ -199,8 +148,6 @@ pub fn draw(
 ) -> RgbaImage {
     assert_eq!(renderer.format, COLOR_FORMAT);
     let offscreen = Offscreen::new(gpu, renderer, size).unwrap();
-    renderer
-        .draw(gpu, &[offscreen.picture(viewports)], contents)
-        .unwrap();
+    renderer.draw(gpu, &[offscreen.picture(viewports)], contents).unwrap();
     offscreen.read(gpu).unwrap().0
 }

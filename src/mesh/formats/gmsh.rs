@@ -69,18 +69,13 @@ fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
     }
     for name in ["MeshFormat", "Nodes", "Elements"] {
         if !seen.contains(name) {
-            return Err(Fault::whole(format!(
-                "no section ${name}: is this a whole Gmsh mesh file?"
-            )));
+            return Err(Fault::whole(format!("no section ${name}: is this a whole Gmsh mesh file?")));
         }
     }
     if !skipped.is_empty() {
-        let names: Vec<String> = skipped
-            .iter()
-            .map(|name| format!("${}", excerpt(name.as_bytes())))
-            .collect();
-        raw.notices
-            .push(format!("sections not used: {}", names.join(", ")));
+        let names: Vec<String> =
+            skipped.iter().map(|name| format!("${}", excerpt(name.as_bytes()))).collect();
+        raw.notices.push(format!("sections not used: {}", names.join(", ")));
     }
     Ok(raw)
 }
@@ -91,20 +86,16 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
     let line = String::from_utf8_lossy(scan.line());
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let &[version, file_type, data_size] = words.as_slice() else {
-        let reason = format!(
-            "expected version, file type and data size, found `{}`",
-            excerpt(line.as_bytes())
-        );
+        let reason =
+            format!("expected version, file type and data size, found `{}`", excerpt(line.as_bytes()));
         return Err(Fault::at(at, reason));
     };
     let version = match version {
         "2" | "2.0" | "2.1" | "2.2" => Version::V2,
         "4.1" => Version::V4,
         other => {
-            let reason = format!(
-                "Gmsh {} is not read, only 2.2 and 4.1: {ADVICE}",
-                excerpt(other.as_bytes())
-            );
+            let reason =
+                format!("Gmsh {} is not read, only 2.2 and 4.1: {ADVICE}", excerpt(other.as_bytes()));
             return Err(Fault::at(at, reason));
         }
     };
@@ -112,10 +103,8 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         "0" => return Ok(version),
         "1" => {}
         other => {
-            let reason = format!(
-                "file type {} is neither 0 (text) nor 1 (binary)",
-                excerpt(other.as_bytes())
-            );
+            let reason =
+                format!("file type {} is neither 0 (text) nor 1 (binary)", excerpt(other.as_bytes()));
             return Err(Fault::at(at, reason));
         }
     }
@@ -138,10 +127,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
             ));
         }
     };
-    scan.mode = Mode::Binary {
-        big_endian,
-        size_bytes,
-    };
+    scan.mode = Mode::Binary { big_endian, size_bytes };
     Ok(version)
 }
 
@@ -152,17 +138,11 @@ fn physical_names(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
         let at = scan.at();
         let line = scan.line();
         let (key, name) = physical_name(line).ok_or_else(|| {
-            let reason = format!(
-                "expected `dimension number \"name\"` in UTF-8, found `{}`",
-                excerpt(line)
-            );
+            let reason = format!("expected `dimension number \"name\"` in UTF-8, found `{}`", excerpt(line));
             Fault::at(at, reason)
         })?;
         if let Some(other) = raw.names.insert(key, name.to_owned()) {
-            let reason = format!(
-                "physical group {} of dimension {} is also named \"{other}\"",
-                key.1, key.0
-            );
+            let reason = format!("physical group {} of dimension {} is also named \"{other}\"", key.1, key.0);
             return Err(Fault::at(at, reason));
         }
     }
@@ -173,16 +153,9 @@ fn physical_name(line: &[u8]) -> Option<((u8, u32), &str)> {
     let (head, tail) = std::str::from_utf8(line).ok()?.split_once('"')?;
     let name = tail.strip_suffix('"')?;
     let mut words = head.split_ascii_whitespace();
-    let dimension = words
-        .next()?
-        .parse()
-        .ok()
-        .filter(|dimension| *dimension <= 3)?;
+    let dimension = words.next()?.parse().ok().filter(|dimension| *dimension <= 3)?;
     let number: i32 = words.next()?.parse().ok()?;
-    words
-        .next()
-        .is_none()
-        .then_some(((dimension, number.unsigned_abs()), name))
+    words.next().is_none().then_some(((dimension, number.unsigned_abs()), name))
 }
 
 /// Dimension and nodes of Gmsh's element type `number`.
@@ -222,11 +195,7 @@ pub fn kind(number: i32) -> Option<Kind> {
         93 => (3, 125),
         _ => return None,
     };
-    Some(Kind {
-        dimension,
-        nodes,
-        is_tetrahedron: matches!(number, 4 | 11 | 29 | 30 | 31),
-    })
+    Some(Kind { dimension, nodes, is_tetrahedron: matches!(number, 4 | 11 | 29 | 30 | 31) })
 }
 
 /// [`kind`], refused at `at` when unknown.

@@ -28,40 +28,20 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
             let tag = scan.size()?;
             let kind = known_kind(scan.int()?, header_at)?;
             let tag_count = scan.size()?;
-            element(
-                scan,
-                raw,
-                RawElement {
-                    tag,
-                    kind,
-                    entity: 0,
-                    at: header_at,
-                },
-                tag_count,
-            )?;
+            element(scan, raw, RawElement { tag, kind, entity: 0, at: header_at }, tag_count)?;
             scan.end_line()?;
             left -= 1;
             continue;
         }
         let kind: Kind = known_kind(scan.int()?, header_at)?;
         let (follow, tag_count) = (scan.size()?, scan.size()?);
-        left = left.checked_sub(follow).ok_or_else(|| {
-            Fault::at(at, "more elements than the section's count says".to_owned())
-        })?;
+        left = left
+            .checked_sub(follow)
+            .ok_or_else(|| Fault::at(at, "more elements than the section's count says".to_owned()))?;
         for _ in 0..follow {
             let at = scan.at();
             let tag = scan.size()?;
-            element(
-                scan,
-                raw,
-                RawElement {
-                    tag,
-                    kind,
-                    entity: 0,
-                    at,
-                },
-                tag_count,
-            )?;
+            element(scan, raw, RawElement { tag, kind, entity: 0, at }, tag_count)?;
         }
     }
     Ok(())
@@ -84,9 +64,7 @@ fn element(
         raw.corners.push(scan.size()?);
     }
     let key = (element.kind.dimension, element.entity);
-    raw.physicals
-        .entry(key)
-        .or_insert_with(|| vec![element.entity.unsigned_abs()]);
+    raw.physicals.entry(key).or_insert_with(|| vec![element.entity.unsigned_abs()]);
     raw.elements.push(element);
     Ok(())
 }

@@ -47,10 +47,7 @@ fn entity_lists(scan: &mut Scanner, raw: &mut RawMesh, is_partitioned: bool) -> 
             }
             scan.end_line()?;
             if raw.physicals.insert((dimension, tag), physicals).is_some() {
-                return Err(Fault::at(
-                    at,
-                    format!("entity {tag} of dimension {dimension} is listed twice"),
-                ));
+                return Err(Fault::at(at, format!("entity {tag} of dimension {dimension} is listed twice")));
             }
         }
     }
@@ -78,10 +75,7 @@ fn dimension(scan: &mut Scanner) -> Result<u8, Fault> {
     let (at, dimension) = (scan.at(), scan.int()?);
     match u8::try_from(dimension) {
         Ok(dimension @ 0..=3) => Ok(dimension),
-        _ => Err(Fault::at(
-            at,
-            format!("{dimension} is no dimension from 0 to 3"),
-        )),
+        _ => Err(Fault::at(at, format!("{dimension} is no dimension from 0 to 3"))),
     }
 }
 
@@ -90,10 +84,7 @@ fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), Fault> 
     if said == found as u64 {
         return Ok(());
     }
-    Err(Fault::at(
-        at,
-        format!("the section's head says {said} {what}, its blocks hold {found}"),
-    ))
+    Err(Fault::at(at, format!("the section's head says {said} {what}, its blocks hold {found}")))
 }
 
 pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
@@ -107,10 +98,7 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
             0 => 0,
             1 => dimension,
             other => {
-                return Err(Fault::at(
-                    at,
-                    format!("parametric is {other}, neither 0 nor 1"),
-                ));
+                return Err(Fault::at(at, format!("parametric is {other}, neither 0 nor 1")));
             }
         };
         let count = scan.size()?;
@@ -118,11 +106,7 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
         let first = raw.nodes.len();
         for _ in 0..count {
             let at = scan.at();
-            raw.nodes.push(RawNode {
-                tag: scan.size()?,
-                position: Vector3::zeros(),
-                at,
-            });
+            raw.nodes.push(RawNode { tag: scan.size()?, position: Vector3::zeros(), at });
             scan.end_line()?;
         }
         for node in raw.nodes.iter_mut().skip(first) {
@@ -145,10 +129,8 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
         let (dimension, entity) = (dimension(scan)?, scan.int()?);
         let kind = known_kind(scan.int()?, at)?;
         if kind.dimension != dimension {
-            let reason = format!(
-                "elements of dimension {} on an entity of dimension {dimension}",
-                kind.dimension
-            );
+            let reason =
+                format!("elements of dimension {} on an entity of dimension {dimension}", kind.dimension);
             return Err(Fault::at(at, reason));
         }
         let count = scan.size()?;
@@ -160,12 +142,7 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
                 raw.corners.push(scan.size()?);
             }
             scan.end_line()?;
-            raw.elements.push(RawElement {
-                tag,
-                kind,
-                entity,
-                at,
-            });
+            raw.elements.push(RawElement { tag, kind, entity, at });
         }
     }
     compare(section_at, "elements", total, raw.elements.len())

@@ -26,16 +26,8 @@ pub struct Scanner<'a> {
 impl<'a> Scanner<'a> {
     pub fn new(bytes: &'a [u8]) -> Scanner<'a> {
         const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
-        let at = if bytes.starts_with(BYTE_ORDER_MARK) {
-            BYTE_ORDER_MARK.len()
-        } else {
-            0
-        };
-        Scanner {
-            bytes,
-            at,
-            mode: Mode::Text,
-        }
+        let at = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+        Scanner { bytes, at, mode: Mode::Text }
     }
 
     /// The offset of the next byte.
@@ -56,11 +48,7 @@ impl<'a> Scanner<'a> {
     }
 
     pub fn skip_white(&mut self) {
-        self.at += self
-            .rest()
-            .iter()
-            .take_while(|byte| byte.is_ascii_whitespace())
-            .count();
+        self.at += self.rest().iter().take_while(|byte| byte.is_ascii_whitespace()).count();
     }
 
     fn skip_blanks(&mut self) {
@@ -76,9 +64,7 @@ impl<'a> Scanner<'a> {
             return Ok(None);
         }
         let line = self.line();
-        let name = line
-            .strip_prefix(b"$")
-            .and_then(|name| std::str::from_utf8(name).ok());
+        let name = line.strip_prefix(b"$").and_then(|name| std::str::from_utf8(name).ok());
         let Some(name) = name.filter(|name| !name.is_empty()) else {
             let reason = format!("expected a section ($Name), found `{}`", excerpt(line));
             return Err(Fault::at(at, reason));
@@ -97,10 +83,7 @@ impl<'a> Scanner<'a> {
         match line.strip_prefix(b"$End") {
             Some(end) if end == name.as_bytes() => Ok(()),
             _ if line.is_empty() => Err(Fault::at(at, format!("the file ends before $End{name}"))),
-            _ => Err(Fault::at(
-                at,
-                format!("expected $End{name}, found `{}`", excerpt(line)),
-            )),
+            _ => Err(Fault::at(at, format!("expected $End{name}, found `{}`", excerpt(line)))),
         }
     }
 
@@ -109,10 +92,7 @@ impl<'a> Scanner<'a> {
         let end = format!("$End{name}");
         loop {
             let rest = self.rest();
-            let Some(found) = rest
-                .windows(end.len())
-                .position(|window| window == end.as_bytes())
-            else {
+            let Some(found) = rest.windows(end.len()).position(|window| window == end.as_bytes()) else {
                 return Err(Fault::at(start, format!("the section has no {end}")));
             };
             self.at += found;
@@ -129,9 +109,7 @@ impl<'a> Scanner<'a> {
         if self.mode == Mode::Text {
             self.skip_white();
         }
-        let count = std::str::from_utf8(line)
-            .ok()
-            .and_then(|text| text.parse().ok());
+        let count = std::str::from_utf8(line).ok().and_then(|text| text.parse().ok());
         count.ok_or_else(|| Fault::at(at, format!("expected a count, found `{}`", excerpt(line))))
     }
 
@@ -141,11 +119,7 @@ impl<'a> Scanner<'a> {
             Mode::Text => self.number("a whole number"),
             Mode::Binary { big_endian, .. } => {
                 let bytes = self.take()?;
-                Ok(if big_endian {
-                    i32::from_be_bytes(bytes)
-                } else {
-                    i32::from_le_bytes(bytes)
-                })
+                Ok(if big_endian { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) })
             }
         }
     }
@@ -154,21 +128,13 @@ impl<'a> Scanner<'a> {
     pub fn size(&mut self) -> Result<u64, Fault> {
         match self.mode {
             Mode::Text => self.number("a count or tag"),
-            Mode::Binary {
-                big_endian,
-                size_bytes: 8,
-            } => {
+            Mode::Binary { big_endian, size_bytes: 8 } => {
                 let bytes = self.take()?;
-                Ok(if big_endian {
-                    u64::from_be_bytes(bytes)
-                } else {
-                    u64::from_le_bytes(bytes)
-                })
+                Ok(if big_endian { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
             }
             Mode::Binary { .. } => {
                 let (at, size) = (self.at, self.int()?);
-                u64::try_from(size)
-                    .map_err(|_negative| Fault::at(at, format!("{size} is no count or tag")))
+                u64::try_from(size).map_err(|_negative| Fault::at(at, format!("{size} is no count or tag")))
             }
         }
     }
@@ -178,11 +144,7 @@ impl<'a> Scanner<'a> {
             Mode::Text => self.number("a number"),
             Mode::Binary { big_endian, .. } => {
                 let bytes = self.take()?;
-                Ok(if big_endian {
-                    f64::from_be_bytes(bytes)
-                } else {
-                    f64::from_le_bytes(bytes)
-                })
+                Ok(if big_endian { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
             }
         }
     }
@@ -193,10 +155,7 @@ impl<'a> Scanner<'a> {
             self.skip_blanks();
             if !matches!(self.rest().first(), None | Some(b'\n')) {
                 let at = self.at;
-                return Err(Fault::at(
-                    at,
-                    format!("the line should end before `{}`", excerpt(self.line())),
-                ));
+                return Err(Fault::at(at, format!("the line should end before `{}`", excerpt(self.line()))));
             }
             self.skip_white();
         }
@@ -215,16 +174,10 @@ impl<'a> Scanner<'a> {
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T, Fault> {
         self.skip_blanks();
         let (at, rest) = (self.at, self.rest());
-        let length = rest
-            .iter()
-            .take_while(|byte| !byte.is_ascii_whitespace())
-            .count();
+        let length = rest.iter().take_while(|byte| !byte.is_ascii_whitespace()).count();
         let word = &rest[..length];
         self.at += length;
-        if let Some(number) = std::str::from_utf8(word)
-            .ok()
-            .and_then(|word| word.parse().ok())
-        {
+        if let Some(number) = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok()) {
             return Ok(number);
         }
         Err(Fault::at(
@@ -232,10 +185,7 @@ impl<'a> Scanner<'a> {
             match word {
                 [] if rest.is_empty() => "the file ends too early".to_owned(),
                 [] => format!("the line ends where {what} is expected"),
-                [b'$', ..] => format!(
-                    "fewer entries than the section's count says: `{}`",
-                    excerpt(word)
-                ),
+                [b'$', ..] => format!("fewer entries than the section's count says: `{}`", excerpt(word)),
                 _ => format!("expected {what}, found `{}`", excerpt(word)),
             },
         ))
@@ -245,12 +195,6 @@ impl<'a> Scanner<'a> {
 /// The start of `bytes`, printable.
 pub fn excerpt(bytes: &[u8]) -> String {
     const LONGEST: usize = 40;
-    let shown = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)])
-        .escape_debug()
-        .to_string();
-    if bytes.len() > LONGEST {
-        shown + "…"
-    } else {
-        shown
-    }
+    let shown = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)]).escape_debug().to_string();
+    if bytes.len() > LONGEST { shown + "…" } else { shown }
 }

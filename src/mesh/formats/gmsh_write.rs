@@ -21,12 +21,8 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    pub const ALL: [Encoding; 4] = [
-        Encoding::Gmsh22Text,
-        Encoding::Gmsh22Binary,
-        Encoding::Gmsh41Text,
-        Encoding::Gmsh41Binary,
-    ];
+    pub const ALL: [Encoding; 4] =
+        [Encoding::Gmsh22Text, Encoding::Gmsh22Binary, Encoding::Gmsh41Text, Encoding::Gmsh41Binary];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -62,22 +58,9 @@ pub(super) fn encode_with_endianness(
 ) -> Result<Vec<u8>, MeshError> {
     let plan = Plan::new(mesh, encoding)?;
     let binary = encoding.is_binary();
-    let mut out = Sink {
-        bytes: Vec::new(),
-        binary,
-        big_endian,
-        wide: !encoding.is_version_2(),
-        fresh: true,
-    };
-    let version = if encoding.is_version_2() {
-        "2.2"
-    } else {
-        "4.1"
-    };
-    out.text(format_args!(
-        "$MeshFormat\n{version} {} 8\n",
-        u8::from(binary)
-    ));
+    let mut out = Sink { bytes: Vec::new(), binary, big_endian, wide: !encoding.is_version_2(), fresh: true };
+    let version = if encoding.is_version_2() { "2.2" } else { "4.1" };
+    out.text(format_args!("$MeshFormat\n{version} {} 8\n", u8::from(binary)));
     if binary {
         out.int(1);
         out.text("\n");
@@ -106,58 +89,33 @@ struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     fn new(mesh: &'a TetMesh, encoding: Encoding) -> Result<Plan<'a>, MeshError> {
-        let refuse = |reason: String| MeshError::Unwritable {
-            encoding: encoding.name(),
-            reason,
-        };
+        let refuse = |reason: String| MeshError::Unwritable { encoding: encoding.name(), reason };
         let int = |what: &str, number: u64| {
             let too_large = |_| refuse(format!("{what} {number} is above {}", i32::MAX));
             i32::try_from(number).map_err(too_large)
         };
         if mesh.tags.len() != mesh.nodes.len() || mesh.regions.len() != mesh.tets.len() {
-            return Err(refuse(
-                "its nodes and tags, or tetrahedra and regions, differ in number".to_owned(),
-            ));
+            return Err(refuse("its nodes and tags, or tetrahedra and regions, differ in number".to_owned()));
         }
-        let corners = mesh
-            .tets
-            .iter()
-            .flatten()
-            .chain(mesh.groups.values().flatten());
-        if let Some(node) = corners
-            .copied()
-            .find(|&node| node as usize >= mesh.nodes.len())
-        {
-            return Err(refuse(format!(
-                "node index {node} is not below {}",
-                mesh.nodes.len()
-            )));
+        let corners = mesh.tets.iter().flatten().chain(mesh.groups.values().flatten());
+        if let Some(node) = corners.copied().find(|&node| node as usize >= mesh.nodes.len()) {
+            return Err(refuse(format!("node index {node} is not below {}", mesh.nodes.len())));
         }
         for name in mesh.groups.keys().chain(mesh.region_names.values()) {
             if name.contains(|c: char| c == '"' || c.is_control()) {
-                return Err(refuse(format!(
-                    "the name {name:?} holds a quote or a control character"
-                )));
+                return Err(refuse(format!("the name {name:?} holds a quote or a control character")));
             }
         }
         if encoding.is_version_2() {
-            mesh.tags
-                .iter()
-                .try_for_each(|&tag| int("node tag", tag).map(|_| ()))?;
+            mesh.tags.iter().try_for_each(|&tag| int("node tag", tag).map(|_| ()))?;
             let points: usize = mesh.groups.values().map(Vec::len).sum();
             int("element tag", (points + mesh.tets.len()) as u64)?;
         }
-        let regions: Vec<i32> = mesh
-            .regions
-            .iter()
-            .map(|&region| int("region", region.into()))
-            .collect::<Result<_, _>>()?;
+        let regions: Vec<i32> =
+            mesh.regions.iter().map(|&region| int("region", region.into())).collect::<Result<_, _>>()?;
         let distinct: BTreeSet<i32> = regions.iter().copied().collect();
         let implied = nodes_of_named_regions(mesh);
-        let groups = mesh
-            .groups
-            .iter()
-            .filter(|&(name, nodes)| implied.get(name.as_str()) != Some(nodes));
+        let groups = mesh.groups.iter().filter(|&(name, nodes)| implied.get(name.as_str()) != Some(nodes));
         let named = mesh.region_names.iter();
         Ok(Plan {
             mesh,
@@ -201,10 +159,7 @@ impl<'a> Plan<'a> {
             out.end_line();
         }
         out.end_section("Nodes");
-        out.text(format_args!(
-            "$Elements\n{}\n",
-            self.point_count() + mesh.tets.len()
-        ));
+        out.text(format_args!("$Elements\n{}\n", self.point_count() + mesh.tets.len()));
         let mut tag = 0;
         let mut head = |out: &mut Sink, kind: i32| {
             tag += 1;
@@ -237,8 +192,7 @@ impl<'a> Plan<'a> {
             head(out, TETRAHEDRON);
             out.int(*region);
             out.int(self.volumes[region]);
-            tet.iter()
-                .for_each(|&node| out.size(mesh.tags[node as usize]));
+            tet.iter().for_each(|&node| out.size(mesh.tags[node as usize]));
             out.end_line();
         }
         out.end_section("Elements");
@@ -251,9 +205,7 @@ impl<'a> Plan<'a> {
         let last_tag = mesh.tags.iter().max().copied().unwrap_or(0);
         let node_count = mesh.nodes.len() as u64;
         out.text("$Nodes\n");
-        [1, node_count, first_tag, last_tag]
-            .into_iter()
-            .for_each(|size| out.size(size));
+        [1, node_count, first_tag, last_tag].into_iter().for_each(|size| out.size(size));
         out.end_line();
         [3, 1, 0].into_iter().for_each(|int| out.int(int));
         out.size(node_count);
@@ -269,24 +221,16 @@ impl<'a> Plan<'a> {
         out.end_section("Nodes");
 
         let runs: Vec<&[i32]> = self.regions.chunk_by(|a, b| a == b).collect();
-        let groups: Vec<_> = self
-            .groups
-            .iter()
-            .filter(|(_, _, nodes)| !nodes.is_empty())
-            .collect();
+        let groups: Vec<_> = self.groups.iter().filter(|(_, _, nodes)| !nodes.is_empty()).collect();
         let count = (self.point_count() + mesh.tets.len()) as u64;
         out.text("$Elements\n");
-        [(groups.len() + runs.len()) as u64, count, 1, count]
-            .into_iter()
-            .for_each(|size| out.size(size));
+        [(groups.len() + runs.len()) as u64, count, 1, count].into_iter().for_each(|size| out.size(size));
         out.end_line();
         let mut tag = 0;
         let mut element = |out: &mut Sink, nodes: &[u32]| {
             tag += 1;
             out.size(tag);
-            nodes
-                .iter()
-                .for_each(|&node| out.size(mesh.tags[node as usize]));
+            nodes.iter().for_each(|&node| out.size(mesh.tags[node as usize]));
             out.end_line();
         };
         for (number, _, nodes) in groups {
@@ -297,14 +241,10 @@ impl<'a> Plan<'a> {
         }
         let mut tets = mesh.tets.iter();
         for run in runs {
-            [3, self.volumes[&run[0]], TETRAHEDRON]
-                .into_iter()
-                .for_each(|int| out.int(int));
+            [3, self.volumes[&run[0]], TETRAHEDRON].into_iter().for_each(|int| out.int(int));
             out.size(run.len() as u64);
             out.end_line();
-            tets.by_ref()
-                .take(run.len())
-                .for_each(|tet| element(out, tet));
+            tets.by_ref().take(run.len()).for_each(|tet| element(out, tet));
         }
         out.end_section("Elements");
     }
@@ -313,17 +253,11 @@ impl<'a> Plan<'a> {
     fn entities(&self, out: &mut Sink) {
         let mesh = self.mesh;
         out.text("$Entities\n");
-        [self.groups.len(), 0, 0, self.volumes.len()]
-            .into_iter()
-            .for_each(|count| out.size(count as u64));
+        [self.groups.len(), 0, 0, self.volumes.len()].into_iter().for_each(|count| out.size(count as u64));
         out.end_line();
         for (number, _, nodes) in &self.groups {
             out.int(*number);
-            out.reals(
-                &nodes
-                    .first()
-                    .map_or(Vector3::zeros(), |&node| mesh.nodes[node as usize]),
-            );
+            out.reals(&nodes.first().map_or(Vector3::zeros(), |&node| mesh.nodes[node as usize]));
             out.size(1);
             out.int(*number);
             out.end_line();
@@ -349,11 +283,8 @@ impl<'a> Plan<'a> {
 
 /// The node groups that the reader makes from named regions.
 fn nodes_of_named_regions(mesh: &TetMesh) -> BTreeMap<&str, Vec<u32>> {
-    let mut nodes: BTreeMap<&str, Vec<u32>> = mesh
-        .region_names
-        .values()
-        .map(|name| (name.as_str(), Vec::new()))
-        .collect();
+    let mut nodes: BTreeMap<&str, Vec<u32>> =
+        mesh.region_names.values().map(|name| (name.as_str(), Vec::new())).collect();
     for (tet, region) in mesh.tets.iter().zip(&mesh.regions) {
         let name = mesh.region_names.get(region).map(String::as_str);
         if let Some(nodes) = name.and_then(|name| nodes.get_mut(name)) {
@@ -399,11 +330,7 @@ impl Sink {
     }
 
     fn int(&mut self, int: i32) {
-        if self.binary {
-            self.raw(int.to_le_bytes())
-        } else {
-            self.word(int)
-        }
+        if self.binary { self.raw(int.to_le_bytes()) } else { self.word(int) }
     }
 
     fn size(&mut self, size: u64) {
@@ -418,11 +345,7 @@ impl Sink {
     /// The shortest digits that give back the same bits.
     fn reals(&mut self, reals: &Vector3<f64>) {
         for real in reals.iter() {
-            if self.binary {
-                self.raw(real.to_le_bytes())
-            } else {
-                self.word(format_args!("{real:?}"))
-            }
+            if self.binary { self.raw(real.to_le_bytes()) } else { self.word(format_args!("{real:?}")) }
         }
     }
 
@@ -434,10 +357,7 @@ impl Sink {
     }
 
     fn end_section(&mut self, name: &str) {
-        self.text(format_args!(
-            "{}$End{name}\n",
-            if self.binary { "\n" } else { "" }
-        ));
+        self.text(format_args!("{}$End{name}\n", if self.binary { "\n" } else { "" }));
     }
 }
 
@@ -448,19 +368,11 @@ mod tests {
 
     #[test]
     fn big_endian_files_are_read_as_well() {
-        let mesh = block(&Block {
-            size: [1.0, 2.0, 3.0],
-            cells: [2, 3, 1],
-        })
-        .unwrap();
+        let mesh = block(&Block { size: [1.0, 2.0, 3.0], cells: [2, 3, 1] }).unwrap();
         for encoding in [Encoding::Gmsh22Binary, Encoding::Gmsh41Binary] {
             let bytes = encode_with_endianness(&mesh, encoding, true).unwrap();
             assert_ne!(bytes, encode(&mesh, encoding).unwrap());
-            assert_eq!(
-                parse("m.msh".as_ref(), &bytes).unwrap().mesh,
-                mesh,
-                "{encoding:?}"
-            );
+            assert_eq!(parse("m.msh".as_ref(), &bytes).unwrap().mesh, mesh, "{encoding:?}");
         }
     }
 }

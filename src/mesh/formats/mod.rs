@@ -31,23 +31,11 @@ pub const FORMATS: &[Format] = &[gmsh::FORMAT];
 
 /// The format of a file: by its extension, else by its first bytes.
 pub fn format_of(path: &Path, bytes: &[u8]) -> Result<&'static Format, Fault> {
-    let extension = path
-        .extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default();
-    let by_name = FORMATS
-        .iter()
-        .find(|format| format.extensions.contains(&extension.as_str()));
-    by_name
-        .or_else(|| FORMATS.iter().find(|format| (format.recognizes)(bytes)))
-        .ok_or_else(|| {
-            let known: Vec<String> = FORMATS
-                .iter()
-                .map(|f| format!("{} (.{})", f.name, f.extensions.join(", .")))
-                .collect();
-            Fault::whole(format!(
-                "not a mesh file that can be read; known are {}",
-                known.join(", ")
-            ))
-        })
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let by_name = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()));
+    by_name.or_else(|| FORMATS.iter().find(|format| (format.recognizes)(bytes))).ok_or_else(|| {
+        let known: Vec<String> =
+            FORMATS.iter().map(|f| format!("{} (.{})", f.name, f.extensions.join(", ."))).collect();
+        Fault::whole(format!("not a mesh file that can be read; known are {}", known.join(", ")))
+    })
 }

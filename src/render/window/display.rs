@@ -28,12 +28,9 @@ pub fn find_display() -> Result<(), RenderError> {
         };
     }
     match set("DISPLAY") {
-        Some(name) => connect_x11(&name).map_err(|reason| {
-            RenderError::NoDisplay(format!("DISPLAY is \"{name}\", but {reason}"))
-        }),
-        None => Err(RenderError::NoDisplay(
-            "neither WAYLAND_DISPLAY nor DISPLAY is set".to_owned(),
-        )),
+        Some(name) => connect_x11(&name)
+            .map_err(|reason| RenderError::NoDisplay(format!("DISPLAY is \"{name}\", but {reason}"))),
+        None => Err(RenderError::NoDisplay("neither WAYLAND_DISPLAY nor DISPLAY is set".to_owned())),
     }
 }
 
@@ -51,22 +48,15 @@ fn connect_x11(name: &str) -> Result<(), String> {
 
     let (host, rest) = name.rsplit_once(':').ok_or("that is not [host]:number")?;
     let number = rest.split('.').next().unwrap_or_default();
-    let number: u16 = number
-        .parse()
-        .map_err(|error| format!("\"{number}\" is no display number ({error})"))?;
+    let number: u16 =
+        number.parse().map_err(|error| format!("\"{number}\" is no display number ({error})"))?;
     if matches!(host, "" | "unix") || host.starts_with('/') {
         return connect_local(number);
     }
-    let port = 6000_u16
-        .checked_add(number)
-        .ok_or("its display number is beyond TCP's ports")?;
-    let host = host
-        .strip_prefix("tcp/")
-        .unwrap_or(host)
-        .trim_matches(['[', ']']);
-    let addresses = (host, port)
-        .to_socket_addrs()
-        .map_err(|error| format!("its host is unknown ({error})"))?;
+    let port = 6000_u16.checked_add(number).ok_or("its display number is beyond TCP's ports")?;
+    let host = host.strip_prefix("tcp/").unwrap_or(host).trim_matches(['[', ']']);
+    let addresses =
+        (host, port).to_socket_addrs().map_err(|error| format!("its host is unknown ({error})"))?;
     let reachable = |address| TcpStream::connect_timeout(&address, Duration::from_secs(3)).is_ok();
     if addresses.into_iter().any(reachable) {
         Ok(())
@@ -88,9 +78,7 @@ fn connect_local(number: u16) -> Result<(), String> {
             return Ok(());
         }
     }
-    UnixStream::connect(&path)
-        .map(drop)
-        .map_err(|error| format!("{path} does not answer ({error})"))
+    UnixStream::connect(&path).map(drop).map_err(|error| format!("{path} does not answer ({error})"))
 }
 
 #[cfg(all(test, unix, not(target_os = "macos")))]
@@ -100,18 +88,10 @@ mod tests {
 
     #[test]
     fn a_display_nobody_serves_is_refused_with_the_place_asked() {
-        assert!(
-            connect_x11(":64999")
-                .unwrap_err()
-                .contains("/tmp/.X11-unix/X64999")
-        );
+        assert!(connect_x11(":64999").unwrap_err().contains("/tmp/.X11-unix/X64999"));
         assert!(connect_x11("here").unwrap_err().contains("[host]:number"));
         assert!(connect_x11(":x.0").unwrap_err().contains("\"x\""));
-        assert!(
-            connect_x11("[::1]:60000")
-                .unwrap_err()
-                .contains("beyond TCP")
-        );
+        assert!(connect_x11("[::1]:60000").unwrap_err().contains("beyond TCP"));
     }
 
     proptest! {

@@ -82,10 +82,7 @@ pub(super) fn neutral(window: usize, size: [u32; 2], event: &WindowEvent) -> Opt
     match event {
         WindowEvent::CursorMoved { position, .. } => {
             let share = |pixel: f64, length: u32| (pixel / f64::from(length.max(1))) as f32;
-            Some(Input::Cursor {
-                window,
-                position: [share(position.x, size[0]), share(position.y, size[1])],
-            })
+            Some(Input::Cursor { window, position: [share(position.x, size[0]), share(position.y, size[1])] })
         }
         WindowEvent::CursorLeft { .. } => Some(Input::CursorLeft { window }),
         WindowEvent::MouseInput { state, button, .. } => {
@@ -97,11 +94,7 @@ pub(super) fn neutral(window: usize, size: [u32; 2], event: &WindowEvent) -> Opt
                 MouseButton::Forward => Button::Other(9),
                 MouseButton::Other(number) => Button::Other(*number),
             };
-            Some(Input::Button {
-                window,
-                button,
-                pressed: *state == ElementState::Pressed,
-            })
+            Some(Input::Button { window, button, pressed: *state == ElementState::Pressed })
         }
         WindowEvent::MouseWheel { delta, .. } => {
             let lines = match delta {
@@ -112,20 +105,10 @@ pub(super) fn neutral(window: usize, size: [u32; 2], event: &WindowEvent) -> Opt
         }
         WindowEvent::KeyboardInput { event, .. } if !event.repeat => {
             let key = neutral_key(&event.logical_key)?;
-            Some(Input::Key {
-                window,
-                key,
-                pressed: event.state == ElementState::Pressed,
-            })
+            Some(Input::Key { window, key, pressed: event.state == ElementState::Pressed })
         }
-        WindowEvent::Resized(size) => Some(Input::Resized {
-            window,
-            size: (*size).into(),
-        }),
-        WindowEvent::Focused(focused) => Some(Input::Focus {
-            window,
-            focused: *focused,
-        }),
+        WindowEvent::Resized(size) => Some(Input::Resized { window, size: (*size).into() }),
+        WindowEvent::Focused(focused) => Some(Input::Focus { window, focused: *focused }),
         _ => None,
     }
 }
@@ -178,14 +161,8 @@ mod tests {
 
     #[test]
     fn keys_are_named_by_what_they_type_in_lower_case() {
-        assert_eq!(
-            neutral_key(&LogicalKey::Character("Q".into())),
-            Some(Key::Char('q'))
-        );
-        assert_eq!(
-            neutral_key(&LogicalKey::Named(NamedKey::F12)),
-            Some(Key::Function(12))
-        );
+        assert_eq!(neutral_key(&LogicalKey::Character("Q".into())), Some(Key::Char('q')));
+        assert_eq!(neutral_key(&LogicalKey::Named(NamedKey::F12)), Some(Key::Function(12)));
         assert_eq!(neutral_key(&LogicalKey::Named(NamedKey::Camera)), None);
         assert_eq!(neutral_key(&LogicalKey::Character("".into())), None);
     }
@@ -196,12 +173,6 @@ mod tests {
             device_id: winit::event::DeviceId::dummy(),
             position: winit::dpi::PhysicalPosition::new(3.0, 4.0),
         };
-        assert_eq!(
-            neutral(0, [0, 8], &event),
-            Some(Input::Cursor {
-                window: 0,
-                position: [3.0, 0.5]
-            })
-        );
+        assert_eq!(neutral(0, [0, 8], &event), Some(Input::Cursor { window: 0, position: [3.0, 0.5] }));
     }
 }

@@ -119,20 +119,13 @@ impl Windows {
         let acquire = start.elapsed();
         if frames.is_empty() {
             std::thread::sleep(IDLE);
-            return Ok(WindowTimes {
-                acquire,
-                ..WindowTimes::default()
-            });
+            return Ok(WindowTimes { acquire, ..WindowTimes::default() });
         }
         let pictures: Vec<_> = frames
             .iter()
             .filter_map(|(frame, surface, viewports)| {
                 let attachments = surface.attachments.as_ref()?;
-                Some(Picture {
-                    attachments,
-                    texture: &frame.view,
-                    viewports,
-                })
+                Some(Picture { attachments, texture: &frame.view, viewports })
             })
             .collect();
         let encode = self.renderer.draw(&self.gpu, &pictures, contents)?;
@@ -143,11 +136,7 @@ impl Windows {
             self.gpu.queue.present(frame.texture);
         }
         self.gpu.check()?;
-        Ok(WindowTimes {
-            acquire,
-            encode,
-            present: start.elapsed(),
-        })
+        Ok(WindowTimes { acquire, encode, present: start.elapsed() })
     }
 }
 
@@ -166,16 +155,8 @@ pub fn run(
         .map_err(|panic| no_display(panic_message(&*panic).to_owned()))?
         .map_err(|error| no_display(error.to_string()))?;
     event_loop.set_control_flow(ControlFlow::Poll);
-    let mut handler = Handler {
-        specs,
-        options,
-        app,
-        windows: None,
-        result: Ok(()),
-    };
-    event_loop
-        .run_app(&mut handler)
-        .map_err(|error| no_display(error.to_string()))?;
+    let mut handler = Handler { specs, options, app, windows: None, result: Ok(()) };
+    event_loop.run_app(&mut handler).map_err(|error| no_display(error.to_string()))?;
     handler.result
 }
 
@@ -193,8 +174,7 @@ fn build_event_loop() -> Result<EventLoop<()>, winit::error::EventLoopError> {
 
 fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("the window system did not start")
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("the window system did not start")
 }
 
 fn no_display(reason: String) -> RenderError {
@@ -232,9 +212,8 @@ impl<A: WindowApp> Handler<'_, A> {
             opened.push(Arc::new(window));
         }
         let display = Box::new(event_loop.owned_display_handle());
-        let instance = wgpu::Instance::new(
-            wgpu::InstanceDescriptor::new_with_display_handle_from_env(display),
-        );
+        let instance =
+            wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(display));
         let mut surfaces = Vec::new();
         for (index, (window, spec)) in opened.iter().zip(self.specs).enumerate() {
             let surface = instance
@@ -244,26 +223,18 @@ impl<A: WindowApp> Handler<'_, A> {
         }
         let gpu = Gpu::open(instance, surfaces.first())?;
         let mut configured = Vec::new();
-        for (index, ((window, surface), spec)) in
-            opened.into_iter().zip(surfaces).zip(self.specs).enumerate()
+        for (index, ((window, surface), spec)) in opened.into_iter().zip(surfaces).zip(self.specs).enumerate()
         {
             let surface = WindowSurface::new(&gpu, window, surface, self.options.vsync)
                 .map_err(|reason| window_error(index, spec, reason))?;
             configured.push(surface);
         }
         let Some(first) = configured.first() else {
-            return Err(RenderError::WindowCount {
-                found: 0,
-                expected: 1,
-            });
+            return Err(RenderError::WindowCount { found: 0, expected: 1 });
         };
         let renderer = Renderer::new(&gpu, first.format(), self.options.samples)?;
         self.app.start(&gpu).map_err(RenderError::App)?;
-        self.windows = Some(Windows {
-            gpu,
-            renderer,
-            surfaces: configured,
-        });
+        self.windows = Some(Windows { gpu, renderer, surfaces: configured });
         Ok(())
     }
 }
@@ -281,11 +252,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
         let Some(windows) = &mut self.windows else {
             return;
         };
-        let Some(index) = windows
-            .surfaces
-            .iter()
-            .position(|surface| surface.window.id() == id)
-        else {
+        let Some(index) = windows.surfaces.iter().position(|surface| surface.window.id() == id) else {
             return;
         };
         if let WindowEvent::Resized(size) = event {
@@ -295,12 +262,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
             return self.finish(event_loop, Ok(()));
         }
         if let Some(input) = input::neutral(index, windows.surfaces[index].size, &event) {
-            if let Input::Key {
-                key: Key::Escape,
-                pressed: true,
-                ..
-            } = input
-            {
+            if let Input::Key { key: Key::Escape, pressed: true, .. } = input {
                 return self.finish(event_loop, Ok(()));
             }
             self.app.input(input);
@@ -323,11 +285,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
 }
 
 fn window_error(window: usize, spec: &WindowSpec, reason: String) -> RenderError {
-    RenderError::Window {
-        window,
-        title: spec.title.clone(),
-        reason,
-    }
+    RenderError::Window { window, title: spec.title.clone(), reason }
 }
 
 fn attributes(event_loop: &ActiveEventLoop, spec: &WindowSpec) -> winit::window::WindowAttributes {

@@ -47,24 +47,13 @@ impl WindowSurface {
             color_space: wgpu::SurfaceColorSpace::Auto,
             width: size[0],
             height: size[1],
-            present_mode: if vsync {
-                wgpu::PresentMode::AutoVsync
-            } else {
-                wgpu::PresentMode::AutoNoVsync
-            },
+            present_mode: if vsync { wgpu::PresentMode::AutoVsync } else { wgpu::PresentMode::AutoNoVsync },
             // One frame ahead: latency counts more than throughput when a hand moves the picture.
             desired_maximum_frame_latency: 1,
             alpha_mode: wgpu::CompositeAlphaMode::Auto,
             view_formats: vec![],
         };
-        Ok(Self {
-            size,
-            attachments: None,
-            surface,
-            config,
-            is_current: false,
-            window,
-        })
+        Ok(Self { size, attachments: None, surface, config, is_current: false, window })
     }
 
     pub(super) fn format(&self) -> wgpu::TextureFormat {
@@ -104,12 +93,10 @@ impl WindowSurface {
             }
             CurrentSurfaceTexture::Lost => {
                 self.is_current = false;
-                self.surface =
-                    gpu.instance
-                        .create_surface(self.window.clone())
-                        .map_err(|error| {
-                            RenderError::Device(format!("a lost window surface: {error}"))
-                        })?;
+                self.surface = gpu
+                    .instance
+                    .create_surface(self.window.clone())
+                    .map_err(|error| RenderError::Device(format!("a lost window surface: {error}")))?;
                 return Ok(None);
             }
             CurrentSurfaceTexture::Validation => {
@@ -117,9 +104,7 @@ impl WindowSurface {
                 return Ok(None);
             }
         };
-        let view = texture
-            .texture
-            .create_view(&wgpu::TextureViewDescriptor::default());
+        let view = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Some(SurfaceFrame { texture, view }))
     }
 
@@ -128,12 +113,7 @@ impl WindowSurface {
         let fits = |old: &Attachments| [old.width, old.height] == self.size;
         if !self.attachments.as_ref().is_some_and(fits) {
             // Also refuses a size beyond the device's limit before the swap chain would.
-            self.attachments = Some(Attachments::new(
-                gpu,
-                self.config.format,
-                renderer.samples,
-                self.size,
-            )?);
+            self.attachments = Some(Attachments::new(gpu, self.config.format, renderer.samples, self.size)?);
         }
         self.surface.configure(&gpu.device, &self.config);
         gpu.check()?;
