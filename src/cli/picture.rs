@@ -25,7 +25,9 @@ impl Bodies {
     pub fn upload(&self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
         let started = Instant::now();
         for (buffers, body) in self.buffers.iter().zip(&mut world.bodies) {
-            buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
+            if std::mem::take(&mut body.moved) {
+                buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
+            }
             if std::mem::take(&mut body.recolour) {
                 buffers.set_colors(gpu, &body.colours())?;
             }

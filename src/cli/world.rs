@@ -42,7 +42,8 @@ pub struct PlacedBody {
     pub room_from_body: Similarity3<f64>,
     /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
     pub controls: Vec<PlacedControl>,
-    /// Colours changed since they were last drawn.
+    /// Deformed, or coloured anew, since it was last uploaded.
+    pub moved: bool,
     pub recolour: bool,
 }
 
@@ -88,6 +89,7 @@ impl World {
                 PlacedBody {
                     room_from_body: room_from_mesh * mesh_from_body,
                     controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
+                    moved: true,
                     recolour: true,
                     deformer,
                 }
@@ -127,6 +129,7 @@ impl World {
         let mut times = StepTimes { interact_s: started.elapsed().as_secs_f64(), ..Default::default() };
         for ((body, poses), moods) in self.bodies.iter_mut().zip(&poses).zip(moods) {
             if body.deformer.evaluate(poses).is_some() {
+                body.moved = true;
                 times.deform_s += body.deformer.times.deform_s;
                 times.normals_s += body.deformer.times.normals_s;
             }
@@ -143,6 +146,7 @@ impl World {
         self.grips.clear();
         for body in &mut self.bodies {
             body.deformer.evaluate(&vec![ControlPose::REST; body.controls.len()]);
+            body.moved = true;
         }
     }
 
