@@ -41,7 +41,14 @@ fn identity() -> [[f64; 3]; 3] {
 
 /// Reads the pose file.
 pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
-    let file: PoseFile = config::load(path)?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| config::ConfigError::Read { path: path.to_owned(), source })?;
+    parse(&text, path)
+}
+
+/// Checks the text of a pose file; `path` is only named in errors.
+pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
+    let file: PoseFile = config::parse(text, path)?;
     for (index, pose) in file.pose.iter().enumerate() {
         let first = file.pose.iter().position(|other| other.name == pose.name && other.body == pose.body);
         if first != Some(index) {
