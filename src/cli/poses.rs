@@ -41,7 +41,10 @@ fn identity() -> [[f64; 3]; 3] {
 
 /// Reads the pose file.
 pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
-    let file: PoseFile = config::load(path)?;
+    check(config::load(path)?, path)
+}
+
+fn check(file: PoseFile, path: &Path) -> Result<Vec<Pose>, Failure> {
     for (index, pose) in file.pose.iter().enumerate() {
         let first = file.pose.iter().position(|other| other.name == pose.name && other.body == pose.body);
         if first != Some(index) {
@@ -83,4 +86,37 @@ pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<Contro
             Ok(pose)
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const GOOD: &str =
+        "[[pose]]\nname = \"a\"\ncontrol.c = { translation = [0.1, 0, 0] }\n[[pose]]\nname = \"b\"\n";
+
+    fn parse(text: &str) -> Result<Vec<Pose>, Failure> {
+        let path = Path::new("poses.toml");
+        check(config::parse(text, path)?, path)
+    }
+
+    #[test]
+    fn what_is_absent_is_at_rest() {
+        let poses = parse(GOOD).unwrap();
+        assert_eq!(poses[0].control["c"].matrix, identity());
+        assert!(poses[1].control.is_empty());
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_it_panic(text in ".*", at in 0..GOOD.len(), cut in any::<bool>()) {
+            let rest = if cut { "" } else { &GOOD[at..] };
+            for text in [text.clone(), format!("{}{text}{rest}", &GOOD[..at])] {
+                if let Err(failure) = parse(&text) {
+                    prop_assert!(failure.to_string().contains("poses.toml"), "{failure}");
+                }
+            }
+        }
+    }
 }
