@@ -22,6 +22,7 @@
 //! | [`interact`] | pick ray, dragger |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
 //! | [`cli`] | one file per subcommand |
+//! | [`manual`] | the manual's chapters in Markdown; `greenstage manual` prints them |
 //!
 //! Conventions: SI units, radians, right-handed, Y up in the room; transforms are named `a_from_b`;
 //! offline arithmetic is f64, online f32.
@@ -33,6 +34,7 @@ pub mod effect;
 pub mod fem;
 pub mod green;
 pub mod interact;
+pub mod manual;
 pub mod mesh;
 pub mod render;
 pub mod scene;

@@ -168,8 +168,7 @@ fn write_all(
     }
     let write = |path: PathBuf, text: &str| {
         std::fs::write(&path, text).with_context(|| path.display().to_string()).map_err(Failure::Request)?;
-        println!("{}", path.display());
-        Ok::<(), Failure>(())
+        super::print(&format!("{}\n", path.display()))
     };
     let several = bodies.len() > 1;
     write(with(".csv"), &displacement_csv(geometry, results, several))?;
@@ -180,13 +179,21 @@ fn write_all(
     vtk(geometry, results)
         .export(&vtu)
         .map_err(|error| Failure::Work(anyhow::anyhow!("{}: {error}", vtu.display())))?;
-    println!("{}", vtu.display());
-    Ok(())
+    super::print(&format!("{}\n", vtu.display()))
 }
 
 /// In a scene of several bodies a pose is called POSE/BODY.
 fn label(result: &Deformed, several: bool) -> String {
-    if several { format!("{}/{}", result.pose, result.body) } else { result.pose.clone() }
+    if several { quoted(&format!("{}/{}", result.pose, result.body)) } else { quoted(&result.pose) }
+}
+
+/// A name as a cell of a CSV file (RFC 4180).
+fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
 }
 
 fn displacement_csv(geometry: &[Geometry], results: &[Deformed], several: bool) -> String {
@@ -213,7 +220,7 @@ fn forces_csv(bodies: &[Deformer], results: &[Deformed], several: bool) -> Strin
             continue;
         };
         for (control, Wrench { force: f, moment: m }) in body.controls.iter().zip(wrenches) {
-            let name = &control.name;
+            let name = quoted(&control.name);
             let numbers = [f.x, f.y, f.z, m.x, m.y, m.z, *energy].map(|value| format!("{value:e}"));
             let _ = writeln!(text, "{label},{name},{}", numbers.join(","));
         }
@@ -221,12 +228,23 @@ fn forces_csv(bodies: &[Deformer], results: &[Deformed], several: bool) -> Strin
     text
 }
 
-/// One piece per body: rest points, its cells, one displacement field a pose.
+/// One piece per body: rest points, its cells, one displacement field a pose. Every piece has the fields of all
+/// poses, as VTK asks for; a body that a pose does not name is at rest in it.
 fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
+    let mut poses: Vec<&str> = Vec::new();
+    for result in results {
+        if !poses.contains(&result.pose.as_str()) {
+            poses.push(&result.pose);
+        }
+    }
     let piece = |g: &Geometry| {
-        let fields = results.iter().filter(|result| result.body == g.body).map(|result| {
-            let u: Vec<f64> = result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect();
-            Attribute::vectors(format!("displacement {}", result.pose)).with_data(u)
+        let fields = poses.iter().map(|pose| {
+            let result = results.iter().find(|result| result.body == g.body && result.pose == *pose);
+            let u: Vec<f64> = match result {
+                Some(result) => result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect(),
+                None => vec![0.0; 3 * g.rest.len()],
+            };
+            Attribute::vectors(format!("displacement {pose}")).with_data(u)
         });
         let size = g.cells.first().map_or(3, Vec::len);
         let kind = if size == 4 { CellType::Tetra } else { CellType::Triangle };
@@ -251,5 +269,42 @@ fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
             meta: None,
             pieces: geometry.iter().map(|g| vtkio::model::Piece::Inline(Box::new(piece(g)))).collect(),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_with_commas_and_quotes_stay_one_cell() {
+        assert_eq!(quoted("bend 30"), "bend 30");
+        assert_eq!(quoted("a,b \"c\""), "\"a,b \"\"c\"\"\"");
+    }
+
+    #[test]
+    fn every_piece_has_the_fields_of_all_poses() {
+        let geometry = ["a", "b"].map(|body| Geometry {
+            body: body.into(),
+            tags: vec![1],
+            rest: vec![Vector3::zeros()],
+            cells: vec![vec![0, 0, 0]],
+        });
+        let results = [("pull", "b"), ("push", "a")].map(|(pose, body)| Deformed {
+            pose: pose.into(),
+            body: body.into(),
+            displacement: vec![Vector3::x()],
+            wrenches: None,
+        });
+        let DataSet::UnstructuredGrid { pieces, .. } = vtk(&geometry, &results).data else {
+            panic!("no unstructured grid");
+        };
+        for piece in pieces {
+            let vtkio::model::Piece::Inline(piece) = piece else {
+                panic!("a piece in another file");
+            };
+            let names: Vec<&str> = piece.data.point.iter().map(Attribute::name).collect();
+            assert_eq!(names, ["displacement pull", "displacement push"]);
+        }
     }
 }

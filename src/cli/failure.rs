@@ -37,15 +37,23 @@ impl Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Failure::Request(error) | Failure::Work(error) => error.fmt(f),
+        let (Failure::Request(error) | Failure::Work(error)) = self;
+        let mut told = error.to_string();
+        f.write_str(&told)?;
+        // Most errors name their cause themselves.
+        for cause in error.chain().skip(1).map(ToString::to_string) {
+            if !told.contains(&cause) {
+                write!(f, ": {cause}")?;
+            }
+            told = cause;
         }
+        Ok(())
     }
 }
 
 impl fmt::Debug for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{self:#}")
+        write!(f, "{self}")
     }
 }
 
@@ -64,5 +72,23 @@ impl From<SceneError> for Failure {
 impl From<GreenError> for Failure {
     fn from(error: GreenError) -> Failure {
         if error.is_request() { Failure::request(error) } else { Failure::work(error) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use anyhow::Context;
+    use std::path::Path;
+
+    #[test]
+    fn a_cause_is_told_once() {
+        let missing = config::load::<toml::Table>(Path::new("no/such.toml")).unwrap_err();
+        let text = Failure::from(missing).to_string();
+        assert_eq!(text.matches("os error").count(), 1, "{text}");
+        let inner: Result<(), _> = Err(std::io::Error::other("the disk is full"));
+        let outer = inner.context("cannot write a.csv").unwrap_err();
+        assert_eq!(Failure::work(outer).to_string(), "cannot write a.csv: the disk is full");
     }
 }

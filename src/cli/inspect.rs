@@ -10,10 +10,10 @@ use crate::stage::Stage;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// What is in a mesh, .green, scene or stage file
+/// What is in a mesh, .green, scene or stage file, or in a built-in stage
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file; its kind is found by its name and content
+    /// The file, its kind found by its name and content; or the name of a built-in stage
     pub file: PathBuf,
     /// As JSON, for machines
     #[arg(long)]
@@ -26,14 +26,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         "green" => green(&args.file)?,
         "toml" if is_stage(&args.file)? => stage(&args.file)?,
         "toml" => scene(&args.file)?,
+        "" if built_in(&args.file).is_some() => stage(&args.file)?,
         _ => mesh(&args.file)?,
     };
-    if args.json {
-        println!("{value:#}");
-    } else {
-        print!("{text}");
-    }
-    Ok(())
+    if args.json { super::print(&format!("{value:#}\n")) } else { super::print(&text) }
+}
+
+/// The built-in stage of that name, where there is no file of the same name.
+fn built_in(name: &Path) -> Option<Stage> {
+    Some(name).filter(|name| !name.exists()).and_then(|name| Stage::find(name.to_str()?).ok())
 }
 
 /// A TOML file with `[[screen]]` tables describes a stage, any other a scene.
@@ -176,7 +177,10 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
 }
 
 fn stage(path: &Path) -> Result<(String, Value), Failure> {
-    let stage = Stage::load(path).map_err(Failure::request)?;
+    let stage = match built_in(path) {
+        Some(stage) => stage,
+        None => Stage::load(path).map_err(Failure::request)?,
+    };
     let text = stage.to_string();
     Ok((text.clone(), json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() })))
 }

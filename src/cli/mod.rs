@@ -70,6 +70,16 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     }
 }
 
+/// Writes a result to standard output. A reader that has gone, as after `| head`, is no error.
+fn print(text: &str) -> Result<(), Failure> {
+    use std::io::{ErrorKind, Write};
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::work(error)),
+        _ => Ok(()),
+    }
+}
+
 fn samples(text: &str) -> Result<u32, String> {
     match text {
         "1" => Ok(1),

@@ -41,10 +41,14 @@ fn identity() -> [[f64; 3]; 3] {
 
 /// Reads the pose file.
 pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
-    check(config::load(path)?, path)
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| config::ConfigError::Read { path: path.to_owned(), source })?;
+    parse(&text, path)
 }
 
-fn check(file: PoseFile, path: &Path) -> Result<Vec<Pose>, Failure> {
+/// Checks the text of a pose file; `path` is only named in errors.
+pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
+    let file: PoseFile = config::parse(text, path)?;
     for (index, pose) in file.pose.iter().enumerate() {
         let first = file.pose.iter().position(|other| other.name == pose.name && other.body == pose.body);
         if first != Some(index) {
@@ -96,14 +100,9 @@ mod tests {
     const GOOD: &str =
         "[[pose]]\nname = \"a\"\ncontrol.c = { translation = [0.1, 0, 0] }\n[[pose]]\nname = \"b\"\n";
 
-    fn parse(text: &str) -> Result<Vec<Pose>, Failure> {
-        let path = Path::new("poses.toml");
-        check(config::parse(text, path)?, path)
-    }
-
     #[test]
     fn what_is_absent_is_at_rest() {
-        let poses = parse(GOOD).unwrap();
+        let poses = parse(GOOD, Path::new("poses.toml")).unwrap();
         assert_eq!(poses[0].control["c"].matrix, identity());
         assert!(poses[1].control.is_empty());
     }
@@ -113,7 +112,7 @@ mod tests {
         fn no_text_makes_it_panic(text in ".*", at in 0..GOOD.len(), cut in any::<bool>()) {
             let rest = if cut { "" } else { &GOOD[at..] };
             for text in [text.clone(), format!("{}{text}{rest}", &GOOD[..at])] {
-                if let Err(failure) = parse(&text) {
+                if let Err(failure) = parse(&text, Path::new("poses.toml")) {
                     prop_assert!(failure.to_string().contains("poses.toml"), "{failure}");
                 }
             }

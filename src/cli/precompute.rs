@@ -11,7 +11,7 @@ use std::time::Instant;
 /// Offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
 ///
 /// Does nothing where the file is there and still belongs to the scene (same mesh, materials, control elements,
-/// model, effects and program). Prints what each step took.
+/// solver, needs of model and effects, program version). Prints what each step took.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML); `greenstage manual scene` describes it
@@ -39,17 +39,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let writing = Instant::now();
     let size = green::write(&path, &bodies).map_err(|error| session::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();
-    for body in &bodies {
-        print!("{}", report(body).text());
-        println!();
-    }
-    println!("{}: {} written in {}", path.display(), bytes(size as f64), seconds(written_s));
-    print!("whole offline stage {}", seconds(started.elapsed().as_secs_f64()));
-    match peak_memory() {
-        Some(peak) => println!(", peak memory {}", bytes(peak)),
-        None => println!(),
-    }
-    Ok(())
+    let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
+    let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));
+    super::print(&format!(
+        "{tables}{}: {} written in {}\nwhole offline stage {}{peak}\n",
+        path.display(),
+        bytes(size as f64),
+        seconds(written_s),
+        seconds(started.elapsed().as_secs_f64())
+    ))
 }
 
 /// The closing table of one body: times, sizes, residual.

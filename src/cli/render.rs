@@ -6,7 +6,7 @@ use super::session;
 use super::table::seconds;
 use super::world::{StepTimes, World};
 use crate::scene::Scene;
-use crate::stage::Stage;
+use crate::stage::{Stage, Stereo};
 use crate::track::Script;
 use anyhow::Context;
 use image::{RgbaImage, imageops};
@@ -29,7 +29,7 @@ pub struct Args {
     /// Frames, evenly over the script
     #[arg(long, default_value_t = 20)]
     pub frames: usize,
-    /// Key frames for head and stylus; default: the scene's
+    /// Key frames for head and stylus: bend, or a script file; default: the scene's
     #[arg(long)]
     pub script: Option<PathBuf>,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
@@ -38,7 +38,7 @@ pub struct Args {
     /// Samples a pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = super::samples)]
     pub samples: u32,
-    /// Size of the pictures against the screens' own pixels
+    /// Size of the pictures against the screens' own pixels, 0.01 to 8
     #[arg(long, default_value_t = 1.0, value_parser = super::scale)]
     pub scale: f64,
     /// Pictures per eye, or both eyes side by side
@@ -71,10 +71,17 @@ pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
     Stage::find(&name).map_err(Failure::request)
 }
 
-/// The script that is asked for, else the scene's, if it has one.
+/// The script that is asked for, else the scene's, if it has one; a path in the scene file is relative to it.
 pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Failure> {
-    let path = asked.map(Path::to_owned).or(scene.script.as_ref().map(|path| scene.resolve(path)));
-    path.map(|path| Script::load(&path).map_err(Failure::request)).transpose()
+    let of_scene = || match &scene.script {
+        Some(path) if path.extension().is_some_and(|e| e == "toml") => Some(scene.resolve(path)),
+        other => other.clone(),
+    };
+    asked
+        .map(Path::to_owned)
+        .or_else(of_scene)
+        .map(|name| Script::find(&name.display().to_string()).map_err(Failure::request))
+        .transpose()
 }
 
 /// Moves the world to frame `frame` of `frames` of the script and returns what the mechanics took.
@@ -134,8 +141,9 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
         seconds(started.elapsed().as_secs_f64())
     );
     println!(
-        "drawing {:.1} stereo pairs/s, a frame of {} screen(s) {}; its mechanics {}",
+        "drawing {:.1} {}/s, a frame of {} screen(s) {}; its mechanics {}",
         pairs / drawn_s,
+        if world.stage.stereo == Stereo::Mono { "pictures" } else { "stereo pairs" },
         world.stage.screens.len(),
         seconds(drawn_s / args.frames as f64),
         seconds(mechanics_s / args.frames as f64)

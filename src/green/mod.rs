@@ -44,7 +44,7 @@ pub enum GreenError {
     Solve { body: String, source: SolveError },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    #[error("{}: {reason}; run `greenstage precompute` on its scene to make it anew", path.display())]
+    #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
     Damaged { path: PathBuf, reason: String },
     #[error(
         "{}: is stale: the scene, its mesh or the program changed since it was made (its fingerprint is {found}, \

@@ -135,7 +135,10 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
     if tets.is_empty() {
         let reason = match raw.elements.len() {
             0 => "the file holds no elements".to_owned(),
-            n => format!("none of the file's {n} elements is a tetrahedron: mesh the volume first (gmsh -3)"),
+            n => format!(
+                "none of the file's {n} elements is a tetrahedron: mesh the volume (gmsh -3); if the file has \
+                              physical groups, Gmsh saves it only where the volume is in one"
+            ),
         };
         return Err(Fault::whole(reason));
     }

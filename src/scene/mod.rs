@@ -32,7 +32,8 @@ pub struct Scene {
     /// Name of a built-in stage, or the path of a stage file.
     #[serde(default = "desktop")]
     pub stage: String,
-    /// Key frames that move head and stylus where nobody does; relative to the scene file.
+    /// Key frames that move head and stylus where nobody does: a built-in script's name, or a path relative to the
+    /// scene file.
     pub script: Option<PathBuf>,
     /// In the order of the file.
     pub body: IndexMap<String, Body>,

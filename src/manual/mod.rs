@@ -1,0 +1,30 @@
+//! The manual, a chapter a module: `greenstage manual CHAPTER` prints the same text.
+//!
+//! In: Markdown files. Out: [`CHAPTERS`]. Every whole example in them is parsed by a test, and so is every command.
+
+/// Each chapter once: its file, its module for rustdoc, its line of the contents.
+macro_rules! chapters {
+    ($($name:ident: $summary:literal,)*) => {
+        $(
+            #[doc = include_str!(concat!(stringify!($name), ".md"))]
+            pub mod $name {}
+        )*
+
+        /// Name, summary and text of every chapter, in the order of reading.
+        pub const CHAPTERS: &[(&str, &str, &str)] =
+            &[$((stringify!($name), $summary, include_str!(concat!(stringify!($name), ".md")))),*];
+    };
+}
+
+chapters! {
+    start: "the demo, and a mesh of your own bent in five minutes",
+    scene: "every key of the scene file: bodies, materials, control elements, models, effects, solver, place",
+    meshes: "Gmsh files: groups, regions, what is repaired and what is refused; the two generators",
+    stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
+    scripts: "key frames that move head and stylus where nobody does",
+    view: "windows, mouse and keyboard, colours, and what happens without a display",
+    deform: "poses in, displacements and forces out: files, columns, units, signs",
+    green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",
+    method: "the mathematics, the accuracy that was measured, and the limits",
+    bench: "what each figure of `greenstage bench` means, and how to measure honestly",
+}
