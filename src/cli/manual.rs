@@ -1,3 +1,5 @@
+//! `greenstage manual`: prints the manual.
+
 use super::failure::Failure;
 /// in work
 #[derive(Debug, clap::Args)]
