@@ -154,3 +154,75 @@ grab = "dragger"
     let s = file.stiffness("block").unwrap();
     assert!((15..24).all(|k| s.column(k).amax() == 0.0) && s.column(12).amax() > 0.0);
 }
+
+/// A file whose metadata were changed by somebody who also made the hash anew: refused, or harmless.
+#[test]
+fn forged_metadata_do_no_harm() {
+    let (path, _) = written("green-forged", HAPTICS);
+    let bytes = std::fs::read(&path).unwrap();
+    let (_, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    let sealed = header.metadata().as_ref().unwrap()["greenstage"].clone();
+    let content: serde_json::Value =
+        serde_json::from_str::<serde_json::Value>(&sealed).unwrap()["content"].clone();
+    let forged_path = path.with_extension("forged.green");
+    let mut refused = 0;
+    let forge = |content: &serde_json::Value| {
+        let text = content.to_string();
+        let seal = blake3::hash(text.as_bytes()).to_hex().to_string();
+        let sealed = format!("{{\"blake3\":\"{seal}\",\"content\":{text}}}");
+        let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        let metadata = std::collections::HashMap::from([("greenstage".to_owned(), sealed)]);
+        std::fs::write(&forged_path, safetensors::serialize(tensors.tensors(), Some(metadata)).unwrap())
+            .unwrap();
+        GreenFile::open(&forged_path)
+    };
+    forge(&content).unwrap();
+    for pointer in [
+        "/format",
+        "/bodies/block/surface_nodes",
+        "/bodies/block/surface_triangles",
+        "/bodies/block/controls",
+        "/bodies/block/controls/0/name",
+        "/bodies/block/controls/0/origin",
+        "/bodies/block/centre",
+        "/blake3",
+        "/bodies/block/needs/stiffness",
+        "/bodies/block",
+        "/bodies",
+    ] {
+        for value in
+            ["0", "-1", "1e300", "\"x\"", "[]", "{}", "null", "18446744073709551615", "true", "false"]
+        {
+            let mut forged = content.clone();
+            *forged.pointer_mut(pointer).unwrap() = serde_json::from_str(value).unwrap();
+            match forge(&forged) {
+                Err(error) => {
+                    assert!(matches!(error, GreenError::Damaged { .. }), "{error}");
+                    refused += 1;
+                }
+                Ok(file) => {
+                    if let Ok(mut body) =
+                        greenstage::deform::Deformer::new(std::sync::Arc::new(file), "block", "rotation")
+                    {
+                        let poses = vec![common::some_pose(1.0); body.controls.len()];
+                        body.evaluate(&poses);
+                    }
+                }
+            }
+        }
+    }
+    assert!(refused > 80, "{refused} of 110 refused");
+}
+
+proptest::proptest! {
+    #[test]
+    fn no_bytes_make_it_panic(bytes in proptest::collection::vec(proptest::num::u8::ANY, 0..300), length in 0u64..400) {
+        let path = std::env::temp_dir().join(format!("greenstage-bytes-{}.green", std::process::id()));
+        // With and without a plausible header length before them.
+        for bytes in [bytes.clone(), [&length.to_le_bytes()[..], b"{\"__metadata__\":{\"greenstage\":\"", &bytes].concat()] {
+            std::fs::write(&path, bytes).unwrap();
+            proptest::prop_assert!(GreenFile::open(&path).is_err());
+        }
+        std::fs::remove_file(&path).unwrap();
+    }
+}

@@ -91,3 +91,31 @@ pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<Contro
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const GOOD: &str =
+        "[[pose]]\nname = \"a\"\ncontrol.c = { translation = [0.1, 0, 0] }\n[[pose]]\nname = \"b\"\n";
+
+    #[test]
+    fn what_is_absent_is_at_rest() {
+        let poses = parse(GOOD, Path::new("poses.toml")).unwrap();
+        assert_eq!(poses[0].control["c"].matrix, identity());
+        assert!(poses[1].control.is_empty());
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_it_panic(text in ".*", at in 0..GOOD.len(), cut in any::<bool>()) {
+            let rest = if cut { "" } else { &GOOD[at..] };
+            for text in [text.clone(), format!("{}{text}{rest}", &GOOD[..at])] {
+                if let Err(failure) = parse(&text, Path::new("poses.toml")) {
+                    prop_assert!(failure.to_string().contains("poses.toml"), "{failure}");
+                }
+            }
+        }
+    }
+}

@@ -133,7 +133,7 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     }
     bar.finish_and_clear();
     let path = folder.join("contact-sheet.png");
-    save(&contact_sheet(&sheet, world.stage.screens.len()), &path)?;
+    save(&contact_sheet(&sheet, &world.stage.screens_from_top()), &path)?;
     let pairs = (args.frames * world.stage.screens.len()) as f64;
     println!(
         "{count} pictures in {} (all steps, PNG files too: {})",
@@ -165,9 +165,10 @@ fn small(image: &RgbaImage) -> RgbaImage {
     imageops::resize(image, width, height, imageops::FilterType::Triangle)
 }
 
-/// Frames from left to right, in each one column per eye; a column shows the screens, the last on top, so that a
-/// wall stands on the table before it.
-fn contact_sheet(frames: &[Vec<RgbaImage>], screens: usize) -> RgbaImage {
+/// Frames from left to right, in each one column per eye; a column shows the screens from the highest to the lowest,
+/// so that a wall stands on the table before it.
+fn contact_sheet(frames: &[Vec<RgbaImage>], from_top: &[usize]) -> RgbaImage {
+    let screens = from_top.len();
     let pictures = frames.iter().map(Vec::len).max().unwrap_or(0);
     let eyes = pictures.checked_div(screens).unwrap_or(0).max(1);
     let size = |pick: fn(&RgbaImage) -> u32| frames.iter().flatten().map(pick).max().unwrap_or(1);
@@ -183,7 +184,8 @@ fn contact_sheet(frames: &[Vec<RgbaImage>], screens: usize) -> RgbaImage {
         for (p, image) in frame.iter().enumerate() {
             let (screen, eye) = (p / eyes, p % eyes);
             let x = 2 * SHEET_GAP + f as u32 * frame_width + eye as u32 * (width + SHEET_GAP);
-            let y = SHEET_GAP + (screens - 1 - screen) as u32 * (height + 1);
+            let row = from_top.iter().position(|&s| s == screen).unwrap_or(screen);
+            let y = SHEET_GAP + row as u32 * (height + 1);
             imageops::replace(&mut sheet, image, i64::from(x), i64::from(y));
         }
     }

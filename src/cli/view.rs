@@ -134,18 +134,18 @@ fn panes(stage: &Stage) -> Vec<Pane> {
     (0..stage.screens.len()).flat_map(of).collect()
 }
 
-/// Several windows are laid out side by side: a column per eye, the last screen on top as in the room.
+/// Several windows are laid out side by side: a column per eye, the screens from the highest to the lowest.
 fn windows(stage: &Stage, panes: &[Pane], scale: f64) -> Vec<WindowSpec> {
-    let (tiled, last) = (panes.len() > 1, stage.screens.len() - 1);
+    let from_top = stage.screens_from_top();
     let spec = |pane: &Pane| {
-        let place = u32::from(pane.eyes == [Eye::Right]);
+        let column = u32::from(pane.eyes == [Eye::Right]);
+        let row = from_top.iter().position(|&screen| screen == pane.screen).unwrap_or(0);
         let screen = &stage.screens[pane.screen];
         let size = screen.pixels.map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
         let eyes: Vec<&str> = pane.eyes.iter().map(|eye| eye.name()).collect();
         WindowSpec {
             title: format!("greenstage – {} – {} – {}", stage.name, screen.name, eyes.join(" and ")),
-            position: tiled
-                .then_some([(place * size[0]) as i32, ((last - pane.screen) as u32 * size[1]) as i32]),
+            position: (panes.len() > 1).then_some([(column * size[0]) as i32, (row as u32 * size[1]) as i32]),
             size: [size[0] * pane.eyes.len() as u32, size[1]],
             decorated: true,
             fullscreen: false,

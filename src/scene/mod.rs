@@ -341,4 +341,16 @@ grab = "fixed"
             assert!(text.contains(expected), "{text}\nlacks {expected}");
         }
     }
+
+    proptest::proptest! {
+        #[test]
+        fn no_text_makes_it_panic(text in ".*", at in 0..BLOCK.len(), cut in proptest::bool::ANY) {
+            let rest = if cut { "" } else { &BLOCK[at..] };
+            for text in [text.clone(), format!("{}{text}{rest}", &BLOCK[..at])] {
+                if let Err(error) = Scene::parse(&text, Path::new("scene.toml")) {
+                    proptest::prop_assert!(error.to_string().starts_with("scene.toml"), "{error}");
+                }
+            }
+        }
+    }
 }

@@ -129,3 +129,58 @@ fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
     nodes.dedup();
     Ok(nodes)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Eight corners of the unit cube with tags 10, 20, … 80, the first four of them in group "low".
+    fn corners() -> TetMesh {
+        let corner = |i: usize| Vector3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64);
+        TetMesh {
+            nodes: (0..8).map(corner).collect(),
+            tags: (1..=8).map(|i| 10 * i).collect(),
+            groups: [("low".to_owned(), vec![0, 1, 2, 3])].into(),
+            ..Default::default()
+        }
+    }
+
+    fn select(nodes: &Nodes) -> Result<Vec<u32>, String> {
+        nodes.select(&corners(), Path::to_owned)
+    }
+
+    #[test]
+    fn every_kind_of_choice_takes_its_bounds_in() {
+        assert_eq!(select(&Nodes::Group("low".into())).unwrap(), [0, 1, 2, 3]);
+        assert_eq!(select(&Nodes::Box { min: [0.5, 0.0, 0.0], max: [1.0, 1.0, 0.0] }).unwrap(), [1, 3]);
+        assert_eq!(select(&Nodes::Sphere { centre: [0.0; 3], radius: 1.0 }).unwrap(), [0, 1, 2, 4]);
+        let plane = Nodes::Plane { point: [9.0, 0.0, 1.0], normal: [0.0, 0.0, -3.0], distance: 0.0 };
+        assert_eq!(select(&plane).unwrap(), [4, 5, 6, 7]);
+    }
+
+    fn tag_file(name: &str, text: &[u8]) -> Result<Vec<u32>, String> {
+        let path = std::env::temp_dir().join(format!("greenstage-{name}-{}", std::process::id()));
+        std::fs::write(&path, text).unwrap();
+        let result = select(&Nodes::File(path.clone()));
+        std::fs::remove_file(&path).unwrap();
+        result
+    }
+
+    #[test]
+    fn tag_files_have_comments_and_name_their_lines() {
+        assert_eq!(tag_file("good", b"# tags\n80 # last\n\n 10\n80\n").unwrap(), [0, 7]);
+        let unknown = tag_file("unknown", b"10\n11\n").unwrap_err();
+        assert!(unknown.contains(":2:") && unknown.contains("tag 11"), "{unknown}");
+        let word = tag_file("word", b"10\n\nten\n").unwrap_err();
+        assert!(word.contains(":3:") && word.contains("not a node tag"), "{word}");
+        assert!(tag_file("empty", b"# nothing\n").unwrap_err().contains("selects no node"));
+    }
+
+    proptest! {
+        #[test]
+        fn no_tag_file_makes_it_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = tag_file("any", &bytes);
+        }
+    }
+}

@@ -102,6 +102,14 @@ impl Stage {
         file::parse(text, path)
     }
 
+    /// The screens' indices from the highest to the lowest, as pictures of them are stacked: a wall above its table.
+    pub fn screens_from_top(&self) -> Vec<usize> {
+        let height = |screen: &Screen| screen.point([0.0, 0.0]).y;
+        let mut order: Vec<usize> = (0..self.screens.len()).collect();
+        order.sort_by(|&a, &b| height(&self.screens[b]).total_cmp(&height(&self.screens[a])));
+        order
+    }
+
     /// The eyes for which each screen is drawn, in the order of drawing.
     pub fn eyes(&self) -> &'static [Eye] {
         match self.stereo {
@@ -198,6 +206,16 @@ mod tests {
         let [left, right] = [Eye::Left, Eye::Right].map(|eye| stage.viewer.eye_in_room(&head, eye));
         assert!((right - left - Vector3::new(0.064, 0.0, 0.0)).norm() < 1e-12);
         assert!((stage.viewer.eye_in_room(&head, Eye::Centre) - Point3::new(0.0, 1.7, 0.4)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn walls_stand_above_tables_and_floors() {
+        let order = |name: &str| -> Vec<String> {
+            let stage = Stage::find(name).unwrap();
+            stage.screens_from_top().into_iter().map(|screen| stage.screens[screen].name.clone()).collect()
+        };
+        assert_eq!(order("workbench"), ["wall", "table"]);
+        assert_eq!(order("cyberstage"), ["left", "front", "right", "floor"]);
     }
 
     #[test]

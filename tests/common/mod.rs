@@ -4,6 +4,7 @@
 use greenstage::deform::ControlPose;
 use greenstage::scene::Scene;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 
 /// The folder of independently computed cases beside the project, where there is one; else says that it skips.
 pub fn shared(what: &str) -> Option<PathBuf> {
@@ -58,4 +59,27 @@ pub fn some_pose(seed: f64) -> ControlPose {
         }
     }
     pose
+}
+
+/// Runs the program in `folder`; what it said is in the panic if it failed.
+pub fn greenstage(folder: &Path, arguments: &[&str]) -> Output {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_greenstage")).current_dir(folder).args(arguments).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "greenstage {arguments:?}: {}\n{said}", output.status);
+    output
+}
+
+/// The demo's scene and script copied into `folder`, so that its .green file goes there; its tube has 1,920 nodes
+/// instead of 10,080.
+pub fn coarse_demo(folder: &Path) -> PathBuf {
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    let read = |name: &str| std::fs::read_to_string(configs.join(name)).unwrap();
+    let (fine, coarse) = ("radial = 3, around = 40, along = 62", "radial = 2, around = 20, along = 31");
+    let scene = read("scenes/tube.toml");
+    assert!(scene.contains(fine) && scene.contains("../scripts/bend.toml"));
+    let scene = scene.replace(fine, coarse).replace("../scripts/bend.toml", "bend.toml");
+    std::fs::write(folder.join("bend.toml"), read("scripts/bend.toml")).unwrap();
+    std::fs::write(folder.join("tube.toml"), scene).unwrap();
+    folder.join("tube.toml")
 }

@@ -1,0 +1,231 @@
+//! Deformation models against each other, against rigid motions and against static equilibrium at large rotations.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by it")]
+
+mod common;
+
+use common::{block_scene, folder, scene, shared};
+use greenstage::config;
+use greenstage::deform::{ControlPose, ControlPoses, Deformer};
+use greenstage::green::{self, GreenFile, Needs};
+use greenstage::scene::Scene;
+use greenstage::solve::Silent;
+use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The only body of the scene, precomputed through a file.
+fn green_file(name: &str, scene: &Scene) -> Arc<GreenFile> {
+    let body = scene.body.keys().next().unwrap();
+    let path = folder(name).join("body.green");
+    let precomputed = green::precompute(scene, body, Needs::default(), &Silent).unwrap();
+    green::write(&path, &[precomputed]).unwrap();
+    Arc::new(GreenFile::open(&path).unwrap())
+}
+
+/// A body of the file in the given poses; others rest.
+fn deformed(file: &Arc<GreenFile>, model: &str, poses: &[(&str, ControlPose)]) -> Deformer {
+    let body = file.meta.bodies.keys().next().unwrap();
+    let mut deformer = Deformer::new(file.clone(), body, model).unwrap();
+    let all: ControlPoses = deformer
+        .controls
+        .iter()
+        .map(|control| {
+            poses.iter().find(|(name, _)| *name == control.name).map_or(ControlPose::REST, |(_, pose)| *pose)
+        })
+        .collect();
+    deformer.evaluate(&all);
+    deformer
+}
+
+/// Where surface node `i` is drawn, about the body's centre.
+fn drawn(deformer: &Deformer, i: usize) -> Vector3<f64> {
+    let x = Point3::from(Vector3::from(deformer.positions[i]).cast::<f64>());
+    (deformer.displacements.body_from_surface * x).coords
+}
+
+fn rest(deformer: &Deformer, i: usize) -> Vector3<f64> {
+    Vector3::from(deformer.rest()[i]).cast()
+}
+
+/// Largest extent at rest along an axis, m.
+fn length(deformer: &Deformer) -> f64 {
+    let along = |axis: usize| {
+        let values = deformer.rest().iter().map(|x| f64::from(x[axis]));
+        values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+    };
+    (0..3).map(along).fold(0.0, f64::max)
+}
+
+/// The linear theory takes the finite rotation's R - I for a strain ½(R + Rᵀ) - I, and the body swells.
+#[test]
+fn rigid_motion_of_all_control_elements_is_rigid_motion_of_the_body() {
+    let file = green_file("models-rigid", &block_scene([4, 4, 4], ""));
+    let shift = Vector3::new(0.3, -2.0, 0.7);
+    for (turn, least_linear) in [([0.02, 0.0, -0.01], 1e-4), ([0.4, -1.1, 2.0], 0.5)] {
+        let turn = Rotation3::from_scaled_axis(Vector3::from(turn));
+        let meta = &file.meta.bodies["block"];
+        let poses: Vec<(&str, ControlPose)> = meta
+            .controls
+            .iter()
+            .map(|control| {
+                let origin = Vector3::from(control.origin);
+                let translation = turn * origin + shift - origin;
+                (control.name.as_str(), ControlPose { translation, matrix: *turn.matrix() })
+            })
+            .collect();
+        let error = |model: &str| {
+            let body = deformed(&file, model, &poses);
+            let off = |i| (drawn(&body, i) - turn * rest(&body, i) - shift).norm();
+            (0..body.positions.len()).map(off).fold(0.0, f64::max) / length(&body)
+        };
+        let (linear, rotation) = (error("linear"), error("rotation"));
+        println!(
+            "turned by {:.3} rad: error / length: linear {linear:.1e}, rotation {rotation:.1e}",
+            turn.angle()
+        );
+        assert!(rotation < 1e-6, "{rotation}");
+        assert!(linear > least_linear, "{linear}");
+    }
+}
+
+/// x to the right end's middle along an arc of the angle θ in the x-y plane, the left end held.
+fn bent(length: f64, theta: f64) -> ControlPose {
+    ControlPose {
+        translation: Vector3::new(
+            length * theta.sin() / theta - length,
+            length * (1.0 - theta.cos()) / theta,
+            0.0,
+        ),
+        matrix: *Rotation3::from_axis_angle(&Vector3::z_axis(), theta).matrix(),
+    }
+}
+
+/// Wall thickness against that at rest, thinnest and thickest, between the two control elements.
+fn wall(tube: &Deformer, inner: f64, outer: f64) -> (f64, f64) {
+    let key = |x: &Vector3<f64>| {
+        let degrees = x.z.atan2(x.y).to_degrees().rem_euclid(360.0).round() as i64 % 360;
+        ((x.x * 1e4).round() as i64, degrees)
+    };
+    let nodes = 0..tube.positions.len();
+    let on = |radius: f64| -> BTreeMap<(i64, i64), usize> {
+        let is_on = |i: &usize| (rest(tube, *i).yz().norm() - radius).abs() < 1e-5;
+        nodes.clone().filter(is_on).map(|i| (key(&rest(tube, i)), i)).collect()
+    };
+    let (inside, outside) = (on(inner), on(outer));
+    assert_eq!(inside.len(), outside.len());
+    let ratios =
+        inside.iter().map(|(key, &i)| (drawn(tube, i) - drawn(tube, outside[key])).norm() / (outer - inner));
+    (ratios.clone().fold(f64::MAX, f64::min), ratios.fold(0.0, f64::max))
+}
+
+/// Each end sees half the angle: bent by 90° the wall is 1.28 of its thickness where it is thickest, against 2.08 in
+/// the linear theory; at the demo's 60° 1.12 against 1.59.
+#[test]
+fn a_bent_tube_keeps_its_wall() {
+    let tube = scene(
+        r#"
+[body.tube]
+generate = { tube = { inner_radius = 0.07, outer_radius = 0.1, length = 1.0, radial = 2, around = 40, along = 40, control_length = 0.1 } }
+material = { young = 1.0e6, poisson = 0.3 }
+control.left = { nodes = { group = "left" }, grab = "fixed" }
+control.right = { nodes = { group = "right" }, grab = "dragger" }
+"#,
+    );
+    let file = green_file("models-wall", &tube);
+    for (degrees, most, least_linear) in [(60.0_f64, 1.15, 1.5), (90.0, 1.30, 2.0)] {
+        let walls = |model: &str| {
+            let body = deformed(&file, model, &[("right", bent(0.9, degrees.to_radians()))]);
+            wall(&body, 0.07, 0.1)
+        };
+        let (linear, rotation) = (walls("linear"), walls("rotation"));
+        println!(
+            "wall bent by {degrees}° against its rest, thinnest and thickest: linear {linear:.3?}, rotation {rotation:.3?}"
+        );
+        assert!(rotation.0 > 0.97 && rotation.1 < most, "{rotation:?}");
+        assert!(linear.1 > least_linear, "{linear:?}");
+    }
+}
+
+#[derive(serde::Deserialize)]
+struct Poses {
+    pose: Vec<Pose>,
+}
+
+#[derive(serde::Deserialize)]
+struct Pose {
+    name: String,
+    control: BTreeMap<String, Affine>,
+}
+
+#[derive(serde::Deserialize)]
+struct Affine {
+    translation: [f64; 3],
+    matrix: [[f64; 3]; 3],
+}
+
+/// RMS position error over the surface, against the body's length, of `linear` and `rotation`, per pose of a case of
+/// St. Venant-Kirchhoff statics on the same mesh.
+fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
+    let case_folder = shared(&format!("cases/{case}"))?;
+    let path = case_folder.join("scene.toml");
+    let text =
+        std::fs::read_to_string(&path).unwrap().replace("\"stvk\"", "\"linear\"").replace("\"haptics\"", "");
+    let file = green_file(case, &Scene::parse(&text, &path).unwrap());
+    let poses: Poses = config::load(&case_folder.join("poses.toml")).unwrap();
+    let expected = std::fs::read_to_string(case_folder.join("expected.csv")).unwrap();
+    let mut exact: BTreeMap<(&str, u64), Vector3<f64>> = BTreeMap::new();
+    for line in expected.lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let u = Vector3::from_fn(|axis, _| fields[2 + axis].parse().unwrap());
+        exact.insert((fields[0], fields[1].parse().unwrap()), u);
+    }
+    let of = |pose: &Pose| {
+        let control: Vec<(&str, ControlPose)> = pose
+            .control
+            .iter()
+            .map(|(name, affine)| {
+                let matrix = Matrix3::from_fn(|i, j| affine.matrix[i][j]);
+                (name.as_str(), ControlPose { translation: affine.translation.into(), matrix })
+            })
+            .collect();
+        let error = ["linear", "rotation"].map(|model| {
+            let body = deformed(&file, model, &control);
+            let square = |(i, tag): (usize, &u64)| {
+                (body.displacement(i) - exact[&(pose.name.as_str(), *tag)]).norm_squared()
+            };
+            let sum: f64 = body.tags().iter().enumerate().map(square).sum();
+            (sum / body.tags().len() as f64).sqrt() / length(&body)
+        });
+        (pose.name.clone(), error)
+    };
+    let errors: BTreeMap<_, _> = poses.pose.iter().map(of).collect();
+    println!(
+        "{case}: RMS position error / length\n  {:<10} {:>9} {:>9}  factor",
+        "pose", "linear", "rotation"
+    );
+    for (pose, [linear, rotation]) in &errors {
+        println!("  {pose:<10} {linear:9.1e} {rotation:9.1e}  {:.1}", linear / rotation);
+    }
+    Some(errors)
+}
+
+/// The factors that a Python prototype measured over all nodes: bend of the tube by 90° 5.3, twist of the beam by 90°
+/// 4.2. At a twist of 180° the mean rotation is not defined, and from rest `rotation` is `linear`.
+#[test]
+fn rotation_is_nearer_to_static_equilibrium_than_linear() {
+    let (Some(tube), Some(beam)) = (errors("tube_stvk"), errors("beam_stvk")) else {
+        return;
+    };
+    let least = |pose: &str| match pose {
+        "twist180" => 0.999,
+        twist if twist.starts_with("twist") => 3.7,
+        _ => 5.2,
+    };
+    for (pose, [linear, rotation]) in tube.iter().chain(&beam) {
+        let factor = linear / rotation;
+        assert!(factor > least(pose), "{pose}: better by {factor:.2} only");
+    }
+    assert!((beam["twist180"][0] / beam["twist180"][1] - 1.0).abs() < 1e-6);
+    assert!(tube["bend90"][1] < 1.5e-2 && beam["bend60"][1] < 8e-3 && tube["twist90"][1] < 1e-2);
+}
