@@ -174,6 +174,10 @@ fn write_all(
     write(with(".csv"), &displacement_csv(geometry, results, several))?;
     if results.iter().any(|result| result.wrenches.is_some()) {
         write(with(".forces.csv"), &forces_csv(bodies, results, several))?;
+    } else if with(".forces.csv").exists() {
+        let old = with(".forces.csv");
+        std::fs::remove_file(&old).with_context(|| old.display().to_string()).map_err(Failure::Request)?;
+        eprintln!("note: {} was of an earlier run with haptics and is removed", old.display());
     }
     let vtu = with(".vtu");
     vtk(geometry, results)
