@@ -8,6 +8,7 @@ use super::{precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{FIELDS, Precomputed};
 use crate::scene::Scene;
+use crate::stage::Stage;
 use anyhow::Context;
 use serde_json::{Value, json};
 use std::hint::black_box;
@@ -52,30 +53,31 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let script = render::script(&scene, None)?;
         let mut targets = Targets::new(&world, Layout::Eyes, samples, 1.0)?;
         let device = targets.gpu.describe();
+        let count = args.frames.max(2);
+        let mut playback = render::Playback { script: script.as_ref(), frames: count, done: 0 };
         let mut frames = Vec::new();
-        for frame in 0..args.frames.max(2) {
-            let step = render::step(&mut world, script.as_ref(), frame, args.frames.max(2));
+        for frame in 0..count {
+            let step = playback.step_to(&mut world, frame);
             let draw = targets.draw(&mut world)?;
             let (_, read_s) = targets.read()?;
             frames.push((step, draw, read_s));
         }
         // The first frame also compiles and allocates.
-        drawn.push(Drawn::new(samples, device, world.stage.screens.len(), &frames[1..]));
+        drawn.push(Drawn::new(samples, device, &stage, &frames[1..]));
     }
     let tables =
         [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
     if let Some(path) = &args.readme {
         write_between_marks(path, &markdown(&tables))?;
-        println!("{}: tables written", path.display());
+        super::print(&format!("{}: tables written\n", path.display()))?;
     }
     if args.json {
-        println!("{:#}", as_json(&offline, peak_memory, &loops, &drawn));
+        super::print(&format!("{:#}\n", as_json(&offline, peak_memory, &loops, &drawn)))
     } else {
-        for (title, table) in &tables {
-            println!("{title}\n\n{}", table.text());
-        }
+        let text: String =
+            tables.iter().map(|(title, table)| format!("{title}\n\n{}\n", table.text())).collect();
+        super::print(&text)
     }
-    Ok(())
 }
 
 /// Medians of the frames drawn with one number of samples, s.
@@ -83,19 +85,25 @@ struct Drawn {
     samples: u32,
     device: String,
     screens: usize,
+    /// "stereo pairs", or "pictures" on a mono stage.
+    pictures: &'static str,
     /// Name of the step and its median time.
     steps: Vec<(&'static str, f64)>,
     frame_s: f64,
 }
 
 impl Drawn {
-    fn new(samples: u32, device: String, screens: usize, frames: &[(StepTimes, DrawTimes, f64)]) -> Drawn {
+    fn new(samples: u32, device: String, stage: &Stage, frames: &[(StepTimes, DrawTimes, f64)]) -> Drawn {
         let of = |pick: fn(&(StepTimes, DrawTimes, f64)) -> f64| median(frames.iter().map(pick));
+        // Where nothing moves nothing is summed: these count over the frames that move the body.
+        let moving = |pick: fn(&(StepTimes, DrawTimes, f64)) -> f64| {
+            median(frames.iter().filter(|f| f.0.deform_s > 0.0).map(pick))
+        };
         let steps = vec![
             ("pick and drag", of(|f| f.0.interact_s)),
-            ("deform", of(|f| f.0.deform_s)),
-            ("normals", of(|f| f.0.normals_s)),
-            ("upload", of(|f| f.1.upload_s)),
+            ("deform", moving(|f| f.0.deform_s)),
+            ("normals", moving(|f| f.0.normals_s)),
+            ("upload", moving(|f| f.1.upload_s)),
             ("encode", of(|f| f.1.encode_s)),
             ("draw", of(|f| f.1.draw_s)),
         ];
@@ -104,7 +112,8 @@ impl Drawn {
         };
         let frame_s = median(frames.iter().map(whole));
         let read = ("read-back (offscreen only, not counted)", of(|f| f.2));
-        Drawn { samples, device, screens, steps: [steps, vec![read]].concat(), frame_s }
+        let (screens, pictures) = (stage.screens.len(), render::pictures_name(stage));
+        Drawn { samples, device, screens, pictures, steps: [steps, vec![read]].concat(), frame_s }
     }
 
     fn pairs_per_second(&self) -> f64 {
@@ -200,7 +209,7 @@ fn repeat(mut work: impl FnMut()) -> f64 {
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn offline_table(bodies: &[Precomputed], peak_memory: Option<f64>) -> (String, Table) {
@@ -256,7 +265,7 @@ fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
     let whole = drawn.iter().map(|d| seconds(d.frame_s));
     table.rows.push(std::iter::once("frame".to_owned()).chain(whole).collect());
     let pairs = drawn.iter().map(|d| format!("{:.1}", d.pairs_per_second()));
-    table.rows.push(std::iter::once("stereo pairs per second".to_owned()).chain(pairs).collect());
+    table.rows.push(std::iter::once(format!("{} per second", first.pictures)).chain(pairs).collect());
     (format!("Frames: {stage}, {} screen(s), on {}", first.screens, first.device), table)
 }
 

@@ -31,8 +31,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
     let path = args.output.clone().unwrap_or_else(|| session::green_path(&scene));
     if !args.force && path.exists() && session::fresh(&scene, &path)?.is_ok() {
-        println!("{} is fresh; nothing to do (--force computes it anew)", path.display());
-        return Ok(());
+        return super::print(&format!(
+            "{} is fresh; nothing to do (--force computes it anew)\n",
+            path.display()
+        ));
     }
     let started = Instant::now();
     let bodies = session::precompute(&scene, args.quiet)?;

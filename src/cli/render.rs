@@ -84,14 +84,33 @@ pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Fai
         .transpose()
 }
 
-/// Moves the world to frame `frame` of `frames` of the script and returns what the mechanics took.
-pub fn step(world: &mut World, script: Option<&Script>, frame: usize, frames: usize) -> StepTimes {
-    let Some(script) = script else {
-        return world.step(&Default::default());
-    };
-    let share = if frames > 1 { frame as f64 / (frames - 1) as f64 } else { 0.0 };
-    let state = script.sample(&world.stage, share * script.duration_s);
-    world.step(&state)
+/// A script played in a number of pictures, with fine steps between them that nobody sees: a grab needs the moment at
+/// which the button goes down.
+pub struct Playback<'a> {
+    pub script: Option<&'a Script>,
+    /// Pictures over the whole script, 1 or more.
+    pub frames: usize,
+    pub done: usize,
+}
+
+/// Fine steps over a whole script, at least.
+const SCRIPT_STEPS: usize = 240;
+
+impl Playback<'_> {
+    /// Moves the world on to picture `frame`, counted from 0; returns what the mechanics of the last step took.
+    pub fn step_to(&mut self, world: &mut World, frame: usize) -> StepTimes {
+        let Some(script) = self.script else { return world.step(&Default::default()) };
+        let between = SCRIPT_STEPS.div_ceil(self.frames);
+        let last = ((self.frames - 1) * between).max(1);
+        let mut times = StepTimes::default();
+        while self.done <= frame * between {
+            let time_s = script.duration_s * self.done as f64 / last as f64;
+            let state = script.sample(&world.stage, time_s);
+            times = world.step(&state);
+            self.done += 1;
+        }
+        times
+    }
 }
 
 /// Renders all frames into the folder, with a contact sheet of first, middle and last.
@@ -110,14 +129,9 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();
     let (mut drawn_s, mut mechanics_s, mut count) = (0.0, 0.0, 0);
     let started = Instant::now();
-    // A grab needs the frames between, whose pictures nobody asked for: the script is followed in fine steps.
-    let substeps = SCRIPT_STEPS.div_ceil(args.frames);
+    let mut playback = Playback { script, frames: args.frames, done: 0 };
     for frame in 0..args.frames {
-        let mut times = StepTimes::default();
-        let first = if frame == 0 { 0 } else { (frame - 1) * substeps + 1 };
-        for fine in first..=frame * substeps {
-            times = step(world, script, fine, (args.frames - 1) * substeps + 1);
-        }
+        let times = playback.step_to(world, frame);
         let DrawTimes { upload_s, encode_s, draw_s } = targets.draw(world).map_err(Failure::work)?;
         drawn_s += upload_s + encode_s + draw_s;
         mechanics_s += times.interact_s + times.deform_s + times.normals_s;
@@ -135,25 +149,24 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     let path = folder.join("contact-sheet.png");
     save(&contact_sheet(&sheet, &world.stage.screens_from_top()), &path)?;
     let pairs = (args.frames * world.stage.screens.len()) as f64;
-    println!(
-        "{count} pictures in {} (all steps, PNG files too: {})",
+    super::print(&format!(
+        "{count} pictures in {} (all steps, PNG files too: {})\n\
+         drawing {:.1} {}/s, a frame of {} screen(s) {}; its mechanics {}\ncontact sheet {}\n",
         folder.display(),
-        seconds(started.elapsed().as_secs_f64())
-    );
-    println!(
-        "drawing {:.1} {}/s, a frame of {} screen(s) {}; its mechanics {}",
+        seconds(started.elapsed().as_secs_f64()),
         pairs / drawn_s,
-        if world.stage.stereo == Stereo::Mono { "pictures" } else { "stereo pairs" },
+        pictures_name(&world.stage),
         world.stage.screens.len(),
         seconds(drawn_s / args.frames as f64),
-        seconds(mechanics_s / args.frames as f64)
-    );
-    println!("contact sheet {}", path.display());
-    Ok(())
+        seconds(mechanics_s / args.frames as f64),
+        path.display()
+    ))
 }
 
-/// Fine steps over a whole script.
-const SCRIPT_STEPS: usize = 240;
+/// What is counted as one: both eyes of a screen, or its one picture.
+pub fn pictures_name(stage: &Stage) -> &'static str {
+    if stage.stereo == Stereo::Mono { "pictures" } else { "stereo pairs" }
+}
 
 fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
     image.save(path).with_context(|| path.display().to_string()).map_err(Failure::Work)

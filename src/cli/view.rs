@@ -18,8 +18,8 @@ use std::time::Instant;
 
 /// Online stage in windows, or offscreen where there is no display
 ///
-/// The scene's script, where it has one, moves head and stylus until you press a mouse button; then mouse and
-/// keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
+/// The scene's script, where it has one, moves head and stylus until you press a mouse button or a key; then mouse
+/// and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
 #[derive(Debug, clap::Args)]
 #[command(after_help = bindings())]
 pub struct Args {
@@ -80,10 +80,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let file = session::green_file(&scene, args.green.as_deref())?;
     let mut world = World::new(&scene, &file, stage)?;
     if let Err(reason) = window::find_display() {
-        println!("{reason}: rendering offscreen to {}", args.offscreen.display());
-        return render::pictures(&offscreen(args), &mut world, script.as_ref());
+        super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
+        let frames = if script.is_some() { 20 } else { 1 };
+        return render::pictures(&offscreen(args, frames), &mut world, script.as_ref());
     }
-    println!("{}", bindings());
+    super::print(&format!("{}\n", bindings()))?;
     let panes = panes(&world.stage);
     let specs = windows(&world.stage, &panes, args.scale.unwrap_or(if panes.len() > 1 { 0.5 } else { 1.0 }));
     let mut app = Viewer {
@@ -101,17 +102,17 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
     let seconds = app.started.elapsed().as_secs_f64();
-    println!("{} frames in {seconds:.1} s: {:.1} frames/s", app.frames, f64::from(app.frames) / seconds);
-    Ok(())
+    let rate = f64::from(app.frames) / seconds;
+    super::print(&format!("{} frames in {seconds:.1} s: {rate:.1} frames/s\n", app.frames))
 }
 
 /// The same view as `greenstage render` would make it.
-fn offscreen(args: &Args) -> render::Args {
+fn offscreen(args: &Args, frames: usize) -> render::Args {
     render::Args {
         scene: args.scene.clone(),
         stage: args.stage.clone(),
         output: args.offscreen.clone(),
-        frames: 20,
+        frames,
         script: args.script.clone(),
         green: args.green.clone(),
         samples: args.samples,
@@ -156,7 +157,7 @@ fn windows(stage: &Stage, panes: &[Pane], scale: f64) -> Vec<WindowSpec> {
 
 struct Viewer {
     world: World,
-    /// Moves head and stylus until the user presses a mouse button.
+    /// Moves head and stylus until the user presses a mouse button or a key.
     script: Option<Script>,
     mouse: Mouse,
     panes: Vec<Pane>,
@@ -178,8 +179,10 @@ impl WindowApp for Viewer {
     }
 
     fn input(&mut self, input: Input) {
-        if matches!(input, Input::Button { pressed: true, .. }) {
-            self.script = None;
+        let takes_over =
+            matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
+        if takes_over && self.script.take().is_some() {
+            self.world.let_go();
         }
         match input {
             Input::Cursor { window, position } => {

@@ -23,6 +23,9 @@ use std::time::Instant;
 /// A ray or a view nearer to the eye than this is cut off, m.
 const NEAR_M: f64 = 0.05;
 
+/// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
+const PASSING_BY: f64 = 0.05;
+
 /// All that moves.
 pub struct World {
     pub stage: Stage,
@@ -50,6 +53,8 @@ pub struct PlacedBody {
 pub struct PlacedControl {
     grab: Grab,
     shape: PickShape,
+    /// Its surface nodes as balls, for a ray that passes by.
+    near: PickShape,
     mood: Mood,
 }
 
@@ -141,9 +146,14 @@ impl World {
         times
     }
 
+    /// Every stylus lets go of what it holds.
+    pub fn let_go(&mut self) {
+        self.grips.clear();
+    }
+
     /// Lets go of everything and puts every body back to rest.
     pub fn reset(&mut self) {
-        self.grips.clear();
+        self.let_go();
         for body in &mut self.bodies {
             body.deformer.evaluate(&vec![ControlPose::REST; body.controls.len()]);
             body.moved = true;
@@ -206,22 +216,25 @@ impl World {
         self.bodies.iter().enumerate().flat_map(of).collect()
     }
 
+    /// What the ray hits, or else what it passes within a hand's aim: the end of a tube is hard to hit from the side.
     fn pick(&self, ray: &PickRay, targets: &[(usize, usize)]) -> Option<Hit> {
-        let shapes: Vec<PickTarget> = targets
-            .iter()
-            .map(|&(b, c)| {
-                let body = &self.bodies[b];
-                PickTarget {
-                    shape: &body.controls[c].shape,
-                    positions: bytemuck::cast_slice(&body.deformer.positions),
-                    // A control element without a surface triangle: a tenth of what fits the hand.
-                    ball_radius_m: (0.1 * self.stage.workspace.radius_m / body.room_from_body.scaling())
-                        as f32,
-                    room_from_body: body.room_from_surface(),
-                }
-            })
-            .collect();
-        pick(ray, &shapes)
+        let among = |shape: fn(&PlacedControl) -> &PickShape| {
+            let shapes: Vec<PickTarget> = targets
+                .iter()
+                .map(|&(b, c)| {
+                    let body = &self.bodies[b];
+                    let radius_m = PASSING_BY * self.stage.workspace.radius_m / body.room_from_body.scaling();
+                    PickTarget {
+                        shape: shape(&body.controls[c]),
+                        positions: bytemuck::cast_slice(&body.deformer.positions),
+                        ball_radius_m: radius_m as f32,
+                        room_from_body: body.room_from_surface(),
+                    }
+                })
+                .collect();
+            pick(ray, &shapes)
+        };
+        among(|control| &control.shape).or_else(|| among(|control| &control.near))
     }
 
     fn room_from_element(&self, b: usize, c: usize, pose: &ControlPose) -> Matrix4<f64> {
@@ -332,6 +345,7 @@ fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Ve
         .map(|(c, grab)| PlacedControl {
             grab,
             shape: PickShape::new(&surface, deformer.control_nodes(c)),
+            near: PickShape { triangles: Vec::new(), points: deformer.control_nodes(c).to_vec() },
             mood: Mood::Idle,
         })
         .collect()
@@ -357,3 +371,6 @@ fn fit(scene: &Scene, deformers: &[Deformer], stage: &Stage) -> Similarity3<f64>
     let (low, high) = corners.fold((first, first), |(low, high), x| (low.inf(&x), high.sup(&x)));
     stage.workspace.room_from_body(low, high).unwrap_or_else(Similarity3::identity)
 }
+
+#[cfg(test)]
+mod tests;

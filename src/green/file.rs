@@ -105,6 +105,7 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
     }
     let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(failed)?;
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));

@@ -1,0 +1,82 @@
+//! The frame from stylus to control pose, without pictures.
+
+use super::*;
+use crate::green;
+use crate::stage::rotation_towards;
+use std::path::Path;
+
+const SCENE: &str = r#"
+[body.block]
+generate = { block = { size = [2.0, 1.0, 1.0], cells = [4, 2, 2] } }
+material = { young = 1.0e3, poisson = 0.3 }
+model = "rotation"
+[body.block.control.fixed]
+nodes = { group = "xmin" }
+grab = "fixed"
+[body.block.control.end]
+nodes = { group = "xmax" }
+grab = "dragger"
+"#;
+
+fn world(name: &str) -> World {
+    let folder = std::env::temp_dir().join(format!("greenstage-world-{name}-{}", std::process::id()));
+    let scene = Scene::parse(SCENE, Path::new("scene.toml")).unwrap();
+    let path = folder.join("scene.green");
+    green::write(&path, &session::precompute(&scene, true).unwrap()).unwrap();
+    let file = Arc::new(GreenFile::open(&path).unwrap());
+    std::fs::remove_dir_all(&folder).unwrap();
+    World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap()
+}
+
+/// A stylus at workspace units `from`, pointing at `to`.
+fn state(world: &World, from: [f64; 3], to: [f64; 3], pressed: bool) -> TrackerState {
+    let workspace = world.stage.workspace;
+    let place = |units: [f64; 3]| workspace.centre + Vector3::from(units) * workspace.radius_m;
+    let rotation = rotation_towards(&(place(to) - place(from)), 0.0).unwrap();
+    let room_from_stylus = Isometry3::from_parts(Translation3::from(place(from).coords), rotation).cast();
+    let stylus = StylusState { room_from_stylus, pressed, from_eye: false };
+    TrackerState { head: None, styli: vec![stylus], time_s: 0.0 }
+}
+
+#[test]
+fn the_stylus_carries_the_end_of_a_fitted_body() {
+    let mut world = world("carry");
+    let at_end = |world: &World, y: f64, pressed| state(world, [1.5, y, 0.1], [0.0, y, 0.1], pressed);
+    world.step(&at_end(&world, 0.0, false));
+    assert_eq!(world.bodies[0].controls[1].mood, Mood::Hovered);
+    world.step(&at_end(&world, 0.0, true));
+    assert_eq!(world.bodies[0].controls[1].mood, Mood::Held);
+    world.step(&at_end(&world, 0.2, true));
+    // The block of 2 m fills 0.95 of the workspace: 0.2 of the radius are 0.2 / 0.95 of its half length of 1 m.
+    let carried = world.bodies[0].deformer.poses[1].translation;
+    assert!((carried - Vector3::new(0.0, 0.2 / 0.95, 0.0)).norm() < 1e-6, "{carried}");
+    assert_eq!(world.bodies[0].deformer.poses[0], ControlPose::REST);
+    world.step(&at_end(&world, 0.5, false));
+    assert_eq!(world.bodies[0].deformer.poses[1].translation, carried, "it stays where it was let go");
+    world.reset();
+    assert_eq!(world.bodies[0].deformer.poses[1], ControlPose::REST);
+}
+
+#[test]
+fn a_ray_that_passes_by_takes_a_planar_end_and_a_fixed_one_is_never_taken() {
+    let mut world = world("passing");
+    let from_above = |world: &World, x: f64| state(world, [x, 1.5, 0.0], [x, 0.0, 0.0], false);
+    for (x, mood) in [(0.95, Mood::Hovered), (0.98, Mood::Hovered), (1.05, Mood::Idle), (0.8, Mood::Idle)] {
+        world.step(&from_above(&world, x));
+        assert_eq!(world.bodies[0].controls[1].mood, mood, "x = {x}");
+    }
+    world.step(&from_above(&world, -0.95));
+    assert_eq!(world.bodies[0].controls[0].mood, Mood::Idle);
+}
+
+#[test]
+fn an_eye_behind_a_screen_has_no_view() {
+    let mut world = world("behind");
+    assert!(world.view(1, Eye::Left).is_some());
+    let behind = Isometry3::translation(0.0, 1.5, -0.5);
+    world.step(&TrackerState { head: Some(behind), styli: vec![], time_s: 0.0 });
+    assert!(world.view(1, Eye::Left).is_none());
+    let lost = Isometry3::translation(f32::NAN, 1.5, 1.0);
+    world.step(&TrackerState { head: Some(lost), styli: vec![], time_s: 0.0 });
+    assert_eq!(world.room_from_head, behind.cast(), "a lost head stays where it was");
+}
