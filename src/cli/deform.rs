@@ -98,6 +98,7 @@ fn body_of<'a>(pose: &Pose, bodies: &'a mut [Deformer], path: &Path) -> Result<&
 }
 
 fn surface_result(pose: &Pose, body: &mut Deformer, control_poses: &ControlPoses) -> Deformed {
+    body.forget();
     body.evaluate(control_poses);
     Deformed {
         pose: pose.name.clone(),

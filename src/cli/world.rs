@@ -5,7 +5,7 @@
 
 use super::failure::Failure;
 use super::session;
-use crate::deform::{ControlPose, Deformer};
+use crate::deform::{ControlPose, Deformer, PoseGuard};
 use crate::green::GreenFile;
 use crate::interact::{
     Dragger, Hit, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
@@ -35,7 +35,7 @@ pub struct World {
     pub styli: Vec<StylusShape>,
     head: HeldPose,
     grips: Vec<Grip>,
-    /// Reasons why a screen is black that were told already.
+    /// Why a screen is black or a pose was not taken: what was told already.
     told: BTreeSet<String>,
 }
 
@@ -45,6 +45,7 @@ pub struct PlacedBody {
     pub room_from_body: Similarity3<f64>,
     /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
     pub controls: Vec<PlacedControl>,
+    guard: PoseGuard,
     /// Deformed, or coloured anew, since it was last uploaded.
     pub moved: bool,
     pub recolour: bool,
@@ -94,6 +95,7 @@ impl World {
                 PlacedBody {
                     room_from_body: room_from_mesh * mesh_from_body,
                     controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
+                    guard: PoseGuard::default(),
                     moved: true,
                     recolour: true,
                     deformer,
@@ -133,7 +135,14 @@ impl World {
         self.grips = grips;
         let mut times = StepTimes { interact_s: started.elapsed().as_secs_f64(), ..Default::default() };
         for ((body, poses), moods) in self.bodies.iter_mut().zip(&poses).zip(moods) {
-            if body.deformer.evaluate(poses).is_some() {
+            let (poses, faults) = body.guard.admit(poses);
+            for (control, fault) in faults {
+                let name = &body.deformer.controls[control].name;
+                if self.told.insert(format!("{} {name} {fault:?}", body.deformer.body)) {
+                    eprintln!("note: body.{}.control.{name}: {}", body.deformer.body, fault.explain());
+                }
+            }
+            if body.deformer.evaluate(&poses).is_some() {
                 body.moved = true;
                 times.deform_s += body.deformer.times.deform_s;
                 times.normals_s += body.deformer.times.normals_s;
@@ -156,6 +165,7 @@ impl World {
         self.let_go();
         for body in &mut self.bodies {
             body.deformer.evaluate(&vec![ControlPose::REST; body.controls.len()]);
+            body.guard = PoseGuard::default();
             body.moved = true;
         }
     }

@@ -130,6 +130,12 @@ impl Deformer {
         Some(stats)
     }
 
+    /// The next poses stand alone: a model that follows turns forgets those it saw.
+    pub fn forget(&mut self) {
+        self.model.forget();
+        self.evaluated = false;
+    }
+
     /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.
     pub fn displacement(&self, i: usize) -> Vector3<f64> {
         let rest = Vector3::from(self.rest()[i]).cast::<f64>();

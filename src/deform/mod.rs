@@ -6,6 +6,7 @@
 
 mod deformer;
 mod force;
+mod guard;
 mod linear;
 mod normals;
 mod pose;
@@ -14,10 +15,11 @@ mod superposition;
 
 pub use deformer::{Deformer, FrameTimes};
 pub use force::{Wrench, wrenches};
+pub use guard::{PoseFault, PoseGuard};
 pub use linear::Linear;
 pub use normals::vertex_normals;
 pub use pose::{ControlPose, ControlPoses};
-pub use rotation::{Rotation, mean_rotation};
+pub use rotation::{Rotation, mean_rotation, unwrapped};
 pub use superposition::{Columns, Superposition};
 
 use crate::green::Needs;
@@ -57,6 +59,9 @@ pub trait DeformationModel: Send {
         poses: &ControlPoses,
         u: &mut SurfaceDisplacements,
     ) -> ModelStats;
+
+    /// Forgets the poses seen so far: the next one stands alone, as in a batch.
+    fn forget(&mut self) {}
 }
 
 /// One entry of the list of models.

@@ -21,6 +21,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
             controls: controls.to_vec(),
             sum: Superposition::new(controls.len()),
             last: Rotation3::identity(),
+            turns: None,
         })
     },
 };
@@ -34,6 +35,9 @@ pub struct Rotation {
     sum: Superposition,
     /// R̄ of the last evaluation in which it was defined.
     last: Rotation3<f64>,
+    /// The rotation of every control element in the last evaluation, with the sign that continues the one before: it
+    /// tells a turn by 200° from one by -160°.
+    turns: Option<Vec<UnitQuaternion<f64>>>,
 }
 
 impl DeformationModel for Rotation {
@@ -43,9 +47,11 @@ impl DeformationModel for Rotation {
         poses: &ControlPoses,
         u: &mut SurfaceDisplacements,
     ) -> ModelStats {
-        if let Some(rotation) = mean_rotation(&self.controls, poses) {
+        let turns = unwrapped(self.turns.as_deref(), poses);
+        if let Some(rotation) = mean_rotation(&self.controls, poses, &turns) {
             self.last = rotation;
         }
+        self.turns = Some(turns);
         let (rotation, inverse) = (self.last, self.last.inverse());
         let weights = weights(&self.controls);
         let moved = |e: usize| self.controls[e].origin + poses[e].translation;
@@ -64,10 +70,39 @@ impl DeformationModel for Rotation {
             .collect();
         self.sum.update(columns, coefficients, &mut u.u)
     }
+
+    fn forget(&mut self) {
+        (self.last, self.turns) = (Rotation3::identity(), None);
+    }
+}
+
+/// The rotation in each M, as the quaternion of the two that continues `last`; without a last one, the shorter turn.
+pub fn unwrapped(last: Option<&[UnitQuaternion<f64>]>, poses: &ControlPoses) -> Vec<UnitQuaternion<f64>> {
+    let turn = |(e, pose): (usize, &ControlPose)| {
+        let before = last.and_then(|last| last.get(e));
+        let rotation = polar(&pose.matrix).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
+        match (rotation, before) {
+            (Some(now), Some(before)) if now.coords.dot(&before.coords) < 0.0 => {
+                UnitQuaternion::new_unchecked(-now.into_inner())
+            }
+            (Some(now), None) if now.w < 0.0 => UnitQuaternion::new_unchecked(-now.into_inner()),
+            (Some(now), _) => now,
+            (None, before) => before.copied().unwrap_or_else(UnitQuaternion::identity),
+        }
+    };
+    poses.iter().enumerate().map(turn).collect()
 }
 
 /// R̄ of the poses, or `None` where it is not defined.
-pub fn mean_rotation(controls: &[ControlRest], poses: &ControlPoses) -> Option<Rotation3<f64>> {
+///
+/// A has four stationary rotations, its polar factor and that turned by half a turn about one of its axes. Beyond 180°
+/// between two elements the polar factor is the wrong half way; the one nearest to the mean of `turns`, which know
+/// the whole way, is taken.
+pub fn mean_rotation(
+    controls: &[ControlRest],
+    poses: &ControlPoses,
+    turns: &[UnitQuaternion<f64>],
+) -> Option<Rotation3<f64>> {
     let weights = weights(controls);
     let mean = |point: &dyn Fn(usize) -> Vector3<f64>| -> Vector3<f64> {
         (0..poses.len()).map(|e| point(e) * weights[e]).sum()
@@ -83,7 +118,12 @@ pub fn mean_rotation(controls: &[ControlRest], poses: &ControlPoses) -> Option<R
             .sum();
         a += chords / square;
     }
-    polar(&a)
+    let mean: nalgebra::Vector4<f64> = turns.iter().zip(&weights).map(|(turn, w)| turn.coords * *w).sum();
+    let mean = UnitQuaternion::try_new(nalgebra::Quaternion::from(mean), DEFINED)?;
+    let mean = mean.to_rotation_matrix();
+    // The trace of RᵀR' is 1 + 2 cos of the angle between them.
+    let closeness = |rotation: &Rotation3<f64>| mean.matrix().dot(rotation.matrix());
+    stationary(&a)?.into_iter().max_by(|a, b| closeness(a).total_cmp(&closeness(b)))
 }
 
 fn weights(controls: &[ControlRest]) -> Vec<f64> {
@@ -91,8 +131,14 @@ fn weights(controls: &[ControlRest]) -> Vec<f64> {
     controls.iter().map(|control| control.nodes as f64 / total.max(1) as f64).collect()
 }
 
-/// The rotation nearest to A: U diag(1, 1, det UVᵀ) Vᵀ of A = U Σ Vᵀ.
+/// The rotation nearest to A.
 fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+    stationary(a).map(|[nearest, ..]| nearest)
+}
+
+/// The rotations at which tr(AᵀR) is stationary: U diag(1, 1, det UVᵀ) Vᵀ of A = U Σ Vᵀ, the nearest to A, and those
+/// with two of the signs turned. `None` where the nearest is not defined.
+fn stationary(a: &Matrix3<f64>) -> Option<[Rotation3<f64>; 4]> {
     if !a.iter().all(|value| value.is_finite()) {
         return None;
     }
@@ -103,8 +149,10 @@ fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
     if sigma[1] + sign * sigma[2] < DEFINED * sigma[0] || sigma[0] == 0.0 {
         return None;
     }
-    let fix = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign));
-    Some(Rotation3::from_matrix_unchecked(u * fix * vt))
+    let signs = [[1.0, 1.0, sign], [1.0, -1.0, -sign], [-1.0, 1.0, -sign], [-1.0, -1.0, sign]];
+    Some(signs.map(|signs| {
+        Rotation3::from_matrix_unchecked(u * Matrix3::from_diagonal(&Vector3::from(signs)) * vt)
+    }))
 }
 
 #[cfg(test)]
@@ -147,7 +195,7 @@ mod tests {
         let turned = Rotation3::from_axis_angle(&Vector3::x_axis(), 1.2);
         let mut poses = rigid(Rotation3::identity(), Vector3::zeros());
         poses[1].matrix = *turned.matrix();
-        let mean = mean_rotation(&controls(), &poses).unwrap();
+        let mean = mean_rotation(&controls(), &poses, &unwrapped(None, &poses)).unwrap();
         // The chord does not turn; the mean of {0, 1.2} pulled towards it by its own weight.
         let (axis, angle) = mean.axis_angle().unwrap();
         assert!((axis.x - 1.0).abs() < 1e-12 && angle > 0.3 && angle <= 0.6 + 1e-12, "{angle}");
@@ -158,8 +206,28 @@ mod tests {
         let half_turn = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let mut poses = rigid(Rotation3::identity(), Vector3::zeros());
         poses[1].matrix = *half_turn.matrix();
-        assert!(mean_rotation(&controls(), &poses).is_none());
+        let mean = |poses: &ControlPoses| mean_rotation(&controls(), poses, &unwrapped(None, poses));
+        assert!(mean(&poses).is_none());
         poses[1].matrix = Matrix3::from_element(f64::NAN);
-        assert!(mean_rotation(&controls(), &poses).is_none());
+        assert!(mean(&poses).is_none());
+    }
+
+    /// One end twisted by two whole turns, in steps: the mean follows at half the angle, through 180°, and half a turn
+    /// beyond 360° it is still half of the whole way.
+    #[test]
+    fn many_turns_are_followed() {
+        let mut poses = rigid(Rotation3::identity(), Vector3::zeros());
+        let mut turns = None;
+        for degree in (0..700).step_by(5) {
+            let angle = f64::from(degree).to_radians();
+            poses[1].matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), angle).matrix();
+            let now = unwrapped(turns.as_deref(), &poses);
+            if let Some(mean) = mean_rotation(&controls(), &poses, &now) {
+                let half = Rotation3::from_axis_angle(&Vector3::x_axis(), angle / 2.0);
+                let off = UnitQuaternion::from_rotation_matrix(&(half.inverse() * mean)).angle().to_degrees();
+                assert!(off < 1e-6, "{degree}°: the mean is {off}° off");
+            }
+            turns = Some(now);
+        }
     }
 }

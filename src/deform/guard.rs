@@ -1,0 +1,198 @@
+//! What a tracked hand may not do to a body: poses are admitted, clamped, slowed or held before anything is summed.
+//!
+//! In: control poses as draggers made them. Out: poses that are finite, proper and no wilder than the limits below,
+//! and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
+
+use super::{ControlPose, ControlPoses};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// Least and greatest stretch of a control element along any direction.
+pub const STRETCH: [f64; 2] = [0.05, 20.0];
+/// A turn by more than this between two frames is a sensor's jump, not a hand's, rad.
+pub const JUMP: f64 = 150.0 * std::f64::consts::PI / 180.0;
+/// After a jump the pose follows by at most this much a frame, rad.
+pub const CATCH_UP: f64 = 15.0 * std::f64::consts::PI / 180.0;
+
+/// What was wrong with a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum PoseFault {
+    /// A number is not finite: the last pose is held.
+    NotFinite,
+    /// M mirrors: the nearest proper matrix is taken.
+    Mirrored,
+    /// M collapses or blows up: its stretches are clamped to [`STRETCH`].
+    Stretch,
+    /// M turned by more than [`JUMP`] since the last frame: it is followed by [`CATCH_UP`] a frame.
+    Jump,
+}
+
+impl PoseFault {
+    pub fn explain(self) -> &'static str {
+        match self {
+            PoseFault::NotFinite => "a number is not finite; the last pose is held",
+            PoseFault::Mirrored => "it mirrors; the nearest pose that does not is taken",
+            PoseFault::Stretch => "it is stretched beyond 0.05 to 20; clamped",
+            PoseFault::Jump => "it turned by more than 150° in one frame; followed slowly",
+        }
+    }
+}
+
+/// Admits the poses of one body, frame by frame.
+#[derive(Clone, Debug, Default)]
+pub struct PoseGuard {
+    last: ControlPoses,
+    /// Elements that are catching up after a jump.
+    behind: Vec<bool>,
+}
+
+impl PoseGuard {
+    /// The poses to use in this frame, and (control element, fault) for every one that was not taken as it came.
+    pub fn admit(&mut self, poses: &ControlPoses) -> (ControlPoses, Vec<(usize, PoseFault)>) {
+        self.last.resize(poses.len(), ControlPose::REST);
+        self.behind.resize(poses.len(), false);
+        let mut faults = Vec::new();
+        for (e, pose) in poses.iter().enumerate() {
+            self.last[e] = self.admit_one(e, pose, &mut faults);
+        }
+        (self.last.clone(), faults)
+    }
+
+    fn admit_one(
+        &mut self,
+        e: usize,
+        pose: &ControlPose,
+        faults: &mut Vec<(usize, PoseFault)>,
+    ) -> ControlPose {
+        if *pose == self.last[e] {
+            return *pose;
+        }
+        let parts = if pose.is_finite() { polar(&pose.matrix) } else { None };
+        let Some((rotation, stretch, mirrored)) = parts else {
+            faults.push((e, PoseFault::NotFinite));
+            return self.last[e];
+        };
+        if mirrored {
+            faults.push((e, PoseFault::Mirrored));
+        }
+        let (stretch, clamped) = clamp(&stretch);
+        if clamped {
+            faults.push((e, PoseFault::Stretch));
+        }
+        // The last pose went through here, so its polar factor is defined.
+        let last = polar(&self.last[e].matrix).map_or(UnitQuaternion::identity(), |(rotation, ..)| rotation);
+        let angle = last.angle_to(&rotation);
+        if angle > JUMP {
+            faults.push((e, PoseFault::Jump));
+            self.behind[e] = true;
+        }
+        if !(self.behind[e] && angle > CATCH_UP) {
+            self.behind[e] = false;
+            let untouched = !mirrored && !clamped;
+            let matrix = if untouched { pose.matrix } else { rotation.to_rotation_matrix() * stretch };
+            return ControlPose { translation: pose.translation, matrix };
+        }
+        let share = CATCH_UP / angle;
+        let step = last.try_slerp(&rotation, share, 1e-9).unwrap_or(last);
+        let translation = self.last[e].translation.lerp(&pose.translation, share);
+        ControlPose { translation, matrix: step.to_rotation_matrix() * stretch }
+    }
+}
+
+/// M = R S with R a rotation: R as a quaternion, S symmetric, and whether M mirrored, in which case the smallest
+/// stretch is turned positive. `None` where the decomposition is not finite.
+fn polar(matrix: &Matrix3<f64>) -> Option<(UnitQuaternion<f64>, Matrix3<f64>, bool)> {
+    let svd = matrix.svd(true, true);
+    let (u, vt) = (svd.u?, svd.v_t?);
+    let mirrored = (u * vt).determinant() < 0.0;
+    let fix = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, if mirrored { -1.0 } else { 1.0 }));
+    let rotation = u * fix * vt;
+    let stretch = vt.transpose() * Matrix3::from_diagonal(&svd.singular_values) * vt;
+    let is_finite = rotation.iter().chain(stretch.iter()).all(|value| value.is_finite());
+    is_finite.then(|| (UnitQuaternion::from_matrix(&rotation), stretch, mirrored))
+}
+
+/// S with its eigenvalues clamped to [`STRETCH`], and whether one had to be.
+fn clamp(stretch: &Matrix3<f64>) -> (Matrix3<f64>, bool) {
+    let eigen = stretch.symmetric_eigen();
+    let clamped = eigen.eigenvalues.map(|value| value.clamp(STRETCH[0], STRETCH[1]));
+    // The decomposition's own rounding is no fault.
+    if (clamped - eigen.eigenvalues).amax() <= 1e-12 * STRETCH[1] {
+        return (*stretch, false);
+    }
+    let axes = eigen.eigenvectors;
+    (axes * Matrix3::from_diagonal(&clamped) * axes.transpose(), true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    fn turned(angle: f64) -> ControlPose {
+        let matrix = *Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
+        ControlPose { translation: Vector3::new(0.1, 0.0, 0.0), matrix }
+    }
+
+    fn scaled(x: f64, y: f64, z: f64) -> ControlPose {
+        ControlPose { matrix: Matrix3::from_diagonal(&Vector3::new(x, y, z)), ..ControlPose::REST }
+    }
+
+    #[test]
+    fn honest_poses_pass_as_they_are() {
+        let mut guard = PoseGuard::default();
+        let sheared =
+            ControlPose { matrix: Matrix3::new(1.0, 0.4, 0.0, 0.0, 1.2, 0.1, 0.3, 0.0, 0.9), ..turned(0.0) };
+        for pose in [turned(0.5), sheared, turned(2.0), turned(3.0), turned(4.0)] {
+            assert_eq!(guard.admit(&vec![pose]), (vec![pose], vec![]));
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_none_hold_the_last_pose() {
+        let mut guard = PoseGuard::default();
+        guard.admit(&vec![turned(0.5)]);
+        for bad in [f64::NAN, f64::INFINITY, 1e308] {
+            let mut pose = turned(0.6);
+            pose.matrix *= bad;
+            let (admitted, faults) = guard.admit(&vec![pose]);
+            assert!(admitted[0].is_finite() && !faults.is_empty(), "{bad}: {faults:?}");
+        }
+        let mut pose = turned(0.6);
+        pose.translation.x = f64::NAN;
+        assert_eq!(guard.admit(&vec![pose]).1, [(0, PoseFault::NotFinite)]);
+        assert_eq!(guard.admit(&vec![turned(0.7)]), (vec![turned(0.7)], vec![]));
+    }
+
+    #[test]
+    fn collapse_blow_up_and_mirrors_are_clamped() {
+        let diagonal = |pose: &ControlPose| {
+            let mut values: Vec<f64> = pose.matrix.singular_values().iter().copied().collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+        for (pose, expected, fault) in [
+            (scaled(0.0, 0.0, 0.0), [0.05, 0.05, 0.05], PoseFault::Stretch),
+            (scaled(1e6, 1.0, 1.0), [1.0, 1.0, 20.0], PoseFault::Stretch),
+            (scaled(1.0, 1.0, -1.0), [1.0, 1.0, 1.0], PoseFault::Mirrored),
+        ] {
+            let (admitted, faults) = PoseGuard::default().admit(&vec![pose]);
+            assert!(near(&diagonal(&admitted[0]), &expected), "{admitted:?}");
+            assert!(faults.contains(&(0, fault)), "{faults:?}");
+            assert!(admitted[0].matrix.determinant() > 0.0);
+        }
+    }
+
+    #[test]
+    fn a_jump_is_followed_slowly_until_it_is_reached() {
+        let mut guard = PoseGuard::default();
+        let far = turned(170f64.to_radians());
+        let (first, faults) = guard.admit(&vec![far]);
+        assert_eq!(faults, [(0, PoseFault::Jump)]);
+        let angle = |pose: &ControlPose| polar(&pose.matrix).unwrap().0.angle();
+        assert!((angle(&first[0]) - CATCH_UP).abs() < 1e-9);
+        let frames = (1..100).find(|_| guard.admit(&vec![far]).0[0] == far).unwrap();
+        assert_eq!(frames, 11, "170° in steps of 15°");
+        assert_eq!(guard.admit(&vec![far]), (vec![far], vec![]));
+    }
+}
