@@ -4,6 +4,7 @@
 //! are wrong. Results go to standard output, notices and progress to standard error.
 
 mod bench;
+mod check;
 mod deform;
 mod failure;
 mod inspect;
@@ -50,6 +51,7 @@ pub enum Command {
     Deform(deform::Args),
     Bench(bench::Args),
     Inspect(inspect::Args),
+    Check(check::Args),
     Manual(manual::Args),
 }
 
@@ -65,6 +67,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Deform(args)) => deform::run(&args),
         Some(Command::Bench(args)) => bench::run(&args),
         Some(Command::Inspect(args)) => inspect::run(&args),
+        Some(Command::Check(args)) => check::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }

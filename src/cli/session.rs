@@ -52,7 +52,7 @@ pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failur
             let needs = needs(scene, name, body)?;
             let precomputed = green::precompute(scene, name, needs, &Bars::new(name, quiet))?;
             for notice in &precomputed.solution.notices {
-                eprintln!("note: body.{name}: {notice}");
+                eprintln!("{notice}");
             }
             Ok(precomputed)
         })

@@ -1,10 +1,10 @@
 //! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
 
-use super::check::check_support;
-use super::{ControlElement, FIELDS, GreenError, Needs};
-use crate::fem::{self, Lame, NodeFields, Partition, StiffnessMatrix};
-use crate::mesh::{Surface, TetMesh, quality};
-use crate::scene::{Body, Material, Method, Scene};
+use super::check::{Finding, Severity};
+use super::{ControlElement, FIELDS, GreenError, Needs, Prepared};
+use crate::fem::{self, NodeFields, Partition, StiffnessMatrix};
+use crate::mesh::{Surface, TetMesh};
+use crate::scene::{Body, Method, Scene};
 use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};
 use nalgebra::DMatrix;
 use std::time::Instant;
@@ -32,6 +32,7 @@ pub struct Solution {
     pub times: StepTimes,
     /// Scalar entries of K.
     pub matrix_entries: usize,
+    /// Warnings and notes of the check before it.
     pub notices: Vec<String>,
 }
 
@@ -69,13 +70,10 @@ pub fn solve(
     let body = &scene.body[name];
     progress.begin("mesh", 0);
     let started = Instant::now();
-    let loaded = scene.load_mesh(name, body)?;
-    let (mesh, mut notices) = (loaded.mesh, loaded.notices);
+    let Prepared { mesh, controls, lame, findings } = super::prepare(scene, name)?;
+    refuse(scene, &findings)?;
     let surface = Surface::of(&mesh);
-    let controls = control_elements(scene, name, body, &mesh)?;
-    check_support(scene, name, &mesh, &controls)?;
-    notices.extend(controls.iter().filter_map(ControlElement::notice));
-    let lame = materials(scene, name, body, &mesh)?;
+    let notices = findings.into_iter().map(|finding| finding.to_string()).collect();
     let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };
     progress.end();
 
@@ -174,47 +172,13 @@ fn handle_stiffness(
     ((&s + s.transpose()) * 0.5, asymmetry)
 }
 
-fn control_elements(
-    scene: &Scene,
-    name: &str,
-    body: &Body,
-    mesh: &TetMesh,
-) -> Result<Vec<ControlElement>, GreenError> {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
-    let size = (high - low).norm();
-    body.control
-        .iter()
-        .map(|(control_name, control)| {
-            let nodes = control.nodes.select(mesh, |path| scene.resolve(path)).map_err(|message| {
-                scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message)
-            })?;
-            Ok(ControlElement::new(control_name, nodes, mesh, size))
-        })
-        .collect()
-}
-
-/// Lamé's constants of every tetrahedron.
-fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<Vec<Lame>, GreenError> {
-    let lame = |material: &Material| Lame::from_young_poisson(material.young, material.poisson);
-    let mut by_region = std::collections::BTreeMap::new();
-    for (key, material) in &body.region {
-        let named = mesh.region_names.iter().find(|(_, region_name)| *region_name == key).map(|(id, _)| *id);
-        let region = named.or_else(|| key.parse().ok()).filter(|id| mesh.regions.contains(id));
-        let Some(region) = region else {
-            let known: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();
-            let known: Vec<String> = known
-                .iter()
-                .map(|id| match mesh.region_names.get(id) {
-                    Some(region_name) => format!("{id} ({region_name})"),
-                    None => id.to_string(),
-                })
-                .collect();
-            let message =
-                format!("no tetrahedron lies in this region; the mesh has regions {}", known.join(", "));
-            return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
-        };
-        by_region.insert(region, lame(material));
-    }
-    let other = lame(&body.material);
-    Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&other)).collect())
+/// The first error among the findings, if there is one.
+fn refuse(scene: &Scene, findings: &[Finding]) -> Result<(), GreenError> {
+    let mut errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
+    let Some(first) = errors.next() else { return Ok(()) };
+    let more = match errors.count() {
+        0 => String::new(),
+        count => format!(" ({count} more: `greenstage check {}`)", scene.path.display()),
+    };
+    Err(scene.invalid(&first.entity, format!("{}{more}", first.message)).into())
 }

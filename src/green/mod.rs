@@ -9,11 +9,14 @@ mod check;
 mod control;
 mod file;
 mod fingerprint;
+mod prepare;
 
 pub use basis::{Precomputed, Solution, StepTimes, precompute, solve};
+pub use check::{Finding, Severity};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;
+pub use prepare::{Prepared, prepare};
 
 use crate::fem::AssemblyError;
 use crate::scene::SceneError;

@@ -4,6 +4,7 @@
 //! every node used, notices of what was repaired, and its [`Surface`] with outward triangles.
 
 pub mod assemble;
+pub mod defects;
 mod error;
 pub mod formats;
 pub mod generate;

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 /// The faces of a positively oriented tetrahedron, counter-clockwise as seen from outside; face i lies opposite
 /// corner 3 - i.
-const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+pub(super) const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
 /// All faces, sorted: their nodes in ascending order, and 4·tetrahedron + face. Equal faces are neighbours.
 pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {

@@ -1,0 +1,58 @@
+//! `greenstage check`: all that can be found wrong with a scene, without solving.
+
+use super::failure::Failure;
+use super::{render, session};
+use crate::green::{self, Finding, GreenError, Severity};
+use crate::scene::Scene;
+use std::path::PathBuf;
+
+/// All that can be found wrong with a scene, without solving it
+///
+/// One line each, the most severe first: errors (the scene is refused), warnings (it is solved, but the answer may not
+/// be what was meant), notes (what was repaired, what is worth knowing). Exit status 2 where there is an error.
+/// `precompute` runs the same checks first.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// As JSON, for machines
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let scene = Scene::load(&args.scene)?;
+    let mut findings = Vec::new();
+    for (name, body) in &scene.body {
+        let entity = format!("body.{name}");
+        let error = |message: String| Finding::new(Severity::Error, &entity, message);
+        if let Err(failure) = session::needs(&scene, name, body) {
+            findings.push(error(failure.to_string()));
+        }
+        match green::prepare(&scene, name) {
+            Ok(prepared) => findings.extend(prepared.findings),
+            Err(failed @ GreenError::Scene(_)) => findings.push(error(failed.to_string())),
+            Err(other) => return Err(other.into()),
+        }
+    }
+    for problem in
+        [render::stage(&scene, None).err(), render::script(&scene, None).err()].into_iter().flatten()
+    {
+        findings.push(Finding::new(Severity::Error, "stage", problem.to_string()));
+    }
+    findings.sort_by_key(|finding| finding.severity);
+    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
+    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
+    if args.json {
+        let value = serde_json::json!({ "scene": args.scene, "findings": findings });
+        super::print(&format!("{value:#}\n"))?;
+    } else {
+        let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
+        let notes = count(Severity::Note);
+        super::print(&format!("{lines}{errors} errors, {warnings} warnings, {notes} notes\n"))?;
+    }
+    match errors {
+        0 => Ok(()),
+        _ => Err(Failure::wrong(format!("{}: {errors} errors", args.scene.display()))),
+    }
+}
