@@ -57,10 +57,15 @@ pub enum SolveError {
     OutOfMemory { entries: usize, gigabytes: f64 },
     #[error(
         "column {column}: relative residual {residual:.1e} is above {limit:.1e} after {iterations} iterations; the \
-         matrix is too ill-conditioned: look for slivers and for large contrasts of stiffness, or raise \
-         solver.tolerance (PCG)"
+         matrix is too ill-conditioned for conjugate gradients: look for slivers and large contrasts of stiffness \
+         (`greenstage check`), write solver.method = \"cholesky\", or raise solver.tolerance"
     )]
     Residual { column: usize, residual: f64, limit: f64, iterations: usize },
+    #[error(
+        "column {column}: relative residual {residual:.1e} and backward error {backward:.1e} after refinement: the \
+         factor is wrong; look for slivers and for large contrasts of stiffness (`greenstage check`)"
+    )]
+    Factor { column: usize, residual: f64, backward: f64 },
 }
 
 /// ‖b - A x‖₂ / ‖b‖₂ of every column, and b - A x itself.
@@ -70,4 +75,29 @@ pub fn residuals(a: &StiffnessMatrix, x: &NodeFields, b: &NodeFields) -> (Vec<f6
     r.data.par_iter_mut().zip(&b.data).with_min_len(4096).for_each(|(r, b)| *r = b - *r);
     let relative = r.norms().iter().zip(b.norms()).map(|(r, b)| if b == 0.0 { 0.0 } else { r / b }).collect();
     (relative, r)
+}
+
+/// The componentwise backward error of one column, max_i |r_i| / (|A| |x| + |b|)_i (Arioli, Demmel and Duff, SIAM J.
+/// Matrix Anal. Appl. 10, 1989): how much A and b must be changed, relatively, for x to be exact.
+pub fn backward_error(
+    a: &StiffnessMatrix,
+    x: &NodeFields,
+    b: &NodeFields,
+    r: &NodeFields,
+    column: usize,
+) -> f64 {
+    let one = |fields: &NodeFields| NodeFields {
+        nodes: fields.nodes,
+        columns: 1,
+        data: (0..3 * fields.nodes).map(|row| fields.row(row)[column].abs()).collect(),
+    };
+    let mut sizes = a.clone();
+    sizes.diagonal.iter_mut().chain(&mut sizes.blocks).for_each(|block| *block = block.abs());
+    let mut scale = NodeFields::zeros(x.nodes, 1);
+    sizes.multiply(&one(x), &mut scale);
+    let (r, b) = (one(r), one(b));
+    let ratio = |i: usize| if r.data[i] == 0.0 { 0.0 } else { r.data[i] / (scale.data[i] + b.data[i]) };
+    (0..r.data.len())
+        .map(ratio)
+        .fold(0.0, |worst, ratio| if ratio > worst || ratio.is_nan() { ratio } else { worst })
 }
