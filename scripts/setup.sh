@@ -27,7 +27,9 @@ drivers=$(ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json /usr/local/
 if [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}$drivers" ]; then
     has_library libvulkan.so.1 || need libvulkan1 "the Vulkan loader; a driver is there"
 elif [ -e /dev/nvidia0 ] || [ -e /dev/dxg ]; then
-    echo "setup: this machine has a GPU but its driver brings no Vulkan; install the driver's Vulkan part" >&2
+    echo "setup: this machine has a GPU, but its driver brings no Vulkan; it is left alone, and pictures are drawn on" \
+        "the processor until the driver's Vulkan part is installed" >&2
+    need mesa-vulkan-drivers "drawing on the processor meanwhile"
 else
     need mesa-vulkan-drivers "no Vulkan driver: Mesa draws on a GPU it knows, and on the processor where there is none"
 fi

@@ -123,6 +123,9 @@ fn all_nodes_are_solved_in_f64() {
     for (key, u) in &surface {
         assert!((0..3).all(|axis| (u[axis] - all[key][axis]).abs() < 1e-8), "{key}: {u:?} {:?}", all[key]);
     }
+    // 0.1 is no f32: these numbers never were one.
+    let exact = all.iter().filter(|(key, u)| key.starts_with("pull") && u[0] == 0.1).count();
+    assert_eq!(exact, 9, "the nodes of the moved face");
 }
 
 #[test]
@@ -244,6 +247,98 @@ fn pose_mistakes_are_refused() {
     }
 }
 
+/// A pose in a batch stands alone, whatever was before it: also where the mean rotation is followed on line.
+#[test]
+fn a_pose_does_not_depend_on_the_one_before() {
+    let folder = project("cli-alone");
+    std::fs::write(folder.join("scene.toml"), SCENE.replace("effects =", "model = \"rotation\"\neffects ="))
+        .unwrap();
+    let turn = |name: &str, degrees: f64| {
+        let (s, c) = degrees.to_radians().sin_cos();
+        let matrix = format!("[[1.0, 0.0, 0.0], [0.0, {c}, {}], [0.0, {s}, {c}]]", -s);
+        format!("[[pose]]\nname = \"{name}\"\ncontrol.high = {{ matrix = {matrix} }}\n")
+    };
+    let rows = |poses: String| {
+        std::fs::write(folder.join("poses.toml"), poses).unwrap();
+        let output = succeed(&folder, &DEFORM);
+        let rows = table(&folder.join("out.csv")).into_iter().filter(|(key, _)| key.starts_with("last"));
+        (rows.collect::<Vec<_>>(), text(&output.stderr))
+    };
+    for degrees in [40.0, 180.0, 200.0] {
+        let (alone, said) = rows(turn("last", degrees));
+        let (after, _) = rows(turn("a", 90.0) + &turn("b", 170.0) + &turn("last", degrees));
+        assert_eq!(alone, after, "{degrees}°");
+        assert_eq!(said.contains("not defined"), degrees == 180.0, "{degrees}°: {said}");
+    }
+}
+
+/// Numbers that TOML can hold and no body can have: every one ends in an error with its file, or in finite numbers.
+#[test]
+fn absurd_numbers_are_refused_or_harmless() {
+    let folder = project("cli-absurd");
+    let mut refused = 0;
+    for number in ["0.0", "-1.0", "1e300", "-1e300", "1e-300", "nan", "inf", "1e39", "4000000000", "1e-45"] {
+        for (from, to) in [
+            ("young = 1.0e3", format!("young = {number}")),
+            ("poisson = 0.3", format!("poisson = {number}")),
+            ("effects =", format!("place = {{ position = [{number}, 0.0, 0.0] }}\neffects =")),
+            ("effects =", format!("place = {{ position = [0.0, 0.0, 0.0], scale = {number} }}\neffects =")),
+            ("effects =", format!("solver = {{ method = \"pcg\", tolerance = {number} }}\neffects =")),
+            ("max = [-0.4,", format!("max = [{number},")),
+            ("group = \"xmax\"", format!("sphere = {{ centre = [0.5, 0.0, 0.0], radius = {number} }}")),
+            (
+                "group = \"xmax\"",
+                format!("plane = {{ point = [0.5, 0, 0], normal = [{number}, 0, 0], distance = 1e-9 }}"),
+            ),
+            (
+                "mesh = \"block.msh\"",
+                format!("generate = {{ block = {{ size = [1.0, {number}, 1.0], cells = [3, 2, 2] }} }}"),
+            ),
+        ] {
+            let scene = SCENE.replace(from, &to);
+            assert_ne!(scene, SCENE);
+            std::fs::write(folder.join("scene.toml"), scene).unwrap();
+            let output = greenstage(&folder, &DEFORM);
+            let message = text(&output.stderr);
+            assert!(!message.contains("panicked"), "{to}: {message}");
+            match output.status.code() {
+                Some(0) => {
+                    let rows = table(&folder.join("out.csv"));
+                    assert!(rows.iter().all(|(_, u)| u.iter().all(|u| u.is_finite())), "{to}");
+                    assert!(
+                        rows.iter().any(|(key, u)| key.starts_with("pull") && u[0] > 0.05),
+                        "{to}: nothing moves"
+                    );
+                }
+                Some(2) => {
+                    refused += 1;
+                    assert!(message.contains("scene.toml"), "{to}: {message}");
+                }
+                other => panic!("{to}: status {other:?}: {message}"),
+            }
+        }
+    }
+    assert!(refused > 50, "{refused} of 90 refused");
+}
+
+#[test]
+fn check_lists_everything_without_solving() {
+    let folder = project("cli-check");
+    let fine = text(&succeed(&folder, &["check", "scene.toml"]).stdout);
+    assert!(fine.contains("0 errors, 0 warnings, 2 notes") && fine.contains("planar"), "{fine}");
+    let scene = SCENE.replace("poisson = 0.3", "poisson = 0.49").replace("max = [-0.4,", "max = [0.6,");
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    refuse(&folder, &["check", "scene.toml"], &["scene.toml: 1 errors"]);
+    let output = greenstage(&folder, &["check", "scene.toml"]);
+    let lines: Vec<String> = text(&output.stdout).lines().map(str::to_owned).collect();
+    assert!(lines[0].starts_with("error: body.block.control.low: overlaps control high"), "{lines:?}");
+    assert!(lines[1].starts_with("warning: body.block.material: Poisson's ratio 0.49"), "{lines:?}");
+    let json = greenstage(&folder, &["check", "scene.toml", "--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(value["findings"][0]["severity"], "error");
+    assert!(!folder.join("scene.green").exists());
+}
+
 #[test]
 fn stage_and_script_mistakes_are_refused() {
     let folder = project("cli-stages");
@@ -286,12 +381,15 @@ fn cases_agree_with_the_independent_solutions() {
         }
         let scene = std::fs::read_to_string(source.join("scene.toml")).unwrap().replace("mesh.msh", mesh);
         std::fs::write(folder.join("scene.toml"), scene).unwrap();
-        for (options, limit) in [(&[][..], 1e-6), (&["--all-nodes"][..], 1e-9)] {
+        for (options, limit) in [(&[][..], 2e-7), (&["--all-nodes"][..], 2e-11)] {
             succeed(&folder, &[&DEFORM[..], options].concat());
-            let worst = compare_displacements(&folder);
+            let (worst, rows) = compare_displacements(&folder);
             let force = compare_forces(&folder);
             println!("{case}/{mesh} {options:?}: worst relative L2 {worst:.1e}, forces {force:.1e}");
-            assert!(worst < limit && force < 1e-6);
+            assert!(worst < limit && force < 1e-9);
+            // Every node of the tube lies on its surface; of block2's 1,574 nodes 920 do.
+            let expected = table(&folder.join("expected.csv")).len();
+            assert_eq!(rows, if options.is_empty() && case == "block2" { 2 * 920 } else { expected });
         }
     }
 }
@@ -307,10 +405,13 @@ fn table(path: &Path) -> Vec<(String, Vec<f64>)> {
 }
 
 /// Worst relative L2 error over the poses; where nothing moves, against the largest motion.
-fn compare_displacements(folder: &Path) -> f64 {
+/// Also the number of rows compared.
+fn compare_displacements(folder: &Path) -> (f64, usize) {
     let expected: BTreeMap<_, _> = table(&folder.join("expected.csv")).into_iter().collect();
     let mut sums = BTreeMap::<String, (f64, f64)>::new();
-    for (key, u) in table(&folder.join("out.csv")) {
+    let found = table(&folder.join("out.csv"));
+    let rows = found.len();
+    for (key, u) in found {
         let (pose, _) = key.split_once(',').unwrap();
         let sum = sums.entry(pose.to_owned()).or_default();
         for (u, e) in u.iter().zip(&expected[&key]) {
@@ -319,7 +420,9 @@ fn compare_displacements(folder: &Path) -> f64 {
     }
     assert!(sums.len() >= 2);
     let largest = sums.values().map(|s| s.1).fold(0.0, f64::max);
-    sums.values().map(|s| (s.0 / if s.1 > 1e-20 { s.1 } else { largest }).sqrt()).fold(0.0, f64::max)
+    let worst =
+        sums.values().map(|s| (s.0 / if s.1 > 1e-20 { s.1 } else { largest }).sqrt()).fold(0.0, f64::max);
+    (worst, rows)
 }
 
 /// Worst error of forces, moments and energy, each against the largest of its kind.

@@ -54,6 +54,26 @@ fn rigid_motions_cost_no_force() {
     }
 }
 
+/// A free body has six rigid motions, and no other motion without force.
+#[test]
+fn there_are_only_six_motions_without_force() {
+    let mesh = crooked_block([2, 2, 2]);
+    let k = assemble(&mesh, &uniform(&mesh)).unwrap();
+    let n = 3 * mesh.nodes.len();
+    let mut identity = NodeFields::zeros(mesh.nodes.len(), n);
+    (0..n).for_each(|i| identity.row_mut(i)[i] = 1.0);
+    let mut dense = NodeFields::zeros(mesh.nodes.len(), n);
+    k.multiply(&identity, &mut dense);
+    let mut values: Vec<f64> = nalgebra::DMatrix::from_row_slice(n, n, &dense.data)
+        .symmetric_eigenvalues()
+        .iter()
+        .copied()
+        .collect();
+    values.sort_by(f64::total_cmp);
+    assert!(values[..6].iter().all(|v| v.abs() < 1e-12 * values[n - 1]), "{:?}", &values[..6]);
+    assert!(values[6] > 1e-4 * values[n - 1], "{:e} of {:e}", values[6], values[n - 1]);
+}
+
 #[test]
 fn assembly_has_the_same_bits_on_every_thread_count() {
     let mesh = crooked_block([6, 5, 4]);

@@ -10,6 +10,7 @@ use crate::green::{FIELDS, Precomputed};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use anyhow::Context;
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -27,7 +28,7 @@ pub struct Args {
     #[arg(long)]
     pub stage: Option<String>,
     /// Frames to draw for each figure
-    #[arg(long, default_value_t = 24)]
+    #[arg(long, default_value_t = 24, value_parser = super::frames)]
     pub frames: usize,
     /// Results as JSON
     #[arg(long)]
@@ -121,21 +122,20 @@ impl Drawn {
     }
 }
 
-/// The online loops at the paper's size.
-struct Loops {
-    /// Reading as many bytes as 24 columns have, the same ones again and again, bytes/s.
-    read_again: f64,
-    /// Reading 256 MB, bytes/s.
-    read_memory: f64,
-    /// Name, seconds, bytes of columns read.
-    rows: Vec<(&'static str, f64, f64)>,
+/// One online loop at the paper's size.
+struct Loop {
+    name: &'static str,
+    time_s: f64,
+    /// Columns read, bytes; 0 where none are.
+    bytes: f64,
+    /// Time in which as many threads read the same bytes and do nothing else, in the same run.
+    reading_s: f64,
 }
 
-fn loops() -> Loops {
+fn loops() -> Vec<Loop> {
     let numbers = 2 * FIELDS * 3 * PAPER_NODES;
     let data: Vec<f32> = (0..numbers).map(|i| (i as f32).sin()).collect();
     let columns = Columns { elements: data.chunks_exact(numbers / 2).collect() };
-    let large = vec![1.0f32; 64 << 20];
     let mut sum = Superposition::new(2);
     let mut u = vec![[0.0; 3]; PAPER_NODES];
     let mut c = 0.0;
@@ -144,16 +144,24 @@ fn loops() -> Loops {
         let coefficients = (0..2).map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]).collect();
         black_box(sum.update(&columns, coefficients, &mut u));
     };
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let mut rows = vec![];
-    let bytes_of = |elements: usize| (elements * FIELDS * 12 * PAPER_NODES) as f64;
-    if let Ok(one) = one {
-        let time = one.install(|| repeat(|| superpose(2)));
-        rows.push(("superposition, 24 columns, one thread", time, bytes_of(2)));
-        let time = one.install(|| repeat(|| superpose(1)));
-        rows.push(("superposition, 12 columns (one element moved), one thread", time, bytes_of(1)));
+    let mut measure = |name: &'static str, moved: usize, threads: usize| {
+        let used = &data[..moved * numbers / 2];
+        let part = used.len().div_ceil(threads);
+        Loop {
+            name,
+            time_s: repeat(|| superpose(moved)),
+            bytes: 4.0 * used.len() as f64,
+            reading_s: repeat(|| {
+                black_box(used.par_chunks(part).map(read).sum::<f32>());
+            }),
+        }
+    };
+    let mut rows = Vec::new();
+    if let Ok(one) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        rows.push(one.install(|| measure("superposition, 24 columns, one thread", 2, 1)));
+        rows.push(one.install(|| measure("superposition, 12 columns (one element moved), one thread", 1, 1)));
     }
-    rows.push(("superposition, 24 columns, all threads", repeat(|| superpose(2)), bytes_of(2)));
+    rows.push(measure("superposition, 24 columns, all threads", 2, rayon::current_num_threads()));
 
     let (around, along) = (100u32, PAPER_NODES as u32 / 100);
     let positions: Vec<[f32; 3]> = (0..PAPER_NODES as u32)
@@ -169,21 +177,16 @@ fn loops() -> Loops {
     let triangles: Vec<[u32; 3]> = (0..(along - 1) * around).flat_map(cell).collect();
     let (mut sums, mut normals) = (Vec::new(), vec![[0.0; 3]; PAPER_NODES]);
     let time = repeat(|| vertex_normals(black_box(&positions), &triangles, &mut sums, &mut normals));
-    rows.push(("normals, 19,800 triangles, one thread", time, 0.0));
-    Loops {
-        read_again: 4.0 * numbers as f64
-            / repeat(|| {
-                black_box(read(&data));
-            }),
-        read_memory: 4.0 * large.len() as f64
-            / repeat(|| {
-                black_box(read(&large));
-            }),
-        rows,
-    }
+    rows.push(Loop {
+        name: "normals, 19,800 triangles, one thread",
+        time_s: time,
+        bytes: 0.0,
+        reading_s: 0.0,
+    });
+    rows
 }
 
-/// Adds all numbers in sixteen lanes: as fast as one thread can read.
+/// Adds all numbers, in many lanes at a time: as fast as one thread can read.
 fn read(data: &[f32]) -> f32 {
     let mut lanes = [0.0f32; 64];
     for chunk in data.chunks_exact(64) {
@@ -220,30 +223,27 @@ fn offline_table(bodies: &[Precomputed], peak_memory: Option<f64>) -> (String, T
     if let Some(peak) = peak_memory {
         table.row(&["peak memory", &bytes(peak), "resident, of the whole process"]);
     }
-    (format!("Offline, {} threads", rayon::current_num_threads()), table)
+    let threads = rayon::current_num_threads();
+    (format!("Offline, {threads} threads, {}, greenstage {}", processor(), env!("CARGO_PKG_VERSION")), table)
 }
 
-fn loops_table(loops: &Loops) -> (String, Table) {
-    let mut table = Table::new(&["online, 10,000 nodes", "time", "reads", "of read bandwidth"]);
-    for (name, time, read) in &loops.rows {
-        let (rate, share) = if *read > 0.0 {
-            let rate = read / time;
-            (format!("{:.1} GB/s", rate * 1e-9), format!("{:.2}", rate / loops.read_again))
-        } else {
-            (String::new(), String::new())
-        };
-        table.row(&[name, &seconds(*time), &rate, &share]);
+fn loops_table(loops: &[Loop]) -> (String, Table) {
+    let heading = ["online, 10,000 nodes", "time", "reads", "reading alone", "of that bandwidth"];
+    let mut table = Table::new(&heading);
+    for Loop { name, time_s, bytes, reading_s } in loops {
+        let rate =
+            |s: f64| if *bytes > 0.0 { format!("{:.1} GB/s", bytes / s * 1e-9) } else { String::new() };
+        let share = if *bytes > 0.0 { format!("{:.2}", reading_s / time_s) } else { String::new() };
+        table.row(&[name, &seconds(*time_s), &rate(*time_s), &rate(*reading_s), &share]);
     }
-    let rate = |rate: f64| format!("{:.1} GB/s", rate * 1e-9);
-    table.row(&[
-        "reading 24 columns' 2.88 MB again and again, one thread",
-        "",
-        &rate(loops.read_again),
-        "1.00",
-    ]);
-    let share = format!("{:.2}", loops.read_memory / loops.read_again);
-    table.row(&["reading 256 MB from memory, one thread", "", &rate(loops.read_memory), &share]);
-    ("Online loops".into(), table)
+    (format!("Online loops, {}", processor()), table)
+}
+
+/// The processor's name, where the system tells.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or("unknown processor".into(), |(_, name)| name.trim().to_owned())
 }
 
 fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
@@ -269,7 +269,7 @@ fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
     (format!("Frames: {stage}, {} screen(s), on {}", first.screens, first.device), table)
 }
 
-fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &Loops, drawn: &[Drawn]) -> Value {
+fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &[Loop], drawn: &[Drawn]) -> Value {
     let bodies: Vec<Value> = offline
         .iter()
         .map(|body| {
@@ -279,9 +279,8 @@ fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &Loops, dra
         })
         .collect();
     let rows: Vec<Value> = loops
-        .rows
         .iter()
-        .map(|(name, time, read)| json!({ "loop": name, "time_s": time, "bytes_read": read }))
+        .map(|l| json!({ "loop": l.name, "time_s": l.time_s, "bytes_read": l.bytes, "reading_s": l.reading_s }))
         .collect();
     let frames: Vec<Value> = drawn
         .iter()
@@ -293,7 +292,7 @@ fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &Loops, dra
         })
         .collect();
     json!({ "offline": bodies, "peak_memory_bytes": peak_memory, "loops": rows,
-        "read_bytes_per_s": { "again": loops.read_again, "memory": loops.read_memory }, "frames": frames })
+        "processor": processor(), "version": env!("CARGO_PKG_VERSION"), "frames": frames })
 }
 
 fn markdown(tables: &[(String, Table)]) -> String {

@@ -99,7 +99,13 @@ fn body_of<'a>(pose: &Pose, bodies: &'a mut [Deformer], path: &Path) -> Result<&
 
 fn surface_result(pose: &Pose, body: &mut Deformer, control_poses: &ControlPoses) -> Deformed {
     body.forget();
-    body.evaluate(control_poses);
+    if body.evaluate(control_poses).is_some_and(|stats| stats.rotation_undefined) {
+        eprintln!(
+            "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
+             defined, and the result not to be trusted; model = \"linear\" has no such pose",
+            pose.name, body.body
+        );
+    }
     Deformed {
         pose: pose.name.clone(),
         body: body.body.clone(),

@@ -33,7 +33,7 @@ A first tour:
   greenstage manual                                   the manual's chapters
 
 Exit status: 0 done; 1 the work failed; 2 the request or its files are wrong.
-GREENSTAGE_LOG=info shows what the program does, =debug more.";
+GREENSTAGE_LOG=info tells more of the graphics device.";
 
 /// Grab, bend and twist elastic finite element bodies in stereo, by precomputed Green's functions.
 #[derive(Debug, Parser)]
@@ -91,8 +91,22 @@ fn samples(text: &str) -> Result<u32, String> {
     }
 }
 
+fn frames(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|frames| (1..=100_000).contains(frames))
+        .ok_or("a number from 1 to 100000".into())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|value: &f64| value.is_finite() && *value > 0.0)
+        .ok_or("a positive number".into())
+}
+
 fn scale(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|scale| (0.01..=8.0).contains(scale)).ok_or("a number from 0.01 to 8".into())
+    text.parse().ok().filter(|scale| (0.01..=4.0).contains(scale)).ok_or("a number from 0.01 to 4".into())
 }
 
 #[cfg(test)]

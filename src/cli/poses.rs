@@ -8,6 +8,9 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Largest number of a pose; what is summed must stay within single precision.
+const LARGEST: f64 = 1e15;
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PoseFile {
@@ -84,8 +87,11 @@ pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<Contro
                 translation: Vector3::from(affine.translation),
                 matrix: Matrix3::from_fn(|i, j| m[i][j]),
             };
-            if !pose.is_finite() {
-                return Err(entity(format!("control {}: a number is not finite", control.name)));
+            let numbers = pose.translation.iter().chain(pose.matrix.iter());
+            if !numbers.into_iter().all(|value| value.abs() <= LARGEST) {
+                let message =
+                    format!("control {}: a number is not finite, or above {LARGEST:e}", control.name);
+                return Err(entity(message));
             }
             Ok(pose)
         })

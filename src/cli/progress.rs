@@ -30,6 +30,17 @@ impl Bars {
     }
 }
 
+impl Drop for Bars {
+    /// Work that failed leaves no bar behind.
+    fn drop(&mut self) {
+        self.with_step(|current| {
+            if let Some(step) = current.take() {
+                step.bar.finish_and_clear();
+            }
+        });
+    }
+}
+
 impl Progress for Bars {
     fn begin(&self, step: &str, units: u64) {
         let bar = if self.quiet || !std::io::stderr().is_terminal() {

@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(short, long)]
     pub output: PathBuf,
     /// Frames, evenly over the script
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = super::frames)]
     pub frames: usize,
     /// Key frames for head and stylus: bend, or a script file; default: the scene's
     #[arg(long)]
@@ -68,7 +68,10 @@ pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
         }
         None => scene.stage.clone(),
     };
-    Stage::find(&name).map_err(Failure::request)
+    Stage::find(&name).map_err(|error| match asked {
+        Some(_) => Failure::request(error),
+        None => Failure::request(scene.invalid("stage", error.to_string())),
+    })
 }
 
 /// The script that is asked for, else the scene's, if it has one; a path in the scene file is relative to it.
@@ -80,7 +83,12 @@ pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Fai
     asked
         .map(Path::to_owned)
         .or_else(of_scene)
-        .map(|name| Script::find(&name.display().to_string()).map_err(Failure::request))
+        .map(|name| {
+            Script::find(&name.display().to_string()).map_err(|error| match asked {
+                Some(_) => Failure::request(error),
+                None => Failure::request(scene.invalid("script", error.to_string())),
+            })
+        })
         .transpose()
 }
 
@@ -119,10 +127,7 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))
         .map_err(Failure::Request)?;
-    if args.frames == 0 {
-        return Err(Failure::wrong("--frames must be 1 or more"));
-    }
-    let mut targets = Targets::new(world, args.layout, args.samples, args.scale).map_err(Failure::work)?;
+    let mut targets = Targets::new(world, args.layout, args.samples, args.scale)?;
     eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
     let shown = [0, args.frames / 2, args.frames - 1];
     let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");

@@ -44,7 +44,7 @@ pub struct Args {
     #[arg(long)]
     pub no_vsync: bool,
     /// Quit after so many seconds
-    #[arg(long)]
+    #[arg(long, value_parser = super::positive)]
     pub seconds: Option<f64>,
     /// Where the pictures go when there is no display
     #[arg(long, default_value = "out/demo")]
@@ -263,7 +263,7 @@ impl Viewer {
         for (pane, [width, height]) in self.panes.iter().zip(sizes) {
             let part = width / pane.eyes.len() as u32;
             let mut row = Vec::new();
-            for (i, eye) in pane.eyes.iter().enumerate() {
+            for (i, eye) in pane.eyes.iter().enumerate().filter(|_| part > 0) {
                 let view = self.world.view(pane.screen, *eye);
                 row.push(Viewport { rect: [i as u32 * part, 0, part, height], view });
             }
@@ -275,6 +275,9 @@ impl Viewer {
 
 impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Failure {
-        Failure::work(error)
+        match error {
+            RenderError::PictureSize { .. } | RenderError::BufferSize { .. } => Failure::request(error),
+            _ => Failure::work(error),
+        }
     }
 }

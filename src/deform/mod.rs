@@ -47,6 +47,8 @@ pub struct ModelStats {
     pub elements_summed: usize,
     /// Columns read for them.
     pub columns_read: usize,
+    /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
+    pub rotation_undefined: bool,
     /// The coefficients that were summed, 12 a control element, in the surface's frame.
     pub coefficients: Vec<[f64; crate::green::FIELDS]>,
 }

@@ -25,9 +25,12 @@ pub fn vertex_normals(
         }
     }
     for (normal, sum) in normals.iter_mut().zip(sums.iter()) {
-        let square = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
-        let scale = if square > 0.0 { 1.0 / square.sqrt() } else { 0.0 };
-        *normal = [sum[0] * scale, sum[1] * scale, sum[2] * scale];
+        // Scaled first: the square of a nanometre's area is no f32.
+        let largest = sum[0].abs().max(sum[1].abs()).max(sum[2].abs());
+        let unit = if largest > 0.0 { 1.0 / largest } else { 0.0 };
+        let [x, y, z] = [sum[0] * unit, sum[1] * unit, sum[2] * unit];
+        let scale = 1.0 / (x * x + y * y + z * z).max(f32::MIN_POSITIVE).sqrt();
+        *normal = [x * scale, y * scale, z * scale];
     }
 }
 
@@ -52,6 +55,14 @@ mod tests {
         for (normal, position) in normals.iter().zip(positions) {
             assert!((0..3).all(|axis| (normal[axis] - 0.5 * position[axis]).abs() < 1e-6), "{normals:?}");
         }
+    }
+
+    #[test]
+    fn a_body_of_a_nanometre_has_normals() {
+        let mut normals = [[0.0; 3]; 3];
+        let positions = [[0.0; 3], [1e-12, 0.0, 0.0], [0.0, 1e-12, 0.0]];
+        vertex_normals(&positions, &[[0, 1, 2]], &mut Vec::new(), &mut normals);
+        assert!(normals.iter().all(|n| (n[2] - 1.0).abs() < 1e-6), "{normals:?}");
     }
 
     #[test]

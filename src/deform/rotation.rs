@@ -48,9 +48,8 @@ impl DeformationModel for Rotation {
         u: &mut SurfaceDisplacements,
     ) -> ModelStats {
         let turns = unwrapped(self.turns.as_deref(), poses);
-        if let Some(rotation) = mean_rotation(&self.controls, poses, &turns) {
-            self.last = rotation;
-        }
+        let mean = mean_rotation(&self.controls, poses, &turns);
+        self.last = mean.unwrap_or(self.last);
         self.turns = Some(turns);
         let (rotation, inverse) = (self.last, self.last.inverse());
         let weights = weights(&self.controls);
@@ -68,7 +67,7 @@ impl DeformationModel for Rotation {
                 seen.coefficients()
             })
             .collect();
-        self.sum.update(columns, coefficients, &mut u.u)
+        ModelStats { rotation_undefined: mean.is_none(), ..self.sum.update(columns, coefficients, &mut u.u) }
     }
 
     fn forget(&mut self) {
@@ -127,8 +126,8 @@ pub fn mean_rotation(
 }
 
 fn weights(controls: &[ControlRest]) -> Vec<f64> {
-    let total: usize = controls.iter().map(|control| control.nodes).sum();
-    controls.iter().map(|control| control.nodes as f64 / total.max(1) as f64).collect()
+    let total: f64 = controls.iter().map(|control| control.nodes as f64).sum();
+    controls.iter().map(|control| control.nodes as f64 / total.max(1.0)).collect()
 }
 
 /// The rotation nearest to A.

@@ -41,7 +41,7 @@ impl Superposition {
         let rounded: Vec<[f32; FIELDS]> = c.iter().map(|c| c.map(|c| c as f32)).collect();
         let changed: Vec<usize> =
             (0..rounded.len()).filter(|&e| rounded[e] != self.coefficients[e]).collect();
-        let mut stats = ModelStats { elements_summed: changed.len(), columns_read: 0, coefficients: c };
+        let mut stats = ModelStats { elements_summed: changed.len(), coefficients: c, ..Default::default() };
         if changed.is_empty() {
             return stats;
         }

@@ -51,13 +51,10 @@ pub fn precompute(
     needs: Needs,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
+    // Taken first: what changes while the body is solved makes the file stale, not silently wrong.
+    let fingerprint = super::fingerprint(scene, name, needs)?;
     let solution = solve(scene, name, needs, progress)?;
-    Ok(Precomputed {
-        name: name.to_owned(),
-        fingerprint: super::fingerprint(scene, name, needs)?,
-        needs,
-        solution,
-    })
+    Ok(Precomputed { name: name.to_owned(), fingerprint, needs, solution })
 }
 
 /// Solves all basis fields of body `name` over all nodes, in f64.
@@ -68,6 +65,7 @@ pub fn solve(
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
+    let place = format!("{}: body.{name}", scene.path.display());
     progress.begin("mesh", 0);
     let started = Instant::now();
     let Prepared { mesh, controls, lame, findings } = super::prepare(scene, name)?;
@@ -79,8 +77,8 @@ pub fn solve(
 
     progress.begin("assembly", 0);
     let started = Instant::now();
-    let k = fem::assemble(&mesh, &lame)
-        .map_err(|source| GreenError::Assembly { body: name.to_owned(), source })?;
+    let k =
+        fem::assemble(&mesh, &lame).map_err(|source| GreenError::Assembly { body: place.clone(), source })?;
     let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
     let a = partition.a(&k);
     times.assembly_s = started.elapsed().as_secs_f64();
@@ -90,16 +88,15 @@ pub fn solve(
     for (e, control) in controls.iter().enumerate() {
         control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
     }
-    let prescribed = fields.clone();
     let rhs = partition.minus_b_times(&k, &fields);
     let (free, stats) = solve_free(body, &a, &rhs, progress)
-        .map_err(|source| GreenError::Solve { body: name.to_owned(), source })?;
+        .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
     partition.insert_free(&free, &mut fields);
 
     let started = Instant::now();
     let (stiffness, asymmetry) = if needs.stiffness {
         progress.begin("handle stiffness", 0);
-        let (s, asymmetry) = handle_stiffness(&k, &partition, &prescribed, &fields);
+        let (s, asymmetry) = handle_stiffness(&k, &partition, &fields);
         progress.end();
         (Some(s), Some(asymmetry))
     } else {
@@ -147,18 +144,14 @@ fn solve_free(
 
 /// S = Φᵀ f_b with f_b = (Bᵀ u + C b) of every basis field: the generalised force on field i for a unit of
 /// field j. Returns S symmetrised, and how far it was from symmetric.
-fn handle_stiffness(
-    k: &StiffnessMatrix,
-    partition: &Partition,
-    prescribed: &NodeFields,
-    fields: &NodeFields,
-) -> (DMatrix<f64>, f64) {
+fn handle_stiffness(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFields) -> (DMatrix<f64>, f64) {
     let reaction = partition.reaction(k, fields);
     let m = fields.columns;
     let mut s = DMatrix::zeros(m, m);
     for (row, &node) in partition.controlled.iter().enumerate() {
         for axis in 0..3 {
-            let phi = prescribed.row(3 * node as usize + axis);
+            // On controlled nodes the fields are what was prescribed, Φ.
+            let phi = fields.row(3 * node as usize + axis);
             let force = reaction.row(3 * row + axis);
             for (i, phi) in phi.iter().enumerate().filter(|(_, phi)| **phi != 0.0) {
                 for (j, force) in force.iter().enumerate() {

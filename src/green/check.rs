@@ -51,6 +51,8 @@ impl std::fmt::Display for Finding {
 
 /// Quality 6·√2·V/ℓ³ below which a sliver is named.
 const SLIVER: f64 = 1e-3;
+/// Extents, m, whose areas and coefficients single precision can hold.
+const EXTENT: [f64; 2] = [1e-14, 1e12];
 /// Extent over distance from the origin below which the file's coordinates have lost digits.
 const FAR: f64 = 1e-6;
 /// Poisson's ratio above which linear tetrahedra are called locking.
@@ -108,6 +110,13 @@ pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Finding> {
     }
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let (extent, offset) = ((high - low).norm(), ((high + low) * 0.5).norm());
+    if !(EXTENT[0]..=EXTENT[1]).contains(&extent) {
+        let message = format!(
+            "the body spans {extent:.1e} m, and only bodies of {:.0e} to {:.0e} m can be drawn; check the mesh's unit",
+            EXTENT[0], EXTENT[1]
+        );
+        findings.push(Finding::new(Severity::Error, entity, message));
+    }
     if extent < FAR * offset {
         let message = format!(
             "the body of {extent:.3e} m lies {offset:.3e} m from its origin: its coordinates have only about {:.0} \

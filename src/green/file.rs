@@ -223,10 +223,13 @@ impl GreenFile {
     pub fn open(path: &Path) -> Result<GreenFile, GreenError> {
         let failed = |source| GreenError::Io { path: path.to_owned(), source };
         let file = std::fs::File::open(path).map_err(failed)?;
+        let damaged = |reason: String| GreenError::Damaged { path: path.to_owned(), reason };
+        if !file.metadata().map_err(failed)?.is_file() {
+            return Err(damaged("it is not a file".into()));
+        }
         // SAFETY: the map is read-only, and greenstage replaces a .green file by renaming, never by writing into
         // it, so the mapped bytes stay as they are for as long as the map lives.
         let map = unsafe { Mmap::map(&file) }.map_err(failed)?;
-        let damaged = |reason: String| GreenError::Damaged { path: path.to_owned(), reason };
         let (meta, tensors) = read_container(&map).map_err(damaged)?;
         let file = GreenFile { path: path.to_owned(), meta, map, tensors };
         file.check().map_err(damaged)?;
@@ -267,6 +270,7 @@ impl GreenFile {
 
     /// The handle stiffness S, where the scene needed it.
     pub fn stiffness(&self, body: &str) -> Option<DMatrix<f64>> {
+        self.meta.bodies.get(body).filter(|meta| meta.needs.stiffness)?;
         let name = format!("{body}/stiffness");
         let (_, shape, _) = self.tensors.get(&name)?;
         Some(DMatrix::from_column_slice(shape[0], shape[1], self.slice(&name)))

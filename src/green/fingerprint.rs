@@ -1,7 +1,7 @@
 //! Whether a .green file still belongs to its scene.
 
 use super::{GreenError, Needs};
-use crate::scene::{Nodes, Scene};
+use crate::scene::{Control, Nodes, Scene};
 use std::path::Path;
 
 /// blake3 over all that body `name`'s numbers depend on: the bytes of its mesh (or the generator's parameters),
@@ -22,21 +22,25 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
     });
     let mut hasher = blake3::Hasher::new();
     hasher.update(asked.to_string().as_bytes());
-    let files = body.control.values().filter_map(|control| match &control.nodes {
-        Nodes::File(path) => Some(path.as_path()),
-        _ => None,
-    });
-    for file in body.mesh.as_deref().into_iter().chain(files) {
-        hash_file(&mut hasher, &scene.resolve(file))?;
+    let read = |hasher: &mut blake3::Hasher, entity: String, file: &Path| {
+        let path = scene.resolve(file);
+        hash_file(hasher, &path)
+            .map_err(|error| scene.invalid(&entity, format!("{}: {error}", path.display())))
+    };
+    if let Some(mesh) = &body.mesh {
+        read(&mut hasher, format!("body.{name}.mesh"), mesh)?;
+    }
+    for (control, Control { nodes, .. }) in &body.control {
+        if let Nodes::File(file) = nodes {
+            read(&mut hasher, format!("body.{name}.control.{control}.nodes"), file)?;
+        }
     }
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> Result<(), GreenError> {
-    let failed = |source| GreenError::Io { path: path.to_owned(), source };
-    let file = std::fs::File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
-    hasher.update(&length.to_le_bytes());
-    hasher.update_reader(file).map_err(failed)?;
+fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> std::io::Result<()> {
+    let file = std::fs::File::open(path)?;
+    hasher.update(&file.metadata()?.len().to_le_bytes());
+    hasher.update_reader(file)?;
     Ok(())
 }

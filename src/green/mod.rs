@@ -41,9 +41,9 @@ impl Needs {
 pub enum GreenError {
     #[error(transparent)]
     Scene(#[from] SceneError),
-    #[error("body.{body}: {source}")]
+    #[error("{body}: {source}")]
     Assembly { body: String, source: AssemblyError },
-    #[error("body.{body}: {source}")]
+    #[error("{body}: {source}")]
     Solve { body: String, source: SolveError },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
@@ -64,7 +64,13 @@ impl GreenError {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. } => true,
             GreenError::Solve { .. } => false,
-            GreenError::Io { source, .. } => source.kind() == std::io::ErrorKind::NotFound,
+            GreenError::Io { source, .. } => {
+                use std::io::ErrorKind::{
+                    IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,
+                };
+                let kind = source.kind();
+                [IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem].contains(&kind)
+            }
         }
     }
 }

@@ -73,7 +73,10 @@ fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<V
                 format!("no tetrahedron lies in this region; the mesh has regions {}", known.join(", "));
             return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
         };
-        by_region.insert(region, lame(material));
+        if by_region.insert(region, lame(material)).is_some() {
+            let message = format!("region {region} is given a material twice, by its number and by its name");
+            return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
+        }
     }
     let other = lame(&body.material);
     Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&other)).collect())

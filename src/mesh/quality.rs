@@ -1,8 +1,8 @@
 //! What a mesh is like: volumes, element quality, pieces, extent.
 //!
 //! In: a [`TetMesh`]. Out: numbers for `inspect` and for the checks before a factorization. The quality measure is
-//! the mean ratio of Parthasarathy, Graichen and Hathaway (Finite Elem. Anal. Des. 15, 1994), 1 for a regular
-//! tetrahedron and 0 for a flat one.
+//! the volume over the cube of the root-mean-square edge (the inverse of Parthasarathy, Graichen and Hathaway, Finite
+//! Elem. Anal. Des. 15, 1994, normalised), 1 for a regular tetrahedron and 0 for a flat one.
 
 use super::surface::sorted_faces;
 use super::{Surface, TetMesh};

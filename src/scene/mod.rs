@@ -42,6 +42,9 @@ pub struct Scene {
     pub path: PathBuf,
 }
 
+/// Young's moduli, Pa, that can be computed with: from far below any jelly to far above diamond.
+const YOUNG: std::ops::RangeInclusive<f64> = 1e-6..=1e18;
+
 fn desktop() -> String {
     "desktop".into()
 }
@@ -228,9 +231,9 @@ impl Scene {
             self.check_material(&format!("{entity}.region.{region}"), material)?;
         }
         let solver = &body.solver;
-        if !(solver.tolerance > 0.0 && solver.tolerance < 1.0) || solver.max_iterations == 0 {
+        if !(1e-14..1.0).contains(&solver.tolerance) || solver.max_iterations == 0 {
             let message = format!(
-                "tolerance {} must lie between 0 and 1, max_iterations {} above 0",
+                "tolerance {} must lie between 1e-14 and 1, max_iterations {} be above 0",
                 solver.tolerance, solver.max_iterations
             );
             return Err(self.invalid(&format!("{entity}.solver"), message));
@@ -250,10 +253,10 @@ impl Scene {
         }
         if let Some(place) = &body.place {
             let numbers = place.position.iter().chain(&place.rotation);
-            if !numbers.chain([&place.scale]).all(|v| v.is_finite()) || place.scale <= 0.0 {
+            if !numbers.into_iter().all(|v| v.abs() <= 1e3) || !(1e-15..=1e15).contains(&place.scale) {
                 return Err(self.invalid(
                     &format!("{entity}.place"),
-                    "position and rotation must be finite, scale finite and above 0",
+                    "position (m) and rotation (rad) must be within ±1000, scale within 1e-15 to 1e15",
                 ));
             }
         }
@@ -262,9 +265,9 @@ impl Scene {
 
     fn check_material(&self, entity: &str, material: &Material) -> Result<(), SceneError> {
         let Material { young, poisson, density } = *material;
-        if !(young > 0.0 && young.is_finite()) {
+        if !YOUNG.contains(&young) {
             return Err(
-                self.invalid(entity, format!("Young's modulus {young} Pa must be positive and finite"))
+                self.invalid(entity, format!("Young's modulus {young} Pa must lie between 1e-6 and 1e18"))
             );
         }
         if poisson == 0.5 {

@@ -47,7 +47,7 @@ impl Nodes {
                 }
             }
             Nodes::Plane { point, normal, distance } => {
-                let usable = finite(point) && finite(normal) && Vector3::from(*normal).norm() > 0.0;
+                let usable = finite(point) && finite(normal) && Vector3::from(*normal).amax() > 0.0;
                 if !(usable && *distance >= 0.0 && distance.is_finite()) {
                     return Err(format!(
                         "plane: point {point:?} and normal {normal:?} must be finite, normal not zero, distance \
@@ -76,7 +76,9 @@ impl Nodes {
                 within(&|x| (x - centre).norm() <= *radius)
             }
             Nodes::Plane { point, normal, distance } => {
-                let (point, normal) = (Vector3::from(*point), Vector3::from(*normal).normalize());
+                let (point, normal) = (Vector3::from(*point), Vector3::from(*normal));
+                // Of any length: its square need not be a number.
+                let normal = (normal / normal.amax()).normalize();
                 within(&|x| normal.dot(&(x - point)).abs() <= *distance)
             }
             Nodes::File(path) => tags(mesh, &resolve(path))?,

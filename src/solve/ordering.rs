@@ -2,6 +2,10 @@
 
 use super::SolveError;
 use crate::fem::StiffnessMatrix;
+use std::sync::{Mutex, PoisonError};
+
+/// METIS draws from the C library's one random sequence: two orderings at once would disturb each other's.
+static METIS: Mutex<()> = Mutex::new(());
 
 /// A fill-reducing permutation of scalar unknowns: row i of the permuted matrix is row `forward[i]` of the
 /// original; `inverse[forward[i]] = i`.
@@ -30,6 +34,7 @@ pub fn nested_dissection(matrix: &StiffnessMatrix) -> Result<Ordering, SolveErro
         let mut options = [-1i32; metis_sys::METIS_NOPTIONS as usize];
         options[metis_sys::moptions_et_METIS_OPTION_NUMBERING as usize] = 0;
         options[metis_sys::moptions_et_METIS_OPTION_SEED as usize] = 1;
+        let _alone = METIS.lock().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: the graph is a symmetric adjacency without self-loops in METIS' format (`start` has nodes + 1
         // entries, `neighbours` start[nodes]), both outputs hold `nodes` entries, weights may be null, and METIS
         // keeps no pointer.
@@ -72,6 +77,27 @@ mod tests {
         assert_eq!(sorted, (0..150).collect::<Vec<_>>());
         assert!(ordering.forward.iter().enumerate().all(|(new, &old)| ordering.inverse[old] == new));
         assert_eq!(ordering, nested_dissection(&matrix).unwrap());
+    }
+
+    #[test]
+    fn orderings_made_at_once_are_the_same() {
+        let side = 12;
+        let at = |x: u32, y: u32| x * side + y;
+        let mut edges: Vec<[u32; 2]> = (0..side)
+            .flat_map(|x| (0..side).map(move |y| (x, y)))
+            .flat_map(|(x, y)| [[at(x, y), at(x + 1, y)], [at(x, y), at(x, y + 1)]])
+            .filter(|[_, b]| *b < side * side)
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let matrix = StiffnessMatrix::zeros((side * side) as usize, edges);
+        let alone = nested_dissection(&matrix).unwrap();
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8)
+                .map(|_| scope.spawn(|| (0..50).all(|_| nested_dissection(&matrix).unwrap() == alone)))
+                .collect();
+            assert!(threads.into_iter().all(|thread| thread.join().unwrap()));
+        });
     }
 
     #[test]

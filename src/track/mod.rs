@@ -28,8 +28,8 @@ pub struct TrackerState {
 pub struct StylusState {
     pub room_from_stylus: Isometry3<f32>,
     pub pressed: bool,
-    /// The ray starts at the viewer's eye, as the mouse's does: seen end-on, neither stylus nor ray is to be
-    /// drawn, only the place that it hits.
+    /// The ray starts at the viewer's eye, as the mouse's does: seen end-on, it is to be drawn as if
+    /// held elsewhere, pointing at the place that it hits.
     pub from_eye: bool,
 }
 
