@@ -157,6 +157,32 @@ fn lames_thick_cylinder_converges_at_rate_2_in_l2_and_1_in_energy() {
     assert!((energy - 1.0).abs() < 0.1, "energy rate {energy}: {solved:?}");
 }
 
+/// Force that moves one end of a beam of 4 × 1 × 1 m sideways by 1 m without turning it, N, with n elements through its
+/// thickness.
+fn shear_force(poisson: f64, n: u32) -> f64 {
+    let scene = common::scene(&format!(
+        "[body.block]\ngenerate = {{ block = {{ size = [4.0, 1.0, 1.0], cells = [{}, {n}, {n}] }} }}\n\
+         material = {{ young = 1.0e3, poisson = {poisson} }}\n\
+         [body.block.control.high]\nnodes = {{ group = \"xmax\" }}\ngrab = \"dragger\"\n\
+         [body.block.control.low]\nnodes = {{ group = \"xmin\" }}\ngrab = \"fixed\"\n",
+        4 * n
+    ));
+    green::solve(&scene, "block", HAPTICS, &Silent).unwrap().stiffness.unwrap()[(1, 1)]
+}
+
+/// How much too stiff linear tetrahedra are in bending, and how slowly that heals near ν = 1/2. The manual's chapter
+/// `method` has these figures.
+#[test]
+fn linear_tetrahedra_lock_as_the_manual_says() {
+    let manual = include_str!("../src/manual/method.md");
+    for poisson in ["0.3", "0.45", "0.49", "0.499", "0.4999"] {
+        let forces = [4, 8].map(|n| shear_force(poisson.parse().unwrap(), n));
+        let row = format!("| {poisson} | {:.1} | {:.1} |", forces[0], forces[1]);
+        println!("{row}");
+        assert!(manual.contains(&row), "the manual lacks the row {row}");
+    }
+}
+
 fn solved_block() -> (Scene, Solution) {
     let scene = block_scene([5, 4, 4], "");
     let solution = green::solve(&scene, "block", HAPTICS, &Silent).unwrap();
