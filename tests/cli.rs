@@ -4,7 +4,7 @@
 mod common;
 
 use common::{folder, shared};
-use greenstage::mesh::{self, Encoding, TetMesh, generate};
+use greenstage::mesh::{self, TetMesh, generate};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -48,7 +48,7 @@ fn block() -> TetMesh {
 /// A folder with a scene, its mesh and poses.
 fn project(name: &str) -> PathBuf {
     let folder = folder(name);
-    mesh::save(&folder.join("block.msh"), &block(), Encoding::Gmsh22Text).unwrap();
+    mesh::save(&folder.join("block.msh"), &block(), Some("msh22")).unwrap();
     std::fs::write(folder.join("scene.toml"), SCENE).unwrap();
     std::fs::write(folder.join("poses.toml"), POSES).unwrap();
     folder
@@ -189,7 +189,7 @@ fn bad_meshes_are_refused() {
     both.regions.extend(&other.regions);
     both.nodes.extend(other.nodes.iter().map(|x| x + nalgebra::Vector3::new(0.0, 3.0, 0.0)));
     both.tags.extend(other.tags.iter().map(|tag| tag + u64::from(count)));
-    mesh::save(&floating.join("block.msh"), &both, Encoding::Gmsh41Binary).unwrap();
+    mesh::save(&floating.join("block.msh"), &both, Some("msh41-binary")).unwrap();
     let expected = ["body.block", "piece 2 of 2", "36 nodes", "held by no control element", "tags 37"];
     refuse(&floating, &["precompute", "scene.toml"], &expected);
 
@@ -203,7 +203,7 @@ fn bad_meshes_are_refused() {
     let mut squashed = block();
     let tet = squashed.tets[0].map(|node| node as usize);
     squashed.nodes[tet[3]] = (squashed.nodes[tet[0]] + squashed.nodes[tet[1]] + squashed.nodes[tet[2]]) / 3.0;
-    mesh::save(&flat.join("block.msh"), &squashed, Encoding::Gmsh22Text).unwrap();
+    mesh::save(&flat.join("block.msh"), &squashed, Some("msh22")).unwrap();
     refuse(&flat, &["precompute", "scene.toml"], &["body.block", "1 tetrahedra have no volume", "nodes ["]);
 }
 

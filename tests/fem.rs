@@ -114,8 +114,7 @@ fn patch_test_inner_nodes_follow_an_affine_boundary() {
     let h = Matrix3::new(0.01, -0.02, 0.005, 0.03, 0.004, -0.01, 0.002, 0.015, -0.02);
     let mesh = crooked_block([4, 4, 4]);
     let folder = common::folder("patch");
-    greenstage::mesh::save(&folder.join("patch.msh"), &mesh, greenstage::mesh::Encoding::Gmsh41Binary)
-        .unwrap();
+    greenstage::mesh::save(&folder.join("patch.msh"), &mesh, Some("msh41-binary")).unwrap();
     let half = [0.5, 0.4, 0.6];
     let is_outside = |x: &Vector3<f64>| (0..3).any(|axis| x[axis].abs() > half[axis] * (1.0 - 1e-9));
     let tags = |low: bool| {

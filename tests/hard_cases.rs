@@ -9,7 +9,7 @@ mod common;
 use common::folder;
 use greenstage::fem::{NodeFields, assemble};
 use greenstage::green::{self, FIELDS, Finding, GreenError, Needs, Severity, Solution};
-use greenstage::mesh::{self, Encoding, TetMesh, generate};
+use greenstage::mesh::{self, TetMesh, generate};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::Vector3;
@@ -25,7 +25,7 @@ fn base() -> TetMesh {
 /// A scene of `mesh` with control elements at zmin and zmax, and what else `extra` says of the body.
 fn scene_of(name: &str, mesh: &TetMesh, extra: &str, controls: &str) -> Scene {
     let folder: PathBuf = folder(&format!("hard-{name}"));
-    mesh::save(&folder.join("body.msh"), mesh, Encoding::Gmsh41Binary).unwrap();
+    mesh::save(&folder.join("body.msh"), mesh, Some("msh41-binary")).unwrap();
     let text = format!(
         "[body.b]\nmesh = \"body.msh\"\n{}{controls}",
         if extra.contains("material") {

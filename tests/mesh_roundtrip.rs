@@ -116,16 +116,16 @@ fn a_tube_goes_through_a_file_of_each_encoding() {
     })
     .unwrap();
     let folder = tempfile::tempdir().unwrap();
-    for encoding in Encoding::ALL {
-        let path = folder.path().join(format!("{encoding:?}.MSH"));
-        save(&path, &mesh, encoding).unwrap();
+    for encoding in ["msh22", "msh22-binary", "msh41", "msh41-binary"] {
+        let path = folder.path().join(format!("{encoding}.MSH"));
+        assert_eq!(save(&path, &mesh, Some(encoding)).unwrap(), [] as [&str; 0]);
         let start = std::time::Instant::now();
         let loaded = load(&path).unwrap();
-        println!("{}: read in {:.1?}", encoding.name(), start.elapsed());
+        println!("{encoding}: read in {:.1?}", start.elapsed());
         assert_eq!(loaded, Loaded { mesh: mesh.clone(), notices: vec![] });
     }
-    let message = save(&folder.path().join("no/such"), &mesh, Encoding::Gmsh41Text).unwrap_err().to_string();
-    assert!(message.contains("no/such: cannot be written: "), "{message}");
+    let message = save(&folder.path().join("no/such.msh"), &mesh, None).unwrap_err().to_string();
+    assert!(message.contains("no/such.msh: cannot be written: "), "{message}");
 }
 
 #[test]

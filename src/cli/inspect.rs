@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::session;
 use super::table::{Table, bytes};
 use crate::green::{GreenError, GreenFile};
-use crate::mesh::{self, Surface, quality};
+use crate::mesh::{self, Surface, quality, trouble};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use serde_json::{Value, json};
@@ -81,10 +81,18 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
         text.push_str(&format!("\n{}", groups.text()));
     }
     text.push_str(&format!("\n{}", histogram(&report.quality)));
+    let trouble = trouble::find(&loaded.mesh);
+    text.push_str(match trouble.is_empty() {
+        true => "nothing wrong is found\n",
+        false => "what is wrong\n",
+    });
+    for line in &trouble {
+        text.push_str(&format!("  {}: {}\n", line.severity, line.message));
+    }
     for notice in &loaded.notices {
         text.push_str(&format!("note: {notice}\n"));
     }
-    let value = json!({ "file": path, "mesh": report, "notices": loaded.notices });
+    let value = json!({ "file": path, "mesh": report, "wrong": trouble, "notices": loaded.notices });
     Ok((text, value))
 }
 

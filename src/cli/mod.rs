@@ -5,6 +5,7 @@
 
 mod bench;
 mod check;
+mod convert;
 mod deform;
 mod failure;
 mod inspect;
@@ -30,6 +31,7 @@ A first tour:
   greenstage precompute configs/scenes/tube.toml      the offline stage alone
   greenstage render configs/scenes/tube.toml --stage cyberstage -o out/cave
   greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
+  greenstage convert part.inp part.msh                a mesh from one format to another
   greenstage manual                                   the manual's chapters
 
 Exit status: 0 done; 1 the work failed; 2 the request or its files are wrong.
@@ -52,6 +54,7 @@ pub enum Command {
     Bench(bench::Args),
     Inspect(inspect::Args),
     Check(check::Args),
+    Convert(convert::Args),
     Manual(manual::Args),
 }
 
@@ -68,6 +71,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Bench(args)) => bench::run(&args),
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Check(args)) => check::run(&args),
+        Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }

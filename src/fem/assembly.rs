@@ -1,6 +1,7 @@
 //! Assembly of the stiffness matrix from its tetrahedra.
 
 use super::{Lame, StiffnessMatrix, tet4};
+use crate::mesh::trouble::FLAT;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -13,10 +14,6 @@ pub enum AssemblyError {
     )]
     Degenerate { index: usize, tags: [u64; 4], volume: f64, relative: f64 },
 }
-
-/// Smallest accepted 6·√2·V/ℓ³ of an element (ℓ its root-mean-square edge): below it a tetrahedron counts as
-/// flat, since the rounding of its coordinates decides its stiffness.
-pub const FLAT: f64 = 1e-10;
 
 /// K = Σ_e K_e, with Lamé's constants `lame[e]` per tetrahedron.
 ///

@@ -10,7 +10,7 @@ mod partition;
 mod stiffness;
 pub mod tet4;
 
-pub use assembly::{AssemblyError, FLAT, assemble};
+pub use assembly::{AssemblyError, assemble};
 pub use fields::NodeFields;
 pub use material::Lame;
 pub use partition::Partition;

@@ -1,8 +1,9 @@
 //! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
 
-use super::check::{Finding, Severity};
+use super::check::Finding;
 use super::{ControlElement, FIELDS, GreenError, Needs, Prepared};
 use crate::fem::{self, NodeFields, Partition, StiffnessMatrix};
+use crate::mesh::trouble::Severity;
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{Body, Method, Scene};
 use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};

@@ -11,8 +11,9 @@ mod file;
 mod fingerprint;
 mod prepare;
 
+pub use crate::mesh::trouble::Severity;
 pub use basis::{Precomputed, Solution, StepTimes, precompute, solve};
-pub use check::{Finding, Severity};
+pub use check::Finding;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;

@@ -1,8 +1,9 @@
 //! A body made ready to be solved: its mesh, control elements and materials, and all that was found wrong or odd.
 
-use super::check::{self, Finding, Severity};
+use super::check::{self, Finding};
 use super::{ControlElement, GreenError};
 use crate::fem::Lame;
+use crate::mesh::trouble::Severity;
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Material, Scene};
 use std::collections::{BTreeMap, BTreeSet};

@@ -8,6 +8,7 @@ use super::quality::signed_volume;
 use super::{Loaded, TetMesh};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::PathBuf;
 
 /// A file's nodes and elements of every dimension, unchecked; `at` are byte offsets for error messages.
 #[derive(Clone, Debug, Default)]
@@ -20,7 +21,23 @@ pub struct RawMesh {
     pub names: BTreeMap<(u8, u32), String>,
     /// Physical groups of each geometric entity (dimension, tag); the first volume group is the region.
     pub physicals: BTreeMap<(u8, i32), Vec<u32>>,
+    /// Node groups of their own, as indices into `nodes`.
+    pub groups: BTreeMap<String, Vec<u32>>,
     pub notices: Vec<String>,
+    /// The file in which the elements' `at` count, with its bytes, where it is not the one that was opened.
+    pub elements_in: Option<(PathBuf, Vec<u8>)>,
+}
+
+impl RawMesh {
+    /// Adds an element of the group `number`, which stands in for its geometric entity; 0 is no group.
+    pub fn add(&mut self, kind: Kind, tag: u64, number: i32, at: usize, nodes: &[u64]) {
+        if number > 0 {
+            let key = (kind.dimension, number);
+            self.physicals.entry(key).or_insert_with(|| vec![number.unsigned_abs()]);
+        }
+        self.elements.push(RawElement { tag, kind, entity: number, at });
+        self.corners.extend(nodes);
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +55,8 @@ pub struct RawElement {
     pub at: usize,
 }
 
-/// An element's shape. A tetrahedron's first four nodes are its corners, whatever its order.
+/// An element's shape. A tetrahedron's first four nodes are its corners, whatever its order; the six nodes between
+/// them stand on the edges 01, 12, 02, 03, 23, 13, as in Gmsh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
     pub dimension: u8,
@@ -46,12 +64,18 @@ pub struct Kind {
     pub is_tetrahedron: bool,
 }
 
+impl Kind {
+    pub const TETRAHEDRON: Kind = Kind { dimension: 3, nodes: 4, is_tetrahedron: true };
+    pub const TETRAHEDRON_10: Kind = Kind { dimension: 3, nodes: 10, is_tetrahedron: true };
+}
+
 /// A node that belongs to no tetrahedron.
 const DROPPED: u32 = u32::MAX;
 
 /// Checks `raw` and builds the mesh, with a notice for everything that was repaired or left out.
-pub fn assemble(raw: RawMesh) -> Result<Loaded, Fault> {
+pub fn assemble(mut raw: RawMesh) -> Result<Loaded, Fault> {
     let corners = resolve(&raw)?;
+    raw.corners = Vec::new();
     let (mut tets, elements) = tetrahedra(&raw, &corners)?;
     refuse_duplicates(&raw, &tets, &elements)?;
     let mut notices = raw.notices.clone();
@@ -294,6 +318,15 @@ fn groups(
         nodes.retain(|&node| node != DROPPED);
         group.append(&mut nodes);
     }
+    for (name, nodes) in &raw.groups {
+        let kept: BTreeSet<u32> =
+            nodes.iter().map(|&node| index[node as usize]).filter(|&node| node != DROPPED).collect();
+        let group = groups.entry(name.clone()).or_default();
+        if group.iter().any(|node| !kept.contains(node)) {
+            notices.push(format!("group \"{name}\" joins the nodes of a set and of a region"));
+        }
+        group.extend(kept);
+    }
     for group in groups.values_mut() {
         group.sort_unstable();
         group.dedup();
@@ -308,7 +341,7 @@ fn groups(
 }
 
 /// "3", "3, 5, 8" or "3, 5, 8, …".
-fn first_few(tags: &[u64]) -> String {
+pub fn first_few(tags: &[u64]) -> String {
     let shown: Vec<String> = tags.iter().take(5).map(u64::to_string).collect();
     let more = if tags.len() > shown.len() { ", …" } else { "" };
     shown.join(", ") + more

@@ -4,12 +4,12 @@
 //! every node used, notices of what was repaired, and its [`Surface`] with outward triangles.
 
 pub mod assemble;
-pub mod defects;
 mod error;
 pub mod formats;
 pub mod generate;
 pub mod quality;
 mod surface;
+pub mod trouble;
 
 pub use error::{Fault, MeshError, Place};
 pub use formats::{Encoding, encode};
@@ -60,16 +60,38 @@ pub fn load(path: &Path) -> Result<Loaded, MeshError> {
 ///
 /// Memory grows with `bytes`, whatever counts stand in them.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
-    formats::format_of(path, bytes)
-        .and_then(|format| (format.read)(path, bytes))
-        .and_then(assemble::assemble)
-        .map_err(|fault| fault.in_file(path, bytes))
+    let raw = formats::format_of(path, bytes).and_then(|format| (format.read)(path, bytes));
+    let mut raw = raw.map_err(|fault| fault.in_file(path, bytes))?;
+    let elements_in = raw.elements_in.take();
+    assemble::assemble(raw).map_err(|fault| match elements_in {
+        Some((path, bytes)) => fault.in_file(&path, &bytes),
+        None => fault.in_file(path, bytes),
+    })
 }
 
-/// Writes `mesh` to the file at `path`; see [`encode`].
-pub fn save(path: &Path, mesh: &TetMesh, encoding: Encoding) -> Result<(), MeshError> {
-    let bytes = encode(mesh, encoding)?;
-    std::fs::write(path, bytes).map_err(|source| MeshError::Write { path: path.to_owned(), source })
+/// Writes `mesh` to the file at `path`, in the format of its extension: by the writer of that name in
+/// [`formats::WRITERS`], else by the first for the extension. Returns what the format could not keep, one sentence
+/// each. Every file is written beside its place and renamed: it is there whole or not at all.
+pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<String>, MeshError> {
+    let encoded = (formats::writer_of(path, encoding)?.encode)(mesh)?;
+    for (extension, bytes) in &encoded.files {
+        let path = if encoded.files.len() > 1 { path.with_extension(extension) } else { path.to_owned() };
+        write_atomically(&path, bytes).map_err(|source| MeshError::Write { path, source })?;
+    }
+    Ok(encoded.lost)
+}
+
+fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    use std::io::Write;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.prefix(".mesh-").tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
 }
 
 /// The outer surface of a [`TetMesh`]: triangles oriented outward over the surface nodes.

@@ -1,17 +1,18 @@
-//! Gmsh `.msh` 2.2 and 4.1, text or binary: the sections that both share.
+//! Gmsh `.msh` 2.2, 4.0 and 4.1, text or binary: the sections that all share.
 //!
 //! In: bytes. Out: a [`RawMesh`]. After the Gmsh reference manual, chapter "Gmsh file formats", sections "MSH file
-//! format" and "MSH file format version 2 (Legacy)". Sections may stand in any order; unknown ones are skipped.
+//! format" and "Legacy formats". Sections may stand in any order; unknown ones are skipped.
 
 use super::gmsh_scan::{Mode, Scanner, excerpt};
-use super::{Format, gmsh2, gmsh4};
+use super::gmsh4::{self, Layout};
+use super::{Format, gmsh2};
 use crate::mesh::assemble::{Kind, RawMesh};
 use crate::mesh::error::Fault;
 use std::collections::BTreeSet;
 use std::path::Path;
 
 pub const FORMAT: Format = Format {
-    name: "Gmsh 2.2 and 4.1",
+    name: "Gmsh 2.2, 4.0 and 4.1",
     extensions: &["msh"],
     recognizes: |bytes| bytes.starts_with(b"$MeshFormat"),
     read,
@@ -22,7 +23,7 @@ const ADVICE: &str = "convert it with `gmsh old.msh -save -format msh41 -o new.m
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Version {
     V2,
-    V4,
+    V4(gmsh4::Layout),
 }
 
 fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
@@ -52,10 +53,15 @@ fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
             ("PhysicalNames", _) => physical_names(&mut scan, &mut raw)?,
             ("Nodes", Some(V2)) => gmsh2::nodes(&mut scan, &mut raw)?,
             ("Elements", Some(V2)) => gmsh2::elements(&mut scan, &mut raw)?,
-            ("Nodes", Some(V4)) => gmsh4::nodes(&mut scan, &mut raw)?,
-            ("Elements", Some(V4)) => gmsh4::elements(&mut scan, &mut raw)?,
-            ("Entities", Some(V4)) => gmsh4::entities(&mut scan, &mut raw)?,
-            ("PartitionedEntities", Some(V4)) => gmsh4::partitioned_entities(&mut scan, &mut raw)?,
+            ("Nodes", Some(V4(layout))) => gmsh4::nodes(&mut scan, &mut raw, layout)?,
+            ("Elements", Some(V4(layout))) => gmsh4::elements(&mut scan, &mut raw, layout)?,
+            ("Entities", Some(V4(layout))) => gmsh4::entities(&mut scan, &mut raw, layout)?,
+            ("PartitionedEntities", Some(V4(Layout::Old))) => {
+                return Err(Fault::at(at, format!("a partitioned mesh of Gmsh 4.0 is not read: {ADVICE}")));
+            }
+            ("PartitionedEntities", Some(V4(Layout::New))) => {
+                gmsh4::partitioned_entities(&mut scan, &mut raw)?;
+            }
             _ => {
                 scan.skip_section(at, name)?;
                 skipped.insert(name);
@@ -92,10 +98,11 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
     };
     let version = match version {
         "2" | "2.0" | "2.1" | "2.2" => Version::V2,
-        "4.1" => Version::V4,
+        "4" | "4.0" => Version::V4(Layout::Old),
+        "4.1" => Version::V4(Layout::New),
         other => {
             let reason =
-                format!("Gmsh {} is not read, only 2.2 and 4.1: {ADVICE}", excerpt(other.as_bytes()));
+                format!("Gmsh {} is not read, only 2.2, 4.0 and 4.1: {ADVICE}", excerpt(other.as_bytes()));
             return Err(Fault::at(at, reason));
         }
     };
@@ -109,8 +116,8 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         }
     }
     let size_bytes = match (version, data_size) {
-        (Version::V2, "8") | (Version::V4, "4") => 4,
-        (Version::V4, "8") => 8,
+        (Version::V2, "8") | (Version::V4(Layout::New), "4") => 4,
+        (Version::V4(_), "8") => 8,
         _ => {
             let reason = format!("data size {} is not read", excerpt(data_size.as_bytes()));
             return Err(Fault::at(at, reason));

@@ -1,4 +1,6 @@
-//! `$Entities`, `$PartitionedEntities`, `$Nodes` and `$Elements` of Gmsh 4.1.
+//! `$Entities`, `$PartitionedEntities`, `$Nodes` and `$Elements` of Gmsh 4.0 and 4.1.
+//!
+//! Both say the same in another order: see [`Layout`].
 
 use super::gmsh::known_kind;
 use super::gmsh_scan::Scanner;
@@ -6,9 +8,41 @@ use crate::mesh::assemble::{RawElement, RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// 4.0: tags of nodes and elements have 32 bits, a block's head names the entity before its dimension, each
+    /// node's tag stands before its coordinates, a point has a box.
+    Old,
+    /// 4.1: tags have the file's size of counts, the dimension comes first, a block's tags before all coordinates.
+    New,
+}
+
+impl Layout {
+    fn tag(self, scan: &mut Scanner) -> Result<u64, Fault> {
+        match self {
+            Layout::New => scan.size(),
+            Layout::Old => {
+                let (at, tag) = (scan.at(), scan.int()?);
+                u64::try_from(tag).map_err(|_negative| Fault::at(at, format!("{tag} is no tag")))
+            }
+        }
+    }
+
+    /// Dimension and tag of the entity of a block.
+    fn entity(self, scan: &mut Scanner) -> Result<(u8, i32), Fault> {
+        match self {
+            Layout::New => Ok((dimension(scan)?, scan.int()?)),
+            Layout::Old => {
+                let entity = scan.int()?;
+                Ok((dimension(scan)?, entity))
+            }
+        }
+    }
+}
+
 /// The physical groups of each geometric entity.
-pub fn entities(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
-    entity_lists(scan, raw, false)
+pub fn entities(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), Fault> {
+    entity_lists(scan, raw, false, if layout == Layout::Old { 6 } else { 3 })
 }
 
 /// The same for a partitioned mesh, whose elements stand on entities of their own.
@@ -22,10 +56,15 @@ pub fn partitioned_entities(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(),
         scan.int()?;
         scan.end_line()?;
     }
-    entity_lists(scan, raw, true)
+    entity_lists(scan, raw, true, 3)
 }
 
-fn entity_lists(scan: &mut Scanner, raw: &mut RawMesh, is_partitioned: bool) -> Result<(), Fault> {
+fn entity_lists(
+    scan: &mut Scanner,
+    raw: &mut RawMesh,
+    is_partitioned: bool,
+    point_reals: usize,
+) -> Result<(), Fault> {
     let counts = [scan.size()?, scan.size()?, scan.size()?, scan.size()?];
     scan.end_line()?;
     for (dimension, count) in (0u8..).zip(counts) {
@@ -37,7 +76,7 @@ fn entity_lists(scan: &mut Scanner, raw: &mut RawMesh, is_partitioned: bool) -> 
                 scan.int()?;
                 ints(scan, |_| ())?;
             }
-            for _ in 0..if dimension == 0 { 3 } else { 6 } {
+            for _ in 0..if dimension == 0 { point_reals } else { 6 } {
                 scan.real()?;
             }
             let mut physicals = Vec::new();
@@ -63,10 +102,12 @@ fn ints(scan: &mut Scanner, mut each: impl FnMut(i32)) -> Result<(), Fault> {
 }
 
 /// Blocks and nodes of a section, as its head counts them; the least and greatest tag are not needed.
-fn head(scan: &mut Scanner) -> Result<(u64, u64), Fault> {
+fn head(scan: &mut Scanner, layout: Layout) -> Result<(u64, u64), Fault> {
     let counts = (scan.size()?, scan.size()?);
-    scan.size()?;
-    scan.size()?;
+    if layout == Layout::New {
+        scan.size()?;
+        scan.size()?;
+    }
     scan.end_line()?;
     Ok(counts)
 }
@@ -87,12 +128,11 @@ fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), Fault> 
     Err(Fault::at(at, format!("the section's head says {said} {what}, its blocks hold {found}")))
 }
 
-pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
+pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), Fault> {
     let section_at = scan.at();
-    let (blocks, total) = head(scan)?;
+    let (blocks, total) = head(scan, layout)?;
     for _ in 0..blocks {
-        let dimension = dimension(scan)?;
-        scan.int()?;
+        let (dimension, _) = layout.entity(scan)?;
         let at = scan.at();
         let parameters = match scan.int()? {
             0 => 0,
@@ -106,27 +146,41 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
         let first = raw.nodes.len();
         for _ in 0..count {
             let at = scan.at();
-            raw.nodes.push(RawNode { tag: scan.size()?, position: Vector3::zeros(), at });
-            scan.end_line()?;
-        }
-        for node in raw.nodes.iter_mut().skip(first) {
-            node.at = scan.at();
-            node.position = Vector3::new(scan.real()?, scan.real()?, scan.real()?);
-            for _ in 0..parameters {
-                scan.real()?;
+            raw.nodes.push(RawNode { tag: layout.tag(scan)?, position: Vector3::zeros(), at });
+            if layout == Layout::Old {
+                coordinates(scan, raw.nodes.last_mut(), parameters)?;
+            } else {
+                scan.end_line()?;
             }
-            scan.end_line()?;
+        }
+        if layout == Layout::New {
+            for node in raw.nodes.iter_mut().skip(first) {
+                node.at = scan.at();
+                coordinates(scan, Some(node), parameters)?;
+            }
         }
     }
     compare(section_at, "nodes", total, raw.nodes.len())
 }
 
-pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
+/// Three coordinates, and the parameters behind them.
+fn coordinates(scan: &mut Scanner, node: Option<&mut RawNode>, parameters: u8) -> Result<(), Fault> {
+    let position = Vector3::new(scan.real()?, scan.real()?, scan.real()?);
+    if let Some(node) = node {
+        node.position = position;
+    }
+    for _ in 0..parameters {
+        scan.real()?;
+    }
+    scan.end_line()
+}
+
+pub fn elements(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), Fault> {
     let section_at = scan.at();
-    let (blocks, total) = head(scan)?;
+    let (blocks, total) = head(scan, layout)?;
     for _ in 0..blocks {
         let at = scan.at();
-        let (dimension, entity) = (dimension(scan)?, scan.int()?);
+        let (dimension, entity) = layout.entity(scan)?;
         let kind = known_kind(scan.int()?, at)?;
         if kind.dimension != dimension {
             let reason =
@@ -137,9 +191,9 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
         scan.end_line()?;
         for _ in 0..count {
             let at = scan.at();
-            let tag = scan.size()?;
+            let tag = layout.tag(scan)?;
             for _ in 0..kind.nodes {
-                raw.corners.push(scan.size()?);
+                raw.corners.push(layout.tag(scan)?);
             }
             scan.end_line()?;
             raw.elements.push(RawElement { tag, kind, entity, at });

@@ -282,7 +282,7 @@ impl<'a> Plan<'a> {
 }
 
 /// The node groups that the reader makes from named regions.
-fn nodes_of_named_regions(mesh: &TetMesh) -> BTreeMap<&str, Vec<u32>> {
+pub fn nodes_of_named_regions(mesh: &TetMesh) -> BTreeMap<&str, Vec<u32>> {
     let mut nodes: BTreeMap<&str, Vec<u32>> =
         mesh.region_names.values().map(|name| (name.as_str(), Vec::new())).collect();
     for (tet, region) in mesh.tets.iter().zip(&mesh.regions) {

@@ -3,13 +3,25 @@
 //! In: a file's bytes. Out: a [`RawMesh`], not yet checked, or the place and reason of
 //! a fault.
 
+mod abaqus;
+mod abaqus_sets;
+mod abaqus_write;
 mod gmsh;
 mod gmsh2;
 mod gmsh4;
 mod gmsh_scan;
 mod gmsh_write;
+mod medit;
+mod tetgen;
+mod vtk;
+mod vtk_cells;
+mod vtu;
+mod vtu_array;
+mod words;
+mod write;
 
 pub use gmsh_write::{Encoding, encode};
+pub use write::{Encoded, WRITERS, Writer, writer_of};
 
 use super::assemble::RawMesh;
 use super::error::Fault;
@@ -27,7 +39,8 @@ pub struct Format {
 }
 
 /// Every format that can be read.
-pub const FORMATS: &[Format] = &[gmsh::FORMAT];
+pub const FORMATS: &[Format] =
+    &[gmsh::FORMAT, vtk::FORMAT, vtu::FORMAT, tetgen::FORMAT, abaqus::FORMAT, medit::FORMAT];
 
 /// The format of a file: by its extension, else by its first bytes.
 pub fn format_of(path: &Path, bytes: &[u8]) -> Result<&'static Format, Fault> {

@@ -1,0 +1,63 @@
+//! `greenstage convert`: a mesh from one format to another.
+
+use super::failure::Failure;
+use crate::mesh::{self, formats};
+use std::path::PathBuf;
+
+const AFTER_HELP: &str = "\
+Examples:
+  greenstage convert part.inp part.msh                          Gmsh 4.1, text
+  greenstage convert part.vtk part.msh --encoding msh41-binary
+  greenstage convert part.msh part.vtu                          for ParaView
+  greenstage convert part.msh part.node                         and part.ele beside it
+
+Gmsh and Abaqus files keep regions, their names and node groups; the others only the numbers of regions. What is left
+out or lost is told, a line each. Read are all formats that scenes read: `greenstage manual meshes`.";
+
+/// A tetrahedral mesh from one file format to another
+///
+/// The formats follow from the extensions. Negatively oriented tetrahedra are flipped, nodes of no tetrahedron are
+/// dropped, and of higher orders only the corners are kept, as wherever a mesh is read.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// What to read
+    #[arg(value_name = "IN")]
+    pub input: PathBuf,
+    /// Where to write; replaced as a whole or not at all
+    #[arg(value_name = "OUT")]
+    pub output: PathBuf,
+    /// How to write, where the format has several ways
+    #[arg(long, value_parser = encodings())]
+    pub encoding: Option<String>,
+}
+
+fn encodings() -> clap::builder::PossibleValuesParser {
+    let value = |writer: &formats::Writer| clap::builder::PossibleValue::new(writer.name).help(writer.about);
+    formats::WRITERS.iter().map(value).collect::<Vec<_>>().into()
+}
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let writer = formats::writer_of(&args.output, args.encoding.as_deref()).map_err(Failure::request)?;
+    let loaded = mesh::load(&args.input).map_err(Failure::request)?;
+    let lost =
+        mesh::save(&args.output, &loaded.mesh, args.encoding.as_deref()).map_err(|error| match error {
+            mesh::MeshError::Write { .. } => Failure::work(error),
+            other => Failure::request(other),
+        })?;
+    for notice in loaded.notices.iter().map(|notice| format!("read: {notice}")).chain(lost) {
+        eprintln!("note: {notice}");
+    }
+    let mesh = &loaded.mesh;
+    let regions: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();
+    super::print(&format!(
+        "{}: {} nodes, {} tetrahedra, {} region(s), {} node group(s)\n{}: written ({})\n",
+        args.input.display(),
+        mesh.nodes.len(),
+        mesh.tets.len(),
+        regions.len(),
+        mesh.groups.len(),
+        args.output.display(),
+        writer.about,
+    ))
+}

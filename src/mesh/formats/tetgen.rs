@@ -1,0 +1,178 @@
+//! TetGen `.node` and `.ele`, a pair of files of one name.
+//!
+//! In: either of the two; the other is read from beside it. Out: a [`RawMesh`] with the files' numbers; the first
+//! attribute of a tetrahedron is its region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section
+//! "File formats".
+
+use super::Format;
+use super::gmsh_scan::excerpt;
+use super::words::{Words, parsed};
+use super::write::{Encoded, check, lost, put};
+use crate::mesh::assemble::{Kind, RawMesh, RawNode};
+use crate::mesh::error::Fault;
+use crate::mesh::{MeshError, TetMesh};
+use nalgebra::Vector3;
+use std::path::Path;
+
+pub const FORMAT: Format =
+    Format { name: "TetGen", extensions: &["node", "ele"], recognizes: |_| false, read };
+
+fn read(path: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+    let is_node = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("node"));
+    let small = path.with_extension(if is_node { "ele" } else { "node" });
+    let large = path.with_extension(if is_node { "ELE" } else { "NODE" });
+    let other = if !small.exists() && large.exists() { large } else { small };
+    let other_bytes = std::fs::read(&other).map_err(|error| {
+        let own = if is_node { "nodes" } else { "tetrahedra" };
+        Fault::whole(format!("holds the {own} alone, and {} cannot be read: {error}", other.display()))
+    })?;
+    // A fault in the file that was not opened names that file itself.
+    let in_other = |fault: Fault| Fault::whole(fault.in_file(&other, &other_bytes).to_string());
+    let mut raw = RawMesh::default();
+    if is_node {
+        nodes(bytes, &mut raw)?;
+        elements(&other_bytes, &mut raw).map_err(in_other)?;
+        raw.elements_in = Some((other, other_bytes));
+    } else {
+        nodes(&other_bytes, &mut raw).map_err(in_other)?;
+        elements(bytes, &mut raw)?;
+    }
+    Ok(raw)
+}
+
+/// The words of a line, and its offset.
+struct Line<'a> {
+    at: usize,
+    words: Vec<&'a [u8]>,
+}
+
+impl<'a> Line<'a> {
+    /// The next line that says something, with `count` words or, where that is 0, any number.
+    fn next(words: &mut Words<'a>, count: usize) -> Result<Line<'a>, Fault> {
+        let Some((at, line)) = words.full_line() else {
+            return Err(Fault::at(words.at, "the file ends before the entries that its head counts"));
+        };
+        let split = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let line = Line { at, words: split.take(1000).collect() };
+        if count > 0 && line.words.len() != count {
+            let reason = format!("{count} numbers are expected here, found {}", line.words.len());
+            return Err(Fault::at(at, reason));
+        }
+        Ok(line)
+    }
+
+    fn count(&self, i: usize, default: u64) -> Result<u64, Fault> {
+        self.words.get(i).map_or(Ok(default), |word| parsed(word, self.at, "a count"))
+    }
+
+    fn columns(&self, i: usize) -> Result<usize, Fault> {
+        let count = self.count(i, 0)?;
+        usize::try_from(count).ok().filter(|&count| count <= 100).ok_or_else(|| {
+            Fault::at(self.at, format!("{count} columns of attributes or markers are too many"))
+        })
+    }
+}
+
+/// Refuses words behind the last entry.
+fn end(words: &mut Words) -> Result<(), Fault> {
+    match words.full_line() {
+        None => Ok(()),
+        Some((at, line)) => {
+            let reason = format!("more entries than the file's head says: `{}`", excerpt(line));
+            Err(Fault::at(at, reason))
+        }
+    }
+}
+
+/// Head: nodes, dimension, attributes, markers. Each line: number, x, y, z, attributes, marker.
+fn nodes(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
+    let mut words = Words::new(bytes, Some(b'#'));
+    let head = Line::next(&mut words, 0)?;
+    let (count, dimension) = (head.count(0, 0)?, head.count(1, 3)?);
+    if dimension != 3 {
+        return Err(Fault::at(head.at, format!("nodes in {dimension} dimensions, not 3")));
+    }
+    let (attributes, markers) = (head.columns(2)?, head.columns(3)?);
+    let mut has_markers = false;
+    for _ in 0..count {
+        let Line { at, words } = Line::next(&mut words, 4 + attributes + markers)?;
+        let tag = parsed(words[0], at, "the number of a node")?;
+        let real = |i: usize| parsed::<f64>(words[i], at, "a number");
+        let position = Vector3::new(real(1)?, real(2)?, real(3)?);
+        let first = raw.nodes.first().map_or(tag, |node| node.tag);
+        let expected = first.saturating_add(raw.nodes.len() as u64);
+        if tag != expected || first > 1 {
+            let reason = format!("node {tag}: nodes are numbered in sequence from 0 or from 1");
+            return Err(Fault::at(at, reason));
+        }
+        if !position.iter().all(|x| x.is_finite()) {
+            return Err(Fault::at(at, format!("node {tag} has a coordinate that is no finite number")));
+        }
+        has_markers |= markers > 0 && words[words.len() - 1] != b"0";
+        raw.nodes.push(RawNode { tag, position, at });
+    }
+    if attributes > 0 || has_markers {
+        raw.notices.push("attributes and boundary markers of nodes are not used".to_owned());
+    }
+    end(&mut words)
+}
+
+/// Head: tetrahedra, nodes of each (4 or 10), attributes. Each line: number, nodes, attributes.
+fn elements(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
+    let mut words = Words::new(bytes, Some(b'#'));
+    let head = Line::next(&mut words, 0)?;
+    let (count, size, attributes) = (head.count(0, 0)?, head.count(1, 4)?, head.columns(2)?);
+    let size = match size {
+        4 => 4,
+        10 => 10,
+        other => return Err(Fault::at(head.at, format!("tetrahedra of {other} nodes, neither 4 nor 10"))),
+    };
+    let mut odd = 0;
+    for _ in 0..count {
+        let Line { at, words } = Line::next(&mut words, 1 + size + attributes)?;
+        let tag = parsed(words[0], at, "the number of a tetrahedron")?;
+        let mut nodes = [0; 4];
+        for (node, word) in nodes.iter_mut().zip(&words[1..]) {
+            *node = parsed(word, at, "the number of a node")?;
+        }
+        let mut region = 0;
+        if attributes > 0 {
+            let value: f64 = parsed(words[1 + size], at, "an attribute")?;
+            if value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX) {
+                region = (value as i32).abs();
+            } else {
+                odd += 1;
+            }
+        }
+        raw.add(Kind::TETRAHEDRON, tag, region, at, &nodes);
+    }
+    if odd > 0 {
+        let reason = "tetrahedra have an attribute that is no whole number: their region is 0";
+        raw.notices.push(format!("{odd} {reason}"));
+    }
+    if attributes > 1 {
+        raw.notices
+            .push("of the attributes of a tetrahedron only the first is used, as its region".to_owned());
+    }
+    if size == 10 && count > 0 {
+        raw.notices.push(format!("{count} tetrahedra of 10 nodes: only their 4 corners are used"));
+    }
+    end(&mut words)
+}
+
+/// Numbers of nodes are kept where they run from 0 or from 1, as TetGen wants them.
+pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
+    check(mesh, "TetGen")?;
+    let first = u64::from(mesh.tags.first() != Some(&0));
+    let mut nodes = format!("{} 3 0 0\n", mesh.nodes.len());
+    for (x, tag) in mesh.nodes.iter().zip(first..) {
+        put(&mut nodes, format_args!("{tag} {:?} {:?} {:?}\n", x.x, x.y, x.z));
+    }
+    let mut elements = format!("{} 4 1\n", mesh.tets.len());
+    for ((tet, region), number) in mesh.tets.iter().zip(&mesh.regions).zip(first..) {
+        let [a, b, c, d] = tet.map(|node| u64::from(node) + first);
+        put(&mut elements, format_args!("{number} {a} {b} {c} {d} {region}\n"));
+    }
+    let files = vec![("node", nodes.into_bytes()), ("ele", elements.into_bytes())];
+    Ok(Encoded { files, lost: lost(mesh, first) })
+}

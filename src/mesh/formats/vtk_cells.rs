@@ -1,0 +1,131 @@
+//! Cells of a VTK unstructured grid, as both VTK formats hold them, to the elements of a [`RawMesh`].
+//!
+//! In: connectivity, where each cell ends in it, cell types, and a number of each cell. Out: tetrahedra with their
+//! regions, and the cells of lower dimension that have a number as node groups. Cell types and the order of their
+//! nodes are in "The VTK User's Guide", chapter "VTK File Formats".
+
+use crate::mesh::assemble::{Kind, RawMesh};
+use crate::mesh::error::Fault;
+use std::collections::BTreeMap;
+
+/// Names of cell arrays that are taken for region numbers, most wanted first, in lower case.
+pub const REGION_ARRAYS: [&str; 11] = [
+    "region",
+    "regions",
+    "gmsh:physical",
+    "medit:ref",
+    "mat_id",
+    "material",
+    "materialid",
+    "material_id",
+    "materialids",
+    "cellentityids",
+    "gmsh:geometrical",
+];
+
+/// How much an array of that name is wanted for regions: less is more; `None` if not at all.
+pub fn region_rank(name: &str) -> Option<usize> {
+    let name = name.to_lowercase().replace("%3a", ":");
+    REGION_ARRAYS.iter().position(|known| *known == name)
+}
+
+/// One block of cells; node numbers count from the block's first node.
+#[derive(Default)]
+pub struct Cells {
+    pub connectivity: Vec<u32>,
+    /// Where each cell ends in `connectivity`.
+    pub ends: Vec<usize>,
+    pub types: Vec<u8>,
+    /// A number of each cell, and the name of the array it comes from.
+    pub regions: Option<(String, Vec<f64>)>,
+    /// Offset of each cell in the file, or of all of them.
+    pub at: Vec<usize>,
+}
+
+/// A number that stands for a node or a count.
+pub fn index(value: f64, at: usize) -> Result<u32, Fault> {
+    if value >= 0.0 && value < f64::from(u32::MAX) && value.fract() == 0.0 {
+        return Ok(value as u32);
+    }
+    Err(Fault::at(at, format!("{value} is no number of a point")))
+}
+
+impl Cells {
+    /// Adds the cells to `raw`, whose nodes from `first_node` on are those of this block.
+    pub fn add_to(mut self, raw: &mut RawMesh, first_node: u64, first_cell: u64) -> Result<(), Fault> {
+        let at = self.at.first().copied().unwrap_or(0);
+        if self.types.len() != self.ends.len() {
+            let reason = format!("{} cells, but {} cell types", self.ends.len(), self.types.len());
+            return Err(Fault::at(at, reason));
+        }
+        let numbers = self.region_numbers(raw);
+        let mut left_out: BTreeMap<u8, usize> = BTreeMap::new();
+        let mut start = 0;
+        for (i, (&end, &kind)) in self.ends.iter().zip(&self.types).enumerate() {
+            let at = self.at.get(i).copied().unwrap_or(at);
+            let Some(nodes) = self.connectivity.get(start..end) else {
+                let reason = format!(
+                    "cell {i} ends at entry {end} of the connectivity, which has {} and has been read to {start}",
+                    self.connectivity.len()
+                );
+                return Err(Fault::at(at, reason));
+            };
+            start = end;
+            let number = numbers.as_ref().and_then(|numbers| numbers.get(i)).copied().unwrap_or(0);
+            let dimension = match kind {
+                10 | 24 | 11..=14 | 25..=27 => 3,
+                5 | 8 | 9 | 22 | 23 => 2,
+                3 | 21 => 1,
+                1 => 0,
+                _ => {
+                    *left_out.entry(kind).or_default() += 1;
+                    continue;
+                }
+            };
+            let mut tags: Vec<u64> = nodes.iter().map(|&node| first_node + u64::from(node)).collect();
+            let kind = match (kind, nodes.len()) {
+                (10, 4) => Kind::TETRAHEDRON,
+                (24, 10) => {
+                    tags.swap(8, 9);
+                    Kind::TETRAHEDRON_10
+                }
+                (10 | 24, found) => {
+                    let reason = format!("cell {i} of type {kind} is a tetrahedron of {found} points");
+                    return Err(Fault::at(at, reason));
+                }
+                _ if dimension < 3 && number <= 0 => {
+                    *left_out.entry(kind).or_default() += 1;
+                    continue;
+                }
+                (_, 1..=27) => Kind { dimension, nodes: nodes.len() as u8, is_tetrahedron: false },
+                (_, found) => {
+                    let reason = format!("cell {i} of type {kind} has {found} points");
+                    return Err(Fault::at(at, reason));
+                }
+            };
+            raw.add(kind, first_cell + i as u64, number, at, &tags);
+        }
+        for (kind, count) in left_out {
+            raw.notices.push(format!("{count} cells of VTK type {kind} have been left out"));
+        }
+        Ok(())
+    }
+
+    /// The cells' numbers, where all of them can be region numbers.
+    fn region_numbers(&mut self, raw: &mut RawMesh) -> Option<Vec<i32>> {
+        let (name, values) = self.regions.take()?;
+        if values.len() != self.ends.len() {
+            let reason = format!("{} values for {} cells", values.len(), self.ends.len());
+            raw.notices.push(format!("cell array \"{name}\" is not taken for regions: {reason}"));
+            return None;
+        }
+        let is_number =
+            |value: &&f64| **value >= 0.0 && **value <= f64::from(i32::MAX) && value.fract() == 0.0;
+        if let Some(other) = values.iter().find(|value| !is_number(value)) {
+            let reason = format!("{other} is no whole number from 0 to {}", i32::MAX);
+            raw.notices.push(format!("cell array \"{name}\" is not taken for regions: {reason}"));
+            return None;
+        }
+        Some(values.iter().map(|&value| value as i32).collect())
+    }
+}

@@ -1,0 +1,265 @@
+//! VTK XML `.vtu`: unstructured grids, their arrays as text, base64 or appended bytes, plain or compressed by zlib,
+//! in either byte order.
+//!
+//! In: bytes. Out: a [`RawMesh`] whose nodes and elements are numbered from 0 through all pieces. After "VTK XML
+//! Formats" of the VTK documentation. The XML is read to AppendedData only, since what follows is no XML.
+
+use super::Format;
+use super::gmsh_scan::excerpt;
+use super::vtk_cells::{Cells, index, region_rank};
+use super::vtu_array::{Array, Coding, Source};
+use crate::mesh::assemble::{RawMesh, RawNode};
+use crate::mesh::error::Fault;
+use nalgebra::Vector3;
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use std::path::Path;
+
+pub const FORMAT: Format = Format {
+    name: "VTK XML",
+    extensions: &["vtu"],
+    recognizes: |bytes| bytes.windows(8).take(200).any(|window| window == b"<VTKFile"),
+    read,
+};
+
+/// What the XML says of one piece.
+#[derive(Default)]
+struct Piece<'a> {
+    at: usize,
+    points: u64,
+    cells: u64,
+    arrays: Vec<Array<'a>>,
+}
+
+fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+    let (pieces, mut coding) = outline(bytes)?;
+    let mut raw = RawMesh::default();
+    let mut first_cell = 0;
+    for piece in &pieces {
+        let first_node = raw.nodes.len() as u64;
+        let cells = piece_cells(piece, &mut coding, &mut raw)?;
+        let count = cells.ends.len() as u64;
+        cells.add_to(&mut raw, first_node, first_cell)?;
+        first_cell += count;
+    }
+    if pieces.len() > 1 {
+        raw.notices
+            .push(format!("{} pieces, which have no nodes in common: joined as they are", pieces.len()));
+    }
+    Ok(raw)
+}
+
+/// The arrays of all pieces, unread, and how their bytes are to be taken.
+fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), Fault> {
+    let mut xml = Reader::from_reader(bytes);
+    let mut coding = Coding::new(bytes);
+    let mut pieces: Vec<Piece> = Vec::new();
+    let mut path: Vec<String> = Vec::new();
+    loop {
+        let at = offset(xml.buffer_position());
+        let event = xml.read_event();
+        match event
+            .map_err(|error| Fault::at(offset(xml.error_position()), format!("this is no XML: {error}")))?
+        {
+            Event::Start(tag) => {
+                let name = open(&tag, &path, at, &mut pieces, &mut coding)?;
+                if name == "AppendedData" {
+                    coding.appended(offset(xml.buffer_position()), attribute(&tag, "encoding", at)?)?;
+                    break;
+                }
+                path.push(name);
+            }
+            Event::Empty(tag) => {
+                open(&tag, &path, at, &mut pieces, &mut coding)?;
+            }
+            Event::Text(text) if path.last().is_some_and(|name| name == WANTED) => {
+                let array = pieces.last_mut().and_then(|piece| piece.arrays.last_mut());
+                let end = offset(xml.buffer_position());
+                // The text as it stands in the file: numbers and base64 need no unescaping.
+                let text = bytes.get(end.saturating_sub(text.len())..end).unwrap_or_default();
+                let is_full = !text.trim_ascii().is_empty();
+                if let Some(array) = array.filter(|_| is_full) {
+                    array.put(text, end - text.len())?;
+                }
+            }
+            Event::End(_) => {
+                path.pop();
+            }
+            Event::Eof => match path.last() {
+                Some(name) => return Err(Fault::at(at, format!("the file ends within <{name}>"))),
+                None => break,
+            },
+            _ => {}
+        }
+    }
+    if pieces.is_empty() {
+        return Err(Fault::whole("no Piece of an UnstructuredGrid: is this a whole .vtu file?"));
+    }
+    Ok((pieces, coding))
+}
+
+fn offset(position: u64) -> usize {
+    usize::try_from(position).unwrap_or(usize::MAX)
+}
+
+/// Stands for the name of an array that will be read.
+const WANTED: &str = "wanted DataArray";
+
+/// Takes note of an element and returns its name, or [`WANTED`]; `path` leads to it.
+fn open<'a>(
+    tag: &BytesStart,
+    path: &[String],
+    at: usize,
+    pieces: &mut Vec<Piece<'a>>,
+    coding: &mut Coding,
+) -> Result<String, Fault> {
+    const DEEPEST: usize = 100;
+    let name = String::from_utf8_lossy(tag.local_name().as_ref()).into_owned();
+    let parent = path.last().map_or("", String::as_str);
+    if path.len() > DEEPEST {
+        return Err(Fault::at(at, format!("more than {DEEPEST} elements within each other")));
+    }
+    match (parent, name.as_str()) {
+        ("", "VTKFile") => {
+            let kind = attribute(tag, "type", at)?.unwrap_or_default();
+            if kind != "UnstructuredGrid" {
+                let kind = excerpt(kind.as_bytes());
+                return Err(Fault::at(
+                    at,
+                    format!("a file of type `{kind}`: only UnstructuredGrid holds tetrahedra"),
+                ));
+            }
+            coding.big_endian = attribute(tag, "byte_order", at)?.as_deref() == Some("BigEndian");
+            coding.wide = attribute(tag, "header_type", at)?.as_deref() == Some("UInt64");
+            coding.compressor = attribute(tag, "compressor", at)?.filter(|name| !name.is_empty());
+        }
+        ("", other) => {
+            let reason = format!("expected <VTKFile>, found <{}>", excerpt(other.as_bytes()));
+            return Err(Fault::at(at, reason));
+        }
+        ("UnstructuredGrid", "Piece") => {
+            let count = |key: &str| -> Result<u64, Fault> {
+                let text = attribute(tag, key, at)?.unwrap_or_default();
+                let count = text.trim().parse().ok();
+                count.ok_or_else(|| {
+                    Fault::at(at, format!("{key} is no count: `{}`", excerpt(text.as_bytes())))
+                })
+            };
+            let (points, cells) = (count("NumberOfPoints")?, count("NumberOfCells")?);
+            pieces.push(Piece { at, points, cells, arrays: Vec::new() });
+        }
+        ("Points" | "Cells" | "CellData", "DataArray") => {
+            if let Some(piece) = pieces.last_mut() {
+                let name = attribute(tag, "Name", at)?.unwrap_or_default();
+                let is_wanted = match parent {
+                    "Points" => true,
+                    "Cells" => matches!(name.as_str(), "connectivity" | "offsets" | "types"),
+                    _ => region_rank(&name).is_some(),
+                };
+                if is_wanted {
+                    let name = if parent == "Points" { "Points".to_owned() } else { name };
+                    piece.arrays.push(array(tag, name, at)?);
+                    return Ok(WANTED.to_owned());
+                }
+            }
+        }
+        _ => {}
+    }
+    Ok(name)
+}
+
+fn array<'a>(tag: &BytesStart, name: String, at: usize) -> Result<Array<'a>, Fault> {
+    let text = |key: &str| Ok::<_, Fault>(attribute(tag, key, at)?.unwrap_or_default());
+    let source = match text("format")?.as_str() {
+        "ascii" | "" => Source::Text(b""),
+        "binary" => Source::Base64(b""),
+        "appended" => {
+            let offset = text("offset")?;
+            let number = offset.trim().parse().ok();
+            Source::Appended(number.ok_or_else(|| {
+                Fault::at(at, format!("offset is no count: `{}`", excerpt(offset.as_bytes())))
+            })?)
+        }
+        other => {
+            let reason = format!("format `{}` is none of ascii, binary, appended", excerpt(other.as_bytes()));
+            return Err(Fault::at(at, reason));
+        }
+    };
+    let kind = text("type")?;
+    let components = text("NumberOfComponents")?;
+    let components = if components.is_empty() { 1 } else { components.trim().parse().unwrap_or(0) };
+    Ok(Array { name, kind, components, source, at })
+}
+
+/// The value of an attribute, unescaped.
+fn attribute(tag: &BytesStart, key: &str, at: usize) -> Result<Option<String>, Fault> {
+    let wrong = |error: &dyn std::fmt::Display| Fault::at(at, format!("attribute {key}: {error}"));
+    let found = tag.try_get_attribute(key).map_err(|error| wrong(&error))?;
+    let Some(found) = found else {
+        return Ok(None);
+    };
+    let value = found.unescape_value().map_err(|error| wrong(&error))?;
+    Ok(Some(value.into_owned()))
+}
+
+/// Adds the nodes of a piece to `raw`, and reads its cells.
+fn piece_cells(piece: &Piece, coding: &mut Coding, raw: &mut RawMesh) -> Result<Cells, Fault> {
+    let find = |name: &str| {
+        let found = piece.arrays.iter().find(|array| array.name == name);
+        found.ok_or_else(|| Fault::at(piece.at, format!("the piece has no array \"{name}\"")))
+    };
+    let first = raw.nodes.len();
+    let points = find("Points")?;
+    if points.components != 3 {
+        return Err(Fault::at(points.at, format!("points have {} components, not 3", points.components)));
+    }
+    let (mut position, mut axis) = (Vector3::zeros(), 0);
+    coding.numbers(points, |at, value| {
+        position[axis] = value;
+        axis = (axis + 1) % 3;
+        if axis == 0 {
+            raw.nodes.push(RawNode { tag: raw.nodes.len() as u64, position, at });
+        }
+        Ok(())
+    })?;
+    compare(points.at, "points", piece.points, raw.nodes.len() - first)?;
+
+    let mut cells = Cells { at: vec![find("connectivity")?.at], ..Cells::default() };
+    let connectivity = &mut cells.connectivity;
+    coding.numbers(find("connectivity")?, |at, value| {
+        connectivity.push(index(value, at)?);
+        Ok(())
+    })?;
+    let ends = &mut cells.ends;
+    coding.numbers(find("offsets")?, |at, value| {
+        ends.push(index(value, at)? as usize);
+        Ok(())
+    })?;
+    compare(find("offsets")?.at, "offsets", piece.cells, cells.ends.len())?;
+    let types = &mut cells.types;
+    coding.numbers(find("types")?, |at, value| {
+        types.push(u8::try_from(index(value, at)?).unwrap_or(u8::MAX));
+        Ok(())
+    })?;
+    compare(find("types")?.at, "types", piece.cells, cells.types.len())?;
+
+    let scalars = piece.arrays.iter().filter(|array| array.components == 1);
+    let ranked = scalars.filter_map(|array| Some((region_rank(&array.name)?, array)));
+    if let Some((_, array)) = ranked.min_by_key(|(rank, _)| *rank) {
+        let mut values = Vec::new();
+        coding.numbers(array, |_, value| {
+            values.push(value);
+            Ok(())
+        })?;
+        cells.regions = Some((array.name.clone(), values));
+    }
+    Ok(cells)
+}
+
+/// Refuses an array that does not hold what the piece's head says.
+fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), Fault> {
+    if said == found as u64 {
+        return Ok(());
+    }
+    Err(Fault::at(at, format!("the piece's head says {said} {what}, the array holds {found}")))
+}

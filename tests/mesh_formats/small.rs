@@ -1,0 +1,274 @@
+//! Two tetrahedra on five nodes, regions 3 and 7, in every format and variant; made here, byte by byte.
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use nalgebra::Vector3;
+use std::io::Write;
+
+const NODES: [[f64; 3]; 5] =
+    [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]];
+const TETS: [[u32; 4]; 2] = [[0, 1, 2, 3], [1, 2, 3, 4]];
+const REGIONS: [u32; 2] = [3, 7];
+
+pub fn nodes() -> Vec<Vector3<f64>> {
+    NODES.map(Vector3::from).to_vec()
+}
+
+/// Every variant but TetGen's, which are two files.
+pub fn all() -> Vec<(String, Vec<u8>)> {
+    let mut files = vec![
+        ("m.inp".to_owned(), abaqus()),
+        ("m.mesh".to_owned(), medit()),
+        ("gmsh40.msh".to_owned(), gmsh_4_0(false)),
+        ("gmsh40b.msh".to_owned(), gmsh_4_0(true)),
+        ("text.vtk".to_owned(), vtk_text("3.0")),
+        ("binary2.vtk".to_owned(), vtk_binary(2)),
+        ("binary5.vtk".to_owned(), vtk_binary(5)),
+        ("text5.vtk".to_owned(), vtk_text_5()),
+        ("text.vtu".to_owned(), vtu_text("LittleEndian")),
+        ("text_big.vtu".to_owned(), vtu_text("BigEndian")),
+    ];
+    for big in [false, true] {
+        for wide in [false, true] {
+            for zlib in [false, true] {
+                for placing in [Placing::Inline, Placing::Raw, Placing::Base64] {
+                    let bytes = vtu(big, wide, zlib, placing);
+                    files.push((format!("big_{big}_wide_{wide}_zlib_{zlib}_{placing:?}.vtu"), bytes));
+                }
+            }
+        }
+    }
+    files
+}
+
+pub fn abaqus() -> Vec<u8> {
+    b"** a comment\n*HEADING\nanything, at all\n*NODE, NSET=All\n10, 0., 0., 0.\n20, 1.D0,\n30, , 1e0, 0\n\
+      ** within\n40, 0, 0, 1.\n50,1,1,1\n*Element,\n TYPE=C3D4 , elset = Region_3\n1, 10, 20,\n30, 40\n\
+      2, 20, 30, 40, 50\n*NODE PRINT\n*NSET, NSET=Tip, GENERATE\n10, 50, 20\n*ELSET, ELSET=REGION_3\n1,\n\
+      *NSET, NSET=both\nTip\n*ELSET, ELSET=Region_7\n2,\n*STEP\n"
+        .to_vec()
+        .replace_region()
+}
+
+trait ReplaceRegion {
+    fn replace_region(self) -> Vec<u8>;
+}
+
+impl ReplaceRegion for Vec<u8> {
+    /// The second element stands in Region_7 alone.
+    fn replace_region(self) -> Vec<u8> {
+        String::from_utf8(self).unwrap().replace(" , elset = Region_3", "").into_bytes()
+    }
+}
+
+pub fn medit() -> Vec<u8> {
+    let mut text =
+        "MeshVersionFormatted 2\nDimension 3\n# a comment\nVertices\n5\n".replace("# a comment\n", "");
+    for [x, y, z] in NODES {
+        text += &format!("{x} {y} {z} 0\n");
+    }
+    text += "Tetrahedra\n2\n1 2 3 4 3\n2 3 4 5 7\nEnd\n";
+    text.into_bytes()
+}
+
+pub fn gmsh_4_0(binary: bool) -> Vec<u8> {
+    let mut out = format!("$MeshFormat\n4 {} 8\n", u8::from(binary)).into_bytes();
+    let mut sink = Gmsh { out: &mut out, binary };
+    if binary {
+        sink.int(1);
+    }
+    sink.text("\n$EndMeshFormat\n$Entities\n");
+    [0, 0, 0, 2].into_iter().for_each(|count| sink.size(count));
+    sink.end();
+    for (entity, region) in [(1, 3), (2, 7)] {
+        sink.int(entity);
+        [0.0, 0.0, 0.0, 1.0, 1.0, 1.0].into_iter().for_each(|x| sink.real(x));
+        sink.size(1);
+        sink.int(region);
+        sink.size(0);
+        sink.end();
+    }
+    sink.text("\n$EndEntities\n$Nodes\n");
+    [1, 5].into_iter().for_each(|count| sink.size(count));
+    sink.end();
+    [1, 3, 0].into_iter().for_each(|number| sink.int(number));
+    sink.size(5);
+    sink.end();
+    for (tag, node) in (1..).zip(NODES) {
+        sink.int(tag);
+        node.into_iter().for_each(|x| sink.real(x));
+        sink.end();
+    }
+    sink.text("\n$EndNodes\n$Elements\n");
+    [2, 2].into_iter().for_each(|count| sink.size(count));
+    sink.end();
+    for (entity, tet) in (1..).zip(TETS) {
+        [entity, 3, 4].into_iter().for_each(|number| sink.int(number));
+        sink.size(1);
+        sink.end();
+        sink.int(entity);
+        tet.into_iter().for_each(|node| sink.int(node as i32 + 1));
+        sink.end();
+    }
+    sink.text("\n$EndElements\n");
+    out
+}
+
+struct Gmsh<'a> {
+    out: &'a mut Vec<u8>,
+    binary: bool,
+}
+
+impl Gmsh<'_> {
+    fn text(&mut self, text: &str) {
+        self.out.extend(text.bytes());
+    }
+    fn int(&mut self, number: i32) {
+        if self.binary { self.out.extend(number.to_le_bytes()) } else { self.text(&format!("{number} ")) }
+    }
+    fn size(&mut self, number: u64) {
+        if self.binary { self.out.extend(number.to_le_bytes()) } else { self.text(&format!("{number} ")) }
+    }
+    fn real(&mut self, number: f64) {
+        if self.binary { self.out.extend(number.to_le_bytes()) } else { self.text(&format!("{number} ")) }
+    }
+    fn end(&mut self) {
+        if !self.binary {
+            self.text("\n");
+        }
+    }
+}
+
+pub fn vtk_text(version: &str) -> Vec<u8> {
+    let points = NODES.map(|x| format!("{} {} {}", x[0], x[1], x[2])).join("\n");
+    format!(
+        "# vtk DataFile Version {version}\ntwo\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n{points}\n\
+         CELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\nCELL_DATA 2\nSCALARS region int 1\n\
+         LOOKUP_TABLE default\n3\n7\nPOINT_DATA 5\nVECTORS u float\n{points}\n"
+    )
+    .into_bytes()
+}
+
+pub fn vtk_text_5() -> Vec<u8> {
+    let points = NODES.map(|x| format!("{} {} {}", x[0], x[1], x[2])).join(" ");
+    format!(
+        "# vtk DataFile Version 5.1\ntwo\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n{points}\n\
+         METADATA\nINFORMATION 0\n\nCELLS 3 8\nOFFSETS vtktypeint64\n0 4 8\nCONNECTIVITY vtktypeint64\n\
+         0 1 2 3 1 2 3 4\n\nCELL_TYPES 2\n10\n10\nCELL_DATA 2\nFIELD FieldData 2\nquality 1 2 double\n.5 .6\n\
+         gmsh%3Aphysical 1 2 int\n3 7\n"
+    )
+    .into_bytes()
+}
+
+pub fn vtk_binary(version: u8) -> Vec<u8> {
+    let mut out = format!(
+        "# vtk DataFile Version {version}.0\ntwo\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n"
+    )
+    .into_bytes();
+    let ints = |out: &mut Vec<u8>, numbers: &[i32]| numbers.iter().for_each(|n| out.extend(n.to_be_bytes()));
+    NODES.iter().flatten().for_each(|x| out.extend(x.to_be_bytes()));
+    if version == 5 {
+        out.extend(b"\nCELLS 3 8\nOFFSETS vtktypeint64\n");
+        [0i64, 4, 8].into_iter().for_each(|n| out.extend(n.to_be_bytes()));
+        out.extend(b"\nCONNECTIVITY vtktypeint64\n");
+        TETS.iter().flatten().for_each(|&n| out.extend(i64::from(n).to_be_bytes()));
+    } else {
+        out.extend(b"\nCELLS 2 10\n");
+        ints(&mut out, &[4, 0, 1, 2, 3, 4, 1, 2, 3, 4]);
+    }
+    out.extend(b"\nCELL_TYPES 2\n");
+    ints(&mut out, &[10, 10]);
+    out.extend(b"\nCELL_DATA 2\nSCALARS medit:ref int\nLOOKUP_TABLE default\n");
+    ints(&mut out, &[1, 1]);
+    out.extend(b"\nSCALARS REGION unsigned_char 1\nLOOKUP_TABLE default\n\x03\x07\n");
+    out
+}
+
+fn vtu_frame(
+    attributes: &str,
+    array: &mut dyn FnMut(&str, &str, &str) -> String,
+    appended: &[u8],
+) -> Vec<u8> {
+    let points = NODES.map(|x| format!("{} {} {}", x[0], x[1], x[2])).join("\n");
+    let points = array("Float64", "Name=\"Points\" NumberOfComponents=\"3\"", &points);
+    let connectivity = array("Int32", "Name=\"connectivity\"", "0 1 2 3\n1 2 3 4");
+    let offsets = array("Int64", "Name=\"offsets\"", "4 8");
+    let types = array("UInt8", "Name=\"types\"", "10 10");
+    let quality = array("Float32", "Name=\"quality\"", "0.5 0.5");
+    let region = array("Int16", "Name=\"material\"", "3 7");
+    let mut out = format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" {attributes}>\n<UnstructuredGrid>\n\
+         <Piece NumberOfPoints=\"5\" NumberOfCells=\"2\">\n<Points>\n{points}</Points>\n<Cells>\n{connectivity}\
+         {offsets}{types}</Cells>\n<CellData Scalars=\"x\">\n{quality}{region}</CellData>\n</Piece>\n\
+         </UnstructuredGrid>\n"
+    )
+    .into_bytes();
+    out.extend(appended);
+    out.extend(b"</VTKFile>\n");
+    out
+}
+
+pub fn vtu_text(byte_order: &str) -> Vec<u8> {
+    let attributes = format!("version=\"0.1\" byte_order=\"{byte_order}\"");
+    let mut array = |kind: &str, rest: &str, values: &str| {
+        format!("<DataArray type=\"{kind}\" {rest} format=\"ascii\">{values}\n</DataArray>\n")
+    };
+    vtu_frame(&attributes, &mut array, b"")
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Placing {
+    Inline,
+    Raw,
+    Base64,
+}
+
+pub fn vtu(big: bool, wide: bool, zlib: bool, placing: Placing) -> Vec<u8> {
+    let mut appended: Vec<u8> = Vec::new();
+    let length = |number: usize| match (wide, big) {
+        (true, true) => (number as u64).to_be_bytes().to_vec(),
+        (true, false) => (number as u64).to_le_bytes().to_vec(),
+        (false, true) => (number as u32).to_be_bytes().to_vec(),
+        (false, false) => (number as u32).to_le_bytes().to_vec(),
+    };
+    let mut array = |kind: &str, rest: &str, values: &str| {
+        let bytes: Vec<u8> = values.split_whitespace().flat_map(|word| number(kind, word, big)).collect();
+        // Compressed: blocks of 16 bytes, the last one smaller.
+        let (head, data) = if zlib {
+            let blocks: Vec<Vec<u8>> = bytes.chunks(16).map(deflated).collect();
+            let sizes = [blocks.len(), 16, bytes.len() % 16].into_iter().chain(blocks.iter().map(Vec::len));
+            (sizes.flat_map(length).collect(), blocks.concat())
+        } else {
+            (length(bytes.len()), bytes)
+        };
+        // VTK encodes the head of compressed data for itself, and uncompressed data in one with its head.
+        let coded = match (placing, zlib) {
+            (Placing::Raw, _) => [head, data].concat(),
+            (_, true) => (base64(&head) + &base64(&data)).into_bytes(),
+            (_, false) => base64(&[head, data].concat()).into_bytes(),
+        };
+        if placing == Placing::Inline {
+            let text = String::from_utf8(coded).unwrap();
+            return format!("<DataArray type=\"{kind}\" {rest} format=\"binary\">\n {text}\n</DataArray>\n");
+        }
+        let offset = appended.len();
+        appended.extend(coded);
+        format!("<DataArray type=\"{kind}\" {rest} format=\"appended\" offset=\"{offset}\"/>\n")
+    };
+    let mut attributes = format!(
+        "version=\"1.0\" byte_order=\"{}\" header_type=\"{}\"",
+        if big { "BigEndian" } else { "LittleEndian" },
+        if wide { "UInt64" } else { "UInt32" }
+    );
+    if zlib {
+        attributes += " compressor=\"vtkZLibDataCompressor\"";
+    }
+    // Once for the appended bytes, once for the file.
+    vtu_frame(&attributes, &mut array, b"");
+    let before = std::mem::take(&mut appended);
+    if placing == Placing::Inline {
+        return vtu(big, wide, zlib, Placing::Inline_(()));
+    }
+    let _ = before;
+    Vec::new()
+}
