@@ -43,7 +43,7 @@ pub struct Scene {
 }
 
 /// Young's moduli, Pa, that can be computed with: from far below any jelly to far above diamond.
-const YOUNG: std::ops::RangeInclusive<f64> = 1e-6..=1e18;
+const YOUNG: std::ops::RangeInclusive<f64> = 1e-12..=1e24;
 
 fn desktop() -> String {
     "desktop".into()
@@ -267,7 +267,7 @@ impl Scene {
         let Material { young, poisson, density } = *material;
         if !YOUNG.contains(&young) {
             return Err(
-                self.invalid(entity, format!("Young's modulus {young} Pa must lie between 1e-6 and 1e18"))
+                self.invalid(entity, format!("Young's modulus {young} Pa must lie between 1e-12 and 1e24"))
             );
         }
         if poisson == 0.5 {
