@@ -113,6 +113,63 @@ fn precompute_deform_inspect() {
 }
 
 #[test]
+fn convert_says_what_is_lost_and_inspect_what_is_wrong() {
+    let folder = project("convert");
+    for (out, lost) in [
+        ("a.msh", ""),
+        ("a.inp", ""),
+        ("a.vtu", "note: the format holds no node groups; lost: xmax, xmin"),
+        ("a.mesh", "note: the format holds no node groups"),
+        ("a.node", "note: the format holds no node groups"),
+    ] {
+        let output = succeed(&folder, &["convert", "block.msh", out]);
+        let told = text(&output.stderr);
+        assert!(told.starts_with(lost) && (told.is_empty() == lost.is_empty()), "{out}: {told}");
+        assert!(
+            text(&output.stdout).starts_with("block.msh: 36 nodes, 60 tetrahedra"),
+            "{}",
+            text(&output.stdout)
+        );
+        let shown = text(&succeed(&folder, &["inspect", out]).stdout);
+        assert!(
+            shown.contains("36 nodes, 60 tetrahedra") && shown.contains("nothing wrong is found"),
+            "{shown}"
+        );
+    }
+    assert!(folder.join("a.ele").exists());
+    assert!(
+        std::fs::read_dir(&folder)
+            .unwrap()
+            .all(|entry| { !entry.unwrap().file_name().to_string_lossy().starts_with(".mesh-") })
+    );
+    succeed(&folder, &["convert", "a.inp", "b.msh", "--encoding", "msh22"]);
+    let text_of = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert_eq!(text_of("b.msh"), text_of("block.msh"));
+    refuse(
+        &folder,
+        &["convert", "block.msh", "a.stl"],
+        &["a.stl: cannot be written; known are msh41 (.msh)"],
+    );
+    refuse(
+        &folder,
+        &["convert", "block.msh", "a.vtu", "--encoding", "msh22"],
+        &["cannot be written as msh22"],
+    );
+    refuse(&folder, &["convert", "no.msh", "a.vtu"], &["no.msh: cannot be read"]);
+
+    let mut twice = block();
+    let (nodes, second) = (twice.nodes.len() as u32, block());
+    twice.nodes.extend(second.nodes.iter().map(|node| node + nalgebra::Vector3::x()));
+    twice.tags.extend(second.tags.iter().map(|tag| tag + 100));
+    twice.tets.extend(second.tets.iter().map(|tet| tet.map(|node| node + nodes)));
+    twice.regions.extend(second.regions);
+    mesh::save(&folder.join("twice.msh"), &twice, None).unwrap();
+    let shown = text(&succeed(&folder, &["inspect", "twice.msh"]).stdout);
+    assert!(shown.contains("what is wrong\n  2 pieces that share no face, of 60, 60 tetrahedra"), "{shown}");
+    assert!(shown.contains("  9 nodes stand where another does"), "{shown}");
+}
+
+#[test]
 fn all_nodes_are_solved_in_f64() {
     let folder = project("cli-all-nodes");
     succeed(&folder, &DEFORM);

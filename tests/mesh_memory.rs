@@ -1,4 +1,5 @@
 //! Counts in a file are never trusted: reading one that promises 10¹⁵ entries costs no more than its bytes do.
+#![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
 use greenstage::mesh::{Block, Encoding, block, encode, parse};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -37,9 +38,61 @@ fn replaced(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
     [&bytes[..at], to, &bytes[at + from.len()..]].concat()
 }
 
+/// Peak bytes of reading `bytes`, over their number.
+fn peak_ratio(name: &str, bytes: &[u8]) -> f64 {
+    let before = IN_USE.load(Relaxed);
+    PEAK.store(before, Relaxed);
+    let result = greenstage::mesh::parse(Path::new(name), bytes);
+    let peak = PEAK.load(Relaxed) - before;
+    println!(
+        "{name}: {peak} bytes for {} ({})",
+        bytes.len(),
+        if result.is_ok() { "read" } else { "refused" }
+    );
+    peak as f64 / bytes.len() as f64
+}
+
+/// Valid files of every written format cost less than 20 times their bytes; and so do files of forged counts.
+fn formats_stay_below_20_times_the_file() {
+    let mesh = block(&Block { size: [1.0; 3], cells: [16; 3] }).unwrap();
+    for writer in greenstage::mesh::formats::WRITERS.iter().filter(|writer| writer.name != "tetgen") {
+        let name = format!("m.{}", writer.extensions[0]);
+        let bytes = (writer.encode)(&mesh).unwrap().files.remove(0).1;
+        let ratio = peak_ratio(&name, &bytes);
+        assert!(ratio < 20.0, "{}: {ratio:.1}", writer.name);
+    }
+    let filler = "1 0 0 0\n".repeat(4000);
+    let sets: String = (0..9000).map(|i| format!("*NSET,NSET=s{i},GENERATE\n0,9999999\n")).collect();
+    let nodes: String = (0..9000).map(|i| format!("{i}\n")).collect();
+    for (name, text) in [
+        ("m.mesh", format!("MeshVersionFormatted 2\nVertices\n1000000000000000\n{filler}")),
+        ("m.mesh", format!("MeshVersionFormatted 2\nTetrahedra\n18446744073709551615\n{filler}")),
+        (
+            "m.vtk",
+            format!(
+                "# vtk DataFile Version 3.0\n\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 1000000000000000 float\n\
+                 {filler}"
+            ),
+        ),
+        (
+            "m.vtk",
+            format!(
+                "# vtk DataFile Version 3.0\n\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS 1000000000000000 float\n\
+                 {filler}"
+            ),
+        ),
+        ("m.inp", format!("*NODE\n{nodes}*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n{sets}")),
+        ("m.inp", format!("*NODE{}\n", ",a".repeat(9000))),
+    ] {
+        let ratio = peak_ratio(name, text.as_bytes());
+        assert!(ratio < 20.0, "{name}: {ratio:.1}: {}", &text[..60]);
+    }
+}
+
 /// The only test of this file, since the counter sees all threads.
 #[test]
 fn forged_counts_fail_at_once_and_allocate_nothing() {
+    formats_stay_below_20_times_the_file();
     let mesh = block(&Block { size: [1.0; 3], cells: [2; 3] }).unwrap();
     let [text_2, binary_2, text_4, binary_4] = Encoding::ALL.map(|encoding| encode(&mesh, encoding).unwrap());
     let size = |n: u64| n.to_le_bytes();

@@ -8,7 +8,6 @@ use std::io::Write;
 const NODES: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]];
 const TETS: [[u32; 4]; 2] = [[0, 1, 2, 3], [1, 2, 3, 4]];
-const REGIONS: [u32; 2] = [3, 7];
 
 pub fn nodes() -> Vec<Vector3<f64>> {
     NODES.map(Vector3::from).to_vec()
@@ -43,27 +42,14 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
 
 pub fn abaqus() -> Vec<u8> {
     b"** a comment\n*HEADING\nanything, at all\n*NODE, NSET=All\n10, 0., 0., 0.\n20, 1.D0,\n30, , 1e0, 0\n\
-      ** within\n40, 0, 0, 1.\n50,1,1,1\n*Element,\n TYPE=C3D4 , elset = Region_3\n1, 10, 20,\n30, 40\n\
-      2, 20, 30, 40, 50\n*NODE PRINT\n*NSET, NSET=Tip, GENERATE\n10, 50, 20\n*ELSET, ELSET=REGION_3\n1,\n\
-      *NSET, NSET=both\nTip\n*ELSET, ELSET=Region_7\n2,\n*STEP\n"
+      ** within\n40, 0, 0, 1.\n50,1,1,1\n*Element,\n TYPE=C3D4\n1, 10, 20,\n30, 40\n2, 20, 30, 40, 50\n\
+      *NODE PRINT\n*NSET, NSET=Tip, GENERATE\n10, 50, 20\n*ELSET, ELSET=REGION_3\n1,\n\
+      *NSET, nset = both\nTip\n*ELSET, ELSET=Region_7\n2,\n*STEP\n"
         .to_vec()
-        .replace_region()
-}
-
-trait ReplaceRegion {
-    fn replace_region(self) -> Vec<u8>;
-}
-
-impl ReplaceRegion for Vec<u8> {
-    /// The second element stands in Region_7 alone.
-    fn replace_region(self) -> Vec<u8> {
-        String::from_utf8(self).unwrap().replace(" , elset = Region_3", "").into_bytes()
-    }
 }
 
 pub fn medit() -> Vec<u8> {
-    let mut text =
-        "MeshVersionFormatted 2\nDimension 3\n# a comment\nVertices\n5\n".replace("# a comment\n", "");
+    let mut text = "MeshVersionFormatted 2 # a comment\nDimension 3\n\nVertices\n5\n".to_owned();
     for [x, y, z] in NODES {
         text += &format!("{x} {y} {z} 0\n");
     }
@@ -184,11 +170,8 @@ pub fn vtk_binary(version: u8) -> Vec<u8> {
     out
 }
 
-fn vtu_frame(
-    attributes: &str,
-    array: &mut dyn FnMut(&str, &str, &str) -> String,
-    appended: &[u8],
-) -> Vec<u8> {
+/// All of a file but its end; `array` writes an array of a type, with attributes and values.
+fn vtu_head(attributes: &str, mut array: impl FnMut(&str, &str, &str) -> String) -> String {
     let points = NODES.map(|x| format!("{} {} {}", x[0], x[1], x[2])).join("\n");
     let points = array("Float64", "Name=\"Points\" NumberOfComponents=\"3\"", &points);
     let connectivity = array("Int32", "Name=\"connectivity\"", "0 1 2 3\n1 2 3 4");
@@ -196,24 +179,20 @@ fn vtu_frame(
     let types = array("UInt8", "Name=\"types\"", "10 10");
     let quality = array("Float32", "Name=\"quality\"", "0.5 0.5");
     let region = array("Int16", "Name=\"material\"", "3 7");
-    let mut out = format!(
+    format!(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" {attributes}>\n<UnstructuredGrid>\n\
          <Piece NumberOfPoints=\"5\" NumberOfCells=\"2\">\n<Points>\n{points}</Points>\n<Cells>\n{connectivity}\
          {offsets}{types}</Cells>\n<CellData Scalars=\"x\">\n{quality}{region}</CellData>\n</Piece>\n\
          </UnstructuredGrid>\n"
     )
-    .into_bytes();
-    out.extend(appended);
-    out.extend(b"</VTKFile>\n");
-    out
 }
 
 pub fn vtu_text(byte_order: &str) -> Vec<u8> {
     let attributes = format!("version=\"0.1\" byte_order=\"{byte_order}\"");
-    let mut array = |kind: &str, rest: &str, values: &str| {
+    let array = |kind: &str, rest: &str, values: &str| {
         format!("<DataArray type=\"{kind}\" {rest} format=\"ascii\">{values}\n</DataArray>\n")
     };
-    vtu_frame(&attributes, &mut array, b"")
+    (vtu_head(&attributes, array) + "</VTKFile>\n").into_bytes()
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -231,7 +210,7 @@ pub fn vtu(big: bool, wide: bool, zlib: bool, placing: Placing) -> Vec<u8> {
         (false, true) => (number as u32).to_be_bytes().to_vec(),
         (false, false) => (number as u32).to_le_bytes().to_vec(),
     };
-    let mut array = |kind: &str, rest: &str, values: &str| {
+    let array = |kind: &str, rest: &str, values: &str| {
         let bytes: Vec<u8> = values.split_whitespace().flat_map(|word| number(kind, word, big)).collect();
         // Compressed: blocks of 16 bytes, the last one smaller.
         let (head, data) = if zlib {
@@ -263,12 +242,79 @@ pub fn vtu(big: bool, wide: bool, zlib: bool, placing: Placing) -> Vec<u8> {
     if zlib {
         attributes += " compressor=\"vtkZLibDataCompressor\"";
     }
-    // Once for the appended bytes, once for the file.
-    vtu_frame(&attributes, &mut array, b"");
-    let before = std::mem::take(&mut appended);
-    if placing == Placing::Inline {
-        return vtu(big, wide, zlib, Placing::Inline_(()));
+    let mut out = vtu_head(&attributes, array).into_bytes();
+    if placing != Placing::Inline {
+        let encoding = if placing == Placing::Raw { "raw" } else { "base64" };
+        out.extend(format!("<AppendedData encoding=\"{encoding}\">\n _").bytes());
+        out.extend(appended);
+        out.extend(b"\n</AppendedData>\n");
     }
-    let _ = before;
-    Vec::new()
+    out.extend(b"</VTKFile>\n");
+    out
+}
+
+/// A file whose first array is said to hold, and does hold, far more than the file's own bytes.
+pub fn vtu_bomb() -> Vec<u8> {
+    let array = |kind: &str, rest: &str, _: &str| {
+        let block = deflated(&vec![0; 1 << 20]);
+        let head: Vec<u8> =
+            [1, 1 << 20, 0, block.len()].iter().flat_map(|n| (*n as u32).to_le_bytes()).collect();
+        let text = base64(&head) + &base64(&block);
+        format!("<DataArray type=\"{kind}\" {rest} format=\"binary\">{text}</DataArray>\n")
+    };
+    let attributes = "byte_order=\"LittleEndian\" compressor=\"vtkZLibDataCompressor\"";
+    (vtu_head(attributes, array) + "</VTKFile>\n").into_bytes()
+}
+
+fn number(kind: &str, word: &str, big: bool) -> Vec<u8> {
+    let mut bytes = match kind {
+        "Float64" => word.parse::<f64>().unwrap().to_le_bytes().to_vec(),
+        "Float32" => word.parse::<f32>().unwrap().to_le_bytes().to_vec(),
+        "Int64" => word.parse::<i64>().unwrap().to_le_bytes().to_vec(),
+        "Int32" => word.parse::<i32>().unwrap().to_le_bytes().to_vec(),
+        "Int16" => word.parse::<i16>().unwrap().to_le_bytes().to_vec(),
+        _ => word.parse::<u8>().unwrap().to_le_bytes().to_vec(),
+    };
+    if big {
+        bytes.reverse();
+    }
+    bytes
+}
+
+fn deflated(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let quad = |three: &[u8]| {
+        let bits = (0..3).fold(0, |bits, i| bits << 8 | u32::from(three.get(i).copied().unwrap_or(0)));
+        let digit = |i: usize| match i > three.len() {
+            true => '=',
+            false => char::from(DIGITS[(bits >> (18 - 6 * i) & 63) as usize]),
+        };
+        (0..4).map(digit).collect::<String>()
+    };
+    bytes.chunks(3).map(quad).collect()
+}
+
+/// One tetrahedron of ten nodes.
+pub fn quadratic() -> Vec<(String, Vec<u8>)> {
+    let corners = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
+    let middles = [[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]];
+    let mut points: Vec<String> = corners.map(|x| format!("{} {} {}", x[0], x[1], x[2])).to_vec();
+    points.extend(middles.map(|x| format!("{} {} {}", x[0], x[1], x[2])));
+    let vtk = format!(
+        "# vtk DataFile Version 2.0\nten\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 10 float\n{}\n\
+         CELLS 1 11\n10 0 1 2 3 4 5 6 7 8 9\nCELL_TYPES 1\n24\n",
+        points.join("\n")
+    );
+    let mut abaqus = "*NODE\n".to_owned();
+    for (number, point) in (1..).zip(&points) {
+        abaqus += &format!("{number}, {}\n", point.replace(' ', ", "));
+    }
+    abaqus += "*ELEMENT, TYPE=C3D10M\n1, 1, 2, 3, 4, 5, 6, 7, 8,\n9, 10\n";
+    vec![("ten.vtk".to_owned(), vtk.into_bytes()), ("ten.inp".to_owned(), abaqus.into_bytes())]
 }

@@ -50,6 +50,28 @@ pub fn index(value: f64, at: usize) -> Result<u32, Fault> {
     Err(Fault::at(at, format!("{value} is no number of a point")))
 }
 
+/// Dimension and points of the cell types that can be used or counted.
+fn shape(kind: u8) -> Option<(u8, u8)> {
+    Some(match kind {
+        1 => (0, 1),
+        3 => (1, 2),
+        21 => (1, 3),
+        5 => (2, 3),
+        8 | 9 => (2, 4),
+        22 => (2, 6),
+        23 => (2, 8),
+        10 => (3, 4),
+        11 | 12 => (3, 8),
+        13 => (3, 6),
+        14 => (3, 5),
+        24 => (3, 10),
+        25 => (3, 20),
+        26 => (3, 15),
+        27 => (3, 13),
+        _ => return None,
+    })
+}
+
 impl Cells {
     /// Adds the cells to `raw`, whose nodes from `first_node` on are those of this block.
     pub fn add_to(mut self, raw: &mut RawMesh, first_node: u64, first_cell: u64) -> Result<(), Fault> {
@@ -72,37 +94,24 @@ impl Cells {
             };
             start = end;
             let number = numbers.as_ref().and_then(|numbers| numbers.get(i)).copied().unwrap_or(0);
-            let dimension = match kind {
-                10 | 24 | 11..=14 | 25..=27 => 3,
-                5 | 8 | 9 | 22 | 23 => 2,
-                3 | 21 => 1,
-                1 => 0,
-                _ => {
-                    *left_out.entry(kind).or_default() += 1;
-                    continue;
-                }
+            let Some((dimension, size)) = shape(kind) else {
+                *left_out.entry(kind).or_default() += 1;
+                continue;
             };
+            if nodes.len() != usize::from(size) {
+                let reason = format!("cell {i} of type {kind} has {} points, not {size}", nodes.len());
+                return Err(Fault::at(at, reason));
+            }
+            if dimension < 3 && number <= 0 {
+                *left_out.entry(kind).or_default() += 1;
+                continue;
+            }
             let mut tags: Vec<u64> = nodes.iter().map(|&node| first_node + u64::from(node)).collect();
-            let kind = match (kind, nodes.len()) {
-                (10, 4) => Kind::TETRAHEDRON,
-                (24, 10) => {
-                    tags.swap(8, 9);
-                    Kind::TETRAHEDRON_10
-                }
-                (10 | 24, found) => {
-                    let reason = format!("cell {i} of type {kind} is a tetrahedron of {found} points");
-                    return Err(Fault::at(at, reason));
-                }
-                _ if dimension < 3 && number <= 0 => {
-                    *left_out.entry(kind).or_default() += 1;
-                    continue;
-                }
-                (_, 1..=27) => Kind { dimension, nodes: nodes.len() as u8, is_tetrahedron: false },
-                (_, found) => {
-                    let reason = format!("cell {i} of type {kind} has {found} points");
-                    return Err(Fault::at(at, reason));
-                }
-            };
+            let is_tetrahedron = matches!(kind, 10 | 24);
+            if kind == 24 {
+                tags.swap(8, 9);
+            }
+            let kind = Kind { dimension, nodes: size, is_tetrahedron };
             raw.add(kind, first_cell + i as u64, number, at, &tags);
         }
         for (kind, count) in left_out {
