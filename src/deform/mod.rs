@@ -15,7 +15,7 @@ mod superposition;
 
 pub use deformer::{Deformer, FrameTimes};
 pub use force::{Wrench, wrenches};
-pub use guard::{PoseFault, PoseGuard};
+pub use guard::{CATCH_UP, JUMP, PoseFault, PoseGuard, STRETCH};
 pub use linear::Linear;
 pub use normals::vertex_normals;
 pub use pose::{ControlPose, ControlPoses};
