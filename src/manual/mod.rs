@@ -19,12 +19,13 @@ macro_rules! chapters {
 chapters! {
     start: "the demo, and a mesh of your own bent in five minutes",
     scene: "every key of the scene file: bodies, materials, control elements, models, effects, solver, place",
-    meshes: "Gmsh files: groups, regions, what is repaired and what is refused; the two generators",
+    meshes: "mesh files: groups, regions, what is repaired and what is refused; the two generators",
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
     scripts: "key frames that move head and stylus where nobody does",
     view: "windows, mouse and keyboard, colours, and what happens without a display",
     deform: "poses in, displacements and forces out: files, columns, units, signs",
     green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",
+    check: "what can go wrong in silence, what is done about it, and how well: hard cases with their figures",
     method: "the mathematics, the accuracy that was measured, and the limits",
     bench: "what each figure of `greenstage bench` means, and how to measure honestly",
 }
