@@ -8,7 +8,11 @@ mod error;
 pub mod formats;
 pub mod generate;
 pub mod quality;
+pub mod stuffing;
 mod surface;
+pub mod surface_check;
+pub mod surface_files;
+pub mod surface_intersect;
 
 pub use error::{Fault, MeshError, Place};
 pub use formats::{Encoding, encode};
