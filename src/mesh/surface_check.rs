@@ -132,7 +132,8 @@ impl SurfaceReport {
                 if some.is_empty() { place(first) } else { some.join(", ") }
             ));
         } else if !self.intersections.is_complete {
-            faults.push("so many triangles overlap that the search for self-intersections was given up".into());
+            faults
+                .push("so many triangles overlap that the search for self-intersections was given up".into());
         }
         faults
     }

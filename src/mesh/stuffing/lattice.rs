@@ -49,9 +49,8 @@ impl Lattice {
         }
         let size = Vector3::from(cubes.map(|count| count as f64 * cell));
         let lattice = Lattice { origin: (low + high - size) / 2.0, cell, cubes };
-        let vertices = |extra: usize| {
-            cubes.iter().try_fold(1usize, |product, count| product.checked_mul(count + extra))
-        };
+        let vertices =
+            |extra: usize| cubes.iter().try_fold(1usize, |product, count| product.checked_mul(count + extra));
         vertices(0)?.checked_add(vertices(1)?).filter(|&count| count <= most)?;
         Some(lattice)
     }

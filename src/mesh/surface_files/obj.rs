@@ -23,7 +23,8 @@ pub fn read(bytes: &[u8]) -> Result<RawSurface, Fault> {
             read_line(at, line, &mut raw)?;
         } else {
             line_joined.extend_from_slice(line);
-            read_line(at.min(bytes.len()), &line_joined, &mut raw).map_err(|fault| Fault { at: Some(at), ..fault })?;
+            read_line(at.min(bytes.len()), &line_joined, &mut raw)
+                .map_err(|fault| Fault { at: Some(at), ..fault })?;
             line_joined.clear();
         }
     }

@@ -82,7 +82,12 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), Fault> {
                     b"ascii" => Form::Text,
                     b"binary_little_endian" => Form::Little,
                     b"binary_big_endian" => Form::Big,
-                    _ => return Err(Fault::at(at, "the format is ascii, binary_little_endian or binary_big_endian")),
+                    _ => {
+                        return Err(Fault::at(
+                            at,
+                            "the format is ascii, binary_little_endian or binary_big_endian",
+                        ));
+                    }
                 });
             }
             [b"element", name, _] => {
@@ -91,11 +96,14 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), Fault> {
             }
             [b"property", rest @ ..] => {
                 let (length, kind, name) = match rest {
-                    [b"list", length, item, name] => (Some(self::kind(length, at)?), self::kind(item, at)?, name),
+                    [b"list", length, item, name] => {
+                        (Some(self::kind(length, at)?), self::kind(item, at)?, name)
+                    }
                     [item, name] => (None, self::kind(item, at)?, name),
                     _ => return Err(Fault::at(at, "a property is \"property KIND NAME\" or a list")),
                 };
-                let element = elements.last_mut().ok_or_else(|| Fault::at(at, "a property before any element"))?;
+                let element =
+                    elements.last_mut().ok_or_else(|| Fault::at(at, "a property before any element"))?;
                 if element.properties.len() == MOST_PROPERTIES {
                     return Err(Fault::at(at, format!("more than {MOST_PROPERTIES} properties")));
                 }
