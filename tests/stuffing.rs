@@ -51,8 +51,9 @@ fn no_signs_and_no_cut_points_break_the_angles() {
     for seed in 0..24 {
         let lattice = Lattice { origin: Vector3::zeros(), cell: 1.0, cubes: [14; 3] };
         let share = [0.5, 0.3, 0.8][seed as usize % 3];
-        let depth: Vec<f64> =
-            (0..lattice.len()).map(|v| if noise(&[seed, v as i64]) < share { 1.0 } else { -1.0 }).collect();
+        let depth: Vec<f64> = (0..lattice.vertices())
+            .map(|v| if noise(&[seed, v as i64]) < share { 1.0 } else { -1.0 })
+            .collect();
         let cut = |from: [i64; 3], to: [i64; 3]| {
             let t = noise(&[seed, 7, from[0], from[1], from[2], to[0], to[1], to[2]]);
             // Some just beyond the reach of a warp, where the extremes are.

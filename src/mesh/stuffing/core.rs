@@ -39,14 +39,14 @@ pub fn stuff(
 ) -> (Vec<Vector3<f64>>, Vec<[u32; 4]>) {
     let mut sign: Vec<i8> = depth.iter().map(|&d| i8::from(d > 0.0) - i8::from(d < 0.0)).collect();
     let cuts = cut_points(lattice, &sign, cut);
-    let mut moved = vec![usize::MAX; lattice.len()];
+    let mut moved = vec![usize::MAX; lattice.vertices()];
     warp(&cuts, &mut sign, &mut moved);
 
     let cut_position = |cut: &Cut| {
         let (from, to) = (lattice.coordinates(cut.inside), lattice.coordinates(cut.outside));
         lattice.position(from).lerp(&lattice.position(to), cut.t)
     };
-    let position = |node: usize| match node.checked_sub(lattice.len()) {
+    let position = |node: usize| match node.checked_sub(lattice.vertices()) {
         Some(index) => cut_position(&cuts[index]),
         None if moved[node] != usize::MAX => cut_position(&cuts[moved[node]]),
         None => lattice.position(lattice.coordinates(node)),
@@ -54,9 +54,9 @@ pub fn stuff(
     let find = |inside: usize, outside: usize| {
         let found = cuts.binary_search_by_key(&(inside, outside), |cut| (cut.inside, cut.outside));
         // Every edge between a vertex inside and one outside has its cut point.
-        lattice.len() + found.unwrap_or(0)
+        lattice.vertices() + found.unwrap_or(0)
     };
-    let mut index = vec![u32::MAX; lattice.len() + cuts.len()];
+    let mut index = vec![u32::MAX; lattice.vertices() + cuts.len()];
     let (mut nodes, mut tets) = (Vec::new(), Vec::new());
     lattice.for_each_tetrahedron(|vertices| {
         if !vertices.iter().any(|&vertex| sign[vertex] > 0) {
@@ -99,7 +99,11 @@ fn cut_points(lattice: &Lattice, sign: &[i8], cut: impl Fn([i64; 3], [i64; 3]) -
         cuts.sort_by_key(|cut| cut.outside);
         cuts
     };
-    (0..lattice.len()).into_par_iter().filter(|&vertex| sign[vertex] > 0).flat_map_iter(of_vertex).collect()
+    (0..lattice.vertices())
+        .into_par_iter()
+        .filter(|&vertex| sign[vertex] > 0)
+        .flat_map_iter(of_vertex)
+        .collect()
 }
 
 /// Moves every vertex that has a cut point too close to the nearest such one: its sign becomes 0, and the cut points

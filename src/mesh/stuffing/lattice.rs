@@ -60,7 +60,7 @@ impl Lattice {
     }
 
     /// Number of vertices.
-    pub fn len(&self) -> usize {
+    pub fn vertices(&self) -> usize {
         self.corners() + self.cubes.iter().product::<usize>()
     }
 

@@ -52,7 +52,7 @@ pub fn tetrahedralise(
     let lattice = refuse(surface, report, cell)?;
     notices.extend(report.faults().into_iter().map(|fault| format!("the surface has a fault: {fault}")));
     let depth = Depth::new(surface).map_err(|reason| format!("the surface cannot be used: {reason}"))?;
-    let values: Vec<f64> = (0..lattice.len())
+    let values: Vec<f64> = (0..lattice.vertices())
         .into_par_iter()
         .with_min_len(256)
         .map(|vertex| depth.at(&lattice.position(lattice.coordinates(vertex))))
@@ -93,7 +93,7 @@ fn refuse(surface: &TriangleSurface, report: &SurfaceReport, cell: f64) -> Resul
     }
     let (low, high) = quality::bounding_box(&surface.vertices);
     let extent = high - low;
-    if !(report.volume > 1e-12 * extent.product()) {
+    if report.volume <= 1e-12 * extent.product() {
         return Err(format!("the surface encloses no volume ({:e} m³)", report.volume));
     }
     if cell > extent.min() {

@@ -184,7 +184,7 @@ fn read_element(element: &Element, data: &mut Data, raw: &mut RawSurface) -> Res
     if is_vertex && axes.contains(&None) {
         return Err(Fault::whole("the vertices have no properties x, y and z"));
     }
-    if is_face && !faces.is_some_and(|c| element.properties[c].length.is_some()) {
+    if is_face && faces.is_none_or(|c| element.properties[c].length.is_none()) {
         return Err(Fault::whole("the faces have no list vertex_indices"));
     }
     if element.name == b"tristrips" {
