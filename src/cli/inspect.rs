@@ -4,13 +4,13 @@ use super::failure::Failure;
 use super::session;
 use super::table::{Table, bytes};
 use crate::green::{GreenError, GreenFile};
-use crate::mesh::{self, Surface, quality, trouble};
+use crate::mesh::{self, Surface, quality, stuffing, surface_check, surface_files, trouble};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// What is in a mesh, .green, scene or stage file, or in a built-in stage
+/// What is in a mesh, surface, .green, scene or stage file, or in a built-in stage
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The file, its kind found by its name and content; or the name of a built-in stage
@@ -27,6 +27,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         "toml" if is_stage(&args.file)? => stage(&args.file)?,
         "toml" => scene(&args.file)?,
         "" if built_in(&args.file).is_some() => stage(&args.file)?,
+        _ if surface_files::is_surface_file(&args.file) => surface(&args.file)?,
         _ => mesh(&args.file)?,
     };
     if args.json { super::print(&format!("{value:#}\n")) } else { super::print(&text) }
@@ -93,6 +94,56 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
         text.push_str(&format!("note: {notice}\n"));
     }
     let value = json!({ "file": path, "mesh": report, "wrong": trouble, "notices": loaded.notices });
+    Ok((text, value))
+}
+
+fn surface(path: &Path) -> Result<(String, Value), Failure> {
+    let loaded = surface_files::load(path).map_err(Failure::request)?;
+    let (mut surface, mut notices) = (loaded.surface, loaded.notices);
+    let report = surface_check::check(&mut surface, &mut notices);
+    let faults = report.faults();
+    let [low, high] = report.bounding_box;
+    let cavities = report.shells.iter().filter(|shell| shell.is_cavity).count();
+    let mut text = format!(
+        "{}\na surface of {} vertices and {} triangles ({} without area); {} shell(s), {cavities} of them cavities\n\
+         box ({:.6}, {:.6}, {:.6}) to ({:.6}, {:.6}, {:.6})\nvolume {:.6e} m³, surface {:.6e} m²\n\n",
+        path.display(),
+        report.vertices,
+        report.triangles,
+        report.flat,
+        report.shells.len(),
+        low[0],
+        low[1],
+        low[2],
+        high[0],
+        high[1],
+        high[2],
+        report.volume,
+        report.area,
+    );
+    let mut shells = Table::new(&["shell", "triangles", "volume m³"]);
+    for (number, shell) in report.shells.iter().enumerate().take(20) {
+        shells.row(&[
+            &(number + 1).to_string(),
+            &shell.triangles.to_string(),
+            &format!("{:.6e}", shell.volume),
+        ]);
+    }
+    text.push_str(&format!("{}\n", shells.text()));
+    let wrong = faults.iter().map(|fault| format!("wrong: {fault}\n"));
+    let notes = notices.iter().map(|notice| format!("note: {notice}\n"));
+    text.extend(wrong.chain(notes));
+    let cell = stuffing::suggested_cell(&surface);
+    if report.holes.is_empty() && report.unorientable_edges == 0 {
+        text.push_str(&format!(
+            "closed: a scene can fill it, tetrahedralise = {{ cell = {cell} }} makes about {:.0} tetrahedra\n",
+            12.0 * report.volume / cell.powi(3)
+        ));
+    } else {
+        text.push_str("not closed: it has no inside to be filled\n");
+    }
+    let value =
+        json!({ "file": path, "surface": report, "faults": faults, "notices": notices, "cell": cell });
     Ok((text, value))
 }
 

@@ -1,14 +1,19 @@
 //! Tetrahedral meshes: read from a file or generated, checked, and their outer surface.
 //!
 //! In: file bytes or a generator's parameters. Out: a [`TetMesh`] with positively oriented tetrahedra and
-//! every node used, notices of what was repaired, and its [`Surface`] with outward triangles.
+//! every node used, notices of what was repaired, and its [`Surface`] with outward triangles. A file that holds only a
+//! surface goes through [`surface_files`], [`surface_check`] and [`stuffing`].
 
 pub mod assemble;
 mod error;
 pub mod formats;
 pub mod generate;
 pub mod quality;
+pub mod stuffing;
 mod surface;
+pub mod surface_check;
+pub mod surface_files;
+pub mod surface_intersect;
 pub mod trouble;
 
 pub use error::{Fault, MeshError, Place};

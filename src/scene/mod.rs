@@ -8,7 +8,7 @@ mod select;
 pub use select::Nodes;
 
 use crate::config::{self, ConfigError};
-use crate::mesh::{self, MeshError, generate};
+use crate::mesh::{self, MeshError, generate, stuffing, surface_files};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -55,6 +55,8 @@ pub struct Body {
     /// Mesh file, relative to the scene; or else `generate`.
     pub mesh: Option<PathBuf>,
     pub generate: Option<Generate>,
+    /// How a surface file is filled with tetrahedra.
+    pub tetrahedralise: Option<Tetrahedralise>,
     #[serde(default)]
     pub element: Element,
     pub material: Material,
@@ -82,6 +84,13 @@ fn linear() -> String {
 pub enum Generate {
     Tube(generate::Tube),
     Block(generate::Block),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tetrahedralise {
+    /// Edge of a lattice cube, m; tetrahedra have edges of about this length.
+    pub cell: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -187,11 +196,25 @@ impl Scene {
             source,
         };
         match (&body.mesh, &body.generate) {
-            (Some(file), None) => mesh::load(&self.resolve(file)).map_err(|source| SceneError::Mesh {
-                path: self.path.clone(),
-                body: name.to_owned(),
-                source,
-            }),
+            (Some(file), None) => {
+                let file = self.resolve(file);
+                let failed =
+                    |source| SceneError::Mesh { path: self.path.clone(), body: name.to_owned(), source };
+                match body.tetrahedralise {
+                    Some(Tetrahedralise { cell }) => stuffing::load(&file, cell).map_err(failed),
+                    None if surface_files::is_surface_file(&file) => {
+                        let surface = surface_files::load(&file).map_err(failed)?.surface;
+                        let message = format!(
+                            "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a \
+                             thirtieth of its longest extent)",
+                            file.display(),
+                            stuffing::suggested_cell(&surface)
+                        );
+                        Err(self.invalid(&format!("body.{name}.mesh"), message))
+                    }
+                    None => mesh::load(&file).map_err(failed),
+                }
+            }
             (None, Some(Generate::Tube(tube))) => generate::tube(tube).map(fresh).map_err(generated),
             (None, Some(Generate::Block(block))) => generate::block(block).map(fresh).map_err(generated),
             _ => Err(self.invalid(
@@ -226,6 +249,7 @@ impl Scene {
                 self.invalid(&entity, "name either mesh = \"file\" or generate = { … }, one of the two")
             );
         }
+        self.check_tetrahedralise(&entity, body)?;
         self.check_material(&format!("{entity}.material"), &body.material)?;
         for (region, material) in &body.region {
             self.check_material(&format!("{entity}.region.{region}"), material)?;
@@ -259,6 +283,22 @@ impl Scene {
                     "position (m) and rotation (rad) must be within ±1000, scale within 1e-15 to 1e15",
                 ));
             }
+        }
+        Ok(())
+    }
+
+    fn check_tetrahedralise(&self, entity: &str, body: &Body) -> Result<(), SceneError> {
+        let Some(Tetrahedralise { cell }) = body.tetrahedralise else {
+            return Ok(());
+        };
+        let entity = format!("{entity}.tetrahedralise");
+        if !body.mesh.as_deref().is_some_and(surface_files::is_surface_file) {
+            let message = "only a surface file (.stl, .obj, .ply) can be filled; a mesh of tetrahedra or a generated \
+                           one needs no tetrahedralise";
+            return Err(self.invalid(&entity, message));
+        }
+        if !(cell > 0.0 && cell.is_finite()) {
+            return Err(self.invalid(&entity, format!("cell is {cell} m: a positive length is needed")));
         }
         Ok(())
     }
@@ -339,6 +379,16 @@ grab = "fixed"
             ("group = \"xmin\"", "gruop = \"xmin\"", "did you mean `group`?"),
             ("grab = \"fixed\"", "grab = \"fixt\"", "did you mean `fixed`?"),
             ("generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }", "", "one of the two"),
+            (
+                "material",
+                "tetrahedralise = { cell = 0.1 }\nmaterial",
+                "only a surface file (.stl, .obj, .ply)",
+            ),
+            (
+                "generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }",
+                "mesh = \"a.stl\"\ntetrahedralise = { cell = -0.1 }",
+                "body.block.tetrahedralise: cell is -0.1 m",
+            ),
         ] {
             let text = error(from, to);
             assert!(text.contains(expected), "{text}\nlacks {expected}");

@@ -1,0 +1,191 @@
+//! Triangle surfaces from files: one format a file, and one line in [`FORMATS`].
+//!
+//! In: a file's bytes. Out: a [`TriangleSurface`] whose equal vertices are one, with a notice for everything that was
+//! joined, cut into triangles or left out. The parsers are ours because errors name the line, coordinates keep the
+//! file's precision, and memory follows the bytes, whatever counts a header claims.
+
+mod obj;
+mod ply;
+mod stl;
+mod words;
+
+use super::error::{Fault, MeshError};
+use nalgebra::Vector3;
+use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
+
+/// Triangles in space, counter-clockwise as seen from outside once [`super::surface_check`] has oriented them; metres.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriangleSurface {
+    pub vertices: Vec<Vector3<f64>>,
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A surface from a file, and what was repaired or left out on the way, one sentence each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadedSurface {
+    pub surface: TriangleSurface,
+    pub notices: Vec<String>,
+}
+
+/// What a format's reader found: polygons by the indices of their corners, unchecked.
+#[derive(Debug, Default)]
+struct RawSurface {
+    vertices: Vec<Vector3<f64>>,
+    /// Corners of all polygons, one polygon after the other.
+    corners: Vec<u32>,
+    /// How many corners each polygon has, and its byte offset for error messages.
+    polygons: Vec<(u32, usize)>,
+    notices: Vec<String>,
+}
+
+type Read = fn(&[u8]) -> Result<RawSurface, Fault>;
+
+/// Every format that can be read: name, extension in lower case, reader.
+const FORMATS: &[(&str, &str, Read)] =
+    &[("STL", "stl", stl::read), ("Wavefront OBJ", "obj", obj::read), ("PLY", "ply", ply::read)];
+
+fn reader(path: &Path) -> Option<Read> {
+    let extension = path.extension()?.to_string_lossy().to_lowercase();
+    FORMATS.iter().find(|(_, known, _)| *known == extension).map(|(.., read)| *read)
+}
+
+/// Whether the file's name says that it holds a surface and no tetrahedra.
+pub fn is_surface_file(path: &Path) -> bool {
+    reader(path).is_some()
+}
+
+/// Reads the surface file at `path`.
+pub fn load(path: &Path) -> Result<LoadedSurface, MeshError> {
+    let bytes = std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
+    parse(path, &bytes)
+}
+
+/// [`load`] from a file's `bytes`; `path` tells the format and is named in errors.
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<LoadedSurface, MeshError> {
+    let unknown = || {
+        let known: Vec<String> = FORMATS.iter().map(|(name, end, _)| format!("{name} (.{end})")).collect();
+        Fault::whole(format!("not a surface file that can be read; known are {}", known.join(", ")))
+    };
+    reader(path)
+        .ok_or_else(unknown)
+        .and_then(|read| read(bytes))
+        .and_then(weld)
+        .map_err(|fault| fault.in_file(path, bytes))
+}
+
+/// Joins vertices of equal coordinates, cuts polygons into fans, and drops triangles that name a vertex twice or
+/// stand in the file twice.
+fn weld(raw: RawSurface) -> Result<LoadedSurface, Fault> {
+    let mut notices = raw.notices;
+    if raw.vertices.len() >= u32::MAX as usize {
+        return Err(Fault::whole(format!("{} vertices are more than 2³² - 2", raw.vertices.len())));
+    }
+    let mut surface = TriangleSurface::default();
+    let mut index_of = HashMap::new();
+    let mut index = Vec::with_capacity(raw.vertices.len());
+    for (number, vertex) in raw.vertices.iter().enumerate() {
+        if !vertex.iter().all(|x| x.is_finite() && x.abs() < 1e100) {
+            let [x, y, z]: [f64; 3] = (*vertex).into();
+            return Err(Fault::whole(format!(
+                "vertex {} at ({x}, {y}, {z}) has a coordinate that is no finite number to compute with",
+                number + 1
+            )));
+        }
+        // -0 and 0 are one place.
+        let key: [u64; 3] = vertex.map(|x| (x + 0.0).to_bits()).into();
+        let next = surface.vertices.len() as u32;
+        let welded = *index_of.entry(key).or_insert(next);
+        if welded == next {
+            surface.vertices.push(*vertex);
+        }
+        index.push(welded);
+    }
+    let (mut many_sided, mut degenerate, mut doubled) = (0, 0, 0);
+    let mut seen = BTreeSet::new();
+    let mut rest = raw.corners.as_slice();
+    for &(sides, at) in &raw.polygons {
+        let (polygon, after) = rest
+            .split_at_checked(sides as usize)
+            .ok_or_else(|| Fault::at(at, "the face has fewer corners than it says"))?;
+        rest = after;
+        let corner = |i: usize| -> Result<u32, Fault> {
+            let named = polygon[i] as usize;
+            index.get(named).copied().ok_or_else(|| {
+                let reason = format!("a face names vertex {}, and there are {}", named + 1, index.len());
+                Fault::at(at, reason)
+            })
+        };
+        if sides < 3 {
+            degenerate += 1;
+            continue;
+        }
+        many_sided += usize::from(sides > 3);
+        for i in 2..sides as usize {
+            let triangle = [corner(0)?, corner(i - 1)?, corner(i)?];
+            let [a, b, c] = triangle;
+            if a == b || b == c || c == a {
+                degenerate += 1;
+            } else if seen.insert(turned(triangle)) {
+                surface.triangles.push(triangle);
+            } else {
+                doubled += 1;
+            }
+        }
+    }
+    if surface.triangles.is_empty() {
+        return Err(Fault::whole("the file has no triangle"));
+    }
+    let joined = raw.vertices.len() - surface.vertices.len();
+    // In an STL file every triangle brings its own corners: joining them is reading, not repair.
+    if joined > 0 && raw.vertices.len() != 3 * raw.polygons.len() {
+        notices.push(format!("{joined} vertices at the place of another were joined with it"));
+    }
+    if many_sided > 0 {
+        notices.push(format!("{many_sided} faces of more than three corners were cut into triangles"));
+    }
+    if degenerate > 0 {
+        notices.push(format!("{degenerate} faces of fewer than three different vertices were dropped"));
+    }
+    if doubled > 0 {
+        notices.push(format!("{doubled} triangles that stand in the file twice were dropped"));
+    }
+    let unused = surface.drop_unused();
+    if unused > 0 {
+        notices.push(format!("{unused} vertices that belong to no triangle were dropped"));
+    }
+    Ok(LoadedSurface { surface, notices })
+}
+
+/// The same triangle, its least vertex first.
+fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
+    if a < b && a < c {
+        [a, b, c]
+    } else if b < c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}
+
+impl TriangleSurface {
+    /// Corner positions of triangle `t`.
+    pub fn corners(&self, t: usize) -> [Vector3<f64>; 3] {
+        self.triangles[t].map(|vertex| self.vertices[vertex as usize])
+    }
+
+    /// Removes vertices without a triangle; how many there were.
+    fn drop_unused(&mut self) -> usize {
+        let mut index = vec![u32::MAX; self.vertices.len()];
+        self.triangles.iter().flatten().for_each(|&vertex| index[vertex as usize] = 0);
+        let mut kept = Vec::new();
+        for (vertex, index) in self.vertices.iter().zip(&mut index).filter(|(_, index)| **index == 0) {
+            *index = kept.len() as u32;
+            kept.push(*vertex);
+        }
+        self.triangles.iter_mut().flatten().for_each(|vertex| *vertex = index[*vertex as usize]);
+        let dropped = self.vertices.len() - kept.len();
+        self.vertices = kept;
+        dropped
+    }
+}
