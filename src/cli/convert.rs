@@ -11,8 +11,9 @@ Examples:
   greenstage convert part.msh part.vtu                          for ParaView
   greenstage convert part.msh part.node                         and part.ele beside it
 
-Gmsh and Abaqus files keep regions, their names and node groups; the others only the numbers of regions. What is left
-out or lost is told, a line each. Read are all formats that scenes read: `greenstage manual meshes`.";
+Gmsh and Abaqus files keep regions, their names and node groups; the others only the numbers of
+regions. What is left out or lost is told, a line each. Read are all formats that scenes read:
+`greenstage manual meshes`.";
 
 /// A tetrahedral mesh from one file format to another
 ///

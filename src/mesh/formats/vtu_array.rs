@@ -7,7 +7,7 @@
 use super::vtk::Scalar;
 use super::words::Words;
 use crate::mesh::error::Fault;
-use std::io::Read;
+use std::io::{Cursor, Read};
 
 /// An array as the XML tells of it.
 pub struct Array<'a> {
@@ -190,6 +190,8 @@ impl<'a> Coding<'a> {
             sizes.push(self.length(bytes, at)?);
         }
         bytes.restart();
+        // One for all blocks: its buffers are larger than a small block.
+        let mut decoder = flate2::read::ZlibDecoder::new(Cursor::new(Vec::new()));
         for (i, &size) in sizes.iter().enumerate() {
             let packed = bytes.next(size, at)?;
             let said = if i + 1 == sizes.len() && last > 0 { last } else { block };
@@ -200,7 +202,8 @@ impl<'a> Coding<'a> {
                 );
                 Fault::at(at, reason)
             })?;
-            let mut unpacked = flate2::read::ZlibDecoder::new(packed.as_slice()).take(said);
+            decoder.reset(Cursor::new(packed));
+            let mut unpacked = (&mut decoder).take(said);
             let (mut found, mut chunk) = (0, [0; 4096]);
             loop {
                 let size = unpacked.read(&mut chunk).map_err(|error| {
