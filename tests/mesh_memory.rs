@@ -1,8 +1,6 @@
 //! Counts in a file are never trusted: reading one that promises 10¹⁵ entries costs no more than its bytes do.
 #![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
-#![allow(clippy::unwrap_used, reason = "a test fails by it")]
-
 use greenstage::mesh::{Block, Encoding, block, encode, parse};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
