@@ -1,4 +1,4 @@
-//! Triangle surfaces from files: one format a file, and one line in [`FORMATS`].
+//! Triangle surfaces from files: one format a file, and one line in `FORMATS`.
 //!
 //! In: a file's bytes. Out: a [`TriangleSurface`] whose equal vertices are one, with a notice for everything that was
 //! joined, cut into triangles or left out. The parsers are ours because errors name the line, coordinates keep the
