@@ -111,12 +111,17 @@ mod tests {
             for line in text.lines().filter(|line| line.contains(" = ") && !line.starts_with('#')) {
                 let key = line.split(['.', ' ']).next().unwrap();
                 let or = |name: &str, usual: &str| if key == name { line } else { usual }.to_owned();
-                let mesh = if key == "generate" { line } else { "mesh = \"part.msh\"" };
+                let mesh = match key {
+                    "generate" => line,
+                    "tetrahedralise" => "mesh = \"part.stl\"",
+                    _ => "mesh = \"part.msh\"",
+                };
                 let scene = format!(
-                    "[body.part]\n{mesh}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
+                    "[body.part]\n{mesh}\n{}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
                     or("material", "material = { young = 1.0, poisson = 0.3 }"),
                     or("region", ""),
                     or("solver", ""),
+                    or("tetrahedralise", ""),
                     or("nodes", "nodes = { group = \"left\" }"),
                 );
                 if key != "mesh" {
