@@ -269,3 +269,19 @@ fn what_cannot_be_filled_is_refused_with_a_remedy() {
         0.1,
     );
 }
+
+#[test]
+fn neither_the_unit_nor_the_place_matters() {
+    let shape = torus(1.0, 0.3, 30, 12);
+    let (mesh, _) = fill(shape.clone(), 0.1);
+    let volume = Surface::of(&mesh).volume(&mesh);
+    for (scale, shift) in [(1e-9, 0.0), (1e3, 0.0), (1.0, 1e6)] {
+        let mut moved = shape.clone();
+        moved.vertices.iter_mut().for_each(|v| *v = *v * scale + Vector3::repeat(shift));
+        let (same, _) = fill(moved, 0.1 * scale);
+        let got = Surface::of(&same).volume(&same) / scale.powi(3);
+        assert!((got / volume - 1.0).abs() < 1e-6, "× {scale} + {shift}: {got} against {volume}");
+        let (least, greatest) = dihedral_angles(&same.nodes, &same.tets);
+        assert!(least >= LEAST && greatest <= GREATEST, "{least}° to {greatest}°");
+    }
+}

@@ -111,7 +111,11 @@ mod tests {
             for line in text.lines().filter(|line| line.contains(" = ") && !line.starts_with('#')) {
                 let key = line.split(['.', ' ']).next().unwrap();
                 let or = |name: &str, usual: &str| if key == name { line } else { usual }.to_owned();
-                let mesh = if key == "generate" { line } else { "mesh = \"part.msh\"" };
+                let mesh = match key {
+                    "generate" => line.to_owned(),
+                    "tetrahedralise" => format!("mesh = \"part.stl\"\n{line}"),
+                    _ => "mesh = \"part.msh\"".to_owned(),
+                };
                 let scene = format!(
                     "[body.part]\n{mesh}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
                     or("material", "material = { young = 1.0, poisson = 0.3 }"),

@@ -121,18 +121,18 @@ impl SurfaceReport {
         if let (crowded @ 1.., Some(at)) = (self.crowded_edges, &self.crowded_at) {
             faults.push(format!("{crowded} edges of three triangles or more, the first near {}", place(at)));
         }
-        if let Some(first) = self.intersections.places.first() {
-            let some: Vec<String> = self.intersections.places.iter().take(5).map(place).collect();
+        if self.intersections.pairs > 0 {
+            let some: Vec<String> = self.intersections.places.iter().take(3).map(place).collect();
             faults.push(format!(
                 "it passes through itself: {}{} pairs of triangles, the first {} and {}; near {}",
                 self.intersections.pairs,
                 if self.intersections.is_complete { "" } else { " or more" },
                 self.intersections.first[0],
                 self.intersections.first[1],
-                if some.is_empty() { place(first) } else { some.join(", ") }
+                some.join(", ")
             ));
-        } else if !self.intersections.is_complete {
-            faults
+        }
+        faults
                 .push("so many triangles overlap that the search for self-intersections was given up".into());
         }
         faults
