@@ -7,6 +7,7 @@
 pub mod core;
 mod distance;
 pub mod lattice;
+mod sides;
 mod stencil;
 
 use super::error::MeshError;
@@ -52,12 +53,12 @@ pub fn tetrahedralise(
     let lattice = refuse(surface, report, cell)?;
     notices.extend(report.faults().into_iter().map(|fault| format!("the surface has a fault: {fault}")));
     let depth = Depth::new(surface).map_err(|reason| format!("the surface cannot be used: {reason}"))?;
-    let values: Vec<f64> = (0..lattice.vertices())
+    let mut values: Vec<f64> = (0..lattice.vertices())
         .into_par_iter()
         .with_min_len(256)
         .map(|vertex| depth.at(&lattice.position(lattice.coordinates(vertex))))
         .collect();
-    contradictions(&lattice, &values)?;
+    notices.extend(sides::agree(&lattice, &mut values)?);
     let root = |from: [i64; 3], to: [i64; 3]| {
         let (from, to) = (lattice.position(from), lattice.position(to));
         root(|t| depth.at(&from.lerp(&to, t)))
@@ -121,38 +122,6 @@ fn refuse(surface: &TriangleSurface, report: &SurfaceReport, cell: f64) -> Resul
             1.1 * (2.0 * extent.product() / MAX_VERTICES as f64).cbrt().max(extent.amax() / 1e6)
         )
     })
-}
-
-/// Refuses depths that no surface has: along an edge they change by its length at most.
-fn contradictions(lattice: &Lattice, depth: &[f64]) -> Result<(), String> {
-    // parry's choice of the nearest triangle is good to f32.
-    let slack = 1e-5 * lattice.cell * lattice.cubes.iter().copied().max().unwrap_or(1) as f64;
-    let of_vertex = |vertex: usize| {
-        let from = lattice.coordinates(vertex);
-        lattice::STEPS.iter().filter_map(move |by| {
-            let to = [from[0] + by[0], from[1] + by[1], from[2] + by[2]];
-            let other = lattice.vertex(to).filter(|&other| depth[other] < 0.0)?;
-            let length = (lattice.position(to) - lattice.position(from)).norm();
-            (depth[vertex] - depth[other] > length + slack).then(|| lattice.position(from))
-        })
-    };
-    let found: Vec<Vector3<f64>> = (0..lattice.vertices())
-        .into_par_iter()
-        .filter(|&vertex| depth[vertex] > 0.0)
-        .flat_map_iter(of_vertex)
-        .collect();
-    let Some(at) = found.first() else {
-        return Ok(());
-    };
-    Err(format!(
-        "inside and outside contradict each other at {} places, the first near ({:.6}, {:.6}, {:.6}): bodies that \
-         overlap, or a surface that passes through itself by more than half a cell. Join the bodies where they were \
-         made, or let a mesher that repairs do both: `greenstage manual meshes` shows the command",
-        found.len(),
-        at.x,
-        at.y,
-        at.z
-    ))
 }
 
 /// A zero between 0, where `f` is positive, and 1, where it is negative: false position with the Illinois weights
