@@ -260,6 +260,11 @@ fn what_cannot_be_filled_is_refused_with_a_remedy() {
     for cell in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300] {
         refused(cuboid([1.0; 3]), cell);
     }
+    // Two bodies that overlap.
+    let (mut both, other) = (cuboid([1.0; 3]), cuboid([0.5, 0.5, 2.0]));
+    both.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + 8)));
+    both.vertices.extend(other.vertices);
+    assert!(refused(both, 0.06).contains("inside and outside contradict"));
     // Flat: no volume.
     refused(
         surface(
@@ -268,4 +273,22 @@ fn what_cannot_be_filled_is_refused_with_a_remedy() {
         ),
         0.1,
     );
+}
+
+#[test]
+fn neither_the_unit_nor_the_place_matters() {
+    // Turned, so that no lattice vertex lies on it and rounding decides nothing.
+    let mut shape = torus(1.0, 0.3, 30, 12);
+    shape.vertices.iter_mut().for_each(|v| *v = Rotation3::from_euler_angles(0.3, 0.7, 1.1) * *v);
+    let (mesh, _) = fill(shape.clone(), 0.1);
+    let volume = Surface::of(&mesh).volume(&mesh);
+    for (scale, shift) in [(1e-9, 0.0), (1e3, 0.0), (1.0, 1e6)] {
+        let mut moved = shape.clone();
+        moved.vertices.iter_mut().for_each(|v| *v = *v * scale + Vector3::repeat(shift));
+        let (same, _) = fill(moved, 0.1 * scale);
+        let got = Surface::of(&same).volume(&same) / scale.powi(3);
+        assert!((got / volume - 1.0).abs() < 1e-6, "× {scale} + {shift}: {got} against {volume}");
+        let (least, greatest) = dihedral_angles(&same.nodes, &same.tets);
+        assert!(least >= LEAST && greatest <= GREATEST, "{least}° to {greatest}°");
+    }
 }

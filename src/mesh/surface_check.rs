@@ -49,7 +49,9 @@ pub struct Hole {
     pub at: [f64; 3],
 }
 
-/// A shell inside so many others is not looked at any more.
+/// Vertices of a shell that are asked whether they lie inside another.
+const SAMPLES: usize = 16;
+/// After so many solid angles no shell is looked at any more.
 const MOST_SOLID_ANGLES: usize = 50_000_000;
 
 /// Turns the triangles of every shell one way, outward or into a cavity, and reports what is left. What was turned is
@@ -121,19 +123,16 @@ impl SurfaceReport {
         if let (crowded @ 1.., Some(at)) = (self.crowded_edges, &self.crowded_at) {
             faults.push(format!("{crowded} edges of three triangles or more, the first near {}", place(at)));
         }
-        if let Some(first) = self.intersections.places.first() {
-            let some: Vec<String> = self.intersections.places.iter().take(5).map(place).collect();
+        if self.intersections.pairs > 0 {
+            let some: Vec<String> = self.intersections.places.iter().take(3).map(place).collect();
             faults.push(format!(
                 "it passes through itself: {}{} pairs of triangles, the first {} and {}; near {}",
                 self.intersections.pairs,
                 if self.intersections.is_complete { "" } else { " or more" },
                 self.intersections.first[0],
                 self.intersections.first[1],
-                if some.is_empty() { place(first) } else { some.join(", ") }
+                some.join(", ")
             ));
-        } else if !self.intersections.is_complete {
-            faults
-                .push("so many triangles overlap that the search for self-intersections was given up".into());
         }
         faults
     }
@@ -294,18 +293,27 @@ fn turn_shells(
     let mut budget = MOST_SOLID_ANGLES;
     let mut turned = Vec::new();
     for (s, triangles) in members.iter().enumerate() {
-        let point = surface.corners(triangles[0])[0];
-        let mut depth = 0;
-        for (o, others) in members.iter().enumerate() {
-            let (low, high) = &boxes[o];
-            let within = (0..3).all(|axis| low[axis] <= point[axis] && point[axis] <= high[axis]);
-            if o == s || !within || others.len() > budget {
-                continue;
+        let (mut deep, mut looked) = (0, 0);
+        let mut vertices: Vec<u32> = triangles.iter().flat_map(|&t| surface.triangles[t]).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        for &vertex in vertices.iter().step_by(vertices.len().div_ceil(SAMPLES).max(1)) {
+            let point = surface.vertices[vertex as usize];
+            let mut depth = 0;
+            for (o, others) in members.iter().enumerate() {
+                let (low, high) = &boxes[o];
+                let within = (0..3).all(|axis| low[axis] <= point[axis] && point[axis] <= high[axis]);
+                if o == s || !within || others.len() > budget {
+                    continue;
+                }
+                budget -= others.len();
+                depth += usize::from(winding(surface, others, &point).abs() > 0.5);
             }
-            budget -= others.len();
-            depth += usize::from(winding(surface, others, &point).abs() > 0.5);
+            looked += 1;
+            deep += depth % 2;
         }
-        shells[s].is_cavity = depth % 2 == 1;
+        // A shell that passes through another lies inside it with some of its vertices only.
+        shells[s].is_cavity = deep == looked;
         if (shells[s].volume < 0.0) != shells[s].is_cavity {
             shells[s].volume = -shells[s].volume;
             triangles.iter().for_each(|&t| surface.triangles[t].swap(1, 2));

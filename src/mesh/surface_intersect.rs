@@ -23,8 +23,9 @@ pub struct Intersections {
     pub places: Vec<[f64; 3]>,
 }
 
-/// Pairs of overlapping boxes that are looked at, per triangle on the average, before the search is given up.
-const MOST_PAIRS: usize = 400;
+/// Overlapping boxes that are looked at for one triangle, and pairs that are counted, before the search is given up.
+const MOST_NEIGHBOURS: usize = 10_000;
+const MOST_PAIRS: usize = 100_000;
 const MOST_PLACES: usize = 20;
 
 pub fn intersections(surface: &TriangleSurface) -> Intersections {
@@ -44,38 +45,31 @@ pub fn intersections(surface: &TriangleSurface) -> Intersections {
         })
         .collect();
     let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-    let per_triangle = |t: usize| -> (Vec<(usize, usize, [f64; 3])>, bool) {
-        let mut found = Vec::new();
-        for (looked, other) in tree.intersect_aabb(&boxes[t]).enumerate() {
-            if looked > MOST_PAIRS * 25 {
-                return (found, false);
-            }
-            let other = other as usize;
-            if let Some(at) = (other > t).then(|| cross(surface, t, other)).flatten() {
-                found.push((t, other, at.into()));
-            }
-        }
-        found.sort_by_key(|pair| pair.1);
-        (found, true)
+    let partners = |t: usize| -> Vec<usize> {
+        let near = tree.intersect_aabb(&boxes[t]).take(MOST_NEIGHBOURS).map(|other| other as usize);
+        let mut found: Vec<usize> =
+            near.filter(|&other| other > t && cross(surface, t, other).is_some()).collect();
+        found.sort_unstable();
+        found
     };
     let mut result = Intersections { is_complete: true, ..Intersections::default() };
     // In portions, so that a file of overlapping triangles is given up early.
     let all: Vec<usize> = (0..surface.triangles.len()).collect();
-    for portion in all.chunks(4096) {
-        let rows: Vec<_> = portion.par_iter().map(|&t| per_triangle(t)).collect();
-        for (pairs, complete) in rows {
-            result.is_complete &= complete;
-            for (a, b, at) in pairs {
+    for portion in all.chunks(256) {
+        let rows: Vec<Vec<usize>> = portion.par_iter().map(|&t| partners(t)).collect();
+        for (t, others) in portion.iter().zip(rows) {
+            for other in others {
                 if result.pairs == 0 {
-                    result.first = [a, b];
+                    result.first = [*t, other];
                 }
                 result.pairs += 1;
-                if result.places.len() < MOST_PLACES {
-                    result.places.push(at);
+                if let (true, Some(at)) = (result.places.len() < MOST_PLACES, cross(surface, *t, other)) {
+                    result.places.push(at.into());
                 }
             }
         }
-        if !result.is_complete {
+        if result.pairs > MOST_PAIRS {
+            result.is_complete = false;
             break;
         }
     }

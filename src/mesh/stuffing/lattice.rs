@@ -40,7 +40,8 @@ impl Lattice {
     pub fn around(low: &Vector3<f64>, high: &Vector3<f64>, cell: f64, most: usize) -> Option<Lattice> {
         let mut cubes = [0; 3];
         for axis in 0..3 {
-            let count = ((high[axis] - low[axis]) / cell).ceil() + 2.0;
+            // A body of whole cells must not get one more where its coordinates are rounded.
+            let count = ((high[axis] - low[axis]) / cell - 1e-6).ceil() + 2.0;
             // Also refuses what is not a number.
             if !(count >= 2.0 && count < most as f64) {
                 return None;

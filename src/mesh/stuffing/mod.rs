@@ -7,6 +7,7 @@
 pub mod core;
 mod distance;
 pub mod lattice;
+mod sides;
 mod stencil;
 
 use super::error::MeshError;
@@ -52,11 +53,12 @@ pub fn tetrahedralise(
     let lattice = refuse(surface, report, cell)?;
     notices.extend(report.faults().into_iter().map(|fault| format!("the surface has a fault: {fault}")));
     let depth = Depth::new(surface).map_err(|reason| format!("the surface cannot be used: {reason}"))?;
-    let values: Vec<f64> = (0..lattice.vertices())
+    let mut values: Vec<f64> = (0..lattice.vertices())
         .into_par_iter()
         .with_min_len(256)
         .map(|vertex| depth.at(&lattice.position(lattice.coordinates(vertex))))
         .collect();
+    notices.extend(sides::agree(&lattice, &mut values)?);
     let root = |from: [i64; 3], to: [i64; 3]| {
         let (from, to) = (lattice.position(from), lattice.position(to));
         root(|t| depth.at(&from.lerp(&to, t)))
