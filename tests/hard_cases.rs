@@ -114,10 +114,10 @@ fn against_backwards(name: &str, extra: &str) -> f64 {
 #[test]
 fn poissons_ratio() {
     for (poisson, limit, warned) in [
-        (0.3, 1e-13, false),
-        (-0.5, 1e-13, false),
+        (0.3, 4e-14, false),
+        (-0.5, 8e-14, false),
         (-0.99, 1e-13, false),
-        (0.49, 1e-12, true),
+        (0.49, 2.5e-13, true),
         (0.499999, 1e-9, true),
     ] {
         let extra = format!("material = {{ young = 1.0e6, poisson = {poisson} }}\n");
@@ -175,7 +175,7 @@ fn contrast_of_a_held_half_and_soft_inclusions() {
         let extra = format!("region.2 = {{ young = {:e}, poisson = 0.3 }}\n", 1e6 * contrast);
         let error = against_pcg(&format!("soft{contrast:e}"), &inclusion, &extra);
         println!("case 7  soft inclusion {contrast:.0e}: Cholesky against PCG {error:.1e}");
-        assert!(error < 1e-9, "{contrast:e}: {error:e}");
+        assert!(error < 2e-13, "{contrast:e}: {error:e}");
     }
 }
 
@@ -189,7 +189,7 @@ fn floating_stiff_inclusion() {
         scene_of(&format!("floating{contrast:e}"), &inclusion, &extra, ENDS)
     };
     let reference = solve(&scene(1e4)).unwrap();
-    for (contrast, limit) in [(1e5, 1e-3), (1e8, 1e-3), (1e10, 1e-3)] {
+    for (contrast, limit) in [(1e5, 5e-4), (1e8, 5e-4), (1e10, 5e-4)] {
         let solution = solve(&scene(contrast)).unwrap();
         let error = difference(&solution, &reference, |_| 1.0);
         println!(
@@ -230,7 +230,7 @@ fn slivers_are_named_and_flat_tetrahedra_refused() {
             "case 8  sliver of height {height:.0e}: handle stiffness changes by {change:.1e}, residual {:.1e}",
             solution.stats.worst_residual()
         );
-        assert!(change < 0.02 && solution.stats.worst_residual() < 1e-9);
+        assert!(change < 5e-4 && solution.stats.worst_residual() < 4e-10);
         assert_eq!(has(&findings(&scene), Severity::Warning, "slivers"), height < 1e-3);
     }
     refused(&scene_of("flat", &squeezed(0.0), "", ENDS), "no volume");
@@ -332,7 +332,7 @@ fn few_and_flat_supports() {
         solution.controls[0].nodes.len(),
         solution.stats.worst_residual()
     );
-    assert!(solution.stats.worst_residual() < 1e-9);
+    assert!(solution.stats.worst_residual() < 1e-12);
 
     let planar = solve(&scene_of("planar", &base(), "", ENDS)).unwrap();
     assert!(planar.controls.iter().all(|control| control.rank == 2 && control.independent_fields() == 9));
@@ -362,7 +362,7 @@ fn units_and_places_do_not_matter() {
         println!("case 21 unit {unit:.0e} m: {error:.1e}");
         assert!(error < 1e-13, "{unit:e}: {error:e}");
     }
-    for (offset, limit) in [(1e3, 1e-11), (1e6, 1e-8), (1e9, 1e-5)] {
+    for (offset, limit) in [(1e3, 1e-12), (1e6, 1e-9), (1e9, 1e-6)] {
         let scene = scene_of(&format!("offset{offset:e}"), &scaled(1.0, offset), "", ENDS);
         let error = difference(&solve(&scene).unwrap(), &reference, |_| 1.0);
         println!("case 22 moved by {offset:.0e} m: {error:.1e}");
