@@ -210,6 +210,7 @@ fn finish<const N: usize>(
         groups: groups.names.into_iter().map(str::to_owned).zip(groups.nodes).collect(),
         nodes,
         tets,
+        mids: Vec::new(),
     };
     for tet in 0..mesh.tets.len() {
         let volume = signed_volume(&mesh.corners(tet));

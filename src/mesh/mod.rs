@@ -34,6 +34,9 @@ pub struct TetMesh {
     /// The node's number in its file, unique; 1-based for generated meshes.
     pub tags: Vec<u64>,
     pub tets: Vec<[u32; 4]>,
+    /// Of a quadratic mesh: per tetrahedron the nodes between its corners, on the edges of [`EDGES`]. Empty for a
+    /// linear one.
+    pub mids: Vec<[u32; 6]>,
     /// Region (physical volume) per tetrahedron; 0 where the file names none.
     pub regions: Vec<u32>,
     pub region_names: BTreeMap<u32, String>,
@@ -47,6 +50,9 @@ impl TetMesh {
         self.tets[tet].map(|node| self.nodes[node as usize])
     }
 }
+
+/// The edges of a tetrahedron by its corners, in Gmsh's order of the nodes between them.
+pub const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [2, 3], [1, 3]];
 
 /// A mesh from a file, and what was repaired or left out on the way, one sentence each.
 #[derive(Clone, Debug, PartialEq)]
