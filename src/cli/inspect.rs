@@ -176,7 +176,7 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &file.meta.bodies {
         text.push_str(&format!(
             "\nbody {name}: mesh of {} nodes and {} {}, surface {} nodes and {} triangles\n  solver {}, \
-             worst relative residual {:.1e}{}{}\n  stored as {}\n  fingerprint {}\n",
+             worst relative residual {:.1e}{}{}\n  stored as {}: at most {:.1e} of each field's largest displacement\n  fingerprint {}\n",
             body.mesh_nodes,
             body.mesh_tets,
             body.element,
@@ -189,7 +189,8 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
                 .map(|e| format!(", forward error at most {e:.1e}"))
                 .unwrap_or_default(),
             body.accuracy.asymmetry.map(|a| format!(", asymmetry of S {a:.1e}")).unwrap_or_default(),
-            body.accuracy.storage,
+            body.accuracy.storage.name(),
+            body.accuracy.storage_error,
             body.fingerprint,
         ));
         for control in &body.controls {

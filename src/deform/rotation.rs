@@ -181,7 +181,7 @@ mod tests {
         let mut model = (ENTRY.make)(&controls());
         let mut u = SurfaceDisplacements::zeros(1);
         let empty = [0.0; 36];
-        let columns = Columns { elements: vec![&empty, &empty] };
+        let columns = Columns { elements: vec![crate::green::Basis::F32(&empty); 2] };
         let stats = model.evaluate(&columns, &rigid(rotation, shift), &mut u);
         assert!(stats.coefficients.as_flattened().iter().all(|c| c.abs() < 1e-14), "{stats:?}");
         let x = nalgebra::Point3::new(0.5, 0.1, -0.3);

@@ -10,6 +10,7 @@ mod control;
 mod file;
 mod fingerprint;
 mod prepare;
+mod storage;
 
 pub use crate::mesh::trouble::Severity;
 pub use basis::{Precomputed, Solution, StepTimes, precompute, solve};
@@ -18,6 +19,7 @@ pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;
 pub use prepare::{Prepared, prepare};
+pub use storage::{Basis, Stored, half_to_single};
 
 use crate::fem::AssemblyError;
 use crate::scene::SceneError;
