@@ -94,6 +94,31 @@ fn compact_columns_are_as_exact_as_their_file_says() {
 }
 
 #[test]
+fn packed_files_unpack_to_the_same_bytes_and_damage_is_told() {
+    let (path, _) = written("green-packed", HAPTICS);
+    let (small, back) = (green::packed_path(&path), path.with_extension("back.green"));
+    let (whole, packed) = green::pack(&path, &small).unwrap();
+    assert_eq!(whole, std::fs::metadata(&path).unwrap().len());
+    assert!(packed < whole && packed == std::fs::metadata(&small).unwrap().len());
+    assert_eq!(green::unpack(&small, &back).unwrap(), whole);
+    assert!(std::fs::read(&path).unwrap() == std::fs::read(&back).unwrap());
+    let bytes = std::fs::read(&small).unwrap();
+    for at in (0..bytes.len()).step_by(7) {
+        let mut copy = bytes.clone();
+        copy[at] ^= 0x10;
+        std::fs::write(&small, &copy).unwrap();
+        // A flipped bit in a skippable place may leave the content as it was.
+        match green::unpack(&small, &back) {
+            Ok(_) => assert!(std::fs::read(&path).unwrap() == std::fs::read(&back).unwrap(), "byte {at}"),
+            Err(error) => assert!(error.to_string().contains("does not unpack"), "{error}"),
+        }
+    }
+    std::fs::write(&small, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(green::unpack(&small, &path).unwrap_err().to_string().contains("does not unpack"));
+    assert!(GreenFile::open(&path).is_ok(), "what was there stays");
+}
+
+#[test]
 fn same_scene_gives_the_same_bytes() {
     let (one, _) = written("green-same-1", HAPTICS);
     let (two, _) = written("green-same-2", HAPTICS);

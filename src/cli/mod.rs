@@ -10,6 +10,7 @@ mod deform;
 mod failure;
 mod inspect;
 mod manual;
+mod pack;
 mod picture;
 mod poses;
 mod precompute;
@@ -55,6 +56,7 @@ pub enum Command {
     Inspect(inspect::Args),
     Check(check::Args),
     Convert(convert::Args),
+    Pack(pack::Args),
     Manual(manual::Args),
 }
 
@@ -72,6 +74,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
+        Some(Command::Pack(args)) => pack::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }

@@ -65,6 +65,11 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
         return Ok(Arc::new(fresh(scene, path)??));
     }
     let path = green_path(scene);
+    let shipped = green::packed_path(&path);
+    if !path.exists() && shipped.exists() {
+        eprintln!("{} is unpacked", shipped.display());
+        green::unpack(&shipped, &path).map_err(|error| unwritable(error, &path))?;
+    }
     let reason = match fresh(scene, &path)? {
         Ok(file) => return Ok(Arc::new(file)),
         Err(GreenError::Stale { .. }) => "is stale (the scene, its mesh or the program changed)",

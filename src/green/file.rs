@@ -5,7 +5,7 @@
 //! metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the file as it is.
 
 use super::{Basis, FIELDS, GreenError, Needs, Precomputed, Stored};
-use crate::mesh::quality;
+use crate::mesh::{self, quality};
 use crate::scene::Storage;
 use memmap2::Mmap;
 use nalgebra::{DMatrix, Vector3};
@@ -116,15 +116,7 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
         meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
     }
     let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(failed)?;
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.prefix(".green-").tempfile_in(folder).map_err(failed)?;
-    file.write_all(&bytes).map_err(failed)?;
-    file.as_file().sync_all().map_err(failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
+    mesh::write_atomically(path, |file| file.write_all(&bytes)).map_err(failed)?;
     Ok(bytes.len() as u64)
 }
 

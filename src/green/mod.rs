@@ -9,6 +9,7 @@ mod check;
 mod control;
 mod file;
 mod fingerprint;
+mod pack;
 mod prepare;
 mod storage;
 
@@ -18,6 +19,7 @@ pub use check::Finding;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;
+pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, prepare};
 pub use storage::{Basis, Stored, half_to_single};
 
