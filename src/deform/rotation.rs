@@ -6,7 +6,7 @@
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats, Superposition,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelEntry, ModelStats, Superposition,
     SurfaceDisplacements,
 };
 use crate::green::Needs;
@@ -16,14 +16,14 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "rotation",
     summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
     needs: Needs { stiffness: false },
-    make: |controls: &[ControlRest]| {
+    kind: Kind::Online(|controls: &[ControlRest]| {
         Box::new(Rotation {
             controls: controls.to_vec(),
             sum: Superposition::new(controls.len()),
             last: Rotation3::identity(),
             turns: None,
         })
-    },
+    }),
 };
 
 /// The mean rotation is not defined where σ₂ + σ₃ of A vanishes (two elements half a turn apart); below this part
@@ -131,7 +131,7 @@ fn weights(controls: &[ControlRest]) -> Vec<f64> {
 }
 
 /// The rotation nearest to A.
-fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+pub(super) fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
     stationary(a).map(|[nearest, ..]| nearest)
 }
 

@@ -5,13 +5,19 @@
 
 mod assembly;
 mod fields;
+mod hyperelastic;
 mod material;
 mod partition;
 mod stiffness;
+mod stvk;
 pub mod tet4;
 
-pub use assembly::{AssemblyError, assemble};
+pub use assembly::{AssemblyError, Elements, assemble, assemble_elements};
 pub use fields::NodeFields;
+pub use hyperelastic::{Hyperelastic, Law, Tangent};
 pub use material::Lame;
 pub use partition::Partition;
 pub use stiffness::StiffnessMatrix;
+
+/// The laws of large strain; a new one is one file and one line here.
+pub const LAWS: &[&Law] = &[&stvk::STVK];
