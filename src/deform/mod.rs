@@ -109,3 +109,11 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
         .find(|entry| entry.name == name)
         .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
 }
+
+/// Why a model of [`Kind::Static`] cannot be shown, and the remedy.
+pub fn not_online(body: &str, model: &str) -> String {
+    format!(
+        "body.{body}.model: \"{model}\" is solved anew for every pose and has no place in a frame: `greenstage deform` \
+         alone takes it; write model = \"rotation\" or \"linear\" to see and move the body"
+    )
+}

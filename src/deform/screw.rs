@@ -11,7 +11,7 @@
 //! body, they do so on the whole way.
 
 use super::rotation::polar;
-use super::{ControlPose, ControlPoses};
+use super::ControlPose;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// A pose as a screw motion and a stretch; all zero at rest.
@@ -54,7 +54,7 @@ impl Screw {
         Screw {
             turn: self.turn.lerp(&other.turn, share),
             slide: self.slide.lerp(&other.slide, share),
-            stretch: self.stretch.lerp(&other.stretch, share),
+            stretch: self.stretch * (1.0 - share) + other.stretch * share,
         }
     }
 }

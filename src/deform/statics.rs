@@ -8,7 +8,7 @@ use super::{ControlPose, ControlPoses, Kind, ModelEntry, Screw, Wrench};
 use crate::fem::{Hyperelastic, LAWS, Lame, Law, NodeFields, Partition, tet4};
 use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::{Method, Scene};
+use crate::scene::{Element, Method, Scene};
 use crate::solve::{Counts, Equilibrium, Newton, NewtonError, Progress, Setback, SolveError, Symbolic};
 use nalgebra::{Matrix3, Vector3};
 
@@ -116,12 +116,12 @@ impl Statics {
             let message = format!("model \"{}\" factorises its tangent: write \"cholesky\"", law.name);
             return refuse("solver.method", message);
         }
+        if scene.body[name].element != Element::Tet4 {
+            return refuse("element", format!("model \"{}\" is for linear tetrahedra: write \"tet4\"", law.name));
+        }
         let prepared = green::prepare(scene, name)?;
         green::refuse(scene, &prepared.findings)?;
         let Prepared { mesh, controls, lame, findings } = prepared;
-        if !mesh.mids.is_empty() {
-            return refuse("element", format!("model \"{}\" has linear tetrahedra only: write \"tet4\"", law.name));
-        }
         let place = format!("{}: body.{name}", scene.path.display());
         let geometry = tet4::Tetrahedra::new(&mesh, &lame)
             .map_err(|source| GreenError::Assembly { body: place, source })?
