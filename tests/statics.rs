@@ -74,7 +74,9 @@ fn compare(name: &str) -> Option<[f64; 3]> {
     let energies: BTreeMap<_, _> = rows(&folder.join("expected.energy.csv")).into_iter().collect();
     let mut worst = [0.0f64; 3];
     println!("{name}: {} nodes, {} tetrahedra", statics.mesh.nodes.len(), statics.mesh.tets.len());
-    println!("  pose       displacement   energy    force   residual  steps halved factors  least det F  seconds");
+    println!(
+        "  pose       displacement   energy    force   residual  steps halved factors  least det F  seconds"
+    );
     for (pose, control) in &poses {
         let started = std::time::Instant::now();
         let settled = statics.solve(control, &Silent).unwrap();
@@ -118,5 +120,48 @@ fn tube_and_beam_match_the_independent_solutions() {
     for name in ["tube_stvk", "beam_stvk"] {
         let Some(worst) = compare(name) else { continue };
         assert!(worst.iter().all(|worst| *worst < 1e-8), "{name}: {worst:?}");
+    }
+}
+
+#[test]
+fn experiment_twist() {
+    let Some(folder) = shared("cases/tube_stvk") else { return };
+    let (mut statics, poses) = case(&folder);
+    let moved = poses[0].1.iter().position(|pose| *pose != ControlPose::REST).unwrap();
+    for degrees in [90.0f64, 100., 110., 120., 130., 140., 150., 160., 170., 175.0, 180.0] {
+        let mut pose = vec![ControlPose::REST; 2];
+        pose[moved].matrix = *Rotation3::from_axis_angle(&Vector3::z_axis(), degrees.to_radians()).matrix();
+        match statics.solve(&pose, &Silent) {
+            Ok(s) => println!(
+                "{degrees}: W {} least {:?} inverted {} {:?} res {:.1e}",
+                s.energy,
+                s.least_det,
+                s.inverted.len(),
+                s.counts,
+                s.residual
+            ),
+            Err(e) => println!("{degrees}: {e}"),
+        }
+    }
+}
+
+#[test]
+fn experiment_compress() {
+    let mut statics = Statics::new(&block_scene([4, 4, 4], ""), "block", law("stvk"), &Silent).unwrap();
+    for height in [0.9, 0.8, 0.7, 0.68, 0.66, 0.64, 0.62, 0.6, 0.55, 0.5] {
+        let mut pose = vec![ControlPose::REST; 2];
+        pose[0].translation.x = height - 1.0;
+        match statics.solve(&pose, &Silent) {
+            Ok(s) => println!(
+                "{height}: W {} f {} least {:?} inverted {} {:?} res {:.1e}",
+                s.energy,
+                s.wrenches[0].force.x,
+                s.least_det,
+                s.inverted.len(),
+                s.counts,
+                s.residual
+            ),
+            Err(e) => println!("{height}: {e}"),
+        }
     }
 }

@@ -16,6 +16,7 @@ mod precompute;
 mod progress;
 mod render;
 mod session;
+mod statics;
 mod table;
 mod view;
 mod world;

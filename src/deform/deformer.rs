@@ -1,8 +1,8 @@
 //! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelStats, SurfaceDisplacements,
-    Wrench, find_model, not_online, vertex_normals, wrenches,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelStats,
+    SurfaceDisplacements, Wrench, find_model, not_online, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, Vector3};
@@ -47,7 +47,7 @@ impl Deformer {
             .get(body)
             .ok_or_else(|| format!("{}: holds no body \"{body}\"", file.path.display()))?;
         let Kind::Online(make) = find_model(model)?.kind else {
-            return Err(not_online(body, model));
+            return Err(format!("body.{body}.model: {}", not_online(model)));
         };
         let controls: Vec<ControlRest> = meta
             .controls

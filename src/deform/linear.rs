@@ -3,8 +3,8 @@
 //! Exact for the linear theory of elasticity, which holds for small rotations of the control elements.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelEntry, ModelStats, Superposition,
-    SurfaceDisplacements,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelEntry, ModelStats,
+    Superposition, SurfaceDisplacements,
 };
 use crate::green::Needs;
 use nalgebra::Isometry3;

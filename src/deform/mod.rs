@@ -100,7 +100,13 @@ pub struct ControlRest {
 }
 
 /// All models; a new one is one file and one line here.
-pub const MODELS: &[ModelEntry] = &[linear::ENTRY, rotation::ENTRY, statics::STVK];
+pub const MODELS: &[ModelEntry] = &[
+    linear::ENTRY,
+    rotation::ENTRY,
+    statics::STVK_ENTRY,
+    statics::NEO_HOOKEAN_ENTRY,
+    statics::COROTATIONAL_ENTRY,
+];
 
 /// The model called `name`, or what there is instead.
 pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
@@ -111,9 +117,9 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
 }
 
 /// Why a model of [`Kind::Static`] cannot be shown, and the remedy.
-pub fn not_online(body: &str, model: &str) -> String {
+pub fn not_online(model: &str) -> String {
     format!(
-        "body.{body}.model: \"{model}\" is solved anew for every pose and has no place in a frame: `greenstage deform` \
-         alone takes it; write model = \"rotation\" or \"linear\" to see and move the body"
+        "\"{model}\" is solved anew for every pose, which takes longer than a frame: `greenstage deform` alone takes it; \
+         write model = \"rotation\" or \"linear\" to see and move the body"
     )
 }

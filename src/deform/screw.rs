@@ -10,8 +10,8 @@
 //! (ω, v, S) no part of the way is flattened, as it is on that in (T, M), and if all control elements move as one rigid
 //! body, they do so on the whole way.
 
-use super::rotation::polar;
 use super::ControlPose;
+use super::rotation::polar;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// A pose as a screw motion and a stretch; all zero at rest.
@@ -98,7 +98,8 @@ mod tests {
 
     #[test]
     fn elements_that_move_as_one_do_so_on_the_whole_way() {
-        let (rotation, shift) = (Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 2.0)), Vector3::new(0.3, -2.0, 0.7));
+        let (rotation, shift) =
+            (Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 2.0)), Vector3::new(0.3, -2.0, 0.7));
         let part_of = |origin: Vector3<f64>| {
             let pose =
                 ControlPose { translation: rotation * origin + shift - origin, matrix: *rotation.matrix() };

@@ -5,19 +5,27 @@
 //! while [`Newton`] keeps the others in equilibrium. What the other models are measured against; too slow for a frame.
 
 use super::{ControlPose, ControlPoses, Kind, ModelEntry, Screw, Wrench};
-use crate::fem::{Hyperelastic, LAWS, Lame, Law, NodeFields, Partition, tet4};
+use crate::fem::{COROTATIONAL, Hyperelastic, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::{Element, Method, Scene};
+use crate::scene::{Body, Element, Method, Scene, SceneError};
 use crate::solve::{Counts, Equilibrium, Newton, NewtonError, Progress, Setback, SolveError, Symbolic};
 use nalgebra::{Matrix3, Vector3};
 
-pub(super) const STVK: ModelEntry = ModelEntry {
-    name: "stvk",
-    summary: "St. Venant–Kirchhoff statics, large rotations and small strain: `deform` only, no Green's functions",
-    needs: Needs { stiffness: false },
-    kind: Kind::Static(LAWS[0]),
-};
+pub(super) const STVK_ENTRY: ModelEntry = entry(
+    &STVK,
+    "method 1a, `deform` only: St. Venant–Kirchhoff statics, right for large rotations and small strain",
+);
+pub(super) const NEO_HOOKEAN_ENTRY: ModelEntry =
+    entry(&NEO_HOOKEAN, "method 1a, `deform` only: neo-Hookean statics, which bear compression");
+pub(super) const COROTATIONAL_ENTRY: ModelEntry = entry(
+    &COROTATIONAL,
+    "method 1b, `deform` only: corotational statics, Hooke's law in every element's own frame",
+);
+
+const fn entry(law: &'static Law, summary: &'static str) -> ModelEntry {
+    ModelEntry { name: law.name, summary, needs: Needs { stiffness: false }, kind: Kind::Static(law) }
+}
 
 /// No load step turns a control element by more, rad, …
 const TURN: f64 = std::f64::consts::PI / 6.0;
@@ -68,7 +76,7 @@ pub enum StaticsError {
     #[error(
         "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}; there, the least det F is {:.3} (in the \
          tetrahedron with nodes {tags:?}) and {} of {tets} tetrahedra are inverted. {}",
-        100.0 * share, explain(*why), settled.least_det.0, settled.inverted.len(), remedy(*why)
+        100.0 * share, explain(*why), settled.least_det.0, settled.inverted.len(), remedy(*why, law)
     )]
     Stopped {
         /// The last state that was found.
@@ -76,6 +84,7 @@ pub enum StaticsError {
         share: f64,
         from: &'static str,
         why: Setback,
+        law: &'static Law,
         /// Of the corners of the tetrahedron with the least det F.
         tags: [u64; 4],
         tets: usize,
@@ -84,23 +93,39 @@ pub enum StaticsError {
 
 fn explain(why: Setback) -> &'static str {
     match why {
-        Setback::Unstable => "the tangent stiffness is no longer positive definite, the body snaps or buckles",
+        Setback::Unstable => {
+            "the tangent stiffness is no longer positive definite, the body snaps or buckles"
+        }
         Setback::NoDescent => "no step lowers the energy any more",
         Setback::Slow => "Newton's iteration does not converge",
     }
 }
 
-fn remedy(why: Setback) -> &'static str {
+fn remedy(why: Setback, law: &Law) -> &'static str {
     match why {
         Setback::Slow => "Look for slivers and large contrasts of stiffness (`greenstage check`)",
-        Setback::Unstable | Setback::NoDescent => {
-            "St. Venant–Kirchhoff material gives way under compression, a bar at 58 % of its length: compress or shear \
-             less, refine where it folds, or take model = \"rotation\""
-        }
+        Setback::Unstable | Setback::NoDescent => law.remedy,
     }
 }
 
 impl Statics {
+    /// Refuses what these models do not have.
+    pub fn suits(scene: &Scene, name: &str, law: &Law) -> Result<(), SceneError> {
+        let Body { element, solver, .. } = &scene.body[name];
+        let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
+        if *element != Element::Tet4 {
+            let message =
+                format!("model \"{}\" is for linear tetrahedra: write element = \"tet4\"", law.name);
+            return wrong("element", message);
+        }
+        if solver.method != Method::Cholesky {
+            let message =
+                format!("model \"{}\" factorises its tangent: write method = \"cholesky\"", law.name);
+            return wrong("solver", message);
+        }
+        Ok(())
+    }
+
     /// Body `name` of the scene under `law`, whatever the scene's own model is. Errors where the scene is refused, or
     /// asks for what these models do not have.
     pub fn new(
@@ -109,16 +134,7 @@ impl Statics {
         law: &'static Law,
         progress: &dyn Progress,
     ) -> Result<Statics, StaticsError> {
-        let refuse = |key: &str, message: String| {
-            Err(StaticsError::Green(scene.invalid(&format!("body.{name}.{key}"), message).into()))
-        };
-        if scene.body[name].solver.method != Method::Cholesky {
-            let message = format!("model \"{}\" factorises its tangent: write \"cholesky\"", law.name);
-            return refuse("solver.method", message);
-        }
-        if scene.body[name].element != Element::Tet4 {
-            return refuse("element", format!("model \"{}\" is for linear tetrahedra: write \"tet4\"", law.name));
-        }
+        Statics::suits(scene, name, law).map_err(GreenError::Scene)?;
         let prepared = green::prepare(scene, name)?;
         green::refuse(scene, &prepared.findings)?;
         let Prepared { mesh, controls, lame, findings } = prepared;
@@ -126,7 +142,8 @@ impl Statics {
         let geometry = tet4::Tetrahedra::new(&mesh, &lame)
             .map_err(|source| GreenError::Assembly { body: place, source })?
             .geometry;
-        let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
+        let partition =
+            Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
         let (low, high) = quality::bounding_box(&mesh.nodes);
         let mut statics = Statics {
             notices: findings.into_iter().map(|finding| finding.to_string()).collect(),
@@ -181,7 +198,7 @@ impl Statics {
                 let settled = Box::new(self.settled(&at));
                 let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
                 let tets = self.mesh.tets.len();
-                Err(StaticsError::Stopped { settled, share, from, why, tags, tets })
+                Err(StaticsError::Stopped { settled, share, from, why, law: self.law, tags, tets })
             }
         }
     }

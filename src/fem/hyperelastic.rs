@@ -22,6 +22,8 @@ pub type Tangent = SMatrix<f64, 9, 9>;
 pub struct Law {
     /// As a scene's `model` names it.
     pub name: &'static str,
+    /// What to do where a body of this material has no equilibrium.
+    pub remedy: &'static str,
     /// ψ, J/m³; 0 at rest.
     pub energy: fn(&Matrix3<f64>, Lame) -> f64,
     /// First Piola–Kirchhoff stress P = ∂ψ/∂F, Pa; at rest 0, and for small H that of Hooke's law.
@@ -139,7 +141,12 @@ mod tests {
                 plus[entry] += step;
                 minus[entry] -= step;
                 let slope = ((law.energy)(&plus, LAME) - (law.energy)(&minus, LAME)) / (2.0 * step);
-                assert!((slope - p[entry]).abs() < 1e-9, "{} P{entry}: {slope} against {}", law.name, p[entry]);
+                assert!(
+                    (slope - p[entry]).abs() < 1e-9,
+                    "{} P{entry}: {slope} against {}",
+                    law.name,
+                    p[entry]
+                );
                 let change = ((law.stress)(&plus, LAME) - (law.stress)(&minus, LAME)) / (2.0 * step);
                 for (row, change) in change.iter().enumerate() {
                     let off = change - c[(row, entry)];
@@ -168,7 +175,8 @@ mod tests {
     #[test]
     fn every_law_is_hookes_law_for_small_strain() {
         let element =
-            tet4::geometry([Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::new(0.3, 0.2, 1.0)]).unwrap();
+            tet4::geometry([Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::new(0.3, 0.2, 1.0)])
+                .unwrap();
         for law in LAWS {
             let body = Hyperelastic { law, tets: &[[0, 1, 2, 3]], geometry: &[element], lame: &[LAME] };
             let k = body.tangent(&[Matrix3::zeros()], 4);

@@ -6,9 +6,11 @@
 
 pub mod anp;
 mod assembly;
+mod corotational;
 mod fields;
 mod hyperelastic;
 mod material;
+mod neo_hookean;
 mod partition;
 mod stiffness;
 mod stvk;
@@ -16,11 +18,14 @@ pub mod tet10;
 pub mod tet4;
 
 pub use assembly::{AssemblyError, Elements, assemble, assemble_anp, assemble_elements};
+pub use corotational::COROTATIONAL;
 pub use fields::NodeFields;
 pub use hyperelastic::{Hyperelastic, Law, Tangent};
 pub use material::Lame;
+pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
 pub use stiffness::StiffnessMatrix;
+pub use stvk::STVK;
 
 /// The laws of large strain; a new one is one file and one line here.
-pub const LAWS: &[&Law] = &[&stvk::STVK];
+pub const LAWS: &[&Law] = &[&STVK, &NEO_HOOKEAN, &COROTATIONAL];

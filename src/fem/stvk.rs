@@ -12,7 +12,14 @@ use super::Lame;
 use super::hyperelastic::{Law, Tangent};
 use nalgebra::Matrix3;
 
-pub const STVK: Law = Law { name: "stvk", energy, stress, tangent };
+pub const STVK: Law = Law {
+    name: "stvk",
+    remedy: "St. Venant–Kirchhoff material gives way under compression, a bar at 58 % of its length: press or shear \
+             less, refine where it folds, or take model = \"neo_hookean\"",
+    energy,
+    stress,
+    tangent,
+};
 
 /// E.
 fn green_strain(h: &Matrix3<f64>) -> Matrix3<f64> {
@@ -78,7 +85,8 @@ mod tests {
             // S across vanishes where E across is -ν E along.
             let strain = 0.5 * (stretch * stretch - 1.0);
             let across = (1.0 - 2.0 * poisson * strain).sqrt();
-            let h = Matrix3::from_diagonal(&nalgebra::Vector3::new(stretch, across, across)) - Matrix3::identity();
+            let h = Matrix3::from_diagonal(&nalgebra::Vector3::new(stretch, across, across))
+                - Matrix3::identity();
             let p = stress(&h, lame);
             assert!(p[(1, 1)].abs() < 1e-15 * young && p[(0, 1)] == 0.0, "{p}");
             p[(0, 0)]

@@ -75,7 +75,11 @@ pub enum Setback {
 pub enum NewtonError {
     Solve(SolveError),
     /// The last equilibrium, the share of the way at which it stands, and why the next was not found.
-    Stopped { at: Box<Equilibrium>, share: f64, why: Setback },
+    Stopped {
+        at: Box<Equilibrium>,
+        share: f64,
+        why: Setback,
+    },
 }
 
 /// Why an iteration ended early.
@@ -88,7 +92,9 @@ impl From<SolveError> for Fault {
     fn from(error: SolveError) -> Fault {
         match error {
             // Too ill-conditioned to be solved is as good as singular.
-            SolveError::NotPositiveDefinite { .. } | SolveError::Factor { .. } => Fault::Setback(Setback::Unstable),
+            SolveError::NotPositiveDefinite { .. } | SolveError::Factor { .. } => {
+                Fault::Setback(Setback::Unstable)
+            }
             other => Fault::Solve(other),
         }
     }
