@@ -248,7 +248,7 @@ impl Statics {
             least_det: (dets.get(least).copied().unwrap_or(1.0), least),
             inverted: (0..dets.len()).filter(|&tet| dets[tet] <= 0.0).collect(),
             residual: equilibrium.residual,
-            counts: equilibrium.counts,
+            counts: equilibrium.counts.clone(),
             displacement,
         }
     }

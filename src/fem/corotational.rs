@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Vector3};
 
 pub const COROTATIONAL: Law = Law {
     name: "corotational",
-    remedy: "Turn, press or shear less, in a body this thin buckling is real; or refine where it folds",
+    remedy: "Press, turn or shear less, or refine where it folds",
     energy,
     stress,
     tangent,

@@ -65,6 +65,14 @@ impl Hyperelastic<'_> {
         energies.iter().sum()
     }
 
+    /// How much of the energy may be rounding, J: where a body is turned far, the terms of ψ cancel.
+    pub fn energy_rounding(&self, gradients: &[Matrix3<f64>]) -> f64 {
+        let terms = |(e, h): (usize, &Matrix3<f64>)| {
+            self.geometry[e].volume * (self.lame[e].lambda.abs() + 2.0 * self.lame[e].mu) * h.norm_squared()
+        };
+        8.0 * f64::EPSILON * gradients.iter().enumerate().map(terms).sum::<f64>()
+    }
+
     /// Forces f over `nodes` nodes, N, that hold the body in this state: ∂W/∂u.
     pub fn forces(&self, gradients: &[Matrix3<f64>], nodes: usize) -> NodeFields {
         let stresses: Vec<Matrix3<f64>> = gradients

@@ -23,7 +23,7 @@ const SHORTEST_STEP: f64 = 1.0 / 4096.0;
 const DECREASE: f64 = 1e-4;
 const HALVINGS: i32 = 8;
 /// Rounding in the energy's sum, in parts of it.
-const ENERGY_ROUNDING: f64 = 1e-13;
+const SUM_ROUNDING: f64 = 1e-13;
 
 /// What is iterated.
 pub struct Newton<'a> {
@@ -50,7 +50,7 @@ pub struct Equilibrium {
 }
 
 /// What it took.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Counts {
     /// Load steps made.
     pub steps: usize,
@@ -58,6 +58,9 @@ pub struct Counts {
     pub halved: usize,
     /// One for each load step's prediction and for each of Newton's iterations.
     pub factorizations: usize,
+    /// max |d| of the iterations of the last load step, against the largest displacement: each about the square of the
+    /// one before.
+    pub moves: Vec<f64>,
 }
 
 /// Why a load step failed.
@@ -172,27 +175,37 @@ impl Newton<'_> {
         size: f64,
         counts: &mut Counts,
     ) -> Result<NodeFields, Fault> {
+        counts.moves.clear();
         for _ in 0..MAX_ITERATIONS {
             let gradients = self.body.gradients(&u);
             let mut downhill = self.body.forces(&gradients, u.nodes).at(&self.partition.free);
             downhill.data.iter_mut().for_each(|value| *value = -*value);
             let k = self.body.tangent(&gradients, u.nodes);
             let d = self.solve(symbolic, &k, &downhill, counts)?;
+            counts.moves.push(largest(&d) / size);
             if largest(&d) <= LAST_STEP * size {
                 return Ok(sum(&u, 1.0, &d));
             }
             let slope = -downhill.dots(&d.at(&self.partition.free))[0];
-            u = self.search(&u, &d, self.body.energy(&gradients), slope)?;
+            u = self.search(&u, &d, &gradients, slope)?;
         }
         Err(Fault::Setback(Setback::Slow))
     }
 
     /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
-    fn search(&self, u: &NodeFields, d: &NodeFields, energy: f64, slope: f64) -> Result<NodeFields, Fault> {
+    fn search(
+        &self,
+        u: &NodeFields,
+        d: &NodeFields,
+        gradients: &[Matrix3<f64>],
+        slope: f64,
+    ) -> Result<NodeFields, Fault> {
+        let energy = self.body.energy(gradients);
+        let rounding = SUM_ROUNDING * energy.abs() + self.body.energy_rounding(gradients);
         let tried = (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
             let tried = sum(u, alpha, d);
             let found = self.body.energy(&self.body.gradients(&tried));
-            let falls = found <= energy + ENERGY_ROUNDING * energy.abs() + DECREASE * alpha * slope;
+            let falls = found <= energy + rounding + DECREASE * alpha * slope;
             falls.then_some(tried)
         });
         tried.ok_or(Fault::Setback(Setback::NoDescent))
