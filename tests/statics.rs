@@ -279,12 +279,10 @@ fn rigid_motion_costs_nothing_and_turns_the_answer() {
         let still = statics.solve(&rigid(&statics, turn, shift, &pulled(&[])), &Silent).unwrap();
         let both = moved(&statics, &still).into_iter().zip(&statics.mesh.nodes);
         let off = both.map(|(x, rest)| (x - turn * rest - shift).norm()).fold(0.0, f64::max);
-        println!("{}: rigid motion off by {off:.1e} m, energy {:.1e} J", law.name, still.energy);
-        assert!(
-            off < 1e-13 && still.energy < 1e-24 && still.wrenches[0].force.norm() < 1e-10,
-            "{}",
-            law.name
-        );
+        let force = still.wrenches[0].force.norm();
+        println!("{}: rigid motion off by {off:.1e} m, {:.1e} J, {force:.1e} N", law.name, still.energy);
+        // Rounding: 1e-15 of Young's modulus 1e3 Pa on 1 m³, 1e-13 of it on 1 m².
+        assert!(off < 1e-13 && still.energy < 1e-12 && force < 1e-10, "{}", law.name);
 
         for size in [1.0, 1e-6] {
             let sheared = ControlPose {
