@@ -216,15 +216,18 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     let scene = Scene::load(path)?;
     let mut text = format!("{}\nstage {}\n", path.display(), scene.stage);
     for (name, body) in &scene.body {
-        let needs = session::needs(&scene, name, body)?;
+        let needs = match session::law(&scene, name, body)? {
+            Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
+            None if session::needs(&scene, name, body)?.stiffness => "; needs the handle stiffness",
+            None => "",
+        };
         let loaded = scene.load_mesh(name, body)?;
         let effects = if body.effects.is_empty() { "none".to_owned() } else { body.effects.join(", ") };
         text.push_str(&format!(
-            "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{}\n",
+            "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{needs}\n",
             loaded.mesh.nodes.len(),
             loaded.mesh.tets.len(),
             body.model,
-            if needs.stiffness { "; needs the handle stiffness" } else { "" },
         ));
         for (control_name, control) in &body.control {
             let nodes = control.nodes.select(&loaded.mesh).map_err(|message| {
@@ -234,7 +237,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         }
     }
     let path = session::green_path(&scene);
-    let state = match session::fresh(&scene, &path)? {
+    let online = session::online_part(&scene)?;
+    let state = match session::fresh(&online, &path)? {
+        _ if online.body.is_empty() => "is not needed",
         Ok(_) => "is fresh",
         Err(GreenError::Stale { .. }) => "is stale",
         Err(_) => "is not there yet",

@@ -17,6 +17,7 @@ mod precompute;
 mod progress;
 mod render;
 mod session;
+mod statics;
 mod table;
 mod view;
 mod world;

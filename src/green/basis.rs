@@ -176,7 +176,7 @@ fn handle_stiffness(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFie
 }
 
 /// The first error among the findings, if there is one.
-fn refuse(scene: &Scene, findings: &[Finding]) -> Result<(), GreenError> {
+pub fn refuse(scene: &Scene, findings: &[Finding]) -> Result<(), GreenError> {
     let mut errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
     let Some(first) = errors.next() else { return Ok(()) };
     let more = match errors.count() {
