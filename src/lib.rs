@@ -21,6 +21,7 @@
 //! | [`track`] | where poses come from: mouse, script → `TrackerState` |
 //! | [`interact`] | pick ray, dragger |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
+//! | [`verify`] | problems with known answers, and how near the elements come to them |
 //! | [`cli`] | one file per subcommand |
 //! | [`manual`] | the manual's chapters in Markdown; `greenstage manual` prints them |
 //!
@@ -41,3 +42,4 @@ pub mod scene;
 pub mod solve;
 pub mod stage;
 pub mod track;
+pub mod verify;
