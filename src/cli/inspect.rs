@@ -177,11 +177,20 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
         text.push_str(&format!(
             "\nbody {name}: mesh of {} nodes and {} {}, surface {} nodes and {} triangles\n  solver {}, \
              worst relative residual {:.1e}{}{}\n  stored as {}\n  fingerprint {}\n",
-            body.mesh_nodes, body.mesh_tets, body.element, body.surface_nodes, body.surface_triangles, body.accuracy.solver,
+            body.mesh_nodes,
+            body.mesh_tets,
+            body.element,
+            body.surface_nodes,
+            body.surface_triangles,
+            body.accuracy.solver,
             body.accuracy.residual,
-            body.accuracy.forward_error.map(|e| format!(", forward error at most {e:.1e}")).unwrap_or_default(),
+            body.accuracy
+                .forward_error
+                .map(|e| format!(", forward error at most {e:.1e}"))
+                .unwrap_or_default(),
             body.accuracy.asymmetry.map(|a| format!(", asymmetry of S {a:.1e}")).unwrap_or_default(),
-            body.accuracy.storage, body.fingerprint,
+            body.accuracy.storage,
+            body.fingerprint,
         ));
         for control in &body.controls {
             let zero = match control.vanishing.is_empty() {

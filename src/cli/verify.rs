@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::verify::{self, Effort, PROBLEMS, Problem, Row};
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Every element against published and analytic answers, with fitted rates of convergence
 ///
@@ -40,8 +40,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         rows.extend(solved);
     }
     if args.json {
-        let row = |row: &Row| json!({ "row": row, "holds": row.holds() });
-        super::print(&format!("{:#}\n", json!(rows.iter().map(row).collect::<Vec<_>>())))?;
+        let rows: Vec<Value> = rows.iter().map(as_json).collect();
+        super::print(&format!("{:#}\n", json!(rows)))?;
     }
     judge(&rows)
 }
@@ -89,9 +89,9 @@ fn section(problem: &Problem, rows: &[Row]) -> String {
     for row in rows {
         let Some(finest) = row.levels.last() else { continue };
         let errors: Vec<String> =
-            row.levels.iter().map(|level| format!("{:>8}", percent(level.error))).collect();
+            row.levels.iter().map(|level| format!("{:>9}", percent(level.error))).collect();
         let is_norm = row.reference == 0.0;
-        let number = |value: f64| if is_norm { String::new() } else { format!("{value:.6}") };
+        let number = |value: f64| if is_norm { String::new() } else { significant(value, 6) };
         table.row(&[
             &row.quantity,
             &row.element,
@@ -108,8 +108,23 @@ fn section(problem: &Problem, rows: &[Row]) -> String {
 }
 
 fn percent(error: f64) -> String {
-    let percent = 100.0 * error;
-    if percent >= 0.095 { format!("{percent:.2} %") } else { format!("{percent:.0e} %") }
+    format!("{} %", significant(100.0 * error, 3))
+}
+
+/// `digits` significant digits; a power of ten where more than three zeros would follow the point.
+fn significant(value: f64, digits: i32) -> String {
+    let leading = value.abs().log10().floor();
+    if value != 0.0 && !(-4.0..8.0).contains(&leading) {
+        return format!("{value:.1e}");
+    }
+    let decimals = (digits - 1 - leading.clamp(-4.0, 8.0) as i32).max(0) as usize;
+    format!("{value:.decimals$}")
+}
+
+fn as_json(row: &Row) -> Value {
+    let mut value = json!(row);
+    value["holds"] = json!(row.holds());
+    value
 }
 
 fn required(row: &Row) -> String {

@@ -19,10 +19,7 @@ use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};
 
 /// The elements' own part, and the patches around the nodes. Errors where a tetrahedron is flat or inverted.
-pub fn split<'a>(
-    mesh: &'a TetMesh,
-    lame: &[Lame],
-) -> Result<(tet4::Tetrahedra<'a>, Patches), AssemblyError> {
+pub fn split<'a>(mesh: &'a TetMesh, lame: &[Lame]) -> Result<(tet4::Tetrahedra<'a>, Patches), AssemblyError> {
     let own: Vec<Lame> = lame.iter().map(|lame| Lame { lambda: 0.0, mu: lame.mu }).collect();
     let tetrahedra = tet4::Tetrahedra::new(mesh, &own)?;
     let patches = Patches::new(&tetrahedra, lame);

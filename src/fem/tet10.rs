@@ -107,7 +107,8 @@ mod tests {
     use crate::mesh::EDGES;
 
     fn straight() -> [Vector3<f64>; 10] {
-        let corners = [[0.1, -0.2, 0.3], [1.2, 0.1, -0.1], [0.2, 0.9, 0.2], [-0.1, 0.3, 1.4]].map(Vector3::from);
+        let corners =
+            [[0.1, -0.2, 0.3], [1.2, 0.1, -0.1], [0.2, 0.9, 0.2], [-0.1, 0.3, 1.4]].map(Vector3::from);
         std::array::from_fn(|a| match a {
             0..4 => corners[a],
             _ => EDGES[a - 4].iter().map(|&corner| corners[corner] / 2.0).sum(),
@@ -147,8 +148,7 @@ mod tests {
         for x in [straight(), curved()] {
             for corner in 0..4 {
                 let point = point(&x, corner).unwrap();
-                let found: Matrix3<f64> =
-                    (0..10).map(|a| h * x[a] * point.gradients[a].transpose()).sum();
+                let found: Matrix3<f64> = (0..10).map(|a| h * x[a] * point.gradients[a].transpose()).sum();
                 assert!((found - h).amax() < 1e-15, "{found}");
             }
         }

@@ -221,7 +221,11 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
                 return Err(Fault::at(element.at, reason));
             }
             if *edge_of.entry(mid).or_insert(edge) != edge {
-                let reason = format!("node {} lies between the corners of two edges (tetrahedron {})", tag(mid), element.tag);
+                let reason = format!(
+                    "node {} lies between the corners of two edges (tetrahedron {})",
+                    tag(mid),
+                    element.tag
+                );
                 return Err(Fault::at(element.at, reason));
             }
         }

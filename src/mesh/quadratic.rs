@@ -142,7 +142,13 @@ mod tests {
         for own in 0..10 {
             let at: [f64; 4] = std::array::from_fn(|i| match own {
                 0..4 => f64::from(u8::from(i == own)),
-                _ => if EDGES[own - 4].contains(&i) { 0.5 } else { 0.0 },
+                _ => {
+                    if EDGES[own - 4].contains(&i) {
+                        0.5
+                    } else {
+                        0.0
+                    }
+                }
             });
             let n = shapes(&at);
             assert!((0..10).all(|a| n[a] == f64::from(u8::from(a == own))), "{own}: {n:?}");

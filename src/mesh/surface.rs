@@ -44,7 +44,8 @@ impl Surface {
         let mut triangles: Vec<[u32; 3]> =
             boundary.iter().map(|id| FACES[id % 4].map(|corner| mesh.tets[id / 4][corner])).collect();
         if !mesh.mids.is_empty() {
-            triangles = boundary.iter().zip(triangles).flat_map(|(id, face)| quarters(mesh, *id, face)).collect();
+            triangles =
+                boundary.iter().zip(triangles).flat_map(|(id, face)| quarters(mesh, *id, face)).collect();
         }
 
         let mut index = vec![u32::MAX; mesh.nodes.len()];

@@ -3,9 +3,9 @@
 //! In: a [`TetMesh`]. Out: one sentence for each kind of trouble, the worst first, with places and the tags of some
 //! nodes, and what to do. The measures are relative: the same body in metres and nanometres gives the same sentences.
 
-use super::{TetMesh, quadratic};
 use super::quality::{Components, bounding_box, components, overlapping_faces, quality};
 use super::surface::{FACES, sorted_faces};
+use super::{TetMesh, quadratic};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -5,7 +5,8 @@
 //! thread).
 
 use super::{
-    Column, Conditioning, Ordering, Progress, Silent, SolveError, SolveStats, condition, nested_dissection, residuals,
+    Column, Conditioning, Ordering, Progress, Silent, SolveError, SolveStats, condition, nested_dissection,
+    residuals,
 };
 use crate::fem::{NodeFields, StiffnessMatrix};
 use faer::dyn_stack::{MemBuffer, MemStack};

@@ -37,9 +37,8 @@ pub fn scaled_condition(a: &StiffnessMatrix, inverse: Inverse<'_>) -> f64 {
         a.multiply(&scaled(x, -1), &mut product);
         scaled(&product.data, -1).data
     });
-    let inverse_smallest = largest_eigenvalue(3 * a.nodes(), INVERSE_STEPS, |x| {
-        scaled(&inverse(&scaled(x, 1)).data, 1).data
-    });
+    let inverse_smallest =
+        largest_eigenvalue(3 * a.nodes(), INVERSE_STEPS, |x| scaled(&inverse(&scaled(x, 1)).data, 1).data);
     largest * inverse_smallest
 }
 
@@ -92,11 +91,7 @@ fn start(size: usize) -> Vec<f64> {
 ///
 /// (Higham, section 7.1, equation 7.31, as LAPACK's xPORFS has it), with the norm of A⁻¹ diag(…) found by Hager's
 /// estimator (section 15.2): a bound that is seldom missed and mostly a hundred times too large.
-pub fn forward_error(
-    a: &StiffnessMatrix,
-    inverse: Inverse<'_>,
-    column: &Column,
-) -> f64 {
+pub fn forward_error(a: &StiffnessMatrix, inverse: Inverse<'_>, column: &Column) -> f64 {
     let row = |node: usize| 3.0 * (1 + a.neighbours(node).count()) as f64;
     let doubt: Vec<f64> = (0..3 * a.nodes())
         .map(|i| column.r.data[i].abs() + (row(i / 3) + 1.0) * ROUNDOFF * column.sizes.data[i])
@@ -153,7 +148,10 @@ mod tests {
             let value = |i: usize| 1.0 + 99.0 * (i as f64 / (size - 1).max(1) as f64).powi(2);
             let largest = largest_eigenvalue(size, STEPS, |x| (0..size).map(|i| value(i) * x[i]).collect());
             let exact = value(size - 1);
-            assert!(largest <= exact * (1.0 + 1e-12) && largest > 0.95 * exact, "{size}: {largest} of {exact}");
+            assert!(
+                largest <= exact * (1.0 + 1e-12) && largest > 0.95 * exact,
+                "{size}: {largest} of {exact}"
+            );
         }
     }
 

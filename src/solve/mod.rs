@@ -122,8 +122,11 @@ impl Column {
     /// Appl. 10, 1989): how much A and b must be changed, relatively, for x to be exact.
     fn backward_error(&self) -> f64 {
         let ratio = |(r, size): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / size };
-        self.r.data.iter().zip(&self.sizes.data).map(ratio).fold(0.0, |worst, ratio| {
-            if ratio > worst || ratio.is_nan() { ratio } else { worst }
-        })
+        self.r
+            .data
+            .iter()
+            .zip(&self.sizes.data)
+            .map(ratio)
+            .fold(0.0, |worst, ratio| if ratio > worst || ratio.is_nan() { ratio } else { worst })
     }
 }

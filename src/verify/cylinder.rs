@@ -10,7 +10,7 @@
 //! one cell high between frictionless walls, with u_x = 0 on x = 0 and u_y = 0 on y = 0.
 
 use super::solution::Exact;
-use super::{Body, Bound, Element, Fault, Fit, Measure, Problem};
+use super::{Body, Bound, Element, Fault, Measure, Problem};
 use crate::fem::Lame;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
@@ -20,7 +20,7 @@ pub const PROBLEM: Problem = Problem {
     about: "thick cylinder under inner pressure, plane strain: u_r on the inner wall, errors in L2 and energy",
     source: "exact (Lamé; Timoshenko and Goodier, Theory of Elasticity, 3rd ed., article 28); the numbers of MacNeal \
              and Harder, Finite Elem. Anal. Des. 1 (1985) 3-20",
-    sizes: [2, 4, 8, 16],
+    sizes: [4, 8, 16, 32],
     solve,
 };
 
@@ -83,7 +83,7 @@ fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
         let value = solution.displacement[inner].x;
         let (l2, energy) = element.promised(poisson);
         measures.extend([
-            solution.value(format!("u_r(a), ν {poisson}"), value, reference, Fit::Errors, Bound::NONE),
+            solution.value(format!("u_r(a), ν {poisson}"), value, reference, 0.0, Bound::NONE),
             solution.norm(format!("L2, ν {poisson}"), norms.l2, l2),
             solution.norm(format!("energy, ν {poisson}"), norms.energy, energy),
         ]);

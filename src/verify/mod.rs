@@ -25,8 +25,8 @@ mod twisted_beam;
 
 pub use body::Body;
 pub use element::{ELEMENTS, Element};
-pub use fit::{rate_of_errors, rate_of_values};
-pub use solution::{Bound, Fit, Measure, Solution};
+pub use fit::rate;
+pub use solution::{Bound, Measure, Solution};
 
 use crate::fem::AssemblyError;
 use crate::mesh::GenerateError;
@@ -40,8 +40,7 @@ pub struct Problem {
     pub about: &'static str,
     /// Where the answer is from.
     pub source: &'static str,
-    /// Cells along the shortest side of the meshes of quadratic elements, from coarse to fine; linear ones have twice as
-    /// many, and so the same nodes. Effort chooses how many are solved.
+    /// Of the meshes from coarse to fine, see [`Element::cells`]; effort chooses how many are solved.
     pub sizes: [u32; 4],
     pub solve: fn(&Element, u32) -> Result<Vec<Measure>, Fault>,
 }
@@ -77,6 +76,8 @@ pub struct Row {
     pub reference: f64,
     /// From coarse to fine; at least one.
     pub levels: Vec<Level>,
+    /// How well the reference is known, relatively; 0 where it is exact.
+    pub known_to: f64,
     /// Order of convergence p of error = c h^p, where two or more levels tell one.
     pub rate: Option<f64>,
     pub bound: Bound,
@@ -151,44 +152,38 @@ pub fn run(problem: &Problem, effort: Effort) -> Result<Vec<Row>, VerifyError> {
     Ok(table.finish())
 }
 
-/// Rows in the making, each with the way its rate is fitted.
+/// Rows in the making.
 #[derive(Default)]
 struct Table {
-    rows: Vec<(Row, Fit)>,
+    rows: Vec<Row>,
 }
 
 impl Table {
     fn add(&mut self, problem: &Problem, element: &Element, size: u32, measure: Measure) {
-        let Measure { quantity, nodes, seconds, value, reference, error, fit, bound } = measure;
+        let Measure { quantity, nodes, seconds, value, reference, error, known_to, bound } = measure;
         let level = Level { h: 1.0 / f64::from(element.cells(size)), nodes, value, error, seconds };
         let same = |row: &Row| row.quantity == quantity && row.element == element.name;
-        match self.rows.iter_mut().find(|(row, _)| same(row)) {
-            Some((row, _)) => row.levels.push(level),
+        match self.rows.iter_mut().find(|row| same(row)) {
+            Some(row) => row.levels.push(level),
             None => {
-                let after = self.rows.iter().rposition(|(row, _)| row.quantity == quantity);
+                let after = self.rows.iter().rposition(|row| row.quantity == quantity);
                 let row = Row {
                     problem: problem.name.into(),
                     quantity,
                     element: element.name.into(),
                     reference,
                     levels: vec![level],
+                    known_to,
                     rate: None,
                     bound,
                 };
-                self.rows.insert(after.map_or(self.rows.len(), |at| at + 1), (row, fit));
+                self.rows.insert(after.map_or(self.rows.len(), |at| at + 1), row);
             }
         }
     }
 
     fn finish(self) -> Vec<Row> {
-        let rated = |(row, fit): (Row, Fit)| {
-            let h: Vec<f64> = row.levels.iter().map(|level| level.h).collect();
-            let rate = match fit {
-                Fit::Errors => rate_of_errors(&h, row.levels.iter().map(|level| level.error)),
-                Fit::Values => rate_of_values(&h, row.levels.iter().map(|level| level.value)),
-            };
-            Row { rate, ..row }
-        };
+        let rated = |row: Row| Row { rate: rate(&row.levels, row.known_to), ..row };
         self.rows.into_iter().map(rated).collect()
     }
 }

@@ -25,17 +25,9 @@ pub struct Measure {
     pub reference: f64,
     /// |value - reference| / |reference|, or a relative norm.
     pub error: f64,
-    pub fit: Fit,
+    /// How well the reference is known, relatively; 0 where it is exact.
+    pub known_to: f64,
     pub bound: Bound,
-}
-
-/// What a rate is fitted to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fit {
-    /// The errors: the reference is exact.
-    Errors,
-    /// The values alone: the reference is rounded, or an answer of another theory (of beams, of plane stress).
-    Values,
 }
 
 /// What is required on the finest mesh; nothing where theory promises nothing.
@@ -76,26 +68,26 @@ pub trait Exact {
 }
 
 impl Solution {
-    /// A value beside its reference.
+    /// A value beside its reference, which is `known_to` a relative accuracy.
     pub fn value(
         &self,
         quantity: impl Into<String>,
         value: f64,
         reference: f64,
-        fit: Fit,
+        known_to: f64,
         bound: Bound,
     ) -> Measure {
         let error = (value - reference).abs() / reference.abs();
         let quantity = quantity.into();
         let (nodes, seconds) = (self.displacement.len(), self.seconds);
-        Measure { quantity, nodes, seconds, value, reference, error, fit, bound }
+        Measure { quantity, nodes, seconds, value, reference, error, known_to, bound }
     }
 
     /// A relative error in some norm, whose reference is 0.
     pub fn norm(&self, quantity: impl Into<String>, error: f64, bound: Bound) -> Measure {
         let quantity = quantity.into();
         let (nodes, seconds) = (self.displacement.len(), self.seconds);
-        Measure { quantity, nodes, seconds, value: error, reference: 0.0, error, fit: Fit::Errors, bound }
+        Measure { quantity, nodes, seconds, value: error, reference: 0.0, error, known_to: 0.0, bound }
     }
 
     /// Relative errors against `exact`, by a rule of degree 5 on the mesh's own domain.

@@ -4,7 +4,7 @@
 //! force spread over the end section, along z or along y; the displacement of the section's middle in its direction. At
 //! the root the section is 1.1 along y and 0.32 along z.
 
-use super::{Body, Bound, Element, Fault, Fit, Measure, Problem};
+use super::{Body, Bound, Element, Fault, Measure, Problem};
 use crate::fem::Lame;
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::FRAC_PI_2;
@@ -14,14 +14,15 @@ pub const PROBLEM: Problem = Problem {
     about: "cantilever twisted by 90°, unit force at the end: displacement of the end's middle in its direction",
     source: "MacNeal and Harder, Finite Elem. Anal. Des. 1 (1985) 3-20: 0.005424 and 0.001754; more digits by beam \
              theory: Zupan and Saje, Finite Elem. Anal. Des. 40 (2004) 1445-1451",
-    sizes: [1, 2, 3, 5],
+    sizes: [1, 2, 3, 4],
     solve,
 };
 
 /// Along the root's depth and along the root's width.
 const ALONG_Z: f64 = 0.005_424_534_868_469;
 const ALONG_Y: f64 = 0.001_753_248_285_256;
-/// A beam's sections stay plane and free at the clamp, a solid's do not.
+/// A beam's sections swell freely at the clamp, a solid's do not.
+const KNOWN_TO: f64 = 0.001;
 const WITHIN: f64 = 0.005;
 
 const LENGTH: f64 = 12.0;
@@ -46,7 +47,7 @@ fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
         body.load(|place| place.x == 1.0, |_, _| Vector3::ith(axis, 1.0 / (WIDTH * DEPTH)));
         let solution = body.solve(element, Lame::from_young_poisson(29.0e6, 0.22))?;
         let tip = solution.displacement[body.node_at([1.0, 0.5, 0.5])?];
-        measures.push(solution.value(quantity, tip[axis], reference, Fit::Values, bound));
+        measures.push(solution.value(quantity, tip[axis], reference, KNOWN_TO, bound));
     }
     Ok(measures)
 }
