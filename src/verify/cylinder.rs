@@ -10,7 +10,7 @@
 //! one cell high between frictionless walls, with u_x = 0 on x = 0 and u_y = 0 on y = 0.
 
 use super::solution::Exact;
-use super::{Body, Bound, Element, Fault, Measure, Problem};
+use super::{Body, Bound, Element, Fault, Measure, POISSON, Problem};
 use crate::fem::Lame;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
@@ -28,7 +28,6 @@ const INNER: f64 = 3.0;
 const OUTER: f64 = 9.0;
 const YOUNG: f64 = 1000.0;
 const PRESSURE: f64 = 1.0;
-pub const POISSON: [f64; 4] = [0.3, 0.49, 0.499, 0.4999];
 
 struct Cylinder {
     poisson: f64,

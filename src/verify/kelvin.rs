@@ -10,9 +10,8 @@
 //! of the unit cube, whose n³ cells are split after Kuhn; errors inside are measured, and compared with the same
 //! computed elsewhere by another program.
 
-use super::cylinder::POISSON;
 use super::solution::Exact;
-use super::{Body, Bound, Element, Fault, Measure, Problem};
+use super::{Body, Bound, Element, Fault, Measure, POISSON, Problem};
 use crate::fem::Lame;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;

@@ -55,6 +55,9 @@ pub const PROBLEMS: &[Problem] = &[
     kelvin::PROBLEM,
 ];
 
+/// Poisson's ratios on the way to incompressible.
+const POISSON: [f64; 4] = [0.3, 0.49, 0.499, 0.4999];
+
 /// How many of a problem's meshes are solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Effort {

@@ -8,7 +8,8 @@
 //!
 //! (Timoshenko and Goodier, Theory of Elasticity, 3rd ed., article 109). A bar of length a/4 is turned at both ends by
 //! prescribed u_x and u_y with u_z left free, so this is the exact solution of the solid, to its ends. J is measured
-//! by the energy G J θ² a / 8; its relative error is the square of the relative error in energy.
+//! by the energy G J θ² a / 8; its relative error is the square of the relative error in energy. At the edges φ has
+//! terms r² log r, so that of quadratic elements falls with h⁴ |log h| instead of h⁴.
 
 use super::element::SHORT;
 use super::{Body, Bound, Element, Fault, Measure, Problem};
@@ -23,6 +24,9 @@ pub const PROBLEM: Problem = Problem {
     sizes: [4, 8, 16, 32],
     solve,
 };
+
+/// Least rate of quadratic elements: h⁴ |log h| itself has 3.4 between the two coarsest meshes.
+const WITH_LOG: f64 = 3.4;
 
 /// J/a⁴. The terms fall with n⁻⁵, so 400 leave an error below 1e-13.
 fn torsion_constant() -> f64 {
@@ -44,7 +48,7 @@ fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
     let lame = Lame::from_young_poisson(1.0, 0.3);
     let solution = body.solve(element, lame)?;
     let value = 2.0 * solution.energy / (lame.mu * TWIST * TWIST * LENGTH);
-    let bound = Bound::rate(2.0 * (f64::from(element.order) - SHORT));
+    let bound = Bound::rate(if element.order == 2 { WITH_LOG } else { 2.0 * (1.0 - SHORT) });
     Ok(vec![solution.value("J/a⁴", value, torsion_constant(), 0.0, bound)])
 }
 
