@@ -226,12 +226,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
             if needs.stiffness { "; needs the handle stiffness" } else { "" },
         ));
         for (control_name, control) in &body.control {
-            let nodes =
-                control.nodes.select(&loaded.mesh, |file| scene.resolve(file)).map_err(|message| {
-                    Failure::request(
-                        scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message),
-                    )
-                })?;
+            let nodes = control.nodes.select(&loaded.mesh).map_err(|message| {
+                Failure::request(scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message))
+            })?;
             text.push_str(&format!("  control {control_name}: {} nodes, {:?}\n", nodes.len(), control.grab));
         }
     }

@@ -77,7 +77,7 @@ const DROPPED: u32 = u32::MAX;
 pub enum Order {
     /// The corners only.
     Linear,
-    /// The nodes between them too; tetrahedra without get them on straight edges.
+    /// The nodes between them too, of a file that has no other tetrahedra.
     Quadratic,
 }
 
@@ -109,22 +109,15 @@ pub fn assemble(mut raw: RawMesh, order: Order) -> Result<Loaded, Fault> {
         }
     }
     mesh.groups = groups(&raw, &corners, &index, &mut notices);
-    if order == Order::Quadratic {
-        let renumbered = mids.iter().map(|(edge, &mid)| {
-            let mut edge = edge.map(|node| index[node as usize]);
-            edge.sort_unstable();
-            (edge, index[mid as usize])
-        });
-        let kept = mids.len();
-        let before = mesh.nodes.len();
-        quadratic::add_mids(&mut mesh, renumbered.collect(), &quadratic::straight);
-        notices.push(match mesh.nodes.len() - before {
-            0 => format!("{kept} nodes between the corners are the file's own"),
-            added => format!(
-                "{added} nodes were added on the middles of straight edges, {kept} are the file's own; group tags go on \
-                 from the file's largest"
-            ),
-        });
+    if !mids.is_empty() {
+        // Edges by their new nodes, since `orient` has changed the order in some tetrahedra.
+        let renumbered: HashMap<[u32; 2], u32> = mids
+            .iter()
+            .map(|(edge, &mid)| (edge.map(|node| index[node as usize]), index[mid as usize]))
+            .map(|([a, b], mid)| ([a.min(b), a.max(b)], mid))
+            .collect();
+        mesh.mids =
+            mesh.tets.iter().map(|tet| quadratic::edges_of(tet).map(|edge| renumbered[&edge])).collect();
     }
     Ok(Loaded { mesh, notices })
 }
@@ -200,7 +193,8 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
 }
 
 /// The node between the corners of each edge (ascending) of the 10-node tetrahedra. Refuses one edge with two such
-/// nodes, where the body would be cracked open, and a node that is between and a corner too.
+/// nodes, where the body would be cracked open, a node that is between and a corner too, and other tetrahedra beside
+/// those of 10 nodes.
 fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, Fault> {
     let mut mids = HashMap::new();
     let mut edge_of: HashMap<u32, [u32; 2]> = HashMap::new();
@@ -230,8 +224,18 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
             }
         }
     }
-    let tets = with_corners(raw, corners).filter(|(element, _)| element.kind.is_tetrahedron);
-    for (element, nodes) in tets {
+    if mids.is_empty() {
+        return Ok(mids);
+    }
+    for (element, nodes) in with_corners(raw, corners).filter(|(element, _)| element.kind.is_tetrahedron) {
+        if element.kind != Kind::TETRAHEDRON_10 {
+            let reason = format!(
+                "tetrahedron {} has {} nodes, others have 10: quadratic elements need all alike (gmsh: SetOrder 2), \
+                 element = \"tet4\" takes the corners of all",
+                element.tag, element.kind.nodes
+            );
+            return Err(Fault::at(element.at, reason));
+        }
         if let Some(node) = nodes.iter().take(4).find(|node| edge_of.contains_key(node)) {
             let reason = format!(
                 "node {} is a corner of tetrahedron {} and lies between the corners of another",

@@ -69,7 +69,7 @@ pub fn load(path: &Path) -> Result<Loaded, MeshError> {
     parse(path, &read(path)?)
 }
 
-/// [`load`] that keeps the nodes between the corners, and adds those that the file has not.
+/// [`load`] that keeps the nodes between the corners, where the file has them.
 pub fn load_quadratic(path: &Path) -> Result<Loaded, MeshError> {
     parse_as(path, &read(path)?, Order::Quadratic)
 }

@@ -10,7 +10,7 @@
 
 use super::{EDGES, Surface, TetMesh};
 use nalgebra::{Matrix3, Vector3};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{HashMap, HashSet};
 
 /// Where the middle of an edge between two points lies: on the body's curved wall, or half way.
 pub type Curve<'a> = &'a dyn Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>;
@@ -21,63 +21,68 @@ pub fn straight(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
 }
 
 /// `mesh` with a node between every two corners that share an edge, placed by `curve`, its tag above all others;
-/// groups are carried along ([`join_groups`]). A mesh that is quadratic already is returned as it is.
+/// groups are carried along ([`grow_groups`]). A mesh that is quadratic already is returned as it is.
 pub fn quadratic(mut mesh: TetMesh, curve: Curve<'_>) -> TetMesh {
-    if mesh.mids.is_empty() {
-        add_mids(&mut mesh, HashMap::new(), curve);
+    if !mesh.mids.is_empty() {
+        return mesh;
     }
-    mesh
-}
-
-/// Gives `mesh` its mids: those of `known` edges (ascending corners), and new ones for all others.
-pub(super) fn add_mids(mesh: &mut TetMesh, known: HashMap<[u32; 2], u32>, curve: Curve<'_>) {
-    let surface_edges = surface_edges(mesh);
-    let first = mesh.nodes.len();
-    let mut mid_of = known;
-    let mut parents = Vec::new();
+    let mut mid_of: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut ends = Vec::new();
     let mut tag = mesh.tags.iter().copied().max().unwrap_or(0);
+    let mut mids = Vec::with_capacity(mesh.tets.len());
     for tet in &mesh.tets {
-        let mids = EDGES.map(|edge| {
-            let [a, b] = edge.map(|corner| tet[corner]);
-            *mid_of.entry([a.min(b), a.max(b)]).or_insert_with_key(|&[a, b]| {
-                let middle = curve(&mesh.nodes[a as usize], &mesh.nodes[b as usize]);
+        mids.push(edges_of(tet).map(|edge| {
+            *mid_of.entry(edge).or_insert_with(|| {
+                let middle = curve(&mesh.nodes[edge[0] as usize], &mesh.nodes[edge[1] as usize]);
                 mesh.nodes.push(middle);
                 tag = tag.wrapping_add(1);
                 mesh.tags.push(tag);
-                parents.push([a, b]);
+                ends.push(edge);
                 (mesh.nodes.len() - 1) as u32
             })
-        });
-        mesh.mids.push(mids);
+        }));
     }
-    join_groups(mesh, &surface_edges, first, &parents);
+    grow_groups(&mut mesh, &ends);
+    mesh.mids = mids;
+    mesh
 }
 
-/// Adds nodes `first`.., each new between two `parents`, to the groups of both; to a group that lies on the surface
-/// only along an edge of the surface, so that it does not grow inward.
-pub fn join_groups(
-    mesh: &mut TetMesh,
-    surface_edges: &BTreeSet<[u32; 2]>,
-    first: usize,
-    parents: &[[u32; 2]],
-) {
-    let mut on_surface = vec![false; mesh.nodes.len()];
-    surface_edges.iter().flatten().for_each(|&node| on_surface[node as usize] = true);
+/// The six edges of a tetrahedron in the order of [`EDGES`], each ascending.
+pub fn edges_of(tet: &[u32; 4]) -> [[u32; 2]; 6] {
+    EDGES.map(|edge| edge.map(|corner| tet[corner])).map(|[a, b]| [a.min(b), a.max(b)])
+}
+
+/// Takes the last `ends.len()` nodes of a linear mesh, each new on the edge between two others (ascending), into the
+/// groups of both its ends. Where a group is not a volume, that is where no tetrahedron around the edge has all its
+/// corners in it, only along the surface: a group of a wall does not grow inward.
+pub fn grow_groups(mesh: &mut TetMesh, ends: &[[u32; 2]]) {
+    if mesh.groups.is_empty() {
+        return;
+    }
+    let surface = surface_edges(mesh);
+    let first = mesh.nodes.len() - ends.len();
+    let mut is_member = vec![false; mesh.nodes.len()];
     for group in mesh.groups.values_mut() {
-        let is_surface = group.iter().all(|&node| on_surface[node as usize]);
-        let holds = |node: &u32| group.binary_search(node).is_ok();
-        let joining: Vec<u32> = parents
+        group.iter().for_each(|&node| is_member[node as usize] = true);
+        let inside: HashSet<[u32; 2]> = mesh
+            .tets
             .iter()
-            .zip(first as u32..)
-            .filter(|(pair, _)| pair.iter().all(holds) && (!is_surface || surface_edges.contains(*pair)))
-            .map(|(_, node)| node)
+            .filter(|tet| tet.iter().all(|&corner| is_member[corner as usize]))
+            .flat_map(edges_of)
             .collect();
+        let joins = |edge: &[u32; 2]| {
+            edge.iter().all(|&end| is_member[end as usize])
+                && (surface.contains(edge) || inside.contains(edge))
+        };
+        let joining = ends.iter().zip(first as u32..).filter(|(edge, _)| joins(edge)).map(|(_, node)| node);
+        let joining: Vec<u32> = joining.collect();
+        group.iter().for_each(|&node| is_member[node as usize] = false);
         group.extend(joining);
     }
 }
 
 /// Edges of the linear surface of `mesh`, by ascending mesh nodes.
-pub fn surface_edges(mesh: &TetMesh) -> BTreeSet<[u32; 2]> {
+fn surface_edges(mesh: &TetMesh) -> HashSet<[u32; 2]> {
     let surface = Surface::of(mesh);
     let edges = surface.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
     edges
@@ -161,7 +166,7 @@ mod tests {
     #[test]
     fn a_straight_mesh_has_jacobian_one_and_one_node_an_edge() {
         let linear = block(&Block { size: [1.0, 2.0, 3.0], cells: [2, 3, 2] }).unwrap();
-        let edges: BTreeSet<[u32; 2]> = linear
+        let edges: HashSet<[u32; 2]> = linear
             .tets
             .iter()
             .flat_map(|tet| EDGES.map(|edge| edge.map(|corner| tet[corner])))

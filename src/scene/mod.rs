@@ -206,6 +206,11 @@ impl Scene {
     /// The mesh of body `name` with the nodes its element needs, and the notices of what was repaired.
     pub fn load_mesh(&self, name: &str, body: &Body) -> Result<mesh::Loaded, SceneError> {
         let mut loaded = self.load_file(name, body)?;
+        for (control, Control { nodes, .. }) in &body.control {
+            nodes
+                .prepare(&mut loaded.mesh, |path| self.resolve(path))
+                .map_err(|message| self.invalid(&format!("body.{name}.control.{control}.nodes"), message))?;
+        }
         if body.element == Element::Tet10 {
             loaded.mesh = match &body.generate {
                 Some(Generate::Tube(tube)) => mesh::quadratic(loaded.mesh, &|a, b| tube.curve(a, b)),

@@ -27,7 +27,8 @@ pub enum Nodes {
         normal: [f64; 3],
         distance: f64,
     },
-    /// A text file of node tags, one a line, # begins a comment; relative to the scene.
+    /// A text file of node tags, one a line, # begins a comment; relative to the scene. Nodes that are added
+    /// between two of them join them as they join a group.
     File(PathBuf),
 }
 
@@ -60,9 +61,19 @@ impl Nodes {
         Ok(())
     }
 
-    /// Ascending node indices. `resolve` turns the scene's relative paths into real ones. The error says what was
-    /// looked for and what there is instead; an empty choice is an error.
-    pub fn select(&self, mesh: &TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<Vec<u32>, String> {
+    /// Makes the node group that a choice by file means, before nodes are added to `mesh`. `resolve` turns the scene's
+    /// relative paths into real ones.
+    pub fn prepare(&self, mesh: &mut TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<(), String> {
+        if let Nodes::File(path) = self {
+            let nodes = tags(mesh, &resolve(path))?;
+            mesh.groups.insert(file_group(path), nodes);
+        }
+        Ok(())
+    }
+
+    /// Ascending node indices in a [prepared](Nodes::prepare) mesh. The error says what was looked for and what there
+    /// is instead; an empty choice is an error.
+    pub fn select(&self, mesh: &TetMesh) -> Result<Vec<u32>, String> {
         let within = |inside: &dyn Fn(&Vector3<f64>) -> bool| -> Vec<u32> {
             (0..mesh.nodes.len() as u32).filter(|&node| inside(&mesh.nodes[node as usize])).collect()
         };
@@ -81,7 +92,7 @@ impl Nodes {
                 let normal = (normal / normal.amax()).normalize();
                 within(&|x| normal.dot(&(x - point)).abs() <= *distance)
             }
-            Nodes::File(path) => tags(mesh, &resolve(path))?,
+            Nodes::File(path) => group(mesh, &file_group(path))?,
         };
         if nodes.is_empty() {
             let (low, high) = mesh.nodes.iter().fold(
@@ -95,6 +106,11 @@ impl Nodes {
         }
         Ok(nodes)
     }
+}
+
+/// The group of the nodes in a tag file.
+fn file_group(path: &Path) -> String {
+    format!("file {}", path.display())
 }
 
 fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
@@ -149,7 +165,9 @@ mod tests {
     }
 
     fn select(nodes: &Nodes) -> Result<Vec<u32>, String> {
-        nodes.select(&corners(), Path::to_owned)
+        let mut mesh = corners();
+        nodes.prepare(&mut mesh, Path::to_owned)?;
+        nodes.select(&mesh)
     }
 
     #[test]
