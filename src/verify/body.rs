@@ -179,3 +179,120 @@ fn kuhn(cells: [u32; 3]) -> Vec<[u32; 4]> {
     }
     tets
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{ELEMENTS, Solution};
+    use super::*;
+    use crate::fem::Partition;
+    use nalgebra::Matrix3;
+    use std::f64::consts::FRAC_PI_2;
+
+    const CELLS: [u32; 3] = [2, 3, 2];
+
+    /// A quarter of a cylinder's wall between radii 1 and 2, 1 high.
+    fn ring(place: &Vector3<f64>) -> Vector3<f64> {
+        let (sin, cos) = (FRAC_PI_2 * place.y).sin_cos();
+        Vector3::new((1.0 + place.x) * cos, (1.0 + place.x) * sin, place.z)
+    }
+
+    fn bodies(element: &Element, shape: fn(&Vector3<f64>) -> Vector3<f64>) -> [Body; 2] {
+        [Body::new(element, CELLS, shape).unwrap(), Body::kuhn(element, CELLS, shape).unwrap()]
+    }
+
+    /// σ_xx = 2 on one face, three planes that slide: u = (σ/E) (x, -ν y, -ν z) in every element, to rounding.
+    #[test]
+    fn uniaxial_tension_on_sliding_planes_is_exact() {
+        let (young, poisson) = (5.0, 0.3);
+        let lame = Lame::from_young_poisson(young, poisson);
+        let shape = |place: &Vector3<f64>| Vector3::new(2.0 * place.x, place.y, 0.5 * place.z);
+        for element in ELEMENTS {
+            for mut body in bodies(element, shape) {
+                for axis in 0..3 {
+                    body.fix(|place| place[axis] == 0.0, axis, |_| 0.0);
+                }
+                body.load(|place| place.x == 1.0, |_, normal| normal * 2.0);
+                let solution = body.solve(element, lame).unwrap();
+                for (x, u) in body.mesh.nodes.iter().zip(&solution.displacement) {
+                    let expected = Vector3::new(x.x, -poisson * x.y, -poisson * x.z) * (2.0 / young);
+                    assert!((u - expected).amax() < 1e-13, "{}: {u} at {x}", element.name);
+                }
+                // W = σ²V/(2E) with V = 1.
+                assert!((solution.energy - 0.4).abs() < 1e-13, "{}: {}", element.name, solution.energy);
+                let corner = body.node_at([1.0, 1.0, 0.0]).unwrap();
+                let stress = solution.stress_at(&body, element, lame, corner);
+                let expected = Matrix3::from_diagonal(&Vector3::new(2.0, 0.0, 0.0));
+                assert!((stress - expected).amax() < 1e-12, "{}: {stress}", element.name);
+            }
+        }
+    }
+
+    /// Whole nodes prescribed here and by the offline stage's partition: the same displacement.
+    #[test]
+    fn elimination_agrees_with_the_partition() {
+        let lame = Lame::from_young_poisson(1.0, 0.4);
+        let prescribed = |x: &Vector3<f64>, axis: usize| x[(axis + 1) % 3] * x.z - 0.1 * x.x;
+        let is_held = |place: &Vector3<f64>| place.y == 0.0 || place.x == 1.0;
+        for element in ELEMENTS {
+            for mut body in bodies(element, ring) {
+                for axis in 0..3 {
+                    body.fix(is_held, axis, |x| prescribed(x, axis));
+                }
+                let Solution { displacement, .. } = body.solve(element, lame).unwrap();
+
+                let nodes = body.mesh.nodes.len();
+                let k = (element.assemble)(&body.mesh, &vec![lame; body.mesh.tets.len()]).unwrap();
+                let held = (0..nodes as u32).filter(|&node| is_held(&body.place[node as usize]));
+                let partition = Partition::new(nodes, held);
+                let mut fields = NodeFields::zeros(nodes, 1);
+                for &node in &partition.controlled {
+                    for axis in 0..3 {
+                        let row = 3 * node as usize + axis;
+                        fields.data[row] = prescribed(&body.mesh.nodes[node as usize], axis);
+                    }
+                }
+                let a = partition.a(&k);
+                let symbolic = Symbolic::new(&a, &Silent).unwrap();
+                let factor = Cholesky::new(&a, &symbolic, &Silent).unwrap();
+                let (u, _) = factor.solve(&partition.minus_b_times(&k, &fields), &Silent).unwrap();
+                partition.insert_free(&u, &mut fields);
+                for (node, u) in displacement.iter().enumerate() {
+                    for axis in 0..3 {
+                        let apart = (u[axis] - fields.data[3 * node + axis]).abs();
+                        assert!(apart < 1e-12, "{}: {apart}", element.name);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Pressure on a wall pushes as the wall's outline says, curved or not: ∫ n dA over a quarter of the inner wall is
+    /// -(1, 1, 0) for radius and height 1. The area itself is the curved wall's to the order of the faces.
+    #[test]
+    fn pressure_on_curved_walls_has_its_resultant() {
+        for element in ELEMENTS {
+            for mut body in bodies(element, ring) {
+                body.load(|place| place.x == 0.0, |_, normal| *normal);
+                let sum = |force: &NodeFields| {
+                    force.data.chunks_exact(3).map(|f| Vector3::new(f[0], f[1], f[2])).sum::<Vector3<f64>>()
+                };
+                assert!((sum(&body.force) + Vector3::new(1.0, 1.0, 0.0)).amax() < 1e-14, "{}", element.name);
+                body.force = NodeFields::zeros(body.mesh.nodes.len(), 1);
+                body.load(|place| place.x == 0.0, |_, _| Vector3::z());
+                let error = (sum(&body.force).z / FRAC_PI_2 - 1.0).abs();
+                assert!(error < if element.order == 2 { 4e-4 } else { 0.02 }, "{}: {error}", element.name);
+            }
+        }
+    }
+
+    #[test]
+    fn kuhns_tetrahedra_fill_the_block() {
+        let body = Body::kuhn(&ELEMENTS[0], CELLS, |place| *place).unwrap();
+        let volumes: Vec<f64> = (0..body.mesh.tets.len())
+            .map(|tet| crate::mesh::quality::signed_volume(&body.mesh.corners(tet)))
+            .collect();
+        assert_eq!(volumes.len(), 6 * 12);
+        assert!(volumes.iter().all(|volume| (volume * 72.0 - 1.0).abs() < 1e-12));
+        assert!(body.node_at([0.4, 0.0, 0.0]).is_err());
+    }
+}

@@ -168,3 +168,37 @@ impl Solution {
 fn symmetric(h: &Matrix3<f64>) -> Matrix3<f64> {
     (h + h.transpose()) * 0.5
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::ELEMENTS;
+    use super::*;
+
+    struct Shear;
+
+    impl Exact for Shear {
+        fn displacement(&self, x: &Vector3<f64>) -> Vector3<f64> {
+            Vector3::new(0.1 * x.x + 0.2 * x.y, 0.0, -0.3 * x.z)
+        }
+
+        fn gradient(&self, _: &Vector3<f64>) -> Matrix3<f64> {
+            Matrix3::new(0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.3)
+        }
+    }
+
+    /// An affine field has no error in any element, none at all is wrong by the whole, and half of it by half.
+    #[test]
+    fn norms_are_relative() {
+        let lame = Lame::from_young_poisson(1.0, 0.3);
+        for element in ELEMENTS {
+            let body = Body::new(element, [2, 1, 1], |place| *place).unwrap();
+            for part in [1.0, 0.5, 0.0] {
+                let displacement = body.mesh.nodes.iter().map(|x| Shear.displacement(x) * part).collect();
+                let solution = Solution { displacement, energy: 0.0, seconds: 0.0 };
+                let norms = solution.norms(&body, element, lame, &Shear);
+                assert!((norms.l2 - (1.0 - part)).abs() < 1e-14, "{}: {norms:?}", element.name);
+                assert!((norms.energy - (1.0 - part)).abs() < 1e-14, "{}: {norms:?}", element.name);
+            }
+        }
+    }
+}
