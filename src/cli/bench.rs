@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let tables =
         [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
     if let Some(path) = &args.readme {
-        write_between_marks(path, &markdown(&tables))?;
+        write_between_marks(path, "bench", &markdown(&tables))?;
         super::print(&format!("{}: tables written\n", path.display()))?;
     }
     if args.json {
@@ -259,7 +259,7 @@ fn loops_table(loops: &[Loop]) -> (String, Table) {
 }
 
 /// The processor's name, where the system tells.
-fn processor() -> String {
+pub fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or("unknown processor".into(), |(_, name)| name.trim().to_owned())
@@ -318,17 +318,16 @@ fn markdown(tables: &[(String, Table)]) -> String {
     tables.iter().map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown())).collect()
 }
 
-const BEGIN: &str = "<!-- bench: begin -->\n";
-const END: &str = "<!-- bench: end -->";
-
-fn write_between_marks(path: &Path, text: &str) -> Result<(), Failure> {
+/// Replaces what stands between the lines `<!-- NAME: begin -->` and `<!-- NAME: end -->` of a Markdown file.
+pub fn write_between_marks(path: &Path, name: &str, text: &str) -> Result<(), Failure> {
+    let (first, last) = (format!("<!-- {name}: begin -->\n"), format!("<!-- {name}: end -->"));
     let old = std::fs::read_to_string(path)
         .with_context(|| path.display().to_string())
         .map_err(Failure::Request)?;
-    let ends = old.find(BEGIN).zip(old.find(END)).filter(|(begin, end)| begin < end);
+    let ends = old.find(&first).zip(old.find(&last)).filter(|(begin, end)| begin < end);
     let Some((begin, end)) = ends else {
-        return Err(Failure::wrong(format!("{}: the lines {BEGIN}and {END} are missing", path.display())));
+        return Err(Failure::wrong(format!("{}: the lines {first}and {last} are missing", path.display())));
     };
-    let new = format!("{}{text}{}", &old[..begin + BEGIN.len()], &old[end..]);
+    let new = format!("{}{text}{}", &old[..begin + first.len()], &old[end..]);
     std::fs::write(path, new).with_context(|| path.display().to_string()).map_err(Failure::Work)
 }

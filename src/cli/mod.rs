@@ -19,6 +19,7 @@ mod render;
 mod session;
 mod statics;
 mod table;
+mod verify;
 mod view;
 mod world;
 
@@ -58,6 +59,7 @@ pub enum Command {
     Check(check::Args),
     Convert(convert::Args),
     Pack(pack::Args),
+    Verify(verify::Args),
     Manual(manual::Args),
 }
 
@@ -76,6 +78,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Pack(args)) => pack::run(&args),
+        Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }
