@@ -8,6 +8,7 @@ pub mod assemble;
 mod error;
 pub mod formats;
 pub mod generate;
+pub mod grow;
 pub mod quality;
 pub mod stuffing;
 mod surface;
