@@ -5,6 +5,7 @@ use super::poses::{self, Pose};
 use super::session;
 use crate::deform::{ControlPoses, Deformer, Wrench, wrenches};
 use crate::green::{self, FIELDS, Solution};
+use crate::mesh::TetMesh;
 use crate::scene::Scene;
 use crate::solve::Silent;
 use anyhow::Context;
@@ -152,9 +153,18 @@ impl Geometry {
             body: name.to_owned(),
             tags: solution.mesh.tags.clone(),
             rest: solution.mesh.nodes.clone(),
-            cells: solution.mesh.tets.iter().map(|tet| tet.to_vec()).collect(),
+            cells: (0..solution.mesh.tets.len()).map(|tet| vtk_cell(&solution.mesh, tet)).collect(),
         }
     }
+}
+
+/// The nodes of a tetrahedron in VTK's order, whose last two mid-side nodes change places with ours.
+fn vtk_cell(mesh: &TetMesh, tet: usize) -> Vec<u32> {
+    let mut nodes = mesh.tets[tet].to_vec();
+    if let Some(&[a, b, c, d, e, f]) = mesh.mids.get(tet) {
+        nodes.extend([a, b, c, d, f, e]);
+    }
+    nodes
 }
 
 fn write_all(
@@ -258,7 +268,11 @@ fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
             Attribute::vectors(format!("displacement {pose}")).with_data(u)
         });
         let size = g.cells.first().map_or(3, Vec::len);
-        let kind = if size == 4 { CellType::Tetra } else { CellType::Triangle };
+        let kind = match size {
+            3 => CellType::Triangle,
+            4 => CellType::Tetra,
+            _ => CellType::QuadraticTetra,
+        };
         UnstructuredGridPiece {
             points: g.rest.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect::<Vec<f64>>().into(),
             cells: Cells {

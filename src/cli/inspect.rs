@@ -175,12 +175,22 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
     );
     for (name, body) in &file.meta.bodies {
         text.push_str(&format!(
-            "\nbody {name}: mesh of {} nodes and {} tetrahedra, surface {} nodes and {} triangles\n  solver {}, \
-             worst relative residual {:.1e}{}\n  stored as {}\n  fingerprint {}\n",
-            body.mesh_nodes, body.mesh_tets, body.surface_nodes, body.surface_triangles, body.accuracy.solver,
+            "\nbody {name}: mesh of {} nodes and {} {}, surface {} nodes and {} triangles\n  solver {}, \
+             worst relative residual {:.1e}{}{}\n  stored as {}\n  fingerprint {}\n",
+            body.mesh_nodes,
+            body.mesh_tets,
+            body.element,
+            body.surface_nodes,
+            body.surface_triangles,
+            body.accuracy.solver,
             body.accuracy.residual,
+            body.accuracy
+                .forward_error
+                .map(|e| format!(", forward error at most {e:.1e}"))
+                .unwrap_or_default(),
             body.accuracy.asymmetry.map(|a| format!(", asymmetry of S {a:.1e}")).unwrap_or_default(),
-            body.accuracy.storage, body.fingerprint,
+            body.accuracy.storage,
+            body.fingerprint,
         ));
         for control in &body.controls {
             let zero = match control.vanishing.is_empty() {
@@ -216,12 +226,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
             if needs.stiffness { "; needs the handle stiffness" } else { "" },
         ));
         for (control_name, control) in &body.control {
-            let nodes =
-                control.nodes.select(&loaded.mesh, |file| scene.resolve(file)).map_err(|message| {
-                    Failure::request(
-                        scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message),
-                    )
-                })?;
+            let nodes = control.nodes.select(&loaded.mesh).map_err(|message| {
+                Failure::request(scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message))
+            })?;
             text.push_str(&format!("  control {control_name}: {} nodes, {:?}\n", nodes.len(), control.grab));
         }
     }

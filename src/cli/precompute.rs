@@ -63,9 +63,10 @@ pub fn report(body: &Precomputed) -> Table {
         "mesh",
         times.mesh_s,
         format!(
-            "{} nodes, {} tetrahedra, surface {} nodes and {} triangles",
+            "{} nodes, {} {}, surface {} nodes and {} triangles",
             mesh.nodes.len(),
             mesh.tets.len(),
+            solution.element.name(),
             solution.surface.nodes.len(),
             solution.surface.triangles.len()
         ),
@@ -90,6 +91,13 @@ pub fn report(body: &Precomputed) -> Table {
             format!("{} columns together, {} iterations", stats.columns, stats.iterations),
         );
     }
+    if let Some(conditioning) = stats.conditioning {
+        let what = format!(
+            "scaled condition number {:.1e}, forward error at most {:.1e}",
+            conditioning.scaled_condition, conditioning.forward_error
+        );
+        row("conditioning", conditioning.seconds, what);
+    }
     if let Some(asymmetry) = solution.asymmetry {
         let size = stats.columns;
         row("stiffness", times.stiffness_s, format!("S: {size} × {size}, asymmetry {asymmetry:.1e}"));
@@ -100,7 +108,8 @@ pub fn report(body: &Precomputed) -> Table {
         + stats.ordering_s
         + stats.symbolic_s
         + stats.factor_s
-        + stats.solve_s;
+        + stats.solve_s
+        + stats.conditioning.map_or(0.0, |conditioning| conditioning.seconds);
     row("all", total, format!("worst relative residual {:.1e} ({})", stats.worst_residual(), stats.method));
     table
 }

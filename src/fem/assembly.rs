@@ -1,8 +1,7 @@
-//! Assembly of the stiffness matrix from its tetrahedra.
+//! Assembly of the stiffness matrix from sets of elements.
 
-use super::{Lame, StiffnessMatrix, tet4};
-use crate::mesh::trouble::FLAT;
-use crate::mesh::{TetMesh, quality};
+use super::{Lame, StiffnessMatrix, anp, tet4, tet10};
+use crate::mesh::TetMesh;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -15,33 +14,63 @@ pub enum AssemblyError {
     Degenerate { index: usize, tags: [u64; 4], volume: f64, relative: f64 },
 }
 
-/// K = Σ_e K_e, with Lamé's constants `lame[e]` per tetrahedron.
-///
-/// Parallel over nodes: every node sums the blocks of its own row over its tetrahedra in ascending order, so the
-/// result has the same bits on every thread count. Errors where a tetrahedron is flat or inverted.
-pub fn assemble(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
-    let elements = geometries(mesh)?;
-    let incident = incidence(mesh);
-    let mut matrix = StiffnessMatrix::zeros(mesh.nodes.len(), edges(mesh, &incident));
+/// A set of elements of one kind, each of which adds a symmetric matrix of 3×3 blocks on its own nodes to K.
+pub trait Elements: Sync {
+    fn count(&self) -> usize;
 
-    let rows: Vec<(Matrix3<f64>, Vec<Matrix3<f64>>)> = (0..mesh.nodes.len())
+    /// The mesh nodes of one element, no node twice.
+    fn nodes(&self, element: usize) -> &[u32];
+
+    /// out[b] = K_ab of one element for its local node `a` and all its local nodes b, N/m.
+    fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]);
+}
+
+/// K = Σ_e K_e with Lamé's constants `lame[e]` per tetrahedron: linear tetrahedra ([`tet4`]), or quadratic ones
+/// ([`tet10`]) where the mesh has nodes between the corners.
+///
+/// Errors where a tetrahedron is flat or inverted.
+pub fn assemble(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
+    let nodes = mesh.nodes.len();
+    if mesh.mids.is_empty() {
+        return Ok(assemble_elements(nodes, &[&tet4::Tetrahedra::new(mesh, lame)?]));
+    }
+    Ok(assemble_elements(nodes, &[&tet10::Tetrahedra::new(mesh, lame)?]))
+}
+
+/// K of linear tetrahedra whose pressure is averaged at the nodes, so that they do not lock near ν = 1/2 ([`anp`]).
+/// `mesh` must be linear: nodes between corners would have no stiffness.
+pub fn assemble_anp(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
+    let (tetrahedra, patches) = anp::split(mesh, lame)?;
+    Ok(assemble_elements(mesh.nodes.len(), &[&tetrahedra, &patches]))
+}
+
+/// K = Σ K_e over all sets of elements, on nodes 0..`nodes`.
+///
+/// Parallel over nodes: every node sums the blocks of its own row over its elements in ascending order, so the
+/// result has the same bits on every thread count.
+pub fn assemble_elements(nodes: usize, sets: &[&dyn Elements]) -> StiffnessMatrix {
+    let incident: Vec<Incidence> = sets.iter().map(|set| incidence(nodes, *set)).collect();
+    let mut matrix = StiffnessMatrix::zeros(nodes, edges(nodes, sets, &incident));
+    let rows: Vec<(Matrix3<f64>, Vec<Matrix3<f64>>)> = (0..nodes)
         .into_par_iter()
         .with_min_len(64)
-        .map(|node| {
+        .map_init(Vec::new, |scratch, node| {
             let edges = &matrix.edges[matrix.edge_start[node]..matrix.edge_start[node + 1]];
             let mut diagonal = Matrix3::zeros();
             let mut blocks = vec![Matrix3::zeros(); edges.len()];
-            for &tet in incident.of(node) {
-                let corners = mesh.tets[tet as usize];
-                let (element, lame) = (&elements[tet as usize], lame[tet as usize]);
-                let Some(a) = corners.iter().position(|&corner| corner as usize == node) else {
-                    continue;
-                };
-                diagonal += tet4::stiffness_block(element, lame, a, a);
-                for (b, &corner) in corners.iter().enumerate().filter(|(_, corner)| **corner as usize > node)
-                {
-                    if let Ok(slot) = edges.binary_search_by_key(&corner, |edge| edge[1]) {
-                        blocks[slot] += tet4::stiffness_block(element, lame, a, b);
+            for (set, incident) in sets.iter().zip(&incident) {
+                for &(element, a) in incident.of(node) {
+                    let nodes = set.nodes(element as usize);
+                    scratch.resize(nodes.len(), Matrix3::zeros());
+                    set.row(element as usize, a as usize, scratch);
+                    for (&other, block) in nodes.iter().zip(scratch.iter()) {
+                        if other as usize == node {
+                            diagonal += block;
+                        } else if other as usize > node
+                            && let Ok(slot) = edges.binary_search_by_key(&other, |edge| edge[1])
+                        {
+                            blocks[slot] += block;
+                        }
                     }
                 }
             }
@@ -53,73 +82,51 @@ pub fn assemble(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, Assemb
         let start = matrix.edge_start[node];
         matrix.blocks[start..start + blocks.len()].copy_from_slice(&blocks);
     }
-    Ok(matrix)
+    matrix
 }
 
-fn geometries(mesh: &TetMesh) -> Result<Vec<tet4::Geometry>, AssemblyError> {
-    (0..mesh.tets.len())
-        .into_par_iter()
-        .map(|index| {
-            let corners = mesh.tets[index];
-            let x = corners.map(|node| mesh.nodes[node as usize]);
-            let relative = quality::quality(&x);
-            // Written so that a NaN is refused too.
-            match tet4::geometry(x) {
-                Some(element) if relative >= FLAT => Ok(element),
-                element => Err(AssemblyError::Degenerate {
-                    index,
-                    tags: corners.map(|node| mesh.tags[node as usize]),
-                    volume: element.map_or(0.0, |element| element.volume),
-                    relative,
-                }),
-            }
-        })
-        .collect()
-}
-
-/// The tetrahedra around every node, ascending.
+/// The elements around every node, ascending, each with the node's local number in it.
 struct Incidence {
     start: Vec<usize>,
-    tets: Vec<u32>,
+    elements: Vec<(u32, u32)>,
 }
 
 impl Incidence {
-    fn of(&self, node: usize) -> &[u32] {
-        &self.tets[self.start[node]..self.start[node + 1]]
+    fn of(&self, node: usize) -> &[(u32, u32)] {
+        &self.elements[self.start[node]..self.start[node + 1]]
     }
 }
 
-fn incidence(mesh: &TetMesh) -> Incidence {
-    let mut start = vec![0; mesh.nodes.len() + 1];
-    for &corner in mesh.tets.iter().flatten() {
-        start[corner as usize + 1] += 1;
+fn incidence(nodes: usize, set: &dyn Elements) -> Incidence {
+    let mut start = vec![0; nodes + 1];
+    for &node in (0..set.count()).flat_map(|element| set.nodes(element)) {
+        start[node as usize + 1] += 1;
     }
-    for i in 0..mesh.nodes.len() {
+    for i in 0..nodes {
         start[i + 1] += start[i];
     }
     let mut next = start.clone();
-    let mut tets = vec![0; 4 * mesh.tets.len()];
-    for (tet, corners) in mesh.tets.iter().enumerate() {
-        for &corner in corners {
-            tets[next[corner as usize]] = tet as u32;
-            next[corner as usize] += 1;
+    let mut elements = vec![(0, 0); start[nodes]];
+    for element in 0..set.count() {
+        for (local, &node) in set.nodes(element).iter().enumerate() {
+            elements[next[node as usize]] = (element as u32, local as u32);
+            next[node as usize] += 1;
         }
     }
-    Incidence { start, tets }
+    Incidence { start, elements }
 }
 
-/// All edges i < j, sorted.
-fn edges(mesh: &TetMesh, incident: &Incidence) -> Vec<[u32; 2]> {
-    let per_node: Vec<Vec<[u32; 2]>> = (0..mesh.nodes.len())
+/// All pairs i < j of nodes with a common element, sorted.
+fn edges(nodes: usize, sets: &[&dyn Elements], incident: &[Incidence]) -> Vec<[u32; 2]> {
+    let per_node: Vec<Vec<[u32; 2]>> = (0..nodes)
         .into_par_iter()
         .with_min_len(64)
         .map(|node| {
-            let mut above: Vec<u32> = incident
-                .of(node)
-                .iter()
-                .flat_map(|&tet| mesh.tets[tet as usize])
-                .filter(|&corner| corner as usize > node)
-                .collect();
+            let mut above: Vec<u32> = Vec::new();
+            for (set, incident) in sets.iter().zip(incident) {
+                let around = incident.of(node).iter().flat_map(|&(element, _)| set.nodes(element as usize));
+                above.extend(around.filter(|&&other| other as usize > node));
+            }
             above.sort_unstable();
             above.dedup();
             above.into_iter().map(|other| [node as u32, other]).collect()

@@ -4,8 +4,11 @@
 //! quadrature point is exact (Zienkiewicz and Taylor, vol. 1, 5th ed., section 6.2; mind the sign of the cyclic
 //! interchange in its equation 6.5b, which the paper's reference 13 points out).
 
-use super::Lame;
+use super::{AssemblyError, Elements, Lame};
+use crate::mesh::trouble::FLAT;
+use crate::mesh::{TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 
 /// Volume and shape gradients of one tetrahedron.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +37,53 @@ pub fn stiffness_block(element: &Geometry, lame: Lame, a: usize, b: usize) -> Ma
     let (ga, gb) = (element.gradients[a], element.gradients[b]);
     let shear = Matrix3::from_diagonal_element(lame.mu * ga.dot(&gb));
     (ga * gb.transpose() * lame.lambda + gb * ga.transpose() * lame.mu + shear) * element.volume
+}
+
+/// The linear tetrahedra of a mesh, with Lamé's constants for each.
+pub struct Tetrahedra<'a> {
+    pub mesh: &'a TetMesh,
+    pub lame: Vec<Lame>,
+    pub geometry: Vec<Geometry>,
+}
+
+impl<'a> Tetrahedra<'a> {
+    /// Errors where a tetrahedron is flat or inverted.
+    pub fn new(mesh: &'a TetMesh, lame: &[Lame]) -> Result<Tetrahedra<'a>, AssemblyError> {
+        let geometry = (0..mesh.tets.len())
+            .into_par_iter()
+            .map(|index| {
+                let x = mesh.corners(index);
+                let relative = quality::quality(&x);
+                // Written so that a NaN is refused too.
+                match geometry(x) {
+                    Some(element) if relative >= FLAT => Ok(element),
+                    element => Err(AssemblyError::Degenerate {
+                        index,
+                        tags: mesh.tets[index].map(|node| mesh.tags[node as usize]),
+                        volume: element.map_or(0.0, |element| element.volume),
+                        relative,
+                    }),
+                }
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Tetrahedra { mesh, lame: lame.to_vec(), geometry })
+    }
+}
+
+impl Elements for Tetrahedra<'_> {
+    fn count(&self) -> usize {
+        self.mesh.tets.len()
+    }
+
+    fn nodes(&self, element: usize) -> &[u32] {
+        &self.mesh.tets[element]
+    }
+
+    fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]) {
+        for (b, block) in out.iter_mut().enumerate() {
+            *block = stiffness_block(&self.geometry[element], self.lame[element], a, b);
+        }
+    }
 }
 
 #[cfg(test)]

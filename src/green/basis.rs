@@ -5,7 +5,7 @@ use super::{ControlElement, FIELDS, GreenError, Needs, Prepared};
 use crate::fem::{self, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::trouble::Severity;
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::{Body, Method, Scene};
+use crate::scene::{Body, Element, Method, Scene};
 use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};
 use nalgebra::DMatrix;
 use std::time::Instant;
@@ -20,6 +20,7 @@ pub struct StepTimes {
 
 /// The full f64 solution of one body: every basis field over every node.
 pub struct Solution {
+    pub element: Element,
     pub mesh: TetMesh,
     pub surface: Surface,
     pub controls: Vec<ControlElement>,
@@ -78,8 +79,11 @@ pub fn solve(
 
     progress.begin("assembly", 0);
     let started = Instant::now();
-    let k =
-        fem::assemble(&mesh, &lame).map_err(|source| GreenError::Assembly { body: place.clone(), source })?;
+    let k = match body.element {
+        Element::Tet4 | Element::Tet10 => fem::assemble(&mesh, &lame),
+        Element::Tet4Anp => fem::assemble_anp(&mesh, &lame),
+    };
+    let k = k.map_err(|source| GreenError::Assembly { body: place.clone(), source })?;
     let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
     let a = partition.a(&k);
     times.assembly_s = started.elapsed().as_secs_f64();
@@ -106,6 +110,7 @@ pub fn solve(
     times.stiffness_s = started.elapsed().as_secs_f64();
     let matrix_entries = k.scalar_entries();
     Ok(Solution {
+        element: body.element,
         mesh,
         surface,
         controls,
@@ -134,7 +139,10 @@ fn solve_free(
     match body.solver.method {
         Method::Cholesky => {
             let symbolic = Symbolic::new(a, progress)?;
-            Cholesky::new(a, &symbolic, progress)?.solve(rhs, progress)
+            let factor = Cholesky::new(a, &symbolic, progress)?;
+            let (free, mut stats) = factor.solve(rhs, progress)?;
+            stats.conditioning = Some(factor.conditioning(&free, rhs, progress));
+            Ok((free, stats))
         }
         Method::Pcg => {
             let pcg = Pcg { tolerance: body.solver.tolerance, max_iterations: body.solver.max_iterations };

@@ -6,7 +6,7 @@ use super::control::rank;
 use crate::fem::Lame;
 use crate::mesh::trouble::{self, Severity, place};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::{Body, Material};
+use crate::scene::{Body, Element, Material};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
@@ -110,11 +110,12 @@ pub fn materials(
     let mut findings = Vec::new();
     let named = std::iter::once(("material".to_owned(), &body.material))
         .chain(body.region.iter().map(|(region, material)| (format!("region.{region}"), material)));
-    for (key, Material { poisson, .. }) in named.filter(|(_, material)| material.poisson > LOCKING) {
+    let locks = body.element == Element::Tet4;
+    for (key, Material { poisson, .. }) in named.filter(|(_, material)| locks && material.poisson > LOCKING) {
         let message = format!(
             "Poisson's ratio {poisson} is nearly incompressible: linear tetrahedra lock and the body is too stiff, the \
-             more the nearer to 0.5 and the coarser the mesh (chapter method has measured figures); use at most \
-             {LOCKING}, or refine and compare"
+             more the nearer to 0.5 and the coarser the mesh (chapter method has measured figures); write \
+             element = \"tet4_anp\" (same nodes, does not lock) or \"tet10\""
         );
         findings.push(Finding::new(Severity::Warning, &format!("{entity}.{key}"), message));
     }

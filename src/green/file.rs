@@ -17,7 +17,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Version of the container's contents; a file of another version is refused.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 const KEY: &str = "greenstage";
 
 /// What the file says of itself.
@@ -38,6 +38,8 @@ pub struct BodyMeta {
     /// Mesh coordinates of the origin of `rest`, m.
     pub centre: [f64; 3],
     /// Nodes of the whole mesh; the file holds the surface's only.
+    /// As scenes name it.
+    pub element: String,
     pub mesh_nodes: usize,
     pub mesh_tets: usize,
     pub surface_nodes: usize,
@@ -66,6 +68,10 @@ pub struct Accuracy {
     /// Largest relative residual ‖b - A x‖₂/‖b‖₂ over the columns, in f64, before rounding.
     pub residual: f64,
     pub residuals: Vec<f64>,
+    /// Estimate of the condition number of A scaled by its diagonal; absent where nothing had to be solved.
+    pub scaled_condition: Option<f64>,
+    /// How far the solution may be from the exact one of the same mesh, relative to the largest displacement.
+    pub forward_error: Option<f64>,
     /// max |S - Sᵀ| / max |S| as solved.
     pub asymmetry: Option<f64>,
     pub storage: String,
@@ -147,10 +153,12 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
                 .collect(),
         })
         .collect();
+    let conditioning = solution.stats.conditioning;
     BodyMeta {
         fingerprint: body.fingerprint.clone(),
         needs: body.needs,
         centre: centre.into(),
+        element: solution.element.name().into(),
         mesh_nodes: solution.mesh.nodes.len(),
         mesh_tets: solution.mesh.tets.len(),
         surface_nodes: solution.surface.nodes.len(),
@@ -160,6 +168,8 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
             solver: solution.stats.method.clone(),
             residual: solution.stats.worst_residual(),
             residuals: solution.stats.residuals.clone(),
+            scaled_condition: conditioning.map(|c| c.scaled_condition),
+            forward_error: conditioning.map(|c| c.forward_error),
             asymmetry: solution.asymmetry,
             storage: "f32: 6e-8 of each number".into(),
         },

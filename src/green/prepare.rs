@@ -47,7 +47,7 @@ fn control_elements(
     body.control
         .iter()
         .map(|(control_name, control)| {
-            let nodes = control.nodes.select(mesh, |path| scene.resolve(path)).map_err(|message| {
+            let nodes = control.nodes.select(mesh).map_err(|message| {
                 scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message)
             })?;
             Ok(ControlElement::new(control_name, nodes, mesh, size))

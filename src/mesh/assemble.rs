@@ -5,7 +5,7 @@
 
 use super::error::Fault;
 use super::quality::signed_volume;
-use super::{Loaded, TetMesh};
+use super::{EDGES, Loaded, TetMesh, quadratic};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::PathBuf;
@@ -72,8 +72,17 @@ impl Kind {
 /// A node that belongs to no tetrahedron.
 const DROPPED: u32 = u32::MAX;
 
+/// Which nodes of 10-node tetrahedra are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// The corners only.
+    Linear,
+    /// The nodes between them too, of a file that has no other tetrahedra.
+    Quadratic,
+}
+
 /// Checks `raw` and builds the mesh, with a notice for everything that was repaired or left out.
-pub fn assemble(mut raw: RawMesh) -> Result<Loaded, Fault> {
+pub fn assemble(mut raw: RawMesh, order: Order) -> Result<Loaded, Fault> {
     let corners = resolve(&raw)?;
     raw.corners = Vec::new();
     let (mut tets, elements) = tetrahedra(&raw, &corners)?;
@@ -81,7 +90,11 @@ pub fn assemble(mut raw: RawMesh) -> Result<Loaded, Fault> {
     let mut notices = raw.notices.clone();
     orient(&raw, &mut tets, &elements, &mut notices)?;
 
-    let index = used_nodes(&raw, &corners, &tets, &mut notices);
+    let mids = match order {
+        Order::Linear => HashMap::new(),
+        Order::Quadratic => mid_nodes(&raw, &corners)?,
+    };
+    let index = used_nodes(&raw, &corners, &tets, &mids, &mut notices);
     let kept = |node: &usize| index.get(*node).is_some_and(|&i| i != DROPPED);
     let mut mesh = TetMesh {
         nodes: (0..raw.nodes.len()).filter(kept).map(|i| raw.nodes[i].position).collect(),
@@ -96,6 +109,16 @@ pub fn assemble(mut raw: RawMesh) -> Result<Loaded, Fault> {
         }
     }
     mesh.groups = groups(&raw, &corners, &index, &mut notices);
+    if !mids.is_empty() {
+        // Edges by their new nodes, since `orient` has changed the order in some tetrahedra.
+        let renumbered: HashMap<[u32; 2], u32> = mids
+            .iter()
+            .map(|(edge, &mid)| (edge.map(|node| index[node as usize]), index[mid as usize]))
+            .map(|([a, b], mid)| ([a.min(b), a.max(b)], mid))
+            .collect();
+        mesh.mids =
+            mesh.tets.iter().map(|tet| quadratic::edges_of(tet).map(|edge| renumbered[&edge])).collect();
+    }
     Ok(Loaded { mesh, notices })
 }
 
@@ -169,6 +192,61 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
     Ok((tets, elements))
 }
 
+/// The node between the corners of each edge (ascending) of the 10-node tetrahedra. Refuses one edge with two such
+/// nodes, where the body would be cracked open, a node that is between and a corner too, and other tetrahedra beside
+/// those of 10 nodes.
+fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, Fault> {
+    let mut mids = HashMap::new();
+    let mut edge_of: HashMap<u32, [u32; 2]> = HashMap::new();
+    let ten = with_corners(raw, corners).filter(|(element, _)| element.kind == Kind::TETRAHEDRON_10);
+    for (element, nodes) in ten {
+        let tag = |node: u32| raw.nodes[node as usize].tag;
+        for ([i, j], &mid) in EDGES.iter().zip(nodes.iter().skip(4)) {
+            let edge = [nodes[*i].min(nodes[*j]), nodes[*i].max(nodes[*j])];
+            let [a, b] = edge.map(tag);
+            let other = *mids.entry(edge).or_insert(mid);
+            if other != mid {
+                let reason = format!(
+                    "tetrahedron {}: between nodes {a} and {b} lies node {}, for another tetrahedron node {}; merge them",
+                    element.tag,
+                    tag(mid),
+                    tag(other)
+                );
+                return Err(Fault::at(element.at, reason));
+            }
+            if *edge_of.entry(mid).or_insert(edge) != edge {
+                let reason = format!(
+                    "node {} lies between the corners of two edges (tetrahedron {})",
+                    tag(mid),
+                    element.tag
+                );
+                return Err(Fault::at(element.at, reason));
+            }
+        }
+    }
+    if mids.is_empty() {
+        return Ok(mids);
+    }
+    for (element, nodes) in with_corners(raw, corners).filter(|(element, _)| element.kind.is_tetrahedron) {
+        if element.kind != Kind::TETRAHEDRON_10 {
+            let reason = format!(
+                "tetrahedron {} has {} nodes, others have 10: quadratic elements need all alike (gmsh: SetOrder 2), \
+                 element = \"tet4\" takes the corners of all",
+                element.tag, element.kind.nodes
+            );
+            return Err(Fault::at(element.at, reason));
+        }
+        if let Some(node) = nodes.iter().take(4).find(|node| edge_of.contains_key(node)) {
+            let reason = format!(
+                "node {} is a corner of tetrahedron {} and lies between the corners of another",
+                raw.nodes[*node as usize].tag, element.tag
+            );
+            return Err(Fault::at(element.at, reason));
+        }
+    }
+    Ok(mids)
+}
+
 fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) -> Result<(), Fault> {
     let mut sorted: Vec<([u32; 4], usize)> = tets.iter().copied().zip(0..).collect();
     for (tet, _) in &mut sorted {
@@ -220,10 +298,16 @@ fn orient(
     Ok(())
 }
 
-/// The new index of each node of the file, [`DROPPED`] where it is no corner of a tetrahedron.
-fn used_nodes(raw: &RawMesh, corners: &[u32], tets: &[[u32; 4]], notices: &mut Vec<String>) -> Vec<u32> {
+/// The new index of each node of the file, [`DROPPED`] where it is neither a corner of a tetrahedron nor among `mids`.
+fn used_nodes(
+    raw: &RawMesh,
+    corners: &[u32],
+    tets: &[[u32; 4]],
+    mids: &HashMap<[u32; 2], u32>,
+    notices: &mut Vec<String>,
+) -> Vec<u32> {
     let mut index = vec![DROPPED; raw.nodes.len()];
-    for &node in tets.iter().flatten() {
+    for &node in tets.iter().flatten().chain(mids.values()) {
         index[node as usize] = 0;
     }
     let (mut high_order, mut other_solids) = (0, 0);
@@ -250,7 +334,7 @@ fn used_nodes(raw: &RawMesh, corners: &[u32], tets: &[[u32; 4]], notices: &mut V
             unused.push(raw.nodes[i].tag);
         }
     }
-    if high_order > 0 {
+    if between > 0 {
         notices.push(format!(
             "{high_order} tetrahedra of 10 or more nodes: only their 4 corners are used, {between} nodes between \
              them have been dropped"

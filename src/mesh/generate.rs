@@ -71,6 +71,21 @@ pub enum GenerateError {
     Volume { tet: usize, volume: f64 },
 }
 
+impl Tube {
+    /// The middle between two points in (x, r, θ): on the wall between two points of the wall.
+    pub fn curve(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
+        let (ra, rb) = (a.yz().norm(), b.yz().norm());
+        let towards = a.yz() / ra + b.yz() / rb;
+        let length = towards.norm();
+        // Of opposite sides, which no tetrahedron joins, either way round would do.
+        if !(length > 0.0) {
+            return (a + b) * 0.5;
+        }
+        let across = towards * (0.5 * (ra + rb) / length);
+        Vector3::new(0.5 * (a.x + b.x), across.x, across.y)
+    }
+}
+
 pub fn tube(tube: &Tube) -> Result<TetMesh, GenerateError> {
     let &Tube { inner_radius, outer_radius, length, radial, around, along, control_length } = tube;
     check_length("inner_radius", inner_radius)?;

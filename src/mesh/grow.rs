@@ -4,6 +4,7 @@
 //! Numerische Mathematik 1, 1959). Edges of all tetrahedra count, those inside the body too: what grows on a wall then
 //! has the wall's thickness, and never crosses a gap, which no edge does.
 
+use super::quadratic::edges_of;
 use super::{EDGES, TetMesh};
 use nalgebra::Vector3;
 use std::cmp::Reverse;
@@ -14,8 +15,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// The edges of all tetrahedra once each, the smaller node first, sorted. Between corners only.
 pub fn edges(mesh: &TetMesh) -> Vec<[u32; 2]> {
-    let of = |tet: &[u32; 4]| EDGES.map(|[a, b]| [tet[a].min(tet[b]), tet[a].max(tet[b])]);
-    let mut edges: Vec<[u32; 2]> = mesh.tets.iter().flat_map(of).collect();
+    let mut edges: Vec<[u32; 2]> = mesh.tets.iter().flat_map(edges_of).collect();
     edges.sort_unstable();
     edges.dedup();
     edges

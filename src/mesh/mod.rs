@@ -9,6 +9,7 @@ mod error;
 pub mod formats;
 pub mod generate;
 pub mod grow;
+pub mod quadratic;
 pub mod quality;
 pub mod stuffing;
 mod surface;
@@ -17,9 +18,11 @@ pub mod surface_files;
 pub mod surface_intersect;
 pub mod trouble;
 
+pub use assemble::Order;
 pub use error::{Fault, MeshError, Place};
 pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
+pub use quadratic::quadratic;
 
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -62,20 +65,33 @@ pub struct Loaded {
     pub notices: Vec<String>,
 }
 
-/// Reads the mesh file at `path`, of any format in [`formats::FORMATS`].
+/// Reads the mesh file at `path`, of any format in [`formats::FORMATS`]; of 10-node tetrahedra the corners.
 pub fn load(path: &Path) -> Result<Loaded, MeshError> {
-    let bytes = std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
-    parse(path, &bytes)
+    parse(path, &read(path)?)
+}
+
+/// [`load`] that keeps the nodes between the corners, where the file has them.
+pub fn load_quadratic(path: &Path) -> Result<Loaded, MeshError> {
+    parse_as(path, &read(path)?, Order::Quadratic)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, MeshError> {
+    std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })
 }
 
 /// [`load`] from a file's `bytes`; `path` tells the format and is named in errors.
 ///
 /// Memory grows with `bytes`, whatever counts stand in them.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
+    parse_as(path, bytes, Order::Linear)
+}
+
+/// [`parse`] with the nodes that `order` keeps.
+pub fn parse_as(path: &Path, bytes: &[u8], order: Order) -> Result<Loaded, MeshError> {
     let raw = formats::format_of(path, bytes).and_then(|format| (format.read)(path, bytes));
     let mut raw = raw.map_err(|fault| fault.in_file(path, bytes))?;
     let elements_in = raw.elements_in.take();
-    assemble::assemble(raw).map_err(|fault| match elements_in {
+    assemble::assemble(raw, order).map_err(|fault| match elements_in {
         Some((path, bytes)) => fault.in_file(&path, &bytes),
         None => fault.in_file(path, bytes),
     })

@@ -79,7 +79,9 @@ pub fn components(mesh: &TetMesh) -> Components {
         } else {
             components.of_tet.push(components.of_tet[root]);
         }
-        components.nodes[components.of_tet[tet] as usize].extend(mesh.tets[tet]);
+        let nodes = &mut components.nodes[components.of_tet[tet] as usize];
+        nodes.extend(mesh.tets[tet]);
+        nodes.extend(mesh.mids.get(tet).into_iter().flatten());
     }
     for nodes in &mut components.nodes {
         nodes.sort_unstable();

@@ -1,9 +1,9 @@
 //! The outer surface of a tetrahedral mesh.
 //!
 //! In: a [`TetMesh`]. Out: the faces that belong to one tetrahedron only, as outward triangles in the order of
-//! their tetrahedra. Faces between two regions belong to two tetrahedra, so they are none of these.
+//! their tetrahedra; a face of a quadratic mesh as four. Faces between two regions belong to two tetrahedra, so they are none of these.
 
-use super::{Surface, TetMesh};
+use super::{EDGES, Surface, TetMesh};
 use nalgebra::Vector3;
 
 /// The faces of a positively oriented tetrahedron, counter-clockwise as seen from outside; face i lies opposite
@@ -24,6 +24,17 @@ pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {
     faces
 }
 
+/// The four triangles of a quadratic face, given by its number and its corners.
+fn quarters(mesh: &TetMesh, id: usize, [a, b, c]: [u32; 3]) -> [[u32; 3]; 4] {
+    let (tet, mids) = (mesh.tets[id / 4], mesh.mids[id / 4]);
+    let between = |p: u32, q: u32| {
+        let on = |edge: &[usize; 2]| edge.iter().all(|&corner| tet[corner] == p || tet[corner] == q);
+        EDGES.iter().position(on).map_or(p, |edge| mids[edge])
+    };
+    let (ab, bc, ca) = (between(a, b), between(b, c), between(c, a));
+    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+}
+
 impl Surface {
     pub fn of(mesh: &TetMesh) -> Surface {
         let faces = sorted_faces(mesh);
@@ -32,6 +43,10 @@ impl Surface {
         boundary.sort_unstable();
         let mut triangles: Vec<[u32; 3]> =
             boundary.iter().map(|id| FACES[id % 4].map(|corner| mesh.tets[id / 4][corner])).collect();
+        if !mesh.mids.is_empty() {
+            triangles =
+                boundary.iter().zip(triangles).flat_map(|(id, face)| quarters(mesh, *id, face)).collect();
+        }
 
         let mut index = vec![u32::MAX; mesh.nodes.len()];
         triangles.iter().flatten().for_each(|&node| index[node as usize] = 0);

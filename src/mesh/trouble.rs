@@ -3,9 +3,9 @@
 //! In: a [`TetMesh`]. Out: one sentence for each kind of trouble, the worst first, with places and the tags of some
 //! nodes, and what to do. The measures are relative: the same body in metres and nanometres gives the same sentences.
 
-use super::TetMesh;
 use super::quality::{Components, bounding_box, components, overlapping_faces, quality};
 use super::surface::{FACES, sorted_faces};
+use super::{TetMesh, quadratic};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -54,6 +54,7 @@ pub fn find(mesh: &TetMesh) -> Vec<Trouble> {
     let mut found = Vec::new();
     let mut say = |severity, message: String| found.push(Trouble { severity, message });
     elements(mesh, &mut say);
+    curved(mesh, &mut say);
     overlaps(mesh, &mut say);
     joints(mesh, &mut say);
     let (low, high) = bounding_box(&mesh.nodes);
@@ -102,6 +103,22 @@ fn elements(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
             list(slivers)
         );
         say(Severity::Warning, message);
+    }
+}
+
+/// Quadratic tetrahedra that their curved edges fold.
+fn curved(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
+    // Written so that a NaN counts.
+    let is_folded = |tet: &u32| !(quadratic::least_jacobian(mesh, *tet as usize) >= FLAT);
+    let folded: Vec<u32> = (0..mesh.mids.len() as u32).filter(is_folded).collect();
+    if !folded.is_empty() {
+        let message = format!(
+            "{} quadratic tetrahedra are folded by their curved edges: {}; move their mid-side nodes, refine the mesh \
+             there, or take element = \"tet4\", which uses the corners only",
+            folded.len(),
+            tetrahedra(mesh, &folded)
+        );
+        say(Severity::Error, message);
     }
 }
 

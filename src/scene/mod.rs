@@ -99,6 +99,21 @@ pub enum Element {
     /// Linear tetrahedron, four nodes.
     #[default]
     Tet4,
+    /// Linear tetrahedron with average nodal pressure, which does not lock near Poisson's ratio 1/2.
+    Tet4Anp,
+    /// Quadratic tetrahedron, ten nodes.
+    Tet10,
+}
+
+impl Element {
+    /// As scenes name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Element::Tet4 => "tet4",
+            Element::Tet4Anp => "tet4_anp",
+            Element::Tet10 => "tet10",
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
@@ -188,8 +203,24 @@ impl Scene {
         self.path.parent().unwrap_or(Path::new("")).join(relative)
     }
 
-    /// The mesh of body `name`, with the notices of what was repaired.
+    /// The mesh of body `name` with the nodes its element needs, and the notices of what was repaired.
     pub fn load_mesh(&self, name: &str, body: &Body) -> Result<mesh::Loaded, SceneError> {
+        let mut loaded = self.load_file(name, body)?;
+        for (control, Control { nodes, .. }) in &body.control {
+            nodes
+                .prepare(&mut loaded.mesh, |path| self.resolve(path))
+                .map_err(|message| self.invalid(&format!("body.{name}.control.{control}.nodes"), message))?;
+        }
+        if body.element == Element::Tet10 {
+            loaded.mesh = match &body.generate {
+                Some(Generate::Tube(tube)) => mesh::quadratic(loaded.mesh, &|a, b| tube.curve(a, b)),
+                _ => mesh::quadratic(loaded.mesh, &mesh::quadratic::straight),
+            };
+        }
+        Ok(loaded)
+    }
+
+    fn load_file(&self, name: &str, body: &Body) -> Result<mesh::Loaded, SceneError> {
         let generated = |source| SceneError::Generate {
             path: self.path.clone(),
             entity: format!("body.{name}.generate"),
@@ -212,6 +243,7 @@ impl Scene {
                         );
                         Err(self.invalid(&format!("body.{name}.mesh"), message))
                     }
+                    None if body.element == Element::Tet10 => mesh::load_quadratic(&file).map_err(failed),
                     None => mesh::load(&file).map_err(failed),
                 }
             }

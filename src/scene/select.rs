@@ -33,7 +33,8 @@ pub enum Nodes {
         from: [f64; 3],
         radius: f64,
     },
-    /// A text file of node tags, one a line, # begins a comment; relative to the scene.
+    /// A text file of node tags, one a line, # begins a comment; relative to the scene. Nodes that are added
+    /// between two of them join them as they join a group.
     File(PathBuf),
 }
 
@@ -71,9 +72,19 @@ impl Nodes {
         Ok(())
     }
 
-    /// Ascending node indices. `resolve` turns the scene's relative paths into real ones. The error says what was
-    /// looked for and what there is instead; an empty choice is an error.
-    pub fn select(&self, mesh: &TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<Vec<u32>, String> {
+    /// Makes the node group that a choice by file means, before nodes are added to `mesh`. `resolve` turns the scene's
+    /// relative paths into real ones.
+    pub fn prepare(&self, mesh: &mut TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<(), String> {
+        if let Nodes::File(path) = self {
+            let nodes = tags(mesh, &resolve(path))?;
+            mesh.groups.insert(file_group(path), nodes);
+        }
+        Ok(())
+    }
+
+    /// Ascending node indices in a [prepared](Nodes::prepare) mesh. The error says what was looked for and what there
+    /// is instead; an empty choice is an error.
+    pub fn select(&self, mesh: &TetMesh) -> Result<Vec<u32>, String> {
         let within = |inside: &dyn Fn(&Vector3<f64>) -> bool| -> Vec<u32> {
             (0..mesh.nodes.len() as u32).filter(|&node| inside(&mesh.nodes[node as usize])).collect()
         };
@@ -93,7 +104,7 @@ impl Nodes {
                 within(&|x| normal.dot(&(x - point)).abs() <= *distance)
             }
             Nodes::Grow { from, radius } => grown(mesh, &Vector3::from(*from), *radius)?,
-            Nodes::File(path) => tags(mesh, &resolve(path))?,
+            Nodes::File(path) => group(mesh, &file_group(path))?,
         };
         if nodes.is_empty() {
             let (low, high) = mesh.nodes.iter().fold(
@@ -107,6 +118,11 @@ impl Nodes {
         }
         Ok(nodes)
     }
+}
+
+/// The group of the nodes in a tag file.
+fn file_group(path: &Path) -> String {
+    format!("file {}", path.display())
 }
 
 fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
@@ -177,7 +193,9 @@ mod tests {
     }
 
     fn select(nodes: &Nodes) -> Result<Vec<u32>, String> {
-        nodes.select(&corners(), Path::to_owned)
+        let mut mesh = corners();
+        nodes.prepare(&mut mesh, Path::to_owned)?;
+        nodes.select(&mesh)
     }
 
     #[test]
@@ -198,7 +216,7 @@ mod tests {
         mesh.tets = (0..mesh.tets.len()).filter(kept).map(|tet| mesh.tets[tet]).collect();
         let from = [-0.1, 0.0, 0.5];
         let right = |nodes: &[u32]| nodes.iter().filter(|&&node| mesh.nodes[node as usize].x > 0.05).count();
-        let chosen = |nodes: Nodes| nodes.select(&mesh, Path::to_owned).unwrap();
+        let chosen = |nodes: Nodes| nodes.select(&mesh).unwrap();
 
         assert!(right(&chosen(Nodes::Sphere { centre: from, radius: 0.5 })) > 0);
         let grown = chosen(Nodes::Grow { from, radius: 0.5 });
@@ -208,7 +226,7 @@ mod tests {
         assert!(right(&chosen(Nodes::Grow { from, radius: 1.03 })) > 0);
 
         let off = Nodes::Grow { from: [0.0, 0.0, 0.5], radius: 0.09 };
-        let error = off.select(&mesh, Path::to_owned).unwrap_err();
+        let error = off.select(&mesh).unwrap_err();
         assert!(
             error.contains("1.000e-1 m away from the nearest surface node (tag ") && error.contains("0.09 m")
         );

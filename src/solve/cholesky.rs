@@ -4,7 +4,10 @@
 //! the factor; solves run in blocks of columns, one thread each (faer's own parallel solve is slower than one
 //! thread).
 
-use super::{Ordering, Progress, SolveError, SolveStats, backward_error, nested_dissection, residuals};
+use super::{
+    Column, Conditioning, Ordering, Progress, Silent, SolveError, SolveStats, condition, nested_dissection,
+    residuals,
+};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
@@ -158,7 +161,7 @@ impl<'a> Cholesky<'a> {
             if relative.iter().all(|&r| r <= REFINE_ABOVE) {
                 break;
             }
-            let correction = self.substitute(&r, &super::Silent);
+            let correction = self.substitute(&r, &Silent);
             let refined =
                 NodeFields { data: x.data.iter().zip(&correction.data).map(|(x, d)| x + d).collect(), ..x };
             let (new_relative, new_r) = residuals(self.a, &refined, b);
@@ -170,7 +173,7 @@ impl<'a> Cholesky<'a> {
         let (column, residual) = worst(&relative);
         if residual > REFUSE_ABOVE || residual.is_nan() {
             // A stiff part that floats makes residuals large beside b although x is as exact as A allows.
-            let backward = backward_error(self.a, &x, b, &r, column);
+            let backward = Column::of(self.a, &x, b, &r, column).backward_error();
             if backward > BACKWARD_ABOVE || backward.is_nan() {
                 return Err(SolveError::Factor { column, residual, backward });
             }
@@ -186,8 +189,24 @@ impl<'a> Cholesky<'a> {
             factor_entries: self.values.len(),
             iterations: 0,
             residuals: relative,
+            conditioning: None,
         };
         Ok((x, stats))
+    }
+
+    /// How exact the solution `x` of A x = b is: a few solves with one column each, on two threads.
+    pub fn conditioning(&self, x: &NodeFields, b: &NodeFields, progress: &dyn Progress) -> Conditioning {
+        progress.begin("conditioning", 0);
+        let started = Instant::now();
+        let inverse = |b: &NodeFields| self.substitute(b, &Silent);
+        let (relative, r) = residuals(self.a, x, b);
+        let column = Column::of(self.a, x, b, &r, worst(&relative).0);
+        let (scaled_condition, forward_error) = rayon::join(
+            || condition::scaled_condition(self.a, &inverse),
+            || condition::forward_error(self.a, &inverse, &column),
+        );
+        progress.end();
+        Conditioning { scaled_condition, forward_error, seconds: started.elapsed().as_secs_f64() }
     }
 
     /// Forward and backward substitution, each thread its own block of columns.

@@ -5,6 +5,7 @@
 //! conjugate gradients, the paper's solver). Each measures the true residual of every column afterwards.
 
 mod cholesky;
+mod condition;
 mod ordering;
 mod pcg;
 mod progress;
@@ -33,6 +34,19 @@ pub struct SolveStats {
     pub iterations: usize,
     /// ‖b - A x‖₂ / ‖b‖₂ of every column, computed from A after the solve; 0 where b = 0.
     pub residuals: Vec<f64>,
+    /// Where it was asked for.
+    pub conditioning: Option<Conditioning>,
+}
+
+/// How far the solution can be from the exact one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Conditioning {
+    /// Estimate of κ₂ of A scaled by its diagonal (Cholesky), or by its 3×3 diagonal blocks (PCG).
+    pub scaled_condition: f64,
+    /// Cholesky: bound on max |x̂ - x| / max |x| of the column with the largest residual. PCG: the condition number
+    /// times the largest relative residual.
+    pub forward_error: f64,
+    pub seconds: f64,
 }
 
 impl SolveStats {
@@ -77,27 +91,42 @@ pub fn residuals(a: &StiffnessMatrix, x: &NodeFields, b: &NodeFields) -> (Vec<f6
     (relative, r)
 }
 
-/// The componentwise backward error of one column, max_i |r_i| / (|A| |x| + |b|)_i (Arioli, Demmel and Duff, SIAM J.
-/// Matrix Anal. Appl. 10, 1989): how much A and b must be changed, relatively, for x to be exact.
-pub fn backward_error(
-    a: &StiffnessMatrix,
-    x: &NodeFields,
-    b: &NodeFields,
-    r: &NodeFields,
-    column: usize,
-) -> f64 {
-    let one = |fields: &NodeFields| NodeFields {
-        nodes: fields.nodes,
-        columns: 1,
-        data: (0..3 * fields.nodes).map(|row| fields.row(row)[column].abs()).collect(),
-    };
-    let mut sizes = a.clone();
-    sizes.diagonal.iter_mut().chain(&mut sizes.blocks).for_each(|block| *block = block.abs());
-    let mut scale = NodeFields::zeros(x.nodes, 1);
-    sizes.multiply(&one(x), &mut scale);
-    let (r, b) = (one(r), one(b));
-    let ratio = |i: usize| if r.data[i] == 0.0 { 0.0 } else { r.data[i] / (scale.data[i] + b.data[i]) };
-    (0..r.data.len())
-        .map(ratio)
-        .fold(0.0, |worst, ratio| if ratio > worst || ratio.is_nan() { ratio } else { worst })
+/// One column with its residual, and the sizes |A| |x| + |b| of what was added up to it.
+struct Column {
+    x: NodeFields,
+    r: NodeFields,
+    sizes: NodeFields,
+}
+
+impl Column {
+    fn of(a: &StiffnessMatrix, x: &NodeFields, b: &NodeFields, r: &NodeFields, column: usize) -> Column {
+        let one = |fields: &NodeFields| NodeFields {
+            nodes: fields.nodes,
+            columns: 1,
+            data: (0..3 * fields.nodes).map(|row| fields.row(row)[column]).collect(),
+        };
+        let positive = |mut fields: NodeFields| {
+            fields.data.iter_mut().for_each(|value| *value = value.abs());
+            fields
+        };
+        let mut matrix = a.clone();
+        matrix.diagonal.iter_mut().chain(&mut matrix.blocks).for_each(|block| *block = block.abs());
+        let x = one(x);
+        let mut sizes = NodeFields::zeros(a.nodes(), 1);
+        matrix.multiply(&positive(x.clone()), &mut sizes);
+        sizes.data.iter_mut().zip(positive(one(b)).data).for_each(|(size, b)| *size += b);
+        Column { x, r: one(r), sizes }
+    }
+
+    /// The componentwise backward error max_i |r_i| / (|A| |x| + |b|)_i (Arioli, Demmel and Duff, SIAM J. Matrix Anal.
+    /// Appl. 10, 1989): how much A and b must be changed, relatively, for x to be exact.
+    fn backward_error(&self) -> f64 {
+        let ratio = |(r, size): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / size };
+        self.r
+            .data
+            .iter()
+            .zip(&self.sizes.data)
+            .map(ratio)
+            .fold(0.0, |worst, ratio| if ratio > worst || ratio.is_nan() { ratio } else { worst })
+    }
 }

@@ -1,9 +1,9 @@
 //! Conjugate gradients on the 3×3-block matrix, preconditioned by its diagonal blocks (block-Jacobi); all columns
 //! are iterated together, so that one pass over the matrix serves them all.
 
-use super::{Progress, SolveError, SolveStats, residuals};
+use super::{Conditioning, Progress, SolveError, SolveStats, residuals};
 use crate::fem::{NodeFields, StiffnessMatrix};
-use nalgebra::Matrix3;
+use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -14,6 +14,9 @@ pub struct Pcg {
     pub tolerance: f64,
     pub max_iterations: usize,
 }
+
+/// Iterations from which the condition number is taken.
+const SPECTRUM: usize = 400;
 
 /// The recurrence's residual parts from the true one by rounding; the iteration is restarted from the true
 /// residual at most this often before it is called stagnant.
@@ -36,6 +39,7 @@ impl Pcg {
         let started = Instant::now();
         let mut x = NodeFields::zeros(b.nodes, b.columns);
         let mut iterations = 0;
+        let mut spectrum = Vec::new();
         let mut done = 0;
         let (mut relative, mut r) = residuals(a, &x, b);
         for _ in 0..=RESTARTS {
@@ -49,6 +53,7 @@ impl Pcg {
                 r,
                 &b.norms(),
                 self.max_iterations - iterations,
+                &mut spectrum,
                 &mut |worst| {
                     let way = (1000.0 * (worst.max(self.tolerance).ln() / self.tolerance.ln())) as u64;
                     progress.advance(way.saturating_sub(done));
@@ -63,6 +68,8 @@ impl Pcg {
                 return Err(SolveError::Residual { column, residual, limit: self.tolerance, iterations });
             }
         }
+        let scaled_condition = condition(&spectrum);
+        let forward_error = scaled_condition * relative.iter().copied().fold(0.0, f64::max);
         let stats = SolveStats {
             method: "pcg".into(),
             unknowns: 3 * b.nodes,
@@ -71,6 +78,7 @@ impl Pcg {
             solve_s: started.elapsed().as_secs_f64(),
             iterations,
             residuals: relative,
+            conditioning: Some(Conditioning { scaled_condition, forward_error, seconds: 0.0 }),
             ..Default::default()
         };
         Ok((x, stats))
@@ -87,6 +95,7 @@ impl Pcg {
         mut r: NodeFields,
         b_norms: &[f64],
         limit: usize,
+        spectrum: &mut Vec<[f64; 2]>,
         told: &mut dyn FnMut(f64),
     ) -> usize {
         let m = r.columns;
@@ -95,6 +104,8 @@ impl Pcg {
         let mut p = z.clone();
         let mut ap = NodeFields::zeros(r.nodes, m);
         let mut rz = r.dots(&z);
+        // The column with the most to do sees most of the spectrum.
+        let slowest = (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most });
         for iteration in 0..limit {
             let relative: Vec<f64> =
                 r.norms().iter().zip(b_norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
@@ -119,9 +130,32 @@ impl Pcg {
                 }
             });
             rz = new_rz;
+            if spectrum.len() < SPECTRUM && alpha[slowest] > 0.0 {
+                spectrum.push([alpha[slowest], beta[slowest]]);
+            }
         }
         limit
     }
+}
+
+/// The condition number of the preconditioned matrix from the coefficients α, β of its iterations: conjugate gradients
+/// are Lanczos in disguise (Saad, Iterative Methods for Sparse Linear Systems, 2nd ed., section 6.7.3).
+fn condition(spectrum: &[[f64; 2]]) -> f64 {
+    if spectrum.is_empty() {
+        return 1.0;
+    }
+    let n = spectrum.len();
+    let mut t = DMatrix::zeros(n, n);
+    for (k, [alpha, beta]) in spectrum.iter().enumerate() {
+        t[(k, k)] += 1.0 / alpha;
+        if k + 1 < n {
+            t[(k + 1, k + 1)] += beta / alpha;
+            t[(k, k + 1)] = beta.sqrt() / alpha;
+            t[(k + 1, k)] = t[(k, k + 1)];
+        }
+    }
+    let values = t.symmetric_eigenvalues();
+    values.max() / values.min()
 }
 
 fn inverse_diagonal(a: &StiffnessMatrix) -> Result<Vec<Matrix3<f64>>, SolveError> {

@@ -1,0 +1,191 @@
+//! The quadratic tetrahedron: ten nodes, isoparametric, with the four-point rule of degree 2.
+//!
+//! u(x(ξ)) = Σ N_a(ξ) u_a over the same shape functions as x(ξ) = Σ N_a(ξ) x_a ([`quadratic`]), so edges may be curved
+//! (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., sections 8.10 and 9.10). Four points are exact
+//! where the edges are straight, and see all 24 strains that ten nodes can have.
+
+use super::{AssemblyError, Elements, Lame, tet4};
+use crate::mesh::trouble::FLAT;
+use crate::mesh::{TetMesh, quadratic, quality};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+/// One point of an element: its share of the volume, m³, and the shape gradients there, 1/m; Σ G_a = 0.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    pub volume: f64,
+    pub gradients: [Vector3<f64>; 10],
+}
+
+/// The four points' barycentric coordinates: `NEAR` of the point's own corner, `FAR` of the others (Zienkiewicz and
+/// Taylor, vol. 1, 5th ed., table 9.3).
+pub const NEAR: f64 = 0.585_410_196_624_968_5;
+pub const FAR: f64 = 0.138_196_601_125_010_5;
+
+/// The element's point next to corner `corner`.
+pub fn point(x: &[Vector3<f64>; 10], corner: usize) -> Option<Point> {
+    let mut at = [FAR; 4];
+    at[corner] = NEAR;
+    let (determinant, gradients) = gradients_at(x, &at)?;
+    Some(Point { volume: determinant / 24.0, gradients })
+}
+
+/// det ∂x/∂ξ and the shape gradients ∇N_a at barycentric coordinates `at` of the element with nodes `x`, or `None`
+/// where the map is folded or its numbers are none.
+///
+/// With J = Σ x_a ⊗ ∂N_a/∂ξ: ∇N_a = J⁻ᵀ ∂N_a/∂ξ.
+pub fn gradients_at(x: &[Vector3<f64>; 10], at: &[f64; 4]) -> Option<(f64, [Vector3<f64>; 10])> {
+    let local = quadratic::local_gradients(at);
+    let jacobian = quadratic::jacobian(x, &local);
+    let determinant = jacobian.determinant();
+    let inverse = jacobian.try_inverse().filter(|_| determinant > 0.0)?.transpose();
+    Some((determinant, local.map(|gradient| inverse * gradient)))
+}
+
+/// K_ab = ∫ λ G_a⊗G_b + μ G_b⊗G_a + μ (G_a·G_b) I, N/m, for one a and all b.
+pub fn stiffness_row(points: &[Point; 4], lame: Lame, a: usize, out: &mut [Matrix3<f64>]) {
+    for (b, block) in out.iter_mut().enumerate() {
+        *block = Matrix3::zeros();
+        for point in points {
+            let (ga, gb) = (point.gradients[a], point.gradients[b]);
+            let shear = Matrix3::from_diagonal_element(lame.mu * ga.dot(&gb));
+            *block +=
+                (ga * gb.transpose() * lame.lambda + gb * ga.transpose() * lame.mu + shear) * point.volume;
+        }
+    }
+}
+
+/// The quadratic tetrahedra of a mesh. Their gradients are computed anew for each row: kept, they would be a kilobyte
+/// an element.
+pub struct Tetrahedra<'a> {
+    mesh: &'a TetMesh,
+    lame: &'a [Lame],
+    nodes: Vec<[u32; 10]>,
+}
+
+impl<'a> Tetrahedra<'a> {
+    /// Errors where a tetrahedron is flat, inverted or folded by its curved edges.
+    pub fn new(mesh: &'a TetMesh, lame: &'a [Lame]) -> Result<Tetrahedra<'a>, AssemblyError> {
+        let nodes = (0..mesh.tets.len())
+            .into_par_iter()
+            .map(|index| {
+                let corners = mesh.corners(index);
+                let relative = quality::quality(&corners).min(quadratic::least_jacobian(mesh, index));
+                let volume = tet4::geometry(corners).map_or(0.0, |element| element.volume);
+                if relative >= FLAT && volume > 0.0 {
+                    return Ok(quadratic::nodes(mesh, index));
+                }
+                let tags = mesh.tets[index].map(|node| mesh.tags[node as usize]);
+                Err(AssemblyError::Degenerate { index, tags, volume, relative })
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Tetrahedra { mesh, lame, nodes })
+    }
+}
+
+impl Elements for Tetrahedra<'_> {
+    fn count(&self) -> usize {
+        self.nodes.len()
+    }
+
+    fn nodes(&self, element: usize) -> &[u32] {
+        &self.nodes[element]
+    }
+
+    fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]) {
+        let x = self.nodes[element].map(|node| self.mesh.nodes[node as usize]);
+        // `new` has seen that no point is folded.
+        let nowhere = Point { volume: 0.0, gradients: [Vector3::zeros(); 10] };
+        let points = std::array::from_fn(|corner| point(&x, corner).unwrap_or(nowhere));
+        stiffness_row(&points, self.lame[element], a, out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::EDGES;
+
+    fn straight() -> [Vector3<f64>; 10] {
+        let corners =
+            [[0.1, -0.2, 0.3], [1.2, 0.1, -0.1], [0.2, 0.9, 0.2], [-0.1, 0.3, 1.4]].map(Vector3::from);
+        std::array::from_fn(|a| match a {
+            0..4 => corners[a],
+            _ => EDGES[a - 4].iter().map(|&corner| corners[corner] / 2.0).sum(),
+        })
+    }
+
+    fn curved() -> [Vector3<f64>; 10] {
+        let mut x = straight();
+        for (a, x) in x.iter_mut().enumerate().skip(4) {
+            *x += Vector3::new((a as f64).sin(), (2.0 * a as f64).cos(), (3.0 * a as f64).sin()) * 0.04;
+        }
+        x
+    }
+
+    fn matrix(x: &[Vector3<f64>; 10], lame: Lame) -> Vec<[Matrix3<f64>; 10]> {
+        let points: [Point; 4] = std::array::from_fn(|corner| point(x, corner).unwrap());
+        (0..10)
+            .map(|a| {
+                let mut row = [Matrix3::zeros(); 10];
+                stiffness_row(&points, lame, a, &mut row);
+                row
+            })
+            .collect()
+    }
+
+    #[test]
+    fn points_fill_the_volume() {
+        let x = straight();
+        let volume: f64 = (0..4).map(|corner| point(&x, corner).unwrap().volume).sum();
+        assert!((volume - quality::signed_volume(&[x[0], x[1], x[2], x[3]])).abs() < 1e-15);
+    }
+
+    /// An affine motion has its own strain at every point, straight or curved; a quadratic one where it is straight.
+    #[test]
+    fn gradients_are_exact_for_affine_and_quadratic_fields() {
+        let h = Matrix3::new(0.01, -0.02, 0.005, 0.03, 0.004, -0.01, 0.002, 0.015, -0.02);
+        for x in [straight(), curved()] {
+            for corner in 0..4 {
+                let point = point(&x, corner).unwrap();
+                let found: Matrix3<f64> = (0..10).map(|a| h * x[a] * point.gradients[a].transpose()).sum();
+                assert!((found - h).amax() < 1e-15, "{found}");
+            }
+        }
+        let x = straight();
+        let at = [0.4, 0.3, 0.2, 0.1];
+        let (_, gradients) = gradients_at(&x, &at).unwrap();
+        let position: Vector3<f64> = (0..4).map(|i| x[i] * at[i]).sum();
+        let slope: Vector3<f64> = (0..10).map(|a| gradients[a] * x[a].x * x[a].y).sum();
+        assert!((slope - Vector3::new(position.y, position.x, 0.0)).amax() < 1e-14);
+    }
+
+    #[test]
+    fn rigid_motions_cost_no_force_and_the_matrix_is_symmetric() {
+        let lame = Lame::from_young_poisson(2.5, 0.37);
+        for x in [straight(), curved()] {
+            let k = matrix(&x, lame);
+            for a in 0..10 {
+                for axis in 0..3 {
+                    let (shift, spin) = (Vector3::ith(axis, 1.0), Vector3::<f64>::ith(axis, 1.0));
+                    let moved: Vector3<f64> = k[a].iter().map(|block| block * shift).sum();
+                    let turned: Vector3<f64> = (0..10).map(|b| k[a][b] * spin.cross(&x[b])).sum();
+                    assert!(moved.amax() < 1e-13 && turned.amax() < 1e-13, "{moved} {turned}");
+                }
+                for b in 0..10 {
+                    assert!((k[a][b] - k[b][a].transpose()).amax() < 1e-14);
+                }
+            }
+        }
+    }
+
+    /// Six rigid motions and no other: four points see the 24 strains that are left of thirty unknowns.
+    #[test]
+    fn the_matrix_has_rank_24() {
+        let k = matrix(&curved(), Lame::from_young_poisson(1.0, 0.3));
+        let dense = nalgebra::DMatrix::from_fn(30, 30, |i, j| k[i / 3][j / 3][(i % 3, j % 3)]);
+        let mut values: Vec<f64> = dense.symmetric_eigenvalues().iter().copied().collect();
+        values.sort_by(f64::total_cmp);
+        assert!(values[5].abs() < 1e-12 * values[29] && values[6] > 1e-3 * values[29], "{values:?}");
+    }
+}
