@@ -11,7 +11,7 @@ mod failure;
 mod inspect;
 mod manual;
 mod picture;
-mod poses;
+pub mod poses;
 mod precompute;
 mod progress;
 mod render;
