@@ -20,6 +20,7 @@
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |
 //! | [`track`] | where poses come from: mouse, script → `TrackerState` |
 //! | [`interact`] | pick ray, dragger |
+//! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
 //! | [`cli`] | one file per subcommand |
 //! | [`manual`] | the manual's chapters in Markdown; `greenstage manual` prints them |
@@ -37,6 +38,7 @@ pub mod interact;
 pub mod manual;
 pub mod mesh;
 pub mod render;
+pub mod report;
 pub mod scene;
 pub mod solve;
 pub mod stage;

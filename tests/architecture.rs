@@ -18,13 +18,14 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("green", &["scene", "mesh", "fem", "solve", "config"]),
     ("deform", &["green", "scene", "mesh", "fem", "solve", "config"]),
     ("effect", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
+    ("report", &["deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("track", &["stage", "config"]),
     ("interact", &["mesh", "track", "config"]),
     (
         "cli",
         &[
             "config", "manual", "render", "mesh", "stage", "scene", "fem", "solve", "green", "deform",
-            "effect", "track", "interact",
+            "effect", "report", "track", "interact",
         ],
     ),
 ];

@@ -4,10 +4,10 @@
 mod common;
 
 use common::{block_scene, shared};
-use greenstage::fem::{Lame, NodeFields, assemble, tet4};
+use greenstage::fem::{self, Lame, NodeFields, Partition, StiffnessMatrix, assemble, tet4};
 use greenstage::green::{self, Needs};
-use greenstage::mesh::{TetMesh, generate};
-use greenstage::solve::Silent;
+use greenstage::mesh::{self, TetMesh, generate};
+use greenstage::solve::{Cholesky, Silent, Symbolic};
 use nalgebra::{Matrix3, Vector3};
 
 /// A block whose inner nodes are moved at random, so that nothing holds by symmetry.
@@ -39,48 +39,73 @@ fn field(mesh: &TetMesh, displacement: impl Fn(&Vector3<f64>) -> Vector3<f64>) -
     NodeFields { nodes: mesh.nodes.len(), columns: 1, data }
 }
 
+/// Every element on a crooked mesh of its own; the quadratic one with crooked edges too.
+fn elements(cells: [u32; 3]) -> Vec<(&'static str, TetMesh, StiffnessMatrix)> {
+    let linear = crooked_block(cells);
+    let mut curved = mesh::quadratic(linear.clone(), &mesh::quadratic::straight);
+    let corners = linear.nodes.len();
+    let is_outside: Vec<bool> = curved.nodes.iter().map(is_on_boundary).collect();
+    for (node, x) in curved.nodes.iter_mut().enumerate().skip(corners).filter(|(node, _)| !is_outside[*node])
+    {
+        let turn = node as f64;
+        *x += Vector3::new(turn.sin(), (2.0 * turn).cos(), (3.0 * turn).sin()) * 0.004;
+    }
+    let lame = uniform(&linear);
+    let k = [
+        assemble(&linear, &lame).unwrap(),
+        fem::assemble_anp(&linear, &lame).unwrap(),
+        assemble(&curved, &lame).unwrap(),
+    ];
+    let meshes = [linear.clone(), linear, curved];
+    let named = ["tet4", "tet4_anp", "tet10"].into_iter().zip(meshes);
+    named.zip(k).map(|((name, mesh), k)| (name, mesh, k)).collect()
+}
+
+fn is_on_boundary(x: &Vector3<f64>) -> bool {
+    [0.5, 0.4, 0.6].iter().zip(x.iter()).any(|(half, x)| x.abs() > half * (1.0 - 1e-9))
+}
+
 #[test]
 fn rigid_motions_cost_no_force() {
-    let mesh = crooked_block([4, 3, 5]);
-    let k = assemble(&mesh, &uniform(&mesh)).unwrap();
-    let scale: f64 = k.diagonal.iter().map(|block| block.norm()).fold(0.0, f64::max);
-    for mode in 0..6 {
-        let axis = Vector3::ith(mode % 3, 1.0);
-        let rigid = field(&mesh, |x| if mode < 3 { axis } else { axis.cross(x) });
-        let mut force = NodeFields::zeros(mesh.nodes.len(), 1);
-        k.multiply(&rigid, &mut force);
-        let relative = force.norms()[0] / (scale * rigid.norms()[0]);
-        assert!(relative < 1e-13, "mode {mode}: {relative:e}");
+    for (name, mesh, k) in elements([4, 3, 5]) {
+        let scale: f64 = k.diagonal.iter().map(|block| block.norm()).fold(0.0, f64::max);
+        for mode in 0..6 {
+            let axis = Vector3::ith(mode % 3, 1.0);
+            let rigid = field(&mesh, |x| if mode < 3 { axis } else { axis.cross(x) });
+            let mut force = NodeFields::zeros(mesh.nodes.len(), 1);
+            k.multiply(&rigid, &mut force);
+            let relative = force.norms()[0] / (scale * rigid.norms()[0]);
+            assert!(relative < 1e-13, "{name}, mode {mode}: {relative:e}");
+        }
     }
 }
 
-/// A free body has six rigid motions, and no other motion without force.
+/// A free body has six rigid motions, and no other motion without force: what the average nodal pressure gives up in
+/// constraints it must not give up in stiffness.
 #[test]
 fn there_are_only_six_motions_without_force() {
-    let mesh = crooked_block([2, 2, 2]);
-    let k = assemble(&mesh, &uniform(&mesh)).unwrap();
-    let n = 3 * mesh.nodes.len();
-    let mut identity = NodeFields::zeros(mesh.nodes.len(), n);
-    (0..n).for_each(|i| identity.row_mut(i)[i] = 1.0);
-    let mut dense = NodeFields::zeros(mesh.nodes.len(), n);
-    k.multiply(&identity, &mut dense);
-    let mut values: Vec<f64> = nalgebra::DMatrix::from_row_slice(n, n, &dense.data)
-        .symmetric_eigenvalues()
-        .iter()
-        .copied()
-        .collect();
-    values.sort_by(f64::total_cmp);
-    assert!(values[..6].iter().all(|v| v.abs() < 1e-12 * values[n - 1]), "{:?}", &values[..6]);
-    assert!(values[6] > 1e-4 * values[n - 1], "{:e} of {:e}", values[6], values[n - 1]);
+    for (name, mesh, k) in elements([2, 2, 2]) {
+        let n = 3 * mesh.nodes.len();
+        let mut identity = NodeFields::zeros(mesh.nodes.len(), n);
+        (0..n).for_each(|i| identity.row_mut(i)[i] = 1.0);
+        let mut dense = NodeFields::zeros(mesh.nodes.len(), n);
+        k.multiply(&identity, &mut dense);
+        let mut values: Vec<f64> = nalgebra::DMatrix::from_row_slice(n, n, &dense.data)
+            .symmetric_eigenvalues()
+            .iter()
+            .copied()
+            .collect();
+        values.sort_by(f64::total_cmp);
+        assert!(values[..6].iter().all(|v| v.abs() < 1e-12 * values[n - 1]), "{name}: {:?}", &values[..6]);
+        assert!(values[6] > 1e-4 * values[n - 1], "{name}: {:e} of {:e}", values[6], values[n - 1]);
+    }
 }
 
 #[test]
 fn assembly_has_the_same_bits_on_every_thread_count() {
-    let mesh = crooked_block([6, 5, 4]);
-    let lame = uniform(&mesh);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| assemble(&mesh, &lame).unwrap())
+        pool.install(|| elements([6, 5, 4])).into_iter().map(|(.., k)| k).collect::<Vec<_>>()
     };
     let one = with(1);
     assert!(one == with(2) && one == with(5));
@@ -88,23 +113,45 @@ fn assembly_has_the_same_bits_on_every_thread_count() {
 
 #[test]
 fn matrix_is_symmetric_and_positive_on_deformations() {
-    let mesh = crooked_block([3, 3, 3]);
-    let k = assemble(&mesh, &uniform(&mesh)).unwrap();
-    for block in &k.diagonal {
-        assert!((block - block.transpose()).amax() <= 1e-14 * block.amax());
+    for (name, mesh, k) in elements([3, 3, 3]) {
+        for block in &k.diagonal {
+            assert!((block - block.transpose()).amax() <= 1e-14 * block.amax(), "{name}");
+        }
+        let (a, b) = (
+            field(&mesh, |x| Vector3::new(x.y.sin(), x.x * x.z, 3.0 * x.x.cos())),
+            field(&mesh, |x| Vector3::new(x.z * x.z, x.x.exp(), x.y - x.x)),
+        );
+        let product = |x: &NodeFields| {
+            let mut y = NodeFields::zeros(x.nodes, 1);
+            k.multiply(x, &mut y);
+            y
+        };
+        let (ab, ba) = (a.dots(&product(&b))[0], b.dots(&product(&a))[0]);
+        assert!((ab - ba).abs() <= 1e-13 * ab.abs(), "{name}: {ab} {ba}");
+        assert!(a.dots(&product(&a))[0] > 0.0, "{name}");
     }
-    let (a, b) = (
-        field(&mesh, |x| Vector3::new(x.y.sin(), x.x * x.z, 3.0 * x.x.cos())),
-        field(&mesh, |x| Vector3::new(x.z * x.z, x.x.exp(), x.y - x.x)),
-    );
-    let product = |x: &NodeFields| {
-        let mut y = NodeFields::zeros(x.nodes, 1);
-        k.multiply(x, &mut y);
-        y
-    };
-    let (ab, ba) = (a.dots(&product(&b))[0], b.dots(&product(&a))[0]);
-    assert!((ab - ba).abs() <= 1e-13 * ab.abs(), "{ab} {ba}");
-    assert!(a.dots(&product(&a))[0] > 0.0);
+}
+
+/// Irons' patch test of every element: affine displacements of the whole boundary are continued exactly inside.
+#[test]
+fn patch_test_of_every_element() {
+    let h = Matrix3::new(0.01, -0.02, 0.005, 0.03, 0.004, -0.01, 0.002, 0.015, -0.02);
+    for (name, mesh, k) in elements([4, 4, 4]) {
+        let boundary =
+            (0..mesh.nodes.len() as u32).filter(|&node| is_on_boundary(&mesh.nodes[node as usize]));
+        let partition = Partition::new(mesh.nodes.len(), boundary);
+        let exact = field(&mesh, |x| h * x);
+        let mut u = exact.clone();
+        for &node in &partition.free {
+            u.data[3 * node as usize..][..3].fill(0.0);
+        }
+        let (a, rhs) = (partition.a(&k), partition.minus_b_times(&k, &u));
+        let symbolic = Symbolic::new(&a, &Silent).unwrap();
+        let (free, _) = Cholesky::new(&a, &symbolic, &Silent).unwrap().solve(&rhs, &Silent).unwrap();
+        partition.insert_free(&free, &mut u);
+        let worst = u.data.iter().zip(&exact.data).map(|(u, x)| (u - x).abs()).fold(0.0, f64::max);
+        assert!(!partition.free.is_empty() && worst < 1e-12 * 0.03, "{name}: {worst:e}");
+    }
 }
 
 /// Irons' patch test through the whole offline line: affine displacements of the whole boundary, here of two

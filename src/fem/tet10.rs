@@ -1,12 +1,13 @@
-//! The quadratic tetrahedron: ten nodes, isoparametric, with the four-point rule of degree 2.
+//! The quadratic tetrahedron: ten nodes, isoparametric.
 //!
 //! u(x(ξ)) = Σ N_a(ξ) u_a over the same shape functions as x(ξ) = Σ N_a(ξ) x_a ([`quadratic`]), so edges may be curved
-//! (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., sections 8.10 and 9.10). Four points are exact
-//! where the edges are straight, and see all 24 strains that ten nodes can have.
+//! (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., sections 8.10 and 9.10). Integrals are sums over
+//! points: of a straight element four, which are exact and see all 24 strains of ten nodes; of a curved one eight, exact
+//! to degree 3, as the forces of a constant stress, ∫ ∇N dV, and with them the patch test, need.
 
 use super::{AssemblyError, Elements, Lame, tet4};
 use crate::mesh::trouble::FLAT;
-use crate::mesh::{TetMesh, quadratic, quality};
+use crate::mesh::{EDGES, TetMesh, quadratic, quality};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -17,17 +18,48 @@ pub struct Point {
     pub gradients: [Vector3<f64>; 10],
 }
 
-/// The four points' barycentric coordinates: `NEAR` of the point's own corner, `FAR` of the others (Zienkiewicz and
-/// Taylor, vol. 1, 5th ed., table 9.3).
+/// Barycentric coordinates and weights of a rule; the weights' sum is 1.
+pub type Rule = [([f64; 4], f64)];
+
 pub const NEAR: f64 = 0.585_410_196_624_968_5;
 pub const FAR: f64 = 0.138_196_601_125_010_5;
+const THIRD: f64 = 1.0 / 3.0;
 
-/// The element's point next to corner `corner`.
-pub fn point(x: &[Vector3<f64>; 10], corner: usize) -> Option<Point> {
-    let mut at = [FAR; 4];
-    at[corner] = NEAR;
-    let (determinant, gradients) = gradients_at(x, &at)?;
-    Some(Point { volume: determinant / 24.0, gradients })
+/// Four points, of degree 2 (Zienkiewicz and Taylor, vol. 1, 5th ed., table 9.3).
+pub const STRAIGHT: &Rule = &[
+    ([NEAR, FAR, FAR, FAR], 0.25),
+    ([FAR, NEAR, FAR, FAR], 0.25),
+    ([FAR, FAR, NEAR, FAR], 0.25),
+    ([FAR, FAR, FAR, NEAR], 0.25),
+];
+
+/// The corners and the faces' centres, of degree 3 (Keast, Comput. Methods Appl. Mech. Engng. 55, 1986, 339-348).
+pub const CURVED: &Rule = &[
+    ([1.0, 0.0, 0.0, 0.0], 1.0 / 40.0),
+    ([0.0, 1.0, 0.0, 0.0], 1.0 / 40.0),
+    ([0.0, 0.0, 1.0, 0.0], 1.0 / 40.0),
+    ([0.0, 0.0, 0.0, 1.0], 1.0 / 40.0),
+    ([0.0, THIRD, THIRD, THIRD], 9.0 / 40.0),
+    ([THIRD, 0.0, THIRD, THIRD], 9.0 / 40.0),
+    ([THIRD, THIRD, 0.0, THIRD], 9.0 / 40.0),
+    ([THIRD, THIRD, THIRD, 0.0], 9.0 / 40.0),
+];
+
+/// The rule for an element with nodes `x`.
+pub fn rule(x: &[Vector3<f64>; 10]) -> &'static Rule {
+    let size = (x[1] - x[0]).amax().max((x[2] - x[0]).amax());
+    let is_middle =
+        |(mid, [i, j]): (&Vector3<f64>, &[usize; 2])| ((x[*i] + x[*j]) * 0.5 - mid).amax() <= 1e-9 * size;
+    if x[4..].iter().zip(&EDGES).all(is_middle) { STRAIGHT } else { CURVED }
+}
+
+/// The points of an element with nodes `x` in the order of its [`rule`], or `None` where it is folded.
+pub fn points(x: &[Vector3<f64>; 10]) -> Option<Vec<Point>> {
+    let point = |(at, weight): &([f64; 4], f64)| {
+        let (determinant, gradients) = gradients_at(x, at)?;
+        Some(Point { volume: weight * determinant / 6.0, gradients })
+    };
+    rule(x).iter().map(point).collect()
 }
 
 /// det ∂x/∂ξ and the shape gradients ∇N_a at barycentric coordinates `at` of the element with nodes `x`, or `None`
@@ -43,7 +75,7 @@ pub fn gradients_at(x: &[Vector3<f64>; 10], at: &[f64; 4]) -> Option<(f64, [Vect
 }
 
 /// K_ab = ∫ λ G_a⊗G_b + μ G_b⊗G_a + μ (G_a·G_b) I, N/m, for one a and all b.
-pub fn stiffness_row(points: &[Point; 4], lame: Lame, a: usize, out: &mut [Matrix3<f64>]) {
+pub fn stiffness_row(points: &[Point], lame: Lame, a: usize, out: &mut [Matrix3<f64>]) {
     for (b, block) in out.iter_mut().enumerate() {
         *block = Matrix3::zeros();
         for point in points {
@@ -72,8 +104,12 @@ impl<'a> Tetrahedra<'a> {
                 let corners = mesh.corners(index);
                 let relative = quality::quality(&corners).min(quadratic::least_jacobian(mesh, index));
                 let volume = tet4::geometry(corners).map_or(0.0, |element| element.volume);
-                if relative >= FLAT && volume > 0.0 {
-                    return Ok(quadratic::nodes(mesh, index));
+                let nodes = quadratic::nodes(mesh, index);
+                if relative >= FLAT
+                    && volume > 0.0
+                    && points(&nodes.map(|node| mesh.nodes[node as usize])).is_some()
+                {
+                    return Ok(nodes);
                 }
                 let tags = mesh.tets[index].map(|node| mesh.tags[node as usize]);
                 Err(AssemblyError::Degenerate { index, tags, volume, relative })
@@ -95,16 +131,13 @@ impl Elements for Tetrahedra<'_> {
     fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]) {
         let x = self.nodes[element].map(|node| self.mesh.nodes[node as usize]);
         // `new` has seen that no point is folded.
-        let nowhere = Point { volume: 0.0, gradients: [Vector3::zeros(); 10] };
-        let points = std::array::from_fn(|corner| point(&x, corner).unwrap_or(nowhere));
-        stiffness_row(&points, self.lame[element], a, out);
+        stiffness_row(&points(&x).unwrap_or_default(), self.lame[element], a, out);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::EDGES;
 
     fn straight() -> [Vector3<f64>; 10] {
         let corners =
@@ -124,7 +157,7 @@ mod tests {
     }
 
     fn matrix(x: &[Vector3<f64>; 10], lame: Lame) -> Vec<[Matrix3<f64>; 10]> {
-        let points: [Point; 4] = std::array::from_fn(|corner| point(x, corner).unwrap());
+        let points = points(x).unwrap();
         (0..10)
             .map(|a| {
                 let mut row = [Matrix3::zeros(); 10];
@@ -137,8 +170,24 @@ mod tests {
     #[test]
     fn points_fill_the_volume() {
         let x = straight();
-        let volume: f64 = (0..4).map(|corner| point(&x, corner).unwrap().volume).sum();
+        let volume: f64 = points(&x).unwrap().iter().map(|point| point.volume).sum();
         assert!((volume - quality::signed_volume(&[x[0], x[1], x[2], x[3]])).abs() < 1e-15);
+        assert_eq!((rule(&x).len(), rule(&curved()).len()), (4, 8));
+    }
+
+    /// ∫ L₀ᵃ L₁ᵇ L₂ᶜ dV / V = 3! a! b! c! / (a + b + c + 3)!.
+    #[test]
+    fn rules_are_exact_to_their_degree() {
+        let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
+        for (rule, degree) in [(STRAIGHT, 2), (CURVED, 3)] {
+            for (a, b, c) in
+                (0..64).map(|i| (i / 16, i / 4 % 4, i % 4)).filter(|(a, b, c)| a + b + c <= degree)
+            {
+                let sum: f64 = rule.iter().map(|(l, w)| w * l[0].powi(a) * l[1].powi(b) * l[2].powi(c)).sum();
+                let exact = 6.0 * factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3);
+                assert!((sum - exact).abs() < 1e-15, "degree {degree}, {a} {b} {c}: {sum} {exact}");
+            }
+        }
     }
 
     /// An affine motion has its own strain at every point, straight or curved; a quadratic one where it is straight.
@@ -146,8 +195,7 @@ mod tests {
     fn gradients_are_exact_for_affine_and_quadratic_fields() {
         let h = Matrix3::new(0.01, -0.02, 0.005, 0.03, 0.004, -0.01, 0.002, 0.015, -0.02);
         for x in [straight(), curved()] {
-            for corner in 0..4 {
-                let point = point(&x, corner).unwrap();
+            for point in points(&x).unwrap() {
                 let found: Matrix3<f64> = (0..10).map(|a| h * x[a] * point.gradients[a].transpose()).sum();
                 assert!((found - h).amax() < 1e-15, "{found}");
             }

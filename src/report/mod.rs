@@ -1,0 +1,135 @@
+//! What accuracy costs in time: a body computed with every setting of every knob, each with its costs and its error.
+//!
+//! In: a scene's body and a set of poses. Out: a [`Report`], written as JSON, CSV, work-precision plots (SVG) and one
+//! self-contained page (HTML).
+
+use serde::{Deserialize, Serialize};
+
+/// Version of accuracy.json; the manual's chapter `accuracy` describes it.
+pub const SCHEMA: u32 = 1;
+
+/// All that was measured of one body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    pub schema: u32,
+    pub program: String,
+    /// Processor, cores, and how noisy it was: the spread of one and the same task.
+    pub machine: String,
+    pub scene: String,
+    pub body: String,
+    /// Largest extent of the body, m.
+    pub size: f64,
+    /// What the errors are taken against, one sentence for each part.
+    pub references: Vec<String>,
+    /// Names of the poses, in their order, and where they come from.
+    pub poses: Vec<String>,
+    pub pose_source: String,
+    pub quick: bool,
+    pub rows: Vec<Row>,
+    /// Errors of the models alone, by the largest local rotation of the pose.
+    pub models: Vec<ModelError>,
+    /// The smooth problem on the body's own mesh: what the theory promises there is tested.
+    pub smooth: Vec<SmoothRow>,
+    /// What effects cost, those that the scene does not list too.
+    pub effects: Vec<EffectCost>,
+}
+
+/// One setting of every knob.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Setting {
+    /// Uniform refinements of the scene's mesh.
+    pub refine: u32,
+    /// As scenes name them.
+    pub element: String,
+    /// "cholesky", or "pcg 1e-6" with its tolerance.
+    pub solver: String,
+    pub storage: String,
+    pub model: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    pub setting: Setting,
+    pub mesh_nodes: usize,
+    pub surface_nodes: usize,
+    pub cost: Cost,
+    pub error: Errors,
+}
+
+/// Times are medians of what the program itself ran; bytes are counted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    pub offline_s: f64,
+    /// Factor, matrix and columns, which live at the same time.
+    pub offline_bytes: f64,
+    pub file_bytes: f64,
+    /// The file packed for shipping.
+    pub packed_bytes: f64,
+    /// One evaluation with every control element moved: median and 99th percentile.
+    pub frame_p50_s: f64,
+    pub frame_p99_s: f64,
+    /// The same with one control element moved: the others' sums are kept.
+    pub frame_one_p50_s: f64,
+    /// Bytes of columns that one evaluation reads.
+    pub frame_bytes: f64,
+}
+
+/// Relative L2 over the body's volume, unless said otherwise; the parts' vector sum is the total.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    pub discretisation: Spread,
+    /// The same in the energy norm.
+    pub energy: Spread,
+    pub solver: Spread,
+    pub storage: Spread,
+    pub model: Spread,
+    pub total: Spread,
+    /// Largest total displacement error, m.
+    pub displacement_m: Spread,
+    /// Largest difference of a control element's force and torque, relative to the largest of the pose; discretisation
+    /// and solver.
+    pub force: Option<Spread>,
+    pub torque: Option<Spread>,
+}
+
+/// Over the poses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    pub median: f64,
+    pub worst: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelError {
+    pub model: String,
+    pub pose: String,
+    /// Largest local rotation of the reference solution, rad.
+    pub rotation: f64,
+    /// Relative L2 against the converged nonlinear solution on the same mesh.
+    pub error: f64,
+    pub displacement_m: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SmoothRow {
+    pub element: String,
+    pub refine: u32,
+    /// Cube root of the mean volume of a tetrahedron, m.
+    pub h: f64,
+    pub l2: f64,
+    pub energy: f64,
+    /// Slopes fitted over all refinements of this element, and what the theory promises.
+    pub l2_rate: Option<f64>,
+    pub energy_rate: Option<f64>,
+    pub promised: [f64; 2],
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EffectCost {
+    pub effect: String,
+    pub listed: bool,
+    pub offline_s: f64,
+    pub file_bytes: f64,
+    pub memory_bytes: f64,
+    pub frame_s: f64,
+}
