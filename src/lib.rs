@@ -22,6 +22,7 @@
 //! | [`interact`] | pick ray, dragger |
 //! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
+//! | [`verify`] | problems with known answers, and how near the elements come to them |
 //! | [`cli`] | one file per subcommand |
 //! | [`manual`] | the manual's chapters in Markdown; `greenstage manual` prints them |
 //!
@@ -43,3 +44,4 @@ pub mod scene;
 pub mod solve;
 pub mod stage;
 pub mod track;
+pub mod verify;

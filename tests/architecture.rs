@@ -15,6 +15,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("scene", &["mesh", "stage", "config"]),
     ("fem", &["mesh", "config"]),
     ("solve", &["fem", "config"]),
+    ("verify", &["mesh", "fem", "solve", "config"]),
     ("green", &["scene", "mesh", "fem", "solve", "config"]),
     ("deform", &["green", "scene", "mesh", "fem", "solve", "config"]),
     ("effect", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
@@ -25,7 +26,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
         "cli",
         &[
             "config", "manual", "render", "mesh", "stage", "scene", "fem", "solve", "green", "deform",
-            "effect", "report", "track", "interact",
+            "effect", "report", "track", "interact", "verify",
         ],
     ),
 ];

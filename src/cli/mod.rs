@@ -17,6 +17,7 @@ mod progress;
 mod render;
 mod session;
 mod table;
+mod verify;
 mod view;
 mod world;
 
@@ -55,6 +56,7 @@ pub enum Command {
     Inspect(inspect::Args),
     Check(check::Args),
     Convert(convert::Args),
+    Verify(verify::Args),
     Manual(manual::Args),
 }
 
@@ -72,6 +74,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
+        Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }

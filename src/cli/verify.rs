@@ -1,0 +1,132 @@
+//! `greenstage verify`: how near the elements come to published and analytic answers, and how fast.
+
+use super::failure::Failure;
+use super::table::{Table, seconds};
+use crate::config::unknown_name;
+use crate::verify::{self, Effort, PROBLEMS, Problem, Row};
+use serde_json::{Value, json};
+
+/// Every element against published and analytic answers, with fitted rates of convergence
+///
+/// Each problem is solved on a sequence of refined meshes. Exit status 1 where an element misses what theory promises it.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Problems to solve; without one, all
+    pub problems: Vec<String>,
+    /// One more, finer mesh of each: some minutes
+    #[arg(long, conflicts_with = "coarse")]
+    pub fine: bool,
+    /// One mesh less of each: seconds
+    #[arg(long)]
+    pub coarse: bool,
+    /// Results as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let effort = match (args.fine, args.coarse) {
+        (true, _) => Effort::Fine,
+        (_, true) => Effort::Coarse,
+        _ => Effort::Usual,
+    };
+    let problems = chosen(&args.problems)?;
+    let mut rows = Vec::new();
+    for problem in problems {
+        let solved = verify::run(problem, effort).map_err(Failure::work)?;
+        if !args.json {
+            super::print(&section(problem, &solved))?;
+        }
+        rows.extend(solved);
+    }
+    if args.json {
+        let rows: Vec<Value> = rows.iter().map(as_json).collect();
+        super::print(&format!("{:#}\n", json!(rows)))?;
+    }
+    judge(&rows)
+}
+
+fn chosen(names: &[String]) -> Result<Vec<&'static Problem>, Failure> {
+    let known = || PROBLEMS.iter().map(|problem| problem.name);
+    if names.is_empty() {
+        return Ok(PROBLEMS.iter().collect());
+    }
+    let find = |name: &String| {
+        let problem = PROBLEMS.iter().find(|problem| problem.name == *name);
+        problem.ok_or_else(|| Failure::wrong(unknown_name("problem", name, known())))
+    };
+    names.iter().map(find).collect()
+}
+
+fn judge(rows: &[Row]) -> Result<(), Failure> {
+    let missed: Vec<String> = rows
+        .iter()
+        .filter(|row| !row.holds())
+        .map(|row| format!("{} {} {}", row.problem, row.quantity, row.element))
+        .collect();
+    if missed.is_empty() {
+        return Ok(());
+    }
+    let (count, all) = (missed.len(), rows.len());
+    Err(Failure::Work(anyhow::anyhow!("{count} of {all} rows miss their bound: {}", missed.join(", "))))
+}
+
+fn section(problem: &Problem, rows: &[Row]) -> String {
+    let mut table = Table::new(&[
+        "quantity",
+        "element",
+        "nodes",
+        "value",
+        "reference",
+        "errors, coarse to fine",
+        "rate",
+        "required",
+        "time",
+    ]);
+    for row in rows {
+        let Some(finest) = row.levels.last() else { continue };
+        let errors: Vec<String> =
+            row.levels.iter().map(|level| format!("{:>9}", percent(level.error))).collect();
+        let is_norm = row.reference == 0.0;
+        let number = |value: f64| if is_norm { String::new() } else { significant(value, 6) };
+        table.row(&[
+            &row.quantity,
+            &row.element,
+            &finest.nodes.to_string(),
+            &number(finest.value),
+            &number(row.reference),
+            &errors.join(" "),
+            &row.rate.map_or(String::new(), |rate| format!("{rate:.2}")),
+            &required(row),
+            &seconds(finest.seconds),
+        ]);
+    }
+    format!("{}: {}\n{}\n\n{}\n", problem.name, problem.about, problem.source, table.text())
+}
+
+fn percent(error: f64) -> String {
+    format!("{} %", significant(100.0 * error, 3))
+}
+
+/// `digits` significant digits; a power of ten where more than three zeros would follow the point.
+fn significant(value: f64, digits: i32) -> String {
+    let leading = value.abs().log10().floor();
+    if value != 0.0 && !(-4.0..8.0).contains(&leading) {
+        return format!("{value:.1e}");
+    }
+    let decimals = (digits - 1 - leading.clamp(-4.0, 8.0) as i32).max(0) as usize;
+    format!("{value:.decimals$}")
+}
+
+fn as_json(row: &Row) -> Value {
+    let mut value = json!(row);
+    value["holds"] = json!(row.holds());
+    value
+}
+
+fn required(row: &Row) -> String {
+    let error = row.bound.error.map(|most| format!("error ≤ {}", percent(most)));
+    let rate = row.bound.rate.map(|least| format!("rate ≥ {least:.1}"));
+    let missed = (!row.holds()).then(|| "MISSED".to_owned());
+    [error, rate, missed].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}

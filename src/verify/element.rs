@@ -1,0 +1,62 @@
+//! The elements that are compared: a line each.
+
+use super::Bound;
+use crate::fem::{self, AssemblyError, Lame, StiffnessMatrix};
+use crate::mesh::TetMesh;
+
+/// One way to make K from tetrahedra.
+pub struct Element {
+    pub name: &'static str,
+    /// Degree of the displacement: 1 has nodes at corners, 2 between them too.
+    pub order: u32,
+    pub assemble: fn(&TetMesh, &[Lame]) -> Result<StiffnessMatrix, AssemblyError>,
+    /// Where its dilatation is taken.
+    pub dilatation: Dilatation,
+}
+
+/// The tr(ε) that λ multiplies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Dilatation {
+    /// That of the displacement at the same point.
+    Pointwise,
+    /// The mean over the patch of each node, linear between nodes.
+    Nodal,
+}
+
+pub const ELEMENTS: &[Element] = &[
+    Element { name: "tet4", order: 1, assemble: fem::assemble, dilatation: Dilatation::Pointwise },
+    Element { name: "tet4_anp", order: 1, assemble: fem::assemble_anp, dilatation: Dilatation::Nodal },
+    Element { name: "tet10", order: 2, assemble: fem::assemble, dilatation: Dilatation::Pointwise },
+];
+
+impl Element {
+    /// Cells for a problem's `size`: that many of quadratic elements, twice as many of linear ones, so that both have
+    /// about as many nodes.
+    pub fn cells(&self, size: u32) -> u32 {
+        2 * size / self.order
+    }
+
+    /// Whether it is the plain displacement element of its order, that any other program has too.
+    pub fn is_standard(&self) -> bool {
+        self.dilatation == Dilatation::Pointwise
+    }
+
+    /// The least rates in L2 and in energy that theory promises where the solution is smooth, less [`SHORT`].
+    ///
+    /// Well below ν = 1/2, elements of order p have h^(p+1) in L2 and h^p in energy. Near it linear ones lock: theirs is
+    /// the same on meshes finer than any that can be afforded. Quadratic ones lose one order (Babuška and Suri,
+    /// Numer. Math. 62, 1992, 439-463, on triangles) and keep h^p in energy, with a constant that grows as √λ. For mean
+    /// pressures nothing is proven there.
+    pub fn promised(&self, poisson: f64) -> (Bound, Bound) {
+        let order = f64::from(self.order);
+        let is_near_half = poisson > 0.4;
+        if is_near_half && self.order == 1 {
+            return (Bound::NONE, Bound::NONE);
+        }
+        let l2 = if is_near_half { order } else { order + 1.0 };
+        (Bound::rate(l2 - SHORT), Bound::rate(order - SHORT))
+    }
+}
+
+/// What a rate fitted to two to four meshes may be short of the limit.
+const SHORT: f64 = 0.3;

@@ -1,0 +1,151 @@
+//! Kelvin's point force in full space, seen from a cube beside it.
+//!
+//! With r from the source, G the shear modulus:
+//!
+//! ```text
+//! u = ((3-4ν) F + r (r·F)/r²) / (16π G (1-ν) r)
+//! ```
+//!
+//! (Timoshenko and Goodier, Theory of Elasticity, 3rd ed., article 135). The field is prescribed on the whole surface
+//! of the unit cube, whose n³ cells are split after Kuhn; errors inside are measured, and compared with the same
+//! computed elsewhere by another program.
+
+use super::solution::Exact;
+use super::{Body, Bound, Element, Fault, Measure, POISSON, Problem};
+use crate::fem::Lame;
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::PI;
+
+pub const PROBLEM: Problem = Problem {
+    name: "kelvin",
+    about: "unit cube in the field of a point force outside it, prescribed on its surface: errors in L2 and energy",
+    source: "exact (Kelvin; Timoshenko and Goodier, Theory of Elasticity, 3rd ed., article 135); errors on n³ cells of \
+             Kuhn's split by scikit-fem",
+    sizes: [2, 4, 8, 12],
+    solve,
+};
+
+/// Relative errors by scikit-fem on the same meshes: order of the element, cells along a side, ν, L2, energy.
+const COMPUTED_ELSEWHERE: [(u32, u32, f64, f64, f64); 12] = [
+    (1, 8, 0.3, 0.001_706_970_447_903_196, 0.118_293_653_910_370_14),
+    (1, 16, 0.3, 0.000_435_637_114_975_184_1, 0.059_092_073_791_108_82),
+    (2, 4, 0.3, 0.000_416_346_665_473_065_4, 0.026_352_065_311_736_37),
+    (1, 8, 0.49, 0.003_437_062_821_843_207_5, 0.370_008_052_901_540_26),
+    (1, 16, 0.49, 0.001_368_335_143_199_417, 0.185_591_082_333_66),
+    (2, 4, 0.49, 0.001_492_794_341_061_817, 0.090_708_559_678_823_45),
+    (1, 8, 0.499, 0.004_999_110_793_384_421, 1.133_138_123_436_739_3),
+    (1, 16, 0.499, 0.003_778_940_077_168_49, 0.567_277_756_798_311_8),
+    (2, 4, 0.499, 0.002_591_984_869_113_572_6, 0.250_802_954_970_510_4),
+    (1, 8, 0.4999, 0.005_344_973_352_294_877, 3.570_069_185_438_635),
+    (1, 16, 0.4999, 0.004_913_074_617_173_684, 1.784_185_228_261_917_7),
+    (2, 4, 0.4999, 0.002_970_600_371_177_986_7, 0.762_390_243_289_101_5),
+];
+const WITHIN: f64 = 0.02;
+
+struct Kelvin {
+    poisson: f64,
+    lame: Lame,
+}
+
+impl Kelvin {
+    const FORCE: [f64; 3] = [0.3, -0.7, 1.0];
+    const SOURCE: [f64; 3] = [1.6, 1.3, -0.4];
+
+    fn new(poisson: f64) -> Kelvin {
+        Kelvin { poisson, lame: Lame::from_young_poisson(1.0, poisson) }
+    }
+
+    fn scale(&self) -> f64 {
+        1.0 / (16.0 * PI * self.lame.mu * (1.0 - self.poisson))
+    }
+}
+
+impl Exact for Kelvin {
+    fn displacement(&self, x: &Vector3<f64>) -> Vector3<f64> {
+        let (r, force) = (x - Vector3::from(Self::SOURCE), Vector3::from(Self::FORCE));
+        let distance = r.norm();
+        let along = r * (r.dot(&force) / distance.powi(2));
+        (force * (3.0 - 4.0 * self.poisson) + along) * (self.scale() / distance)
+    }
+
+    fn gradient(&self, x: &Vector3<f64>) -> Matrix3<f64> {
+        let (r, force) = (x - Vector3::from(Self::SOURCE), Vector3::from(Self::FORCE));
+        let (distance, along) = (r.norm(), r.dot(&force));
+        let turned = r * force.transpose() - force * r.transpose() * (3.0 - 4.0 * self.poisson);
+        let radial = r * r.transpose() * (3.0 * along / distance.powi(2));
+        (turned + Matrix3::from_diagonal_element(along) - radial) * (self.scale() / distance.powi(3))
+    }
+}
+
+fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
+    let n = element.cells(size);
+    let mut body = Body::kuhn(element, [n; 3], |place| *place)?;
+    let mut measures = Vec::new();
+    let (mut worst, mut last) = (None, None);
+    for poisson in POISSON {
+        let exact = Kelvin::new(poisson);
+        for axis in 0..3 {
+            let on_surface = |place: &Vector3<f64>| place.iter().any(|&at| at == 0.0 || at == 1.0);
+            body.fix(on_surface, axis, |x| exact.displacement(x)[axis]);
+        }
+        let solution = body.solve(element, exact.lame)?;
+        let norms = solution.norms(&body, element, exact.lame, &exact);
+        let (l2, energy) = element.promised(poisson);
+        measures.extend([
+            solution.norm(format!("L2, ν {poisson}"), norms.l2, l2),
+            solution.norm(format!("energy, ν {poisson}"), norms.energy, energy),
+        ]);
+        let same = |row: &&(u32, u32, f64, f64, f64)| (row.0, row.1, row.2) == (element.order, n, poisson);
+        if let Some(&(.., l2, energy)) = COMPUTED_ELSEWHERE.iter().find(same) {
+            let apart = (norms.l2 / l2 - 1.0).abs().max((norms.energy / energy - 1.0).abs());
+            worst = Some(worst.unwrap_or(0.0_f64).max(apart));
+        }
+        last = Some(solution);
+    }
+    if let (Some(worst), Some(solution), true) = (worst, last, element.is_standard()) {
+        let quantity = format!("errors beside scikit-fem's, {n}³ cells");
+        measures.push(solution.norm(quantity, worst, Bound::error(WITHIN)));
+    }
+    Ok(measures)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// u_zz(1, 0, 0) and u_zz(0, 0, 1) of a unit force along z at the origin, E = 1, ν = 0.3.
+    #[test]
+    fn displacements_have_their_published_values() {
+        let kelvin = Kelvin::new(0.3);
+        let (force, source) = (Vector3::from(Kelvin::FORCE), Vector3::from(Kelvin::SOURCE));
+        // Across and along the force, u · F̂ of a unit force is 3-4ν and 4-4ν by the same factor.
+        let along = force.normalize();
+        let across = along.cross(&Vector3::x()).normalize();
+        for (direction, expected) in [(across, 0.133_008_059_584), (along, 0.206_901_426_019)] {
+            let found = kelvin.displacement(&(source + direction)).dot(&along) / force.norm();
+            assert!((found - expected).abs() < 1e-11, "{found}");
+        }
+    }
+
+    #[test]
+    fn the_gradient_is_the_fields_and_its_stress_is_in_equilibrium() {
+        let step = 1e-4;
+        let x = Vector3::new(0.3, 0.8, 0.4);
+        for poisson in POISSON {
+            let kelvin = Kelvin::new(poisson);
+            let stress = |x: &Vector3<f64>| {
+                let h = kelvin.gradient(x);
+                let pressure = Matrix3::from_diagonal_element(kelvin.lame.lambda * h.trace());
+                pressure + (h + h.transpose()) * kelvin.lame.mu
+            };
+            let mut force = Vector3::zeros();
+            for axis in 0..3 {
+                let (before, after) = (x - Vector3::ith(axis, step), x + Vector3::ith(axis, step));
+                let slope = (kelvin.displacement(&after) - kelvin.displacement(&before)) / (2.0 * step);
+                assert!((slope - kelvin.gradient(&x).column(axis)).amax() < 1e-8, "ν {poisson}");
+                force += (stress(&after) - stress(&before)).column(axis) / (2.0 * step);
+            }
+            assert!(force.amax() < 1e-6 * stress(&x).amax(), "ν {poisson}: {force}");
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! `greenstage verify`: the fitted rates are those of theory, and misses are told.
+#![allow(clippy::unwrap_used, reason = "a test fails by it")]
+
+mod common;
+
+use common::folder;
+use greenstage::verify::{Bound, Effort, Level, PROBLEMS, Row, run};
+use std::process::Command;
+
+fn solve(name: &str) -> Vec<Row> {
+    run(PROBLEMS.iter().find(|problem| problem.name == name).unwrap(), Effort::Coarse).unwrap()
+}
+
+fn row<'a>(rows: &'a [Row], quantity: &str, element: &str) -> &'a Row {
+    rows.iter().find(|row| row.quantity == quantity && row.element == element).unwrap()
+}
+
+fn finest(row: &Row) -> f64 {
+    row.levels.last().unwrap().error
+}
+
+/// Every row of every problem, on two meshes.
+#[test]
+fn nothing_misses_its_bound() {
+    for problem in PROBLEMS {
+        let rows = run(problem, Effort::Coarse).unwrap();
+        assert!(rows.iter().any(|row| row.bound != Bound::NONE), "{} requires nothing", problem.name);
+        for row in rows {
+            assert!(row.levels.len() == 2 || row.quantity.starts_with("errors beside"), "{row:?}");
+            assert!(row.holds(), "{row:?}");
+        }
+    }
+}
+
+#[test]
+fn smooth_fields_converge_at_the_orders_of_theory() {
+    for (problem, within) in [("kelvin", 0.15), ("cylinder", 0.17)] {
+        let rows = solve(problem);
+        for (element, order) in [("tet4", 1.0), ("tet4_anp", 1.0), ("tet10", 2.0)] {
+            let rate = |quantity: &str| row(&rows, quantity, element).rate.unwrap();
+            let (l2, energy) = (rate("L2, ν 0.3"), rate("energy, ν 0.3"));
+            assert!((l2 - order - 1.0).abs() < within, "{problem} {element}: {l2}");
+            assert!((energy - order).abs() < within, "{problem} {element}: {energy}");
+        }
+    }
+    let torsion = solve("torsion");
+    for (element, expected) in [("tet4", 2.0), ("tet4_anp", 2.0), ("tet10", 3.4)] {
+        let rate = row(&torsion, "J/a⁴", element).rate.unwrap();
+        assert!((rate - expected).abs() < 0.15, "{element}: {rate}");
+    }
+}
+
+/// Near ν = 1/2 linear tetrahedra hardly move, those with mean pressures and quadratic ones do.
+#[test]
+fn locking_is_seen() {
+    let rows = solve("cylinder");
+    let error = |element: &str| finest(row(&rows, "u_r(a), ν 0.4999", element));
+    assert!(error("tet4") > 0.9 && error("tet4_anp") < 0.03 && error("tet10") < 0.02);
+    let rows = solve("cook-plane-strain");
+    let error = |element: &str| finest(row(&rows, "v(48, 60)", element));
+    assert!(error("tet4") > 0.5 && error("tet4_anp") < 0.04 && error("tet10") < 0.02);
+}
+
+/// Errors of the plain elements are scikit-fem's on the same meshes: 0.6 % are the quadrature of its L2 norm.
+#[test]
+fn errors_are_those_of_another_program() {
+    let rows = solve("kelvin");
+    assert!(finest(row(&rows, "errors beside scikit-fem's, 8³ cells", "tet4")) < 1e-3);
+    assert!(finest(row(&rows, "errors beside scikit-fem's, 4³ cells", "tet10")) < 0.01);
+}
+
+#[test]
+fn a_bound_is_missed_by_too_much_too_slow_and_no_number() {
+    let level = Level { h: 0.5, nodes: 8, value: 1.1, error: 0.1, seconds: 0.0 };
+    let row = |bound: Bound, rate: Option<f64>, error: f64| Row {
+        problem: String::new(),
+        quantity: String::new(),
+        element: String::new(),
+        reference: 1.0,
+        levels: vec![Level { error, ..level }],
+        known_to: 0.0,
+        rate,
+        bound,
+    };
+    assert!(row(Bound::NONE, None, 9.0).holds());
+    assert!(row(Bound::error(0.1), None, 0.1).holds());
+    assert!(!row(Bound::error(0.1), None, 0.11).holds());
+    assert!(!row(Bound::error(0.1), None, f64::NAN).holds());
+    assert!(row(Bound::rate(1.8), Some(1.9), 9.0).holds());
+    assert!(!row(Bound::rate(1.8), Some(1.7), 0.0).holds());
+    assert!(!row(Bound::rate(1.8), None, 0.0).holds());
+}
+
+#[test]
+fn the_command_prints_tables_and_json() {
+    let folder = folder("verify");
+    let said = |arguments: &[&str]| {
+        let output = common::greenstage(&folder, arguments);
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let text = said(&["verify", "torsion", "le10", "--coarse"]);
+    for expected in ["torsion: square bar", "J/a⁴", "tet4_anp", "rate ≥ 3.4", "le10: thick", "error ≤ 2.00 %"]
+    {
+        assert!(text.contains(expected), "{expected} in\n{text}");
+    }
+    assert!(!text.contains("MISSED") && !text.contains("cook"), "{text}");
+    let rows: Vec<serde_json::Value> =
+        serde_json::from_str(&said(&["verify", "torsion", "--coarse", "--json"])).unwrap();
+    let tet10 = rows.iter().find(|row| row["element"] == "tet10").unwrap();
+    assert_eq!(tet10["holds"], true);
+    assert!((tet10["reference"].as_f64().unwrap() - 0.140_577_014_955_154).abs() < 1e-14);
+    assert!((tet10["levels"][1]["value"].as_f64().unwrap() - 0.1406).abs() < 1e-4);
+
+    let wrong = Command::new(env!("CARGO_BIN_EXE_greenstage")).args(["verify", "torsoin"]).output().unwrap();
+    assert_eq!(wrong.status.code(), Some(2));
+    let error = String::from_utf8(wrong.stderr).unwrap();
+    assert!(error.contains("did you mean \"torsion\"?"), "{error}");
+}
