@@ -12,7 +12,7 @@ mod inspect;
 mod manual;
 mod pack;
 mod picture;
-mod poses;
+pub mod poses;
 mod precompute;
 mod progress;
 mod render;
