@@ -6,7 +6,7 @@ use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
 use super::{precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
-use crate::green::{FIELDS, Precomputed};
+use crate::green::{Basis, FIELDS, Precomputed};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use anyhow::Context;
@@ -135,7 +135,7 @@ struct Loop {
 fn loops() -> Vec<Loop> {
     let numbers = 2 * FIELDS * 3 * PAPER_NODES;
     let data: Vec<f32> = (0..numbers).map(|i| (i as f32).sin()).collect();
-    let columns = Columns { elements: data.chunks_exact(numbers / 2).collect() };
+    let columns = Columns { elements: data.chunks_exact(numbers / 2).map(Basis::F32).collect() };
     let mut sum = Superposition::new(2);
     let mut u = vec![[0.0; 3]; PAPER_NODES];
     let mut c = 0.0;
@@ -162,6 +162,25 @@ fn loops() -> Vec<Loop> {
         rows.push(one.install(|| measure("superposition, 12 columns (one element moved), one thread", 1, 1)));
     }
     rows.push(measure("superposition, 24 columns, all threads", 2, rayon::current_num_threads()));
+    let integers: Vec<i16> = (0..numbers).map(|i| ((i % 65_521) as i32 - 32_760) as i16).collect();
+    let scales = [1e-4; FIELDS];
+    let half = |values| Basis::Int16 { values, scales: &scales };
+    let columns = Columns { elements: integers.chunks_exact(numbers / 2).map(half).collect() };
+    if let Ok(one) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        let mut sum = Superposition::new(2);
+        let used = &data[..numbers / 2];
+        rows.push(one.install(|| Loop {
+            name: "superposition, 24 columns of int16, one thread",
+            time_s: repeat(|| {
+                c += 1e-3;
+                black_box(sum.update(&columns, vec![[0.1 + c; FIELDS]; 2], &mut u));
+            }),
+            bytes: 2.0 * numbers as f64,
+            reading_s: repeat(|| {
+                black_box(read(used));
+            }),
+        }));
+    }
 
     let (around, along) = (100u32, PAPER_NODES as u32 / 100);
     let positions: Vec<[f32; 3]> = (0..PAPER_NODES as u32)

@@ -10,12 +10,14 @@ mod deform;
 mod failure;
 mod inspect;
 mod manual;
+mod pack;
 mod picture;
 mod poses;
 mod precompute;
 mod progress;
 mod render;
 mod session;
+mod statics;
 mod table;
 mod verify;
 mod view;
@@ -57,6 +59,7 @@ pub enum Command {
     Check(check::Args),
     Convert(convert::Args),
     Verify(verify::Args),
+    Pack(pack::Args),
     Manual(manual::Args),
 }
 
@@ -75,6 +78,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
+        Some(Command::Pack(args)) => pack::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }

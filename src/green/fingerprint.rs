@@ -15,6 +15,7 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
         "generate": body.generate,
         "tetrahedralise": body.tetrahedralise,
         "element": body.element,
+        "storage": body.storage,
         "material": body.material,
         "region": body.region,
         "solver": body.solver,
