@@ -4,6 +4,7 @@
 //! answered with the nearest known one.
 
 use serde::de::DeserializeOwned;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Why a configuration file was refused.
@@ -11,15 +12,33 @@ use std::path::{Path, PathBuf};
 pub enum ConfigError {
     #[error("{}: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
+    #[error(
+        "{}: more than {} MiB, which no scene, stage, script or pose file needs: is it a mesh?", path.display(),
+        LARGEST >> 20
+    )]
+    Large { path: PathBuf },
     #[error("{}:{line}:{column}: {message}", path.display())]
     Parse { path: PathBuf, line: usize, column: usize, message: String },
 }
 
+/// A larger file is refused unread: parsing takes up to 200 times its memory.
+const LARGEST: u64 = 16 << 20;
+
 /// Reads and parses the TOML file at `path`.
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-    parse(&text, path)
+    parse(&read(path)?, path)
+}
+
+/// The text of the TOML file at `path`.
+pub fn read(path: &Path) -> Result<String, ConfigError> {
+    let failed = |source| ConfigError::Read { path: path.to_owned(), source };
+    let mut text = String::new();
+    let file = std::fs::File::open(path).map_err(failed)?;
+    file.take(LARGEST + 1).read_to_string(&mut text).map_err(failed)?;
+    if text.len() as u64 > LARGEST {
+        return Err(ConfigError::Large { path: path.to_owned() });
+    }
+    Ok(text)
 }
 
 /// Parses TOML `text`; `path` is only named in errors.
@@ -93,5 +112,17 @@ mod tests {
     fn missing_file_names_the_path() {
         let error = load::<Material>(Path::new("no/such.toml")).unwrap_err();
         assert!(error.to_string().starts_with("no/such.toml: "), "{error}");
+    }
+
+    #[test]
+    fn what_is_too_large_for_a_scene_is_refused_unread() {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        std::io::Write::write_all(&mut file, &vec![b'['; (LARGEST + 1) as usize]).unwrap();
+        let error = load::<Material>(file.path()).unwrap_err().to_string();
+        assert!(
+            error.ends_with(
+                "more than 16 MiB, which no scene, stage, script or pose file needs: is it a mesh?"
+            )
+        );
     }
 }

@@ -12,7 +12,7 @@ mod inspect;
 mod manual;
 mod pack;
 mod picture;
-mod poses;
+pub mod poses;
 mod precompute;
 mod progress;
 mod render;
@@ -58,8 +58,8 @@ pub enum Command {
     Inspect(inspect::Args),
     Check(check::Args),
     Convert(convert::Args),
-    Verify(verify::Args),
     Pack(pack::Args),
+    Verify(verify::Args),
     Manual(manual::Args),
 }
 
@@ -77,8 +77,8 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
-        Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Pack(args)) => pack::run(&args),
+        Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }

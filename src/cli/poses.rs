@@ -6,7 +6,7 @@ use crate::deform::{ControlPose, ControlPoses};
 use crate::scene::Body;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Largest number of a pose; what is summed must stay within single precision.
@@ -45,17 +45,16 @@ fn identity() -> [[f64; 3]; 3] {
 
 /// Reads the pose file.
 pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| config::ConfigError::Read { path: path.to_owned(), source })?;
+    let text = config::read(path)?;
     parse(&text, path)
 }
 
 /// Checks the text of a pose file; `path` is only named in errors.
 pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
     let file: PoseFile = config::parse(text, path)?;
-    for (index, pose) in file.pose.iter().enumerate() {
-        let first = file.pose.iter().position(|other| other.name == pose.name && other.body == pose.body);
-        if first != Some(index) {
+    let mut known = BTreeSet::new();
+    for pose in &file.pose {
+        if !known.insert((&pose.name, &pose.body)) {
             return Err(Failure::wrong(format!(
                 "{}: two poses are called \"{}\"",
                 path.display(),

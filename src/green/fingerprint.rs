@@ -5,7 +5,7 @@ use crate::scene::{Control, Nodes, Scene};
 use std::path::Path;
 
 /// blake3 over all that body `name`'s numbers depend on: the bytes of its mesh and the cell it is filled with (or the
-/// generator's parameters), materials, element, solver, control elements with the bytes of their tag files, what its model and effects need,
+/// generator's parameters), how often it is refined, materials, element, solver, control elements with the bytes of their tag files, what its model and effects need,
 /// and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, GreenError> {
     let body = &scene.body[name];
@@ -14,6 +14,7 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
         "program": env!("CARGO_PKG_VERSION"),
         "generate": body.generate,
         "tetrahedralise": body.tetrahedralise,
+        "refine": body.refine,
         "element": body.element,
         "storage": body.storage,
         "material": body.material,

@@ -76,7 +76,7 @@ impl Stored {
             let size = column.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             let unit = if size == 0.0 { 1.0 } else { size };
             let error = match storage {
-                Storage::F32 => stored.push(column, |x| x as f32, f32::to_le_bytes, |x| f64::from(x)),
+                Storage::F32 => stored.push(column, |x| x as f32, f32::to_le_bytes, f64::from),
                 Storage::F16 => {
                     let scale = unit as f32;
                     stored.scales.push(scale);

@@ -24,6 +24,17 @@ pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {
     faces
 }
 
+/// The edges of the outer faces between corners, once each, the smaller node first, sorted.
+pub(super) fn surface_edges(mesh: &TetMesh) -> Vec<[u32; 2]> {
+    let faces = sorted_faces(mesh);
+    let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);
+    let edges_of = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [a, c]];
+    let mut edges: Vec<[u32; 2]> = single.flat_map(|same| edges_of(same[0].0)).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
+}
+
 /// The four triangles of a quadratic face, given by its number and its corners.
 fn quarters(mesh: &TetMesh, id: usize, [a, b, c]: [u32; 3]) -> [[u32; 3]; 4] {
     let (tet, mids) = (mesh.tets[id / 4], mesh.mids[id / 4]);

@@ -3,12 +3,13 @@
 //! In: a strict TOML file. Out: a checked [`Scene`]; meshes and node selections are loaded from it on demand.
 //! Names of models and effects are checked where their lists stand, in `deform` and `effect`.
 
+mod load;
 mod select;
 
 pub use select::Nodes;
 
 use crate::config::{self, ConfigError};
-use crate::mesh::{self, MeshError, generate, stuffing, surface_files};
+use crate::mesh::{MeshError, generate, refine, surface_files};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -57,6 +58,9 @@ pub struct Body {
     pub generate: Option<Generate>,
     /// How a surface file is filled with tetrahedra.
     pub tetrahedralise: Option<Tetrahedralise>,
+    /// Times that every tetrahedron is cut into eight, 0 to [`refine::MOST`].
+    #[serde(default)]
+    pub refine: u32,
     #[serde(default)]
     pub element: Element,
     pub material: Material,
@@ -231,59 +235,6 @@ impl Scene {
         self.path.parent().unwrap_or(Path::new("")).join(relative)
     }
 
-    /// The mesh of body `name` with the nodes its element needs, and the notices of what was repaired.
-    pub fn load_mesh(&self, name: &str, body: &Body) -> Result<mesh::Loaded, SceneError> {
-        let mut loaded = self.load_file(name, body)?;
-        for (control, Control { nodes, .. }) in &body.control {
-            nodes
-                .prepare(&mut loaded.mesh, |path| self.resolve(path))
-                .map_err(|message| self.invalid(&format!("body.{name}.control.{control}.nodes"), message))?;
-        }
-        if body.element == Element::Tet10 {
-            loaded.mesh = match &body.generate {
-                Some(Generate::Tube(tube)) => mesh::quadratic(loaded.mesh, &|a, b| tube.curve(a, b)),
-                _ => mesh::quadratic(loaded.mesh, &mesh::quadratic::straight),
-            };
-        }
-        Ok(loaded)
-    }
-
-    fn load_file(&self, name: &str, body: &Body) -> Result<mesh::Loaded, SceneError> {
-        let generated = |source| SceneError::Generate {
-            path: self.path.clone(),
-            entity: format!("body.{name}.generate"),
-            source,
-        };
-        match (&body.mesh, &body.generate) {
-            (Some(file), None) => {
-                let file = self.resolve(file);
-                let failed =
-                    |source| SceneError::Mesh { path: self.path.clone(), body: name.to_owned(), source };
-                match body.tetrahedralise {
-                    Some(Tetrahedralise { cell }) => stuffing::load(&file, cell).map_err(failed),
-                    None if surface_files::is_surface_file(&file) => {
-                        let surface = surface_files::load(&file).map_err(failed)?.surface;
-                        let message = format!(
-                            "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a \
-                             thirtieth of its longest extent)",
-                            file.display(),
-                            stuffing::suggested_cell(&surface)
-                        );
-                        Err(self.invalid(&format!("body.{name}.mesh"), message))
-                    }
-                    None if body.element == Element::Tet10 => mesh::load_quadratic(&file).map_err(failed),
-                    None => mesh::load(&file).map_err(failed),
-                }
-            }
-            (None, Some(Generate::Tube(tube))) => generate::tube(tube).map(fresh).map_err(generated),
-            (None, Some(Generate::Block(block))) => generate::block(block).map(fresh).map_err(generated),
-            _ => Err(self.invalid(
-                &format!("body.{name}"),
-                "name either mesh = \"file\" or generate = { … }, one of the two",
-            )),
-        }
-    }
-
     /// An error about one entity of this scene.
     pub fn invalid(&self, entity: &str, message: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.clone(), entity: entity.to_owned(), message: message.into() }
@@ -310,6 +261,10 @@ impl Scene {
             );
         }
         self.check_tetrahedralise(&entity, body)?;
+        if body.refine > refine::MOST {
+            let asked = refine::RefineError::TooOften { asked: body.refine };
+            return Err(self.invalid(&format!("{entity}.refine"), asked.to_string()));
+        }
         self.check_material(&format!("{entity}.material"), &body.material)?;
         for (region, material) in &body.region {
             self.check_material(&format!("{entity}.region.{region}"), material)?;
@@ -390,10 +345,6 @@ impl Scene {
     }
 }
 
-fn fresh(mesh: mesh::TetMesh) -> mesh::Loaded {
-    mesh::Loaded { mesh, notices: Vec::new() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -449,6 +400,8 @@ grab = "fixed"
                 "mesh = \"a.stl\"\ntetrahedralise = { cell = -0.1 }",
                 "body.block.tetrahedralise: cell is -0.1 m",
             ),
+            ("material", "refine = 5\nmaterial", "body.block.refine: 5 refinements"),
+            ("material", "refine = -1\nmaterial", "scene.toml:4:"),
         ] {
             let text = error(from, to);
             assert!(text.contains(expected), "{text}\nlacks {expected}");

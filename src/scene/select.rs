@@ -1,7 +1,7 @@
 //! Which nodes of a mesh a control element holds.
 
 use crate::config::nearest;
-use crate::mesh::TetMesh;
+use crate::mesh::{Surface, TetMesh, grow, trouble::place};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -27,6 +27,12 @@ pub enum Nodes {
         normal: [f64; 3],
         distance: f64,
     },
+    /// From the surface node nearest to `from`: all nodes that a path of edges of tetrahedra of at most `radius`
+    /// reaches ([`grow::within`]).
+    Grow {
+        from: [f64; 3],
+        radius: f64,
+    },
     /// A text file of node tags, one a line, # begins a comment; relative to the scene. Nodes that are added
     /// between two of them join them as they join a group.
     File(PathBuf),
@@ -45,6 +51,11 @@ impl Nodes {
             Nodes::Sphere { centre, radius } => {
                 if !(finite(centre) && *radius > 0.0 && radius.is_finite()) {
                     return Err(format!("sphere: centre {centre:?} must be finite, radius {radius} above 0"));
+                }
+            }
+            Nodes::Grow { from, radius } => {
+                if !(finite(from) && *radius > 0.0 && radius.is_finite()) {
+                    return Err(format!("grow: from {from:?} must be finite, radius {radius} above 0"));
                 }
             }
             Nodes::Plane { point, normal, distance } => {
@@ -92,6 +103,7 @@ impl Nodes {
                 let normal = (normal / normal.amax()).normalize();
                 within(&|x| normal.dot(&(x - point)).abs() <= *distance)
             }
+            Nodes::Grow { from, radius } => grown(mesh, &Vector3::from(*from), *radius)?,
             Nodes::File(path) => group(mesh, &file_group(path))?,
         };
         if nodes.is_empty() {
@@ -120,10 +132,25 @@ fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
     let known: Vec<&str> = mesh.groups.keys().map(String::as_str).collect();
     let advice = match nearest(name, known.iter().copied()) {
         Some(like) => format!("; did you mean \"{like}\"?"),
-        None if known.is_empty() => "; it has none: select by box, sphere, plane or file".into(),
+        None if known.is_empty() => "; it has none: select by box, sphere, plane, grow or file".into(),
         None => String::new(),
     };
     Err(format!("the mesh has no node group \"{name}\" (groups: {}){advice}", known.join(", ")))
+}
+
+fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, String> {
+    let Some((start, distance)) = grow::nearest(mesh, &Surface::of(mesh).nodes, from) else {
+        return Ok(Vec::new());
+    };
+    if distance > radius {
+        return Err(format!(
+            "grow: from is {distance:.3e} m away from the nearest surface node (tag {}, {}), more than the radius of \
+             {radius} m: move from to the surface, or enlarge the radius",
+            mesh.tags[start as usize],
+            place(&mesh.nodes[start as usize])
+        ));
+    }
+    Ok(grow::within(mesh, start, radius))
 }
 
 fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
@@ -151,6 +178,7 @@ fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::{Block, block};
     use proptest::prelude::*;
 
     /// Eight corners of the unit cube with tags 10, 20, … 80, the first four of them in group "low".
@@ -177,6 +205,33 @@ mod tests {
         assert_eq!(select(&Nodes::Sphere { centre: [0.0; 3], radius: 1.0 }).unwrap(), [0, 1, 2, 4]);
         let plane = Nodes::Plane { point: [9.0, 0.0, 1.0], normal: [0.0, 0.0, -3.0], distance: 0.0 };
         assert_eq!(select(&plane).unwrap(), [4, 5, 6, 7]);
+    }
+
+    /// A U of two fingers 0.2 m apart, with a web below: what grows on one finger does not jump to the other.
+    #[test]
+    fn what_grows_does_not_cross_a_gap() {
+        let mut mesh = block(&Block { size: [1.0, 0.2, 1.0], cells: [10, 2, 10] }).unwrap();
+        let is_gap = |x: Vector3<f64>| x.x.abs() < 0.1 && x.z > -0.3;
+        let kept = |tet: &usize| !is_gap(mesh.corners(*tet).iter().sum::<Vector3<f64>>() / 4.0);
+        mesh.tets = (0..mesh.tets.len()).filter(kept).map(|tet| mesh.tets[tet]).collect();
+        let from = [-0.1, 0.0, 0.5];
+        let right = |nodes: &[u32]| nodes.iter().filter(|&&node| mesh.nodes[node as usize].x > 0.05).count();
+        let chosen = |nodes: Nodes| nodes.select(&mesh).unwrap();
+
+        assert!(right(&chosen(Nodes::Sphere { centre: from, radius: 0.5 })) > 0);
+        let grown = chosen(Nodes::Grow { from, radius: 0.5 });
+        assert!(right(&grown) == 0 && grown.len() > 50, "{}", grown.len());
+        // Down the finger, 0.8 m, across the web, 0.2 m.
+        assert_eq!(right(&chosen(Nodes::Grow { from, radius: 0.97 })), 0);
+        assert!(right(&chosen(Nodes::Grow { from, radius: 1.03 })) > 0);
+
+        let off = Nodes::Grow { from: [0.0, 0.0, 0.5], radius: 0.09 };
+        let error = off.select(&mesh).unwrap_err();
+        assert!(
+            error.contains("1.000e-1 m away from the nearest surface node (tag ") && error.contains("0.09 m")
+        );
+        assert!(Nodes::Grow { from, radius: 0.0 }.check().unwrap_err().contains("radius 0 above 0"));
+        assert!(Nodes::Grow { from: [f64::NAN; 3], radius: 1.0 }.check().is_err());
     }
 
     fn tag_file(name: &str, text: &[u8]) -> Result<Vec<u32>, String> {

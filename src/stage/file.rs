@@ -4,7 +4,7 @@
 
 use super::fault::{Fault, IPD_M, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
 use super::{Grid, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Stage, Stereo, Viewer, Workspace};
-use crate::config::{self, ConfigError};
+use crate::config;
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -63,8 +63,7 @@ struct ScreenFile {
 }
 
 pub fn load(path: &Path) -> Result<Stage, StageError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+    let text = config::read(path)?;
     parse(&text, path)
 }
 

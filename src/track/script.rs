@@ -172,8 +172,7 @@ impl Script {
     }
 
     pub fn load(path: &Path) -> Result<Self, ScriptError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let text = config::read(path)?;
         Self::parse(&text, path)
     }
 

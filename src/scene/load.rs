@@ -1,0 +1,82 @@
+//! The mesh of a scene's body: read, filled or generated, and refined.
+
+use super::{Body, Control, Element, Generate, Scene, SceneError, Tetrahedralise};
+use crate::mesh::quadratic::{Curve, straight};
+use crate::mesh::{self, Loaded, TetMesh, generate, refine, stuffing, surface_files};
+use std::path::Path;
+
+impl Scene {
+    /// The mesh of body `name` with the nodes its element needs, and the notices of what was repaired and done.
+    pub fn load_mesh(&self, name: &str, body: &Body) -> Result<Loaded, SceneError> {
+        let mut loaded = match (&body.mesh, &body.generate) {
+            (Some(file), None) => self.load_file(name, body, file)?,
+            (None, Some(generate)) => self.generate(name, generate)?,
+            _ => {
+                let message = "name either mesh = \"file\" or generate = { … }, one of the two";
+                return Err(self.invalid(&format!("body.{name}"), message));
+            }
+        };
+        for (control, Control { nodes, .. }) in &body.control {
+            nodes
+                .prepare(&mut loaded.mesh, |path| self.resolve(path))
+                .map_err(|message| self.invalid(&format!("body.{name}.control.{control}.nodes"), message))?;
+        }
+        let on_tube;
+        let curve: Curve<'_> = match &body.generate {
+            Some(Generate::Tube(tube)) => {
+                on_tube = |a: &_, b: &_| tube.curve(a, b);
+                &on_tube
+            }
+            _ => &straight,
+        };
+        if body.refine > 0 {
+            let before = loaded.mesh.tets.len();
+            loaded.mesh = refine::refine(loaded.mesh, body.refine, curve)
+                .map_err(|error| self.invalid(&format!("body.{name}.refine"), error.to_string()))?;
+            let TetMesh { tets, nodes, .. } = &loaded.mesh;
+            loaded.notices.push(format!(
+                "refined {} times: {before} tetrahedra became {}, with {} nodes",
+                body.refine,
+                tets.len(),
+                nodes.len()
+            ));
+        }
+        if body.element == Element::Tet10 {
+            loaded.mesh = mesh::quadratic(loaded.mesh, curve);
+        }
+        Ok(loaded)
+    }
+
+    fn load_file(&self, name: &str, body: &Body, file: &Path) -> Result<Loaded, SceneError> {
+        let file = self.resolve(file);
+        let failed = |source| SceneError::Mesh { path: self.path.clone(), body: name.to_owned(), source };
+        match body.tetrahedralise {
+            Some(Tetrahedralise { cell }) => stuffing::load(&file, cell).map_err(failed),
+            None if surface_files::is_surface_file(&file) => {
+                let surface = surface_files::load(&file).map_err(failed)?.surface;
+                let message = format!(
+                    "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a thirtieth of \
+                     its longest extent)",
+                    file.display(),
+                    stuffing::suggested_cell(&surface)
+                );
+                Err(self.invalid(&format!("body.{name}.mesh"), message))
+            }
+            None if body.element == Element::Tet10 => mesh::load_quadratic(&file).map_err(failed),
+            None => mesh::load(&file).map_err(failed),
+        }
+    }
+
+    fn generate(&self, name: &str, generate: &Generate) -> Result<Loaded, SceneError> {
+        let mesh = match generate {
+            Generate::Tube(tube) => generate::tube(tube),
+            Generate::Block(block) => generate::block(block),
+        };
+        let failed = |source| SceneError::Generate {
+            path: self.path.clone(),
+            entity: format!("body.{name}.generate"),
+            source,
+        };
+        Ok(Loaded { mesh: mesh.map_err(failed)?, notices: Vec::new() })
+    }
+}
