@@ -12,12 +12,12 @@ mod fingerprint;
 mod prepare;
 
 pub use crate::mesh::trouble::Severity;
-pub use basis::{Precomputed, Solution, StepTimes, precompute, solve};
+pub use basis::{Precomputed, Solution, StepTimes, precompute, solve, solve_prepared};
 pub use check::Finding;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;
-pub use prepare::{Prepared, prepare};
+pub use prepare::{Prepared, prepare, prepare_mesh};
 
 use crate::fem::AssemblyError;
 use crate::scene::SceneError;
