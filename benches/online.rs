@@ -2,21 +2,33 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use greenstage::deform::{Columns, Superposition, vertex_normals};
-use greenstage::green::FIELDS;
+use greenstage::green::{Basis, FIELDS, Stored};
+use greenstage::scene::Storage;
 use std::hint::black_box;
 
 const NODES: usize = 10_000;
 
 fn superposition(c: &mut Criterion) {
-    let data: Vec<Vec<f32>> =
-        (0..2).map(|e| (0..FIELDS * 3 * NODES).map(|i| ((i + e) as f32).sin()).collect()).collect();
-    let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+    let exact: Vec<Vec<f64>> =
+        (0..FIELDS).map(|k| (0..3 * NODES).map(|i| ((i + k) as f64).sin()).collect()).collect();
+    let [f32s, f16s, int16s] = Storage::ALL.map(|storage| Stored::new(storage, &exact));
+    // A memory of its own for each of the two control elements.
+    let singles: [Vec<f32>; 2] = std::array::from_fn(|_| bytemuck::pod_collect_to_vec(&f32s.bytes));
+    let bits: [Vec<u16>; 2] = std::array::from_fn(|_| bytemuck::pod_collect_to_vec(&f16s.bytes));
+    let integers: [Vec<i16>; 2] = std::array::from_fn(|_| bytemuck::pod_collect_to_vec(&int16s.bytes));
+    let all = [
+        ("f32", [0, 1].map(|e| Basis::F32(&singles[e]))),
+        ("f16", [0, 1].map(|e| Basis::F16 { bits: &bits[e], scales: &f16s.scales })),
+        ("int16", [0, 1].map(|e| Basis::Int16 { values: &integers[e], scales: &int16s.scales })),
+    ];
     let mut group = c.benchmark_group("superposition 10,000 nodes");
-    for (name, moved) in [("one control element, 12 columns", 1), ("two, 24 columns", 2)] {
+    for ((storage, basis), moved) in all.iter().flat_map(|basis| [(basis, 1), (basis, 2)]) {
+        let columns = Columns { elements: basis.to_vec() };
+        let name = format!("{storage}, {} columns", 12 * moved);
         let mut sum = Superposition::new(2);
         let mut u = vec![[0.0; 3]; NODES];
         let mut step = 0.0;
-        group.throughput(Throughput::Bytes((moved * FIELDS * 12 * NODES) as u64));
+        group.throughput(Throughput::Bytes((moved * FIELDS * 3 * basis[0].width() * NODES) as u64));
         group.bench_function(name, |b| {
             b.iter(|| {
                 step += 1e-3;

@@ -14,7 +14,7 @@
 //! | [`stage`] | screens, viewer, off-axis projection |
 //! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
 //! | [`fem`] | elements, materials, assembly → `StiffnessMatrix`, partition into A, B, C |
-//! | [`solve`] | ordering, Cholesky, PCG → `SolveStats` |
+//! | [`solve`] | ordering, Cholesky, PCG → `SolveStats`; Newton's iteration |
 //! | [`green`] | the precomputed bases and the .green file |
 //! | [`deform`] | deformation models: coefficients → displacements |
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |

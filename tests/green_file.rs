@@ -3,10 +3,12 @@
 
 mod common;
 
-use common::{block_scene, folder, scene};
+use common::{block_scene, folder, scene, some_pose};
+use greenstage::deform::Deformer;
 use greenstage::green::{self, FIELDS, GreenError, GreenFile, Needs};
 use greenstage::solve::Silent;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 const HAPTICS: Needs = Needs { stiffness: true };
 
@@ -31,7 +33,7 @@ fn round_trip_keeps_every_number_to_f32() {
         for k in 0..FIELDS {
             for (i, &node) in nodes.iter().enumerate() {
                 for axis in 0..3 {
-                    let stored = columns[(k * nodes.len() + i) * 3 + axis];
+                    let stored = columns.value(nodes.len(), k, 3 * i + axis);
                     let solved = solution.fields.row(3 * node as usize + axis)[FIELDS * e + k];
                     assert_eq!(stored, solved as f32);
                 }
@@ -42,6 +44,78 @@ fn round_trip_keeps_every_number_to_f32() {
         assert_eq!(held, control.nodes);
     }
     assert_eq!(file.stiffness("block"), solution.stiffness);
+}
+
+/// Half the bytes: every number is within the error that the file states for its field, and no smaller error is true.
+#[test]
+fn compact_columns_are_as_exact_as_their_file_says() {
+    for (storage, bound) in [("f16", 2.5e-4), ("int16", 1.6e-5)] {
+        let path = folder(&format!("green-{storage}")).join("block.green");
+        let scene = block_scene([3, 2, 2], &format!("storage = \"{storage}\""));
+        let precomputed = green::precompute(&scene, "block", HAPTICS, &Silent).unwrap();
+        green::write(&path, std::slice::from_ref(&precomputed)).unwrap();
+        let file = GreenFile::open(&path).unwrap();
+        let (meta, solution) = (&file.meta.bodies["block"], &precomputed.solution);
+        let nodes = &solution.surface.nodes;
+        let mut largest: f64 = 0.0;
+        for (e, control) in meta.controls.iter().enumerate() {
+            let basis = file.basis("block", &control.name);
+            for k in 0..FIELDS {
+                let exact = |i: usize| solution.fields.row(3 * nodes[i / 3] as usize + i % 3)[FIELDS * e + k];
+                let sizes = (0..3 * nodes.len()).map(|i| exact(i).abs());
+                let size = sizes.fold(0.0, f64::max);
+                let errors = (0..3 * nodes.len())
+                    .map(|i| (f64::from(basis.value(nodes.len(), k, i)) - exact(i)).abs());
+                let error = errors.fold(0.0, f64::max);
+                assert!(
+                    (error - control.storage_errors[k]).abs() <= 1e-7 * size,
+                    "{storage} field {k}: {error}"
+                );
+                largest = largest.max(if size == 0.0 { 0.0 } else { error / size });
+            }
+        }
+        assert!(
+            largest <= bound && (largest / meta.accuracy.storage_error - 1.0).abs() < 0.01,
+            "{largest:e}"
+        );
+        let mut deformer = Deformer::new(Arc::new(file), "block", "linear").unwrap();
+        let poses = vec![some_pose(0.3), some_pose(2.0)];
+        deformer.evaluate(&poses);
+        let c: Vec<f64> = poses.iter().flat_map(|pose| pose.coefficients()).collect();
+        for (i, &node) in nodes.iter().enumerate() {
+            for axis in 0..3 {
+                let row = solution.fields.row(3 * node as usize + axis);
+                let exact: f64 = row.iter().zip(&c).map(|(u, c)| u * c).sum();
+                let error = (deformer.displacement(i)[axis] - exact).abs();
+                assert!(error < 24.0 * 0.11 * bound, "{storage}: {error:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn packed_files_unpack_to_the_same_bytes_and_damage_is_told() {
+    let (path, _) = written("green-packed", HAPTICS);
+    let (small, back) = (green::packed_path(&path), path.with_extension("back.green"));
+    let (whole, packed) = green::pack(&path, &small).unwrap();
+    assert_eq!(whole, std::fs::metadata(&path).unwrap().len());
+    assert!(packed < whole && packed == std::fs::metadata(&small).unwrap().len());
+    assert_eq!(green::unpack(&small, &back).unwrap(), whole);
+    assert!(std::fs::read(&path).unwrap() == std::fs::read(&back).unwrap());
+    let bytes = std::fs::read(&small).unwrap();
+    for at in (0..bytes.len()).step_by(7) {
+        let mut copy = bytes.clone();
+        copy[at] ^= 0x10;
+        std::fs::write(&small, &copy).unwrap();
+        // A flipped bit in a skippable place may leave the content as it was.
+        match green::unpack(&small, &back) {
+            Ok(_) => assert!(std::fs::read(&path).unwrap() == std::fs::read(&back).unwrap(), "byte {at}"),
+            Err(error) => assert!(error.to_string().contains("does not unpack"), "{error}"),
+        }
+    }
+    std::fs::write(&small, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(green::unpack(&small, &path).unwrap_err().to_string().contains("does not unpack"));
+    assert!(GreenFile::open(&path).is_ok(), "what was there stays");
 }
 
 #[test]
@@ -149,8 +223,9 @@ grab = "dragger"
     assert_eq!((point.independent, point.vanishing.len()), (3, 9));
     let columns = file.basis("block", "point");
     let nodes = file.rest("block").len();
-    assert!(columns[3 * 3 * nodes..].iter().all(|u| *u == 0.0));
-    assert!(columns[..3 * nodes].contains(&1.0));
+    let field = |k: usize| (0..3 * nodes).map(move |i| columns.value(nodes, k, i));
+    assert!((3..FIELDS).flat_map(field).all(|u| u == 0.0));
+    assert!(field(0).any(|u| u == 1.0));
     let s = file.stiffness("block").unwrap();
     assert!((15..24).all(|k| s.column(k).amax() == 0.0) && s.column(12).amax() > 0.0);
 }

@@ -6,7 +6,7 @@ use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
 use super::{precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
-use crate::green::{FIELDS, Precomputed};
+use crate::green::{Basis, FIELDS, Precomputed};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use anyhow::Context;
@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let tables =
         [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
     if let Some(path) = &args.readme {
-        write_between_marks(path, &markdown(&tables))?;
+        write_between_marks(path, "bench", &markdown(&tables))?;
         super::print(&format!("{}: tables written\n", path.display()))?;
     }
     if args.json {
@@ -135,7 +135,7 @@ struct Loop {
 fn loops() -> Vec<Loop> {
     let numbers = 2 * FIELDS * 3 * PAPER_NODES;
     let data: Vec<f32> = (0..numbers).map(|i| (i as f32).sin()).collect();
-    let columns = Columns { elements: data.chunks_exact(numbers / 2).collect() };
+    let columns = Columns { elements: data.chunks_exact(numbers / 2).map(Basis::F32).collect() };
     let mut sum = Superposition::new(2);
     let mut u = vec![[0.0; 3]; PAPER_NODES];
     let mut c = 0.0;
@@ -162,6 +162,25 @@ fn loops() -> Vec<Loop> {
         rows.push(one.install(|| measure("superposition, 12 columns (one element moved), one thread", 1, 1)));
     }
     rows.push(measure("superposition, 24 columns, all threads", 2, rayon::current_num_threads()));
+    let integers: Vec<i16> = (0..numbers).map(|i| ((i % 65_521) as i32 - 32_760) as i16).collect();
+    let scales = [1e-4; FIELDS];
+    let half = |values| Basis::Int16 { values, scales: &scales };
+    let columns = Columns { elements: integers.chunks_exact(numbers / 2).map(half).collect() };
+    if let Ok(one) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        let mut sum = Superposition::new(2);
+        let used = &data[..numbers / 2];
+        rows.push(one.install(|| Loop {
+            name: "superposition, 24 columns of int16, one thread",
+            time_s: repeat(|| {
+                c += 1e-3;
+                black_box(sum.update(&columns, vec![[0.1 + c; FIELDS]; 2], &mut u));
+            }),
+            bytes: 2.0 * numbers as f64,
+            reading_s: repeat(|| {
+                black_box(read(used));
+            }),
+        }));
+    }
 
     let (around, along) = (100u32, PAPER_NODES as u32 / 100);
     let positions: Vec<[f32; 3]> = (0..PAPER_NODES as u32)
@@ -240,7 +259,7 @@ fn loops_table(loops: &[Loop]) -> (String, Table) {
 }
 
 /// The processor's name, where the system tells.
-fn processor() -> String {
+pub fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or("unknown processor".into(), |(_, name)| name.trim().to_owned())
@@ -299,17 +318,16 @@ fn markdown(tables: &[(String, Table)]) -> String {
     tables.iter().map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown())).collect()
 }
 
-const BEGIN: &str = "<!-- bench: begin -->\n";
-const END: &str = "<!-- bench: end -->";
-
-fn write_between_marks(path: &Path, text: &str) -> Result<(), Failure> {
+/// Replaces what stands between the lines `<!-- NAME: begin -->` and `<!-- NAME: end -->` of a Markdown file.
+pub fn write_between_marks(path: &Path, name: &str, text: &str) -> Result<(), Failure> {
+    let (first, last) = (format!("<!-- {name}: begin -->\n"), format!("<!-- {name}: end -->"));
     let old = std::fs::read_to_string(path)
         .with_context(|| path.display().to_string())
         .map_err(Failure::Request)?;
-    let ends = old.find(BEGIN).zip(old.find(END)).filter(|(begin, end)| begin < end);
+    let ends = old.find(&first).zip(old.find(&last)).filter(|(begin, end)| begin < end);
     let Some((begin, end)) = ends else {
-        return Err(Failure::wrong(format!("{}: the lines {BEGIN}and {END} are missing", path.display())));
+        return Err(Failure::wrong(format!("{}: the lines {first}and {last} are missing", path.display())));
     };
-    let new = format!("{}{text}{}", &old[..begin + BEGIN.len()], &old[end..]);
+    let new = format!("{}{text}{}", &old[..begin + first.len()], &old[end..]);
     std::fs::write(path, new).with_context(|| path.display().to_string()).map_err(Failure::Work)
 }

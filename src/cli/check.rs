@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::{render, session};
+use crate::deform::{Statics, not_online};
 use crate::green::{self, Finding, GreenError, Severity};
 use crate::scene::Scene;
 use std::path::PathBuf;
@@ -26,8 +27,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for (name, body) in &scene.body {
         let entity = format!("body.{name}");
         let error = |message: String| Finding::new(Severity::Error, &entity, message);
-        if let Err(failure) = session::needs(&scene, name, body) {
-            findings.push(error(failure.to_string()));
+        match session::law(&scene, name, body) {
+            Err(failure) => findings.push(error(failure.to_string())),
+            Ok(Some(law)) => {
+                if let Err(unfit) = Statics::suits(&scene, name, law) {
+                    findings.push(error(unfit.to_string()));
+                }
+                let entity = format!("{entity}.model");
+                findings.push(Finding::new(Severity::Note, &entity, not_online(&body.model)));
+            }
+            Ok(None) => {}
         }
         match green::prepare(&scene, name) {
             Ok(prepared) => findings.extend(prepared.findings),

@@ -2,16 +2,17 @@
 
 use super::failure::Failure;
 use super::poses::{self, Pose};
-use super::session;
-use crate::deform::{ControlPoses, Deformer, Wrench, wrenches};
-use crate::green::{self, FIELDS, Solution};
+use super::{session, statics};
+use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
+use crate::green::{self, FIELDS, GreenFile, Solution};
 use crate::mesh::TetMesh;
-use crate::scene::Scene;
+use crate::scene::{Body, Scene};
 use crate::solve::Silent;
 use anyhow::Context;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use vtkio::model::{
     Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version,
     VertexNumbers, Vtk,
@@ -22,7 +23,8 @@ use vtkio::model::{
 /// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
-/// field a pose), and OUT.forces.csv where the scene lists the effect haptics.
+/// field a pose), and OUT.forces.csv where the scene lists the effect haptics. A body of the model stvk is solved anew for
+/// every pose, over all nodes, with its forces.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -52,81 +54,128 @@ struct Deformed {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
     let poses = poses::load(&args.poses)?;
-    let file = session::green_file(&scene, args.green.as_deref())?;
-    let mut bodies = session::deformers(&scene, &file)?;
-    let mut results = Vec::new();
-    for pose in &poses {
-        let body = body_of(pose, &mut bodies, &args.poses)?;
-        let control_poses = poses::control_poses(pose, body, &args.poses)?;
-        results.push(surface_result(pose, body, &control_poses));
-    }
-    let mut geometry: Vec<Geometry> = bodies.iter().map(Geometry::surface).collect();
-    if args.all_nodes {
-        for (index, (name, body)) in scene.body.iter().enumerate() {
-            if body.model != "linear" {
-                return Err(Failure::request(scene.invalid(
-                    &format!("body.{name}.model"),
-                    format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
-                )));
+    let asked: Vec<Asked> =
+        poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
+    let online = session::online_part(&scene)?;
+    let file = match online.body.is_empty() {
+        true => None,
+        false => Some(session::green_file(&online, args.green.as_deref())?),
+    };
+    let (mut geometry, mut results, mut tables) = (Vec::new(), Vec::new(), String::new());
+    for (name, body) in &scene.body {
+        let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
+        let (shape, found) = match (session::law(&scene, name, body)?, &file) {
+            (None, Some(file)) if !args.all_nodes => surface_results(file, name, body, &own)?,
+            (None, _) => volume_results(&scene, name, body, &own)?,
+            (Some(law), _) => {
+                let poses: Vec<_> = own.iter().map(|asked| (asked.pose, &asked.control)).collect();
+                let solved = statics::solve(&scene, name, law, &poses)?;
+                tables += &format!("\n{}", solved.table.text());
+                static_results(name, solved, &own)
             }
-            let solution = green::solve(&scene, name, session::needs(&scene, name, body)?, &Silent)?;
-            geometry[index] = Geometry::volume(name, &solution);
-            for (pose, result) in poses.iter().zip(&mut results).filter(|(_, result)| result.body == *name) {
-                let control_poses = poses::control_poses(pose, &bodies[index], &args.poses)?;
-                *result = volume_result(pose, name, &solution, &control_poses);
-            }
-        }
+        };
+        geometry.push(shape);
+        results.extend(found);
     }
-    write_all(args, &bodies, &geometry, &results)
+    let order = |result: &Deformed| {
+        asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
+    };
+    results.sort_by_key(order);
+    write_all(args, &scene, &geometry, &results)?;
+    super::print(&tables)
 }
 
-fn body_of<'a>(pose: &Pose, bodies: &'a mut [Deformer], path: &Path) -> Result<&'a mut Deformer, Failure> {
-    let names: Vec<String> = bodies.iter().map(|body| body.body.clone()).collect();
+/// A pose, and the body that it is for.
+struct Asked<'a> {
+    pose: &'a str,
+    body: &'a str,
+    control: ControlPoses,
+}
+
+fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
+    let names = || scene.body.keys().map(String::as_str);
     let wrong =
         |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
-    let index = match &pose.body {
-        None if bodies.len() == 1 => Some(0),
-        None => return Err(wrong(format!("name its body: {}", names.join(", ")))),
-        Some(name) => names.iter().position(|known| known == name),
+    let body = match &pose.body {
+        None if scene.body.len() == 1 => names().next(),
+        None => return Err(wrong(format!("name its body: {}", names().collect::<Vec<_>>().join(", ")))),
+        Some(name) => names().find(|known| known == name),
     };
-    match (index, &pose.body) {
-        (Some(index), _) => Ok(&mut bodies[index]),
-        (None, name) => {
-            let name = name.as_deref().unwrap_or_default();
-            Err(wrong(crate::config::unknown_name("body", name, names.iter().map(String::as_str))))
-        }
-    }
+    let Some(body) = body else {
+        let name = pose.body.as_deref().unwrap_or_default();
+        return Err(wrong(crate::config::unknown_name("body", name, names())));
+    };
+    Ok(Asked { pose: &pose.name, body, control: poses::control_poses(pose, body, &scene.body[body], path)? })
 }
 
-fn surface_result(pose: &Pose, body: &mut Deformer, control_poses: &ControlPoses) -> Deformed {
+fn surface_results(
+    file: &Arc<GreenFile>,
+    name: &str,
+    body: &Body,
+    asked: &[&Asked<'_>],
+) -> Result<(Geometry, Vec<Deformed>), Failure> {
+    let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
+    let found = asked.iter().map(|asked| surface_result(asked, &mut deformer)).collect();
+    Ok((Geometry::surface(&deformer), found))
+}
+
+fn surface_result(asked: &Asked<'_>, body: &mut Deformer) -> Deformed {
     body.forget();
-    if body.evaluate(control_poses).is_some_and(|stats| stats.rotation_undefined) {
+    if body.evaluate(&asked.control).is_some_and(|stats| stats.rotation_undefined) {
         eprintln!(
             "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
              defined, and the result not to be trusted; model = \"linear\" has no such pose",
-            pose.name, body.body
+            asked.pose, body.body
         );
     }
     Deformed {
-        pose: pose.name.clone(),
+        pose: asked.pose.to_owned(),
         body: body.body.clone(),
         displacement: (0..body.positions.len()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches(),
     }
 }
 
-fn volume_result(pose: &Pose, name: &str, solution: &Solution, control_poses: &ControlPoses) -> Deformed {
-    let coefficients: Vec<[f64; FIELDS]> = control_poses.iter().map(|pose| pose.coefficients()).collect();
+fn volume_results(
+    scene: &Scene,
+    name: &str,
+    body: &Body,
+    asked: &[&Asked<'_>],
+) -> Result<(Geometry, Vec<Deformed>), Failure> {
+    if body.model != "linear" {
+        return Err(Failure::request(scene.invalid(
+            &format!("body.{name}.model"),
+            format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
+        )));
+    }
+    let solution = green::solve(scene, name, session::needs(scene, name, body)?, &Silent)?;
+    let found = asked.iter().map(|asked| volume_result(asked, name, &solution)).collect();
+    Ok((Geometry::volume(name, &solution.mesh), found))
+}
+
+fn volume_result(asked: &Asked<'_>, name: &str, solution: &Solution) -> Deformed {
+    let coefficients: Vec<[f64; FIELDS]> = asked.control.iter().map(ControlPose::coefficients).collect();
     let c = coefficients.as_flattened();
     let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
     Deformed {
-        pose: pose.name.clone(),
+        pose: asked.pose.to_owned(),
         body: name.to_owned(),
         displacement: (0..solution.mesh.nodes.len())
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
         wrenches: solution.stiffness.as_ref().map(|s| wrenches(s, &coefficients, UnitQuaternion::identity())),
     }
+}
+
+fn static_results(name: &str, solved: statics::Solved, asked: &[&Asked<'_>]) -> (Geometry, Vec<Deformed>) {
+    let of = |(asked, settled): (&&Asked<'_>, Settled)| Deformed {
+        pose: asked.pose.to_owned(),
+        body: name.to_owned(),
+        displacement: settled.displacement,
+        wrenches: Some((settled.wrenches, settled.energy)),
+    };
+    let found = asked.iter().zip(solved.settled).map(of).collect();
+    (Geometry::volume(name, &solved.statics.mesh), found)
 }
 
 /// Where the displacements of one body belong: node tags, rest positions, cells.
@@ -148,12 +197,12 @@ impl Geometry {
         }
     }
 
-    fn volume(name: &str, solution: &Solution) -> Geometry {
+    fn volume(name: &str, mesh: &TetMesh) -> Geometry {
         Geometry {
             body: name.to_owned(),
-            tags: solution.mesh.tags.clone(),
-            rest: solution.mesh.nodes.clone(),
-            cells: (0..solution.mesh.tets.len()).map(|tet| vtk_cell(&solution.mesh, tet)).collect(),
+            tags: mesh.tags.clone(),
+            rest: mesh.nodes.clone(),
+            cells: (0..mesh.tets.len()).map(|tet| vtk_cell(mesh, tet)).collect(),
         }
     }
 }
@@ -167,12 +216,7 @@ fn vtk_cell(mesh: &TetMesh, tet: usize) -> Vec<u32> {
     nodes
 }
 
-fn write_all(
-    args: &Args,
-    bodies: &[Deformer],
-    geometry: &[Geometry],
-    results: &[Deformed],
-) -> Result<(), Failure> {
+fn write_all(args: &Args, scene: &Scene, geometry: &[Geometry], results: &[Deformed]) -> Result<(), Failure> {
     let stem = match args.output.extension() {
         Some(extension) if extension == "csv" => args.output.with_extension(""),
         _ => args.output.clone(),
@@ -187,10 +231,10 @@ fn write_all(
         std::fs::write(&path, text).with_context(|| path.display().to_string()).map_err(Failure::Request)?;
         super::print(&format!("{}\n", path.display()))
     };
-    let several = bodies.len() > 1;
+    let several = geometry.len() > 1;
     write(with(".csv"), &displacement_csv(geometry, results, several))?;
     if results.iter().any(|result| result.wrenches.is_some()) {
-        write(with(".forces.csv"), &forces_csv(bodies, results, several))?;
+        write(with(".forces.csv"), &forces_csv(scene, results, several))?;
     } else if with(".forces.csv").exists() {
         let old = with(".forces.csv");
         std::fs::remove_file(&old).with_context(|| old.display().to_string()).map_err(Failure::Request)?;
@@ -230,18 +274,16 @@ fn displacement_csv(geometry: &[Geometry], results: &[Deformed], several: bool) 
     text
 }
 
-fn forces_csv(bodies: &[Deformer], results: &[Deformed], several: bool) -> String {
+fn forces_csv(scene: &Scene, results: &[Deformed], several: bool) -> String {
     let mut text = String::from("pose,control,fx,fy,fz,mx,my,mz,energy\n");
     for result in results {
         let Some((wrenches, energy)) = &result.wrenches else {
             continue;
         };
         let label = label(result, several);
-        let Some(body) = bodies.iter().find(|body| body.body == result.body) else {
-            continue;
-        };
-        for (control, Wrench { force: f, moment: m }) in body.controls.iter().zip(wrenches) {
-            let name = quoted(&control.name);
+        let controls = scene.body[&result.body].control.keys();
+        for (control, Wrench { force: f, moment: m }) in controls.zip(wrenches) {
+            let name = quoted(control);
             let numbers = [f.x, f.y, f.z, m.x, m.y, m.z, *energy].map(|value| format!("{value:e}"));
             let _ = writeln!(text, "{label},{name},{}", numbers.join(","));
         }

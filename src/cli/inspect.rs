@@ -176,7 +176,7 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &file.meta.bodies {
         text.push_str(&format!(
             "\nbody {name}: mesh of {} nodes and {} {}, surface {} nodes and {} triangles\n  solver {}, \
-             worst relative residual {:.1e}{}{}\n  stored as {}\n  fingerprint {}\n",
+             worst relative residual {:.1e}{}{}\n  stored as {}: at most {:.1e} of each field's largest displacement\n  fingerprint {}\n",
             body.mesh_nodes,
             body.mesh_tets,
             body.element,
@@ -189,7 +189,8 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
                 .map(|e| format!(", forward error at most {e:.1e}"))
                 .unwrap_or_default(),
             body.accuracy.asymmetry.map(|a| format!(", asymmetry of S {a:.1e}")).unwrap_or_default(),
-            body.accuracy.storage,
+            body.accuracy.storage.name(),
+            body.accuracy.storage_error,
             body.fingerprint,
         ));
         for control in &body.controls {
@@ -215,15 +216,18 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     let scene = Scene::load(path)?;
     let mut text = format!("{}\nstage {}\n", path.display(), scene.stage);
     for (name, body) in &scene.body {
-        let needs = session::needs(&scene, name, body)?;
+        let needs = match session::law(&scene, name, body)? {
+            Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
+            None if session::needs(&scene, name, body)?.stiffness => "; needs the handle stiffness",
+            None => "",
+        };
         let loaded = scene.load_mesh(name, body)?;
         let effects = if body.effects.is_empty() { "none".to_owned() } else { body.effects.join(", ") };
         text.push_str(&format!(
-            "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{}\n",
+            "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{needs}\n",
             loaded.mesh.nodes.len(),
             loaded.mesh.tets.len(),
             body.model,
-            if needs.stiffness { "; needs the handle stiffness" } else { "" },
         ));
         for (control_name, control) in &body.control {
             let nodes = control.nodes.select(&loaded.mesh).map_err(|message| {
@@ -233,7 +237,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         }
     }
     let path = session::green_path(&scene);
-    let state = match session::fresh(&scene, &path)? {
+    let online = session::online_part(&scene)?;
+    let state = match session::fresh(&online, &path)? {
+        _ if online.body.is_empty() => "is not needed",
         Ok(_) => "is fresh",
         Err(GreenError::Stale { .. }) => "is stale",
         Err(_) => "is not there yet",

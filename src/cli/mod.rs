@@ -10,12 +10,14 @@ mod deform;
 mod failure;
 mod inspect;
 mod manual;
+mod pack;
 mod picture;
 pub mod poses;
 mod precompute;
 mod progress;
 mod render;
 mod session;
+mod statics;
 mod table;
 mod verify;
 mod view;
@@ -56,6 +58,7 @@ pub enum Command {
     Inspect(inspect::Args),
     Check(check::Args),
     Convert(convert::Args),
+    Pack(pack::Args),
     Verify(verify::Args),
     Manual(manual::Args),
 }
@@ -74,6 +77,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
+        Some(Command::Pack(args)) => pack::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),

@@ -2,7 +2,8 @@
 
 use super::failure::Failure;
 use crate::config;
-use crate::deform::{ControlPose, ControlPoses, Deformer};
+use crate::deform::{ControlPose, ControlPoses};
+use crate::scene::Body;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -64,21 +65,21 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
     Ok(file.pose)
 }
 
-/// The poses of all control elements of `body`, in its order.
-pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<ControlPoses, Failure> {
+/// The poses of all control elements of the body called `name`, in its order.
+pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<ControlPoses, Failure> {
     let entity = |message: String| {
-        Failure::wrong(format!("{}: pose \"{}\": body.{}: {message}", path.display(), pose.name, body.body))
+        Failure::wrong(format!("{}: pose \"{}\": body.{}: {message}", path.display(), pose.name, name))
     };
-    for name in pose.control.keys() {
-        if !body.controls.iter().any(|control| control.name == *name) {
-            let known = body.controls.iter().map(|control| control.name.as_str());
-            return Err(entity(config::unknown_name("control element", name, known)));
+    for control in pose.control.keys() {
+        if !body.control.contains_key(control) {
+            let known = body.control.keys().map(String::as_str);
+            return Err(entity(config::unknown_name("control element", control, known)));
         }
     }
-    body.controls
-        .iter()
+    body.control
+        .keys()
         .map(|control| {
-            let Some(affine) = pose.control.get(&control.name) else {
+            let Some(affine) = pose.control.get(control) else {
                 return Ok(ControlPose::REST);
             };
             let m = affine.matrix;
@@ -88,8 +89,7 @@ pub fn control_poses(pose: &Pose, body: &Deformer, path: &Path) -> Result<Contro
             };
             let numbers = pose.translation.iter().chain(pose.matrix.iter());
             if !numbers.into_iter().all(|value| value.abs() <= LARGEST) {
-                let message =
-                    format!("control {}: a number is not finite, or above {LARGEST:e}", control.name);
+                let message = format!("control {control}: a number is not finite, or above {LARGEST:e}");
                 return Err(entity(message));
             }
             Ok(pose)

@@ -28,7 +28,13 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = session::online_part(&Scene::load(&args.scene)?)?;
+    if scene.body.is_empty() {
+        let path = args.scene.display();
+        return super::print(&format!(
+            "{path}: `greenstage deform` solves it anew for every pose; nothing to do\n"
+        ));
+    }
     let path = args.output.clone().unwrap_or_else(|| session::green_path(&scene));
     if !args.force && path.exists() && session::fresh(&scene, &path)?.is_ok() {
         return super::print(&format!(

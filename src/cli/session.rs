@@ -2,21 +2,51 @@
 
 use super::failure::Failure;
 use super::progress::Bars;
-use crate::deform::{Deformer, find_model};
+use crate::deform::{Deformer, Kind, find_model, not_online};
 use crate::effect::find_effect;
+use crate::fem::Law;
 use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
 use crate::scene::{Body, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What the model and the effects of a body need beside the basis columns; errors name an unknown one.
+/// The law under which `greenstage deform` solves a body anew for every pose; `None` for a model that is shown from the
+/// .green file. Errors name an unknown model or effect.
+pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law>, Failure> {
+    for effect in &body.effects {
+        find_effect(effect).map_err(|message| wrong(scene, name, "effects", message))?;
+    }
+    match find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?.kind {
+        Kind::Static(law) => Ok(Some(law)),
+        Kind::Online(_) => Ok(None),
+    }
+}
+
+/// What the model and the effects of a body need beside the basis columns. Errors name an unknown one, and refuse a
+/// model that has no part in the .green file.
 pub fn needs(scene: &Scene, name: &str, body: &Body) -> Result<Needs, Failure> {
-    let wrong =
-        |key: &str, message: String| Failure::request(scene.invalid(&format!("body.{name}.{key}"), message));
-    let model = find_model(&body.model).map_err(|message| wrong("model", message))?;
-    body.effects.iter().try_fold(model.needs, |needs, effect| {
-        Ok(needs.and(find_effect(effect).map_err(|message| wrong("effects", message))?.needs))
-    })
+    if law(scene, name, body)?.is_some() {
+        return Err(wrong(scene, name, "model", not_online(&body.model)));
+    }
+    let effects = body.effects.iter().filter_map(|effect| find_effect(effect).ok());
+    let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
+    Ok(effects.fold(model.needs, |needs, effect| needs.and(effect.needs)))
+}
+
+fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {
+    Failure::request(scene.invalid(&format!("body.{name}.{key}"), message))
+}
+
+/// The scene with those of its bodies alone that are shown from the .green file; maybe none.
+pub fn online_part(scene: &Scene) -> Result<Scene, Failure> {
+    let mut part = scene.clone();
+    part.body.clear();
+    for (name, body) in &scene.body {
+        if law(scene, name, body)?.is_none() {
+            part.body.insert(name.clone(), body.clone());
+        }
+    }
+    Ok(part)
 }
 
 /// Where the .green file of a scene stands unless told otherwise: beside the scene.
@@ -64,7 +94,15 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
     if let Some(path) = named {
         return Ok(Arc::new(fresh(scene, path)??));
     }
+    for (name, body) in &scene.body {
+        needs(scene, name, body)?;
+    }
     let path = green_path(scene);
+    let shipped = green::packed_path(&path);
+    if !path.exists() && shipped.exists() {
+        eprintln!("{} is unpacked", shipped.display());
+        green::unpack(&shipped, &path).map_err(|error| unwritable(error, &path))?;
+    }
     let reason = match fresh(scene, &path)? {
         Ok(file) => return Ok(Arc::new(file)),
         Err(GreenError::Stale { .. }) => "is stale (the scene, its mesh or the program changed)",

@@ -1,10 +1,12 @@
 //! `greenstage verify`: how near the elements come to published and analytic answers, and how fast.
 
+use super::bench::{processor, write_between_marks};
 use super::failure::Failure;
 use super::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::verify::{self, Effort, PROBLEMS, Problem, Row};
 use serde_json::{Value, json};
+use std::path::PathBuf;
 
 /// Every element against published and analytic answers, with fitted rates of convergence
 ///
@@ -22,6 +24,9 @@ pub struct Args {
     /// Results as JSON
     #[arg(long)]
     pub json: bool,
+    /// Write the tables between the marks of this Markdown file
+    #[arg(long)]
+    pub readme: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
@@ -33,18 +38,28 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         (_, true) => Effort::Coarse,
         _ => Effort::Usual,
     };
-    let problems = chosen(&args.problems)?;
-    let mut rows = Vec::new();
-    for problem in problems {
+    let (mut rows, mut text) = (Vec::new(), String::new());
+    for problem in chosen(&args.problems)? {
         let solved = verify::run(problem, effort).map_err(Failure::work)?;
+        let section = section(problem, &solved);
         if !args.json {
-            super::print(&section(problem, &solved))?;
+            super::print(&section)?;
         }
+        text.push_str(&section);
         rows.extend(solved);
     }
     if args.json {
         let rows: Vec<Value> = rows.iter().map(as_json).collect();
         super::print(&format!("{:#}\n", json!(rows)))?;
+    }
+    if let Some(path) = &args.readme {
+        let machine = format!(
+            "greenstage {}, {} threads, {}:",
+            env!("CARGO_PKG_VERSION"),
+            rayon::current_num_threads(),
+            processor()
+        );
+        write_between_marks(path, "verify", &format!("{machine}\n\n```text\n{}\n```\n", text.trim_end()))?;
     }
     judge(&rows)
 }

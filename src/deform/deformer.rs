@@ -1,8 +1,8 @@
 //! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelStats, SurfaceDisplacements,
-    Wrench, find_model, vertex_normals, wrenches,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelStats,
+    SurfaceDisplacements, Wrench, find_model, not_online, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, Vector3};
@@ -46,7 +46,9 @@ impl Deformer {
             .bodies
             .get(body)
             .ok_or_else(|| format!("{}: holds no body \"{body}\"", file.path.display()))?;
-        let entry = find_model(model)?;
+        let Kind::Online(make) = find_model(model)?.kind else {
+            return Err(format!("body.{body}.model: {}", not_online(model)));
+        };
         let controls: Vec<ControlRest> = meta
             .controls
             .iter()
@@ -65,7 +67,7 @@ impl Deformer {
             positions: vec![[0.0; 3]; nodes],
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
-            model: (entry.make)(&controls),
+            model: make(&controls),
             stiffness: file.stiffness(body),
             coefficients: Vec::new(),
             sums: Vec::new(),

@@ -3,8 +3,8 @@
 //! Exact for the linear theory of elasticity, which holds for small rotations of the control elements.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats, Superposition,
-    SurfaceDisplacements,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelEntry, ModelStats,
+    Superposition, SurfaceDisplacements,
 };
 use crate::green::Needs;
 use nalgebra::Isometry3;
@@ -13,7 +13,9 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "linear",
     summary: "the paper's main method: exact in the linear theory, right for small rotations",
     needs: Needs { stiffness: false },
-    make: |controls: &[ControlRest]| Box::new(Linear { sum: Superposition::new(controls.len()) }),
+    kind: Kind::Online(|controls: &[ControlRest]| {
+        Box::new(Linear { sum: Superposition::new(controls.len()) })
+    }),
 };
 
 pub struct Linear {

@@ -2,7 +2,7 @@
 //!
 //! One [`DeformationModel`] per body turns poses into coefficients and sums u = Σ cₖ u⁽ᵏ⁾ over the columns of the
 //! .green file (the paper, "Elastic deformation using control elements"); [`Deformer`] adds the rest surface and
-//! the normals.
+//! the normals. [`Statics`] stands apart: it solves a body anew for every pose.
 
 mod deformer;
 mod force;
@@ -11,6 +11,8 @@ mod linear;
 mod normals;
 mod pose;
 mod rotation;
+mod screw;
+mod statics;
 mod superposition;
 
 pub use deformer::{Deformer, FrameTimes};
@@ -20,8 +22,11 @@ pub use linear::Linear;
 pub use normals::vertex_normals;
 pub use pose::{ControlPose, ControlPoses};
 pub use rotation::{Rotation, mean_rotation, unwrapped};
+pub use screw::Screw;
+pub use statics::{Settled, Statics, StaticsError};
 pub use superposition::{Columns, Superposition};
 
+use crate::fem::Law;
 use crate::green::Needs;
 use nalgebra::{Isometry3, Vector3};
 
@@ -72,8 +77,16 @@ pub struct ModelEntry {
     pub summary: &'static str,
     /// What must be precomputed for it beside the basis.
     pub needs: Needs,
-    /// Makes the model for a body with control origins o_e and surface node counts of its control elements.
-    pub make: fn(&[ControlRest]) -> Box<dyn DeformationModel>,
+    pub kind: Kind,
+}
+
+/// How a model is evaluated.
+pub enum Kind {
+    /// In every frame, from the columns of the .green file: makes the model for a body with control origins o_e and
+    /// surface node counts of its control elements.
+    Online(fn(&[ControlRest]) -> Box<dyn DeformationModel>),
+    /// Pose by pose by [`Statics`]; the body has no part in the .green file.
+    Static(&'static Law),
 }
 
 /// A control element at rest, as the models see it.
@@ -87,7 +100,13 @@ pub struct ControlRest {
 }
 
 /// All models; a new one is one file and one line here.
-pub const MODELS: &[ModelEntry] = &[linear::ENTRY, rotation::ENTRY];
+pub const MODELS: &[ModelEntry] = &[
+    linear::ENTRY,
+    rotation::ENTRY,
+    statics::STVK_ENTRY,
+    statics::NEO_HOOKEAN_ENTRY,
+    statics::COROTATIONAL_ENTRY,
+];
 
 /// The model called `name`, or what there is instead.
 pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
@@ -95,4 +114,12 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
         .iter()
         .find(|entry| entry.name == name)
         .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
+}
+
+/// Why a model of [`Kind::Static`] cannot be shown, and the remedy.
+pub fn not_online(model: &str) -> String {
+    format!(
+        "\"{model}\" is solved anew for every pose, which takes longer than a frame: `greenstage deform` alone takes it; \
+         write model = \"rotation\" or \"linear\" to see and move the body"
+    )
 }

@@ -6,8 +6,8 @@
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, ModelEntry, ModelStats, Superposition,
-    SurfaceDisplacements,
+    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelEntry, ModelStats,
+    Superposition, SurfaceDisplacements,
 };
 use crate::green::Needs;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -16,14 +16,14 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "rotation",
     summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
     needs: Needs { stiffness: false },
-    make: |controls: &[ControlRest]| {
+    kind: Kind::Online(|controls: &[ControlRest]| {
         Box::new(Rotation {
             controls: controls.to_vec(),
             sum: Superposition::new(controls.len()),
             last: Rotation3::identity(),
             turns: None,
         })
-    },
+    }),
 };
 
 /// The mean rotation is not defined where σ₂ + σ₃ of A vanishes (two elements half a turn apart); below this part
@@ -131,7 +131,7 @@ fn weights(controls: &[ControlRest]) -> Vec<f64> {
 }
 
 /// The rotation nearest to A.
-fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+pub(super) fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
     stationary(a).map(|[nearest, ..]| nearest)
 }
 
@@ -178,10 +178,11 @@ mod tests {
     fn rigid_motion_leaves_no_coefficients_and_moves_the_body() {
         let rotation = Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 2.0));
         let shift = Vector3::new(0.3, -2.0, 0.7);
-        let mut model = (ENTRY.make)(&controls());
+        let Kind::Online(make) = ENTRY.kind else { panic!("it is evaluated in every frame") };
+        let mut model = make(&controls());
         let mut u = SurfaceDisplacements::zeros(1);
         let empty = [0.0; 36];
-        let columns = Columns { elements: vec![&empty, &empty] };
+        let columns = Columns { elements: vec![crate::green::Basis::F32(&empty); 2] };
         let stats = model.evaluate(&columns, &rigid(rotation, shift), &mut u);
         assert!(stats.coefficients.as_flattened().iter().all(|c| c.abs() < 1e-14), "{stats:?}");
         let x = nalgebra::Point3::new(0.5, 0.1, -0.3);

@@ -4,16 +4,55 @@
 //! columns and the total from the partial sums, so that nothing drifts however often the body is moved.
 
 use super::ModelStats;
-use crate::green::FIELDS;
+use crate::green::{Basis, FIELDS, half_to_single};
 use rayon::prelude::*;
 
-/// The basis columns of a body: per control element twelve columns of 3·nodes numbers, one after the other.
+/// The basis columns of a body, per control element.
 pub struct Columns<'a> {
-    pub elements: Vec<&'a [f32]>,
+    pub elements: Vec<Basis<'a>>,
 }
 
-/// A coefficient and its column.
-type Term<'a> = (f32, &'a [f32]);
+/// A coefficient, times the column's scale, and the column.
+type Term<'a, T> = (f32, &'a [T]);
+
+/// The columns of one control element that are summed.
+enum Terms<'a> {
+    F32(Vec<Term<'a, f32>>),
+    F16(Vec<Term<'a, u16>>),
+    Int16(Vec<Term<'a, i16>>),
+}
+
+impl<'a> Terms<'a> {
+    /// Those with a coefficient; a column has `n` numbers.
+    fn new(basis: &Basis<'a>, c: &[f32; FIELDS], n: usize) -> Terms<'a> {
+        fn used<'a, T>(values: &'a [T], c: &[f32; FIELDS], scales: &[f32], n: usize) -> Vec<Term<'a, T>> {
+            let used = (0..FIELDS).filter(|&k| c[k] != 0.0);
+            used.map(|k| (c[k] * scales[k], &values[k * n..(k + 1) * n])).collect()
+        }
+        match basis {
+            Basis::F32(values) => Terms::F32(used(values, c, &[1.0; FIELDS], n)),
+            Basis::F16 { bits, scales } => Terms::F16(used(bits, c, scales, n)),
+            Basis::Int16 { values, scales } => Terms::Int16(used(values, c, scales, n)),
+        }
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Terms::F32(terms) => terms.len(),
+            Terms::F16(terms) => terms.len(),
+            Terms::Int16(terms) => terms.len(),
+        }
+    }
+
+    /// out = Σ c · column[start..].
+    fn combine(&self, out: &mut [f32], start: usize) {
+        match self {
+            Terms::F32(terms) => combine(out, terms, start, |x| x),
+            Terms::F16(terms) => combine(out, terms, start, half_to_single),
+            Terms::Int16(terms) => combine(out, terms, start, f32::from),
+        }
+    }
+}
 
 /// Numbers summed at a time: the partial sums and the total of one block stay in the first-level cache.
 const BLOCK: usize = 2048;
@@ -46,20 +85,15 @@ impl Superposition {
             return stats;
         }
         let u = u.as_flattened_mut();
-        let terms: Vec<(usize, Vec<Term>)> = changed
-            .iter()
-            .map(|&e| {
-                let used = (0..FIELDS).filter(|&k| rounded[e][k] != 0.0);
-                let column = |k: usize| &columns.elements[e][k * u.len()..(k + 1) * u.len()];
-                (e, used.map(|k| (rounded[e][k], column(k))).collect())
-            })
-            .collect();
+        let terms: Vec<(usize, Terms)> =
+            changed.iter().map(|&e| (e, Terms::new(&columns.elements[e], &rounded[e], u.len()))).collect();
+        let width = columns.elements.iter().map(Basis::width).max().unwrap_or(4);
         stats.columns_read = terms.iter().map(|(_, terms)| terms.len()).sum();
         let moved: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != [0.0; FIELDS]).collect();
 
         let stride = BLOCK * rounded.len();
         self.partial.resize(u.len().div_ceil(BLOCK) * stride, 0.0);
-        let block_bytes = 4 * BLOCK * stats.columns_read.max(1);
+        let block_bytes = width * BLOCK * stats.columns_read.max(1);
         self.partial
             .par_chunks_mut(stride)
             .zip(u.par_chunks_mut(BLOCK))
@@ -67,8 +101,8 @@ impl Superposition {
             .with_min_len(BYTES_PER_THREAD.div_ceil(block_bytes))
             .for_each(|(block, (partial, total))| {
                 let n = total.len();
-                for (e, used) in &terms {
-                    combine(&mut partial[e * BLOCK..][..n], used, block * BLOCK);
+                for (e, terms) in &terms {
+                    terms.combine(&mut partial[e * BLOCK..][..n], block * BLOCK);
                 }
                 let mut sums = moved.iter().map(|e| &partial[e * BLOCK..][..n]);
                 match sums.next() {
@@ -88,37 +122,43 @@ fn add(total: &mut [f32], term: &[f32]) {
     }
 }
 
-/// out = Σ c · column[start..], four columns a pass.
-fn combine(out: &mut [f32], terms: &[Term], start: usize) {
+/// out = Σ c · load(column[start..]), four columns a pass.
+fn combine<T: Copy>(out: &mut [f32], terms: &[Term<T>], start: usize, load: impl Fn(T) -> f32 + Copy) {
     #[cfg(target_arch = "x86_64")]
     {
-        if std::arch::is_x86_feature_detected!("avx512f") {
+        if std::arch::is_x86_feature_detected!("avx512f") && std::arch::is_x86_feature_detected!("avx512bw") {
             // SAFETY: the processor has the features that the function is compiled for.
-            return unsafe { combine_avx512(out, terms, start) };
+            return unsafe { combine_avx512(out, terms, start, load) };
         }
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
             // SAFETY: the processor has the features that the function is compiled for.
-            return unsafe { combine_avx2(out, terms, start) };
+            return unsafe { combine_avx2(out, terms, start, load) };
         }
     }
-    combine_with(out, terms, start, |c, x, sum| c * x + sum);
+    combine_with(out, terms, start, load, |c, x, sum| c * x + sum);
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,fma")]
-fn combine_avx512(out: &mut [f32], terms: &[Term], start: usize) {
-    combine_with(out, terms, start, f32::mul_add);
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,fma")]
+fn combine_avx512<T: Copy>(out: &mut [f32], terms: &[Term<T>], start: usize, load: impl Fn(T) -> f32 + Copy) {
+    combine_with(out, terms, start, load, f32::mul_add);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-fn combine_avx2(out: &mut [f32], terms: &[Term], start: usize) {
-    combine_with(out, terms, start, f32::mul_add);
+fn combine_avx2<T: Copy>(out: &mut [f32], terms: &[Term<T>], start: usize, load: impl Fn(T) -> f32 + Copy) {
+    combine_with(out, terms, start, load, f32::mul_add);
 }
 
 /// The sum itself, inlined into each of the functions above and compiled for its instruction set.
 #[inline(always)]
-fn combine_with(out: &mut [f32], terms: &[Term], start: usize, multiply_add: impl Fn(f32, f32, f32) -> f32) {
+fn combine_with<T: Copy>(
+    out: &mut [f32],
+    terms: &[Term<T>],
+    start: usize,
+    load: impl Fn(T) -> f32 + Copy,
+    multiply_add: impl Fn(f32, f32, f32) -> f32,
+) {
     let n = out.len();
     out.fill(0.0);
     let mut passes = terms.chunks_exact(4);
@@ -126,14 +166,14 @@ fn combine_with(out: &mut [f32], terms: &[Term], start: usize, multiply_add: imp
         let [(c0, x0), (c1, x1), (c2, x2), (c3, x3)] =
             [pass[0], pass[1], pass[2], pass[3]].map(|(c, column)| (c, &column[start..start + n]));
         for i in 0..n {
-            let low = multiply_add(c1, x1[i], multiply_add(c0, x0[i], out[i]));
-            out[i] = multiply_add(c3, x3[i], multiply_add(c2, x2[i], low));
+            let low = multiply_add(c1, load(x1[i]), multiply_add(c0, load(x0[i]), out[i]));
+            out[i] = multiply_add(c3, load(x3[i]), multiply_add(c2, load(x2[i]), low));
         }
     }
     for &(c, column) in passes.remainder() {
         let column = &column[start..start + n];
         for i in 0..n {
-            out[i] = multiply_add(c, column[i], out[i]);
+            out[i] = multiply_add(c, load(column[i]), out[i]);
         }
     }
 }
@@ -157,7 +197,7 @@ mod tests {
     #[test]
     fn sum_agrees_with_f64_and_reads_only_what_changed() {
         let data = columns(3);
-        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+        let columns = Columns { elements: data.iter().map(|data| Basis::F32(data)).collect() };
         let mut sum = Superposition::new(3);
         let mut u = vec![[0.0; 3]; NODES];
         let mut c = vec![[0.0; FIELDS]; 3];
@@ -182,7 +222,7 @@ mod tests {
     fn a_million_updates_do_not_drift() {
         const FEW: usize = 5;
         let data: Vec<Vec<f32>> = columns(2).iter().map(|all| all[..FIELDS * 3 * FEW].to_vec()).collect();
-        let columns = Columns { elements: data.iter().map(Vec::as_slice).collect() };
+        let columns = Columns { elements: data.iter().map(|data| Basis::F32(data)).collect() };
         let pose = |step: usize, e: usize| -> [f64; FIELDS] {
             std::array::from_fn(|k| ((step * (k + 3) + e) as f64 * 0.37).sin())
         };

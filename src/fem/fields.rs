@@ -26,6 +26,13 @@ impl NodeFields {
         &mut self.data[row * self.columns..][..self.columns]
     }
 
+    /// The same fields at some nodes, in their order.
+    pub fn at(&self, nodes: &[u32]) -> NodeFields {
+        let rows = nodes.iter().flat_map(|&node| (0..3).map(move |axis| 3 * node as usize + axis));
+        let data = rows.flat_map(|row| self.row(row)).copied().collect();
+        NodeFields { nodes: nodes.len(), columns: self.columns, data }
+    }
+
     /// Euclidean norm of every column.
     pub fn norms(&self) -> Vec<f64> {
         self.dots(self).into_iter().map(f64::sqrt).collect()

@@ -1,19 +1,31 @@
 //! The finite element method: tetrahedra and material constants in, the stiffness matrix K of K u = f out.
 //!
 //! Elements are linear tetrahedra (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed.,
-//! section 6.2), the same with nodal pressures, and quadratic tetrahedra; K is kept in 3×3 blocks on the nodes and edges of the mesh (the paper's figure 4).
+//! section 6.2), the same with nodal pressures, and quadratic tetrahedra; K is kept in 3×3 blocks on the nodes and edges
+//! of the mesh (the paper's figure 4). At large strain the linear ones have a law of [`LAWS`], and K is their tangent.
 
 pub mod anp;
 mod assembly;
+mod corotational;
 mod fields;
+mod hyperelastic;
 mod material;
+mod neo_hookean;
 mod partition;
 mod stiffness;
+mod stvk;
 pub mod tet10;
 pub mod tet4;
 
 pub use assembly::{AssemblyError, Elements, assemble, assemble_anp, assemble_elements};
+pub use corotational::COROTATIONAL;
 pub use fields::NodeFields;
+pub use hyperelastic::{Hyperelastic, Law, Tangent};
 pub use material::Lame;
+pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
 pub use stiffness::StiffnessMatrix;
+pub use stvk::STVK;
+
+/// The laws of large strain; a new one is one file and one line here.
+pub const LAWS: &[&Law] = &[&STVK, &NEO_HOOKEAN, &COROTATIONAL];

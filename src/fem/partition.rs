@@ -39,7 +39,7 @@ impl Partition {
     pub fn minus_b_times(&self, k: &StiffnessMatrix, prescribed: &NodeFields) -> NodeFields {
         let mut product = NodeFields::zeros(prescribed.nodes, prescribed.columns);
         k.multiply(prescribed, &mut product);
-        let mut rhs = gather(&product, &self.free);
+        let mut rhs = product.at(&self.free);
         rhs.data.iter_mut().for_each(|value| *value = -*value);
         rhs
     }
@@ -57,12 +57,6 @@ impl Partition {
     pub fn reaction(&self, k: &StiffnessMatrix, displacement: &NodeFields) -> NodeFields {
         let mut force = NodeFields::zeros(displacement.nodes, displacement.columns);
         k.multiply(displacement, &mut force);
-        gather(&force, &self.controlled)
+        force.at(&self.controlled)
     }
-}
-
-fn gather(fields: &NodeFields, nodes: &[u32]) -> NodeFields {
-    let rows = nodes.iter().flat_map(|&node| (0..3).map(move |axis| 3 * node as usize + axis));
-    let data = rows.flat_map(|row| fields.row(row)).copied().collect();
-    NodeFields { nodes: nodes.len(), columns: fields.columns, data }
 }

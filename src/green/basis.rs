@@ -5,7 +5,7 @@ use super::{ControlElement, FIELDS, GreenError, Needs, Prepared};
 use crate::fem::{self, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::trouble::Severity;
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::{Body, Element, Method, Scene};
+use crate::scene::{Body, Element, Method, Scene, Storage};
 use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};
 use nalgebra::DMatrix;
 use std::time::Instant;
@@ -41,6 +41,7 @@ pub struct Solution {
 /// What goes into the .green file for one body.
 pub struct Precomputed {
     pub name: String,
+    pub storage: Storage,
     pub fingerprint: String,
     pub needs: Needs,
     pub solution: Solution,
@@ -56,7 +57,7 @@ pub fn precompute(
     // Taken first: what changes while the body is solved makes the file stale, not silently wrong.
     let fingerprint = super::fingerprint(scene, name, needs)?;
     let solution = solve(scene, name, needs, progress)?;
-    Ok(Precomputed { name: name.to_owned(), fingerprint, needs, solution })
+    Ok(Precomputed { name: name.to_owned(), storage: scene.body[name].storage, fingerprint, needs, solution })
 }
 
 /// Solves all basis fields of body `name` over all nodes, in f64.
@@ -191,7 +192,7 @@ fn handle_stiffness(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFie
 }
 
 /// The first error among the findings, if there is one.
-fn refuse(scene: &Scene, findings: &[Finding]) -> Result<(), GreenError> {
+pub fn refuse(scene: &Scene, findings: &[Finding]) -> Result<(), GreenError> {
     let mut errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
     let Some(first) = errors.next() else { return Ok(()) };
     let more = match errors.count() {

@@ -1,11 +1,12 @@
 //! The .green file: a safetensors container, written atomically, mapped into memory, checked by hash.
 //!
 //! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, per control element
-//! `basis/NAME` [12, nodes, 3] and `control/NAME` (its surface nodes), and `stiffness` where it is needed. The
+//! `basis/NAME` [12, nodes, 3], `scale/NAME` [12] where the basis is stored scaled, and `control/NAME` (its surface nodes), and `stiffness` where it is needed. The
 //! metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the file as it is.
 
-use super::{FIELDS, GreenError, Needs, Precomputed};
-use crate::mesh::quality;
+use super::{Basis, FIELDS, GreenError, Needs, Precomputed, Stored};
+use crate::mesh::{self, quality};
+use crate::scene::Storage;
 use memmap2::Mmap;
 use nalgebra::{DMatrix, Vector3};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -59,6 +60,8 @@ pub struct ControlMeta {
     pub independent: usize,
     /// Names of the fields that are zero, because the element is flat along an axis.
     pub vanishing: Vec<String>,
+    /// Largest error of storage of each field, m per unit of the field, measured against the f64 columns.
+    pub storage_errors: Vec<f64>,
 }
 
 /// What is known of the numbers' accuracy.
@@ -74,7 +77,9 @@ pub struct Accuracy {
     pub forward_error: Option<f64>,
     /// max |S - Sᵀ| / max |S| as solved.
     pub asymmetry: Option<f64>,
-    pub storage: String,
+    pub storage: Storage,
+    /// Largest error of storage of a field, as a part of its largest displacement.
+    pub storage_error: f64,
 }
 
 /// Metadata as it stands in the file: its own hash beside it, so that a flipped bit in a number is found too.
@@ -103,22 +108,15 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
         blake3: BTreeMap::new(),
     };
     for body in bodies {
-        meta.bodies.insert(body.name.clone(), body_meta(body));
-        add_tensors(body, &mut tensors);
+        let columns = stored(body);
+        meta.bodies.insert(body.name.clone(), body_meta(body, &columns));
+        add_tensors(body, columns, &mut tensors);
     }
     for (name, tensor) in &tensors {
         meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
     }
     let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(failed)?;
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.prefix(".green-").tempfile_in(folder).map_err(failed)?;
-    file.write_all(&bytes).map_err(failed)?;
-    file.as_file().sync_all().map_err(failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
+    mesh::write_atomically(path, |file| file.write_all(&bytes)).map_err(failed)?;
     Ok(bytes.len() as u64)
 }
 
@@ -136,13 +134,28 @@ fn container(
     Ok(safetensors::serialize(views, Some([(KEY.to_owned(), sealed)].into()))?)
 }
 
-fn body_meta(body: &Precomputed) -> BodyMeta {
+/// The columns of every control element over the surface.
+fn stored(body: &Precomputed) -> Vec<Stored> {
+    let (nodes, fields) = (&body.solution.surface.nodes, &body.solution.fields);
+    let column = |column: usize| -> Vec<f64> {
+        nodes
+            .iter()
+            .flat_map(|&n| (0..3).map(move |axis| fields.row(3 * n as usize + axis)[column]))
+            .collect()
+    };
+    (0..body.solution.controls.len())
+        .map(|e| Stored::new(body.storage, &(FIELDS * e..FIELDS * (e + 1)).map(column).collect::<Vec<_>>()))
+        .collect()
+}
+
+fn body_meta(body: &Precomputed, columns: &[Stored]) -> BodyMeta {
     let solution = &body.solution;
     let centre = rest_centre(body);
     let controls = solution
         .controls
         .iter()
-        .map(|control| ControlMeta {
+        .zip(columns)
+        .map(|(control, stored)| ControlMeta {
             name: control.name.clone(),
             origin: (control.origin - centre).into(),
             nodes: control.nodes.len(),
@@ -151,6 +164,7 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
                 .filter(|&field| control.vanishing[field])
                 .map(|field| super::FIELD_NAMES[field].to_owned())
                 .collect(),
+            storage_errors: stored.errors.clone(),
         })
         .collect();
     let conditioning = solution.stats.conditioning;
@@ -171,7 +185,8 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
             scaled_condition: conditioning.map(|c| c.scaled_condition),
             forward_error: conditioning.map(|c| c.forward_error),
             asymmetry: solution.asymmetry,
-            storage: "f32: 6e-8 of each number".into(),
+            storage: body.storage,
+            storage_error: columns.iter().map(Stored::relative_error).fold(0.0, f64::max),
         },
     }
 }
@@ -182,7 +197,7 @@ fn rest_centre(body: &Precomputed) -> Vector3<f64> {
     low + (high - low) * 0.5
 }
 
-fn add_tensors(body: &Precomputed, tensors: &mut BTreeMap<String, Tensor>) {
+fn add_tensors(body: &Precomputed, columns: Vec<Stored>, tensors: &mut BTreeMap<String, Tensor>) {
     let solution = &body.solution;
     let (nodes, mesh) = (&solution.surface.nodes, &solution.mesh);
     let centre = rest_centre(body);
@@ -200,13 +215,13 @@ fn add_tensors(body: &Precomputed, tensors: &mut BTreeMap<String, Tensor>) {
     add("triangles".into(), Dtype::U32, vec![solution.surface.triangles.len(), 3], corners.collect());
     let tags = nodes.iter().flat_map(|&n| mesh.tags[n as usize].to_le_bytes());
     add("tags".into(), Dtype::U64, vec![nodes.len()], tags.collect());
-    for (e, control) in solution.controls.iter().enumerate() {
-        let columns = (FIELDS * e..FIELDS * (e + 1)).flat_map(|column| {
-            nodes.iter().flat_map(move |&n| (0..3).map(move |axis| (3 * n as usize + axis, column)))
-        });
-        let values = columns.map(|(row, column)| solution.fields.row(row)[column] as f32);
-        let bytes = values.flat_map(f32::to_le_bytes).collect();
-        add(format!("basis/{}", control.name), Dtype::F32, vec![FIELDS, nodes.len(), 3], bytes);
+    for (control, stored) in solution.controls.iter().zip(columns) {
+        let dtype = basis_type(body.storage);
+        add(format!("basis/{}", control.name), dtype, vec![FIELDS, nodes.len(), 3], stored.bytes);
+        if !stored.scales.is_empty() {
+            let bytes = stored.scales.iter().flat_map(|scale| scale.to_le_bytes()).collect();
+            add(format!("scale/{}", control.name), Dtype::F32, vec![FIELDS], bytes);
+        }
         let held: Vec<u32> = (0..nodes.len() as u32)
             .filter(|&i| control.nodes.binary_search(&nodes[i as usize]).is_ok())
             .collect();
@@ -268,9 +283,15 @@ impl GreenFile {
         self.slice(&format!("{body}/tags"))
     }
 
-    /// The twelve columns of one control element, one after the other, 3 numbers a node.
-    pub fn basis(&self, body: &str, control: &str) -> &[f32] {
-        self.slice(&format!("{body}/basis/{control}"))
+    /// The twelve columns of one control element.
+    pub fn basis(&self, body: &str, control: &str) -> Basis<'_> {
+        let storage = self.meta.bodies.get(body).map_or(Storage::F32, |meta| meta.accuracy.storage);
+        let (basis, scale) = (format!("{body}/basis/{control}"), format!("{body}/scale/{control}"));
+        match storage {
+            Storage::F32 => Basis::F32(self.slice(&basis)),
+            Storage::F16 => Basis::F16 { bits: self.slice(&basis), scales: self.slice(&scale) },
+            Storage::Int16 => Basis::Int16 { values: self.slice(&basis), scales: self.slice(&scale) },
+        }
     }
 
     /// Surface nodes of one control element.
@@ -331,7 +352,11 @@ impl GreenFile {
         }
         for control in &body.controls {
             let control = &control.name;
-            self.expect(&format!("{name}/basis/{control}"), Dtype::F32, &[FIELDS, nodes, 3])?;
+            let dtype = basis_type(body.accuracy.storage);
+            self.expect(&format!("{name}/basis/{control}"), dtype, &[FIELDS, nodes, 3])?;
+            if body.accuracy.storage != Storage::F32 {
+                self.expect(&format!("{name}/scale/{control}"), Dtype::F32, &[FIELDS])?;
+            }
             let held = format!("{name}/control/{control}");
             let count = self.tensors.get(&held).map_or(0, |(_, shape, _)| shape.iter().product());
             self.expect(&held, Dtype::U32, &[count])?;
@@ -355,6 +380,14 @@ impl GreenFile {
             return Err(format!("tensor {name} is not aligned to its numbers"));
         }
         Ok(())
+    }
+}
+
+fn basis_type(storage: Storage) -> Dtype {
+    match storage {
+        Storage::F32 => Dtype::F32,
+        Storage::F16 => Dtype::F16,
+        Storage::Int16 => Dtype::I16,
     }
 }
 

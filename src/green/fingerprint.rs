@@ -16,6 +16,7 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
         "tetrahedralise": body.tetrahedralise,
         "refine": body.refine,
         "element": body.element,
+        "storage": body.storage,
         "material": body.material,
         "region": body.region,
         "solver": body.solver,

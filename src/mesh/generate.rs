@@ -78,7 +78,7 @@ impl Tube {
         let towards = a.yz() / ra + b.yz() / rb;
         let length = towards.norm();
         // Of opposite sides, which no tetrahedron joins, either way round would do.
-        if !(length > 0.0) {
+        if length == 0.0 || length.is_nan() {
             return (a + b) * 0.5;
         }
         let across = towards * (0.5 * (ra + rb) / length);

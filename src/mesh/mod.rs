@@ -28,6 +28,7 @@ pub use quadratic::quadratic;
 
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 
 /// A tetrahedral mesh. All indices are 0-based; lengths in metres.
@@ -106,19 +107,24 @@ pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<S
     let encoded = (formats::writer_of(path, encoding)?.encode)(mesh)?;
     for (extension, bytes) in &encoded.files {
         let path = if encoded.files.len() > 1 { path.with_extension(extension) } else { path.to_owned() };
-        write_atomically(&path, bytes).map_err(|source| MeshError::Write { path, source })?;
+        write_atomically(&path, |file| file.write_all(bytes))
+            .map_err(|source| MeshError::Write { path, source })?;
     }
     Ok(encoded.lost)
 }
 
-fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    use std::io::Write;
+/// Writes a file beside its place, syncs and renames it: it is there whole or not at all. Makes its folder.
+pub fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut std::fs::File) -> std::io::Result<()>,
+) -> std::io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.prefix(".mesh-").tempfile_in(folder)?;
-    file.write_all(bytes)?;
+    std::fs::create_dir_all(folder)?;
+    let mut file = builder.prefix(".greenstage-").tempfile_in(folder)?;
+    write(file.as_file_mut())?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
     Ok(())

@@ -108,8 +108,10 @@ fn elements(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
 
 /// Quadratic tetrahedra that their curved edges fold.
 fn curved(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
-    // Written so that a NaN counts.
-    let is_folded = |tet: &u32| !(quadratic::least_jacobian(mesh, *tet as usize) >= FLAT);
+    let is_folded = |tet: &u32| {
+        let least = quadratic::least_jacobian(mesh, *tet as usize);
+        least < FLAT || least.is_nan()
+    };
     let folded: Vec<u32> = (0..mesh.mids.len() as u32).filter(is_folded).collect();
     if !folded.is_empty() {
         let message = format!(

@@ -2,15 +2,18 @@
 //! figures that judge them out.
 //!
 //! Two ways: [`Cholesky`] (nested dissection, then a supernodal LLᵀ) and [`Pcg`] (block-Jacobi preconditioned
-//! conjugate gradients, the paper's solver). Each measures the true residual of every column afterwards.
+//! conjugate gradients, the paper's solver). Each measures the true residual of every column afterwards. [`Newton`] finds
+//! static equilibrium at large strain, by a factor for each of its iterations.
 
 mod cholesky;
 mod condition;
+mod newton;
 mod ordering;
 mod pcg;
 mod progress;
 
 pub use cholesky::{Cholesky, Symbolic};
+pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use ordering::{Ordering, nested_dissection};
 pub use pcg::Pcg;
 pub use progress::{Progress, Silent};

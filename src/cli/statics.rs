@@ -1,0 +1,81 @@
+//! Bodies whose model is solved anew for every pose: the part of `greenstage deform` that needs no .green file.
+
+use super::failure::Failure;
+use super::progress::Bars;
+use super::table::{Table, seconds};
+use crate::deform::{ControlPoses, Settled, Statics, StaticsError};
+use crate::fem::Law;
+use crate::scene::Scene;
+use crate::solve::Progress;
+use std::time::Instant;
+
+/// One body in all its poses.
+pub struct Solved {
+    pub statics: Statics,
+    /// In the order of the poses.
+    pub settled: Vec<Settled>,
+    /// What each pose took, and how good it is.
+    pub table: Table,
+}
+
+/// Solves body `name` in `poses`, each with its name, in their order. Errors at the first that has no equilibrium.
+pub fn solve(
+    scene: &Scene,
+    name: &str,
+    law: &'static Law,
+    poses: &[(&str, &ControlPoses)],
+) -> Result<Solved, Failure> {
+    let bars = Bars::new(name, false);
+    let mut statics = Statics::new(scene, name, law, &bars).map_err(failure)?;
+    for notice in &statics.notices {
+        eprintln!("{notice}");
+    }
+    let mut table =
+        Table::new(&[name, "load steps", "factorizations", "residual", "least det F", "energy J", "time"]);
+    let mut settled = Vec::new();
+    bars.begin("Newton", 1000 * poses.len() as u64);
+    for &(pose, control) in poses {
+        let started = Instant::now();
+        let found = statics.solve(control, &bars).map_err(|error| match failure(error) {
+            Failure::Work(error) => Failure::Work(anyhow::anyhow!("pose \"{pose}\": body.{name}: {error}")),
+            request => request,
+        })?;
+        table.row(&[
+            pose,
+            &found.counts.steps.to_string(),
+            &found.counts.factorizations.to_string(),
+            &format!("{:.1e}", found.residual),
+            &format!("{:.3}", found.least_det.0),
+            &format!("{:.6e}", found.energy),
+            &seconds(started.elapsed().as_secs_f64()),
+        ]);
+        settled.push(found);
+    }
+    bars.end();
+    for ((pose, _), found) in poses.iter().zip(&settled).filter(|(_, found)| !found.inverted.is_empty()) {
+        eprintln!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
+    }
+    Ok(Solved { statics, settled, table })
+}
+
+fn inverted(statics: &Statics, found: &Settled) -> String {
+    let mesh = &statics.mesh;
+    let tags = |&tet: &usize| format!("{:?}", mesh.tets[tet].map(|node| mesh.tags[node as usize]));
+    let named: Vec<String> = found.inverted.iter().take(5).map(tags).collect();
+    format!(
+        "{} of {} tetrahedra are turned inside out (least det F {:.3}; nodes {}{}): the forces balance, but no real \
+         body does this; turn or press less, or refine there",
+        found.inverted.len(),
+        mesh.tets.len(),
+        found.least_det.0,
+        named.join(", "),
+        if found.inverted.len() > named.len() { ", …" } else { "" }
+    )
+}
+
+fn failure(error: StaticsError) -> Failure {
+    match error {
+        StaticsError::Green(error) => error.into(),
+        other => Failure::work(other),
+    }
+}

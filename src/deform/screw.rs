@@ -1,0 +1,121 @@
+//! The way of a control element from rest to a pose: a screw motion and a growing stretch.
+//!
+//! M = R S with R a rotation and S symmetric; R and T are the screw motion exp(ω, v) in SE(3), and
+//!
+//! ```text
+//! R = exp [ω]    T = V v    V = I + (1 - cos θ)/θ² [ω] + (θ - sin θ)/θ³ [ω]²    θ = |ω| ≤ π
+//! ```
+//!
+//! (Murray, Li and Sastry, A Mathematical Introduction to Robotic Manipulation, section 2.3.) On the straight line in
+//! (ω, v, S) no part of the way is flattened, as it is on that in (T, M), and if all control elements move as one rigid
+//! body, they do so on the whole way.
+
+use super::ControlPose;
+use super::rotation::polar;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+/// A pose as a screw motion and a stretch; all zero at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Screw {
+    /// ω, rad: the shorter turn.
+    pub turn: Vector3<f64>,
+    /// v, m.
+    pub slide: Vector3<f64>,
+    /// S - I.
+    pub stretch: Matrix3<f64>,
+}
+
+impl Screw {
+    /// Where M is too flat to have a rotation, it is all stretch.
+    pub fn of(pose: &ControlPose) -> Screw {
+        let is_rotation = (pose.matrix.transpose() * pose.matrix - Matrix3::identity()).amax() < 1e-12;
+        let rotation = match polar(&pose.matrix) {
+            // As it stands: the last bits decide which way half a turn goes.
+            Some(_) if is_rotation && pose.matrix.determinant() > 0.0 => {
+                Rotation3::from_matrix_unchecked(pose.matrix)
+            }
+            nearest => nearest.unwrap_or_else(Rotation3::identity),
+        };
+        let turn = UnitQuaternion::from_rotation_matrix(&rotation).scaled_axis();
+        // det V = 2 (1 - cos θ)/θ² is at least 4/π².
+        let slide = slide_matrix(&turn).lu().solve(&pose.translation).unwrap_or(pose.translation);
+        Screw { turn, slide, stretch: rotation.matrix().transpose() * pose.matrix - Matrix3::identity() }
+    }
+
+    pub fn pose(&self) -> ControlPose {
+        ControlPose {
+            translation: slide_matrix(&self.turn) * self.slide,
+            matrix: Rotation3::from_scaled_axis(self.turn) * (Matrix3::identity() + self.stretch),
+        }
+    }
+
+    /// The screw at `share` 0 to 1 of the way to `other`.
+    pub fn towards(&self, other: &Screw, share: f64) -> Screw {
+        Screw {
+            turn: self.turn.lerp(&other.turn, share),
+            slide: self.slide.lerp(&other.slide, share),
+            stretch: self.stretch * (1.0 - share) + other.stretch * share,
+        }
+    }
+}
+
+/// V.
+fn slide_matrix(turn: &Vector3<f64>) -> Matrix3<f64> {
+    let (square, cross) = (turn.norm_squared(), turn.cross_matrix());
+    let (first, second) = if square < 1e-4 {
+        (0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0)
+    } else {
+        let angle = square.sqrt();
+        ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (angle * square))
+    };
+    Matrix3::identity() + cross * first + cross * cross * second
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_comes_back_from_its_screw() {
+        let stretch = Matrix3::new(0.2, 0.1, -0.05, 0.1, -0.1, 0.15, -0.05, 0.15, 0.1);
+        for turn in [[0.0; 3], [1e-5, 0.0, 0.0], [0.009, 0.0, 0.0], [0.4, -1.1, 2.0], [0.0, 3.1, 0.0]] {
+            let screw = Screw { turn: turn.into(), slide: Vector3::new(0.3, -2.0, 0.7), stretch };
+            let back = Screw::of(&screw.pose());
+            let off = (back.turn - screw.turn).amax() + (back.slide - screw.slide).amax();
+            assert!(off + (back.stretch - stretch).amax() < 1e-12, "{turn:?}: {back:?}");
+        }
+    }
+
+    /// Half a turn as a pose file has it, with a sine of 1e-16 whose sign says which way.
+    #[test]
+    fn half_a_turn_goes_the_way_its_sine_says() {
+        for sign in [1.0, -1.0] {
+            let matrix = Matrix3::new(-1.0, -sign * 1.2e-16, 0.0, sign * 1.2e-16, -1.0, 0.0, 0.0, 0.0, 1.0);
+            let turn = Screw::of(&ControlPose { matrix, ..ControlPose::REST }).turn;
+            assert!((turn - Vector3::z() * sign * std::f64::consts::PI).amax() < 1e-15, "{turn}");
+        }
+    }
+
+    #[test]
+    fn elements_that_move_as_one_do_so_on_the_whole_way() {
+        let (rotation, shift) =
+            (Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 2.0)), Vector3::new(0.3, -2.0, 0.7));
+        let part_of = |origin: Vector3<f64>| {
+            let pose =
+                ControlPose { translation: rotation * origin + shift - origin, matrix: *rotation.matrix() };
+            let part = Screw::default().towards(&Screw::of(&pose), 0.3).pose();
+            (part.matrix, origin + part.translation - part.matrix * origin)
+        };
+        let (one, other) = (part_of(Vector3::zeros()), part_of(Vector3::new(1.0, 2.0, -3.0)));
+        assert!((one.0 - other.0).amax() < 1e-14 && (one.1 - other.1).amax() < 1e-14, "{one:?} {other:?}");
+    }
+
+    #[test]
+    fn a_flat_pose_is_all_stretch() {
+        for matrix in [Matrix3::zeros(), Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0))] {
+            let pose = ControlPose { matrix, ..ControlPose::REST };
+            let back = Screw::of(&pose).pose();
+            assert!((back.matrix - matrix).amax() < 1e-14, "{matrix}");
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! Static equilibrium at large strain, without Green's functions: the models that are solved anew for every pose.
+//!
+//! In: a body of a scene, a law ([`crate::fem::LAWS`]) and poses of its control elements. Out: displacements of all
+//! nodes, the energy, and the wrenches that hold the control elements. The controlled nodes go the way of [`Screw`]
+//! while [`Newton`] keeps the others in equilibrium. What the other models are measured against; too slow for a frame.
+
+use super::{ControlPose, ControlPoses, Kind, ModelEntry, Screw, Wrench};
+use crate::fem::{COROTATIONAL, Hyperelastic, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
+use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
+use crate::mesh::{TetMesh, quality};
+use crate::scene::{Body, Element, Method, Scene, SceneError};
+use crate::solve::{Counts, Equilibrium, Newton, NewtonError, Progress, Setback, SolveError, Symbolic};
+use nalgebra::{Matrix3, Vector3};
+
+pub(super) const STVK_ENTRY: ModelEntry = entry(
+    &STVK,
+    "method 1a, `deform` only: St. Venant–Kirchhoff statics, right for large rotations and small strain",
+);
+pub(super) const NEO_HOOKEAN_ENTRY: ModelEntry =
+    entry(&NEO_HOOKEAN, "method 1a, `deform` only: neo-Hookean statics, which bear compression");
+pub(super) const COROTATIONAL_ENTRY: ModelEntry = entry(
+    &COROTATIONAL,
+    "method 1b, `deform` only: corotational statics, Hooke's law in every element's own frame",
+);
+
+const fn entry(law: &'static Law, summary: &'static str) -> ModelEntry {
+    ModelEntry { name: law.name, summary, needs: Needs { stiffness: false }, kind: Kind::Static(law) }
+}
+
+/// No load step turns a control element by more, rad, …
+const TURN: f64 = std::f64::consts::PI / 6.0;
+/// … stretches one by more, or moves one against another by more than this part of the body's size.
+const STRETCH: f64 = 0.25;
+const MOST_STEPS: usize = 256;
+
+/// A body ready to be held in any pose.
+pub struct Statics {
+    pub mesh: TetMesh,
+    pub controls: Vec<ControlElement>,
+    /// Warnings and notes of the check before it.
+    pub notices: Vec<String>,
+    law: &'static Law,
+    lame: Vec<Lame>,
+    geometry: Vec<tet4::Geometry>,
+    size: f64,
+    partition: Partition,
+    symbolic: Option<Symbolic>,
+    /// The last pose that was solved, and its displacements.
+    last: Option<(Vec<Screw>, NodeFields)>,
+}
+
+/// A body held in a pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settled {
+    /// Of every node of the mesh, m.
+    pub displacement: Vec<Vector3<f64>>,
+    /// Of every control element, about where its origin rested, with the lever arms of the deformed body.
+    pub wrenches: Vec<Wrench>,
+    /// Strain energy of the body, J.
+    pub energy: f64,
+    /// Least det F, and the tetrahedron that has it.
+    pub least_det: (f64, usize),
+    /// Tetrahedra turned inside out, det F ≤ 0.
+    pub inverted: Vec<usize>,
+    /// ‖f‖₂ at the free nodes over that at the controlled ones.
+    pub residual: f64,
+    pub counts: Counts,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum StaticsError {
+    #[error(transparent)]
+    Green(#[from] GreenError),
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    #[error(
+        "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}; there, the least det F is {:.3} (in the \
+         tetrahedron with nodes {tags:?}) and {} of {tets} tetrahedra are inverted. {}",
+        100.0 * share, explain(*why), settled.least_det.0, settled.inverted.len(), remedy(*why, law)
+    )]
+    Stopped {
+        /// The last state that was found.
+        settled: Box<Settled>,
+        share: f64,
+        from: &'static str,
+        why: Setback,
+        law: &'static Law,
+        /// Of the corners of the tetrahedron with the least det F.
+        tags: [u64; 4],
+        tets: usize,
+    },
+}
+
+fn explain(why: Setback) -> &'static str {
+    match why {
+        Setback::Unstable => {
+            "the tangent stiffness is no longer positive definite, the body snaps or buckles"
+        }
+        Setback::NoDescent => "no step lowers the energy any more",
+        Setback::Slow => "Newton's iteration does not converge",
+    }
+}
+
+fn remedy(why: Setback, law: &Law) -> &'static str {
+    match why {
+        Setback::Slow => "Look for slivers and large contrasts of stiffness (`greenstage check`)",
+        Setback::Unstable | Setback::NoDescent => law.remedy,
+    }
+}
+
+impl Statics {
+    /// Refuses what these models do not have.
+    pub fn suits(scene: &Scene, name: &str, law: &Law) -> Result<(), SceneError> {
+        let Body { element, solver, .. } = &scene.body[name];
+        let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
+        if *element != Element::Tet4 {
+            let message =
+                format!("model \"{}\" is for linear tetrahedra: write element = \"tet4\"", law.name);
+            return wrong("element", message);
+        }
+        if solver.method != Method::Cholesky {
+            let message =
+                format!("model \"{}\" factorises its tangent: write method = \"cholesky\"", law.name);
+            return wrong("solver", message);
+        }
+        Ok(())
+    }
+
+    /// Body `name` of the scene under `law`, whatever the scene's own model is. Errors where the scene is refused, or
+    /// asks for what these models do not have.
+    pub fn new(
+        scene: &Scene,
+        name: &str,
+        law: &'static Law,
+        progress: &dyn Progress,
+    ) -> Result<Statics, StaticsError> {
+        Statics::suits(scene, name, law).map_err(GreenError::Scene)?;
+        let prepared = green::prepare(scene, name)?;
+        green::refuse(scene, &prepared.findings)?;
+        let Prepared { mesh, controls, lame, findings } = prepared;
+        let place = format!("{}: body.{name}", scene.path.display());
+        let geometry = tet4::Tetrahedra::new(&mesh, &lame)
+            .map_err(|source| GreenError::Assembly { body: place, source })?
+            .geometry;
+        let partition =
+            Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
+        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let mut statics = Statics {
+            notices: findings.into_iter().map(|finding| finding.to_string()).collect(),
+            size: (high - low).norm(),
+            symbolic: None,
+            last: None,
+            law,
+            lame,
+            geometry,
+            partition,
+            controls,
+            mesh,
+        };
+        if !statics.partition.free.is_empty() {
+            let rest = vec![Matrix3::zeros(); statics.mesh.tets.len()];
+            let k = statics.body().tangent(&rest, statics.mesh.nodes.len());
+            statics.symbolic = Some(Symbolic::new(&statics.partition.a(&k), progress)?);
+        }
+        Ok(statics)
+    }
+
+    /// Holds the body in `poses`, one for each control element in the scene's order.
+    ///
+    /// Starts from the last pose that was solved where that is nearer than rest; each control element takes the
+    /// shorter turn from rest either way, so that beyond a loss of stability alone the order of the poses matters.
+    /// `progress` is advanced by 1000 in all.
+    pub fn solve(&mut self, poses: &ControlPoses, progress: &dyn Progress) -> Result<Settled, StaticsError> {
+        let target: Vec<Screw> = poses.iter().map(Screw::of).collect();
+        let rest = (vec![Screw::default(); poses.len()], NodeFields::zeros(self.mesh.nodes.len(), 1));
+        let from_rest = self.steps(&rest.0, &target);
+        let (from, (start, u)) = match self.last.take() {
+            Some(last) if self.steps(&last.0, &target) < from_rest => ("the last pose", last),
+            _ => ("rest", rest),
+        };
+        let steps = self.steps(&start, &target).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
+        let path = |share: f64, u: &mut NodeFields| {
+            for (e, control) in self.controls.iter().enumerate() {
+                let pose = if share < 1.0 { start[e].towards(&target[e], share).pose() } else { poses[e] };
+                self.prescribe(control, &pose, u);
+            }
+        };
+        let newton =
+            Newton { body: self.body(), partition: &self.partition, symbolic: self.symbolic.as_ref() };
+        match newton.follow(u, steps, &path, progress) {
+            Ok(equilibrium) => {
+                let settled = self.settled(&equilibrium);
+                self.last = Some((target, equilibrium.u));
+                Ok(settled)
+            }
+            Err(NewtonError::Solve(error)) => Err(error.into()),
+            Err(NewtonError::Stopped { at, share, why }) => {
+                let settled = Box::new(self.settled(&at));
+                let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
+                let tets = self.mesh.tets.len();
+                Err(StaticsError::Stopped { settled, share, from, why, law: self.law, tags, tets })
+            }
+        }
+    }
+
+    fn body(&self) -> Hyperelastic<'_> {
+        Hyperelastic { law: self.law, tets: &self.mesh.tets, geometry: &self.geometry, lame: &self.lame }
+    }
+
+    /// Load steps that the way between two poses wants, not rounded.
+    fn steps(&self, from: &[Screw], to: &[Screw]) -> f64 {
+        let slide = |e: usize| to[e].slide - from[e].slide;
+        let of = |e: usize| {
+            let turn = (to[e].turn - from[e].turn).norm() / TURN;
+            let stretch = (to[e].stretch - from[e].stretch).norm() / STRETCH;
+            turn.max(stretch).max((slide(e) - slide(0)).norm() / (STRETCH * self.size))
+        };
+        (0..to.len()).map(of).fold(0.0, f64::max)
+    }
+
+    /// u = T + (M - I)(X - o) on the element's nodes.
+    fn prescribe(&self, control: &ControlElement, pose: &ControlPose, u: &mut NodeFields) {
+        let gradient = pose.matrix - Matrix3::identity();
+        for &node in &control.nodes {
+            let moved = pose.translation + gradient * (self.mesh.nodes[node as usize] - control.origin);
+            u.data[3 * node as usize..][..3].copy_from_slice(moved.as_slice());
+        }
+    }
+
+    fn settled(&self, equilibrium: &Equilibrium) -> Settled {
+        let at = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
+        let displacement: Vec<_> = (0..self.mesh.nodes.len()).map(|node| at(&equilibrium.u, node)).collect();
+        let wrench = |control: &ControlElement| {
+            let mut wrench = Wrench { force: Vector3::zeros(), moment: Vector3::zeros() };
+            for node in control.nodes.iter().map(|&node| node as usize) {
+                let force = at(&equilibrium.forces, node);
+                wrench.force += force;
+                wrench.moment += (self.mesh.nodes[node] + displacement[node] - control.origin).cross(&force);
+            }
+            wrench
+        };
+        let dets: Vec<f64> =
+            equilibrium.gradients.iter().map(|h| (Matrix3::identity() + h).determinant()).collect();
+        let least = (0..dets.len()).min_by(|&a, &b| dets[a].total_cmp(&dets[b])).unwrap_or(0);
+        Settled {
+            wrenches: self.controls.iter().map(wrench).collect(),
+            energy: equilibrium.energy,
+            least_det: (dets.get(least).copied().unwrap_or(1.0), least),
+            inverted: (0..dets.len()).filter(|&tet| dets[tet] <= 0.0).collect(),
+            residual: equilibrium.residual,
+            counts: equilibrium.counts.clone(),
+            displacement,
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! The neo-Hookean law that is Hooke's at rest and stays finite through inversion.
+//!
+//! ```text
+//! ψ = μ/2 (tr FᵀF - 3) - μ (J - 1) + ½ (λ + μ)(J - 1)²     P = μ F + ((λ + μ)(J - 1) - μ) cof F     J = det F
+//! C_iJkL = μ δ_ik δ_JL + (λ + μ) cof_iJ cof_kL + ((λ + μ)(J - 1) - μ) ε_ikm ε_JLN F_mN
+//! ```
+//!
+//! (Smith, de Goes and Kim, ACM Trans. Graph. 37(2), 2018, equation 13 and section 4, without the logarithm that resists
+//! collapse to a point.) It stiffens under compression, where [`super::STVK`] gives way.
+
+use super::Lame;
+use super::hyperelastic::{Law, Tangent};
+use nalgebra::Matrix3;
+
+pub const NEO_HOOKEAN: Law = Law {
+    name: "neo_hookean",
+    remedy: "Press, turn or shear less, or refine where it folds",
+    energy,
+    stress,
+    tangent,
+};
+
+/// cof M = det(M) M⁻ᵀ.
+fn cofactor(m: &Matrix3<f64>) -> Matrix3<f64> {
+    let (a, b, c) = (m.column(0), m.column(1), m.column(2));
+    Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
+}
+
+/// J - 1 and cof F - I of F = I + H.
+fn changes(h: &Matrix3<f64>) -> (f64, Matrix3<f64>) {
+    let cof = cofactor(h);
+    let change = Matrix3::from_diagonal_element(h.trace()) - h.transpose() + cof;
+    (h.trace() + cof.trace() + h.determinant(), change)
+}
+
+fn energy(h: &Matrix3<f64>, lame: Lame) -> f64 {
+    let (volume, _) = changes(h);
+    // ½ (tr FᵀF - 3) - (J - 1), whose first orders cancel.
+    let shear = 0.5 * h.norm_squared() - cofactor(h).trace() - h.determinant();
+    lame.mu * shear + 0.5 * (lame.lambda + lame.mu) * volume * volume
+}
+
+fn stress(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
+    let (volume, cof) = changes(h);
+    let pressure = (lame.lambda + lame.mu) * volume;
+    (h - cof) * lame.mu + (Matrix3::identity() + cof) * pressure
+}
+
+fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
+    let (volume, cof) = changes(h);
+    let bulk = lame.lambda + lame.mu;
+    let (f, cof) = (Matrix3::identity() + h, Matrix3::identity() + cof);
+    let cof = cof.reshape_generic(nalgebra::Const::<9>, nalgebra::Const::<1>);
+    let mut c = Tangent::from_diagonal_element(lame.mu) + cof * cof.transpose() * bulk;
+    for n in 0..3 {
+        let (j, l) = ((n + 1) % 3, (n + 2) % 3);
+        // Block (J, L) of ε_ikm ε_JLN F_mN, and minus it the block (L, J).
+        let block = f.column(n).cross_matrix() * (lame.mu - bulk * volume);
+        let mut upper = c.fixed_view_mut::<3, 3>(3 * j, 3 * l);
+        upper += block;
+        let mut lower = c.fixed_view_mut::<3, 3>(3 * l, 3 * j);
+        lower -= block;
+    }
+    c
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// F = [[1.2, .1, -.05], [.2, .9, .15], [-.1, .05, 1.1]], λ = 2, μ = 1.
+    #[test]
+    fn stress_of_a_sample_is_that_of_the_closed_form() {
+        let h = Matrix3::new(0.2, 0.1, -0.05, 0.2, -0.1, 0.15, -0.1, 0.05, 0.1);
+        let expected = Matrix3::new(
+            0.66109875, 0.2288975, -0.10485, //
+            0.26170625, 0.1787225, 0.188395, //
+            -0.13291, 0.154215, 0.51859,
+        );
+        let p = stress(&h, Lame { lambda: 2.0, mu: 1.0 });
+        assert!((p - expected).amax() < 1e-13 * expected.amax(), "{p}");
+    }
+}

@@ -1,0 +1,66 @@
+//! A .green file made small for shipping: zstd over the whole container.
+//!
+//! In: a .green file. Out: a .green.zst file that unpacks to the same bytes, and back.
+
+use super::GreenError;
+use crate::mesh;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+/// zstd's level: 19 is its smallest without extra memory for whoever unpacks.
+const LEVEL: i32 = 19;
+/// Larger contents are refused, whatever the packed file says.
+const LARGEST: u64 = 1 << 36;
+
+/// The name of the packed file of a .green file: `tube.green.zst`.
+pub fn packed_path(green: &Path) -> PathBuf {
+    let mut name = green.as_os_str().to_owned();
+    name.push(".zst");
+    name.into()
+}
+
+/// The packed form of a .green file's bytes.
+pub fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut encoder = zstd::Encoder::new(Vec::new(), LEVEL)?;
+    encoder.include_checksum(true)?;
+    encoder.include_contentsize(true)?;
+    encoder.set_pledged_src_size(Some(bytes.len() as u64))?;
+    encoder.write_all(bytes)?;
+    encoder.finish()
+}
+
+/// Packs the .green file at `from` into `to`, written atomically; returns both sizes.
+pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
+    let bytes = std::fs::read(from).map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
+    // What is shipped is sound.
+    super::GreenFile::open(from)?;
+    let failed = |source| GreenError::Io { path: to.to_owned(), source };
+    let small = packed(&bytes).map_err(failed)?;
+    mesh::write_atomically(to, |file| file.write_all(&small)).map_err(failed)?;
+    Ok((bytes.len() as u64, small.len() as u64))
+}
+
+/// Unpacks `from` into the .green file `to`, written atomically; its hashes are checked when it is opened. Memory does
+/// not grow with what the file claims: it is written as it is unpacked.
+pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| GreenError::Io { path, source }
+    };
+    let file = std::fs::File::open(from).map_err(failed(from))?;
+    let damaged = |error: std::io::Error| GreenError::Damaged {
+        path: from.to_owned(),
+        reason: format!("it does not unpack ({error})"),
+    };
+    let mut decoder = zstd::Decoder::new(file).map_err(damaged)?.take(LARGEST + 1);
+    let mut size = 0;
+    mesh::write_atomically(to, |file| {
+        size = std::io::copy(&mut decoder, file)?;
+        if size > LARGEST {
+            return Err(std::io::Error::other(format!("it holds more than {LARGEST} bytes")));
+        }
+        Ok(())
+    })
+    .map_err(damaged)?;
+    Ok(size)
+}

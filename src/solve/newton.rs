@@ -1,0 +1,247 @@
+//! Static equilibrium at large strain: Newton's iteration on f(u) = 0 at the free nodes, along a path of the controlled
+//! ones.
+//!
+//! In: hyperelastic tetrahedra, the split of the nodes, a path that says where the controlled nodes stand at every
+//! share 0 to 1 of the way. Out: the displacements at its end. Each load step is predicted along the tangent, then
+//! iterated with K(u) d = -f(u), each d shortened until the energy falls (Nocedal and Wright, Numerical Optimization,
+//! 2nd ed., algorithm 3.2). A step that fails is halved. The tangent must be positive definite throughout, so what is
+//! found is a stable equilibrium, joined to the start by stable ones (Crisfield, Non-linear Finite Element Analysis of
+//! Solids and Structures, vol. 1, sections 9.2 to 9.4).
+
+use super::{Cholesky, Progress, Silent, SolveError, Symbolic};
+use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
+use nalgebra::Matrix3;
+
+/// A full step no node of which moves by more than this part of the largest displacement is the last: Newton's error
+/// is squared by it.
+const LAST_STEP: f64 = 1e-9;
+const MAX_ITERATIONS: usize = 25;
+/// Factorizations up to which the next load step may be twice as long.
+const EASY: usize = 6;
+const SHORTEST_STEP: f64 = 1.0 / 4096.0;
+/// A step must bring this part of the decrease of energy that its slope promises.
+const DECREASE: f64 = 1e-4;
+const HALVINGS: i32 = 8;
+/// Rounding in the energy's sum, in parts of it.
+const SUM_ROUNDING: f64 = 1e-13;
+
+/// What is iterated.
+pub struct Newton<'a> {
+    pub body: Hyperelastic<'a>,
+    pub partition: &'a Partition,
+    /// Of K at the free nodes; `None` where all are controlled.
+    pub symbolic: Option<&'a Symbolic>,
+}
+
+/// A state in equilibrium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Equilibrium {
+    /// Over all nodes, one column, m.
+    pub u: NodeFields,
+    /// Strain energy, J.
+    pub energy: f64,
+    /// f over all nodes, N: at the controlled ones what holds them, at the free ones what is left of zero.
+    pub forces: NodeFields,
+    /// F - I of every tetrahedron.
+    pub gradients: Vec<Matrix3<f64>>,
+    /// ‖f at free nodes‖₂ / ‖f at controlled nodes‖₂; 0 where nothing is held.
+    pub residual: f64,
+    pub counts: Counts,
+}
+
+/// What it took.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Counts {
+    /// Load steps made.
+    pub steps: usize,
+    /// Load steps that failed and were halved.
+    pub halved: usize,
+    /// One for each load step's prediction and for each of Newton's iterations.
+    pub factorizations: usize,
+    /// max |d| of the iterations of the last load step, against the largest displacement: each about the square of the
+    /// one before.
+    pub moves: Vec<f64>,
+}
+
+/// Why a load step failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setback {
+    /// K is not positive definite: the equilibrium is lost, or the step is too long.
+    Unstable,
+    /// No step along d, however short, lowers the energy.
+    NoDescent,
+    /// Too many iterations.
+    Slow,
+}
+
+#[derive(Debug)]
+pub enum NewtonError {
+    Solve(SolveError),
+    /// The last equilibrium, the share of the way at which it stands, and why the next was not found.
+    Stopped {
+        at: Box<Equilibrium>,
+        share: f64,
+        why: Setback,
+    },
+}
+
+/// Why an iteration ended early.
+enum Fault {
+    Setback(Setback),
+    Solve(SolveError),
+}
+
+impl From<SolveError> for Fault {
+    fn from(error: SolveError) -> Fault {
+        match error {
+            // Too ill-conditioned to be solved is as good as singular.
+            SolveError::NotPositiveDefinite { .. } | SolveError::Factor { .. } => {
+                Fault::Setback(Setback::Unstable)
+            }
+            other => Fault::Solve(other),
+        }
+    }
+}
+
+impl Newton<'_> {
+    /// Follows `path` from the equilibrium `start`, which stands at share 0, to share 1, at first in `steps` equal
+    /// load steps and never in longer ones.
+    ///
+    /// `path` writes the displacements of the controlled nodes at a share into one column over all nodes. `progress`
+    /// is advanced by 1000 in all.
+    pub fn follow(
+        &self,
+        start: NodeFields,
+        steps: usize,
+        path: &dyn Fn(f64, &mut NodeFields),
+        progress: &dyn Progress,
+    ) -> Result<Equilibrium, NewtonError> {
+        let longest = 1.0 / steps.max(1) as f64;
+        let (mut u, mut share, mut step) = (start, 0.0, longest);
+        let mut counts = Counts::default();
+        while share < 1.0 {
+            // The last steps share what is left, so that none is a sliver.
+            let target = if 1.0 - share <= step * (1.0 + 1e-9) { 1.0 } else { share + step };
+            let before = counts.factorizations;
+            match self.step(&u, target, path, &mut counts) {
+                Ok(found) => {
+                    u = found;
+                    progress.advance((1000.0 * target) as u64 - (1000.0 * share) as u64);
+                    share = target;
+                    counts.steps += 1;
+                    if counts.factorizations - before <= EASY {
+                        step = (2.0 * step).min(longest);
+                    }
+                }
+                Err(Fault::Solve(error)) => return Err(NewtonError::Solve(error)),
+                Err(Fault::Setback(why)) => {
+                    step *= 0.5;
+                    counts.halved += 1;
+                    if step < SHORTEST_STEP {
+                        let at = Box::new(self.judge(u, counts));
+                        return Err(NewtonError::Stopped { at, share, why });
+                    }
+                }
+            }
+        }
+        Ok(self.judge(u, counts))
+    }
+
+    /// One load step: from the equilibrium `u` to that with the controlled nodes where `path` has them at `target`.
+    fn step(
+        &self,
+        u: &NodeFields,
+        target: f64,
+        path: &dyn Fn(f64, &mut NodeFields),
+        counts: &mut Counts,
+    ) -> Result<NodeFields, Fault> {
+        let mut moved = u.clone();
+        path(target, &mut moved);
+        let Some(symbolic) = self.symbolic.filter(|_| moved != *u) else { return Ok(moved) };
+        let size = largest(u).max(largest(&moved));
+
+        // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
+        let moved_by = sum(&moved, -1.0, u);
+        let k = self.body.tangent(&self.body.gradients(u), u.nodes);
+        let d = self.solve(symbolic, &k, &self.partition.minus_b_times(&k, &moved_by), counts)?;
+        self.iterate(symbolic, sum(&moved, 1.0, &d), size, counts)
+    }
+
+    /// Newton's iteration at fixed controlled nodes, for displacements of about `size`, m.
+    fn iterate(
+        &self,
+        symbolic: &Symbolic,
+        mut u: NodeFields,
+        size: f64,
+        counts: &mut Counts,
+    ) -> Result<NodeFields, Fault> {
+        counts.moves.clear();
+        for _ in 0..MAX_ITERATIONS {
+            let gradients = self.body.gradients(&u);
+            let mut downhill = self.body.forces(&gradients, u.nodes).at(&self.partition.free);
+            downhill.data.iter_mut().for_each(|value| *value = -*value);
+            let k = self.body.tangent(&gradients, u.nodes);
+            let d = self.solve(symbolic, &k, &downhill, counts)?;
+            counts.moves.push(largest(&d) / size);
+            if largest(&d) <= LAST_STEP * size {
+                return Ok(sum(&u, 1.0, &d));
+            }
+            let slope = -downhill.dots(&d.at(&self.partition.free))[0];
+            u = self.search(&u, &d, &gradients, slope)?;
+        }
+        Err(Fault::Setback(Setback::Slow))
+    }
+
+    /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
+    fn search(
+        &self,
+        u: &NodeFields,
+        d: &NodeFields,
+        gradients: &[Matrix3<f64>],
+        slope: f64,
+    ) -> Result<NodeFields, Fault> {
+        let energy = self.body.energy(gradients);
+        let rounding = SUM_ROUNDING * energy.abs() + self.body.energy_rounding(gradients);
+        let tried = (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
+            let tried = sum(u, alpha, d);
+            let found = self.body.energy(&self.body.gradients(&tried));
+            let falls = found <= energy + rounding + DECREASE * alpha * slope;
+            falls.then_some(tried)
+        });
+        tried.ok_or(Fault::Setback(Setback::NoDescent))
+    }
+
+    /// A d = `rhs` at the free nodes; d over all nodes, zero at the controlled ones.
+    fn solve(
+        &self,
+        symbolic: &Symbolic,
+        k: &StiffnessMatrix,
+        rhs: &NodeFields,
+        counts: &mut Counts,
+    ) -> Result<NodeFields, Fault> {
+        counts.factorizations += 1;
+        let a = self.partition.a(k);
+        let (free, _) = Cholesky::new(&a, symbolic, &Silent)?.solve(rhs, &Silent)?;
+        let mut d = NodeFields::zeros(k.nodes(), 1);
+        self.partition.insert_free(&free, &mut d);
+        Ok(d)
+    }
+
+    fn judge(&self, u: NodeFields, counts: Counts) -> Equilibrium {
+        let gradients = self.body.gradients(&u);
+        let forces = self.body.forces(&gradients, u.nodes);
+        let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
+        let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
+        let residual = if held == 0.0 { 0.0 } else { left / held };
+        Equilibrium { energy: self.body.energy(&gradients), u, forces, gradients, residual, counts }
+    }
+}
+
+/// a + s b.
+fn sum(a: &NodeFields, s: f64, b: &NodeFields) -> NodeFields {
+    NodeFields { data: a.data.iter().zip(&b.data).map(|(a, b)| a + s * b).collect(), ..*a }
+}
+
+fn largest(fields: &NodeFields) -> f64 {
+    fields.data.iter().fold(0.0, |largest, value| value.abs().max(largest))
+}
