@@ -88,6 +88,9 @@ fn hard_cases(args: &Args) -> Result<(), Failure> {
     } else {
         super::print(&format!("{}\n", table.text()))?;
     }
+    if let Some(path) = &args.readme {
+        write_between_marks(path, HARD_CASES, &table.markdown())?;
+    }
     let missed: Vec<String> = rows
         .iter()
         .filter(|row| !row.holds())

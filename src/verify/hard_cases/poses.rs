@@ -2,10 +2,10 @@
 
 use super::{Asked, Must, Outcome, Row, Rows, base, largest};
 use crate::deform::{
-    CATCH_UP, Columns, ControlPose, ControlPoses, ControlRest, JUMP, PoseFault, PoseGuard, STRETCH,
+    CATCH_UP, Columns, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseGuard, STRETCH,
     SurfaceDisplacements, find_model,
 };
-use crate::green::{FIELDS, Solution};
+use crate::green::{Basis, FIELDS, Solution};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 
 pub(super) fn rows() -> Rows {
@@ -67,9 +67,9 @@ impl Online {
         name: &str,
         poses: impl Iterator<Item = ControlPoses>,
     ) -> Vec<(Vec<Vector3<f64>>, bool)> {
-        let Ok(entry) = find_model(name) else { return Vec::new() };
-        let (mut model, mut u) = ((entry.make)(&self.controls), SurfaceDisplacements::zeros(self.rest.len()));
-        let columns = Columns { elements: self.columns.iter().map(Vec::as_slice).collect() };
+        let Ok(Kind::Online(make)) = find_model(name).map(|entry| &entry.kind) else { return Vec::new() };
+        let (mut model, mut u) = (make(&self.controls), SurfaceDisplacements::zeros(self.rest.len()));
+        let columns = Columns { elements: self.columns.iter().map(|columns| Basis::F32(columns)).collect() };
         let place = |u: &SurfaceDisplacements| -> Vec<Vector3<f64>> {
             let moved = self.rest.iter().zip(&u.u).map(|(x, u)| x + Vector3::from(*u).cast::<f64>());
             moved.map(|x| (u.body_from_surface * Point3::from(x)).coords).collect()
