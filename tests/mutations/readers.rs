@@ -28,7 +28,8 @@ pub struct Reader {
     pub read: Box<dyn Fn(&Path, &[u8]) -> Then + Sync>,
     /// Takes far longer than the others.
     pub is_dear: bool,
-    /// Bytes of memory that reading may take for each of the file's.
+    /// Bytes of memory that reading may take whatever the file's size, and for each of its bytes.
+    pub constant: usize,
     pub per_byte: usize,
 }
 
@@ -42,7 +43,15 @@ impl Reader {
         for (seed, bytes) in &seeds {
             assert!(read(Path::new(seed), bytes).is_some(), "{seed} is a good file");
         }
-        Reader { name, seeds, damage: mutated, read: Box::new(read), is_dear: false, per_byte: 20 }
+        Reader {
+            name,
+            seeds,
+            damage: mutated,
+            read: Box::new(read),
+            is_dear: false,
+            constant: 16 << 10,
+            per_byte: 20,
+        }
     }
 }
 
@@ -85,14 +94,30 @@ pub fn readers(folder: &Path) -> Vec<Reader> {
     // The parser's tree of brackets; such files are refused beyond 16 MiB.
     let toml = readers.len() - 4;
     readers[toml..].iter_mut().for_each(|reader| reader.per_byte = 200);
-    let own = folder.to_owned();
-    let read = move |_: &Path, bytes: &[u8]| {
-        let path = own.join(format!("{:?}.green", std::thread::current().id()));
-        std::fs::write(&path, bytes).unwrap();
-        read_green(&path)
+    let greens: Vec<(String, Vec<u8>)> = ["f32", "int16", "f16"]
+        .map(|storage| (format!("{storage}.green"), green_seed(folder, storage)))
+        .to_vec();
+    let packed =
+        greens.iter().map(|(name, bytes)| (format!("{name}.zst"), green::packed(bytes).unwrap())).collect();
+    let own = |ending: &str| {
+        let folder = folder.to_owned();
+        let ending = ending.to_owned();
+        move || folder.join(format!("{:?}{ending}", std::thread::current().id()))
     };
-    let green = Reader::new(".green", vec![("block.green".into(), green_seed(folder))], read);
-    readers.push(Reader { damage: damage_green, is_dear: true, ..green });
+    let (path, unpacked) = (own(".green"), own(".green.zst"));
+    let read = move |_: &Path, bytes: &[u8]| {
+        std::fs::write(path(), bytes).unwrap();
+        read_green(&path())
+    };
+    readers.push(Reader { damage: damage_green, is_dear: true, ..Reader::new(".green", greens, read) });
+    let path = own(".green");
+    let read = move |_: &Path, bytes: &[u8]| {
+        std::fs::write(unpacked(), bytes).unwrap();
+        green::unpack(&unpacked(), &path()).ok()?;
+        read_green(&path())
+    };
+    // A block of zstd has 128 KiB.
+    readers.push(Reader { is_dear: true, constant: 144 << 10, ..Reader::new(".green.zst", packed, read) });
     readers
 }
 
@@ -150,8 +175,8 @@ fn read_green(path: &Path) -> Then {
 }
 
 /// A block's .green file with all that one can hold.
-fn green_seed(folder: &Path) -> Vec<u8> {
-    let scene = block_scene([1, 1, 1], "effects = [\"haptics\"]");
+fn green_seed(folder: &Path, storage: &str) -> Vec<u8> {
+    let scene = block_scene([1, 1, 1], &format!("effects = [\"haptics\"]\nstorage = \"{storage}\""));
     let path = folder.join("seed.green");
     let body = green::precompute(&scene, "block", Needs { stiffness: true }, &Silent).unwrap();
     green::write(&path, &[body]).unwrap();

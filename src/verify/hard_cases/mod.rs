@@ -6,6 +6,7 @@
 //! The base case is a block of 1 × 1 × 2 m in 5 × 5 × 10 cells, of E = 1 MPa and ν = 0.3, held at both ends of z.
 
 mod files;
+mod large;
 mod materials;
 mod meshes;
 mod poses;
@@ -60,7 +61,7 @@ type Rows = Result<Vec<Row>, GreenError>;
 /// Builds, solves and judges all cases, in the order of their numbers. Errors where a reference cannot be solved.
 pub fn run() -> Rows {
     let mut rows = Vec::new();
-    for cases in [materials::rows, meshes::rows, supports::rows, poses::rows, files::rows] {
+    for cases in [materials::rows, meshes::rows, supports::rows, poses::rows, large::rows, files::rows] {
         rows.extend(cases()?);
     }
     rows.sort_by_key(|row| row.number);
