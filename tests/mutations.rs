@@ -63,7 +63,7 @@ fn input(readers: &[Reader], number: u64) -> (usize, &str, Vec<u8>) {
     // Every 16th for the dear ones: those that write the input to the disk.
     let (dear, cheap): (Vec<usize>, Vec<usize>) =
         (0..readers.len()).partition(|&which| readers[which].is_dear);
-    let of = if number % 16 == 0 { dear } else { cheap };
+    let of = if number.is_multiple_of(16) { dear } else { cheap };
     let which = of[random.below(of.len())];
     let Reader { seeds, damage, .. } = &readers[which];
     let (name, seed) = &seeds[random.below(seeds.len())];

@@ -19,13 +19,16 @@ use std::sync::Arc;
 /// What is done with an accepted file beyond reading it; its memory does not count.
 pub type Then = Option<Box<dyn FnOnce()>>;
 
+/// A file's name, which tells the format, and its bytes.
+type Read = dyn Fn(&Path, &[u8]) -> Then + Sync;
+
 pub struct Reader {
     pub name: &'static str,
     /// Names, which tell the format, and bytes of good files.
     pub seeds: Vec<(String, Vec<u8>)>,
     /// Damages a seed; the second is another of them.
     pub damage: fn(&[u8], &[u8], &mut Random) -> Vec<u8>,
-    pub read: Box<dyn Fn(&Path, &[u8]) -> Then + Sync>,
+    pub read: Box<Read>,
     /// Takes far longer than the others.
     pub is_dear: bool,
     /// Bytes of memory that reading may take whatever the file's size, and for each of its bytes.
@@ -140,7 +143,7 @@ fn mesh_seeds(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 fn read_mesh(path: &Path, bytes: &[u8]) -> Then {
     // One or the other: both would take twice the time.
-    let order = if bytes.len() % 2 == 0 { Order::Linear } else { Order::Quadratic };
+    let order = if bytes.len().is_multiple_of(2) { Order::Linear } else { Order::Quadratic };
     let mesh = mesh::parse_as(path, bytes, order).ok()?.mesh;
     Some(Box::new(move || {
         let surface = Surface::of(&mesh);
