@@ -27,14 +27,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// Inputs without `GREENSTAGE_MUTATIONS`: a few seconds.
-const FEW: u64 = 60_000;
+const FEW: u64 = 40_000;
 const THREADS: usize = 2;
 /// An input that takes longer fails.
 const SLOW: Duration = Duration::from_secs(1);
 /// A reader that does not come back for so long never will: the program ends.
 const HUNG: Duration = Duration::from_secs(60);
-/// Bytes at the peak of reading that come to no file's account, small as it is.
-const WHATEVER: usize = 16 << 10;
 
 /// What one kind of file went through.
 #[derive(Clone, Copy, Default)]
@@ -43,7 +41,7 @@ struct Tally {
     read: u64,
     /// Time, s, and number of the slowest.
     slowest: (f64, u64),
-    /// Bytes at the peak of the greediest beyond [`WHATEVER`], over its own bytes, and its number.
+    /// Bytes at the peak of the greediest beyond its reader's constant, over its own bytes, and its number.
     greediest: (f64, u64),
 }
 
@@ -65,7 +63,7 @@ fn input(readers: &[Reader], number: u64) -> (usize, &str, Vec<u8>) {
     // Every 16th for the dear ones: those that write the input to the disk.
     let (dear, cheap): (Vec<usize>, Vec<usize>) =
         (0..readers.len()).partition(|&which| readers[which].is_dear);
-    let of = if number % 16 == 0 { dear } else { cheap };
+    let of = if number.is_multiple_of(16) { dear } else { cheap };
     let which = of[random.below(of.len())];
     let Reader { seeds, damage, .. } = &readers[which];
     let (name, seed) = &seeds[random.below(seeds.len())];
@@ -106,7 +104,7 @@ fn judged(reader: &Reader, name: &str, bytes: &[u8]) -> Result<(bool, f64, f64),
     if time > SLOW.as_secs_f64() {
         return Err(format!("takes {time:.1} s"));
     }
-    let beyond = peak.saturating_sub(WHATEVER);
+    let beyond = peak.saturating_sub(reader.constant);
     if beyond > reader.per_byte * bytes.len() {
         return Err(format!("takes {peak} bytes to read {}", bytes.len()));
     }

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// Each problem is solved on a sequence of refined meshes. Exit status 1 where an element misses what theory promises it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Problems to solve; without one, all
+    /// Problems to solve, without one all; or `hard-cases`, bodies on which a solver can go wrong in silence
     pub problems: Vec<String>,
     /// One more, finer mesh of each: some minutes
     #[arg(long, conflicts_with = "coarse")]
@@ -30,6 +30,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if args.problems == [HARD_CASES] {
+        return hard_cases(args);
+    }
     let effort = match (args.fine, args.coarse) {
         (true, _) => Effort::Fine,
         (_, true) => Effort::Coarse,
@@ -59,6 +62,48 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         write_between_marks(path, "verify", &format!("{machine}\n\n```text\n{}\n```\n", text.trim_end()))?;
     }
     judge(&rows)
+}
+
+/// Asks for the hard cases instead of problems.
+const HARD_CASES: &str = "hard-cases";
+
+fn hard_cases(args: &Args) -> Result<(), Failure> {
+    let rows = verify::hard_cases::run()?;
+    let mut table = Table::new(&["no.", "case", "outcome", "measured", "error", "bound"]);
+    for row in &rows {
+        let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.1e}"));
+        let outcome = format!("{:?}", row.outcome).to_lowercase();
+        let missed = if row.holds() { "" } else { " MISSED" };
+        table.row(&[
+            &row.number.to_string(),
+            &row.case,
+            &(outcome + missed),
+            row.measured,
+            &number(row.error),
+            &number(row.bound),
+        ]);
+    }
+    if args.json {
+        super::print(&format!("{:#}\n", json!(rows)))?;
+    } else {
+        super::print(&format!("{}\n", table.text()))?;
+    }
+    if let Some(path) = &args.readme {
+        write_between_marks(path, HARD_CASES, &table.markdown())?;
+    }
+    let missed: Vec<String> = rows
+        .iter()
+        .filter(|row| !row.holds())
+        .map(|row| format!("{} {}: {}", row.number, row.case, row.said))
+        .collect();
+    if missed.is_empty() {
+        return Ok(());
+    }
+    let (count, all) = (missed.len(), rows.len());
+    Err(Failure::Work(anyhow::anyhow!(
+        "{count} of {all} hard cases are not what they must be: {}",
+        missed.join("; ")
+    )))
 }
 
 fn chosen(names: &[String]) -> Result<Vec<&'static Problem>, Failure> {

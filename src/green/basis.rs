@@ -84,16 +84,32 @@ pub fn solve(
     needs: Needs,
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
-    let body = &scene.body[name];
-    let place = format!("{}: body.{name}", scene.path.display());
     progress.begin("mesh", 0);
     let started = Instant::now();
-    let Prepared { mesh, controls, lame, findings } = super::prepare(scene, name)?;
+    let prepared = super::prepare(scene, name)?;
+    let mesh_s = started.elapsed().as_secs_f64();
+    progress.end();
+    let mut solution = solve_prepared(scene, name, prepared, needs, progress)?;
+    solution.times.mesh_s += mesh_s;
+    Ok(solution)
+}
+
+/// [`solve`] of a body that was prepared, as it is in `prepared`.
+pub fn solve_prepared(
+    scene: &Scene,
+    name: &str,
+    prepared: Prepared,
+    needs: Needs,
+    progress: &dyn Progress,
+) -> Result<Solution, GreenError> {
+    let body = &scene.body[name];
+    let place = format!("{}: body.{name}", scene.path.display());
+    let started = Instant::now();
+    let Prepared { mesh, controls, lame, findings } = prepared;
     refuse(scene, &findings)?;
     let surface = Surface::of(&mesh);
     let notices = findings.into_iter().map(|finding| finding.to_string()).collect();
     let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };
-    progress.end();
 
     progress.begin("assembly", 0);
     let started = Instant::now();

@@ -14,13 +14,13 @@ mod prepare;
 mod storage;
 
 pub use crate::mesh::trouble::Severity;
-pub use basis::{Precomputed, Solution, StepTimes, precompute, refuse, solve};
+pub use basis::{Precomputed, Solution, StepTimes, precompute, refuse, solve, solve_prepared};
 pub use check::Finding;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;
 pub use pack::{pack, packed, packed_path, unpack};
-pub use prepare::{Prepared, prepare};
+pub use prepare::{Prepared, prepare, prepare_mesh};
 pub use storage::{Basis, Stored, half_to_single};
 
 use crate::fem::AssemblyError;

@@ -4,7 +4,7 @@ use super::check::{self, Finding};
 use super::{ControlElement, GreenError};
 use crate::fem::Lame;
 use crate::mesh::trouble::Severity;
-use crate::mesh::{TetMesh, quality};
+use crate::mesh::{Loaded, TetMesh, quality};
 use crate::scene::{Body, Material, Scene};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,8 +21,12 @@ pub struct Prepared {
 /// Loads body `name` and judges it without solving. Errors where it cannot even be judged: no mesh, a selection that
 /// is empty, a region that is not there.
 pub fn prepare(scene: &Scene, name: &str) -> Result<Prepared, GreenError> {
+    prepare_mesh(scene, name, scene.load_mesh(name, &scene.body[name])?)
+}
+
+/// [`prepare`] with another mesh than that of the body's file or generator.
+pub fn prepare_mesh(scene: &Scene, name: &str, loaded: Loaded) -> Result<Prepared, GreenError> {
     let body = &scene.body[name];
-    let loaded = scene.load_mesh(name, body)?;
     let mesh = loaded.mesh;
     let controls = control_elements(scene, name, body, &mesh)?;
     let lame = materials(scene, name, body, &mesh)?;

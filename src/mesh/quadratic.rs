@@ -15,6 +15,9 @@ use std::collections::HashMap;
 /// Where the middle of an edge between two points lies: on the body's curved wall, or half way.
 pub type Curve<'a> = &'a dyn Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>;
 
+/// The same by the ends of the edge (ascending) among all nodes.
+pub(super) type Middle<'a> = &'a dyn Fn([u32; 2], &[Vector3<f64>]) -> Vector3<f64>;
+
 /// The middle of a straight edge.
 pub fn straight(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
     a + (b - a) * 0.5
@@ -30,11 +33,8 @@ pub fn quadratic(mesh: TetMesh, curve: Curve<'_>) -> TetMesh {
     with_mids(mesh, &|[a, b], x| curve(&x[a as usize], &x[b as usize]))
 }
 
-/// A linear `mesh` with a node at the `middle` of every edge, given by its ends (ascending) and all positions.
-pub(super) fn with_mids(
-    mut mesh: TetMesh,
-    middle: &dyn Fn([u32; 2], &[Vector3<f64>]) -> Vector3<f64>,
-) -> TetMesh {
+/// A linear `mesh` with a node at the `middle` of every edge.
+pub(super) fn with_mids(mut mesh: TetMesh, middle: Middle<'_>) -> TetMesh {
     let first = mesh.nodes.len();
     let mut mid_of: HashMap<[u32; 2], u32> = HashMap::new();
     let mut ends = Vec::new();

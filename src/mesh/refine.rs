@@ -93,7 +93,10 @@ pub fn refine(mesh: TetMesh, times: u32, curve: Curve<'_>) -> Result<TetMesh, Re
         .zip(0..)
         .filter(|(mirrored, _)| **mirrored)
         .for_each(|(_, tet)| turn(&mut mesh, tet, [0, 1, 3, 2]));
-    let folded = |tet: &usize| sound[tet >> (3 * times)] && !(signed_volume(&mesh.corners(*tet)) > 0.0);
+    let folded = |tet: &usize| {
+        let volume = signed_volume(&mesh.corners(*tet));
+        sound[tet >> (3 * times)] && (volume <= 0.0 || volume.is_nan())
+    };
     match (0..mesh.tets.len()).find(folded) {
         Some(tet) => {
             let corners = mesh.corners(tet);

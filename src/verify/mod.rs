@@ -16,6 +16,7 @@ mod cook;
 mod cylinder;
 mod element;
 mod fit;
+pub mod hard_cases;
 mod kelvin;
 mod le10;
 mod quadrature;

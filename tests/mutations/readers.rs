@@ -19,16 +19,20 @@ use std::sync::Arc;
 /// What is done with an accepted file beyond reading it; its memory does not count.
 pub type Then = Option<Box<dyn FnOnce()>>;
 
+/// A file's name, which tells the format, and its bytes.
+type Read = dyn Fn(&Path, &[u8]) -> Then + Sync;
+
 pub struct Reader {
     pub name: &'static str,
     /// Names, which tell the format, and bytes of good files.
     pub seeds: Vec<(String, Vec<u8>)>,
     /// Damages a seed; the second is another of them.
     pub damage: fn(&[u8], &[u8], &mut Random) -> Vec<u8>,
-    pub read: Box<dyn Fn(&Path, &[u8]) -> Then + Sync>,
+    pub read: Box<Read>,
     /// Takes far longer than the others.
     pub is_dear: bool,
-    /// Bytes of memory that reading may take for each of the file's.
+    /// Bytes of memory that reading may take whatever the file's size, and for each of its bytes.
+    pub constant: usize,
     pub per_byte: usize,
 }
 
@@ -42,7 +46,15 @@ impl Reader {
         for (seed, bytes) in &seeds {
             assert!(read(Path::new(seed), bytes).is_some(), "{seed} is a good file");
         }
-        Reader { name, seeds, damage: mutated, read: Box::new(read), is_dear: false, per_byte: 20 }
+        Reader {
+            name,
+            seeds,
+            damage: mutated,
+            read: Box::new(read),
+            is_dear: false,
+            constant: 16 << 10,
+            per_byte: 20,
+        }
     }
 }
 
@@ -85,14 +97,30 @@ pub fn readers(folder: &Path) -> Vec<Reader> {
     // The parser's tree of brackets; such files are refused beyond 16 MiB.
     let toml = readers.len() - 4;
     readers[toml..].iter_mut().for_each(|reader| reader.per_byte = 200);
-    let own = folder.to_owned();
-    let read = move |_: &Path, bytes: &[u8]| {
-        let path = own.join(format!("{:?}.green", std::thread::current().id()));
-        std::fs::write(&path, bytes).unwrap();
-        read_green(&path)
+    let greens: Vec<(String, Vec<u8>)> = ["f32", "int16", "f16"]
+        .map(|storage| (format!("{storage}.green"), green_seed(folder, storage)))
+        .to_vec();
+    let packed =
+        greens.iter().map(|(name, bytes)| (format!("{name}.zst"), green::packed(bytes).unwrap())).collect();
+    let own = |ending: &str| {
+        let folder = folder.to_owned();
+        let ending = ending.to_owned();
+        move || folder.join(format!("{:?}{ending}", std::thread::current().id()))
     };
-    let green = Reader::new(".green", vec![("block.green".into(), green_seed(folder))], read);
-    readers.push(Reader { damage: damage_green, is_dear: true, ..green });
+    let (path, unpacked) = (own(".green"), own(".green.zst"));
+    let read = move |_: &Path, bytes: &[u8]| {
+        std::fs::write(path(), bytes).unwrap();
+        read_green(&path())
+    };
+    readers.push(Reader { damage: damage_green, is_dear: true, ..Reader::new(".green", greens, read) });
+    let path = own(".green");
+    let read = move |_: &Path, bytes: &[u8]| {
+        std::fs::write(unpacked(), bytes).unwrap();
+        green::unpack(&unpacked(), &path()).ok()?;
+        read_green(&path())
+    };
+    // A block of zstd has 128 KiB.
+    readers.push(Reader { is_dear: true, constant: 144 << 10, ..Reader::new(".green.zst", packed, read) });
     readers
 }
 
@@ -115,7 +143,7 @@ fn mesh_seeds(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 fn read_mesh(path: &Path, bytes: &[u8]) -> Then {
     // One or the other: both would take twice the time.
-    let order = if bytes.len() % 2 == 0 { Order::Linear } else { Order::Quadratic };
+    let order = if bytes.len().is_multiple_of(2) { Order::Linear } else { Order::Quadratic };
     let mesh = mesh::parse_as(path, bytes, order).ok()?.mesh;
     Some(Box::new(move || {
         let surface = Surface::of(&mesh);
@@ -150,8 +178,8 @@ fn read_green(path: &Path) -> Then {
 }
 
 /// A block's .green file with all that one can hold.
-fn green_seed(folder: &Path) -> Vec<u8> {
-    let scene = block_scene([1, 1, 1], "effects = [\"haptics\"]");
+fn green_seed(folder: &Path, storage: &str) -> Vec<u8> {
+    let scene = block_scene([1, 1, 1], &format!("effects = [\"haptics\"]\nstorage = \"{storage}\""));
     let path = folder.join("seed.green");
     let body = green::precompute(&scene, "block", Needs { stiffness: true }, &Silent).unwrap();
     green::write(&path, &[body]).unwrap();

@@ -1,0 +1,60 @@
+//! Case 26: a cube pressed further than its material bears. Newton's iteration finds turned elements and calls it done;
+//! here the least det F decides.
+
+use super::{Must, Outcome, Row, Rows};
+use crate::deform::{ControlPose, Kind, Settled, Statics, StaticsError, find_model};
+use crate::scene::{Scene, SceneError};
+use crate::solve::Silent;
+use nalgebra::Vector3;
+use std::path::Path;
+
+const CUBE: &str = r#"
+[body.b]
+generate = { block = { size = [1.0, 1.0, 1.0], cells = [4, 4, 4] } }
+material = { young = 1.0e6, poisson = 0.3 }
+[body.b.control.low]
+nodes = { group = "zmin" }
+grab = "fixed"
+[body.b.control.high]
+nodes = { group = "zmax" }
+grab = "dragger"
+"#;
+
+pub(super) fn rows() -> Rows {
+    let scene = Scene::parse(CUBE, Path::new("hard-cases.toml"))?;
+    let cases = [
+        ("stvk", 0.8, Must::solve("residual", 1e-10)),
+        ("stvk", 0.4, Must { outcome: Outcome::Refused, words: "least det F", ..Must::solve("", 0.0) }),
+        ("neo_hookean", 0.4, Must::solve("residual", 1e-10)),
+    ];
+    cases.into_iter().map(|(model, height, must)| Ok(pressed(&scene, model, height, must)?)).collect()
+}
+
+fn pressed(scene: &Scene, model: &str, height: f64, must: Must) -> Result<Row, SceneError> {
+    let law = match find_model(model).map(|entry| &entry.kind) {
+        Ok(Kind::Static(law)) => law,
+        _ => return Err(scene.invalid("body.b.model", format!("no model of large strain is called {model}"))),
+    };
+    let press = ControlPose { translation: Vector3::z() * (height - 1.0), ..ControlPose::REST };
+    let settle = || -> Result<Settled, StaticsError> {
+        Statics::new(scene, "b", law, &Silent)?.solve(&vec![ControlPose::REST, press], &Silent)
+    };
+    let (outcome, said, error) = match settle() {
+        Ok(settled) if settled.inverted.is_empty() => {
+            (Outcome::Solved, String::new(), Some(settled.residual))
+        }
+        Ok(settled) => (Outcome::Solved, format!("{} inverted", settled.inverted.len()), Some(f64::NAN)),
+        Err(error) => (Outcome::Refused, error.to_string(), None),
+    };
+    Ok(Row {
+        number: 26,
+        case: format!("clamped cube pressed to {:.0} % of its height, {model}", 100.0 * height),
+        required: must.outcome,
+        outcome,
+        words: must.words,
+        said,
+        measured: must.measured,
+        error,
+        bound: (must.outcome != Outcome::Refused).then_some(must.bound),
+    })
+}

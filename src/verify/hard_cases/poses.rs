@@ -1,0 +1,232 @@
+//! Cases 23 to 25 and 29: what a tracked hand may do, and bodies far from their origin in single precision.
+
+use super::{Asked, Must, Outcome, Row, Rows, base, largest};
+use crate::deform::{
+    CATCH_UP, Columns, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseGuard, STRETCH,
+    SurfaceDisplacements, find_model,
+};
+use crate::green::{Basis, FIELDS, Solution};
+use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+
+pub(super) fn rows() -> Rows {
+    let mut rows = turns()?;
+    rows.extend(guarded());
+    rows.extend(far_away()?);
+    Ok(rows)
+}
+
+/// A row of what the online stage does; `fault` is what it said.
+fn row(number: u32, case: impl Into<String>, must: Must, fault: Option<PoseFault>, error: f64) -> Row {
+    Row {
+        number,
+        case: case.into(),
+        required: must.outcome,
+        outcome: if fault.is_some() { Outcome::Warned } else { Outcome::Solved },
+        words: must.words,
+        said: fault.map_or(String::new(), |fault| fault.explain().to_owned()),
+        measured: must.measured,
+        error: Some(error),
+        bound: Some(must.bound),
+    }
+}
+
+/// A solved body as the online stage has it: in single precision, about its centre.
+struct Online {
+    /// Surface nodes about the centre.
+    rest: Vec<Vector3<f64>>,
+    columns: Vec<Vec<f32>>,
+    controls: Vec<ControlRest>,
+}
+
+impl Online {
+    fn new(solution: &Solution, centre: Vector3<f64>) -> Online {
+        let nodes = &solution.surface.nodes;
+        let column = |c: usize| {
+            nodes.iter().flat_map(move |&n| {
+                (0..3).map(move |axis| solution.fields.row(3 * n as usize + axis)[c] as f32)
+            })
+        };
+        let controls = solution.controls.iter().map(|control| ControlRest {
+            name: control.name.clone(),
+            origin: control.origin - centre,
+            nodes: control.nodes.len(),
+        });
+        Online {
+            rest: nodes.iter().map(|&node| solution.mesh.nodes[node as usize] - centre).collect(),
+            columns: (0..solution.controls.len())
+                .map(|e| (FIELDS * e..FIELDS * (e + 1)).flat_map(column).collect())
+                .collect(),
+            controls: controls.collect(),
+        }
+    }
+
+    /// All surface points about the centre, for poses one after the other, by the model `name`; and whether it said that
+    /// its mean rotation was not defined.
+    fn follow(
+        &self,
+        name: &str,
+        poses: impl Iterator<Item = ControlPoses>,
+    ) -> Vec<(Vec<Vector3<f64>>, bool)> {
+        let Ok(Kind::Online(make)) = find_model(name).map(|entry| &entry.kind) else { return Vec::new() };
+        let (mut model, mut u) = (make(&self.controls), SurfaceDisplacements::zeros(self.rest.len()));
+        let columns = Columns { elements: self.columns.iter().map(|columns| Basis::F32(columns)).collect() };
+        let place = |u: &SurfaceDisplacements| -> Vec<Vector3<f64>> {
+            let moved = self.rest.iter().zip(&u.u).map(|(x, u)| x + Vector3::from(*u).cast::<f64>());
+            moved.map(|x| (u.body_from_surface * Point3::from(x)).coords).collect()
+        };
+        let frame = |poses| {
+            let undefined = model.evaluate(&columns, &poses, &mut u).rotation_undefined;
+            (place(&u), undefined)
+        };
+        poses.map(frame).collect()
+    }
+
+    /// Control element `e` turned about an axis through the centre.
+    fn turned(&self, e: usize, turn: &Rotation3<f64>) -> ControlPose {
+        let origin = self.controls[e].origin;
+        ControlPose { translation: turn * origin - origin, matrix: *turn.matrix() }
+    }
+
+    /// Largest distance of two sets of surface points, as a part of the body's diagonal.
+    fn apart(&self, a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+        let size = 2.0 * largest(self.rest.iter().map(Vector3::norm));
+        largest(a.iter().zip(b).map(|(a, b)| (a - b).norm() / size))
+    }
+}
+
+const STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
+
+/// Hands that turn on and on: the mean rotation of `rotation` follows beyond half a turn.
+fn turns() -> Rows {
+    let body = Online::new(&Asked::new(base()?).solve()?, Vector3::zeros());
+    let turn = |frame: usize| Rotation3::from_axis_angle(&Vector3::z_axis(), frame as f64 * STEP);
+    let both = (0..=72).map(|frame| vec![body.turned(0, &turn(frame)), body.turned(1, &turn(frame))]);
+    let places = body.follow("rotation", both);
+    let off = places.iter().zip(0..).map(|((places, _), frame)| {
+        let rigid: Vec<Vector3<f64>> = body.rest.iter().map(|x| turn(frame) * x).collect();
+        body.apart(places, &rigid)
+    });
+    let rigid = row(
+        23,
+        "both ends turned by 720° in steps of 10°",
+        Must::solve("against the rigid motion", 1e-6),
+        None,
+        largest(off),
+    );
+
+    // One end turned by 10° moves none of its own points further than this.
+    let own = largest(body.rest.iter().map(|x| x.xy().norm())) * 2.0 * (STEP / 2.0).sin();
+    let one = (0..=72).map(|frame| vec![ControlPose::REST, body.turned(1, &turn(frame))]);
+    let places = body.follow("rotation", one);
+    let steps = |undefined: bool| {
+        let chosen = places.windows(2).filter(|pair| (pair[0].1 || pair[1].1) == undefined);
+        let step = |pair: &[(Vec<Vector3<f64>>, bool)]| {
+            largest(pair[0].0.iter().zip(&pair[1].0).map(|(a, b)| (a - b).norm() / own))
+        };
+        largest(chosen.map(step))
+    };
+    const STEPS: &str = "largest step of a point, in steps of the end";
+    let smooth =
+        row(23, "one end turned by 720° in steps of 10°", Must::solve(STEPS, 1.1), None, steps(false));
+    // The mean turns by 5° a frame, and by 30° after the frames from 340° to 380°.
+    let mut half = row(
+        23,
+        "the same where the ends are half a turn or a turn apart",
+        Must::warn("not defined", STEPS, 6.5),
+        None,
+        steps(true),
+    );
+    if places.iter().any(|(_, undefined)| *undefined) {
+        (half.outcome, half.said) =
+            (Outcome::Warned, "the mean rotation is not defined, the last one is kept".into());
+    }
+
+    let mut guard = PoseGuard::default();
+    let far = ControlPose {
+        matrix: *Rotation3::from_axis_angle(&Vector3::z_axis(), 1.1 * JUMP).matrix(),
+        ..ControlPose::REST
+    };
+    let (admitted, faults) = guard.admit(&vec![far]);
+    let followed = Rotation3::from_matrix(&admitted[0].matrix).angle();
+    let jump = row(
+        23,
+        "a jump by 165° in one frame",
+        Must::warn("followed slowly", "first step against 15°", 1e-9),
+        faults.first().map(|(_, fault)| *fault),
+        (followed / CATCH_UP - 1.0).abs(),
+    );
+    Ok(vec![rigid, smooth, half, jump])
+}
+
+/// Matrices that no body can follow, and numbers that are none.
+fn guarded() -> Vec<Row> {
+    let matrix = |matrix: Matrix3<f64>| ControlPose { matrix, ..ControlPose::REST };
+    let diagonal = |x: f64, y: f64, z: f64| matrix(Matrix3::from_diagonal(&Vector3::new(x, y, z)));
+    let beyond = |pose: &ControlPose| {
+        let stretches = pose.matrix.singular_values();
+        let outside = (STRETCH[0] - stretches.min()).max(stretches.max() - STRETCH[1]).max(0.0);
+        if pose.matrix.determinant() > 0.0 { outside } else { f64::NAN }
+    };
+    let admit = |pose: ControlPose| {
+        let (admitted, faults) = PoseGuard::default().admit(&vec![pose]);
+        (admitted[0], faults.first().map(|(_, fault)| *fault))
+    };
+    let clamped = |case: &str, words: &'static str, pose: ControlPose| {
+        let (admitted, fault) = admit(pose);
+        row(24, case, Must::warn(words, "stretch beyond 0.05 to 20", 1e-9), fault, beyond(&admitted))
+    };
+    let mut rows = vec![
+        clamped("M = 0", "clamped", diagonal(0.0, 0.0, 0.0)),
+        clamped("M stretches by 10⁶", "clamped", diagonal(1e6, 1.0, 1.0)),
+        clamped("det M < 0", "mirrors", diagonal(1.0, 1.0, -1.0)),
+    ];
+    let sheared = matrix(Matrix3::new(1.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0));
+    let (admitted, fault) = admit(sheared);
+    let change = (admitted.matrix - sheared.matrix).amax();
+    rows.push(row(24, "shear by 2", Must::solve("change of M", 0.0), fault, change));
+
+    for bad in [f64::NAN, f64::INFINITY] {
+        let mut guard = PoseGuard::default();
+        let last = ControlPose { translation: Vector3::new(0.1, 0.2, 0.3), ..ControlPose::REST };
+        guard.admit(&vec![last]);
+        let lost = ControlPose { translation: Vector3::new(bad, 0.0, 0.0), ..ControlPose::REST };
+        let (held, faults) = guard.admit(&vec![lost]);
+        let must = Must::warn("the last pose is held", "held against last pose", 0.0);
+        let off = (held[0].translation - last.translation).amax() + (held[0].matrix - last.matrix).amax();
+        rows.push(row(25, format!("a pose with {bad}"), must, faults.first().map(|(_, fault)| *fault), off));
+        let (again, faults) = guard.admit(&vec![last]);
+        let off = (again[0].translation - last.translation).amax();
+        let must = Must::solve("change of the pose", 0.0);
+        rows.push(row(
+            25,
+            "the same pose again, after it",
+            must,
+            faults.first().map(|(_, fault)| *fault),
+            off,
+        ));
+    }
+    rows
+}
+
+/// Columns about the control elements' own centres keep their digits in single precision wherever the body stands.
+fn far_away() -> Rows {
+    let mut rows = Vec::new();
+    for lengths in [10.0, 1e3, 1e5] {
+        let shift = Vector3::new(2.0 * lengths, 0.0, 0.0);
+        let mut mesh = base()?;
+        mesh.nodes.iter_mut().for_each(|x| *x += shift);
+        let body = Online::new(&Asked::new(mesh).solve()?, shift);
+        // x + w × x has no strain, so that the linear theory answers with it everywhere.
+        let spin = Vector3::new(0.5, 0.0, 0.0).cross_matrix();
+        let pose = |e: usize| ControlPose {
+            translation: spin * body.controls[e].origin,
+            matrix: Matrix3::identity() + spin,
+        };
+        let places = body.follow("linear", std::iter::once(vec![pose(0), pose(1)]));
+        let rigid: Vec<Vector3<f64>> = body.rest.iter().map(|x| x + spin * x).collect();
+        let error = places.first().map_or(f64::NAN, |(places, _)| body.apart(places, &rigid));
+        let must = Must::solve("f32 against the rigid motion", 1e-6);
+        rows.push(row(29, format!("{lengths:.0e} lengths from the origin"), must, None, error));
+    }
+    Ok(rows)
+}
