@@ -8,11 +8,12 @@ use super::session;
 use super::world::World;
 use crate::config::unknown_name;
 use crate::deform::{ControlPose, ControlPoses};
-use crate::green::{self, Needs};
+use crate::green::{self, GreenFile, Needs};
 use crate::report::{self, Limits, Request, measure::poses::random};
 use crate::scene::{Element, Scene, Solver};
 use anyhow::Context;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What accuracy costs in time: every knob's errors and costs as a page, plots, CSV and JSON
 ///
@@ -94,22 +95,35 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     super::print(&format!("{}\n", path.display()))
 }
 
-/// The poses, and one sentence on where they come from.
+/// The poses of an accuracy report, and one sentence on where they come from.
 fn all_poses(
     args: &Args,
     scene: &Scene,
     name: &str,
 ) -> Result<(Vec<(String, ControlPoses)>, String), Failure> {
-    let body = &scene.body[name];
     if let Some(path) = &args.poses {
+        let body = &scene.body[name];
         let file = poses::load(path)?;
         let own = file.iter().filter(|pose| pose.body.as_deref().is_none_or(|body| body == name));
         let own = own.map(|pose| Ok((pose.name.clone(), poses::control_poses(pose, name, body, path)?)));
         return Ok((own.collect::<Result<_, Failure>>()?, format!("the pose file {}", path.display())));
     }
-    if let (None, Some(script)) = (args.seed, render::script(scene, None)?) {
-        let count = if args.quick { QUICK_SCRIPT_POSES } else { SCRIPT_POSES };
-        let file = session::green_file(scene, None)?;
+    scripted_or_random(scene, name, args.seed, args.quick)
+}
+
+/// Moments of the scene's script; without one, or where a seed is given, random poses.
+pub fn scripted_or_random(
+    scene: &Scene,
+    name: &str,
+    seed: Option<u64>,
+    quick: bool,
+) -> Result<(Vec<(String, ControlPoses)>, String), Failure> {
+    if let (None, Some(script)) = (seed, render::script(scene, None)?) {
+        let count = if quick { QUICK_SCRIPT_POSES } else { SCRIPT_POSES };
+        let folder = tempfile::tempdir().map_err(Failure::work)?;
+        let path = folder.path().join("script.green");
+        green::write(&path, &session::precompute(scene, true)?)?;
+        let file = Arc::new(GreenFile::open(&path)?);
         let mut world = World::new(scene, &file, render::stage(scene, None)?)?;
         let mut playback = Playback { script: Some(&script), frames: count, done: 0 };
         let mut taken: Vec<(String, ControlPoses)> = Vec::new();
@@ -127,13 +141,13 @@ fn all_poses(
             return Ok((taken, format!("{count} moments of the scene's script, those at rest left out")));
         }
     }
-    let seed = args.seed.unwrap_or(SEED);
+    let seed = seed.unwrap_or(SEED);
     let mut plain = scene.clone();
     (plain.body[name].element, plain.body[name].solver) = (Element::Tet4, Solver::default());
     let prepared = green::prepare(&plain, name)?;
     let origins: Vec<_> = prepared.controls.iter().map(|control| control.origin).collect();
     let (low, high) = crate::mesh::quality::bounding_box(&prepared.mesh.nodes);
-    let degrees: &[f64] = if args.quick { &QUICK_ANGLES } else { &ANGLES };
+    let degrees: &[f64] = if quick { &QUICK_ANGLES } else { &ANGLES };
     let angles: Vec<f64> = degrees.iter().map(|angle| angle.to_radians()).collect();
     let source = format!(
         "random, seed {seed}: all control elements but the first turn about axes of their own, carried along as by a rod \

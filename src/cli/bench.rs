@@ -42,7 +42,7 @@ pub struct Args {
 const PAPER_NODES: usize = 10_000;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let stage = render::stage(&scene, args.stage.as_deref())?;
     let offline = session::precompute(&scene, true)?;
     let peak_memory = precompute::peak_memory();

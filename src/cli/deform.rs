@@ -52,7 +52,7 @@ struct Deformed {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let poses = poses::load(&args.poses)?;
     let asked: Vec<Asked> =
         poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;

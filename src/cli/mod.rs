@@ -13,6 +13,7 @@ mod inspect;
 mod manual;
 mod pack;
 mod picture;
+mod plan;
 pub mod poses;
 mod precompute;
 mod progress;

@@ -28,7 +28,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = session::online_part(&Scene::load(&args.scene)?)?;
+    let scene = session::online_part(&super::plan::settled(Scene::load(&args.scene)?, args.quiet)?)?;
     if scene.body.is_empty() {
         let path = args.scene.display();
         return super::print(&format!(

@@ -51,7 +51,7 @@ const SHEET_PICTURE: u32 = 400;
 const SHEET_GAP: u32 = 8;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let stage = stage(&scene, args.stage.as_deref())?;
     let script = script(&scene, args.script.as_deref())?;
     let file = session::green_file(&scene, args.green.as_deref())?;

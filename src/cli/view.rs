@@ -74,7 +74,7 @@ fn bindings() -> String {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let stage = render::stage(&scene, args.stage.as_deref())?;
     let script = render::script(&scene, args.script.as_deref())?;
     let file = session::green_file(&scene, args.green.as_deref())?;

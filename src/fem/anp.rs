@@ -12,7 +12,7 @@
 //! W is never negative: the mean's square is at most the squares' mean, so patches take no more from it than elements
 //! would. There are about six times as many tetrahedra as nodes: one constraint a tetrahedron is more than three unknowns a
 //! node can meet, one a node is not. A patch ends where the material does. K couples each node with its neighbours'
-//! neighbours, so it has about four times as many blocks as with [`tet4`](super::tet4).
+//! neighbours, so it has about four times as many blocks as with [`tet4`].
 
 use super::{AssemblyError, Elements, Lame, tet4};
 use crate::mesh::TetMesh;

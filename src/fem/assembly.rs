@@ -21,7 +21,7 @@ pub trait Elements: Sync {
     /// The mesh nodes of one element, no node twice.
     fn nodes(&self, element: usize) -> &[u32];
 
-    /// out[b] = K_ab of one element for its local node `a` and all its local nodes b, N/m.
+    /// `out[b]` = K_ab of one element for its local node `a` and all its local nodes b, N/m.
     fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]);
 }
 

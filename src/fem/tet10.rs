@@ -1,6 +1,6 @@
 //! The quadratic tetrahedron: ten nodes, isoparametric.
 //!
-//! u(x(ξ)) = Σ N_a(ξ) u_a over the same shape functions as x(ξ) = Σ N_a(ξ) x_a ([`quadratic`]), so edges may be curved
+//! u(x(ξ)) = Σ N_a(ξ) u_a over the same shape functions as x(ξ) = Σ N_a(ξ) x_a ([`mod@quadratic`]), so edges may be curved
 //! (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., sections 8.10 and 9.10). Integrals are sums over
 //! points: of a straight element four, which are exact and see all 24 strains of ten nodes; of a curved one eight, exact
 //! to degree 3, as the forces of a constant stress, ∫ ∇N dV, and with them the patch test, need.

@@ -61,6 +61,8 @@ pub struct Precomputed {
     pub storage: Storage,
     pub fingerprint: String,
     pub needs: Needs,
+    /// What its knobs were chosen from; kept in the file.
+    pub plan: Option<serde_json::Value>,
     pub solution: Solution,
 }
 
@@ -74,7 +76,14 @@ pub fn precompute(
     // Taken first: what changes while the body is solved makes the file stale, not silently wrong.
     let fingerprint = super::fingerprint(scene, name, needs)?;
     let solution = solve(scene, name, needs, progress)?;
-    Ok(Precomputed { name: name.to_owned(), storage: scene.body[name].storage, fingerprint, needs, solution })
+    Ok(Precomputed {
+        name: name.to_owned(),
+        storage: scene.body[name].storage,
+        fingerprint,
+        needs,
+        plan: scene.body[name].plan.clone(),
+        solution,
+    })
 }
 
 /// Solves all basis fields of body `name` over all nodes, in f64.

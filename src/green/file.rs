@@ -1,8 +1,9 @@
 //! The .green file: a safetensors container, written atomically, mapped into memory, checked by hash.
 //!
-//! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, per control element
-//! `basis/NAME` [12, nodes, 3], `scale/NAME` [12] where the basis is stored scaled, and `control/NAME` (its surface nodes), and `stiffness` where it is needed. The
-//! metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the file as it is.
+//! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, per control element `basis/NAME`
+//! (12 × nodes × 3), `scale/NAME` (12) where the basis is stored scaled, and `control/NAME` (its surface nodes), and
+//! `stiffness` where it is needed. The metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the
+//! file as it is.
 
 use super::{Basis, FIELDS, GreenError, Needs, Precomputed, Stored};
 use crate::mesh::{self, quality};
@@ -47,6 +48,9 @@ pub struct BodyMeta {
     pub surface_triangles: usize,
     pub controls: Vec<ControlMeta>,
     pub accuracy: Accuracy,
+    /// What was measured to choose the body's knobs, where the scene asks for an accuracy or a budget.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<serde_json::Value>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,6 +120,8 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
         meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
     }
     let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(failed)?;
     mesh::write_atomically(path, |file| file.write_all(&bytes)).map_err(failed)?;
     Ok(bytes.len() as u64)
 }
@@ -178,6 +184,7 @@ fn body_meta(body: &Precomputed, columns: &[Stored]) -> BodyMeta {
         surface_nodes: solution.surface.nodes.len(),
         surface_triangles: solution.surface.triangles.len(),
         controls,
+        plan: body.plan.clone(),
         accuracy: Accuracy {
             solver: solution.stats.method.clone(),
             residual: solution.stats.worst_residual(),

@@ -113,7 +113,7 @@ pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<S
     Ok(encoded.lost)
 }
 
-/// Writes a file beside its place, syncs and renames it: it is there whole or not at all. Makes its folder.
+/// Writes a file beside its place, syncs and renames it: it is there whole or not at all.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut std::fs::File) -> std::io::Result<()>,
@@ -122,7 +122,6 @@ pub fn write_atomically(
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    std::fs::create_dir_all(folder)?;
     let mut file = builder.prefix(".greenstage-").tempfile_in(folder)?;
     write(file.as_file_mut())?;
     file.as_file().sync_all()?;

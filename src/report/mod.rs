@@ -4,6 +4,7 @@
 //! self-contained page (HTML).
 
 pub mod measure;
+pub mod plan;
 
 pub use measure::{Limits, MeasureError, Request, measure};
 

@@ -3,9 +3,11 @@
 //! In: a strict TOML file. Out: a checked [`Scene`]; meshes and node selections are loaded from it on demand.
 //! Names of models and effects are checked where their lists stand, in `deform` and `effect`.
 
+mod demand;
 mod load;
 mod select;
 
+pub use demand::{Accuracy, Budget, Demand};
 pub use select::Nodes;
 
 use crate::config::{self, ConfigError};
@@ -75,6 +77,13 @@ pub struct Body {
     pub storage: Storage,
     #[serde(default)]
     pub solver: Solver,
+    /// Errors that must not be exceeded; element, refinement, storage, solver and model are then chosen by measuring.
+    pub accuracy: Option<Accuracy>,
+    /// Costs that must not be exceeded; or else `accuracy`.
+    pub budget: Option<Budget>,
+    /// What the knobs were chosen from; no key of the file.
+    #[serde(skip)]
+    pub plan: Option<serde_json::Value>,
     /// In the order of the file, which is the order of all results.
     pub control: IndexMap<String, Control>,
     /// Where the body stands in the room; absent: fitted into the stage's workspace.
@@ -277,6 +286,7 @@ impl Scene {
             );
             return Err(self.invalid(&format!("{entity}.solver"), message));
         }
+        demand::check(body).map_err(|(key, message)| self.invalid(&format!("{entity}{key}"), message))?;
         if body.control.is_empty() {
             return Err(self.invalid(
                 &entity,

@@ -64,6 +64,7 @@ fn run(
         fingerprint: String::new(),
         needs,
         storage: scene.body[body].storage,
+        plan: None,
         solution,
     };
     let path = folder.join("effects.green");

@@ -30,7 +30,7 @@ impl Random {
 
 /// One pose for each of `angles` (rad): every control element but the first turns by that angle about an axis of its
 /// own and comes to stand where a rod of constant curvature and twist from the first one would carry it,
-/// T = ∫₀¹ exp(s θ [a]) ds d - d with d the way between their origins at rest, moved on by up to `play` (m).
+/// T = ∫₀¹ exp(s θ a×) ds d - d with d the way between their origins at rest, moved on by up to `play` (m).
 pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) -> Vec<(String, ControlPoses)> {
     let mut random = Random(seed);
     angles
@@ -51,7 +51,7 @@ pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) ->
         .collect()
 }
 
-/// ∫₀¹ exp(s θ [a]) ds = I + (1 - cos θ)/θ [a] + (1 - sin θ/θ) [a]².
+/// ∫₀¹ exp(s θ a×) ds = I + (1 - cos θ)/θ a× + (1 - sin θ/θ) (a×)².
 fn mean_rotation(axis: &UnitVector3<f64>, angle: f64) -> Matrix3<f64> {
     let cross = axis.cross_matrix();
     if angle.abs() < 1e-9 {

@@ -367,8 +367,14 @@ fn written(
     if !needs.stiffness {
         (solution.stiffness, solution.asymmetry) = (None, None);
     }
-    let precomputed =
-        Precomputed { name: request.body.to_owned(), fingerprint: String::new(), storage, needs, solution };
+    let precomputed = Precomputed {
+        name: request.body.to_owned(),
+        fingerprint: String::new(),
+        storage,
+        needs,
+        plan: None,
+        solution,
+    };
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
     let io = |source| MeasureError::Io { path: path.clone(), source };
     let bytes = std::fs::read(&path).map_err(io)?;
