@@ -16,12 +16,12 @@ mod precompute;
 mod progress;
 mod render;
 mod session;
-mod table;
 mod view;
 mod world;
 
 pub use failure::Failure;
 
+use crate::report::table;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 

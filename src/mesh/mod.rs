@@ -108,7 +108,7 @@ pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<S
     Ok(encoded.lost)
 }
 
-fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     use std::io::Write;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
