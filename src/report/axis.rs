@@ -2,8 +2,9 @@
 
 use super::units::Unit;
 
-/// Room at the low end of a logarithmic axis for values of exactly zero, pixels.
+/// Room at the low end of a logarithmic axis for values of exactly zero, pixels, and for those below a floor.
 const ZERO_BAND: f64 = 26.0;
+const FLOOR_BAND: f64 = 60.0;
 /// What logarithms are taken of.
 const SMALLEST: f64 = 1e-300;
 const LARGEST: f64 = 1e300;
@@ -31,7 +32,7 @@ pub struct Tick {
 }
 
 impl Axis {
-    /// An axis that shows all `values` (finite, not negative), with room on both sides: 12 % of the decades, or, where
+    /// An axis that shows all `values` (finite, not negative), with room on both sides: 16 % of the decades, or, where
     /// they are all equal, a factor of two. A linear axis begins at zero.
     pub fn new(values: &[f64], unit: Unit, logarithmic: bool, from: f64, to: f64) -> Axis {
         let above = |least: f64| values.iter().copied().filter(move |&v| v > least);
@@ -43,7 +44,7 @@ impl Axis {
         let zeros = above(-1.0).any(|v| v == 0.0);
         let highest = if highest > 0.0 { highest.clamp(SMALLEST, LARGEST) } else { 1.0 };
         let lowest = above(0.0).fold(highest, f64::min).clamp(SMALLEST, highest);
-        let room = (0.06 * (highest / lowest).log10()).max(0.15).min(1.0);
+        let room = (0.08 * (highest.log10() - lowest.log10())).clamp(0.15, 1.0);
         let low = (lowest / 10_f64.powf(room)).max(SMALLEST);
         let high = (highest * 10_f64.powf(room)).min(10.0 * LARGEST);
         let start = if zeros { from + ZERO_BAND * (to - from).signum() } else { from };
@@ -54,7 +55,9 @@ impl Axis {
     /// The axis of what is at least `floor`; everything below stands at the place of zero.
     pub fn above(floor: f64, values: &[f64], unit: Unit, from: f64, to: f64) -> Axis {
         let values: Vec<f64> = values.iter().map(|&v| if v < floor { 0.0 } else { v }).collect();
-        Axis { floor, ..Axis::new(&values, unit, true, from, to) }
+        let wide = (FLOOR_BAND - ZERO_BAND) * (to - from).signum();
+        let start = if floor > 0.0 && values.contains(&0.0) { from + wide } else { from };
+        Axis { floor, ..Axis::new(&values, unit, true, start, to) }
     }
 
     /// The pixel of a value; what lies beyond the ends stands at them.
@@ -63,11 +66,15 @@ impl Axis {
             return zero;
         }
         let share = if self.logarithmic {
-            (value.max(SMALLEST) / self.low).log10() / (self.high / self.low).log10()
+            (value.max(SMALLEST).log10() - self.low.log10()) / self.decades()
         } else {
             (value - self.low) / (self.high - self.low)
         };
         self.from + share.clamp(0.0, 1.0) * (self.to - self.from)
+    }
+
+    fn decades(&self) -> f64 {
+        self.high.log10() - self.low.log10()
     }
 
     /// Ascending, inside the axis; 2 to 12 of them with labels, all different.
@@ -80,7 +87,7 @@ impl Axis {
                 None => linear(self.low, self.high),
             });
         }
-        let decades = (self.high / self.low).log10();
+        let decades = self.decades();
         if decades < 3.0 {
             for mantissas in [&[1.0, 2.0, 5.0][..], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]] {
                 let values = self.products(mantissas);
@@ -101,7 +108,9 @@ impl Axis {
             let label = if exponent.rem_euclid(stride) == 0 { self.unit.text(value) } else { String::new() };
             Tick { value, label }
         };
-        (first..=last).map(tick).filter(|tick| tick.value >= self.low && tick.value <= self.high).collect()
+        let inside = |tick: &Tick| tick.value >= self.low && tick.value <= self.high;
+        let shown = |tick: &Tick| inside(tick) && (stride <= 3 || !tick.label.is_empty());
+        (first..=last).map(tick).filter(shown).collect()
     }
 
     fn labelled(&self, values: Vec<f64>) -> Vec<Tick> {
@@ -150,9 +159,18 @@ mod tests {
     #[test]
     fn decades_and_what_lies_between() {
         assert_eq!(labels(&[2e-7, 3e-3], Unit::Ratio), ["10⁻⁷", "10⁻⁶", "10⁻⁵", "10⁻⁴", "10⁻³"]);
-        assert_eq!(labels(&[4e-5, 1e-4], Unit::Seconds), ["30 µs", "40 µs", "50 µs", "60 µs", "70 µs", "80 µs", "90 µs", "100 µs"]);
-        assert_eq!(labels(&[2e3, 4e5], Unit::Bytes), ["2 kB", "5 kB", "10 kB", "20 kB", "50 kB", "100 kB", "200 kB", "500 kB"]);
-        assert_eq!(labels(&[1e-16, 1.0], Unit::Ratio), ["10⁻¹⁶", "10⁻¹⁴", "10⁻¹²", "10⁻¹⁰", "10⁻⁸", "10⁻⁶", "10⁻⁴", "10⁻²", "1"]);
+        assert_eq!(
+            labels(&[4e-5, 1e-4], Unit::Seconds),
+            ["30 µs", "40 µs", "50 µs", "60 µs", "70 µs", "80 µs", "90 µs", "100 µs"]
+        );
+        assert_eq!(
+            labels(&[2e3, 4e5], Unit::Bytes),
+            ["2 kB", "5 kB", "10 kB", "20 kB", "50 kB", "100 kB", "200 kB", "500 kB"]
+        );
+        assert_eq!(
+            labels(&[3e-15, 1.0], Unit::Ratio),
+            ["10⁻¹⁴", "10⁻¹²", "10⁻¹⁰", "10⁻⁸", "10⁻⁶", "10⁻⁴", "10⁻²", "1"]
+        );
     }
 
     #[test]

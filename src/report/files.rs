@@ -68,8 +68,8 @@ pub fn read(path: &Path) -> Result<Report, ReportError> {
         schema: u32,
     }
     let json = |source| ReportError::Json { path: path.to_owned(), source };
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| ReportError::Io { path: path.to_owned(), source })?;
+    let text =
+        std::fs::read_to_string(path).map_err(|source| ReportError::Io { path: path.to_owned(), source })?;
     let Version { schema } = serde_json::from_str(&text).map_err(json)?;
     if schema != SCHEMA {
         return Err(ReportError::Schema { path: path.to_owned(), found: schema });

@@ -144,19 +144,14 @@ fn beside(wish: &Wish, [dx, dy]: [f64; 2], radius: f64) -> Rect {
 }
 
 /// Pixels of distance that covering all this is worth.
-fn covered(
-    i: usize,
-    rect: &Rect,
-    wishes: &[Wish],
-    placed: &[Option<Rect>],
-    obstacles: &Obstacles,
-) -> f64 {
+fn covered(i: usize, rect: &Rect, wishes: &[Wish], placed: &[Option<Rect>], obstacles: &Obstacles) -> f64 {
     let leader = [wishes[i].at, rect.nearest(wishes[i].at)];
     let points = obstacles.points.iter().filter(|p| Rect::around(**p, MARKER).overlaps(rect)).count();
     let lines = obstacles.lines.iter().filter(|line| rect.meets(**line)).count();
     let own = |p: &&[f64; 2]| (p[0] - wishes[i].at[0]).hypot(p[1] - wishes[i].at[1]) > 2.0 * MARKER;
-    let passed = obstacles.points.iter().filter(own).filter(|p| Rect::around(**p, MARKER - 2.0).meets(leader));
-    let mut cost = 25.0 * points as f64 + 14.0 * lines as f64 + 20.0 * passed.count() as f64;
+    let passed =
+        obstacles.points.iter().filter(own).filter(|p| Rect::around(**p, MARKER - 2.0).meets(leader));
+    let mut cost = 25.0 * points as f64 + 14.0 * lines as f64 + 40.0 * passed.count() as f64;
     for (j, other) in placed.iter().enumerate().filter(|(j, _)| *j != i) {
         let Some(other) = other else {
             continue;
@@ -169,9 +164,8 @@ fn covered(
 }
 
 fn crosses([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> bool {
-    let side = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
-        (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-    };
+    let side =
+        |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
     side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
 }
 

@@ -33,8 +33,9 @@ pub fn shortened(text: &str, most: usize) -> String {
 /// Width of `text` in pixels at font size `size`, no less than common sans serif fonts need.
 pub fn width(text: &str, size: f64) -> f64 {
     let share = |c: char| match c {
-        'i' | 'j' | 'l' | '.' | ',' | '\'' | '|' | ':' | ';' | '!' | '·' => 0.32,
-        'f' | 't' | 'r' | ' ' | '(' | ')' | '/' | '-' | '⁻' | '¹' => 0.41,
+        'i' | 'j' | 'l' | '.' | ',' | '\'' | '|' | ':' | ';' | '!' | '·' | ' ' => 0.33,
+        'c' | 's' | 'k' | 'v' | 'x' | 'y' | 'z' => 0.59,
+        'f' | 't' | 'r' | '(' | ')' | '/' | '-' | '⁻' | '¹' => 0.41,
         '⁰' | '²'..='³' | '⁴'..='⁹' => 0.42,
         'm' | 'w' | 'M' | 'W' | '%' | '@' | '—' | '…' => 0.97,
         'A'..='Z' => 0.72,

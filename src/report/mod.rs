@@ -21,11 +21,10 @@ pub mod table;
 mod tables;
 mod units;
 
-pub use answer::{Currency, FILE, OFFLINE, ONLINE, answers, cheapest, ladder};
+pub use answer::{CURRENCIES, Currency, FILE, OFFLINE, ONLINE, answers, cheapest, ladder};
 pub use files::{ReportError, read, write};
 pub use page::page;
 pub use panels::panels;
-pub use pareto::on_front;
 pub use plot::Picture;
 pub use summary::summary;
 
@@ -95,7 +94,7 @@ impl Setting {
 
 impl std::fmt::Display for Setting {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.knobs().join(", "))
+        f.write_str(&self.knobs().join(" · "))
     }
 }
 

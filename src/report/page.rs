@@ -64,7 +64,8 @@ pub fn page(report: &Report, pictures: &[Picture]) -> String {
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\"/>\n\
          <title>{title}</title>\n<style>\n{}{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n{}</main>\n</body>\n</html>\n",
         include_str!("page.css"),
-        body.concat(),
+        // A dot between knobs stays at the end of a line.
+        body.concat().replace(" · ", "\u{a0}· "),
         title = escape(&title),
     )
 }
@@ -79,7 +80,7 @@ fn heading(text: &str) -> String {
 
 fn answer(report: &Report) -> String {
     let lead = format!(
-        "An elastic body was computed with {} settings of mesh, element, solver, storage and model. Each was timed, \
+        "An elastic body was computed with {} choices of mesh, element, solver, storage and model. Each was timed \
          and compared with a reference that is far more accurate. This page says what each per cent costs.",
         report.rows.len()
     );
@@ -109,9 +110,13 @@ fn measured(report: &Report) -> String {
             facts.push_str(&format!("<dt>{name}</dt><dd>{}</dd>\n", lines.join("<br/>")));
         }
     };
-    let size = format!("{}, largest extent {}, of the scene {}", report.body, Unit::Metres.text(report.size), report.scene);
-    fact("Body", &[size]);
-    fact("", &report.about);
+    let size = format!(
+        "{}, largest extent {}, of the scene {}",
+        report.body,
+        Unit::Metres.text(report.size),
+        report.scene
+    );
+    fact("Body", &[&[size], report.about.as_slice()].concat());
     fact("Poses", &[format!("{} ({}): {}", report.poses.len(), report.pose_source, report.poses.join(", "))]);
     fact("Measured against", &report.references);
     fact("Machine", std::slice::from_ref(&report.machine));
@@ -122,17 +127,22 @@ fn measured(report: &Report) -> String {
 fn plots(report: &Report, pictures: &[Picture]) -> String {
     let mut text = String::new();
     for picture in pictures {
-        let (_, head, reading) = READING.iter().find(|(name, ..)| *name == picture.name).unwrap_or(&("", "", ""));
+        let (_, head, reading) =
+            READING.iter().find(|(name, ..)| *name == picture.name).unwrap_or(&("", "", ""));
         if !head.is_empty() {
             text += &heading(head);
         }
         let here = says(report, picture.name);
         let here = if here.is_empty() { here } else { format!(" <strong>Here:</strong> {}", escape(&here)) };
-        text += &format!("<figure>\n{}<figcaption>{}{here}</figcaption>\n</figure>\n", picture.inline(), escape(reading));
+        text += &format!(
+            "<figure>\n{}<figcaption>{}{here}</figcaption>\n</figure>\n",
+            picture.inline(),
+            escape(reading)
+        );
         if picture.name == "online" {
             text += &paragraph(
-                "The settings worth their time: each is the cheapest online that has at most nine tenths of the \
-                 error of the one above.",
+                "The settings worth their online time, which the plot labels: each costs more than the one above, \
+                 and has at most nine tenths of its error.",
             );
             text += &tables::rungs(&report.rows);
         }
@@ -144,7 +154,9 @@ fn all_tables(report: &Report) -> String {
     let mut text = String::new();
     if !report.models.is_empty() {
         text += &heading("Models, pose by pose");
-        text += &paragraph("Relative L2 error, and the largest error of a displacement; the least in each pose is bold.");
+        text += &paragraph(
+            "Relative L2 error, and the largest error of a displacement; the least in each pose is bold.",
+        );
         text += &tables::models(report);
     }
     if !report.smooth.is_empty() {
@@ -153,7 +165,9 @@ fn all_tables(report: &Report) -> String {
     }
     if !report.effects.is_empty() {
         text += &heading("Effects");
-        text += &paragraph("What each effect costs on top. An effect that the scene does not list costs nothing: the zeros are measured too.");
+        text += &paragraph(
+            "What each effect costs on top. An effect that the scene does not list costs nothing: the zeros are measured too.",
+        );
         text += &tables::effects(report);
     }
     text += &heading("Every setting");
@@ -162,7 +176,10 @@ fn all_tables(report: &Report) -> String {
          of its costs is. The numbers are in accuracy.csv and accuracy.json beside this page.",
     );
     let count = report.rows.len();
-    text += &format!("<details>\n<summary>Costs of all {count} settings</summary>\n{}</details>\n", tables::costs(&report.rows));
+    text += &format!(
+        "<details>\n<summary>Costs of all {count} settings</summary>\n{}</details>\n",
+        tables::costs(&report.rows)
+    );
     text += &format!(
         "<details>\n<summary>Errors of all {count} settings</summary>\n{}{}</details>\n",
         paragraph("Median of the poses / worst pose. The largest part is bold. –: not measured."),

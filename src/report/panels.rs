@@ -3,8 +3,7 @@
 use super::answer::{ONLINE, ladder, limit};
 use super::pareto;
 use super::plot::{Picture, Plot, Point, Scale};
-use super::table::{bytes, seconds};
-use super::units::{Unit, relative};
+use super::units::{Unit, bytes, relative, seconds};
 use super::{Errors, PARTS, Report, Row, Setting, Spread, smooth_panels, split};
 
 /// The stems of all files that plots/ may hold.
@@ -47,11 +46,12 @@ pub fn naming(settings: &[&Setting]) -> (Vec<String>, String) {
         (0..4).filter(|&k| varies[k] == which).map(|k| of[k].clone()).collect()
     };
     let shared = knobs.first().map(|of| chosen(of, false)).unwrap_or_default();
-    let names = knobs.iter().map(|of| if shared.len() == 4 { of.join(", ") } else { chosen(of, true).join(", ") });
+    let names =
+        knobs.iter().map(|of| if shared.len() == 4 { of.join(" · ") } else { chosen(of, true).join(" · ") });
     let note = if shared.is_empty() || shared.len() == 4 {
         String::new()
     } else {
-        format!("In every labelled setting: {}.", shared.join(", "))
+        format!("In every labelled setting: {}.", shared.join(" · "))
     };
     (names.collect(), note)
 }
@@ -152,7 +152,8 @@ fn mesh(rows: &[Row]) -> Plot {
     Plot {
         name: "mesh",
         title: "What the mesh and the element cost, and what they bring".into(),
-        note: "h/2: the scene's mesh refined once. The fastest solver that adds no more than a hundredth.".into(),
+        note: "h/2: the scene's mesh refined once. The fastest solver that adds no more than a hundredth."
+            .into(),
         x: time("offline time"),
         y: ratio("discretisation error, relative L2 (median of the poses)"),
         series: elements.iter().map(|element| (*element).clone()).collect(),
@@ -223,10 +224,11 @@ fn by_mesh(rows: &[Row], knob: &Knob) -> (Vec<Point>, Vec<String>, Vec<Vec<usize
 
 /// "pcg 1e-10" after "pcg 1e-4": words by their text, the number at their end downwards.
 pub fn by_number(a: &str, b: &str) -> std::cmp::Ordering {
-    let split = |text: &str| match text.rsplit_once(' ').map(|(head, tail)| (head.to_owned(), tail.parse::<f64>())) {
-        Some((head, Ok(number))) => (head, number),
-        _ => (text.to_owned(), 0.0),
-    };
+    let split =
+        |text: &str| match text.rsplit_once(' ').map(|(head, tail)| (head.to_owned(), tail.parse::<f64>())) {
+            Some((head, Ok(number))) => (head, number),
+            _ => (text.to_owned(), 0.0),
+        };
     let ((a, x), (b, y)) = (split(a), split(b));
     a.cmp(&b).then(y.total_cmp(&x))
 }
@@ -243,7 +245,8 @@ fn storage(rows: &[Row]) -> Plot {
     Plot {
         name: "storage",
         title: "What the storage of the columns costs".into(),
-        note: "A thin line joins the storages of one mesh; filled: nothing else on that mesh beats it.".into(),
+        note: "A thin line joins the storages of one mesh; filled: nothing else on that mesh beats it."
+            .into(),
         x: Scale { label: "size of the .green file".into(), unit: Unit::Bytes, logarithmic: true },
         y: ratio("storage error, relative L2 (median of the poses)"),
         series,
@@ -290,7 +293,13 @@ fn models(report: &Report) -> Plot {
             series: models.iter().position(|model| **model == of.model).unwrap_or(0),
             strong: true,
             label: None,
-            tip: format!("{}, pose {}: {} at {:.1}°", of.model, of.pose, relative(of.error), of.rotation.to_degrees()),
+            tip: format!(
+                "{}, pose {}: {} at {:.1}°",
+                of.model,
+                of.pose,
+                relative(of.error),
+                of.rotation.to_degrees()
+            ),
         })
         .collect();
     let line = |series: usize| {
@@ -302,7 +311,11 @@ fn models(report: &Report) -> Plot {
         name: "models",
         title: "How wrong the models are by how far the body turns".into(),
         note: "Against the converged nonlinear solution on the same mesh: the model's error alone.".into(),
-        x: Scale { label: "largest local rotation of the pose".into(), unit: Unit::Degrees, logarithmic: false },
+        x: Scale {
+            label: "largest local rotation of the pose".into(),
+            unit: Unit::Degrees,
+            logarithmic: false,
+        },
         y: ratio("model error, relative L2"),
         series: models.iter().map(|model| (*model).clone()).collect(),
         lines: (0..models.len()).map(line).collect(),

@@ -2,7 +2,7 @@
 
 /// Whether each point `[cost, error]` is on the front: no other has neither larger and one of them smaller. Equal
 /// points are on it together. Coordinates are no NaN.
-pub fn on_front(points: &[[f64; 2]]) -> Vec<bool> {
+fn on_front(points: &[[f64; 2]]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     // -0.0 + 0.0 is 0.0: the order of `total_cmp` is then that of `<`.
     let key = |i: usize, axis: usize| points[i][axis] + 0.0;
@@ -43,8 +43,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn by_definition(points: &[[f64; 2]]) -> Vec<bool> {
-        let beats =
-            |a: &[f64; 2], b: &[f64; 2]| a[0] <= b[0] && a[1] <= b[1] && (a[0] < b[0] || a[1] < b[1]);
+        let beats = |a: &[f64; 2], b: &[f64; 2]| a[0] <= b[0] && a[1] <= b[1] && (a[0] < b[0] || a[1] < b[1]);
         points.iter().map(|point| !points.iter().any(|other| beats(other, point))).collect()
     }
 

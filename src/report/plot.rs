@@ -105,15 +105,28 @@ pub fn marker(series: usize, [x, y]: [f64; 2], r: f64) -> String {
         4 => polygon(&[[0.0, 1.15], [1.05, -0.75], [-1.05, -0.75]]),
         5 => polygon(&[[0.55, -1.0], [1.1, 0.0], [0.55, 1.0], [-0.55, 1.0], [-1.1, 0.0], [-0.55, -1.0]]),
         _ => polygon(&[
-            [-0.38, -1.1], [0.38, -1.1], [0.38, -0.38], [1.1, -0.38], [1.1, 0.38], [0.38, 0.38],
-            [0.38, 1.1], [-0.38, 1.1], [-0.38, 0.38], [-1.1, 0.38], [-1.1, -0.38], [-0.38, -0.38],
+            [-0.38, -1.1],
+            [0.38, -1.1],
+            [0.38, -0.38],
+            [1.1, -0.38],
+            [1.1, 0.38],
+            [0.38, 0.38],
+            [0.38, 1.1],
+            [-0.38, 1.1],
+            [-0.38, 0.38],
+            [-1.1, 0.38],
+            [-1.1, -0.38],
+            [-0.38, -0.38],
         ]),
     }
 }
 
 pub fn text(at: [f64; 2], anchor: &str, class: &str, words: &str) -> String {
     let [x, y] = at;
-    format!("<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>\n", escape(words))
+    format!(
+        "<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>\n",
+        escape(words)
+    )
 }
 
 pub fn line(class: &str, [a, b]: [[f64; 2]; 2]) -> String {
@@ -151,6 +164,11 @@ pub fn ticks(axis: &Axis, vertical: bool, across: [f64; 2]) -> String {
     };
     let room = |label: &str| if vertical { FONT } else { width(label, FONT) + 4.0 };
     let mut last: Option<(f64, f64)> = None;
+    if let Some(zero) = axis.zero {
+        let label = if axis.floor > 0.0 { format!("< {}", axis.unit.text(axis.floor)) } else { "0".into() };
+        mark(zero, "gs-goal", &label);
+        last = Some((zero, 0.5 * room(&label)));
+    }
     for tick in axis.ticks() {
         let at = axis.at(tick.value);
         let half = 0.5 * room(&tick.label);
@@ -159,10 +177,6 @@ pub fn ticks(axis: &Axis, vertical: bool, across: [f64; 2]) -> String {
         if free && !tick.label.is_empty() {
             last = Some((at, half));
         }
-    }
-    if let Some(zero) = axis.zero {
-        let label = if axis.floor > 0.0 { format!("< {}", axis.unit.text(axis.floor)) } else { "0".into() };
-        mark(zero, "gs-goal", &label);
     }
     drawn
 }
@@ -239,7 +253,8 @@ impl Plot {
     fn marks(&self, at: &[[f64; 2]], y: &Axis, steps: &str) -> String {
         let mut drawn = String::new();
         for of in self.lines.iter().filter(|of| of.len() > 1) {
-            let corners: Vec<String> = of.iter().map(|&i| format!("{:.1} {:.1}", at[i][0], at[i][1])).collect();
+            let corners: Vec<String> =
+                of.iter().map(|&i| format!("{:.1} {:.1}", at[i][0], at[i][1])).collect();
             let series = self.points[of[0]].series;
             let one = of.iter().all(|&i| self.points[i].series == series);
             let class = if one { format!("gs-thin gs-s{}", series % 7) } else { "gs-leader".into() };
@@ -255,7 +270,10 @@ impl Plot {
             let mut shape = marker(point.series, at[i], size);
             if point.y == 0.0 && self.y.logarithmic {
                 let [px, py] = at[i];
-                shape += &format!("<path class=\"gs-s{colour}\" fill=\"none\" d=\"M{px:.1} {:.1}v7m-3 -3l3 3l3 -3\"/>", py + 4.5);
+                shape += &format!(
+                    "<path class=\"gs-s{colour}\" fill=\"none\" d=\"M{px:.1} {:.1}v7m-3 -3l3 3l3 -3\"/>",
+                    py + 4.5
+                );
             }
             let title = escape(&point.tip);
             format!("<g class=\"{class}\"><title>{title}</title>{shape}</g>\n")
@@ -281,7 +299,8 @@ impl Plot {
             let [a, b] = triangle.x.map(|h| x.at(h));
             let right = y.at(triangle.y);
             let left = y.at(triangle.y * (triangle.x[0] / triangle.x[1]).powf(triangle.rate));
-            drawn += &format!("<path class=\"gs-slope\" d=\"M{a:.1} {left:.1}L{b:.1} {right:.1}V{left:.1}Z\"/>\n");
+            drawn +=
+                &format!("<path class=\"gs-slope\" d=\"M{a:.1} {left:.1}L{b:.1} {right:.1}V{left:.1}Z\"/>\n");
             lines.extend([[[a, left], [b, right]], [[b, right], [b, left]], [[a, left], [b, left]]]);
             let rate = super::units::digits(triangle.rate, 2);
             drawn += &text([b + 5.0, 0.5 * (left + right) + 4.0], "start", "gs-muted", &rate);
@@ -297,7 +316,8 @@ impl Plot {
             .iter()
             .map(|(label, at)| Wish { at: *at, width: width(label, FONT), height: LINE })
             .collect();
-        let inside = Rect { x: area.x + 3.0, y: area.y + 3.0, width: area.width - 6.0, height: area.height - 6.0 };
+        let inside =
+            Rect { x: area.x + 3.0, y: area.y + 3.0, width: area.width - 6.0, height: area.height - 6.0 };
         let placed = place(&wishes, &Obstacles { points: at.to_vec(), lines }, inside);
         let mut leaders = String::new();
         let mut words = String::new();

@@ -2,8 +2,7 @@
 
 use super::answer::{ONLINE, ladder};
 use super::panels::{by_number, distinct, fastest_on_each_mesh};
-use super::table::{bytes, seconds};
-use super::units::{digits, relative, times};
+use super::units::{digits, relative, seconds, times};
 use super::{PARTS, Report, Row, Setting, SmoothRow};
 
 /// For the plot of this name; empty where there is nothing to say.
@@ -36,8 +35,9 @@ fn online(rows: &[Row]) -> String {
         return String::new();
     };
     let (cheap, best) = (&rows[first], &rows[last]);
-    let end =
-        |row: &Row| format!("{} ({}, {})", row.setting, seconds(row.cost.frame_p50_s), relative(row.error.total.median));
+    let end = |row: &Row| {
+        format!("{} ({}, {})", row.setting, seconds(row.cost.frame_p50_s), relative(row.error.total.median))
+    };
     if first == last {
         return format!("{} is the cheapest and, to a tenth, the most accurate.", end(cheap));
     }
@@ -66,15 +66,16 @@ fn limits(rows: &[Row], what: &str) -> String {
     if counts.is_empty() {
         return String::new();
     }
-    format!("Of the {} {what} the largest part is {}.", rows.len(), listed(&counts))
+    format!("Of {} {what} the largest part is {}.", rows.len(), listed(&counts))
 }
 
 fn mesh(rows: &[Row]) -> String {
     let chosen = fastest_on_each_mesh(rows);
     let told = distinct(chosen.iter().map(|row| &row.setting.element)).into_iter().map(|element| {
         let of: Vec<&&Row> = chosen.iter().filter(|row| row.setting.element == *element).collect();
-        let end =
-            |row: &Row| format!("{} in {}", relative(row.error.discretisation.median), seconds(row.cost.offline_s));
+        let end = |row: &Row| {
+            format!("{} in {}", relative(row.error.discretisation.median), seconds(row.cost.offline_s))
+        };
         match of[..] {
             [first, .., last] => format!("{element} goes from {} to {}", end(first), end(last)),
             [one] => format!("{element} has {}", end(one)),
@@ -117,14 +118,14 @@ fn knob(rows: &[Row], told: &Told) -> String {
     let say = |position: &&String| {
         let of: Vec<&Row> = rows.iter().filter(|row| (told.of)(&row.setting) == *position).collect();
         let error = of.iter().map(|row| (told.error)(row)).fold(0.0, f64::max);
-        let mut ratios: Vec<f64> = of.iter().map(|row| (told.cost)(row) / least(row)).collect();
-        ratios.sort_by(f64::total_cmp);
-        let range = match (ratios.first(), ratios.last()) {
-            (Some(a), Some(b)) if times(*a) != times(*b) => format!("{} to {}", times(*a), times(*b)),
-            (Some(a), _) => times(*a),
-            _ => String::new(),
+        let ratios = of.iter().map(|row| (told.cost)(row) / least(row)).filter(|ratio| ratio.is_finite());
+        let (low, high) = ratios.fold((f64::INFINITY, 0.0_f64), |(a, b), ratio| (a.min(ratio), b.max(ratio)));
+        let range = match (times(low), times(high)) {
+            _ if low > high => String::new(),
+            (low, high) if low == high => format!(", {low} {}", told.unit),
+            (low, high) => format!(", {low} to {high} {}", told.unit),
         };
-        format!("{position}: error at most {}, {range} {}", relative(error), told.unit)
+        format!("{position}: error at most {}{range}", relative(error))
     };
     format!("{}.", positions.iter().map(say).collect::<Vec<_>>().join("; "))
 }
@@ -161,13 +162,4 @@ fn smooth(rows: &[SmoothRow], rate: fn(&SmoothRow) -> Option<f64>, norm: usize) 
         return "One refinement has no slope.".into();
     }
     format!("Fitted slopes: {}.", listed(&told))
-}
-
-/// "1.2 MB", and nothing for nothing.
-pub fn some_bytes(count: f64) -> String {
-    if count == 0.0 { "0".into() } else { bytes(count) }
-}
-
-pub fn some_seconds(s: f64) -> String {
-    if s == 0.0 { "0".into() } else { seconds(s) }
 }

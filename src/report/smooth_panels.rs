@@ -3,15 +3,20 @@
 use super::SmoothRow;
 use super::panels::distinct;
 use super::plot::{Plot, Point, Scale, Triangle};
-use super::units::{Unit, digits, relative};
+use super::units::{Unit, relative};
 
 /// One plot for the L2 error, one for the energy norm.
 pub fn plots(rows: &[SmoothRow]) -> [Plot; 2] {
     [
         plot(rows, 0, "smooth-l2", "Smooth problem: L2 error against h", |row| row.l2, |row| row.l2_rate),
-        plot(rows, 1, "smooth-energy", "Smooth problem: energy error against h", |row| row.energy, |row| {
-            row.energy_rate
-        }),
+        plot(
+            rows,
+            1,
+            "smooth-energy",
+            "Smooth problem: energy error against h",
+            |row| row.energy,
+            |row| row.energy_rate,
+        ),
     ]
 }
 
@@ -24,6 +29,10 @@ fn plot(
     rate: fn(&SmoothRow) -> Option<f64>,
 ) -> Plot {
     let elements = distinct(rows.iter().map(|row| &row.element));
+    let slope = |element: &String| {
+        let fitted = rows.iter().filter(|row| row.element == *element).find_map(rate);
+        fitted.map_or_else(|| element.clone(), |r| format!("{element}: slope {r:.2}"))
+    };
     let mut points = Vec::new();
     let mut lines = Vec::new();
     for (series, element) in elements.iter().enumerate() {
@@ -31,15 +40,14 @@ fn plot(
         of.sort_by(|a, b| a.h.total_cmp(&b.h));
         let first = points.len();
         lines.push((first..first + of.len()).collect());
-        for (i, row) in of.into_iter().enumerate() {
-            let slope = rate(row).map_or_else(String::new, |r| format!(": slope {}", digits(r, 3)));
+        for row in of {
             points.push(Point {
                 x: row.h,
                 y: error(row),
                 worst: None,
                 series,
                 strong: true,
-                label: (i == 0).then(|| format!("{element}{slope}")),
+                label: None,
                 tip: format!("{element}, h = {}: {}", Unit::Metres.text(row.h), relative(error(row))),
             });
         }
@@ -48,13 +56,17 @@ fn plot(
         name,
         title: title.into(),
         note: "Grey triangles: the slopes that the theory promises.".into(),
-        x: Scale { label: "h, cube root of the mean volume of a tetrahedron".into(), unit: Unit::Metres, logarithmic: true },
+        x: Scale {
+            label: "h, cube root of the mean volume of a tetrahedron".into(),
+            unit: Unit::Metres,
+            logarithmic: true,
+        },
         y: Scale {
             label: ["relative error in L2", "relative error in the energy norm"][norm].into(),
             unit: Unit::Ratio,
             logarithmic: true,
         },
-        series: elements.iter().map(|element| (*element).clone()).collect(),
+        series: elements.iter().map(|element| slope(element)).collect(),
         triangles: triangles(rows, norm, error),
         points,
         lines,

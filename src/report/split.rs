@@ -25,24 +25,32 @@ pub fn picture(rows: &[Row]) -> Picture {
     let widest = names.iter().map(|name| width(name, 12.0)).fold(60.0, f64::max);
     let title = "Which part of the error limits".to_owned();
     let mut body = text([16.0, 26.0], "start", "gs-title", &title);
-    body += &text([16.0, 45.0], "start", "gs-muted", &format!("{note} From cheap to accurate. Bar: the total."));
+    body +=
+        &text([16.0, 45.0], "start", "gs-muted", &format!("{note} From cheap to accurate. Bar: the total."));
     let (key, used) = legend(&PARTS.map(|part| format!("{part} error")), 16.0, WIDTH - 22.0, 55.0);
     body += &key;
     let left = 24.0 + widest;
-    let area = Rect { x: left, y: 63.0 + used, width: WIDTH - 26.0 - left, height: ROW * shown.len() as f64 + 8.0 };
+    let area =
+        Rect { x: left, y: 63.0 + used, width: WIDTH - 26.0 - left, height: ROW * shown.len() as f64 + 8.0 };
     let bottom = area.y + area.height;
     let values: Vec<f64> = shown
         .iter()
         .flat_map(|row| row.error.parts().map(|part| part.median).into_iter().chain([row.error.total.median]))
         .collect();
-    let least = shown.iter().map(|row| row.error.total.median).filter(|&e| e > 0.0).fold(f64::INFINITY, f64::min);
+    let least =
+        shown.iter().map(|row| row.error.total.median).filter(|&e| e > 0.0).fold(f64::INFINITY, f64::min);
     let floor = if least.is_finite() { decade_below(NEGLIGIBLE * least) } else { 0.0 };
     let axis = Axis::above(floor, &values, Unit::Ratio, left, left + area.width);
     body += &ticks(&axis, false, [bottom, area.y]);
     for (i, (row, name)) in shown.iter().zip(&names).enumerate() {
         body += &one(row, name, area.y + 4.0 + ROW * (i as f64 + 0.5), &axis, area);
     }
-    body += &text([left + 0.5 * area.width, bottom + 38.0], "middle", "gs-text", "relative L2 error (median of the poses)");
+    body += &text(
+        [left + 0.5 * area.width, bottom + 38.0],
+        "middle",
+        "gs-text",
+        "relative L2 error (median of the poses)",
+    );
     Picture { name: "split", title, width: WIDTH, height: bottom + 50.0, body }
 }
 

@@ -1,14 +1,22 @@
 //! What the command says at its end, for a terminal.
 
 use super::answer::{ONLINE, answers, ladder, limit};
-use super::table::{Table, bytes, seconds};
-use super::units::relative;
+use super::table::Table;
+use super::units::{bytes, relative, seconds};
 use super::{Report, Row};
 
 /// The settings that are worth their online time, from cheap to accurate, and the answers in sentences.
 pub fn summary(report: &Report) -> String {
     let mut table = Table::new(&[
-        "mesh and element", "solver", "storage", "model", "online", "offline", "file", "total error", "worst pose",
+        "mesh and element",
+        "solver",
+        "storage",
+        "model",
+        "online",
+        "offline",
+        "file",
+        "total error",
+        "worst pose",
         "most of it",
     ]);
     for i in ladder(&report.rows, &ONLINE) {
@@ -30,7 +38,7 @@ pub fn summary(report: &Report) -> String {
     }
     let answers = answers(report).join("\n");
     format!(
-        "{} of {} settings, each the cheapest online for its error (relative L2, median of {} poses):\n\n{}\n{}\n",
+        "{} of {} settings, from fast to accurate, each the cheapest online for its error (relative L2, median of {} poses):\n\n{}\n{}\n",
         table.rows.len() - 1,
         report.rows.len(),
         report.poses.len(),

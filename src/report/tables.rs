@@ -4,9 +4,7 @@ use super::answer::{CURRENCIES, GOALS, ONLINE, cheapest, ladder, limit};
 use super::markup::escape;
 use super::panels::distinct;
 use super::pareto;
-use super::says::{some_bytes, some_seconds};
-use super::table::{bytes, seconds};
-use super::units::{Unit, digits, relative};
+use super::units::{Unit, bytes, digits, metres, relative, seconds};
 use super::{Report, Row, Spread};
 
 struct Cell {
@@ -31,7 +29,8 @@ fn bold(cell: Cell, bold: bool) -> Cell {
 fn html(head: &[&str], rows: &[Vec<Cell>]) -> String {
     let right = |column: usize| rows.iter().filter_map(|row| row.get(column)).any(|cell| cell.number);
     let class = |number: bool| if number { " class=\"n\"" } else { "" };
-    let heading = |(i, name): (usize, &&str)| format!("<th scope=\"col\"{}>{}</th>", class(right(i)), escape(name));
+    let heading =
+        |(i, name): (usize, &&str)| format!("<th scope=\"col\"{}>{}</th>", class(right(i)), escape(name));
     let head: String = head.iter().enumerate().map(heading).collect();
     let mut text = format!("<div class=\"wide\"><table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n");
     for row in rows {
@@ -49,14 +48,14 @@ fn html(head: &[&str], rows: &[Vec<Cell>]) -> String {
 /// For each goal the cheapest by each cost.
 pub fn goals(rows: &[Row]) -> String {
     let line = |goal: f64| {
-        let choice = |i: Option<usize>, say: &dyn Fn(&Row) -> String| {
-            word(i.map_or_else(|| "not reached".into(), |i| format!("{}: {}", rows[i].setting, say(&rows[i]))))
-        };
-        let cells = CURRENCIES.map(|by| choice(cheapest(rows, by, goal), &|row| (by.say)((by.of)(&row.cost))));
+        let cells = CURRENCIES.map(|by| match cheapest(rows, by, goal) {
+            None => word("not reached"),
+            Some(i) => word(format!("{}: {}", (by.say)((by.of)(&rows[i].cost)), rows[i].setting)),
+        });
         std::iter::once(number(relative(goal))).chain(cells).collect()
     };
     let head = ["total error at most", "least time of an evaluation", "least offline time", "smallest file"];
-    html(&head, &GOALS.map(line))
+    format!("<div class=\"fold\">{}</div>", html(&head, &GOALS.map(line)))
 }
 
 /// The settings worth their online time.
@@ -75,8 +74,16 @@ pub fn rungs(rows: &[Row]) -> String {
         cells
     };
     let head = [
-        "mesh and element", "solver", "storage", "model", "one evaluation", "offline", "file", "total error",
-        "worst pose", "largest part",
+        "mesh and element",
+        "solver",
+        "storage",
+        "model",
+        "one evaluation",
+        "offline",
+        "file",
+        "total error",
+        "worst pose",
+        "largest part",
     ];
     html(&head, &ladder(rows, &ONLINE).into_iter().map(line).collect::<Vec<_>>())
 }
@@ -114,8 +121,21 @@ pub fn costs(rows: &[Row]) -> String {
         cells
     };
     let head = [
-        "mesh and element", "solver", "storage", "model", "nodes", "of the surface", "offline", "memory offline",
-        "file", "file packed", "one evaluation", "p99", "one element moved", "reads", "total error",
+        "mesh and element",
+        "solver",
+        "storage",
+        "model",
+        "nodes",
+        "of the surface",
+        "offline",
+        "memory offline",
+        "file",
+        "file packed",
+        "one evaluation",
+        "p99",
+        "one element moved",
+        "reads",
+        "total error",
     ];
     html(&head, &rows.iter().zip(fronts(rows)).map(line).collect::<Vec<_>>())
 }
@@ -127,17 +147,29 @@ pub fn errors(rows: &[Row]) -> String {
         let error = &row.error;
         let largest = error.dominating();
         let mut cells = knobs(row, on);
-        cells.extend(error.parts().into_iter().enumerate().map(|(i, part)| bold(both(part), largest == Some(i))));
+        cells.extend(
+            error.parts().into_iter().enumerate().map(|(i, part)| bold(both(part), largest == Some(i))),
+        );
         cells.extend([both(error.total), both(error.energy)]);
-        let metres = |m: f64| Unit::Metres.text(digits(m, 2).parse().unwrap_or(m));
         let displacement = error.displacement_m;
         cells.push(number(format!("{} / {}", metres(displacement.median), metres(displacement.worst))));
         cells.extend([maybe(error.force), maybe(error.torque)]);
         cells
     };
     let head = [
-        "mesh and element", "solver", "storage", "model", "discretisation", "solver", "storage", "model", "total",
-        "energy norm", "displacement", "force", "torque",
+        "mesh and element",
+        "solver",
+        "storage",
+        "model",
+        "discretisation",
+        "solver",
+        "storage",
+        "model",
+        "total",
+        "energy norm",
+        "displacement",
+        "force",
+        "torque",
     ];
     html(&head, &rows.iter().zip(fronts(rows)).map(line).collect::<Vec<_>>())
 }
@@ -148,12 +180,17 @@ pub fn models(report: &Report) -> String {
     let mut poses = distinct(report.models.iter().map(|of| (of.pose.as_str(), of.rotation)));
     poses.sort_by(|a, b| a.1.total_cmp(&b.1));
     let line = |&(pose, rotation): &(&str, f64)| {
-        let here = |model: &&str| report.models.iter().find(|of| (of.pose.as_str(), of.rotation, of.model.as_str()) == (pose, rotation, *model));
+        let here = |model: &&str| {
+            report
+                .models
+                .iter()
+                .find(|of| (of.pose.as_str(), of.rotation, of.model.as_str()) == (pose, rotation, *model))
+        };
         let least = models.iter().filter_map(here).map(|of| of.error).fold(f64::INFINITY, f64::min);
         let cell = |model: &&str| match here(model) {
             None => number("–"),
             Some(of) => bold(
-                number(format!("{} ({})", relative(of.error), Unit::Metres.text(digits(of.displacement_m, 2).parse().unwrap_or(0.0)))),
+                number(format!("{} ({})", relative(of.error), metres(of.displacement_m))),
                 of.error == least,
             ),
         };
@@ -189,10 +226,10 @@ pub fn effects(report: &Report) -> String {
         vec![
             bold(word(&of.effect), of.listed),
             word(if of.listed { "yes" } else { "no" }),
-            number(some_seconds(of.offline_s)),
-            number(some_bytes(of.file_bytes)),
-            number(some_bytes(of.memory_bytes)),
-            number(some_seconds(of.frame_s)),
+            number(seconds(of.offline_s)),
+            number(bytes(of.file_bytes)),
+            number(bytes(of.memory_bytes)),
+            number(seconds(of.frame_s)),
         ]
     });
     let head = ["effect", "listed in the scene", "offline", "in the file", "memory online", "a frame"];

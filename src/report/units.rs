@@ -28,7 +28,8 @@ pub fn digits(value: f64, count: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{}", value + 0.0);
     }
-    let exponent = format!("{value:.*e}", count - 1).split_once('e').map_or(0, |(_, e)| e.parse().unwrap_or(0));
+    let exponent =
+        format!("{value:.*e}", count - 1).split_once('e').map_or(0, |(_, e)| e.parse().unwrap_or(0));
     let decimals = usize::try_from(count as i32 - 1 - exponent).unwrap_or(0);
     let text = format!("{value:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -41,11 +42,8 @@ pub fn power(value: f64) -> String {
     }
     let text = format!("{value:.2e}");
     let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
-    let mantissa = if mantissa.contains('.') {
-        mantissa.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        mantissa
-    };
+    let mantissa =
+        if mantissa.contains('.') { mantissa.trim_end_matches('0').trim_end_matches('.') } else { mantissa };
     match (mantissa, exponent) {
         (_, "0") => mantissa.to_owned(),
         ("1", _) => format!("10{}", superscript(exponent)),
@@ -71,13 +69,27 @@ fn prefixed(value: f64, unit: &str) -> String {
         .find(|(scale, _)| value.abs() >= 0.9995 * scale)
         .unwrap_or(if large_only || value == 0.0 { (1.0, "") } else { (1e-9, "n") });
     let scaled = value / scale;
-    let number = if (1e-2..1e5).contains(&scaled) || scaled == 0.0 { digits(scaled, 3) } else { power(scaled) };
+    let number =
+        if (1e-2..1e5).contains(&scaled) || scaled == 0.0 { digits(scaled, 3) } else { power(scaled) };
     format!("{number} {prefix}{unit}")
+}
+
+pub fn seconds(s: f64) -> String {
+    Unit::Seconds.text(s)
+}
+
+pub fn bytes(count: f64) -> String {
+    Unit::Bytes.text(count)
+}
+
+/// Metres, of two digits.
+pub fn metres(m: f64) -> String {
+    Unit::Metres.text(format!("{m:.1e}").parse().unwrap_or(m))
 }
 
 /// A relative error: in percent while that is readable.
 pub fn relative(error: f64) -> String {
-    if (1e-3..1e3).contains(&error) { format!("{} %", digits(100.0 * error, 2)) } else { brief(error) }
+    if (1e-4..1e3).contains(&error) { format!("{} %", digits(100.0 * error, 2)) } else { brief(error) }
 }
 
 /// "2.0", "31", "0.45": how many times as much.

@@ -12,8 +12,12 @@ const SOLVERS: [(&str, f64, f64); 5] = [
     ("pcg 1e-8", 2.3e-7, 0.86),
     ("pcg 1e-10", 1.9e-9, 1.02),
 ];
-const STORAGES: [(&str, f64, f64, f64); 4] =
-    [("f64", 0.0, 2.0, 1.9), ("f32", 3e-8, 1.0, 1.0), ("f16", 2.6e-4, 0.5, 0.62), ("int16", 1.4e-5, 0.5, 0.6)];
+const STORAGES: [(&str, f64, f64, f64); 4] = [
+    ("f64", 0.0, 2.0, 1.9),
+    ("f32", 3e-8, 1.0, 1.0),
+    ("f16", 2.6e-4, 0.5, 0.62),
+    ("int16", 1.4e-5, 0.5, 0.6),
+];
 const MODELS: [(&str, f64, f64); 2] = [("linear", 4.2e-2, 1.0), ("rotation", 2.5e-3, 1.12)];
 
 /// A number near 1 that depends on nothing but its key: timings scatter.
@@ -50,14 +54,16 @@ pub fn made_up() -> Report {
         body: "tube".into(),
         about: vec![
             "2,769 nodes, 9,600 tetrahedra, surface of 1,480 nodes".into(),
-            "Young's modulus 1 MPa, Poisson's ratio 0.3; control elements left (fixed) and right (dragger)".into(),
+            "Young's modulus 1 MPa, Poisson's ratio 0.3; control elements left (fixed) and right (dragger)"
+                .into(),
         ],
         size: 0.6,
         references: vec![
             "Discretisation: tet10 on the mesh refined three times, f64".into(),
             "Solver: Cholesky with iterative refinement, f64, on the same mesh".into(),
             "Storage: the same columns in f64".into(),
-            "Model: static equilibrium at large strain (St. Venant–Kirchhoff, Newton), on the same mesh".into(),
+            "Model: static equilibrium at large strain (St. Venant–Kirchhoff, Newton), on the same mesh"
+                .into(),
         ],
         poses: ["bend 10°", "bend 30°", "bend 60°", "twist 45°", "stretch 20 %"].map(String::from).to_vec(),
         pose_source: "made by the program".into(),
