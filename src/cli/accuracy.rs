@@ -40,13 +40,14 @@ pub struct Args {
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
-    #[arg(long, default_value_t = 300_000.0, value_parser = super::positive)]
+    #[arg(long, default_value_t = LARGEST, value_parser = super::positive)]
     pub largest: f64,
     /// No progress bars
     #[arg(long)]
     pub quiet: bool,
 }
 
+const LARGEST: f64 = 300_000.0;
 /// Angles of the random poses, degrees.
 const ANGLES: [f64; 8] = [2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0];
 const QUICK_ANGLES: [f64; 3] = [10.0, 30.0, 60.0];
@@ -86,13 +87,25 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         },
         quick: args.quick,
         needs_of: &needs,
+        command: command(args),
         scratch: scratch.path(),
     };
     let report = report::measure(&request, &Bars::new(&name, args.quiet)).map_err(Failure::work)?;
-    let path = args.output.join("accuracy.json");
-    let text = serde_json::to_string_pretty(&report).map_err(Failure::work)?;
-    std::fs::write(&path, text).map_err(Failure::work)?;
-    super::print(&format!("{}\n", path.display()))
+    let written = report::write(&args.output, &report).map_err(Failure::work)?;
+    let listed: String = written.iter().map(|path| format!("{}\n", path.display())).collect();
+    super::print(&format!("{}\n{listed}", report::summary(&report)))
+}
+
+/// The command that writes the same report.
+fn command(args: &Args) -> String {
+    let mut words =
+        vec![format!("greenstage accuracy {} -o {}", args.scene.display(), args.output.display())];
+    words.extend(args.body.iter().map(|body| format!("--body {body}")));
+    words.extend(args.poses.iter().map(|poses| format!("--poses {}", poses.display())));
+    words.extend(args.seed.map(|seed| format!("--seed {seed}")));
+    words.extend(args.quick.then(|| "--quick".to_owned()));
+    words.extend((args.largest != LARGEST).then(|| format!("--largest {}", args.largest)));
+    words.join(" ")
 }
 
 /// The poses of an accuracy report, and one sentence on where they come from.

@@ -20,13 +20,13 @@ mod progress;
 mod render;
 mod session;
 mod statics;
-mod table;
 mod verify;
 mod view;
 mod world;
 
 pub use failure::Failure;
 
+use crate::report::table;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 

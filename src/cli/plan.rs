@@ -72,6 +72,7 @@ fn measure(scene: &Scene, name: &str, quiet: bool) -> Result<Vec<Row>, Failure> 
         limits: Limits { largest: LARGEST, refinements: 1, rounds: 60 },
         quick: true,
         needs_of: &|scene| session::needs(scene, name, &scene.body[name]).unwrap_or_default(),
+        command: String::new(),
         scratch: scratch.path(),
     };
     Ok(report::measure(&request, &Bars::new(name, quiet)).map_err(Failure::work)?.rows)

@@ -8,6 +8,31 @@ pub mod plan;
 
 pub use measure::{Limits, MeasureError, Request, measure};
 
+mod answer;
+mod axis;
+mod csv;
+mod files;
+mod labels;
+mod markup;
+mod page;
+mod panels;
+mod pareto;
+mod plot;
+mod says;
+mod smooth_panels;
+mod split;
+mod summary;
+pub mod table;
+mod tables;
+mod units;
+
+pub use answer::{CURRENCIES, Currency, FILE, OFFLINE, ONLINE, answers, cheapest, ladder};
+pub use files::{ReportError, read, write};
+pub use page::page;
+pub use panels::panels;
+pub use plot::Picture;
+pub use summary::summary;
+
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
@@ -21,7 +46,11 @@ pub struct Report {
     /// Processor, cores, and how noisy it was: the spread of one and the same task.
     pub machine: String,
     pub scene: String,
+    /// The command that writes this report again.
+    pub command: String,
     pub body: String,
+    /// What the body is: mesh, material, control elements; one sentence each.
+    pub about: Vec<String>,
     /// Largest extent of the body, m.
     pub size: f64,
     /// What the errors are taken against, one sentence for each part.
@@ -51,6 +80,32 @@ pub struct Setting {
     pub storage: String,
     pub model: String,
 }
+
+impl Setting {
+    /// "tet10 h/2": the element on the scene's mesh, refined once.
+    pub fn mesh(&self) -> String {
+        match self.refine {
+            0 => format!("{} h", self.element),
+            n if n < 20 => format!("{} h/{}", self.element, 1_u32 << n),
+            n => format!("{} h/2^{n}", self.element),
+        }
+    }
+
+    /// Its knobs in words, in the order of [`KNOBS`].
+    pub fn knobs(&self) -> [String; 4] {
+        [self.mesh(), self.solver.clone(), self.storage.clone(), self.model.clone()]
+    }
+}
+
+impl std::fmt::Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.knobs().join(" · "))
+    }
+}
+
+/// What can be chosen, and which part of the error each choice makes.
+pub const KNOBS: [&str; 4] = ["mesh and element", "solver", "storage", "model"];
+pub const PARTS: [&str; 4] = ["discretisation", "solver", "storage", "model"];
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -95,6 +150,19 @@ pub struct Errors {
     /// and solver.
     pub force: Option<Spread>,
     pub torque: Option<Spread>,
+}
+
+impl Errors {
+    /// Those of [`PARTS`], in that order.
+    pub fn parts(&self) -> [Spread; 4] {
+        [self.discretisation, self.solver, self.storage, self.model]
+    }
+
+    /// Index into [`PARTS`] of the largest median: the knob that limits. `None` where all are zero.
+    pub fn dominating(&self) -> Option<usize> {
+        let medians = self.parts().map(|part| part.median);
+        (0..4).filter(|&i| medians[i] > 0.0).max_by(|&a, &b| medians[a].total_cmp(&medians[b]))
+    }
 }
 
 /// Over the poses.

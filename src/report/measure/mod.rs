@@ -29,6 +29,7 @@ use super::{ModelError, Report, SCHEMA};
 use crate::deform::{ControlPoses, Kind, StaticsError, find_model};
 use crate::fem::AssemblyError;
 use crate::green::{GreenError, Needs};
+use crate::mesh::TetMesh;
 use crate::scene::{Scene, SceneError};
 use crate::solve::Progress;
 use crate::verify::Fault;
@@ -45,6 +46,8 @@ pub struct Request<'a> {
     pub quick: bool,
     /// What the body's model and effects need, as the scene lists them.
     pub needs_of: &'a dyn Fn(&Scene) -> Needs,
+    /// The command that does it again.
+    pub command: String,
     /// For files that live while it is measured.
     pub scratch: &'a Path,
 }
@@ -109,7 +112,9 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
         machine: machine(),
         scene: request.scene.path.display().to_string(),
+        command: request.command.clone(),
         body: request.body.to_owned(),
+        about: about(request, base),
         size: (high - low).amax(),
         references: truth.references(&candidates),
         poses: truth.poses.iter().map(|(name, _)| name.clone()).collect(),
@@ -120,6 +125,26 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         smooth,
         effects,
     })
+}
+
+/// What the body is, one sentence each.
+fn about(request: &Request<'_>, base: &TetMesh) -> Vec<String> {
+    let body = &request.scene.body[request.body];
+    let origin = match (&body.mesh, &body.generate) {
+        (Some(file), _) => format!("read from {}", file.display()),
+        _ => "generated".into(),
+    };
+    let material = |m: &crate::scene::Material| {
+        format!("Young's modulus {:.3e} Pa, Poisson's ratio {}", m.young, m.poisson)
+    };
+    let mut said = vec![
+        format!("{} nodes and {} tetrahedra, {origin}", base.nodes.len(), base.tets.len()),
+        format!("isotropic: {}", material(&body.material)),
+    ];
+    said.extend(body.region.iter().map(|(region, m)| format!("region {region}: {}", material(m))));
+    let names: Vec<&str> = body.control.keys().map(String::as_str).collect();
+    said.push(format!("{} control elements: {}", names.len(), names.join(", ")));
+    said
 }
 
 /// Processor and threads, as far as the system tells.

@@ -1,0 +1,71 @@
+//! accuracy.csv: a line a row, columns named with their units (RFC 4180).
+
+use super::{Row, Spread};
+
+/// Every number of a row by its name, in the order of the columns; `None` where it was not measured.
+pub fn numbers(row: &Row) -> Vec<(String, Option<f64>)> {
+    let (cost, error) = (&row.cost, &row.error);
+    let counts = [("mesh_nodes", row.mesh_nodes as f64), ("surface_nodes", row.surface_nodes as f64)];
+    let costs = [
+        ("offline_s", cost.offline_s),
+        ("offline_bytes", cost.offline_bytes),
+        ("file_bytes", cost.file_bytes),
+        ("packed_bytes", cost.packed_bytes),
+        ("frame_p50_s", cost.frame_p50_s),
+        ("frame_p99_s", cost.frame_p99_s),
+        ("frame_one_p50_s", cost.frame_one_p50_s),
+        ("frame_bytes", cost.frame_bytes),
+    ];
+    let errors: [(&str, &str, Option<Spread>); 9] = [
+        ("discretisation", "relative", Some(error.discretisation)),
+        ("energy", "relative", Some(error.energy)),
+        ("solver", "relative", Some(error.solver)),
+        ("storage", "relative", Some(error.storage)),
+        ("model", "relative", Some(error.model)),
+        ("total", "relative", Some(error.total)),
+        ("displacement", "m", Some(error.displacement_m)),
+        ("force", "relative", error.force),
+        ("torque", "relative", error.torque),
+    ];
+    let plain = counts.into_iter().chain(costs).map(|(name, value)| (name.to_owned(), Some(value)));
+    let spreads = errors.into_iter().flat_map(|(name, unit, spread)| {
+        [("median", spread.map(|s| s.median)), ("worst", spread.map(|s| s.worst))]
+            .map(|(which, value)| (format!("{name}_{which}_{unit}"), value))
+    });
+    plain.chain(spreads).collect()
+}
+
+/// Lines end with CR LF. Numbers are the shortest that read back as the same f64; a cell without one was not measured.
+pub fn csv(rows: &[Row]) -> String {
+    let mut text = String::new();
+    for (i, row) in rows.iter().enumerate() {
+        let setting = &row.setting;
+        let refine = setting.refine.to_string();
+        let words = [
+            ("refine", refine.as_str()),
+            ("element", &setting.element),
+            ("solver", &setting.solver),
+            ("storage", &setting.storage),
+            ("model", &setting.model),
+        ];
+        let words = words.into_iter().map(|(name, word)| (name.to_owned(), quoted(word)));
+        let numbers = numbers(row).into_iter();
+        let numbers = numbers.map(|(name, value)| (name, value.map_or_else(String::new, |v| v.to_string())));
+        let (names, cells): (Vec<String>, Vec<String>) = words.chain(numbers).unzip();
+        if i == 0 {
+            text.push_str(&names.join(","));
+            text.push_str("\r\n");
+        }
+        text.push_str(&cells.join(","));
+        text.push_str("\r\n");
+    }
+    text
+}
+
+fn quoted(word: &str) -> String {
+    if word.contains([',', '"', '\r', '\n']) {
+        format!("\"{}\"", word.replace('"', "\"\""))
+    } else {
+        word.to_owned()
+    }
+}

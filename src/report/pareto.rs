@@ -1,0 +1,78 @@
+//! Pareto fronts: which settings nothing else beats in cost and in error at once.
+
+/// Whether each point `[cost, error]` is on the front: no other has neither larger and one of them smaller. Equal
+/// points are on it together. Coordinates are no NaN.
+fn on_front(points: &[[f64; 2]]) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    // -0.0 + 0.0 is 0.0: the order of `total_cmp` is then that of `<`.
+    let key = |i: usize, axis: usize| points[i][axis] + 0.0;
+    order.sort_by(|&a, &b| key(a, 0).total_cmp(&key(b, 0)).then(key(a, 1).total_cmp(&key(b, 1))));
+    let mut front = vec![false; points.len()];
+    let mut last: Option<[f64; 2]> = None;
+    for i in order {
+        let better = last.is_none_or(|[_, error]| points[i][1] < error);
+        if better || last == Some(points[i]) {
+            front[i] = true;
+            last = Some(points[i]);
+        }
+    }
+    front
+}
+
+/// Errors closer than this are equal.
+const SAME_ERROR: f64 = 0.98;
+
+/// The points of the front by ascending cost, without those whose error is less than 2 % below the one before.
+pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
+    let on = on_front(points);
+    let mut front: Vec<usize> = (0..points.len()).filter(|&i| on[i]).collect();
+    front.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]));
+    let mut last: Option<[f64; 2]> = None;
+    front.retain(|&i| {
+        let point = points[i];
+        let kept = last.is_none_or(|last| point == last || point[1] <= SAME_ERROR * last[1]);
+        last = if kept { Some(point) } else { last };
+        kept
+    });
+    front
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn by_definition(points: &[[f64; 2]]) -> Vec<bool> {
+        let beats = |a: &[f64; 2], b: &[f64; 2]| a[0] <= b[0] && a[1] <= b[1] && (a[0] < b[0] || a[1] < b[1]);
+        points.iter().map(|point| !points.iter().any(|other| beats(other, point))).collect()
+    }
+
+    #[test]
+    fn a_front_by_hand() {
+        let points = [[1.0, 9.0], [2.0, 4.0], [2.0, 5.0], [3.0, 4.0], [4.0, 0.0], [4.0, 0.0], [0.0, 9.5]];
+        assert_eq!(on_front(&points), [true, true, false, false, true, true, true]);
+        assert_eq!(on_front(&[]), [false; 0]);
+        assert_eq!(on_front(&[[0.0, 1.0], [-0.0, 2.0]]), [true, false], "the two zeros are one");
+    }
+
+    #[test]
+    fn a_difference_that_no_one_can_measure_is_no_step() {
+        let points = [[1.0, 1.0], [2.0, 0.999], [3.0, 0.9], [3.0, 0.9], [4.0, 0.0], [5.0, 0.0]];
+        assert_eq!(front(&points), [0, 2, 3, 4]);
+    }
+
+    proptest! {
+        /// Few distinct values, so that ties are common.
+        #[test]
+        fn the_front_is_what_the_definition_says(
+            points in prop::collection::vec([0_u8..8, 0_u8..8].prop_map(|p| p.map(f64::from)), 0..40)
+        ) {
+            prop_assert_eq!(on_front(&points), by_definition(&points));
+        }
+
+        #[test]
+        fn any_numbers(points in prop::collection::vec(prop::array::uniform2(-1e300_f64..1e300), 0..40)) {
+            prop_assert_eq!(on_front(&points), by_definition(&points));
+        }
+    }
+}
