@@ -19,7 +19,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("deform", &["green", "scene", "mesh", "fem", "solve", "config"]),
     ("effect", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
-    ("report", &["deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
+    ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("track", &["stage", "config"]),
     ("interact", &["mesh", "track", "config"]),
     (

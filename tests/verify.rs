@@ -55,7 +55,7 @@ fn smooth_fields_converge_at_the_orders_of_theory() {
 fn locking_is_seen() {
     let rows = solve("cylinder");
     let error = |element: &str| finest(row(&rows, "u_r(a), ν 0.4999", element));
-    assert!(error("tet4") > 0.9 && error("tet4_anp") < 0.03 && error("tet10") < 0.02);
+    assert!(error("tet4") > 0.8 && error("tet4_anp") < 0.02 && error("tet10") < 0.01);
     let rows = solve("cook-plane-strain");
     let error = |element: &str| finest(row(&rows, "v(48, 60)", element));
     assert!(error("tet4") > 0.5 && error("tet4_anp") < 0.04 && error("tet10") < 0.02);

@@ -3,6 +3,7 @@
 //! Only here do mechanics and pictures meet. Exit status: 0 done, 1 the work failed, 2 the request or its files
 //! are wrong. Results go to standard output, notices and progress to standard error.
 
+mod accuracy;
 mod bench;
 mod check;
 mod convert;
@@ -55,6 +56,7 @@ pub enum Command {
     Render(render::Args),
     Deform(deform::Args),
     Bench(bench::Args),
+    Accuracy(accuracy::Args),
     Inspect(inspect::Args),
     Check(check::Args),
     Convert(convert::Args),
@@ -74,6 +76,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Render(args)) => render::run(&args),
         Some(Command::Deform(args)) => deform::run(&args),
         Some(Command::Bench(args)) => bench::run(&args),
+        Some(Command::Accuracy(args)) => accuracy::run(&args),
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),

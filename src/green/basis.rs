@@ -19,6 +19,7 @@ pub struct StepTimes {
 }
 
 /// The full f64 solution of one body: every basis field over every node.
+#[derive(Clone)]
 pub struct Solution {
     pub element: Element,
     pub mesh: TetMesh,
@@ -36,6 +37,22 @@ pub struct Solution {
     pub matrix_entries: usize,
     /// Warnings and notes of the check before it.
     pub notices: Vec<String>,
+}
+
+impl Solution {
+    /// Time of the whole offline stage of the body, s.
+    pub fn offline_s(&self) -> f64 {
+        let (times, stats) = (&self.times, &self.stats);
+        let conditioning = stats.conditioning.map_or(0.0, |conditioning| conditioning.seconds);
+        times.mesh_s
+            + times.assembly_s
+            + times.stiffness_s
+            + stats.ordering_s
+            + stats.symbolic_s
+            + stats.factor_s
+            + stats.solve_s
+            + conditioning
+    }
 }
 
 /// What goes into the .green file for one body.
@@ -115,16 +132,15 @@ pub fn solve_prepared(
         .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
     partition.insert_free(&free, &mut fields);
 
-    let started = Instant::now();
-    let (stiffness, asymmetry) = if needs.stiffness {
+    let (mut stiffness, mut asymmetry) = (None, None);
+    if needs.stiffness {
         progress.begin("handle stiffness", 0);
-        let (s, asymmetry) = handle_stiffness(&k, &partition, &fields);
+        let started = Instant::now();
+        let (s, skew) = handle_stiffness(&k, &partition, &fields);
+        (stiffness, asymmetry) = (Some(s), Some(skew));
+        times.stiffness_s = started.elapsed().as_secs_f64();
         progress.end();
-        (Some(s), Some(asymmetry))
-    } else {
-        (None, None)
-    };
-    times.stiffness_s = started.elapsed().as_secs_f64();
+    }
     let matrix_entries = k.scalar_entries();
     Ok(Solution {
         element: body.element,

@@ -102,6 +102,24 @@ impl Stored {
         stored
     }
 
+    /// One column as it is read again, m.
+    pub fn rounded(storage: Storage, column: &[f64]) -> Vec<f64> {
+        let stored = Stored::new(storage, std::slice::from_ref(&column.to_vec()));
+        let scale = f64::from(stored.scales.first().copied().unwrap_or(1.0));
+        match storage {
+            Storage::F32 => column.iter().map(|x| f64::from(*x as f32)).collect(),
+            Storage::F16 => {
+                let halves =
+                    stored.bytes.chunks_exact(2).map(|b| half_to_single(u16::from_le_bytes([b[0], b[1]])));
+                halves.map(|h| f64::from(h) * scale).collect()
+            }
+            Storage::Int16 => {
+                let integers = stored.bytes.chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]]));
+                integers.map(|q| f64::from(q) * scale).collect()
+            }
+        }
+    }
+
     fn push<T: Copy, const N: usize>(
         &mut self,
         column: &[f64],

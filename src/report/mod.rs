@@ -3,6 +3,10 @@
 //! In: a scene's body and a set of poses. Out: a [`Report`], written as JSON, CSV, work-precision plots (SVG) and one
 //! self-contained page (HTML).
 
+pub mod measure;
+
+pub use measure::{Limits, MeasureError, Request, measure};
+
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.

@@ -41,13 +41,15 @@ impl Element {
         self.dilatation == Dilatation::Pointwise
     }
 
-    /// The least rates in L2 and in energy that theory promises where the solution is smooth, less [`SHORT`].
+    /// The least rates in L2 and in energy that theory promises where the solution is smooth, less 0.3: what a rate
+    /// fitted to two to four meshes may be short of the limit.
     ///
     /// Well below ν = 1/2, elements of order p have h^(p+1) in L2 and h^p in energy. Near it linear ones lock: theirs is
     /// the same on meshes finer than any that can be afforded. Quadratic ones lose one order (Babuška and Suri,
     /// Numer. Math. 62, 1992, 439-463, on triangles) and keep h^p in energy, with a constant that grows as √λ. For mean
     /// pressures nothing is proven there.
     pub fn promised(&self, poisson: f64) -> (Bound, Bound) {
+        const SHORT: f64 = 0.3;
         let order = f64::from(self.order);
         let is_near_half = poisson > 0.4;
         if is_near_half && self.order == 1 {
@@ -57,6 +59,3 @@ impl Element {
         (Bound::rate(l2 - SHORT), Bound::rate(order - SHORT))
     }
 }
-
-/// What a rate fitted to two to four meshes may be short of the limit.
-const SHORT: f64 = 0.3;

@@ -42,7 +42,8 @@ const COMPUTED_ELSEWHERE: [(u32, u32, f64, f64, f64); 12] = [
 ];
 const WITHIN: f64 = 0.02;
 
-struct Kelvin {
+/// The field of the force (0.3, -0.7, 1) at (1.6, 1.3, -0.4), E = 1.
+pub struct Kelvin {
     poisson: f64,
     lame: Lame,
 }
@@ -51,7 +52,7 @@ impl Kelvin {
     const FORCE: [f64; 3] = [0.3, -0.7, 1.0];
     const SOURCE: [f64; 3] = [1.6, 1.3, -0.4];
 
-    fn new(poisson: f64) -> Kelvin {
+    pub fn new(poisson: f64) -> Kelvin {
         Kelvin { poisson, lame: Lame::from_young_poisson(1.0, poisson) }
     }
 

@@ -27,7 +27,8 @@ mod twisted_beam;
 pub use body::Body;
 pub use element::{ELEMENTS, Element};
 pub use fit::rate;
-pub use solution::{Bound, Measure, Solution};
+pub use kelvin::Kelvin;
+pub use solution::{Bound, Exact, Measure, Solution};
 
 use crate::fem::AssemblyError;
 use crate::mesh::GenerateError;

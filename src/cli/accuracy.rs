@@ -1,0 +1,144 @@
+//! `greenstage accuracy`: what accuracy costs in time.
+
+use super::failure::Failure;
+use super::poses;
+use super::progress::Bars;
+use super::render::{self, Playback};
+use super::session;
+use super::world::World;
+use crate::config::unknown_name;
+use crate::deform::{ControlPose, ControlPoses};
+use crate::green::{self, Needs};
+use crate::report::{self, Limits, Request, measure::poses::random};
+use crate::scene::{Element, Scene, Solver};
+use anyhow::Context;
+use std::path::PathBuf;
+
+/// What accuracy costs in time: every knob's errors and costs as a page, plots, CSV and JSON
+///
+/// Computes the scene's body with every element, mesh refinement, solver tolerance, storage precision and deformation
+/// model, measures what each costs offline and in the frame, and compares all with nonlinear statics and a finer mesh,
+/// over the poses of the scene's script, of a pose file, or seeded random ones. DIR/index.html explains itself.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Folder for the report
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Which body; default: the scene's first
+    #[arg(long)]
+    pub body: Option<String>,
+    /// Pose file (TOML), as `deform` reads it; default: the scene's script, without one random poses
+    #[arg(long)]
+    pub poses: Option<PathBuf>,
+    /// Seed of random poses, which are then taken even if the scene has a script
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Under a minute for ten thousand nodes: fewer poses, no refinement, one time each
+    #[arg(long)]
+    pub quick: bool,
+    /// Largest solve, unknowns (those of tet10 count 1.5, of tet4_anp 3)
+    #[arg(long, default_value_t = 400_000.0, value_parser = super::positive)]
+    pub largest: f64,
+    /// No progress bars
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// Angles of the random poses, degrees.
+const ANGLES: [f64; 8] = [5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0];
+const QUICK_ANGLES: [f64; 3] = [10.0, 30.0, 60.0];
+/// How far random poses move on beside turning, as a part of the body's size.
+const PLAY: f64 = 0.02;
+/// Pictures of the script that are taken as poses.
+const SCRIPT_POSES: usize = 12;
+const QUICK_SCRIPT_POSES: usize = 4;
+const SEED: u64 = 1;
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let scene = Scene::load(&args.scene)?;
+    let name = match &args.body {
+        Some(name) if scene.body.contains_key(name) => name.clone(),
+        Some(name) => {
+            return Err(Failure::wrong(unknown_name("body", name, scene.body.keys().map(String::as_str))));
+        }
+        None => scene.body.keys().next().cloned().unwrap_or_default(),
+    };
+    let needs =
+        |scene: &Scene| -> Needs { session::needs(scene, &name, &scene.body[&name]).unwrap_or_default() };
+    session::needs(&scene, &name, &scene.body[&name])?;
+    let (poses, pose_source) = all_poses(args, &scene, &name)?;
+    std::fs::create_dir_all(&args.output)
+        .with_context(|| format!("cannot make the folder {}", args.output.display()))
+        .map_err(Failure::Request)?;
+    let scratch = tempfile::tempdir_in(&args.output).map_err(Failure::work)?;
+    let request = Request {
+        scene: &scene,
+        body: &name,
+        poses: &poses,
+        pose_source,
+        limits: Limits {
+            largest: args.largest,
+            refinements: if args.quick { 0 } else { 2 },
+            rounds: if args.quick { 60 } else { 300 },
+        },
+        quick: args.quick,
+        needs_of: &needs,
+        scratch: scratch.path(),
+    };
+    let report = report::measure(&request, &Bars::new(&name, args.quiet)).map_err(Failure::work)?;
+    let path = args.output.join("accuracy.json");
+    let text = serde_json::to_string_pretty(&report).map_err(Failure::work)?;
+    std::fs::write(&path, text).map_err(Failure::work)?;
+    super::print(&format!("{}\n", path.display()))
+}
+
+/// The poses, and one sentence on where they come from.
+fn all_poses(
+    args: &Args,
+    scene: &Scene,
+    name: &str,
+) -> Result<(Vec<(String, ControlPoses)>, String), Failure> {
+    let body = &scene.body[name];
+    if let Some(path) = &args.poses {
+        let file = poses::load(path)?;
+        let own = file.iter().filter(|pose| pose.body.as_deref().is_none_or(|body| body == name));
+        let own = own.map(|pose| Ok((pose.name.clone(), poses::control_poses(pose, name, body, path)?)));
+        return Ok((own.collect::<Result<_, Failure>>()?, format!("the pose file {}", path.display())));
+    }
+    if let (None, Some(script)) = (args.seed, render::script(scene, None)?) {
+        let count = if args.quick { QUICK_SCRIPT_POSES } else { SCRIPT_POSES };
+        let file = session::green_file(scene, None)?;
+        let mut world = World::new(scene, &file, render::stage(scene, None)?)?;
+        let mut playback = Playback { script: Some(&script), frames: count, done: 0 };
+        let mut taken: Vec<(String, ControlPoses)> = Vec::new();
+        for frame in 0..count {
+            playback.step_to(&mut world, frame);
+            let of_body = world.bodies.iter().find(|body| body.deformer.body == name);
+            let Some(poses) = of_body.map(|body| body.deformer.poses.clone()) else { continue };
+            let is_rest = poses.iter().all(|pose| *pose == ControlPose::REST);
+            if !is_rest && taken.iter().all(|(_, other)| *other != poses) {
+                let time_s = script.duration_s * frame as f64 / (count - 1) as f64;
+                taken.push((format!("{time_s:.2} s"), poses));
+            }
+        }
+        if !taken.is_empty() {
+            return Ok((taken, format!("{count} moments of the scene's script, those at rest left out")));
+        }
+    }
+    let seed = args.seed.unwrap_or(SEED);
+    let mut plain = scene.clone();
+    (plain.body[name].element, plain.body[name].solver) = (Element::Tet4, Solver::default());
+    let prepared = green::prepare(&plain, name)?;
+    let origins: Vec<_> = prepared.controls.iter().map(|control| control.origin).collect();
+    let (low, high) = crate::mesh::quality::bounding_box(&prepared.mesh.nodes);
+    let degrees: &[f64] = if args.quick { &QUICK_ANGLES } else { &ANGLES };
+    let angles: Vec<f64> = degrees.iter().map(|angle| angle.to_radians()).collect();
+    let source = format!(
+        "random, seed {seed}: all control elements but the first turn about axes of their own, carried along as by a rod \
+         of constant curvature and twist, and move by up to {:.0} % of the body's size",
+        100.0 * PLAY
+    );
+    Ok((random(&origins, &angles, PLAY * (high - low).amax(), seed), source))
+}

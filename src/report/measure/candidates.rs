@@ -1,0 +1,174 @@
+//! The discretisations and solvers that a body is solved with.
+
+use super::{MeasureError, Request};
+use crate::green::{self, Needs, Solution};
+use crate::mesh::{TetMesh, quadratic};
+use crate::report::measure::Ladder;
+use crate::scene::{Element, Generate, Method, Scene, Solver, Storage};
+use crate::solve::Progress;
+use crate::verify;
+
+/// How large what is computed may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Unknowns of a solve, weighed by [`RANK`].
+    pub largest: f64,
+    pub refinements: u32,
+    /// Rounds of the online race.
+    pub rounds: usize,
+}
+
+/// The elements from the least accurate on, each with what one of its unknowns costs against one of tet4: their rows of
+/// K are longer.
+pub const RANK: [(Element, f64); 3] = [(Element::Tet4, 1.0), (Element::Tet4Anp, 3.0), (Element::Tet10, 1.5)];
+
+/// Tolerances of conjugate gradients that are tried.
+const TOLERANCES: [f64; 5] = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10];
+
+/// The linear meshes M_r, and all of them with their mids.
+pub struct Meshes {
+    pub linear: Vec<TetMesh>,
+    pub ladder: Ladder,
+}
+
+impl Meshes {
+    pub fn new(request: &Request<'_>) -> Result<Meshes, MeasureError> {
+        let mut linear: Vec<TetMesh> = Vec::new();
+        for refine in 0..=request.limits.refinements {
+            let scene = variant(request, refine, Element::Tet4, Solver::default());
+            // Each refinement has about eight times the nodes.
+            let grown = linear.last().map_or(0.0, |mesh| 3.0 * 6.0 * mesh.nodes.len() as f64);
+            if grown > request.limits.largest {
+                break;
+            }
+            linear.push(scene.load_mesh(request.body, &scene.body[request.body])?.mesh);
+        }
+        let base = 3.0 * linear[0].nodes.len() as f64;
+        if base > request.limits.largest {
+            return Err(MeasureError::TooLarge {
+                nodes: linear[0].nodes.len(),
+                largest: request.limits.largest,
+            });
+        }
+        let tube = match &request.scene.body[request.body].generate {
+            Some(Generate::Tube(tube)) => Some(tube.clone()),
+            _ => None,
+        };
+        let curve = |a: &nalgebra::Vector3<f64>, b: &nalgebra::Vector3<f64>| match &tube {
+            Some(tube) => tube.curve(a, b),
+            None => quadratic::straight(a, b),
+        };
+        let ladder = Ladder::new(linear.clone(), &curve);
+        let meshes = Meshes { linear, ladder };
+        let scene = variant(request, 0, Element::Tet10, Solver::default());
+        let ten = scene.load_mesh(request.body, &scene.body[request.body])?.mesh;
+        if ten.nodes != meshes.ladder.levels[0].nodes {
+            return Err(MeasureError::TenNodes);
+        }
+        Ok(meshes)
+    }
+
+    /// Unknowns that a solve has, weighed by its element.
+    fn weight(&self, refine: usize, element: Element, cost: f64) -> f64 {
+        let nodes = match element {
+            Element::Tet10 => self.ladder.levels[refine].nodes.len(),
+            Element::Tet4 | Element::Tet4Anp => self.linear[refine].nodes.len(),
+        };
+        3.0 * nodes as f64 * cost
+    }
+
+    pub fn affords(&self, request: &Request<'_>, refine: usize, element: Element) -> bool {
+        let cost = RANK.iter().find(|(known, _)| *known == element).map_or(1.0, |(_, cost)| *cost);
+        refine < self.linear.len() && self.weight(refine, element, cost) <= request.limits.largest
+    }
+}
+
+/// One discretisation, solved.
+pub struct Candidate {
+    pub refine: u32,
+    pub element: Element,
+    /// "cholesky", or "pcg 1e-6".
+    pub solver: String,
+    pub solution: Solution,
+    pub offline_s: f64,
+}
+
+/// The scene with its body's knobs set.
+pub fn variant(request: &Request<'_>, refine: u32, element: Element, solver: Solver) -> Scene {
+    let mut scene = request.scene.clone();
+    let body = &mut scene.body[request.body];
+    (body.refine, body.element, body.solver) =
+        (request.scene.body[request.body].refine + refine, element, solver);
+    body.storage = Storage::F32;
+    scene
+}
+
+/// Every element on every mesh that is affordable, by Cholesky; conjugate gradients on the scene's own.
+pub fn solve(
+    request: &Request<'_>,
+    meshes: &Meshes,
+    progress: &dyn Progress,
+) -> Result<Vec<Candidate>, MeasureError> {
+    let mut candidates = Vec::new();
+    for refine in 0..meshes.linear.len() as u32 {
+        for (element, _) in RANK.into_iter().filter(|(e, _)| meshes.affords(request, refine as usize, *e)) {
+            candidates.push(candidate(request, refine, element, Solver::default(), progress)?);
+        }
+    }
+    let own = request.scene.body[request.body].element;
+    if meshes.affords(request, 0, own) {
+        for tolerance in TOLERANCES {
+            let solver = Solver { method: Method::Pcg, tolerance, ..Solver::default() };
+            // A tolerance that is out of reach on this body is a setting that does not exist.
+            match candidate(request, 0, own, solver, progress) {
+                Ok(candidate) => candidates.push(candidate),
+                Err(MeasureError::Green(green::GreenError::Solve { .. })) => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+    Ok(candidates)
+}
+
+fn candidate(
+    request: &Request<'_>,
+    refine: u32,
+    element: Element,
+    solver: Solver,
+    progress: &dyn Progress,
+) -> Result<Candidate, MeasureError> {
+    let scene = variant(request, refine, element, solver);
+    let mut times = Vec::new();
+    loop {
+        let solution = green::solve(&scene, request.body, Needs { stiffness: true }, progress)?;
+        times.push(solution.offline_s());
+        // What is fast is noisy, and is measured three times.
+        if times.len() == 3 || times[0] > 1.0 || request.quick {
+            let name = match solver.method {
+                Method::Cholesky => "cholesky".to_owned(),
+                Method::Pcg => format!("pcg {:.0e}", solver.tolerance),
+            };
+            let offline_s = super::frame::quantile(&times, 0.5);
+            return Ok(Candidate { refine, element, solver: name, solution, offline_s });
+        }
+    }
+}
+
+/// The mesh of one element on one refinement, for the smooth problem.
+pub fn smooth_mesh(
+    meshes: &Meshes,
+    request: &Request<'_>,
+    element: &verify::Element,
+    refine: u32,
+) -> Option<TetMesh> {
+    let (own, _) = RANK.into_iter().find(|(known, _)| known.name() == element.name)?;
+    let refine = refine as usize;
+    if !meshes.affords(request, refine, own) {
+        return None;
+    }
+    Some(if element.order == 2 {
+        meshes.ladder.levels[refine].clone()
+    } else {
+        meshes.linear[refine].clone()
+    })
+}

@@ -1,0 +1,81 @@
+//! What effects cost: each body computed with an effect and without it; one that the scene does not list, twice without.
+
+use crate::deform::{ControlPoses, Deformer};
+use crate::effect::EFFECTS;
+use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
+use crate::report::EffectCost;
+use crate::scene::Scene;
+use crate::solve::Silent;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// One body precomputed as `scene` lists it: time of the effect's own step, size of the file, memory and time in the
+/// frame that the file's contents ask for.
+struct Run {
+    offline_s: f64,
+    file_bytes: f64,
+    memory_bytes: f64,
+    frame_s: f64,
+}
+
+pub fn measure(
+    scene: &Scene,
+    body: &str,
+    needs_of: &dyn Fn(&Scene) -> Needs,
+    model: &str,
+    poses: &ControlPoses,
+    folder: &Path,
+) -> Result<Vec<EffectCost>, GreenError> {
+    let run = |scene: &Scene| run(scene, body, needs_of(scene), model, poses, folder);
+    let as_listed = run(scene)?;
+    EFFECTS
+        .iter()
+        .map(|effect| {
+            let listed = scene.body[body].effects.iter().any(|name| name == effect.name);
+            let mut without = scene.clone();
+            without.body[body].effects.retain(|name| name != effect.name);
+            let without = run(&without)?;
+            let more = |with: f64, without: f64| (with - without).max(0.0);
+            Ok(EffectCost {
+                effect: effect.name.into(),
+                listed,
+                offline_s: more(as_listed.offline_s, without.offline_s),
+                file_bytes: more(as_listed.file_bytes, without.file_bytes),
+                memory_bytes: more(as_listed.memory_bytes, without.memory_bytes),
+                frame_s: more(as_listed.frame_s, without.frame_s),
+            })
+        })
+        .collect()
+}
+
+fn run(
+    scene: &Scene,
+    body: &str,
+    needs: Needs,
+    model: &str,
+    poses: &ControlPoses,
+    folder: &Path,
+) -> Result<Run, GreenError> {
+    let solution = green::solve(scene, body, needs, &Silent)?;
+    let offline_s = solution.times.stiffness_s;
+    let precomputed = Precomputed {
+        name: body.to_owned(),
+        fingerprint: String::new(),
+        needs,
+        storage: scene.body[body].storage,
+        solution,
+    };
+    let path = folder.join("effects.green");
+    let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
+    let file = Arc::new(GreenFile::open(&path)?);
+    let tensors: usize = file.tensors().map(|(.., size)| size).sum();
+    let damaged = |reason: String| GreenError::Damaged { path: path.clone(), reason };
+    let mut deformer = Deformer::new(file, body, model).map_err(damaged)?;
+    deformer.evaluate(poses);
+    const ROUNDS: u32 = 1000;
+    let started = Instant::now();
+    let asked = (0..ROUNDS).filter(|_| std::hint::black_box(deformer.wrenches()).is_some()).count();
+    let frame_s = if asked == 0 { 0.0 } else { started.elapsed().as_secs_f64() / f64::from(ROUNDS) };
+    Ok(Run { offline_s, file_bytes, memory_bytes: tensors as f64, frame_s })
+}

@@ -1,0 +1,106 @@
+//! A pose's displacement field over all nodes, as one setting of the knobs has it.
+
+use crate::deform::{
+    Columns, ControlPose, ControlPoses, ControlRest, Kind, ModelEntry, SurfaceDisplacements, Wrench, wrenches,
+};
+use crate::green::{Basis, FIELDS, Solution, Stored};
+use crate::mesh::quality;
+use crate::scene::Storage;
+use nalgebra::{Isometry3, Matrix3, Vector3};
+
+/// What a model makes of a pose: coefficients, and the rigid motion that it took out of it, about `centre`.
+pub struct Asked {
+    pub coefficients: Vec<[f64; FIELDS]>,
+    pub motion: Isometry3<f64>,
+    pub centre: Vector3<f64>,
+}
+
+/// The same affine motions about the origins of another discretisation, whose control elements hold other nodes:
+/// o + T + M (x - o) = o' + T' + M (x - o') with T' = T + (M - I)(o' - o).
+pub fn moved_origins(poses: &ControlPoses, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
+    let shifted = |((pose, from), to): ((&ControlPose, &Vector3<f64>), &Vector3<f64>)| ControlPose {
+        translation: pose.translation + (pose.matrix - Matrix3::identity()) * (to - from),
+        matrix: pose.matrix,
+    };
+    poses.iter().zip(from).zip(to).map(shifted).collect()
+}
+
+pub fn origins(solution: &Solution) -> Vec<Vector3<f64>> {
+    solution.controls.iter().map(|control| control.origin).collect()
+}
+
+/// Asks an online model; `None` of a model that is none, or where its mean rotation is not defined.
+pub fn ask(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -> Option<Asked> {
+    let Kind::Online(make) = &model.kind else { return None };
+    let (low, high) = quality::bounding_box(&solution.mesh.nodes);
+    let centre = low + (high - low) * 0.5;
+    let rest = |control: &crate::green::ControlElement| ControlRest {
+        name: control.name.clone(),
+        origin: control.origin - centre,
+        nodes: control.nodes.len(),
+    };
+    let controls: Vec<ControlRest> = solution.controls.iter().map(rest).collect();
+    let columns = Columns { elements: vec![Basis::F32(&[]); controls.len()] };
+    let mut nothing = SurfaceDisplacements::zeros(0);
+    let stats = make(&controls).evaluate(&columns, poses, &mut nothing);
+    (!stats.rotation_undefined).then_some(Asked {
+        coefficients: stats.coefficients,
+        motion: nothing.body_from_surface,
+        centre,
+    })
+}
+
+/// Σ cₖ u⁽ᵏ⁾ at all nodes, before the rigid motion.
+pub fn combined(solution: &Solution, asked: &Asked) -> Vec<Vector3<f64>> {
+    let c = asked.coefficients.as_flattened();
+    let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+    (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| value(3 * n + axis))).collect()
+}
+
+/// The whole displacement R (X + u) + t - X.
+pub fn displaced(solution: &Solution, asked: &Asked, u: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let (rotation, shift) = (asked.motion.rotation, asked.motion.translation.vector);
+    let displacement = |(x, u): (&Vector3<f64>, &Vector3<f64>)| {
+        let x = x - asked.centre;
+        rotation * x - x + rotation * u + shift
+    };
+    solution.mesh.nodes.iter().zip(u).map(displacement).collect()
+}
+
+/// `solution` with its columns as they come out of a .green file: of all nodes, those inside as if they were stored
+/// too.
+pub fn stored(solution: &Solution, storage: Storage) -> Vec<Vec<f64>> {
+    (0..solution.fields.columns)
+        .map(|column| {
+            let exact: Vec<f64> =
+                (0..3 * solution.fields.nodes).map(|row| solution.fields.row(row)[column]).collect();
+            Stored::rounded(storage, &exact)
+        })
+        .collect()
+}
+
+/// Σ cₖ (stored u⁽ᵏ⁾ - u⁽ᵏ⁾).
+pub fn storage_error(solution: &Solution, stored: &[Vec<f64>], asked: &Asked) -> Vec<Vector3<f64>> {
+    let c = asked.coefficients.as_flattened();
+    let value = |row: usize| -> f64 {
+        stored.iter().zip(c).zip(solution.fields.row(row)).map(|((s, c), u)| c * (s[row] - u)).sum()
+    };
+    (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| value(3 * n + axis))).collect()
+}
+
+/// Wrenches about the origins `about`, which are not those of the solution itself.
+pub fn wrenches_about(solution: &Solution, asked: &Asked, about: &[Vector3<f64>]) -> Option<Vec<Wrench>> {
+    let stiffness = solution.stiffness.as_ref()?;
+    let (own, _) = wrenches(stiffness, &asked.coefficients, asked.motion.rotation);
+    let moved =
+        |((wrench, control), about): ((&Wrench, &crate::green::ControlElement), &Vector3<f64>)| Wrench {
+            force: wrench.force,
+            moment: wrench.moment + (asked.motion.rotation * (control.origin - about)).cross(&wrench.force),
+        };
+    Some(own.iter().zip(&solution.controls).zip(about).map(moved).collect())
+}
+
+/// a - b, node by node.
+pub fn minus(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}

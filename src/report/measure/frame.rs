@@ -1,0 +1,68 @@
+//! What one evaluation of a .green file costs online, measured by the code that runs in the frame.
+
+use crate::deform::{ControlPose, ControlPoses, Deformer};
+use crate::green::{FIELDS, GreenFile};
+use std::sync::Arc;
+
+/// One deformer among those that are measured side by side.
+pub struct Contender {
+    pub deformer: Deformer,
+    /// Times of one evaluation, all control elements moved, s.
+    pub all_s: Vec<f64>,
+    /// The same with the last control element moved alone.
+    pub one_s: Vec<f64>,
+}
+
+impl Contender {
+    /// Errors name what the file or the model lacks.
+    pub fn new(file: &Arc<GreenFile>, body: &str, model: &str) -> Result<Contender, String> {
+        let deformer = Deformer::new(file.clone(), body, model)?;
+        Ok(Contender { deformer, all_s: Vec::new(), one_s: Vec::new() })
+    }
+
+    /// Bytes of columns that an evaluation of all control elements reads.
+    pub fn bytes(&self, width: usize) -> f64 {
+        (self.deformer.controls.len() * FIELDS * 3 * self.deformer.rest().len() * width) as f64
+    }
+}
+
+/// Evaluates all contenders in turn, `rounds` times, so that what disturbs the machine disturbs them alike. Every
+/// `stride`-th follows the other: neighbours share a file, and the second would find it in the cache.
+pub fn race(contenders: &mut [Contender], stride: usize, poses: &[ControlPoses], rounds: usize) {
+    let order: Vec<usize> = (0..stride).flat_map(|first| (first..contenders.len()).step_by(stride)).collect();
+    for round in 0..rounds {
+        for &turn in &order {
+            let contender = &mut contenders[turn];
+            let pose = &poses[round % poses.len()];
+            let mut moved = jogged(pose, round, 0);
+            contender.deformer.evaluate(&moved);
+            contender.all_s.push(contender.deformer.times.deform_s);
+            let last = moved.len() - 1;
+            moved[last] = jogged(pose, round + 1, last)[last];
+            contender.deformer.evaluate(&moved);
+            contender.one_s.push(contender.deformer.times.deform_s);
+        }
+    }
+}
+
+/// The pose with every control element from `first` on moved a little, fixed ones too, so that every field is summed.
+fn jogged(poses: &ControlPoses, round: usize, first: usize) -> ControlPoses {
+    let by = 1e-4 * (1.0 + (round % 97) as f64);
+    let jog = |(e, pose): (usize, &ControlPose)| {
+        let mut pose = *pose;
+        if e >= first {
+            pose.translation.add_scalar_mut(by);
+            pose.matrix.add_scalar_mut(by);
+        }
+        pose
+    };
+    poses.iter().enumerate().map(jog).collect()
+}
+
+/// The `share` quantile of some times; 0 of none.
+pub fn quantile(times: &[f64], share: f64) -> f64 {
+    let mut sorted = times.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
+    sorted.get(at).copied().unwrap_or(0.0)
+}

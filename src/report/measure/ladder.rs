@@ -1,0 +1,154 @@
+//! The meshes of one body from coarse to fine, and how a displacement climbs from one to the finest.
+//!
+//! In: the quadratic meshes Q₀, Q₁, … of a body's refinements. Out: any field of tet4 or tet10 on any of them as the
+//! same field on the finest, where all errors are taken: what differs then is the solution, not the sampling.
+
+use crate::mesh::{EDGES, TetMesh, quadratic};
+use nalgebra::Vector3;
+
+/// Q_0 … Q_top. Corners of Q_r come first, then its mids; tetrahedron t of Q_r is cut into 8 t … 8 t + 7 of Q_(r+1),
+/// the first four of which keep a corner each ([`crate::mesh::refine`]).
+pub struct Ladder {
+    pub levels: Vec<TetMesh>,
+    /// Nodes of the linear mesh of each level.
+    corners: Vec<usize>,
+}
+
+impl Ladder {
+    /// From the linear meshes of the levels. `curve` places the middles.
+    pub fn new(linear: Vec<TetMesh>, curve: quadratic::Curve<'_>) -> Ladder {
+        let corners = linear.iter().map(|mesh| mesh.nodes.len()).collect();
+        let levels = linear.into_iter().map(|mesh| quadratic::quadratic(mesh, curve)).collect();
+        Ladder { levels, corners }
+    }
+
+    pub fn top(&self) -> &TetMesh {
+        &self.levels[self.levels.len() - 1]
+    }
+
+    /// A field of `level`, by its corners or by all its nodes, on the nodes of the finest mesh.
+    pub fn raise(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let mut field = self.with_mids(level, field);
+        for level in level..self.levels.len() - 1 {
+            field = self.climb(level, &field);
+        }
+        field
+    }
+
+    /// A linear field's values at the mids too.
+    fn with_mids(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let mesh = &self.levels[level];
+        let mut whole = field.to_vec();
+        if field.len() < mesh.nodes.len() {
+            whole.resize(mesh.nodes.len(), Vector3::zeros());
+            for (tet, mids) in mesh.tets.iter().zip(&mesh.mids) {
+                for ([i, j], &mid) in EDGES.iter().zip(mids) {
+                    whole[mid as usize] = (field[tet[*i] as usize] + field[tet[*j] as usize]) * 0.5;
+                }
+            }
+        }
+        whole
+    }
+
+    /// The field of Q_level at the nodes of the next.
+    fn climb(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let (coarse, fine) = (&self.levels[level], &self.levels[level + 1]);
+        let mut raised = vec![Vector3::zeros(); fine.nodes.len()];
+        for tet in 0..coarse.tets.len() {
+            let own = quadratic::nodes(coarse, tet).map(|node| field[node as usize]);
+            let value = |at: &[f64; 4]| -> Vector3<f64> {
+                quadratic::shapes(at).iter().zip(&own).map(|(shape, u)| u * *shape).sum()
+            };
+            let places = self.places(level, tet);
+            let place =
+                |node: u32| places.iter().find(|(known, _)| *known == node).map_or([0.25; 4], |(_, at)| *at);
+            for child in 8 * tet..8 * tet + 8 {
+                let corners = fine.tets[child].map(place);
+                for (node, at) in fine.tets[child].iter().zip(&corners) {
+                    raised[*node as usize] = value(at);
+                }
+                for ([i, j], &mid) in EDGES.iter().zip(&fine.mids[child]) {
+                    let at = std::array::from_fn(|l| 0.5 * (corners[*i][l] + corners[*j][l]));
+                    raised[mid as usize] = value(&at);
+                }
+            }
+        }
+        raised
+    }
+
+    /// The corners of the children of tetrahedron `tet` by their barycentric coordinates in it: an old corner's own, and
+    /// of a new one the mean of the two old corners whose children have it.
+    fn places(&self, level: usize, tet: usize) -> Vec<(u32, [f64; 4])> {
+        let (coarse, fine) = (&self.levels[level], &self.levels[level + 1]);
+        let is_old = |node: &u32| (*node as usize) < self.corners[level];
+        let mut places: Vec<(u32, [f64; 4])> = Vec::with_capacity(10);
+        for child in &fine.tets[8 * tet..8 * tet + 4] {
+            let own = child.iter().find(|node| is_old(node)).copied().unwrap_or(0);
+            let Some(corner) = coarse.tets[tet].iter().position(|&node| node == own) else { continue };
+            for &node in child {
+                let share = if is_old(&node) { 1.0 } else { 0.5 };
+                match places.iter_mut().find(|(known, _)| *known == node) {
+                    Some((_, at)) => at[corner] += share,
+                    None => {
+                        let mut at = [0.0; 4];
+                        at[corner] = share;
+                        places.push((node, at));
+                    }
+                }
+            }
+        }
+        places
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::refine::refine;
+    use crate::mesh::{Block, Tube, block, tube};
+
+    fn ladder(base: &TetMesh, curve: quadratic::Curve<'_>) -> Ladder {
+        Ladder::new((0..3).map(|times| refine(base.clone(), times, curve).unwrap()).collect(), curve)
+    }
+
+    /// A quadratic field climbs without loss on straight meshes, a linear one from the corners alone.
+    #[test]
+    fn quadratic_fields_climb_exactly() {
+        let base = block(&Block { size: [1.0, 2.0, 1.5], cells: [2, 1, 2] }).unwrap();
+        let ladder = ladder(&base, &quadratic::straight);
+        let square = |x: &Vector3<f64>| Vector3::new(x.x * x.y, x.z * x.z - x.x, 1.0 + x.y * x.y);
+        let linear = |x: &Vector3<f64>| Vector3::new(2.0 * x.x - x.y, x.z, 0.5);
+        for level in 0..3 {
+            let nodes = &ladder.levels[level].nodes;
+            let raised = ladder.raise(level, &nodes.iter().map(square).collect::<Vec<_>>());
+            for (u, x) in raised.iter().zip(&ladder.top().nodes) {
+                assert!((u - square(x)).amax() < 1e-13, "level {level}: {u} at {x}");
+            }
+            let corners = ladder.corners[level];
+            let raised = ladder.raise(level, &nodes[..corners].iter().map(linear).collect::<Vec<_>>());
+            for (u, x) in raised.iter().zip(&ladder.top().nodes) {
+                assert!((u - linear(x)).amax() < 1e-13, "level {level}: {u} at {x}");
+            }
+        }
+    }
+
+    /// On a round tube each node takes the value of its own material point: the coordinates climb to within what a
+    /// quadratic can follow of the circle.
+    #[test]
+    fn nodes_of_curved_meshes_keep_their_material_points() {
+        let ring = Tube {
+            inner_radius: 0.5,
+            outer_radius: 1.0,
+            length: 1.0,
+            radial: 1,
+            around: 12,
+            along: 4,
+            control_length: 0.0,
+        };
+        let curve = |a: &Vector3<f64>, b: &Vector3<f64>| ring.curve(a, b);
+        let ladder = ladder(&tube(&ring).unwrap(), &curve);
+        let raised = ladder.raise(0, &ladder.levels[0].nodes);
+        let worst = raised.iter().zip(&ladder.top().nodes).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        assert!(worst < 0.02, "{worst}");
+    }
+}

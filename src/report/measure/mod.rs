@@ -1,0 +1,133 @@
+//! A scene's body computed with every setting of every knob, each with its costs and the parts of its error.
+//!
+//! ```text
+//! u_setting - u* =   (stored - f64)                    storage
+//!                  + (conjugate gradients - Cholesky)  solver
+//!                  + (this mesh, element - finest)     discretisation, with the model's own coefficients
+//!                  + (model - nonlinear statics)       model, both with tet4 on the scene's mesh
+//! ```
+//!
+//! The parts are fields on one finest mesh, and their sum, node by node, is the whole: its norm is at most the sum of
+//! theirs. u* is thus the nonlinear equilibrium of the scene's mesh, corrected by what refining does in the linear
+//! theory.
+
+mod candidates;
+mod effects;
+mod fields;
+mod frame;
+mod ladder;
+mod norms;
+pub mod poses;
+mod rows;
+mod smooth;
+
+pub use candidates::{Limits, RANK};
+pub use ladder::Ladder;
+pub use norms::Norms;
+
+use super::{ModelError, Report, SCHEMA};
+use crate::deform::{ControlPoses, Kind, StaticsError, find_model};
+use crate::fem::AssemblyError;
+use crate::green::{GreenError, Needs};
+use crate::scene::{Scene, SceneError};
+use crate::solve::Progress;
+use crate::verify::Fault;
+use std::path::Path;
+
+/// What is to be measured.
+pub struct Request<'a> {
+    pub scene: &'a Scene,
+    pub body: &'a str,
+    /// By name, one pose for each control element in the scene's order.
+    pub poses: &'a [(String, ControlPoses)],
+    pub pose_source: String,
+    pub limits: Limits,
+    pub quick: bool,
+    /// What the body's model and effects need, as the scene lists them.
+    pub needs_of: &'a dyn Fn(&Scene) -> Needs,
+    /// For files that live while it is measured.
+    pub scratch: &'a Path,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Green(#[from] GreenError),
+    #[error(transparent)]
+    Statics(#[from] StaticsError),
+    #[error("the norms' matrix: {0}")]
+    Assembly(#[from] AssemblyError),
+    #[error("the smooth problem: {0}")]
+    Smooth(#[from] Fault),
+    #[error(
+        "{nodes} nodes are more than the report computes by itself ({largest} unknowns, weighed by element); raise \
+         --largest, or measure a coarser mesh"
+    )]
+    TooLarge { nodes: usize, largest: f64 },
+    #[error(
+        "the mesh file has 10-node tetrahedra: its corners are what all elements have in common; \
+         `greenstage convert` writes a mesh of them"
+    )]
+    TenNodes,
+    #[error("{0}")]
+    Model(String),
+    #[error("no pose is left: {0}")]
+    NoPose(String),
+    #[error("{}: {source}", path.display())]
+    Io { path: std::path::PathBuf, source: std::io::Error },
+}
+
+/// Measures it all; long, with `progress`.
+pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report, MeasureError> {
+    let ladder = candidates::Meshes::new(request)?;
+    let candidates = candidates::solve(request, &ladder, progress)?;
+    let truth = rows::Truth::new(request, &ladder, &candidates, progress)?;
+    let rows = rows::rows(request, &ladder, &candidates, &truth, progress)?;
+    let models: Vec<ModelError> = truth.models();
+    let smooth = smooth::measure(
+        &|element, refine| candidates::smooth_mesh(&ladder, request, element, refine),
+        ladder.linear.len() as u32,
+        progress,
+    )?;
+    let body = &request.scene.body[request.body];
+    let is_online = |name: &str| find_model(name).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
+    let model = if is_online(&body.model) { &body.model } else { "linear" };
+    let effects = effects::measure(
+        request.scene,
+        request.body,
+        request.needs_of,
+        model,
+        &truth.poses[0].1,
+        request.scratch,
+    )?;
+    let base = &ladder.linear[0];
+    let (low, high) = crate::mesh::quality::bounding_box(&base.nodes);
+    Ok(Report {
+        schema: SCHEMA,
+        program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
+        machine: machine(),
+        scene: request.scene.path.display().to_string(),
+        body: request.body.to_owned(),
+        size: (high - low).amax(),
+        references: truth.references(&candidates),
+        poses: truth.poses.iter().map(|(name, _)| name.clone()).collect(),
+        pose_source: request.pose_source.clone(),
+        quick: request.quick,
+        rows,
+        models,
+        smooth,
+        effects,
+    })
+}
+
+/// Processor and threads, as far as the system tells.
+fn machine() -> String {
+    let name = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
+        let line = text.lines().find(|line| line.starts_with("model name"))?;
+        Some(line.split(':').nth(1)?.trim().to_owned())
+    });
+    let name = name.unwrap_or_else(|| std::env::consts::ARCH.to_owned());
+    format!("{name}, {} threads, {}", rayon::current_num_threads(), std::env::consts::OS)
+}

@@ -1,0 +1,92 @@
+//! Seeded poses for a body that no script moves.
+
+use crate::deform::{ControlPose, ControlPoses};
+use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
+
+/// Random numbers that are the same everywhere (Steele, Lea and Flood's SplitMix64).
+pub struct Random(pub u64);
+
+impl Random {
+    /// In [0, 1).
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Of length 1, every direction as likely.
+    pub fn direction(&mut self) -> Vector3<f64> {
+        loop {
+            let v = Vector3::from_fn(|_, _| 2.0 * self.next() - 1.0);
+            let square = v.norm_squared();
+            if square > 1e-4 && square <= 1.0 {
+                return v / square.sqrt();
+            }
+        }
+    }
+}
+
+/// One pose for each of `angles` (rad): every control element but the first turns by that angle about an axis of its
+/// own and comes to stand where a rod of constant curvature and twist from the first one would carry it,
+/// T = ∫₀¹ exp(s θ [a]) ds d - d with d the way between their origins at rest, moved on by up to `play` (m).
+pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) -> Vec<(String, ControlPoses)> {
+    let mut random = Random(seed);
+    angles
+        .iter()
+        .map(|&angle| {
+            let poses = origins.iter().enumerate().map(|(e, origin)| {
+                if e == 0 {
+                    return ControlPose::REST;
+                }
+                let axis = UnitVector3::new_normalize(random.direction());
+                let way = origin - origins[0];
+                let shift = random.direction() * (play * random.next());
+                let translation = mean_rotation(&axis, angle) * way - way + shift;
+                ControlPose { translation, matrix: *Rotation3::from_axis_angle(&axis, angle).matrix() }
+            });
+            (format!("turned {:.0}°", angle.to_degrees()), poses.collect())
+        })
+        .collect()
+}
+
+/// ∫₀¹ exp(s θ [a]) ds = I + (1 - cos θ)/θ [a] + (1 - sin θ/θ) [a]².
+fn mean_rotation(axis: &UnitVector3<f64>, angle: f64) -> Matrix3<f64> {
+    let cross = axis.cross_matrix();
+    if angle.abs() < 1e-9 {
+        return Matrix3::identity();
+    }
+    Matrix3::identity() + cross * ((1.0 - angle.cos()) / angle) + cross * cross * (1.0 - angle.sin() / angle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_rotation_is_the_integral() {
+        let axis = UnitVector3::new_normalize(Vector3::new(0.3, -0.5, 0.8));
+        let steps = 2000;
+        let sum: Matrix3<f64> = (0..steps)
+            .map(|s| {
+                *Rotation3::from_axis_angle(&axis, 1.3 * (f64::from(s) + 0.5) / f64::from(steps)).matrix()
+            })
+            .sum();
+        assert!((sum / f64::from(steps) - mean_rotation(&axis, 1.3)).amax() < 1e-7);
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_poses_and_the_angles_are_kept() {
+        let origins = [Vector3::zeros(), Vector3::x(), Vector3::new(1.0, 1.0, 0.0)];
+        let poses = random(&origins, &[0.5, 1.0], 0.01, 7);
+        assert_eq!(poses, random(&origins, &[0.5, 1.0], 0.01, 7));
+        assert_ne!(poses, random(&origins, &[0.5, 1.0], 0.01, 8));
+        for ((_, poses), angle) in poses.iter().zip([0.5, 1.0]) {
+            assert_eq!(poses[0], ControlPose::REST);
+            for pose in &poses[1..] {
+                assert!((Rotation3::from_matrix_unchecked(pose.matrix).angle() - angle).abs() < 1e-12);
+            }
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! A smooth problem on the body's own mesh, where the theory promises rates of convergence.
+//!
+//! The field of a point force beside the body (Kelvin) is prescribed on its whole surface; inside it is known exactly.
+
+use crate::fem::Lame;
+use crate::fem::NodeFields;
+use crate::mesh::{Surface, TetMesh, quality};
+use crate::report::SmoothRow;
+use crate::solve::Progress;
+use crate::verify::{Body, ELEMENTS, Element, Exact, Fault, Kelvin, Level, rate};
+use nalgebra::{Matrix3, Vector3};
+
+/// Poisson's ratio of the problem, where nothing locks: it tells of meshes and elements, not of the material.
+const POISSON: f64 = 0.3;
+
+/// Kelvin's field in a body of another size and place: u(x) = u_K((x - origin) / size).
+struct Placed {
+    kelvin: Kelvin,
+    origin: Vector3<f64>,
+    size: f64,
+}
+
+impl Exact for Placed {
+    fn displacement(&self, x: &Vector3<f64>) -> Vector3<f64> {
+        self.kelvin.displacement(&((x - self.origin) / self.size))
+    }
+
+    fn gradient(&self, x: &Vector3<f64>) -> Matrix3<f64> {
+        self.kelvin.gradient(&((x - self.origin) / self.size)) / self.size
+    }
+}
+
+/// Errors of every element on the meshes that `mesh_of` has of it: by refinement, none where it is too large.
+pub fn measure(
+    mesh_of: &dyn Fn(&Element, u32) -> Option<TetMesh>,
+    levels: u32,
+    progress: &dyn Progress,
+) -> Result<Vec<SmoothRow>, Fault> {
+    let mut rows = Vec::new();
+    progress.begin("smooth problem", ELEMENTS.len() as u64 * u64::from(levels));
+    for element in ELEMENTS {
+        let mut own = Vec::new();
+        for refine in 0..levels {
+            if let Some(mesh) = mesh_of(element, refine) {
+                own.push(solve(element, refine, mesh)?);
+            }
+            progress.advance(1);
+        }
+        let fitted = |error: fn(&SmoothRow) -> f64| {
+            let level =
+                |row: &SmoothRow| Level { h: row.h, nodes: 0, value: 0.0, error: error(row), seconds: 0.0 };
+            rate(&own.iter().map(level).collect::<Vec<_>>(), 0.0)
+        };
+        let rates = (fitted(|row| row.l2), fitted(|row| row.energy));
+        own.iter_mut().for_each(|row| (row.l2_rate, row.energy_rate) = rates);
+        rows.append(&mut own);
+    }
+    progress.end();
+    Ok(rows)
+}
+
+fn solve(element: &Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, Fault> {
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let size = (high - low).amax();
+    let lame = Lame::from_young_poisson(1.0, POISSON);
+    let exact = Placed { kelvin: Kelvin::new(POISSON), origin: low, size };
+    let nodes = mesh.nodes.len();
+    let mut fixed = vec![None; 3 * nodes];
+    for node in Surface::of(&mesh).nodes {
+        let u = exact.displacement(&mesh.nodes[node as usize]);
+        (0..3).for_each(|axis| fixed[3 * node as usize + axis] = Some(u[axis]));
+    }
+    let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
+    let h = (volume / mesh.tets.len() as f64).cbrt();
+    let place = mesh.nodes.clone();
+    let body = Body { place, force: NodeFields::zeros(nodes, 1), fixed, mesh };
+    let solution = body.solve(element, lame)?;
+    let norms = solution.norms(&body, element, lame, &exact);
+    let order = f64::from(element.order);
+    Ok(SmoothRow {
+        element: element.name.into(),
+        refine,
+        h,
+        l2: norms.l2,
+        energy: norms.energy,
+        l2_rate: None,
+        energy_rate: None,
+        promised: [order + 1.0, order],
+    })
+}
