@@ -38,8 +38,8 @@ pub struct Args {
     /// Under a minute for ten thousand nodes: fewer poses, no refinement, one time each
     #[arg(long)]
     pub quick: bool,
-    /// Largest solve, unknowns (those of tet10 count 1.5, of tet4_anp 3)
-    #[arg(long, default_value_t = 400_000.0, value_parser = super::positive)]
+    /// Unknowns of the largest solve (those of tet4_anp count threefold)
+    #[arg(long, default_value_t = 300_000.0, value_parser = super::positive)]
     pub largest: f64,
     /// No progress bars
     #[arg(long)]
@@ -47,7 +47,7 @@ pub struct Args {
 }
 
 /// Angles of the random poses, degrees.
-const ANGLES: [f64; 8] = [5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0];
+const ANGLES: [f64; 8] = [2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0];
 const QUICK_ANGLES: [f64; 3] = [10.0, 30.0, 60.0];
 /// How far random poses move on beside turning, as a part of the body's size.
 const PLAY: f64 = 0.02;

@@ -7,6 +7,7 @@ use crate::report::measure::Ladder;
 use crate::scene::{Element, Generate, Method, Scene, Solver, Storage};
 use crate::solve::Progress;
 use crate::verify;
+use nalgebra::Vector3;
 
 /// How large what is computed may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,14 +19,15 @@ pub struct Limits {
     pub rounds: usize,
 }
 
-/// The elements from the least accurate on, each with what one of its unknowns costs against one of tet4: their rows of
-/// K are longer.
-pub const RANK: [(Element, f64); 3] = [(Element::Tet4, 1.0), (Element::Tet4Anp, 3.0), (Element::Tet10, 1.5)];
+/// The elements from the least accurate on, each with what one of its unknowns costs against one of tet4: rows of K of
+/// averaged pressures are longer.
+pub const RANK: [(Element, f64); 3] = [(Element::Tet4, 1.0), (Element::Tet4Anp, 3.0), (Element::Tet10, 1.0)];
 
 /// Tolerances of conjugate gradients that are tried.
 const TOLERANCES: [f64; 5] = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10];
 
-/// The linear meshes M_r, and all of them with their mids.
+/// The linear meshes M_r, and all of them with their mids: those whose quadratic mesh is affordable, so that the finest
+/// solution of all is one of tet10.
 pub struct Meshes {
     pub linear: Vec<TetMesh>,
     pub ladder: Ladder,
@@ -33,31 +35,32 @@ pub struct Meshes {
 
 impl Meshes {
     pub fn new(request: &Request<'_>) -> Result<Meshes, MeasureError> {
-        let mut linear: Vec<TetMesh> = Vec::new();
-        for refine in 0..=request.limits.refinements {
-            let scene = variant(request, refine, Element::Tet4, Solver::default());
-            // Each refinement has about eight times the nodes.
-            let grown = linear.last().map_or(0.0, |mesh| 3.0 * 6.0 * mesh.nodes.len() as f64);
-            if grown > request.limits.largest {
-                break;
-            }
-            linear.push(scene.load_mesh(request.body, &scene.body[request.body])?.mesh);
-        }
-        let base = 3.0 * linear[0].nodes.len() as f64;
-        if base > request.limits.largest {
-            return Err(MeasureError::TooLarge {
-                nodes: linear[0].nodes.len(),
-                largest: request.limits.largest,
-            });
-        }
         let tube = match &request.scene.body[request.body].generate {
             Some(Generate::Tube(tube)) => Some(tube.clone()),
             _ => None,
         };
-        let curve = |a: &nalgebra::Vector3<f64>, b: &nalgebra::Vector3<f64>| match &tube {
+        let curve = |a: &Vector3<f64>, b: &Vector3<f64>| match &tube {
             Some(tube) => tube.curve(a, b),
             None => quadratic::straight(a, b),
         };
+        let mut linear: Vec<TetMesh> = Vec::new();
+        for refine in 0..=request.limits.refinements {
+            // Each refinement has about eight times the nodes.
+            let grown = linear.last().map_or(0, |mesh| 6 * mesh.nodes.len());
+            if 3.0 * grown as f64 > request.limits.largest {
+                break;
+            }
+            let scene = variant(request, refine, Element::Tet4, Solver::default());
+            let mesh = scene.load_mesh(request.body, &scene.body[request.body])?.mesh;
+            let nodes = quadratic::quadratic(mesh.clone(), &curve).nodes.len();
+            if 3.0 * nodes as f64 <= request.limits.largest {
+                linear.push(mesh);
+            } else if refine == 0 {
+                return Err(MeasureError::TooLarge { nodes, largest: request.limits.largest });
+            } else {
+                break;
+            }
+        }
         let ladder = Ladder::new(linear.clone(), &curve);
         let meshes = Meshes { linear, ladder };
         let scene = variant(request, 0, Element::Tet10, Solver::default());
