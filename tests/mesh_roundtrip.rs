@@ -124,8 +124,9 @@ fn a_tube_goes_through_a_file_of_each_encoding() {
         println!("{encoding}: read in {:.1?}", start.elapsed());
         assert_eq!(loaded, Loaded { mesh: mesh.clone(), notices: vec![] });
     }
-    let message = save(&folder.path().join("no/such.msh"), &mesh, None).unwrap_err().to_string();
-    assert!(message.contains("no/such.msh: cannot be written: "), "{message}");
+    // Folders that are missing are made, but a file is no folder.
+    let message = save(&folder.path().join("msh22.MSH/a.msh"), &mesh, None).unwrap_err().to_string();
+    assert!(message.contains("msh22.MSH/a.msh: cannot be written: "), "{message}");
 }
 
 #[test]
