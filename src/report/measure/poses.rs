@@ -8,7 +8,7 @@ pub struct Random(pub u64);
 
 impl Random {
     /// In [0, 1).
-    pub fn next(&mut self) -> f64 {
+    pub fn number(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -19,7 +19,7 @@ impl Random {
     /// Of length 1, every direction as likely.
     pub fn direction(&mut self) -> Vector3<f64> {
         loop {
-            let v = Vector3::from_fn(|_, _| 2.0 * self.next() - 1.0);
+            let v = Vector3::from_fn(|_, _| 2.0 * self.number() - 1.0);
             let square = v.norm_squared();
             if square > 1e-4 && square <= 1.0 {
                 return v / square.sqrt();
@@ -42,7 +42,7 @@ pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) ->
                 }
                 let axis = UnitVector3::new_normalize(random.direction());
                 let way = origin - origins[0];
-                let shift = random.direction() * (play * random.next());
+                let shift = random.direction() * (play * random.number());
                 let translation = mean_rotation(&axis, angle) * way - way + shift;
                 ControlPose { translation, matrix: *Rotation3::from_axis_angle(&axis, angle).matrix() }
             });
