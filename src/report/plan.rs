@@ -15,11 +15,16 @@ pub struct Choice<'a> {
 }
 
 /// What a setting costs, in the order in which costs count: bytes read per frame, the model's place in the list (its
-/// arithmetic), bytes held offline, bytes of the file. All are counted, not timed, so the choice is the same in every
-/// run.
-pub fn cost(row: &Row) -> [f64; 4] {
+/// arithmetic), bytes held offline. All are counted, not timed, so the choice is the same in every run.
+pub fn cost(row: &Row) -> [f64; 3] {
     let model = MODELS.iter().position(|model| model.name == row.setting.model).unwrap_or(MODELS.len());
-    [row.cost.frame_bytes, model as f64, row.cost.offline_bytes, row.cost.file_bytes]
+    [row.cost.frame_bytes, model as f64, row.cost.offline_bytes]
+}
+
+/// Whether a row's discretisation is the one that all are measured against: its own error is not known, and it is not
+/// chosen.
+pub fn is_reference(row: &Row) -> bool {
+    row.error.discretisation.worst == 0.0
 }
 
 /// The largest ratio of what was measured to what was asked; met where it is at most 1.
@@ -39,23 +44,25 @@ pub fn miss(row: &Row, demand: &Demand) -> f64 {
     }
 }
 
-/// Chooses among `rows`; `None` of none. Where no row meets the demand, the one that misses it least.
+/// Chooses among `rows`; `None` of none. Of equal costs the least error wins. Where no row meets the demand, the one
+/// that misses it least.
 pub fn choose<'a>(rows: &'a [Row], demand: &Demand) -> Option<Choice<'a>> {
-    let cheaper = |a: &&Row, b: &&Row| compare(&cost(a), &cost(b));
-    let met = || rows.iter().filter(|row| miss(row, demand) <= 1.0);
+    let error = |row: &Row| row.error.total.worst;
+    let cheaper = |a: &&Row, b: &&Row| compare(&cost(a), &cost(b)).then(error(a).total_cmp(&error(b)));
+    let rows = || rows.iter().filter(|row| !is_reference(row));
+    let met = || rows().filter(|row| miss(row, demand) <= 1.0);
     let best = match demand {
         Demand::Accuracy(_) => met().min_by(cheaper),
-        Demand::Budget(_) => met()
-            .min_by(|a, b| a.error.total.worst.total_cmp(&b.error.total.worst).then_with(|| cheaper(a, b))),
+        Demand::Budget(_) => met().min_by(|a, b| error(a).total_cmp(&error(b)).then_with(|| cheaper(a, b))),
     };
     let least =
-        || rows.iter().min_by(|a, b| miss(a, demand).total_cmp(&miss(b, demand)).then_with(|| cheaper(a, b)));
+        || rows().min_by(|a, b| miss(a, demand).total_cmp(&miss(b, demand)).then_with(|| cheaper(a, b)));
     let row = best.or_else(least)?;
-    let better = rows.iter().filter(|other| other.error.total.worst < 0.9 * row.error.total.worst);
+    let better = rows().filter(|other| error(other) < 0.9 * error(row));
     Some(Choice { row, miss: miss(row, demand), next: better.min_by(cheaper) })
 }
 
-fn compare(a: &[f64; 4], b: &[f64; 4]) -> std::cmp::Ordering {
+fn compare(a: &[f64; 3], b: &[f64; 3]) -> std::cmp::Ordering {
     a.iter()
         .zip(b)
         .map(|(a, b)| a.total_cmp(b))
