@@ -335,6 +335,15 @@ fn the_part_that_limits_is_the_largest() {
     assert_eq!(error.dominating(), Some(2));
 }
 
+#[test]
+fn an_effect_that_is_not_listed_and_costs_is_called_a_fault() {
+    let mut report = made_up();
+    let fault = "Some that the scene does not list cost something all the same";
+    assert!(!written(&report).1[0].1.contains(fault));
+    report.effects[2].memory_bytes = 8.0;
+    assert!(written(&report).1[0].1.contains(fault));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]

@@ -151,7 +151,7 @@ fn covered(i: usize, rect: &Rect, wishes: &[Wish], placed: &[Option<Rect>], obst
     let own = |p: &&[f64; 2]| (p[0] - wishes[i].at[0]).hypot(p[1] - wishes[i].at[1]) > 2.0 * MARKER;
     let passed =
         obstacles.points.iter().filter(own).filter(|p| Rect::around(**p, MARKER - 2.0).meets(leader));
-    let mut cost = 25.0 * points as f64 + 14.0 * lines as f64 + 40.0 * passed.count() as f64;
+    let mut cost = 25.0 * points as f64 + 22.0 * lines as f64 + 40.0 * passed.count() as f64;
     for (j, other) in placed.iter().enumerate().filter(|(j, _)| *j != i) {
         let Some(other) = other else {
             continue;

@@ -5,7 +5,7 @@ use super::markup::escape;
 use super::plot::{Picture, STYLE};
 use super::says::says;
 use super::units::Unit;
-use super::{Report, tables};
+use super::{EffectCost, Report, tables};
 
 /// Name of a plot, the heading above it, and how it is read.
 const READING: [(&str, &str, &str); 8] = [
@@ -81,7 +81,7 @@ fn heading(text: &str) -> String {
 fn answer(report: &Report) -> String {
     let lead = format!(
         "An elastic body was computed with {} choices of mesh, element, solver, storage and model. Each was timed \
-         and compared with a reference that is far more accurate. This page says what each per cent costs.",
+         and compared with a more accurate solution. This page says what each per cent costs.",
         report.rows.len()
     );
     let told: String = answers(report).iter().map(|text| paragraph(text)).collect();
@@ -95,8 +95,7 @@ fn answer(report: &Report) -> String {
         quick,
         format!("<div class=\"answer\">\n{told}</div>\n"),
         tables::goals(&report.rows),
-        "<p class=\"muted\">Errors are relative L2, medians of the poses. Costs within 2 % count as equal: timings \
-         spread more than that.</p>\n"
+        "<p class=\"muted\">Errors are relative L2, medians of the poses. Costs within 2 % count as equal.</p>\n"
             .into(),
     ]
     .concat()
@@ -165,9 +164,7 @@ fn all_tables(report: &Report) -> String {
     }
     if !report.effects.is_empty() {
         text += &heading("Effects");
-        text += &paragraph(
-            "What each effect costs on top. An effect that the scene does not list costs nothing: the zeros are measured too.",
-        );
+        text += &paragraph(effects(report));
         text += &tables::effects(report);
     }
     text += &heading("Every setting");
@@ -186,6 +183,18 @@ fn all_tables(report: &Report) -> String {
         tables::errors(&report.rows)
     );
     text
+}
+
+/// What the table of effects says of those that the scene does not list.
+fn effects(report: &Report) -> &'static str {
+    let free = |of: &EffectCost| {
+        [of.offline_s, of.file_bytes, of.memory_bytes, of.frame_s].iter().all(|c| *c == 0.0)
+    };
+    if report.effects.iter().filter(|of| !of.listed).all(free) {
+        "What each effect costs on top. Those that the scene does not list cost nothing."
+    } else {
+        "What each effect costs on top. Some that the scene does not list cost something all the same: a fault."
+    }
 }
 
 fn words(report: &Report) -> String {

@@ -97,14 +97,14 @@ const SOLVER: Told = Told {
     of: |setting| &setting.solver,
     cost: |row| row.cost.offline_s,
     error: |row| row.error.solver.median,
-    unit: "times the fastest on its mesh",
+    unit: "Offline times as multiples of the fastest on the same mesh",
 };
 
 const STORAGE: Told = Told {
     of: |setting| &setting.storage,
     cost: |row| row.cost.file_bytes,
     error: |row| row.error.storage.median,
-    unit: "times the smallest on its mesh",
+    unit: "File sizes as multiples of the smallest on the same mesh",
 };
 
 /// For every position of a knob: its largest error, and its cost as a multiple of the least on the same mesh.
@@ -122,12 +122,12 @@ fn knob(rows: &[Row], told: &Told) -> String {
         let (low, high) = ratios.fold((f64::INFINITY, 0.0_f64), |(a, b), ratio| (a.min(ratio), b.max(ratio)));
         let range = match (times(low), times(high)) {
             _ if low > high => String::new(),
-            (low, high) if low == high => format!(", {low} {}", told.unit),
-            (low, high) => format!(", {low} to {high} {}", told.unit),
+            (low, high) if low == high => format!("{low} times, "),
+            (low, high) => format!("{low} to {high} times, "),
         };
-        format!("{position}: error at most {}{range}", relative(error))
+        format!("{position} {range}error at most {}", relative(error))
     };
-    format!("{}.", positions.iter().map(say).collect::<Vec<_>>().join("; "))
+    format!("{}: {}.", told.unit, positions.iter().map(say).collect::<Vec<_>>().join("; "))
 }
 
 fn models(report: &Report) -> String {
@@ -138,12 +138,16 @@ fn models(report: &Report) -> String {
         let good = of.iter().take_while(|row| row.error <= bearable).count();
         let degrees = |i: usize| format!("{}°", digits(of[i].rotation.to_degrees(), 2));
         match good {
-            0 => format!("{model} is above it in the least of them ({})", degrees(0)),
-            n if n == of.len() => format!("{model} stays below it in all (up to {})", degrees(n - 1)),
-            n => format!("{model} stays below it up to {} and is above it at {}", degrees(n - 1), degrees(n)),
+            0 => format!("{model} in none (not at {})", degrees(0)),
+            n if n == of.len() => format!("{model} in all of them (up to {})", degrees(n - 1)),
+            n => format!("{model} up to {} (not at {})", degrees(n - 1), degrees(n)),
         }
     });
-    format!("Of an error of {} in these poses: {}.", relative(bearable), listed(&told.collect::<Vec<_>>()))
+    format!(
+        "An error of at most {} in these poses: {}.",
+        relative(bearable),
+        listed(&told.collect::<Vec<_>>())
+    )
 }
 
 /// Fitted slopes that fall short of the theory's by more than this are named.
