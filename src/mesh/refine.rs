@@ -12,8 +12,8 @@
 //!
 //! In that order at most three shapes arise from a tetrahedron however often it is cut. The corners are first put in
 //! an order in which x₀₂x₁₃ is the shortest of the three diagonals: on 300 random tetrahedra the least quality after
-//! four cuts is then 0.92 of the first in the mean and 0.68 at worst, against 0.76 and 0.68 in any order; isosurface
-//! stuffing keeps 1.00 against 0.72. The shortest diagonal at every cut has the same least quality, but no such bound.
+//! four cuts is then 0.92 of the first in the mean and 0.68 at worst, against 0.76 and 0.68 in any order; the lattice of
+//! isosurface stuffing keeps 1.00 against 0.72. The shortest diagonal at every cut has the same least quality, but no such bound.
 
 use super::generate::MAX_TETRAHEDRA;
 use super::quadratic::{self, Curve};
