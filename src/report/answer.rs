@@ -74,7 +74,7 @@ pub fn limit(row: &Row) -> &'static str {
     row.error.dominating().map_or("none", |part| PARTS[part])
 }
 
-/// The answers in sentences: one for each of [`GOALS`], by online cost.
+/// The answers in sentences: one for each of three goals, by online cost.
 pub fn answers(report: &Report) -> Vec<String> {
     let rows = &report.rows;
     let Some(best) = ladder(rows, &ONLINE).pop() else {

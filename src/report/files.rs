@@ -62,7 +62,7 @@ pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
     Ok(written)
 }
 
-/// Reads an accuracy.json that [`write`] wrote, and looks at its numbers.
+/// Reads an accuracy.json that [`write()`] wrote, and looks at its numbers.
 pub fn read(path: &Path) -> Result<Report, ReportError> {
     #[derive(Deserialize)]
     struct Version {

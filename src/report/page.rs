@@ -54,7 +54,7 @@ const READING: [(&str, &str, &str); 8] = [
     ("smooth-energy", "", "The same in the energy norm, which falls one order slower."),
 ];
 
-/// The whole file. `pictures` are those of [`super::panels`].
+/// The whole file. `pictures` are those of [`super::panels()`].
 pub fn page(report: &Report, pictures: &[Picture]) -> String {
     let title = format!("What accuracy costs in time: {}", report.body);
     let body = [answer(report), measured(report), plots(report, pictures), all_tables(report), words(report)];

@@ -10,7 +10,7 @@ use super::{Errors, PARTS, Report, Row, Setting, Spread, smooth_panels, split};
 pub const NAMES: [&str; 8] =
     ["online", "split", "mesh", "solver", "storage", "models", "smooth-l2", "smooth-energy"];
 
-/// Every plot that the report has data for, in the order of [`NAMES`].
+/// Every plot that the report has data for, in the order of the page.
 pub fn panels(report: &Report) -> Vec<Picture> {
     let rows = &report.rows;
     let mut pictures = Vec::new();

@@ -30,7 +30,7 @@ impl Picture {
         format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}", self.element(&style))
     }
 
-    /// To be put into a page that has [`STYLE`].
+    /// To be put into a page that has the plots' own style.
     pub fn inline(&self) -> String {
         self.element("")
     }
