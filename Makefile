@@ -17,10 +17,12 @@ test:
 	@sh scripts/setup.sh test
 	@sh scripts/test.sh
 
-# Measures on this machine and writes the tables of the README and of the manual's chapters `verify` and `check`.
+# Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify` and `check`.
 figures:
 	@sh scripts/setup.sh
 	cargo build --release --locked
 	target/release/greenstage bench configs/scenes/tube.toml --readme README.md
+	target/release/greenstage accuracy configs/scenes/tube.toml -o out/accuracy --readme README.md
+	cp out/accuracy/plots/online.svg assets/accuracy.svg
 	target/release/greenstage verify --readme src/manual/verify.md
 	target/release/greenstage verify hard-cases --readme src/manual/check.md

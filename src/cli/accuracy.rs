@@ -42,6 +42,9 @@ pub struct Args {
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
     #[arg(long, default_value_t = LARGEST, value_parser = super::positive)]
     pub largest: f64,
+    /// A Markdown file whose lines between `<!-- accuracy: begin -->` and `<!-- accuracy: end -->` become a table
+    #[arg(long)]
+    pub readme: Option<PathBuf>,
     /// No progress bars
     #[arg(long)]
     pub quiet: bool,
@@ -92,6 +95,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let report = report::measure(&request, &Bars::new(&name, args.quiet)).map_err(Failure::work)?;
     let written = report::write(&args.output, &report).map_err(Failure::work)?;
+    if let Some(readme) = &args.readme {
+        super::bench::write_between_marks(readme, "accuracy", &format!("{}\n", report::digest(&report)))?;
+    }
     let listed: String = written.iter().map(|path| format!("{}\n", path.display())).collect();
     super::print(&format!("{}\n{listed}", report::summary(&report)))
 }

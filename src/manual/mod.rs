@@ -27,6 +27,7 @@ chapters! {
     green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",
     check: "what can go wrong in silence, what is done about it, and how well: hard cases with their figures",
     method: "the mathematics, the accuracy that was measured, and the limits",
+    accuracy: "what accuracy costs in time: the report, its parts and files; letting `precompute` choose",
     verify: "the elements against published and analytic answers: tables, rates, locking, what is required",
     bench: "what each figure of `greenstage bench` means, and how to measure honestly",
 }

@@ -11,6 +11,7 @@ pub use measure::{Limits, MeasureError, Request, measure};
 mod answer;
 mod axis;
 mod csv;
+mod digest;
 mod files;
 mod labels;
 mod markup;
@@ -27,6 +28,7 @@ mod tables;
 mod units;
 
 pub use answer::{CURRENCIES, Currency, FILE, OFFLINE, ONLINE, answers, cheapest, ladder};
+pub use digest::digest;
 pub use files::{ReportError, read, write};
 pub use page::page;
 pub use panels::panels;
