@@ -23,6 +23,9 @@ figures:
 	cargo build --release --locked
 	target/release/greenstage bench configs/scenes/tube.toml --readme README.md
 	target/release/greenstage accuracy configs/scenes/tube.toml -o out/accuracy --readme README.md
+	mkdir -p assets
 	cp out/accuracy/plots/online.svg assets/accuracy.svg
+	target/release/greenstage render configs/scenes/tube.toml --stage workbench --frames 5 --scale 0.18 -o out/sheet
+	cp out/sheet/contact-sheet.png assets/demo.png
 	target/release/greenstage verify --readme src/manual/verify.md
 	target/release/greenstage verify hard-cases --readme src/manual/check.md
