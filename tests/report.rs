@@ -13,8 +13,13 @@ use quick_xml::events::{BytesStart, Event};
 use report_common::made_up;
 use std::collections::BTreeMap;
 
-/// An element with its attributes, and all the text of a document; fails where it is not well formed.
-fn parsed(document: &str) -> (Vec<(String, BTreeMap<String, String>)>, String) {
+/// An element of a document: its name, and its attributes.
+type Element = (String, BTreeMap<String, String>);
+/// Spoils a number of a report.
+type Spoil = fn(&mut Report, f64);
+
+/// The elements and all the text of a document; fails where it is not well formed.
+fn parsed(document: &str) -> (Vec<Element>, String) {
     let mut reader = Reader::from_str(document);
     reader.config_mut().check_end_names = true;
     let (mut elements, mut text, mut depth) = (Vec::new(), String::new(), 0_i32);
@@ -169,7 +174,7 @@ fn few_equal_and_extreme_data_are_drawn() {
 
 #[test]
 fn a_number_that_is_none_is_refused_before_anything_is_written() {
-    let cases: [(fn(&mut Report, f64), &str); 4] = [
+    let cases: [(Spoil, &str); 4] = [
         (
             |report, bad| report.rows[7].error.total.worst = bad,
             "row 8 (tet4 h · cholesky · int16 · rotation): total_worst_relative",

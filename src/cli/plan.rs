@@ -5,11 +5,13 @@ use super::accuracy::scripted_or_random;
 use super::failure::Failure;
 use super::progress::Bars;
 use super::session;
+use crate::deform::ControlPose;
 use crate::green::{self, GreenFile};
 use crate::report::measure::RANK;
 use crate::report::plan::{Choice, choose};
 use crate::report::{self, Limits, Request, Row, Setting};
 use crate::scene::{Demand, Method, Scene, Solver, Storage};
+use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
 /// What is kept of the measuring.
@@ -17,6 +19,8 @@ use serde::{Deserialize, Serialize};
 struct Table {
     /// Fingerprint of the body without its demand: another body needs another table.
     key: String,
+    /// Largest turn of one control element against another in the measured poses, rad.
+    range: f64,
     rows: Vec<Row>,
 }
 
@@ -39,7 +43,7 @@ pub fn settled(mut scene: Scene, quiet: bool) -> Result<Scene, Failure> {
         let key = green::fingerprint(&plain, &name, needs)?;
         let table = match kept(&plain, &name, &key) {
             Some(table) => table,
-            None => Table { key, rows: measure(&plain, &name, quiet)? },
+            None => measure(&plain, &name, key, quiet)?,
         };
         let choice = choose(&table.rows, &demand).ok_or_else(|| {
             Failure::work(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
@@ -60,7 +64,7 @@ fn kept(scene: &Scene, name: &str, key: &str) -> Option<Table> {
     (table.key == key).then_some(table)
 }
 
-fn measure(scene: &Scene, name: &str, quiet: bool) -> Result<Vec<Row>, Failure> {
+fn measure(scene: &Scene, name: &str, key: String, quiet: bool) -> Result<Table, Failure> {
     eprintln!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
     let (poses, pose_source) = scripted_or_random(scene, name, None, true)?;
     let scratch = tempfile::tempdir().map_err(Failure::work)?;
@@ -75,7 +79,23 @@ fn measure(scene: &Scene, name: &str, quiet: bool) -> Result<Vec<Row>, Failure> 
         command: String::new(),
         scratch: scratch.path(),
     };
-    Ok(report::measure(&request, &Bars::new(name, quiet)).map_err(Failure::work)?.rows)
+    let rows = report::measure(&request, &Bars::new(name, quiet)).map_err(Failure::work)?.rows;
+    let range = poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);
+    Ok(Table { key, range, rows })
+}
+
+/// The largest angle between the rotations of two control elements, rad.
+pub fn largest_turn(poses: &[ControlPose]) -> f64 {
+    let rotations: Vec<Rotation3<f64>> =
+        poses.iter().map(|pose| Rotation3::from_matrix(&pose.matrix)).collect();
+    let pairs =
+        rotations.iter().enumerate().flat_map(|(i, a)| rotations[..i].iter().map(move |b| a.angle_to(b)));
+    pairs.fold(0.0, f64::max)
+}
+
+/// The turn up to which the error of a planned body was measured, with a tenth to spare; nothing of other bodies.
+pub fn range(file: &GreenFile, body: &str) -> Option<f64> {
+    file.meta.bodies.get(body)?.plan.as_ref()?.get("range")?.as_f64().map(|range| 1.1 * range)
 }
 
 fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {

@@ -4,6 +4,7 @@
 //! styli with their rays, and one view per screen and eye. It knows no window and no device.
 
 use super::failure::Failure;
+use super::plan;
 use super::session;
 use crate::deform::{ControlPose, Deformer, PoseGuard};
 use crate::green::GreenFile;
@@ -46,6 +47,8 @@ pub struct PlacedBody {
     /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
     pub controls: Vec<PlacedControl>,
     guard: PoseGuard,
+    /// Largest turn for which a planned body's error was measured, rad.
+    range: Option<f64>,
     /// Deformed, or coloured anew, since it was last uploaded.
     pub moved: bool,
     pub recolour: bool,
@@ -95,6 +98,7 @@ impl World {
                 PlacedBody {
                     room_from_body: room_from_mesh * mesh_from_body,
                     controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
+                    range: plan::range(file, &deformer.body),
                     guard: PoseGuard::default(),
                     moved: true,
                     recolour: true,
@@ -141,6 +145,14 @@ impl World {
                 if self.told.insert(format!("{} {name} {fault:?}", body.deformer.body)) {
                     eprintln!("note: body.{}.control.{name}: {}", body.deformer.body, fault.explain());
                 }
+            }
+            if let Some(range) = body.range.take_if(|range| plan::largest_turn(&poses) > *range) {
+                eprintln!(
+                    "note: body.{}: control elements turn by more than {:.0}° against each other, for which the accuracy \
+                     asked for was not measured",
+                    body.deformer.body,
+                    range.to_degrees()
+                );
             }
             if body.deformer.evaluate(&poses).is_some() {
                 body.moved = true;

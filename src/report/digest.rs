@@ -18,14 +18,16 @@ pub fn digest(report: &Report) -> String {
     let Some(base) = report.rows.first() else { return String::new() };
     let mut add = |knob: &str, name: &str, row: &Row, part: super::Spread| {
         let cost = &row.cost;
+        let is_reference = knob == "mesh and element" && super::plan::is_reference(row);
+        let error = |value: f64| if is_reference { "reference".to_owned() } else { relative(value) };
         table.row(&[
             knob,
             name,
             &seconds(cost.offline_s),
             &bytes(cost.file_bytes),
             &seconds(cost.frame_p50_s),
-            &relative(part.median),
-            &relative(part.worst),
+            &error(part.median),
+            &error(part.worst),
         ]);
     };
     let turned = |row: &&Row, knob: usize| {
