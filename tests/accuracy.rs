@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{folder, scene, shared};
+use common::{case_poses, folder, scene, shared};
 use greenstage::deform::ControlPoses;
 use greenstage::green::{self, Needs};
 use greenstage::report::measure::poses::random;
@@ -110,15 +110,12 @@ fn each_part_is_that_of_its_own_knob() {
         assert_eq!(other.error.discretisation, base.error.discretisation);
         assert_eq!(other.error.model, base.error.model);
     }
-    // Solver: falls with the tolerance, and stays below the condition number times it.
-    let condition = {
-        let solution = green::solve(scene, "b", Needs::default(), &Silent).unwrap();
-        solution.stats.conditioning.unwrap().scaled_condition
-    };
+    // Solver: of the size of the tolerance, a residual, on this well-conditioned body.
     for tolerance in [1e-2, 1e-4, 1e-6, 1e-8, 1e-10] {
         let other = row(&report, 0, "tet4", &format!("pcg {tolerance:.0e}"), "f32", "linear");
         let error = other.error.solver.worst;
-        assert!(error > 0.0 && error < condition * tolerance, "{tolerance:e}: {error:e}");
+        println!("pcg {tolerance:.0e}: {error:.1e}");
+        assert!(error > 0.01 * tolerance && error < 0.7 * tolerance, "{tolerance:e}: {error:e}");
         assert_eq!(other.error.model, base.error.model);
     }
     // Discretisation: finer meshes and better elements are nearer to the finest.
@@ -232,18 +229,8 @@ fn linear_against_quadratic_elements_as_found_elsewhere() {
         let Some(place) = shared(&format!("cases/{case}/scene.toml")) else { return };
         let scene = Scene::load(&place).unwrap();
         let name = scene.body.keys().next().unwrap().clone();
-        let text = std::fs::read_to_string(place.with_file_name("poses.toml")).unwrap();
-        let file: toml::Table = toml::from_str(&text).unwrap();
-        let pose = &file["pose"][0]["control"];
-        let number = |value: &toml::Value| value.as_float().unwrap();
-        let poses: ControlPoses = scene.body[&name]
-            .control
-            .keys()
-            .map(|control| greenstage::deform::ControlPose {
-                translation: nalgebra::Vector3::from_fn(|i, _| number(&pose[control]["translation"][i])),
-                matrix: nalgebra::Matrix3::from_fn(|i, j| number(&pose[control]["matrix"][i][j])),
-            })
-            .collect();
+        let (_, named) = case_poses(place.parent().unwrap()).remove(0);
+        let poses: ControlPoses = scene.body[&name].control.keys().map(|control| named[control]).collect();
         let folder = folder(&format!("accuracy-{case}"));
         let request = Request {
             scene: &scene,

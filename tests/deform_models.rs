@@ -4,13 +4,12 @@
 
 mod common;
 
-use common::{block_scene, folder, scene, shared};
-use greenstage::config;
+use common::{block_scene, case_poses, folder, scene, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Deformer};
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
-use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use nalgebra::{Point3, Rotation3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -147,23 +146,6 @@ control.right = { nodes = { group = "right" }, grab = "dragger" }
     }
 }
 
-#[derive(serde::Deserialize)]
-struct Poses {
-    pose: Vec<Pose>,
-}
-
-#[derive(serde::Deserialize)]
-struct Pose {
-    name: String,
-    control: BTreeMap<String, Affine>,
-}
-
-#[derive(serde::Deserialize)]
-struct Affine {
-    translation: [f64; 3],
-    matrix: [[f64; 3]; 3],
-}
-
 /// RMS position error over the surface, against the body's length, of `linear` and `rotation`, per pose of a case of
 /// St. Venant-Kirchhoff statics on the same mesh.
 fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
@@ -172,7 +154,6 @@ fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
     let text =
         std::fs::read_to_string(&path).unwrap().replace("\"stvk\"", "\"linear\"").replace("\"haptics\"", "");
     let file = green_file(case, &Scene::parse(&text, &path).unwrap());
-    let poses: Poses = config::load(&case_folder.join("poses.toml")).unwrap();
     let expected = std::fs::read_to_string(case_folder.join("expected.csv")).unwrap();
     let mut exact: BTreeMap<(&str, u64), Vector3<f64>> = BTreeMap::new();
     for line in expected.lines().skip(1) {
@@ -180,26 +161,20 @@ fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
         let u = Vector3::from_fn(|axis, _| fields[2 + axis].parse().unwrap());
         exact.insert((fields[0], fields[1].parse().unwrap()), u);
     }
-    let of = |pose: &Pose| {
-        let control: Vec<(&str, ControlPose)> = pose
-            .control
-            .iter()
-            .map(|(name, affine)| {
-                let matrix = Matrix3::from_fn(|i, j| affine.matrix[i][j]);
-                (name.as_str(), ControlPose { translation: affine.translation.into(), matrix })
-            })
-            .collect();
+    let of = |(pose, named): &(String, BTreeMap<String, ControlPose>)| {
+        let control: Vec<(&str, ControlPose)> =
+            named.iter().map(|(name, pose)| (name.as_str(), *pose)).collect();
         let error = ["linear", "rotation"].map(|model| {
             let body = deformed(&file, model, &control);
             let square = |(i, tag): (usize, &u64)| {
-                (body.displacement(i) - exact[&(pose.name.as_str(), *tag)]).norm_squared()
+                (body.displacement(i) - exact[&(pose.as_str(), *tag)]).norm_squared()
             };
             let sum: f64 = body.tags().iter().enumerate().map(square).sum();
             (sum / body.tags().len() as f64).sqrt() / length(&body)
         });
-        (pose.name.clone(), error)
+        (pose.clone(), error)
     };
-    let errors: BTreeMap<_, _> = poses.pose.iter().map(of).collect();
+    let errors: BTreeMap<_, _> = case_poses(&case_folder).iter().map(of).collect();
     println!(
         "{case}: RMS position error / length\n  {:<10} {:>9} {:>9}  factor",
         "pose", "linear", "rotation"

@@ -5,8 +5,7 @@
 
 mod common;
 
-use common::{block_scene, folder, greenstage, shared};
-use greenstage::config;
+use common::{block_scene, case_poses, folder, greenstage, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Settled, Statics, StaticsError};
 use greenstage::fem::{Hyperelastic, LAWS, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use greenstage::mesh::{TetMesh, generate};
@@ -22,40 +21,16 @@ fn law(name: &str) -> &'static Law {
     LAWS.iter().find(|law| law.name == name).unwrap()
 }
 
-#[derive(serde::Deserialize)]
-struct Poses {
-    pose: Vec<Pose>,
-}
-
-#[derive(serde::Deserialize)]
-struct Pose {
-    name: String,
-    control: BTreeMap<String, Affine>,
-}
-
-#[derive(serde::Deserialize)]
-struct Affine {
-    translation: [f64; 3],
-    matrix: [[f64; 3]; 3],
-}
-
 /// A case of ../shared: its body, and the poses of its file.
 fn case(folder: &Path) -> (Statics, Vec<(String, ControlPoses)>) {
     let scene = Scene::load(&folder.join("scene.toml")).unwrap();
     let (name, body) = scene.body.first().unwrap();
     let statics = Statics::new(&scene, name, law(&body.model), &Silent).unwrap();
-    let poses: Poses = config::load(&folder.join("poses.toml")).unwrap();
-    let of = |pose: Pose| {
-        let control = |name: &String| match pose.control.get(name) {
-            Some(Affine { translation, matrix }) => ControlPose {
-                translation: (*translation).into(),
-                matrix: Matrix3::from_fn(|i, j| matrix[i][j]),
-            },
-            None => ControlPose::REST,
-        };
-        (pose.name.clone(), body.control.keys().map(control).collect())
+    let rest = ControlPose::REST;
+    let of = |(pose, named): (String, BTreeMap<String, ControlPose>)| {
+        (pose, body.control.keys().map(|name| *named.get(name).unwrap_or(&rest)).collect())
     };
-    (statics, poses.pose.into_iter().map(of).collect())
+    (statics, case_poses(folder).into_iter().map(of).collect())
 }
 
 /// Rows of a CSV file: the pose, and the numbers after it.

@@ -1,8 +1,8 @@
 //! `greenstage inspect`: what is in a mesh, .green, scene or stage file.
 
 use super::failure::Failure;
-use super::session;
 use super::table::{Table, bytes};
+use super::{plan, session};
 use crate::green::{GreenError, GreenFile};
 use crate::mesh::{self, Surface, quality, stuffing, surface_check, surface_files, trouble};
 use crate::scene::Scene;
@@ -186,7 +186,7 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
             body.accuracy.residual,
             body.accuracy
                 .forward_error
-                .map(|e| format!(", forward error at most {e:.1e}"))
+                .map(|e| format!(", forward error {e:.1e}"))
                 .unwrap_or_default(),
             body.accuracy.asymmetry.map(|a| format!(", asymmetry of S {a:.1e}")).unwrap_or_default(),
             body.accuracy.storage.name(),
@@ -237,7 +237,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         }
     }
     let path = session::green_path(&scene);
-    let online = session::online_part(&scene)?;
+    let online = session::online_part(&plan::known(scene.clone())?)?;
     let state = match session::fresh(&online, &path)? {
         _ if online.body.is_empty() => "is not needed",
         Ok(_) => "is fresh",

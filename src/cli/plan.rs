@@ -28,12 +28,32 @@ struct Table {
 const LARGEST: f64 = 200_000.0;
 
 /// The scene with the knobs of its demanding bodies set; says on standard error what was chosen, and why.
-pub fn settled(mut scene: Scene, quiet: bool) -> Result<Scene, Failure> {
+pub fn settled(scene: Scene, quiet: bool) -> Result<Scene, Failure> {
+    choose_all(scene, &|plain, name, key, demand| {
+        let table = match kept(plain, name, &key)? {
+            Some(table) => table,
+            None => measure(plain, name, key, quiet)?,
+        };
+        let choice = choose(&table.rows, demand);
+        for sentence in choice.iter().flat_map(|choice| choice.sentences(demand)) {
+            eprintln!("body.{name}: {sentence}");
+        }
+        Ok(Some(table))
+    })
+}
+
+/// The same from what is kept in the .green file alone, in silence; a body without a table stays as it is.
+pub fn known(scene: Scene) -> Result<Scene, Failure> {
+    choose_all(scene, &|plain, name, key, _| kept(plain, name, &key))
+}
+
+/// Where the rows for a body of the scene without its demands come from: its name, the key that they must have, and
+/// what is asked.
+type Source<'a> = &'a dyn Fn(&Scene, &str, String, &Demand) -> Result<Option<Table>, Failure>;
+
+fn choose_all(mut scene: Scene, source: Source<'_>) -> Result<Scene, Failure> {
     let demands: Vec<(String, Demand)> =
         scene.body.iter().filter_map(|(name, body)| Some((name.clone(), body.demand()?))).collect();
-    if demands.is_empty() {
-        return Ok(scene);
-    }
     let mut plain = scene.clone();
     for (name, _) in &demands {
         (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
@@ -41,27 +61,23 @@ pub fn settled(mut scene: Scene, quiet: bool) -> Result<Scene, Failure> {
     for (name, demand) in demands {
         let needs = session::needs(&plain, &name, &plain.body[&name])?;
         let key = green::fingerprint(&plain, &name, needs)?;
-        let table = match kept(&plain, &name, &key) {
-            Some(table) => table,
-            None => measure(&plain, &name, key, quiet)?,
-        };
+        let Some(table) = source(&plain, &name, key, &demand)? else { continue };
         let choice = choose(&table.rows, &demand).ok_or_else(|| {
             Failure::work(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
         })?;
-        for sentence in choice.sentences(&demand) {
-            eprintln!("body.{name}: {sentence}");
-        }
         set(&mut scene, &name, &choice);
         scene.body[&name].plan = Some(serde_json::to_value(&table).map_err(Failure::work)?);
     }
     Ok(scene)
 }
 
-/// The table in the scene's .green file, where it is of this body.
-fn kept(scene: &Scene, name: &str, key: &str) -> Option<Table> {
-    let file = GreenFile::open(&session::green_path(scene)).ok()?;
-    let table: Table = serde_json::from_value(file.meta.bodies.get(name)?.plan.clone()?).ok()?;
-    (table.key == key).then_some(table)
+/// The table in the scene's .green file, shipped or unpacked, where it is of this body.
+fn kept(scene: &Scene, name: &str, key: &str) -> Result<Option<Table>, Failure> {
+    let path = session::green_path(scene);
+    session::unpack_shipped(&path)?;
+    let plan = GreenFile::open(&path).ok().and_then(|file| file.meta.bodies.get(name)?.plan.clone());
+    let table: Option<Table> = plan.and_then(|plan| serde_json::from_value(plan).ok());
+    Ok(table.filter(|table| table.key == key))
 }
 
 fn measure(scene: &Scene, name: &str, key: String, quiet: bool) -> Result<Table, Failure> {

@@ -99,8 +99,10 @@ pub fn report(body: &Precomputed) -> Table {
     }
     if let Some(conditioning) = stats.conditioning {
         let what = format!(
-            "scaled condition number {:.1e}, forward error at most {:.1e}",
-            conditioning.scaled_condition, conditioning.forward_error
+            "scaled condition number {:.1e}, forward error {} {:.1e}",
+            conditioning.scaled_condition,
+            if stats.method == "pcg" { "about" } else { "at most" },
+            conditioning.forward_error
         );
         row("conditioning", conditioning.seconds, what);
     }

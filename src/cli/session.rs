@@ -98,11 +98,7 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
         needs(scene, name, body)?;
     }
     let path = green_path(scene);
-    let shipped = green::packed_path(&path);
-    if !path.exists() && shipped.exists() {
-        eprintln!("{} is unpacked", shipped.display());
-        green::unpack(&shipped, &path).map_err(|error| unwritable(error, &path))?;
-    }
+    unpack_shipped(&path)?;
     let reason = match fresh(scene, &path)? {
         Ok(file) => return Ok(Arc::new(file)),
         Err(GreenError::Stale { .. }) => "is stale (the scene, its mesh or the program changed)",
@@ -111,6 +107,16 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
     eprintln!("{} {reason}: precomputing", path.display());
     green::write(&path, &precompute(scene, false)?).map_err(|error| unwritable(error, &path))?;
     Ok(Arc::new(GreenFile::open(&path)?))
+}
+
+/// Unpacks the packed file beside `path` where the .green file itself is missing.
+pub fn unpack_shipped(path: &Path) -> Result<(), Failure> {
+    let shipped = green::packed_path(path);
+    if !path.exists() && shipped.exists() {
+        eprintln!("{} is unpacked", shipped.display());
+        green::unpack(&shipped, path).map_err(|error| unwritable(error, path))?;
+    }
+    Ok(())
 }
 
 /// An error in writing the .green file, with the remedy.

@@ -44,7 +44,8 @@ pub(super) fn with_mids(mut mesh: TetMesh, middle: Middle<'_>) -> TetMesh {
         mids.push(edges_of(tet).map(|edge| {
             *mid_of.entry(edge).or_insert_with(|| {
                 mesh.nodes.push(middle(edge, &mesh.nodes));
-                tag = tag.wrapping_add(1);
+                // `refine::check_tags` is asked where tags come from a file.
+                tag = tag.saturating_add(1);
                 mesh.tags.push(tag);
                 ends.push(edge);
                 (mesh.nodes.len() - 1) as u32

@@ -77,11 +77,7 @@ pub fn refine(mesh: TetMesh, times: u32, curve: Curve<'_>) -> Result<TetMesh, Re
     if after > MAX_TETRAHEDRA {
         return Err(RefineError::TooMany { before, times, after });
     }
-    let largest = mesh.tags.iter().copied().max().unwrap_or(0);
-    // No tetrahedron brings more than 25 nodes.
-    if largest.checked_add(32 * after as u64).is_none() {
-        return Err(RefineError::Tags { largest });
-    }
+    check_tags(&mesh, after as u64)?;
     let sound: Vec<bool> = (0..before).map(|tet| quality(&mesh.corners(tet)) > FLAT).collect();
     let mut mesh = mesh;
     let mut mirrored = order(&mut mesh);
@@ -105,6 +101,15 @@ pub fn refine(mesh: TetMesh, times: u32, curve: Curve<'_>) -> Result<TetMesh, Re
             Err(RefineError::Folded { tet: tet >> (3 * times), at, volume: signed_volume(&corners) })
         }
         None => Ok(mesh),
+    }
+}
+
+/// Errors where the nodes that `tets` tetrahedra bring, 25 each at most, would find no tags beyond the largest.
+pub fn check_tags(mesh: &TetMesh, tets: u64) -> Result<(), RefineError> {
+    let largest = mesh.tags.iter().copied().max().unwrap_or(0);
+    match largest.checked_add(32 * tets) {
+        Some(_) => Ok(()),
+        None => Err(RefineError::Tags { largest }),
     }
 }
 

@@ -41,8 +41,13 @@ impl Scene {
                 nodes.len()
             ));
         }
-        if body.element == Element::Tet10 {
+        if body.element == Element::Tet10 && loaded.mesh.mids.is_empty() {
+            let before = loaded.mesh.nodes.len();
+            refine::check_tags(&loaded.mesh, loaded.mesh.tets.len() as u64)
+                .map_err(|error| self.invalid(&format!("body.{name}.element"), error.to_string()))?;
             loaded.mesh = mesh::quadratic(loaded.mesh, curve);
+            let added = loaded.mesh.nodes.len() - before;
+            loaded.notices.push(format!("{added} nodes were added between the corners, for tet10"));
         }
         Ok(loaded)
     }

@@ -3,6 +3,7 @@
 
 use greenstage::deform::ControlPose;
 use greenstage::scene::Scene;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -59,6 +60,35 @@ pub fn some_pose(seed: f64) -> ControlPose {
         }
     }
     pose
+}
+
+#[derive(serde::Deserialize)]
+struct PoseFile {
+    pose: Vec<FilePose>,
+}
+
+#[derive(serde::Deserialize)]
+struct FilePose {
+    name: String,
+    control: BTreeMap<String, Affine>,
+}
+
+#[derive(serde::Deserialize)]
+struct Affine {
+    translation: [f64; 3],
+    matrix: [[f64; 3]; 3],
+}
+
+/// The poses of a case's poses.toml: by name, those of the control elements that the file names.
+pub fn case_poses(folder: &Path) -> Vec<(String, BTreeMap<String, ControlPose>)> {
+    let file: PoseFile = greenstage::config::load(&folder.join("poses.toml")).unwrap();
+    let of = |Affine { translation, matrix }: Affine| ControlPose {
+        translation: translation.into(),
+        matrix: nalgebra::Matrix3::from_fn(|i, j| matrix[i][j]),
+    };
+    let named =
+        |pose: FilePose| (pose.name, pose.control.into_iter().map(|(name, a)| (name, of(a))).collect());
+    file.pose.into_iter().map(named).collect()
 }
 
 /// Runs the program in `folder`; what it said is in the panic if it failed.
