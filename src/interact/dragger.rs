@@ -89,7 +89,7 @@ mod tests {
     };
 
     fn stylus(pose: Isometry3<f32>, pressed: bool) -> StylusState {
-        StylusState { room_from_stylus: pose, pressed, from_eye: false }
+        StylusState { room_from_stylus: pose, pressed, ..Default::default() }
     }
 
     fn element() -> Matrix4<f64> {

@@ -3,10 +3,12 @@
 //! In: mouse and keys, or a script of key frames. Out: the head and the styli in the room's frame (metres, y up,
 //! right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
 
+pub mod device;
 mod interpolate;
 pub mod mouse;
 pub mod script;
 
+pub use device::{DeviceState, Source};
 pub use mouse::{Mouse, MouseInput};
 pub use script::{Script, ScriptError};
 
@@ -23,14 +25,29 @@ pub struct TrackerState {
     pub time_s: f64,
 }
 
-/// A six-degree-of-freedom pointing device with one button.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A six-degree-of-freedom pointing device with two buttons.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StylusState {
     pub room_from_stylus: Isometry3<f32>,
+    /// The button that grabs.
     pub pressed: bool,
+    /// The second button: scales what is held, or whatever else the mode makes of it.
+    pub second: bool,
+    pub signal: Signal,
     /// The ray starts at the viewer's eye, as the mouse's does: seen end-on, it is to be drawn as if
     /// held elsewhere, pointing at the place that it hits.
     pub from_eye: bool,
+}
+
+/// How well a tracked thing is seen now.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Signal {
+    #[default]
+    Live,
+    /// No news for `age_s` seconds: its last pose is held.
+    Held { age_s: f64 },
+    /// For so long that its policy gave it up: it neither grabs nor holds.
+    Lost { age_s: f64 },
 }
 
 /// The last usable pose of a tracked thing, and how many unusable ones came since the start.

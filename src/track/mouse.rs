@@ -160,6 +160,7 @@ impl Mouse {
             room_from_stylus: room_from_stylus.cast(),
             pressed: self.grab.is_some(),
             from_eye: true,
+            ..Default::default()
         };
         TrackerState { head: Some(self.room_from_head.cast()), styli: vec![stylus], time_s }
     }

@@ -214,7 +214,7 @@ impl Script {
         let styli = self.styli.values().map(|keys| StylusState {
             room_from_stylus: interpolate(times, at, |k| self.in_room(stage, &keys[k].pose)).cast(),
             pressed: keys[at.left].pressed,
-            from_eye: false,
+            ..Default::default()
         });
         TrackerState { head, styli: styli.collect(), time_s }
     }

@@ -34,7 +34,7 @@ fn state(world: &World, from: [f64; 3], to: [f64; 3], pressed: bool) -> TrackerS
     let place = |units: [f64; 3]| workspace.centre + Vector3::from(units) * workspace.radius_m;
     let rotation = rotation_towards(&(place(to) - place(from)), 0.0).unwrap();
     let room_from_stylus = Isometry3::from_parts(Translation3::from(place(from).coords), rotation).cast();
-    let stylus = StylusState { room_from_stylus, pressed, from_eye: false };
+    let stylus = StylusState { room_from_stylus, pressed, ..Default::default() };
     TrackerState { head: None, styli: vec![stylus], time_s: 0.0 }
 }
 

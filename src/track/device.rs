@@ -1,0 +1,146 @@
+//! What one source of poses says, raw: in the device's own frame, as it came, with its time and quality.
+//!
+//! In: packets of a tracker, each source in a file of its own. Out: a [`DeviceState`] of which the newest is handed
+//! over without a lock; calibration, filter and prediction come after it.
+
+use nalgebra::Isometry3;
+use std::collections::BTreeMap;
+
+/// A source keeps no more than so many sensors, buttons and valuators, whatever a packet says.
+pub const MOST_CHANNELS: usize = 256;
+
+/// All that a source has said so far: the newest reading of every sensor, button and valuator by its number.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DeviceState {
+    pub sensors: BTreeMap<i32, Reading<Isometry3<f64>>>,
+    pub buttons: BTreeMap<i32, Reading<bool>>,
+    pub valuators: BTreeMap<i32, Reading<f64>>,
+    pub counters: Counters,
+    pub link: Link,
+}
+
+/// A value with what is known of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading<T> {
+    pub value: T,
+    /// When it arrived, seconds of this program's clock ([`now_s`]).
+    pub arrived_s: f64,
+    /// When the device says that it measured it, seconds of the device's clock.
+    pub measured_s: Option<f64>,
+    /// 1 tracked, 0 not tracked (the value is then the last one that was).
+    pub quality: f32,
+    /// How many readings of this channel came so far.
+    pub count: u64,
+}
+
+/// What came over the wire since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    pub packets: u64,
+    pub messages: u64,
+    /// Did not parse, or broke a limit: dropped.
+    pub malformed: u64,
+    /// Well-formed, but dropped: too many at once, too many channels, or of no use here.
+    pub dropped: u64,
+    pub reconnects: u64,
+}
+
+/// Whether the source is there.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Link {
+    /// Nothing heard yet.
+    #[default]
+    Waiting,
+    Up,
+    /// Gone, and why; tried again with back-off.
+    Down(String),
+}
+
+/// One source of poses, buttons and valuators: a thread of its own that listens, and its newest state.
+pub trait Source: Send {
+    /// `vrpn Tracker0@host`, for tables and messages.
+    fn describe(&self) -> String;
+
+    /// What it has said until now. Never blocks.
+    fn latest(&mut self) -> &DeviceState;
+}
+
+/// Seconds since the program first asked: one steady clock for all sources.
+pub fn now_s() -> f64 {
+    use std::sync::OnceLock;
+    use std::time::Instant;
+    static START: OnceLock<Instant> = OnceLock::new();
+    START.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
+
+impl DeviceState {
+    /// Takes the pose of a sensor; one that is not finite, or a new channel beyond [`MOST_CHANNELS`], is counted as
+    /// dropped. A reading with quality 0 keeps the last pose.
+    pub fn take_pose(&mut self, sensor: i32, pose: Isometry3<f64>, measured_s: Option<f64>, quality: f32) {
+        let is_finite =
+            pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite());
+        if !is_finite {
+            self.counters.dropped += 1;
+            return;
+        }
+        let last = self.sensors.get(&sensor).map(|reading| reading.value);
+        let value = if quality > 0.0 { pose } else { last.unwrap_or(pose) };
+        let kept = take(&mut self.sensors, sensor, value, measured_s, quality);
+        self.counters.dropped += u64::from(!kept);
+    }
+
+    pub fn take_button(&mut self, button: i32, pressed: bool, measured_s: Option<f64>) {
+        let kept = take(&mut self.buttons, button, pressed, measured_s, 1.0);
+        self.counters.dropped += u64::from(!kept);
+    }
+
+    pub fn take_valuator(&mut self, valuator: i32, value: f64, measured_s: Option<f64>) {
+        let kept = value.is_finite() && take(&mut self.valuators, valuator, value, measured_s, 1.0);
+        self.counters.dropped += u64::from(!kept);
+    }
+}
+
+/// False if there is no room for a new channel.
+fn take<T>(
+    readings: &mut BTreeMap<i32, Reading<T>>,
+    channel: i32,
+    value: T,
+    measured_s: Option<f64>,
+    quality: f32,
+) -> bool {
+    if readings.len() >= MOST_CHANNELS && !readings.contains_key(&channel) {
+        return false;
+    }
+    let count = readings.get(&channel).map_or(0, |reading| reading.count) + 1;
+    readings.insert(channel, Reading { value, arrived_s: now_s(), measured_s, quality, count });
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flood_of_channels_does_not_grow() {
+        let mut state = DeviceState::default();
+        for channel in 0..10_000 {
+            state.take_pose(channel, Isometry3::identity(), None, 1.0);
+            state.take_button(-channel, true, None);
+            state.take_valuator(channel, f64::NAN, None);
+        }
+        assert_eq!((state.sensors.len(), state.buttons.len(), state.valuators.len()), (256, 256, 0));
+        assert_eq!(state.counters.dropped, 2 * (10_000 - 256) + 10_000);
+    }
+
+    #[test]
+    fn a_sensor_that_is_not_tracked_keeps_its_last_pose() {
+        let mut state = DeviceState::default();
+        let pose = Isometry3::translation(1.0, 2.0, 3.0);
+        state.take_pose(4, pose, Some(7.0), 1.0);
+        state.take_pose(4, Isometry3::identity(), Some(7.1), 0.0);
+        state.take_pose(4, Isometry3::translation(f64::NAN, 0.0, 0.0), Some(7.2), 1.0);
+        let reading = state.sensors[&4];
+        assert_eq!((reading.value, reading.quality, reading.count), (pose, 0.0, 2));
+        assert_eq!(state.counters.dropped, 1);
+    }
+}
