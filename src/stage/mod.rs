@@ -6,10 +6,12 @@
 
 mod fault;
 mod file;
+mod haptic;
 mod screen;
 mod summary;
 
 pub use fault::{Fault, StageError};
+pub use haptic::{Haptic, HapticDevice};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use summary::Seam;
 
