@@ -5,10 +5,12 @@
 //! reversed infinite depth (Upchurch and Desbrun, "Tightening the precision of perspective rendering", 2012).
 //!
 //! The way of a frame: [`BodyBuffers::upload`] → [`FrameContents`] → [`Renderer::draw`] of one [`Picture`] per
-//! target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass, one shader of the
-//! same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid.
+//! target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a window shows both eyes,
+//! [`TilePainter`] draws a picture for each and joins them ([`Composite`]). One pass, one shader of the same name under
+//! `shaders/`: body, solid (stylus, ray, hit point), background, grid, composite.
 
 mod body;
+mod composite;
 mod error;
 mod frame;
 mod gpu;
@@ -17,13 +19,16 @@ mod renderer;
 mod shader;
 mod solid;
 mod target;
+mod tiles;
 mod uniforms;
 pub mod window;
 
 pub use body::BodyBuffers;
+pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
 pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::Gpu;
-pub use offscreen::{COLOR_FORMAT, Offscreen};
+pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};
+pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};
