@@ -6,13 +6,14 @@
 //!
 //! The way of a frame: [`BodyBuffers::upload`] → [`FrameContents`] → [`Renderer::draw`] of one [`Picture`] per
 //! target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass, one shader of the
-//! same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid.
+//! same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid. An [`Overlay`] writes over it.
 
 mod body;
 mod error;
 mod frame;
 mod gpu;
 mod offscreen;
+mod overlay;
 mod renderer;
 mod shader;
 mod solid;
@@ -25,5 +26,6 @@ pub use error::RenderError;
 pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::Gpu;
 pub use offscreen::{COLOR_FORMAT, Offscreen};
+pub use overlay::{Overlay, Sheet};
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};
