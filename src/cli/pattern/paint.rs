@@ -25,6 +25,9 @@ const CIRCLE: u16 = 256;
 /// Cells of the grid over the shorter side, at most.
 const MOST_CELLS: f64 = 18.0;
 
+/// Whether the pixel in this column and row of the picture is white.
+type IsWhite = fn(i32, i32) -> bool;
+
 /// One screen's pattern on its way onto the pixels.
 pub struct Pattern<'a> {
     pub painter: &'a Painter,
@@ -269,7 +272,7 @@ impl Pattern<'_> {
         let center = self.rect.center();
         let top = (center.y + 0.19 * self.rect.height()).floor();
         let mut mesh = Mesh::default();
-        let kinds: [(&str, fn(i32, i32) -> bool); 3] = [
+        let kinds: [(&str, IsWhite); 3] = [
             ("rows", |_, y| y % 2 == 0),
             ("columns", |x, _| x % 2 == 0),
             ("checkerboard", |x, y| (x + y) % 2 == 0),
@@ -331,7 +334,7 @@ fn length(m: f64) -> String {
 
 /// A block of white pixels where `is_white` says so of the pixel counted from `origin`, black elsewhere; runs of white
 /// pixels in a row are one rectangle.
-fn add_pixels(mesh: &mut Mesh, block: Rect, origin: Pos2, is_white: fn(i32, i32) -> bool) {
+fn add_pixels(mesh: &mut Mesh, block: Rect, origin: Pos2, is_white: IsWhite) {
     mesh.add_colored_rect(block, Color32::BLACK);
     let [columns, rows] = [0, 1].map(|axis| {
         let start = (block.min[axis] - origin[axis]) as i32;
