@@ -8,6 +8,7 @@
 //! target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a window shows both eyes,
 //! [`TilePainter`] draws a picture for each and joins them ([`Composite`]). One pass, one shader of the same name under
 //! `shaders/`: body, solid (stylus, ray, hit point), background, grid, composite.
+//! An [`Overlay`] writes over eyes' pictures.
 
 mod body;
 mod composite;
@@ -15,6 +16,7 @@ mod error;
 mod frame;
 mod gpu;
 mod offscreen;
+mod overlay;
 mod renderer;
 mod shader;
 mod solid;
@@ -29,6 +31,7 @@ pub use error::RenderError;
 pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::Gpu;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
+pub use overlay::{Overlay, Sheet};
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};
 pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};
