@@ -12,7 +12,8 @@ pub const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrg
 pub struct Offscreen {
     pub attachments: Attachments,
     texture: wgpu::Texture,
-    view: wgpu::TextureView,
+    /// The finished picture, for an [`super::Overlay`] to be drawn on.
+    pub view: wgpu::TextureView,
     /// Rows padded to wgpu's 256 bytes.
     readback: wgpu::Buffer,
     bytes_per_row: u32,
