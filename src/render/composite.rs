@@ -210,7 +210,7 @@ impl CompositePass {
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        let module = shader::module(&gpu.device, "composite", &shader::COMPOSITE);
+        let module = shader::module(&gpu.device, "composite", &shader::COMPOSITE.concat());
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("composite"),
             layout: Some(&pipeline_layout),
