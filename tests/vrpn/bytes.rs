@@ -32,7 +32,7 @@ fn a_stream_written_by_hand_is_understood() {
     for byte in &bytes {
         framer.space()[0] = *byte;
         framer.wrote(1);
-        while let Some(message) = framer.next().unwrap() {
+        while let Some(message) = framer.message().unwrap() {
             assert!(listener.take(&message));
             messages += 1;
         }
@@ -199,7 +199,7 @@ proptest! {
         for piece in bytes.chunks(piece) {
             framer.space()[..piece.len()].copy_from_slice(piece);
             framer.wrote(piece.len());
-            while let Some(Message { header, payload }) = framer.next().unwrap() {
+            while let Some(Message { header, payload }) = framer.message().unwrap() {
                 let kind = messages[read.len()].1.kind();
                 read.push((header, Payload::decode(kind, payload).unwrap()));
             }
@@ -216,7 +216,7 @@ proptest! {
         framer.space()[..bytes.len()].copy_from_slice(&bytes);
         framer.wrote(bytes.len());
         let mut count = 0;
-        while let Ok(Some(_)) = framer.next() {
+        while let Ok(Some(_)) = framer.message() {
             count += 1;
         }
         prop_assert!(count <= bytes.len() / codec::HEADER_BYTES);

@@ -34,7 +34,7 @@ fn read(bytes: &[u8], piece: usize) -> Stream {
         if version.is_none() {
             continue;
         }
-        while let Some(message) = framer.next().unwrap() {
+        while let Some(message) = framer.message().unwrap() {
             stream.messages += 1;
             let id = message.header.sender;
             match message.header.kind {

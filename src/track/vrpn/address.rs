@@ -54,7 +54,7 @@ impl Address {
         };
         let (host, port) = match place.rsplit_once(':') {
             Some((host, port)) => {
-                (host, port.parse().map_err(|_| wrong("the port is no number below 65536"))?)
+                (host, port.parse().ok().ok_or_else(|| wrong("the port is no number below 65536"))?)
             }
             None => (place, PORT),
         };

@@ -320,7 +320,7 @@ impl Connection {
             // What came with the cookie is heard before more is read.
             let mut heard = 0;
             loop {
-                match framer.next() {
+                match framer.message() {
                     Ok(None) => break,
                     Ok(Some(message)) if ear.listener.take(&message) => heard += 1,
                     Ok(Some(_)) => return Err("the server said good-bye".to_owned()),

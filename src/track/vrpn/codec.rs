@@ -218,7 +218,7 @@ impl Default for Framer {
 }
 
 impl Framer {
-    /// Where the next bytes are to be written; never empty after [`next`](Framer::next) has said `None`.
+    /// Where the next bytes are to be written; never empty after [`message`](Framer::message) has said `None`.
     pub fn space(&mut self) -> &mut [u8] {
         if self.first > 0 {
             self.buffer.copy_within(self.first..self.end, 0);
@@ -241,7 +241,7 @@ impl Framer {
     }
 
     /// The next whole message. After a fault the stream has lost its frame and is of no use.
-    pub fn next(&mut self) -> Result<Option<Message<'_>>, Fault> {
+    pub fn message(&mut self) -> Result<Option<Message<'_>>, Fault> {
         let Some((message, taken)) = decode(&self.buffer[self.first..self.end])? else { return Ok(None) };
         self.first += taken;
         Ok(Some(message))
