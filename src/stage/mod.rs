@@ -9,12 +9,14 @@ mod file;
 mod screen;
 mod stereo;
 mod summary;
+pub mod tracking;
 mod window;
 
 pub use fault::{Fault, StageError};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use stereo::Stereo;
 pub use summary::Seam;
+pub use tracking::Tracking;
 pub use window::{Border, Tile, Visible, Window};
 
 use nalgebra::{Isometry3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
@@ -31,6 +33,8 @@ pub struct Stage {
     pub grid: Option<Grid>,
     /// At least one; names are unique.
     pub screens: Vec<Screen>,
+    /// What follows head and hands; empty where nothing does.
+    pub tracking: Tracking,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
