@@ -6,14 +6,18 @@
 //!
 //! The way of a frame: [`BodyBuffers::upload`] → [`FrameContents`] → [`Renderer::draw`] of one [`Picture`] per
 //! target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass, one shader of the
-//! same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid. An [`Overlay`] writes over it.
+//! same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid,
+//! and on their first use quads and lines. An [`Overlay`] writes over it.
 
 mod body;
 mod error;
 mod frame;
 mod gpu;
+mod instanced;
+mod lines;
 mod offscreen;
 mod overlay;
+mod quads;
 mod renderer;
 mod shader;
 mod solid;
@@ -23,9 +27,11 @@ pub mod window;
 
 pub use body::BodyBuffers;
 pub use error::RenderError;
-pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
+pub use frame::{Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::Gpu;
+pub use lines::Line;
 pub use offscreen::{COLOR_FORMAT, Offscreen};
 pub use overlay::{Overlay, Sheet};
+pub use quads::Quad;
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};

@@ -7,6 +7,8 @@ pub(super) const BODY: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/bod
 pub(super) const SOLID: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/solid.wgsl")];
 pub(super) const BACKGROUND: [&str; 2] = [VIEW, include_str!("../../shaders/background.wgsl")];
 pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl")];
+pub(super) const QUADS: [&str; 2] = [VIEW, include_str!("../../shaders/quads.wgsl")];
+pub(super) const LINES: [&str; 2] = [VIEW, include_str!("../../shaders/lines.wgsl")];
 
 pub(super) fn module(device: &wgpu::Device, label: &str, parts: &[&str]) -> wgpu::ShaderModule {
     let source = wgpu::ShaderSource::Wgsl(parts.concat().into());
@@ -21,9 +23,14 @@ mod tests {
     /// Without a device: the front end and the validator are the ones wgpu itself uses.
     #[test]
     fn every_shader_is_valid() {
-        for (name, parts) in
-            [("body", &BODY[..]), ("solid", &SOLID), ("background", &BACKGROUND), ("grid", &GRID)]
-        {
+        for (name, parts) in [
+            ("body", &BODY[..]),
+            ("solid", &SOLID),
+            ("background", &BACKGROUND),
+            ("grid", &GRID),
+            ("quads", &QUADS),
+            ("lines", &LINES),
+        ] {
             let source = parts.concat();
             let module = naga::front::wgsl::parse_str(&source)
                 .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
