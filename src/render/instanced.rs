@@ -22,7 +22,7 @@ pub(super) struct InstancedPass {
 }
 
 /// For what pictures a pipeline is made.
-pub(super) struct Made<'a> {
+pub(super) struct MadeFor<'a> {
     pub(super) layout: &'a wgpu::PipelineLayout,
     pub(super) format: wgpu::TextureFormat,
     pub(super) samples: u32,
@@ -33,7 +33,7 @@ impl InstancedPass {
     pub(super) fn upload<S: Strip>(
         &mut self,
         gpu: &Gpu,
-        made_for: &Made<'_>,
+        made_for: &MadeFor<'_>,
         strips: &[S],
     ) -> Result<(), RenderError> {
         self.count = strips.len() as u32;
@@ -70,13 +70,13 @@ fn make_buffer<S: Strip>(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, Render
     gpu.buffer(S::LABEL, bytes, BufferUsages::VERTEX | BufferUsages::COPY_DST)
 }
 
-fn make_pipeline<S: Strip>(gpu: &Gpu, made_for: &Made<'_>) -> wgpu::RenderPipeline {
+fn make_pipeline<S: Strip>(gpu: &Gpu, made_for: &MadeFor<'_>) -> wgpu::RenderPipeline {
     let buffers = [Some(wgpu::VertexBufferLayout {
         array_stride: size_of::<S>() as u64,
         step_mode: wgpu::VertexStepMode::Instance,
         attributes: S::ATTRIBUTES,
     })];
-    let module = shader::module(&gpu.device, S::LABEL, S::SHADER);
+    let module = shader::module(&gpu.device, S::LABEL, &S::SHADER.concat());
     let pass = Pass {
         label: S::LABEL,
         layout: made_for.layout,

@@ -4,17 +4,23 @@
 //! Each body is uploaded once per frame and drawn from there for all screens and eyes, in one pass per target, with
 //! reversed infinite depth (Upchurch and Desbrun, "Tightening the precision of perspective rendering", 2012).
 //!
-//! The way of a frame: [`BodyBuffers::upload`] → [`FrameContents`] → [`Renderer::draw`] of one [`Picture`] per
-//! target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass, one shader of the
-//! same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid,
-//! and on their first use quads and lines. An [`Overlay`] writes over it.
+//! The way of a frame: [`BodyBuffers::upload`] or [`BodyBuffers::deform`] → [`FrameContents`] → [`Renderer::draw`] of
+//! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass,
+//! one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid; and for bodies
+//! that the device deforms itself: deform, normals; and on their first use: quads, lines. An [`Overlay`] writes over it.
 
 mod body;
+mod bounds;
+mod chunk;
+mod clock;
+mod columns;
+mod deform;
 mod error;
 mod frame;
 mod gpu;
 mod instanced;
 mod lines;
+mod normals;
 mod offscreen;
 mod overlay;
 mod quads;
@@ -26,9 +32,11 @@ mod uniforms;
 pub mod window;
 
 pub use body::BodyBuffers;
+pub use bounds::Bounds;
+pub use columns::ColumnData;
 pub use error::RenderError;
 pub use frame::{Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
-pub use gpu::Gpu;
+pub use gpu::{Gpu, Made};
 pub use lines::Line;
 pub use offscreen::{COLOR_FORMAT, Offscreen};
 pub use overlay::{Overlay, Sheet};

@@ -6,7 +6,7 @@
 //! created in a frame but the command buffer; the small buffers grow when a frame holds more than any before it.
 
 use super::body::{self, BodyBuffers};
-use super::instanced::{InstancedPass, Made};
+use super::instanced::{InstancedPass, MadeFor};
 use super::solid::{self, SolidMeshes};
 use super::target::DEPTH_FORMAT;
 use super::uniforms::{FrameUniform, Instance, ViewUniform};
@@ -61,7 +61,7 @@ impl Renderer {
             immediate_size: 0,
         });
         let pipeline = |label, parts: &[&str], buffers: &[Option<wgpu::VertexBufferLayout<'_>>], surface| {
-            let module = shader::module(&gpu.device, label, parts);
+            let module = shader::module(&gpu.device, label, &parts.concat());
             pipeline(&gpu.device, &Pass { label, layout: &layout, module, buffers, surface }, format, samples)
         };
         let renderer = Self {
@@ -102,7 +102,7 @@ impl Renderer {
         }
         let offsets = self.write_views(gpu, pictures)?;
         let solid_counts = self.write_instances(gpu, contents)?;
-        let made_for = Made { layout: &self.layout, format: self.format, samples: self.samples };
+        let made_for = MadeFor { layout: &self.layout, format: self.format, samples: self.samples };
         self.quads.upload(gpu, &made_for, contents.quads)?;
         self.lines.upload(gpu, &made_for, contents.lines)?;
         gpu.queue.write_buffer(&self.uniforms.frame, 0, bytemuck::bytes_of(&FrameUniform::new(contents)));
