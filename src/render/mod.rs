@@ -8,7 +8,8 @@
 //! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a
 //! window shows both eyes, [`TilePainter`] draws a picture for each, on which an [`Overlay`] may write, and joins them
 //! ([`Composite`]). One pass, one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point),
-//! background, grid, composite; and for bodies that the device deforms itself: deform, normals.
+//! background, grid, composite; and for bodies that the device deforms itself: deform, normals; and on
+//! their first use: quads, lines.
 
 mod body;
 mod bounds;
@@ -20,9 +21,12 @@ mod deform;
 mod error;
 mod frame;
 mod gpu;
+mod instanced;
+mod lines;
 mod normals;
 mod offscreen;
 mod overlay;
+mod quads;
 mod renderer;
 mod shader;
 mod solid;
@@ -36,10 +40,12 @@ pub use bounds::Bounds;
 pub use columns::ColumnData;
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
-pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
+pub use frame::{Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::{Gpu, Made};
+pub use lines::Line;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
 pub use overlay::{Overlay, Sheet};
+pub use quads::Quad;
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};
 pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};

@@ -8,6 +8,8 @@ pub(super) const SOLID: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/so
 pub(super) const BACKGROUND: [&str; 2] = [VIEW, include_str!("../../shaders/background.wgsl")];
 pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl")];
 pub(super) const COMPOSITE: [&str; 1] = [include_str!("../../shaders/composite.wgsl")];
+pub(super) const QUADS: [&str; 2] = [VIEW, include_str!("../../shaders/quads.wgsl")];
+pub(super) const LINES: [&str; 2] = [VIEW, include_str!("../../shaders/lines.wgsl")];
 
 const CHUNK: &str = include_str!("../../shaders/common/chunk.wgsl");
 const SUM: &str = include_str!("../../shaders/deform.wgsl");
@@ -49,6 +51,8 @@ mod tests {
             ("background", &BACKGROUND),
             ("grid", &GRID),
             ("composite", &COMPOSITE),
+            ("quads", &QUADS),
+            ("lines", &LINES),
         ] {
             let expected = [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())];
             assert_eq!(stages(name, parts), expected, "{name}.wgsl");
