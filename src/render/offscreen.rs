@@ -1,22 +1,27 @@
 //! Pictures without a window: draw into a texture, read it back as an `RgbaImage`.
 
-use super::target::texture;
+use super::target::{check_size, texture};
 use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
 use image::RgbaImage;
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 /// The format of offscreen pictures: sRGB-encoded by the device, as PNG files hold them.
 pub const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 
-/// A target of one size with its read-back buffer, made once and drawn into every frame.
-pub struct Offscreen {
-    pub attachments: Attachments,
+/// A texture of one size with its read-back buffer, made once and drawn into every frame.
+pub struct Readable {
+    pub size: [u32; 2],
+    pub view: wgpu::TextureView,
     texture: wgpu::Texture,
-    view: wgpu::TextureView,
     /// Rows padded to wgpu's 256 bytes.
     readback: wgpu::Buffer,
     bytes_per_row: u32,
+}
+
+/// A readable target that is drawn in one pass.
+pub struct Offscreen {
+    pub attachments: Attachments,
+    pub image: Readable,
 }
 
 impl Offscreen {
@@ -26,6 +31,27 @@ impl Offscreen {
     /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
     pub fn new(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
         let attachments = Attachments::new(gpu, COLOR_FORMAT, renderer.samples, size)?;
+        Ok(Self { attachments, image: Readable::new(gpu, size)? })
+    }
+
+    pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
+        Picture { attachments: &self.attachments, texture: &self.image.view, viewports }
+    }
+
+    /// See [`Readable::read`].
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the device failed or was lost.
+    pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
+        self.image.read(gpu)
+    }
+}
+
+impl Readable {
+    /// # Errors
+    /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
+        check_size(gpu, size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
         let texture = gpu.device.create_texture(&texture(size, COLOR_FORMAT, 1, usage));
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -37,11 +63,7 @@ impl Offscreen {
             wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
         )?;
         gpu.check()?;
-        Ok(Self { attachments, texture, view, readback, bytes_per_row })
-    }
-
-    pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
-        Picture { attachments: &self.attachments, texture: &self.view, viewports }
+        Ok(Self { size, view, texture, readback, bytes_per_row })
     }
 
     /// The picture as drawn by everything submitted so far, and the time to fetch it. [`Gpu::wait`] first tells the
@@ -51,7 +73,7 @@ impl Offscreen {
     /// [`RenderError::Device`] when the device failed or was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         let start = Instant::now();
-        let &Attachments { width, height, .. } = &self.attachments;
+        let [width, height] = self.size;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let rows = wgpu::TexelCopyBufferLayout {
             offset: 0,
@@ -65,32 +87,13 @@ impl Offscreen {
         );
         gpu.queue.submit([encoder.finish()]);
 
-        let (sender, receiver) = mpsc::channel();
-        self.readback.map_async(wgpu::MapMode::Read, .., move |result| {
-            // The receiver waits below; if it is gone, so is the need for an answer.
-            sender.send(result).ok();
-        });
-        gpu.wait()?;
-        match receiver.try_recv() {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => {
-                return Err(RenderError::Device(format!("the picture cannot be read: {error}")));
-            }
-            Err(error) => {
-                return Err(RenderError::Device(format!("the picture was not copied: {error}")));
-            }
-        }
-        let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
-        {
-            let mapped = self
-                .readback
-                .get_mapped_range(..)
-                .map_err(|error| RenderError::Device(format!("the picture cannot be read: {error}")))?;
+        let pixels = gpu.mapped(&self.readback, |mapped| {
+            let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
             for row in mapped.chunks_exact(self.bytes_per_row as usize) {
                 pixels.extend_from_slice(&row[..width as usize * 4]);
             }
-        }
-        self.readback.unmap();
+            pixels
+        })?;
         let image = RgbaImage::from_raw(width, height, pixels)
             .ok_or_else(|| RenderError::Device("the picture came back incomplete".to_owned()))?;
         Ok((image, start.elapsed()))
