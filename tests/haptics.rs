@@ -8,9 +8,10 @@ mod common;
 use common::{coarse_demo, folder};
 use greenstage::deform::{ControlPose, ControlPoses, Deformer};
 use greenstage::effect::haptics::grasp::device_from_stylus;
+use greenstage::effect::haptics::stability::{self, Verdict, boundary};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, STALE_S};
 use greenstage::effect::haptics::{
-    Control, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Simulated, thread,
+    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Simulated, thread,
 };
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
@@ -211,6 +212,9 @@ fn a_circle_of_the_hand_gives_no_energy() {
     assert!(round("rotation", 1000).1.abs() > 1e-3, "or the exact slope would not be worth its time");
 }
 
+/// Fingers on a pen, and the wrist fast: the stylus hardly turns.
+const FIST: Hand = Hand { rotational_stiffness: 10.0, rotational_damping: 0.05, ..Hand::FINGERS };
+
 /// A loop on the tube in a simulated device's hand, in virtual time.
 struct Bench {
     control: Control,
@@ -223,9 +227,8 @@ impl Bench {
         let body = deformer(model);
         let poses = vec![ControlPose::REST; 2];
         let mut control = Control::new(haptic.clone(), vec![elastic(model)], 0.0);
-        let mut device = Simulated::new(&haptic, Hand::FINGERS);
+        let mut device = Simulated::new(&haptic, FIST);
         device.device_from_stylus = device_from_stylus(&haptic, &stylus());
-        use greenstage::effect::haptics::Device;
         device.hand(&device.device_from_stylus.clone());
         let held = hold(&body, 1, &poses, &stylus());
         control.take(&Grasp { held: Some(held), poses, room_from_hand: None });
@@ -233,7 +236,6 @@ impl Bench {
     }
 
     fn pull_to(&mut self, motion: Vector3<f64>) {
-        use greenstage::effect::haptics::Device;
         let mut target = device_from_stylus(&self.control.haptic, &stylus());
         target.translation.vector += motion;
         self.device.hand(&target);
@@ -241,7 +243,6 @@ impl Bench {
 
     /// One tick with the reading changed by `lie`.
     fn tick_with(&mut self, lie: impl FnOnce(Option<Reading>) -> Option<Reading>) -> Push {
-        use greenstage::effect::haptics::Device;
         self.time_s += self.control.haptic.period_s();
         let reading = lie(self.device.read(self.time_s));
         let push = self.control.tick(reading.as_ref(), self.time_s);
@@ -293,7 +294,7 @@ fn forces_ramp_up_when_a_bent_body_is_taken_and_down_when_it_is_let_go() {
     bench.pull_to(Vector3::new(0.0, 0.05, 0.0));
     bench.run(1.0);
     let whole = bench.control.felt.push.force.norm();
-    assert!(whole > 1.0, "{whole} N");
+    assert!(whole > 1.0, "{whole} N {:?}", bench.control.felt);
     bench.control.take(&Grasp::default());
     let fall = bench.run(0.2);
     assert!(largest_step(&fall) < 0.05 * whole + 1e-9, "{}", largest_step(&fall));
@@ -310,8 +311,9 @@ fn limits_hold_whatever_the_body_wants() {
     bench.pull_to(Vector3::new(0.3, 0.3, -0.2));
     let pushes = bench.run(1.0);
     let most = pushes.iter().map(|push| push.force.norm()).fold(0.0, f64::max);
-    assert!(most <= 3.0 + 1e-9 && most > 1.0, "{most}");
-    assert!(pushes.iter().all(|push| push.torque.norm() <= 0.05 + 1e-12));
+    let torque = pushes.iter().map(|push| push.torque.norm()).fold(0.0, f64::max);
+    assert!(most <= 3.0 + 1e-9 && torque <= 0.05 + 1e-12, "{most} N, {torque} N m");
+    assert!(most > 2.9 || torque > 0.049, "{most} N, {torque} N m: a limit was reached");
     assert!(largest_step(&pushes) <= 3.0 / 5.0 + 1e-9, "{}", largest_step(&pushes));
     let silent = Haptic { max_torque_nm: 0.0, ..Haptic::simulated("right") };
     let mut bench = Bench::new(silent, "linear");
@@ -375,7 +377,7 @@ fn a_jump_by_half_a_turn_fades_and_ramps_instead_of_kicking() {
     assert_eq!(bench.control.felt.faults.jumps, before.faults.jumps + 1);
     assert!(pushes.iter().all(|push| push.is_finite() && push.force.norm() <= 8.0 + 1e-9));
     // The hold there pulls hard, but only by its ramp: 30 of 250 ticks.
-    assert!(largest_step(&pushes) <= 8.0 / 5.0, "{}", largest_step(&pushes));
+    assert!(largest_step(&pushes) <= 8.0 / 50.0, "{} {:?}", largest_step(&pushes), bench.control.felt);
     assert!(bench.control.felt.gain < 0.13, "{}", bench.control.felt.gain);
     bench.run(0.5);
     assert_eq!(bench.control.felt.faults.jumps, before.faults.jumps + 2, "and back");
@@ -400,25 +402,23 @@ fn a_clock_that_goes_back_is_not_followed() {
     assert_eq!(bench.control.felt.gain, 1.0);
 }
 
-/// What a ramp or another hand puts in is known; beyond it the loop on a bearable body generates nothing.
+/// What the hand gives is what the body stores, and what friction and the fingers eat: the loop adds nothing.
 #[test]
-fn the_observer_counts_what_the_hand_gives_and_gets() {
-    let mut bench = Bench::new(Haptic::simulated("right"), "rotation");
+fn nothing_comes_out_that_was_not_put_in() {
+    let haptic = Haptic { max_force_n: 100.0, max_torque_nm: 10.0, ..Haptic::simulated("right") };
+    let mut bench = Bench::new(haptic, "rotation");
     bench.run(0.5);
     for (i, direction) in [Vector3::x(), -Vector3::y(), Vector3::new(0.3, 1.0, 1.0)].into_iter().enumerate() {
         bench.pull_to(direction * (0.01 + 0.01 * i as f64));
         bench.run(0.5);
         let felt = bench.control.felt;
-        let held = felt.stored_energy;
-        // What is stored was given, and what sampling generated is small against it.
-        assert!(
-            (felt.observer.energy - held).abs() < 0.02 * held,
-            "{} J, stored {held} J",
-            felt.observer.energy
-        );
+        assert!(felt.stored_energy > 1e-4 && felt.gain == 1.0);
+        assert!(felt.observer.energy >= felt.stored_energy, "{felt:?}");
+        assert!(bench.device.hand_work >= felt.stored_energy, "{} J {felt:?}", bench.device.hand_work);
     }
-    assert!(bench.control.felt.stiffer > 1.0, "the tube is too stiff for 1 N·s/m at 1 kHz");
-    assert!(bench.control.felt.observer.deepest < 1e-6, "{:?}", bench.control.felt.observer);
+    let felt = bench.control.felt;
+    assert!(felt.stiffer > 1.0, "the tube is too stiff for 1 N·s/m at 1 kHz");
+    assert!(felt.observer.deepest == 0.0 && felt.observer.braked == 0.0, "{:?}", felt.observer);
 }
 
 /// Real time is measured, never asserted: the loop runs, follows the frame's grasp, and stops with its owner.
@@ -455,18 +455,23 @@ fn the_thread_ticks_tells_and_ends() {
     assert_eq!(thread::running(), 0);
 }
 
+/// The boundary that is measured without measures is the theory's, with the hand's friction beside the device's, and it
+/// goes as the rate; with the coupling there is none.
 #[test]
-fn without_measures_a_stiff_body_generates_and_with_them_it_does_not() {
-    let energy = |measures: Measures| {
-        let haptic = Haptic { force: 20.0, max_force_n: 50.0, ..Haptic::simulated("right") };
-        let mut bench = Bench::new(haptic, "linear");
-        bench.control.measures = measures;
-        bench.pull_to(Vector3::new(0.0, 0.005, 0.0));
-        bench.run(1.0);
-        (bench.control.felt.observer.deepest, bench.device.energy())
-    };
-    let (plain, _) = energy(Measures { limits: true, ..Measures::NONE });
-    let (kept, left) = energy(Measures::ALL);
-    println!("generated: {plain:.2e} J without, {kept:.2e} J with the measures");
-    assert!(plain > 1e-3 && kept < 1e-5 && left < 1e-2, "{plain} {kept} {left}");
+fn the_largest_stable_stiffness_is_that_of_theory() {
+    for (rate_hz, hand) in
+        [(500.0, Hand::NONE), (1000.0, Hand::NONE), (4000.0, Hand::NONE), (1000.0, Hand::FINGERS)]
+    {
+        let haptic = Haptic { rate_hz, ..Haptic::simulated("right") };
+        let theory = 2.0 * (haptic.damping + hand.damping) * rate_hz;
+        let found = boundary(&haptic, hand, Measures::NONE).unwrap();
+        println!("{rate_hz} Hz, {hand:?}: {found:.0} N/m, theory {theory:.0} N/m");
+        assert!((found / theory - 1.0).abs() < 0.1, "{rate_hz} Hz: {found} N/m, theory {theory} N/m");
+    }
+    let haptic = Haptic::simulated("right");
+    let run = |measures| stability::run(&haptic, Hand::NONE, 2e4, measures);
+    assert_eq!(run(Measures::NONE).verdict, Verdict::Diverges);
+    let kept = run(Measures::ALL);
+    assert!(kept.verdict == Verdict::Stable && kept.generated_j == 0.0, "{kept:?}");
+    assert!((kept.stiffer - 2e4 / 1600.0).abs() < 1e-6, "{kept:?}");
 }

@@ -37,6 +37,8 @@ pub struct Stage {
     pub screens: Vec<Screen>,
     /// What follows head and hands; empty where nothing does.
     pub tracking: Tracking,
+    /// Force-feedback devices; mostly none.
+    pub haptics: Vec<Haptic>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

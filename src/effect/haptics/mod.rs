@@ -10,18 +10,22 @@
 pub mod device;
 pub mod elastic;
 pub mod grasp;
+pub mod haply;
 pub mod passivity;
 pub mod simulated;
 pub mod stability;
 pub mod thread;
 pub mod tick;
+pub mod vrpn;
 
 pub use device::{Device, Push, Reading};
 pub use elastic::{Elastic, Response};
 pub use grasp::{Grasp, Held};
+pub use haply::Haply;
 pub use simulated::{Hand, Simulated};
 pub use thread::{Clockwork, Loop, Report};
 pub use tick::{Control, Faults, Felt, Measures};
+pub use vrpn::VrpnDevice;
 
 use super::EffectEntry;
 use crate::green::Needs;

@@ -99,10 +99,11 @@ impl Default for Coupling {
 /// Counts what the hand gave and got, and brakes where it got more (B. Hannaford and J.-H. Ryu, "Time-domain passivity
 /// control of haptic interfaces", IEEE Trans. Robotics and Automation 18, 2002, 1-10).
 ///
-/// The count is exact: the force is held between two ticks, so that its work is force · Δx.
+/// The work is exact: the force is held between two ticks, so that it is force · Δx. What the device's friction eats is
+/// counted with it, or the brake would grip where friction does already.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Observer {
-    /// What came in from the hand and by design, less what went out, J. Negative: energy was generated.
+    /// What came in from the hand and by design, less what went out and was not eaten by friction, J. Negative: energy was generated.
     pub energy: f64,
     /// Most that was missing at once, J.
     pub deepest: f64,
@@ -114,9 +115,17 @@ pub struct Observer {
 const BRAKE: f64 = 0.5;
 
 impl Observer {
-    /// The handle moved by (Δx, Δφ) under `held`.
-    pub fn moved(&mut self, held: &Push, dx: &Vector3<f64>, turn: &Vector3<f64>) {
-        self.energy -= held.force.dot(dx) + held.torque.dot(turn);
+    /// The handle moved by (Δx, Δφ) in `time_s` under `held`; its own friction, b and b_r, ate b Δx²/Δt at least.
+    pub fn moved(
+        &mut self,
+        held: &Push,
+        dx: &Vector3<f64>,
+        turn: &Vector3<f64>,
+        damping: [f64; 2],
+        time_s: f64,
+    ) {
+        let eaten = (damping[0] * dx.norm_squared() + damping[1] * turn.norm_squared()) / time_s;
+        self.energy += eaten - held.force.dot(dx) - held.torque.dot(turn);
         self.deepest = self.deepest.max(-self.energy);
     }
 
@@ -187,7 +196,7 @@ mod tests {
     fn the_brake_takes_what_is_missing_and_no_more() {
         let mut observer = Observer::default();
         let push = Push { force: Vector3::new(2.0, 0.0, 0.0), torque: Vector3::zeros() };
-        observer.moved(&push, &Vector3::new(1e-4, 0.0, 0.0), &Vector3::zeros());
+        observer.moved(&push, &Vector3::new(1e-4, 0.0, 0.0), &Vector3::zeros(), [0.0; 2], 1e-3);
         assert!((observer.energy + 2e-4).abs() < 1e-18 && observer.deepest == -observer.energy);
         let (v, none) = (Vector3::new(3.0, 0.0, 0.0), Vector3::zeros());
         let brake = observer.brake(&v, &none, 0.1, 1e-4, 1e-3);

@@ -26,7 +26,7 @@ pub const STIFFNESSES: [f64; 7] = [20.0, 200.0, 1000.0, 2000.0, 5000.0, 20_000.0
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The last second stays within 2 % of the start.
+    /// It comes to rest: the last second stays within 2 % of the start, or 5 % below the second before.
     Stable,
     /// It goes on moving, no further than twice the start.
     Cycle,
@@ -68,14 +68,14 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
             verdict,
             swing_m: nan,
             generated_j: nan,
-            scale: nan,
+            stiffer: nan,
         };
     };
     control.measures = measures;
     let mut device = Simulated::new(haptic, hand);
     device.device_from_stylus.translation.vector = Vector3::new(START_M, 0.0, 0.0);
     device.hand(&Isometry3::identity());
-    let (period_s, mut swing_m) = (haptic.period_s(), 0.0f64);
+    let (period_s, mut swings_m) = (haptic.period_s(), [0.0f64; 2]);
     let ticks = ((SPAN_S + RAMP_S) / period_s) as u64;
     for tick in 0..ticks {
         let now_s = tick as f64 * period_s;
@@ -89,15 +89,18 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
         device.push(&push, now_s);
         let away = device.device_from_stylus.translation.vector.norm();
         if !(away < 100.0 * START_M) {
-            swing_m = f64::INFINITY;
+            swings_m = [START_M, f64::INFINITY];
             break;
         }
-        if now_s > SPAN_S + RAMP_S - 1.0 {
-            swing_m = swing_m.max(away);
+        let left_s = SPAN_S + RAMP_S - now_s;
+        if left_s < 2.0 {
+            let second = usize::from(left_s < 1.0);
+            swings_m[second] = swings_m[second].max(away);
         }
     }
+    let [before_m, swing_m] = swings_m;
     let verdict = match swing_m {
-        swing if swing <= 0.02 * START_M => Verdict::Stable,
+        swing if swing <= 0.02 * START_M || swing < 0.95 * before_m => Verdict::Stable,
         swing if swing <= 2.0 * START_M => Verdict::Cycle,
         _ => Verdict::Diverges,
     };

@@ -71,7 +71,7 @@ pub struct Felt {
     pub stiffer: f64,
     /// The body's strain energy, J.
     pub strain_energy: f64,
-    /// What the hand would get back if it went to rest slowly, J.
+    /// What the hand would get back if it went to rest slowly, J; less where the force is at its limit.
     pub stored_energy: f64,
     pub observer: Observer,
     pub faults: Faults,
@@ -144,9 +144,7 @@ impl Control {
         let energy = body.respond(&pose).energy;
         if !is_new {
             let gained = energy - self.felt.strain_energy;
-            self.felt
-                .observer
-                .credit(gained * self.felt.gain * self.felt.scale * held.energy_scale(&self.haptic));
+            self.felt.observer.credit(gained * self.felt.gain * held.energy_scale(&self.haptic));
         }
         self.felt.strain_energy = energy;
     }
@@ -223,7 +221,8 @@ impl Control {
             self.velocity = [Vector3::zeros(); 2];
             return false;
         }
-        self.felt.observer.moved(&self.felt.push, &dx, &turn);
+        let damping = [self.haptic.damping, self.haptic.rotational_damping];
+        self.felt.observer.moved(&self.felt.push, &dx, &turn, damping, time);
         if dt > 0.0 {
             let share = dt / (dt + VELOCITY_S);
             for (velocity, step) in self.velocity.iter_mut().zip([dx, turn]) {
@@ -254,7 +253,11 @@ impl Control {
         }
         let stored = response.energy * held.energy_scale(haptic)
             + 0.5 * self.coupled.dot(&(self.coupling.compliance * self.coupled));
-        self.coupled += self.coupling.step * (push.stacked() - self.coupled);
+        let coupled = self.coupled + self.coupling.step * (push.stacked() - self.coupled);
+        // Limited before the gain, or a bent body would ramp up to the limit at once; and before the coupling, which
+        // gives way no further than the device can push.
+        self.coupled = self.fitting(Push::unstacked(&coupled)).stacked();
+        let haptic = &self.haptic;
         let gain = (self.felt.gain + dt / RAMP_S).min(1.0);
         self.felt.observer.credit((gain - self.felt.gain) * stored);
         (self.felt.gain, self.felt.strain_energy, self.felt.stored_energy) = (gain, response.energy, stored);
@@ -296,26 +299,37 @@ impl Control {
         Some(())
     }
 
-    /// Force and torque within the device's limits and not faster than [`SLEW_S`] allows.
-    fn limited(&self, push: Push, dt: f64) -> Push {
+    /// Not more than the device can, in the same direction.
+    fn fitting(&self, mut push: Push) -> Push {
         let (force, torque) = (self.haptic.max_force_n, self.haptic.max_torque_nm);
-        let mut push = if push.is_finite() { push } else { Push::NONE };
         if torque <= 0.0 {
             push.torque = Vector3::zeros();
         }
         if !self.measures.limits {
             return push;
         }
-        let over = |size: f64, most: f64| if size > most { most / size } else { 1.0 };
-        let fits =
-            over(push.force.norm(), force).min(over(push.torque.norm(), torque.max(f64::MIN_POSITIVE)));
-        let push = push.scaled(fits);
+        push.scaled(part(push.force.norm(), force).min(part(push.torque.norm(), torque)))
+    }
+
+    /// Within the limits, and not faster than [`SLEW_S`] allows.
+    fn limited(&self, push: Push, dt: f64) -> Push {
+        let push = self.fitting(if push.is_finite() { push } else { Push::NONE });
+        if !self.measures.limits {
+            return push;
+        }
         let last = &self.felt.push;
         let step = Push { force: push.force - last.force, torque: push.torque - last.torque };
-        let part = dt.max(self.haptic.period_s()) / SLEW_S;
-        let share = over(step.force.norm(), force * part).min(over(step.torque.norm(), torque * part));
-        last.plus(&step.scaled(share))
+        let (force, torque) = (self.haptic.max_force_n, self.haptic.max_torque_nm);
+        let time = dt.max(self.haptic.period_s()) / SLEW_S;
+        last.plus(
+            &step.scaled(part(step.force.norm(), force * time).min(part(step.torque.norm(), torque * time))),
+        )
     }
+}
+
+/// By what a length must be multiplied not to exceed `most`.
+fn part(length: f64, most: f64) -> f64 {
+    if length > most { most / length } else { 1.0 }
 }
 
 fn is_sane(pose: &Isometry3<f64>) -> bool {
