@@ -171,8 +171,8 @@ mod tests {
     fn the_coupling_softens_what_is_too_stiff_and_nothing_else() {
         let root = Matrix6::from_fn(|i, j| ((7 * i + 3 * j) as f64).sin() + if i == j { 3.0 } else { 0.0 });
         let stiffness = root * root.transpose() * 100.0;
-        let damping = [2.0, 0.5];
-        let friction = |k: usize| damping[k / 3];
+        let damping: [f64; 2] = [2.0, 0.5];
+        let friction = |k: usize| -> f64 { damping[k / 3] };
         let ratios = |k: &Matrix6<f64>| {
             Matrix6::from_fn(|i, j| k[(i, j)] / (friction(i) * friction(j)).sqrt()).symmetric_eigenvalues()
         };
