@@ -157,6 +157,8 @@ impl<C: 'static> Graph<C> {
         self.is_free(to.number)?;
         let mut inputs = Vec::new();
         from.list(&mut inputs);
+        let mut seen = vec![false; self.nodes.len()];
+        inputs.retain(|&input| !std::mem::replace(&mut seen[input], true));
         if let Some(circle) = self.path(to.number, &inputs) {
             return Err(FieldError::Circle { circle });
         }
@@ -230,9 +232,7 @@ impl<C: 'static> Graph<C> {
 
     fn attach(&mut self, to: usize, connection: Connection<C>) {
         for &input in &connection.inputs {
-            if !self.nodes[input].dependents.contains(&to) {
-                self.nodes[input].dependents.push(to);
-            }
+            self.nodes[input].dependents.push(to);
         }
         self.nodes[to].from = Some(connection);
         self.nodes[to].is_dirty = true;
@@ -278,14 +278,8 @@ impl<C: 'static> Graph<C> {
     }
 
     /// All fields in the order of their dependencies, those made first before others where either would do.
-    pub(super) fn sorted(&self) -> Vec<usize> {
-        let mut missing: Vec<usize> = Vec::new();
-        for number in 0..self.nodes.len() {
-            let mut inputs = self.inputs(number).to_vec();
-            inputs.sort_unstable();
-            inputs.dedup();
-            missing.push(inputs.len());
-        }
+    fn sorted(&self) -> Vec<usize> {
+        let mut missing: Vec<usize> = (0..self.nodes.len()).map(|number| self.inputs(number).len()).collect();
         let mut ready: std::collections::BTreeSet<usize> =
             (0..missing.len()).filter(|&number| missing[number] == 0).collect();
         let mut order = Vec::new();

@@ -29,11 +29,13 @@
 mod error;
 mod graph;
 mod input;
+mod listing;
 pub mod numbers;
 
 pub use error::FieldError;
 pub use graph::{Field, Graph};
 pub use input::{Each, Input};
+pub use listing::Entry;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

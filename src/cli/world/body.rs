@@ -20,7 +20,9 @@ pub struct PlacedBody {
     /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
     pub controls: Vec<PlacedControl>,
     /// Names of its model and its effects, as in the scene.
+    #[allow(dead_code, reason = "for the overlay")]
     pub model: String,
+    #[allow(dead_code, reason = "for the overlay")]
     pub effects: Vec<String>,
     /// Largest turn for which a planned body's error was measured, rad.
     range: Option<f64>,

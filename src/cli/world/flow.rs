@@ -18,7 +18,7 @@ use super::hand::{self, Grip};
 use crate::deform::{Coefficients, ControlPose};
 use crate::field::{Each, Field, FieldError, Graph, Value};
 use crate::interact::Hit;
-use crate::scene::Grab;
+use crate::scene::{Body, Grab, Scene};
 use crate::track::{StylusState, usable};
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
@@ -47,6 +47,7 @@ pub struct HandFields {
 pub struct BodyFields {
     /// Per control element. That of a fixed one can be set.
     pub poses: Vec<Field<ControlPose>>,
+    #[allow(dead_code, reason = "for the overlay")]
     pub coefficients: Field<Coefficients>,
     pub surface: Field<Surface>,
 }
@@ -94,8 +95,8 @@ impl Value for Coefficients {
     const TYPE: &'static str = "coefficients";
 }
 
-/// The graph of these bodies, with a head that stands there as long as none is tracked and without a hand.
-pub fn graph(bodies: &Bodies, head: Isometry3<f64>) -> Result<(Graph<Bodies>, Fields), FieldError> {
+/// The graph of a scene, with a head that stands there as long as none is tracked, and one hand.
+pub fn graph(scene: &Scene, head: Isometry3<f64>) -> Result<(Graph<Bodies>, Fields), FieldError> {
     let mut graph = Graph::default();
     let tracked_head = graph.field("tracker.head", Tracked::default())?;
     let room_from_head = graph.field("head", Pose(head))?;
@@ -108,32 +109,36 @@ pub fn graph(bodies: &Bodies, head: Isometry3<f64>) -> Result<(Graph<Bodies>, Fi
         head: room_from_head,
         hands: Vec::new(),
         bodies: Vec::new(),
-        targets: targets(bodies),
+        targets: targets(scene),
     };
-    for (b, body) in bodies.iter().enumerate() {
-        fields.bodies.push(body_fields(&mut graph, b, body)?);
+    for (b, (name, body)) in scene.body.iter().enumerate() {
+        fields.bodies.push(body_fields(&mut graph, b, name, body)?);
     }
+    fields.add_hand(&mut graph)?;
     Ok((graph, fields))
 }
 
 /// All control elements that can be taken, as (body, control element).
-fn targets(bodies: &Bodies) -> Vec<(usize, usize)> {
-    let of = |(b, body): (usize, &PlacedBody)| {
-        let takable = body.controls.iter().enumerate().filter(|(_, c)| c.grab == Grab::Dragger);
+fn targets(scene: &Scene) -> Vec<(usize, usize)> {
+    let of = |(b, body): (usize, &Body)| {
+        let takable = body.control.values().enumerate().filter(|(_, c)| c.grab == Grab::Dragger);
         takable.map(move |(c, _)| (b, c)).collect::<Vec<_>>()
     };
-    bodies.iter().enumerate().flat_map(of).collect()
+    scene.body.values().enumerate().flat_map(of).collect()
 }
 
 /// Poses → coefficients → surface of body `b`.
-fn body_fields(graph: &mut Graph<Bodies>, b: usize, body: &PlacedBody) -> Result<BodyFields, FieldError> {
-    let name = &body.deformer.body;
-    let pose = |control: &crate::deform::ControlRest| {
-        graph.field(format!("body.{name}.control.{}.pose", control.name), ControlPose::REST)
-    };
-    let poses: Vec<_> = body.deformer.controls.iter().map(pose).collect::<Result<_, _>>()?;
+fn body_fields(
+    graph: &mut Graph<Bodies>,
+    b: usize,
+    name: &str,
+    body: &Body,
+) -> Result<BodyFields, FieldError> {
+    let pose =
+        |control: &String| graph.field(format!("body.{name}.control.{control}.pose"), ControlPose::REST);
+    let poses: Vec<_> = body.control.keys().map(pose).collect::<Result<_, _>>()?;
     let coefficients =
-        graph.field(format!("body.{name}.coefficients"), body.deformer.coefficients.clone())?;
+        graph.field(format!("body.{name}.coefficients"), Coefficients::at_rest(poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), Surface(0))?;
     let mut taken = Vec::new();
     graph.compute(

@@ -60,8 +60,8 @@ impl World {
     pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
         let bodies = body::place(scene, file, session::deformers(scene, file)?, &stage);
         let room_from_head = stage.viewer.room_from_head;
-        let (graph, fields) = flow::graph(&bodies, room_from_head).map_err(Failure::request)?;
-        let mut world = World {
+        let (graph, fields) = flow::graph(scene, room_from_head).map_err(Failure::request)?;
+        Ok(World {
             stage,
             bodies,
             room_from_head,
@@ -71,9 +71,7 @@ impl World {
             graph,
             fields,
             told: BTreeSet::new(),
-        };
-        world.fields.add_hand(&mut world.graph).map_err(Failure::request)?;
-        Ok(world)
+        })
     }
 
     /// Moves everything to what the trackers say: one evaluation of the graph.
