@@ -135,7 +135,7 @@ impl World {
         for (b, body) in self.bodies.iter_mut().enumerate() {
             for (c, control) in body.controls.iter_mut().enumerate() {
                 let by = touched.iter().filter(|(target, _)| *target == (b, c));
-                let mood = by.map(|(_, mood)| *mood).last().unwrap_or(Mood::Idle);
+                let mood = by.map(|(_, mood)| *mood).next_back().unwrap_or(Mood::Idle);
                 body.recolour |= control.mood != mood;
                 control.mood = mood;
             }
