@@ -22,7 +22,7 @@ pub mod window;
 
 pub use body::BodyBuffers;
 pub use error::RenderError;
-pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
+pub use frame::{Arrow, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::Gpu;
 pub use offscreen::{COLOR_FORMAT, Offscreen};
 pub use renderer::Renderer;
