@@ -30,12 +30,10 @@ fn a_bent_tube_on_the_workbench() {
     println!("{}", gpu.describe());
     let mesh = bent_tube(72, 70);
     println!("{} vertices, {} triangles", mesh.positions.len(), mesh.triangles.len());
-    let buffers = mesh.buffers(&gpu);
+    let mut buffers = mesh.buffers(&gpu);
     let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 0.98, 0.08));
-    let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
     let styli = styli(&mesh, &room_from_body, false);
     let grid = Some(Grid::new(Point3::new(0.0, 0.78, 0.0), [1.6, 1.6], 0.1));
-    let contents = FrameContents { bodies: &bodies, styli: &styli, grid, look: Look::default() };
     let views = eyes();
     let size = [1280, 1024];
     for samples in [4, 1] {
@@ -46,6 +44,8 @@ fn a_bent_tube_on_the_workbench() {
         let start = std::time::Instant::now();
         while start.elapsed().as_secs_f64() < 4.0 {
             buffers.upload(&gpu, &mesh.positions, &mesh.normals).unwrap();
+            let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
+            let contents = FrameContents { bodies: &bodies, styli: &styli, grid, look: Look::default() };
             let pictures = [0, 1].map(|k| targets[k].picture(&viewports[k]));
             encode += renderer.draw(&gpu, &pictures, &contents).unwrap().as_secs_f64();
             drawn += gpu.wait().unwrap().as_secs_f64();

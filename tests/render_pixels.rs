@@ -339,7 +339,7 @@ fn what_does_not_fit_is_refused_with_its_numbers() {
         BodyBuffers::new(&gpu, &[[0, 1, 2], [0, 1, 3]], &grey),
         Err(RenderError::VertexOutOfRange { triangle: 1, vertex: 3, vertices: 3 })
     ));
-    let body = BodyBuffers::new(&gpu, &[[0, 1, 2]], &grey).unwrap();
+    let mut body = BodyBuffers::new(&gpu, &[[0, 1, 2]], &grey).unwrap();
     let short = body.upload(&gpu, &[[0.0; 3]; 2], &[[0.0; 3]; 3]);
     assert!(matches!(short, Err(RenderError::VertexCount { found: 2, expected: 3, .. })));
     gpu.wait().unwrap();
@@ -350,7 +350,7 @@ fn what_does_not_fit_is_refused_with_its_numbers() {
 fn a_body_of_nan_does_no_harm() {
     let Some(gpu) = require_gpu() else { return };
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
-    let buffers = square(0.2, [0.0; 3], [255, 255, 255, 0]).buffers(&gpu);
+    let mut buffers = square(0.2, [0.0; 3], [255, 255, 255, 0]).buffers(&gpu);
     buffers.upload(&gpu, &[[f32::NAN; 3]; 4], &[[f32::INFINITY; 3]; 4]).unwrap();
     let bodies = [BodyInstance { buffers: &buffers, room_from_body: Matrix4::identity() }];
     let room_from_stylus = Matrix4::from_element(f32::NAN);

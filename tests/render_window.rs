@@ -31,7 +31,7 @@ impl WindowApp for TwoScreens {
     }
 
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
-        let body = self.body.as_ref().ok_or("frame before start")?;
+        let body = self.body.as_mut().ok_or("frame before start")?;
         body.upload(&windows.gpu, &self.mesh.positions, &self.mesh.normals)?;
         let turn = Matrix4::new_rotation(Vector3::new(0.0, 0.02 * self.frames as f32, 0.0));
         let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 1.0, 0.0)) * turn;

@@ -12,6 +12,7 @@ mod failure;
 mod inspect;
 mod manual;
 mod pack;
+mod pattern;
 mod picture;
 mod plan;
 pub mod poses;
@@ -62,6 +63,7 @@ pub enum Command {
     Check(check::Args),
     Convert(convert::Args),
     Pack(pack::Args),
+    Pattern(pattern::Args),
     Verify(verify::Args),
     Manual(manual::Args),
 }
@@ -82,6 +84,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Pack(args)) => pack::run(&args),
+        Some(Command::Pattern(args)) => pattern::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),

@@ -22,9 +22,9 @@ impl Bodies {
     }
 
     /// Uploads what changed; returns the time it took, s.
-    pub fn upload(&self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
+    pub fn upload(&mut self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
         let started = Instant::now();
-        for (buffers, body) in self.buffers.iter().zip(&mut world.bodies) {
+        for (buffers, body) in self.buffers.iter_mut().zip(&mut world.bodies) {
             if std::mem::take(&mut body.moved) {
                 buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
             }

@@ -173,7 +173,7 @@ pub fn pictures_name(stage: &Stage) -> &'static str {
     if stage.stereo == Stereo::Mono { "pictures" } else { "stereo pairs" }
 }
 
-fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
+pub fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
     image.save(path).with_context(|| path.display().to_string()).map_err(Failure::Work)
 }
 

@@ -226,7 +226,7 @@ impl WindowApp for Viewer {
         self.world.step(&state);
         self.mouse.hit_distance_m = self.world.hit_distance_m();
         let viewports: Vec<Vec<Viewport>> = self.viewports(windows);
-        if let Some(bodies) = &self.bodies {
+        if let Some(bodies) = &mut self.bodies {
             bodies.upload(&windows.gpu, &mut self.world)?;
             let instances = bodies.instances(&self.world);
             windows.draw(&viewports, &contents(&self.world, &instances))?;

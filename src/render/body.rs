@@ -1,7 +1,10 @@
-//! A deformable body on the device. In come triangles and colours once, positions and normals once per frame, as the
-//! CPU has them (no packing: 24 bytes a vertex, and a plain copy is faster than any conversion); out goes one
-//! indexed draw per viewport.
+//! A deformable body on the device. In come triangles and colours once; once per frame positions and normals, as the
+//! CPU has them (no packing: 24 bytes a vertex, and a plain copy is faster than any conversion), or nothing but
+//! coefficients, of a body with columns. Out goes one indexed draw per view that can see it.
 
+use super::bounds::Bounds;
+use super::columns::ColumnData;
+use super::deform::DeformPass;
 use super::uniforms::{INSTANCE_ATTRIBUTES, Instance};
 use super::{Gpu, RenderError};
 use wgpu::BufferUsages;
@@ -14,6 +17,10 @@ pub struct BodyBuffers {
     pub(super) positions: wgpu::Buffer,
     pub(super) normals: wgpu::Buffer,
     pub(super) colors: wgpu::Buffer,
+    /// Around the deformed surface, in the body's frame.
+    pub(super) bounds: Bounds,
+    /// How the device deforms the body; None where the CPU does.
+    pub(super) deform: Option<DeformPass>,
 }
 
 impl BodyBuffers {
@@ -25,6 +32,46 @@ impl BodyBuffers {
     /// # Errors
     /// An empty body, a triangle that names a vertex that is not there, or a body too large for the device.
     pub fn new(gpu: &Gpu, triangles: &[[u32; 3]], colors: &[[u8; 4]]) -> Result<Self, RenderError> {
+        let vertex = BufferUsages::VERTEX | BufferUsages::COPY_DST;
+        let bytes = colors.len() as u64 * 12;
+        Self::with_buffers(gpu, triangles, colors, |what| gpu.buffer(what, bytes, vertex))
+    }
+
+    /// Buffers for a body that [`BodyBuffers::deform`] deforms: at `rest` plus the sum of coefficients times columns,
+    /// those of one control element after those of the other, all in one storage. It stands at rest.
+    ///
+    /// # Errors
+    /// As [`BodyBuffers::new`]; columns of another number of nodes or of mixed storage; a body of which even a few
+    /// nodes, or whose positions, are more than the device binds at once.
+    pub fn with_columns(
+        gpu: &Gpu,
+        triangles: &[[u32; 3]],
+        colors: &[[u8; 4]],
+        rest: &[[f32; 3]],
+        elements: &[ColumnData<'_>],
+    ) -> Result<Self, RenderError> {
+        let (found, expected) = (rest.len(), colors.len());
+        if found != expected {
+            return Err(RenderError::VertexCount { what: "rest positions", found, expected });
+        }
+        let usage =
+            BufferUsages::VERTEX | BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        // The shader writes four numbers at a time, which end beyond the last node of most bodies.
+        let bytes = (rest.len() as u64 * 12).next_multiple_of(16);
+        let mut body = Self::with_buffers(gpu, triangles, colors, |what| gpu.storage(what, bytes, usage))?;
+        let mut pass = DeformPass::new(gpu, triangles, rest, elements, [&body.positions, &body.normals])?;
+        pass.rest(gpu)?;
+        body.deform = Some(pass);
+        body.bounds = Bounds::of(rest);
+        Ok(body)
+    }
+
+    fn with_buffers(
+        gpu: &Gpu,
+        triangles: &[[u32; 3]],
+        colors: &[[u8; 4]],
+        moving: impl Fn(&'static str) -> Result<wgpu::Buffer, RenderError>,
+    ) -> Result<Self, RenderError> {
         let vertices = colors.len();
         if triangles.is_empty() || vertices == 0 {
             return Err(RenderError::EmptyBody { vertices, triangles: triangles.len() });
@@ -40,13 +87,41 @@ impl BodyBuffers {
             vertex_count: vertices,
             triangle_count: triangles.len(),
             indices: gpu.buffer("triangles", size_of_val(triangles) as u64, index)?,
-            positions: gpu.buffer("positions", vertices as u64 * 12, vertex)?,
-            normals: gpu.buffer("normals", vertices as u64 * 12, vertex)?,
+            positions: moving("positions")?,
+            normals: moving("normals")?,
             colors: gpu.buffer("vertex colours", vertices as u64 * 4, vertex)?,
+            bounds: Bounds::of(&[]),
+            deform: None,
         };
         gpu.queue.write_buffer(&body.indices, 0, bytemuck::cast_slice(triangles));
         body.set_colors(gpu, colors)?;
         Ok(body)
+    }
+
+    /// Whether the device deforms this body.
+    pub fn is_deformed_here(&self) -> bool {
+        self.deform.is_some()
+    }
+
+    /// Dispatches of the superposition and of the normals: one each where the device binds the whole body at once.
+    pub fn chunks(&self) -> Option<[usize; 2]> {
+        self.deform.as_ref().map(DeformPass::chunks)
+    }
+
+    /// Positions and normals as the device has them, of a body with columns.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the device failed or was lost.
+    pub fn read(&self, gpu: &Gpu) -> Result<[Vec<[f32; 3]>; 2], RenderError> {
+        let bytes = self.vertex_count as u64 * 12;
+        let read = |buffer| -> Result<Vec<[f32; 3]>, RenderError> {
+            let readable = gpu.buffer("read-back", bytes, BufferUsages::COPY_DST | BufferUsages::MAP_READ)?;
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            encoder.copy_buffer_to_buffer(buffer, 0, &readable, 0, bytes);
+            gpu.queue.submit([encoder.finish()]);
+            gpu.mapped(&readable, bytemuck::pod_collect_to_vec)
+        };
+        Ok([read(&self.positions)?, read(&self.normals)?])
     }
 
     /// Replaces all vertex colours, as for an element that is hovered or held.
@@ -61,8 +136,14 @@ impl BodyBuffers {
     ///
     /// # Errors
     /// [`RenderError::VertexCount`] unless there is one position and one normal per vertex.
-    pub fn upload(&self, gpu: &Gpu, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<(), RenderError> {
+    pub fn upload(
+        &mut self,
+        gpu: &Gpu,
+        positions: &[[f32; 3]],
+        normals: &[[f32; 3]],
+    ) -> Result<(), RenderError> {
         self.write(gpu, "positions", &self.positions, positions)?;
+        self.bounds = Bounds::of(positions);
         self.write(gpu, "normals", &self.normals, normals)
     }
 

@@ -36,6 +36,12 @@ pub enum RenderError {
     VertexOutOfRange { triangle: usize, vertex: u32, vertices: usize },
     #[error("{found} {what} were handed over for a body of {expected} vertices")]
     VertexCount { what: &'static str, found: usize, expected: usize },
+    #[error("columns of {numbers} numbers were handed over for a body of {per_column} numbers a column")]
+    ColumnLength { numbers: usize, per_column: usize },
+    #[error("the columns of one body must all be stored alike")]
+    MixedStorage,
+    #[error("{found} coefficients were handed over for a body of {expected} columns")]
+    CoefficientCount { found: usize, expected: usize },
     #[error("the graphics device reported: {0}")]
     Device(String),
     #[error("no display to open windows on: {0}")]

@@ -2,7 +2,9 @@
 //! that says what it is, because a software device or an OpenGL fallback is fit for tests, not for a wall.
 
 use super::RenderError;
-use std::sync::{Arc, Mutex, PoisonError};
+use super::clock::Clock;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 /// Longer than any frame takes, so that a hung driver becomes an error instead of a hung program.
@@ -20,9 +22,46 @@ pub struct Gpu {
     pub adapter: wgpu::Adapter,
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
+    /// Bytes that one storage binding may have; bodies are split to it. A test lowers it.
+    pub storage_limit: u64,
+    /// What was made on the device so far.
+    pub made: Made,
+    clock: Option<Clock>,
     /// The first error the device reported since it was last asked; wgpu would panic if nobody listened.
     reported: Arc<Mutex<Option<String>>>,
 }
+
+/// Counts of what was made on a device since it was opened, whether it is still there or not.
+#[derive(Debug, Default)]
+pub struct Made {
+    buffer_bytes: AtomicU64,
+    storage_bytes: AtomicU64,
+    compute_pipelines: AtomicU64,
+}
+
+impl Made {
+    /// Of all buffers.
+    pub fn buffer_bytes(&self) -> u64 {
+        self.buffer_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Of the buffers among them that compute passes read or write.
+    pub fn storage_bytes(&self) -> u64 {
+        self.storage_bytes.load(Ordering::Relaxed)
+    }
+
+    pub fn compute_pipelines(&self) -> u64 {
+        self.compute_pipelines.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn count_pipeline(&self) {
+        self.compute_pipelines.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// What is used where a device has it: both eyes in one pass, also multisampled; time on the device.
+const OPTIONAL: wgpu::Features =
+    wgpu::Features::MULTIVIEW.union(wgpu::Features::MULTISAMPLE_ARRAY).union(wgpu::Features::TIMESTAMP_QUERY);
 
 impl Gpu {
     /// The best device of this machine, without a window.
@@ -48,6 +87,7 @@ impl Gpu {
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("greenstage"),
+            required_features: adapter.features() & OPTIONAL,
             required_limits: adapter.limits(),
             ..Default::default()
         }))
@@ -60,7 +100,11 @@ impl Gpu {
             let mut first = listener.lock().unwrap_or_else(PoisonError::into_inner);
             first.get_or_insert_with(|| error.to_string());
         }));
+        let limits = device.limits();
         let gpu = Self {
+            storage_limit: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
+            made: Made::default(),
+            clock: None,
             adapter_name: info.name,
             backend: info.backend,
             driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
@@ -119,6 +163,68 @@ impl Gpu {
             wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
         let buffer = self.device.create_buffer(&descriptor);
         self.check()?;
+        self.made.buffer_bytes.fetch_add(bytes, Ordering::Relaxed);
+        if usage.contains(wgpu::BufferUsages::STORAGE) {
+            self.made.storage_bytes.fetch_add(bytes, Ordering::Relaxed);
+        }
         Ok(buffer)
+    }
+
+    /// A buffer that is bound whole as storage.
+    pub(super) fn storage(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, RenderError> {
+        let limit = self.storage_limit;
+        if bytes > limit {
+            return Err(RenderError::BufferSize { what, bytes, limit });
+        }
+        self.buffer(what, bytes, usage | wgpu::BufferUsages::STORAGE)
+    }
+
+    /// What `read` makes of the bytes of a readable buffer, once everything submitted so far is done.
+    pub(super) fn mapped<T>(
+        &self,
+        buffer: &wgpu::Buffer,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, RenderError> {
+        let failed = |error: &dyn std::fmt::Display| {
+            RenderError::Device(format!("what it drew or computed cannot be read: {error}"))
+        };
+        let (sender, receiver) = mpsc::channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            // The receiver waits below; if it is gone, so is the need for an answer.
+            sender.send(result).ok();
+        });
+        self.wait()?;
+        receiver.try_recv().map_err(|error| failed(&error))?.map_err(|error| failed(&error))?;
+        let value = read(&buffer.get_mapped_range(..).map_err(|error| failed(&error))?);
+        buffer.unmap();
+        Ok(value)
+    }
+
+    /// From now on every pass tells its time; false where the device has no clock.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the device failed.
+    pub fn start_clock(&mut self) -> Result<bool, RenderError> {
+        if self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+            self.clock = Some(Clock::new(self)?);
+        }
+        Ok(self.clock.is_some())
+    }
+
+    /// Name and time, s, of the passes since the last reading, in their order; none before [`Gpu::start_clock`].
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the device failed.
+    pub fn read_clock(&self) -> Result<Vec<(&'static str, f64)>, RenderError> {
+        self.clock.as_ref().map_or(Ok(Vec::new()), |clock| clock.read(self))
+    }
+
+    pub(super) fn clock(&self) -> Option<&Clock> {
+        self.clock.as_ref()
     }
 }

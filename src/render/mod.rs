@@ -4,15 +4,23 @@
 //! Each body is uploaded once per frame and drawn from there for all screens and eyes, in one pass per target, with
 //! reversed infinite depth (Upchurch and Desbrun, "Tightening the precision of perspective rendering", 2012).
 //!
-//! The way of a frame: [`BodyBuffers::upload`] → [`FrameContents`] → [`Renderer::draw`] of one [`Picture`] per
-//! target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass, one shader of the
-//! same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid.
+//! The way of a frame: [`BodyBuffers::upload`] or [`BodyBuffers::deform`] → [`FrameContents`] → [`Renderer::draw`] of
+//! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass,
+//! one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid; and for bodies
+//! that the device deforms itself: deform, normals. An [`Overlay`] writes over it.
 
 mod body;
+mod bounds;
+mod chunk;
+mod clock;
+mod columns;
+mod deform;
 mod error;
 mod frame;
 mod gpu;
+mod normals;
 mod offscreen;
+mod overlay;
 mod renderer;
 mod shader;
 mod solid;
@@ -21,9 +29,12 @@ mod uniforms;
 pub mod window;
 
 pub use body::BodyBuffers;
+pub use bounds::Bounds;
+pub use columns::ColumnData;
 pub use error::RenderError;
 pub use frame::{Arrow, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
-pub use gpu::Gpu;
+pub use gpu::{Gpu, Made};
 pub use offscreen::{COLOR_FORMAT, Offscreen};
+pub use overlay::{Overlay, Sheet};
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};

@@ -3,7 +3,6 @@
 use super::target::texture;
 use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
 use image::RgbaImage;
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 /// The format of offscreen pictures: sRGB-encoded by the device, as PNG files hold them.
@@ -13,7 +12,8 @@ pub const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrg
 pub struct Offscreen {
     pub attachments: Attachments,
     texture: wgpu::Texture,
-    view: wgpu::TextureView,
+    /// The finished picture, for an [`super::Overlay`] to be drawn on.
+    pub view: wgpu::TextureView,
     /// Rows padded to wgpu's 256 bytes.
     readback: wgpu::Buffer,
     bytes_per_row: u32,
@@ -65,32 +65,13 @@ impl Offscreen {
         );
         gpu.queue.submit([encoder.finish()]);
 
-        let (sender, receiver) = mpsc::channel();
-        self.readback.map_async(wgpu::MapMode::Read, .., move |result| {
-            // The receiver waits below; if it is gone, so is the need for an answer.
-            sender.send(result).ok();
-        });
-        gpu.wait()?;
-        match receiver.try_recv() {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => {
-                return Err(RenderError::Device(format!("the picture cannot be read: {error}")));
-            }
-            Err(error) => {
-                return Err(RenderError::Device(format!("the picture was not copied: {error}")));
-            }
-        }
-        let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
-        {
-            let mapped = self
-                .readback
-                .get_mapped_range(..)
-                .map_err(|error| RenderError::Device(format!("the picture cannot be read: {error}")))?;
+        let pixels = gpu.mapped(&self.readback, |mapped| {
+            let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
             for row in mapped.chunks_exact(self.bytes_per_row as usize) {
                 pixels.extend_from_slice(&row[..width as usize * 4]);
             }
-        }
-        self.readback.unmap();
+            pixels
+        })?;
         let image = RgbaImage::from_raw(width, height, pixels)
             .ok_or_else(|| RenderError::Device("the picture came back incomplete".to_owned()))?;
         Ok((image, start.elapsed()))

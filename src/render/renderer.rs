@@ -56,7 +56,7 @@ impl Renderer {
             immediate_size: 0,
         });
         let pipeline = |label, parts: &[&str], buffers: &[Option<wgpu::VertexBufferLayout<'_>>], surface| {
-            let module = shader::module(&gpu.device, label, parts);
+            let module = shader::module(&gpu.device, label, &parts.concat());
             pipeline(&gpu.device, &Pass { label, layout: &layout, module, buffers, surface }, format, samples)
         };
         let renderer = Self {

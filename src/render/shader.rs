@@ -8,8 +8,16 @@ pub(super) const SOLID: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/so
 pub(super) const BACKGROUND: [&str; 2] = [VIEW, include_str!("../../shaders/background.wgsl")];
 pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl")];
 
-pub(super) fn module(device: &wgpu::Device, label: &str, parts: &[&str]) -> wgpu::ShaderModule {
-    let source = wgpu::ShaderSource::Wgsl(parts.concat().into());
+const CHUNK: &str = include_str!("../../shaders/common/chunk.wgsl");
+const SUM: &str = include_str!("../../shaders/deform.wgsl");
+pub(super) const DEFORM_F32: [&str; 3] = [CHUNK, include_str!("../../shaders/common/columns_f32.wgsl"), SUM];
+pub(super) const DEFORM_F16: [&str; 3] = [CHUNK, include_str!("../../shaders/common/columns_f16.wgsl"), SUM];
+pub(super) const DEFORM_INT16: [&str; 3] =
+    [CHUNK, include_str!("../../shaders/common/columns_int16.wgsl"), SUM];
+pub(super) const NORMALS: [&str; 2] = [CHUNK, include_str!("../../shaders/normals.wgsl")];
+
+pub(super) fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModule {
+    let source = wgpu::ShaderSource::Wgsl(source.into());
     device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
 }
 
@@ -18,28 +26,35 @@ mod tests {
     use super::*;
     use wgpu::naga;
 
+    fn stages(name: &str, parts: &[&str]) -> Vec<(naga::ShaderStage, String)> {
+        let source = parts.concat();
+        let module = naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
+        let mut stages: Vec<_> = module.entry_points.iter().map(|e| (e.stage, e.name.clone())).collect();
+        stages.sort_by(|a, b| a.1.cmp(&b.1));
+        stages
+    }
+
     /// Without a device: the front end and the validator are the ones wgpu itself uses.
     #[test]
     fn every_shader_is_valid() {
+        use naga::ShaderStage::{Compute, Fragment, Vertex};
         for (name, parts) in
             [("body", &BODY[..]), ("solid", &SOLID), ("background", &BACKGROUND), ("grid", &GRID)]
         {
-            let source = parts.concat();
-            let module = naga::front::wgsl::parse_str(&source)
-                .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
-            naga::valid::Validator::new(
-                naga::valid::ValidationFlags::all(),
-                naga::valid::Capabilities::empty(),
-            )
-            .validate(&module)
-            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
-            let mut stages: Vec<_> = module.entry_points.iter().map(|e| (e.stage, e.name.as_str())).collect();
-            stages.sort_by_key(|&(_, stage)| stage);
-            assert_eq!(
-                stages,
-                [(naga::ShaderStage::Fragment, "fragment"), (naga::ShaderStage::Vertex, "vertex")],
-                "{name}.wgsl"
-            );
+            let expected = [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())];
+            assert_eq!(stages(name, parts), expected, "{name}.wgsl");
+        }
+        for (name, parts) in [
+            ("deform of f32", &DEFORM_F32[..]),
+            ("deform of f16", &DEFORM_F16),
+            ("deform of int16", &DEFORM_INT16),
+            ("normals", &NORMALS),
+        ] {
+            assert_eq!(stages(name, parts), [(Compute, "compute".to_owned())], "{name}");
         }
     }
 }

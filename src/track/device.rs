@@ -52,6 +52,8 @@ pub enum Link {
     #[default]
     Waiting,
     Up,
+    /// Connected, but silent for longer than such a device ever is.
+    Quiet,
     /// Gone, and why; tried again with back-off.
     Down(String),
 }

@@ -1,12 +1,13 @@
 //! Where poses come from: each source is a file here and gives a [`TrackerState`] for an instant.
 //!
-//! In: mouse and keys, or a script of key frames. Out: the head and the styli in the room's frame (metres, y up,
+//! In: mouse and keys, a script of key frames, or a tracker's packets. Out: the head and the styli in the room's frame (metres, y up,
 //! right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
 
 pub mod device;
 mod interpolate;
 pub mod mouse;
 pub mod script;
+pub mod vrpn;
 
 pub use device::{DeviceState, Source};
 pub use mouse::{Mouse, MouseInput};

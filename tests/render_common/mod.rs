@@ -54,7 +54,7 @@ pub struct Mesh {
 
 impl Mesh {
     pub fn buffers(&self, gpu: &Gpu) -> BodyBuffers {
-        let buffers = BodyBuffers::new(gpu, &self.triangles, &self.colors).unwrap();
+        let mut buffers = BodyBuffers::new(gpu, &self.triangles, &self.colors).unwrap();
         buffers.upload(gpu, &self.positions, &self.normals).unwrap();
         buffers
     }

@@ -1,0 +1,99 @@
+//! Writing and flat shapes over a finished picture: laid out by egui's painter, drawn without clearing what is there.
+//!
+//! In comes a closure that paints in pixels (one point is one pixel, the origin at the top left); out go its triangles on
+//! a target of any size. It lies on the glass, at zero parallax, so both eyes get the same. Fonts are read when the first
+//! sheet is laid out; pipeline and textures are made when the first is drawn. Letters are filtered in the shader and
+//! colours are not dithered, so that every device draws the same.
+
+use super::{Gpu, RenderError};
+use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
+
+/// Lays sheets out and draws them, all on targets of one format.
+pub struct Overlay {
+    format: wgpu::TextureFormat,
+    context: egui::Context,
+    /// Changes of the letters' texture since the last drawing.
+    letters: Vec<egui::epaint::ImageDelta>,
+    renderer: Option<Renderer>,
+}
+
+/// What is written over one picture, to be drawn in the same frame.
+pub struct Sheet {
+    pub size: [u32; 2],
+    primitives: Vec<egui::ClippedPrimitive>,
+}
+
+impl Overlay {
+    pub fn new(format: wgpu::TextureFormat) -> Self {
+        Self { format, context: egui::Context::default(), letters: Vec::new(), renderer: None }
+    }
+
+    /// A sheet for pictures of `size` pixels.
+    pub fn lay_out(&mut self, size: [u32; 2], mut paint: impl FnMut(&egui::Painter)) -> Sheet {
+        let [width, height] = size.map(|side| side as f32);
+        let input = egui::RawInput {
+            screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(width, height))),
+            ..Default::default()
+        };
+        let layer = egui::LayerId::background();
+        let mut output = self.context.run_pass(input, |context| paint(&context.layer_painter(layer)));
+        // The letters are the only texture: nobody loads another.
+        let deltas = output.textures_delta.set.remove(&egui::TextureId::default());
+        self.letters.extend(deltas.into_iter().flatten());
+        Sheet { size, primitives: self.context.tessellate(output.shapes, 1.0) }
+    }
+
+    /// Whether pipeline and textures are there: only once something was drawn.
+    pub fn is_made(&self) -> bool {
+        self.renderer.is_some()
+    }
+
+    /// Draws each sheet over what its target holds.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the device failed.
+    pub fn draw<'a>(
+        &mut self,
+        gpu: &Gpu,
+        sheets: impl IntoIterator<Item = (&'a wgpu::TextureView, &'a Sheet)>,
+    ) -> Result<(), RenderError> {
+        let mut sheets = sheets.into_iter().filter(|(_, sheet)| !sheet.primitives.is_empty()).peekable();
+        if sheets.peek().is_none() {
+            return Ok(());
+        }
+        let format = self.format;
+        let renderer = self
+            .renderer
+            .get_or_insert_with(|| Renderer::new(&gpu.device, format, RendererOptions::PREDICTABLE));
+        for delta in self.letters.drain(..) {
+            renderer.update_texture(&gpu.device, &gpu.queue, egui::TextureId::default(), &delta);
+        }
+        // One submission each, since all share one vertex buffer.
+        for (target, sheet) in sheets {
+            draw(gpu, renderer, target, sheet);
+        }
+        gpu.check()
+    }
+}
+
+fn draw(gpu: &Gpu, renderer: &mut Renderer, target: &wgpu::TextureView, sheet: &Sheet) {
+    let screen = ScreenDescriptor { size_in_pixels: sheet.size, pixels_per_point: 1.0 };
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    // No sheet holds a callback, so there are no further command buffers.
+    renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &sheet.primitives, &screen);
+    let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("overlay"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
+        })],
+        depth_stencil_attachment: None,
+        timestamp_writes: None,
+        occlusion_query_set: None,
+        multiview_mask: None,
+    });
+    renderer.render(&mut pass.forget_lifetime(), &sheet.primitives, &screen);
+    gpu.queue.submit([encoder.finish()]);
+}
