@@ -66,8 +66,14 @@ fn ray_and_hit_point_land_on_their_projected_pixels() {
     let tip = Point3::new(-0.1, 1.2, -0.6);
     let room_from_stylus = Matrix4::new_translation(&tip.coords);
     for pressed in [false, true] {
-        let stylus =
-            StylusShape { room_from_stylus, size_m: 0.4, ray_length_m: 1.0, hit: Some(hit), pressed };
+        let stylus = StylusShape {
+            room_from_stylus,
+            size_m: 0.4,
+            ray_length_m: 1.0,
+            hit: Some(hit),
+            bend: None,
+            pressed,
+        };
         let contents = FrameContents { styli: &[stylus], look: black_room(), ..FrameContents::default() };
         for view in eyes() {
             let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
