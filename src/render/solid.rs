@@ -2,7 +2,7 @@
 //! out go instances of four procedural surfaces of revolution that are made and uploaded once.
 
 use super::uniforms::Instance;
-use super::{Arrow, FrameContents, Gpu, RenderError, StylusShape};
+use super::{Arrow, Ball, FrameContents, Gpu, RenderError, StylusShape};
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;
@@ -73,8 +73,8 @@ impl SolidMeshes {
     }
 }
 
-/// Appends the instances of all pens, then all rays and shafts, then all hit points, then all arrow heads; returns how
-/// many there are of each.
+/// Appends the instances of all pens, then all rays and shafts, then all hit points and balls, then all arrow heads;
+/// returns how many there are of each.
 pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] {
     let accent = |stylus: &StylusShape| if stylus.pressed { PRESSED } else { IDLE };
     let glowing = |room_from_shape: Matrix4<f32>, [r, g, b]: [f32; 3], glow: f32| Instance {
@@ -103,6 +103,11 @@ pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -
             // Paler than the ray, so that it stands out at the ray's end.
             all.push(glowing(room_from_hit, accent(stylus).map(|c| 0.55 * c + 0.45), 0.9));
         }
+    }
+    for ball in contents.balls {
+        let room_from_ball =
+            Matrix4::new_translation(&ball.center.coords) * Matrix4::new_scaling(ball.radius_m);
+        all.push(glowing(room_from_ball, ball.color, 0.0));
     }
     let balls_end = all.len();
     for arrow in contents.arrows {

@@ -4,14 +4,22 @@
 //! right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
 
 pub mod device;
+mod flow;
 mod interpolate;
 pub mod mouse;
+mod open;
+pub mod rig;
 pub mod script;
 pub mod vrpn;
+mod worker;
 
 pub use device::{DeviceState, Source};
+pub use flow::Flow;
 pub use mouse::{Mouse, MouseInput};
+pub use open::{OpenError, open};
+pub use rig::Rig;
 pub use script::{Script, ScriptError};
+pub use worker::{Backoff, Publisher, Worker};
 
 use crate::stage::ROOM_LIMIT_M;
 use nalgebra::{Isometry3, UnitQuaternion};
