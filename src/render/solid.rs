@@ -2,7 +2,7 @@
 //! out go instances of four procedural surfaces of revolution that are made and uploaded once.
 
 use super::uniforms::Instance;
-use super::{Arrow, Ball, FrameContents, Gpu, RenderError, StylusShape};
+use super::{Arrow, FrameContents, Gpu, RenderError, StylusShape};
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;
