@@ -6,7 +6,7 @@
 //! the element is, so that nothing jumps.
 
 use super::carry::{HandMotion, carry};
-use super::{Hit, Mode};
+use super::{Hit, Mode, MovingHand};
 use crate::track::{HeldPose, Signal, StylusState};
 use nalgebra::{Isometry3, Matrix4, Point3, Similarity3, Unit, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -59,8 +59,8 @@ pub struct Grip {
 pub struct Asked {
     /// In the order of the targets.
     pub drags: Vec<Drag>,
-    /// Hands that move the scene, by number, and their poses: the second button went down while they held nothing.
-    pub navigating: Vec<(usize, Isometry3<f64>)>,
+    /// Hands that move the scene: the second button went down while they held nothing.
+    pub navigating: Vec<MovingHand>,
     /// Hands that pressed the second button twice while they held nothing.
     pub double_pressed: Vec<usize>,
 }
@@ -134,7 +134,7 @@ impl Hands {
         }
         for (i, hand) in self.hands.iter().enumerate() {
             if let (Second::Navigates, Some(pose)) = (hand.second, hand.stylus.last) {
-                asked.navigating.push((i, pose));
+                asked.navigating.push(MovingHand { number: i, room_from_hand: pose });
             }
         }
         let held = self.held();

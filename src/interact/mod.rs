@@ -26,7 +26,7 @@ pub use ease::{EASE_S, Ease, between, towards_rest};
 pub use hands::{Asked, CLICK_S, Drag, Element, Grip, Hands};
 pub use history::{History, KEPT};
 pub use mode::{Axis, AxisOf, Freedom, Mode, twist};
-pub use navigate::{Aside, Navigation, place_aside};
+pub use navigate::{Aside, MovingHand, Navigation, place_aside};
 pub use pick::{Hit, PickRay, PickShape, PickTarget, pick};
 pub use pose::{control_pose_in_body, room_from_element};
 pub use reach::reach;

@@ -17,6 +17,13 @@ pub const ASIDE_SIZE: f64 = 0.2;
 /// The places aside are on the workspace's border, from the lower right on upwards, this far apart, rad.
 const ASIDE_STEP: f64 = std::f64::consts::PI / 6.0;
 
+/// A hand that moves the scene, and where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingHand {
+    pub number: usize,
+    pub room_from_hand: Isometry3<f64>,
+}
+
 /// Where the user has put the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Navigation {
@@ -24,7 +31,7 @@ pub struct Navigation {
     pub centre: Point3<f64>,
     pub radius_m: f64,
     /// The hands as they were when this part of the navigation began, and the scene then.
-    hands: Vec<(usize, Isometry3<f64>)>,
+    hands: Vec<MovingHand>,
     scene_then: Similarity3<f64>,
     /// Under way back to where the stage has it.
     reset: Option<(Ease, Similarity3<f64>)>,
@@ -45,24 +52,23 @@ impl Navigation {
 
     /// Carries the scene with one hand rigidly, with two also scaled, see [`carry`]: each holds the scene by its tip.
     /// True if the scene moved.
-    pub fn step(&mut self, hands: &[(usize, Isometry3<f64>)], time_s: f64) -> bool {
+    pub fn step(&mut self, hands: &[MovingHand], time_s: f64) -> bool {
         let before = self.room_from_scene;
         if let Some((ease, from)) = self.reset {
             let share = ease.share(time_s);
             self.room_from_scene = between(&from, &Similarity3::identity(), share);
             self.reset = self.reset.filter(|_| share < 1.0);
         }
-        let numbers = |hands: &[(usize, Isometry3<f64>)]| hands.iter().map(|(i, _)| *i).collect::<Vec<_>>();
+        let numbers = |hands: &[MovingHand]| hands.iter().map(|hand| hand.number).collect::<Vec<_>>();
         if numbers(hands) != numbers(&self.hands) {
             (self.hands, self.scene_then) = (hands.to_vec(), self.room_from_scene);
             return self.room_from_scene != before;
         }
-        let motion =
-            |((_, then), (_, now)): (&(usize, Isometry3<f64>), &(usize, Isometry3<f64>))| HandMotion {
-                room_from_hand_then: *then,
-                room_from_hand_now: *now,
-                held_then: then.translation.vector.into(),
-            };
+        let motion = |(then, now): (&MovingHand, &MovingHand)| HandMotion {
+            room_from_hand_then: then.room_from_hand,
+            room_from_hand_now: now.room_from_hand,
+            held_then: then.room_from_hand.translation.vector.into(),
+        };
         let motions: Vec<HandMotion> = self.hands.iter().zip(hands).map(motion).collect();
         if let Some(motion) = carry(&motions) {
             self.reset = None;
@@ -153,23 +159,24 @@ mod tests {
         Navigation::new(Point3::new(0.0, 1.0, 0.5), 0.35)
     }
 
-    fn hand(x: f64, turn: f64) -> Isometry3<f64> {
+    fn pose(x: f64, turn: f64) -> Isometry3<f64> {
         Isometry3::new(Vector3::new(x, 1.2, 0.8), Vector3::y() * turn)
+    }
+
+    fn hand(number: usize, x: f64, turn: f64) -> MovingHand {
+        MovingHand { number, room_from_hand: pose(x, turn) }
     }
 
     #[test]
     fn one_hand_carries_the_scene_rigidly_and_two_scale_it() {
         let mut navigation = navigation();
-        assert!(!navigation.step(&[(0, hand(0.0, 0.0))], 0.0), "the grab moves nothing");
-        assert!(navigation.step(&[(0, hand(0.1, 0.5))], 0.1));
-        let expected = hand(0.1, 0.5) * hand(0.0, 0.0).inverse();
+        assert!(!navigation.step(&[hand(0, 0.0, 0.0)], 0.0), "the grab moves nothing");
+        assert!(navigation.step(&[hand(0, 0.1, 0.5)], 0.1));
+        let expected = pose(0.1, 0.5) * pose(0.0, 0.0).inverse();
         let moved = navigation.room_from_scene;
         assert!((moved.to_homogeneous() - expected.to_homogeneous()).norm() < 1e-12);
-        assert!(
-            !navigation.step(&[(0, hand(0.1, 0.5)), (1, hand(0.3, 0.0))], 0.2),
-            "nor does the second hand"
-        );
-        navigation.step(&[(0, hand(0.0, 0.5)), (1, hand(0.4, 0.0))], 0.3);
+        assert!(!navigation.step(&[hand(0, 0.1, 0.5), hand(1, 0.3, 0.0)], 0.2), "nor does the second hand");
+        navigation.step(&[hand(0, 0.0, 0.5), hand(1, 0.4, 0.0)], 0.3);
         assert!((navigation.room_from_scene.scaling() - 2.0).abs() < 1e-12);
         assert!(!navigation.step(&[], 0.4), "it stays where it was let go");
     }
