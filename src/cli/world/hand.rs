@@ -85,6 +85,7 @@ pub fn shape(
         size_m: (0.45 * radius) as f32,
         ray_length_m: ray_length_m as f32,
         hit: hit.map(|point| point.cast()),
+        bend: None,
         pressed: grip.drag.is_some(),
     })
 }
