@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → GreenBasis → tube.green
-//! online    tube.green → Deformer;  Tracker → PickRay → Dragger → c → u → Surface → Stage (screen × eye) → Renderer
+//! online    tube.green → Deformer;  Tracker → PickRay → Hands → c → u → Surface → Stage (screen × eye) → Renderer
 //! ```
 //!
 //! | module | what it holds |
@@ -18,8 +18,9 @@
 //! | [`green`] | the precomputed bases and the .green file |
 //! | [`deform`] | deformation models: coefficients → displacements |
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |
+//! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
 //! | [`track`] | where poses come from: mouse, script → `TrackerState` |
-//! | [`interact`] | pick ray, dragger |
+//! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
 //! | [`verify`] | problems with known answers, and how near the elements come to them |
@@ -34,6 +35,7 @@ pub mod config;
 pub mod deform;
 pub mod effect;
 pub mod fem;
+pub mod field;
 pub mod green;
 pub mod interact;
 pub mod manual;

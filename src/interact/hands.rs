@@ -9,6 +9,7 @@ use super::carry::{HandMotion, carry};
 use super::{Hit, Mode, MovingHand};
 use crate::track::{HeldPose, Signal, StylusState};
 use nalgebra::{Isometry3, Matrix4, Point3, Similarity3, Unit, Vector3};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The second button pressed and released within this time is a click; two presses within it are a double press, s.
@@ -19,7 +20,8 @@ const CLICK_PUSH: f64 = 0.05;
 const MOST_SCALE_LN: f64 = 6.0;
 
 /// All hands, and what they hold. At most two hold the same element; a third grabs nothing.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Hands {
     pub mode: Mode,
     /// A push of the hand along its ray by so much scales by e, m: the workspace's radius.
@@ -36,26 +38,32 @@ pub struct Element {
 }
 
 /// The element that is held, and its matrix now.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Drag {
     pub target: usize,
+    #[serde(with = "crate::field::numbers")]
     pub room_from_element: Matrix4<f64>,
 }
 
 /// What one hand holds, and where.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Grip {
     pub target: usize,
     /// The place that was grabbed, as the hand carries it.
+    #[serde(with = "crate::field::numbers")]
     pub place_in_stylus: Point3<f64>,
     /// The same place of the element.
+    #[serde(with = "crate::field::numbers")]
     pub place_in_element: Point3<f64>,
     /// Taken by the tip, not by the ray.
     pub is_near: bool,
 }
 
 /// What the hands ask for in one frame.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Asked {
     /// In the order of the targets.
     pub drags: Vec<Drag>,
@@ -65,7 +73,8 @@ pub struct Asked {
     pub double_pressed: Vec<usize>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Hand {
     stylus: HeldPose,
     grip: Option<Grip>,
@@ -76,7 +85,8 @@ struct Hand {
 }
 
 /// What the second button does until it is released.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 enum Second {
     #[default]
     Up,
@@ -89,14 +99,28 @@ enum Second {
 }
 
 /// An element in one or two hands, as they were when this hold began.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Hold {
     hands: Vec<usize>,
     mode: Mode,
     scaled_by: Option<usize>,
+    #[serde(with = "crate::field::numbers")]
     room_from_element: Matrix4<f64>,
-    axis: Option<Unit<Vector3<f64>>>,
-    then: Vec<(Isometry3<f64>, Point3<f64>)>,
+    /// Of length 1.
+    #[serde(with = "crate::field::numbers::option")]
+    axis: Option<Vector3<f64>>,
+    then: Vec<Then>,
+}
+
+/// A hand of a hold, and what it held, when the hold began.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Then {
+    #[serde(with = "crate::field::numbers")]
+    room_from_hand: Isometry3<f64>,
+    #[serde(with = "crate::field::numbers")]
+    held: Point3<f64>,
 }
 
 impl Hands {
@@ -104,7 +128,7 @@ impl Hands {
         Self { mode: Mode::FREE, radius_m, hands: Vec::new(), holds: BTreeMap::new() }
     }
 
-    /// Takes the styli as they are at `time_s`; `hits` is what each of them points at, `element` the elements as they
+    /// Takes the styli as they are at `time_s`, those that there are; `hits` is what each of them points at, `element` the elements as they
     /// are shown now.
     ///
     /// At the press of the button the element of the hit is taken hold of; while the button is down it follows, see
@@ -117,7 +141,7 @@ impl Hands {
     /// its ray. With nothing in the hand it moves the scene.
     pub fn step(
         &mut self,
-        styli: &[StylusState],
+        styli: &[Option<StylusState>],
         time_s: f64,
         hits: &[Option<Hit>],
         element: impl Fn(usize) -> Element,
@@ -125,6 +149,10 @@ impl Hands {
         self.hands.resize_with(styli.len(), Hand::default);
         let mut asked = Asked::default();
         for (i, stylus) in styli.iter().enumerate() {
+            let Some(stylus) = stylus else {
+                self.hands[i] = Hand::default();
+                continue;
+            };
             let is_usable = self.hands[i].stylus.update(&stylus.room_from_stylus);
             let can_act = is_usable && !is_lost(stylus);
             self.grab(i, stylus, can_act, hits.get(i).and_then(Option::as_ref), &element);
@@ -246,7 +274,7 @@ impl Hands {
     /// A click of the second button: the next mode, from where the element was before the little that was scaled.
     fn click(&mut self, i: usize, target: usize, element: &Element) {
         let Some(hold) = self.holds.get(&target).filter(|hold| hold.scaled_by == Some(i)) else { return };
-        let then = hold.hands.iter().position(|&hand| hand == i).map(|k| hold.then[k].0);
+        let then = hold.hands.iter().position(|&hand| hand == i).map(|k| hold.then[k].room_from_hand);
         let now = self.hands[i].stylus.last;
         if then.zip(now).is_none_or(|(then, now)| push(&then, &now).abs() >= CLICK_PUSH * self.radius_m) {
             return;
@@ -274,22 +302,24 @@ impl Hands {
         let room_from_element =
             match hold.scaled_by.and_then(|i| hold.hands.iter().position(|&hand| hand == i)) {
                 Some(k) => {
-                    let push = push(&hold.then[k].0, &now(k)?) / self.radius_m;
+                    let push = push(&hold.then[k].room_from_hand, &now(k)?) / self.radius_m;
                     let scale = push.clamp(-MOST_SCALE_LN, MOST_SCALE_LN).exp();
                     hold.room_from_element * Matrix4::new_scaling(scale)
                 }
                 None => {
-                    let motion = |(k, (then, held)): (usize, &(Isometry3<f64>, Point3<f64>))| {
-                        now(k).map(|now| HandMotion {
-                            room_from_hand_then: *then,
-                            room_from_hand_now: now,
-                            held_then: *held,
+                    let motion = |(k, then): (usize, &Then)| {
+                        Some(HandMotion {
+                            room_from_hand_then: then.room_from_hand,
+                            room_from_hand_now: now(k)?,
+                            held_then: then.held,
                         })
                     };
-                    let motions: Vec<HandMotion> = hold.then.iter().enumerate().filter_map(motion).collect();
-                    let held = hold.then.iter().map(|(_, held)| held.coords).sum::<Vector3<f64>>();
+                    let motions: Vec<HandMotion> =
+                        hold.then.iter().enumerate().map(motion).collect::<Option<_>>()?;
+                    let held: Vector3<f64> = hold.then.iter().map(|then| then.held.coords).sum();
                     let held = Point3::from(held / hold.then.len() as f64);
-                    hold.mode.take(&carry(&motions)?, &hold.room_from_element, &held, hold.axis)
+                    let axis = hold.axis.map(Unit::new_unchecked);
+                    hold.mode.take(&carry(&motions)?, &hold.room_from_element, &held, axis)
                 }
             };
         Some(Drag { target, room_from_element })
@@ -299,7 +329,8 @@ impl Hands {
     fn hold(&self, hands: Vec<usize>, scaled_by: Option<usize>, element: &Element) -> Option<Hold> {
         let then = |&i: &usize| {
             let (pose, grip) = (self.hands[i].stylus.last?, self.hands[i].grip?);
-            Some((pose, element.room_from_element.transform_point(&grip.place_in_element)))
+            let held = element.room_from_element.transform_point(&grip.place_in_element);
+            Some(Then { room_from_hand: pose, held })
         };
         Some(Hold {
             then: hands.iter().map(then).collect::<Option<_>>()?,
@@ -307,7 +338,10 @@ impl Hands {
             mode: self.mode,
             scaled_by,
             room_from_element: element.room_from_element,
-            axis: self.mode.axis_in_room(&element.room_from_body, &element.room_from_element),
+            axis: self
+                .mode
+                .axis_in_room(&element.room_from_body, &element.room_from_element)
+                .map(Unit::into_inner),
         })
     }
 }

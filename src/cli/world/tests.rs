@@ -1,8 +1,11 @@
 //! The frame from stylus to control pose, without pictures.
 
 use super::*;
+use crate::deform::ControlPose;
 use crate::green;
 use crate::stage::rotation_towards;
+use crate::track::StylusState;
+use nalgebra::{Translation3, Vector3};
 use std::path::Path;
 
 const SCENE: &str = r#"
