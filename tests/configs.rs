@@ -161,7 +161,7 @@ fn follow(tube: &mut Deformer, right: usize, stage: &Stage, script: &Script) -> 
         let mut poses = tube.poses.clone();
         let now =
             room_from_element(&room_from_body, &origin, &poses[right].translation, &poses[right].matrix);
-        let element = |_| Element { room_from_body, room_from_element: now };
+        let element = |_| Some(Element { room_from_body, room_from_element: now });
         let asked = hands.step(&[Some(stylus)], f64::from(frame) / 60.0, &[hit], element);
         if let Some(drag) = asked.drags.first() {
             let (translation, matrix) =

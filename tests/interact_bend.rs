@@ -52,7 +52,7 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
             let target =
                 PickTarget { shape: &shape, positions: &positions, ball_radius_m: 0.01, room_from_body };
             let hit = PickRay::from_stylus(stylus).and_then(|ray| pick(&ray, &[target]));
-            let element = |_| Element { room_from_body, room_from_element: room_from_end };
+            let element = |_| Some(Element { room_from_body, room_from_element: room_from_end });
             let asked = hands.step(&[Some(*stylus)], state.time_s, &[hit], element);
             let Some(drag) = asked.drags.first() else {
                 continue;

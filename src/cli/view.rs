@@ -7,6 +7,7 @@ use super::picture::{Bodies, contents};
 use super::render;
 use super::session;
 use super::world::World;
+use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
@@ -155,7 +156,7 @@ impl WindowApp for Viewer {
         let takes_over =
             matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
         if takes_over && self.script.take().is_some() {
-            self.world.let_go();
+            self.world.act(Action::LetGo);
         }
         match input {
             Input::Cursor { window, position } => {
@@ -230,7 +231,7 @@ impl Viewer {
                 let round_s = script.duration_s + 1.0;
                 let round = (time_s / round_s) as u32;
                 if std::mem::replace(&mut self.round, round) != round {
-                    self.world.reset();
+                    self.world.act(Action::Reset);
                 }
                 script.sample(&self.world.stage, time_s % round_s)
             }

@@ -61,8 +61,11 @@ impl Desk {
 impl World {
     /// Carries out a command, between frames.
     pub fn act(&mut self, action: Action) {
+        self.pending.push(action);
         let time_s = *self.graph.get(self.fields.time);
         match action {
+            Action::LetGo => self.let_go(),
+            Action::Reset => self.reset(),
             Action::Undo => {
                 self.release();
                 let entry = self.desk.history.undo().unwrap_or_default();
@@ -101,7 +104,8 @@ impl World {
         let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
         let targets: Vec<_> =
             self.bodies.iter().zip(&shapes).map(|(body, shape)| body.whole(shape)).collect();
-        let touched = self.graph.get(self.fields.styli[i].hit).map(|hit| self.fields.targets[hit.target].0);
+        let hit = self.graph.get(self.fields.styli[i].hit).as_ref();
+        let touched = hit.and_then(|hit| self.fields.targets.get(hit.target)).map(|&(body, _)| body);
         touched.or_else(|| pick(&ray, &targets).map(|hit| hit.target))
     }
 
@@ -150,7 +154,9 @@ impl World {
     /// After the graph's frame: grabs that ended become history, the scene goes where it was carried.
     pub(super) fn follow_hands(&mut self, time_s: f64) {
         let Grasp { hands, asked } = self.graph.get(self.fields.hands);
-        let (held, Asked { navigating, double_pressed, .. }) = (hands.held(), asked.clone());
+        let mut held = hands.held();
+        held.retain(|&target| target < self.fields.targets.len());
+        let Asked { navigating, double_pressed, .. } = asked.clone();
         self.finish_grabs(&held);
         if let Some((_, from)) = &mut self.desk.easing {
             from.retain(|(target, _)| !held.contains(target));
@@ -205,7 +211,9 @@ impl World {
         let targets = self.fields.targets.clone();
         let kept = self.desk.held.iter().copied().filter(|&target| targets[target].0 != b).collect();
         self.finish_grabs(&kept);
-        self.change_hands(|hands| hands.let_go(|target| targets[target].0 == b));
+        self.change_hands(|hands| {
+            hands.let_go(|target| targets.get(target).is_none_or(|&(body, _)| body == b))
+        });
         self.desk.asides[b].toggle(time_s, &self.bodies[b].room_from_body);
     }
 

@@ -257,10 +257,11 @@ impl Fields {
                 seen_hits.clear();
                 seen_hits.extend(hits.iter().copied());
                 let element = |target: usize| {
-                    let (b, c) = targets[target];
-                    let pose = poses.get(target).copied().unwrap_or(ControlPose::REST);
-                    let room_from_element = bodies[b].room_from_element(c, &pose);
-                    Element { room_from_body: bodies[b].room_from_body, room_from_element }
+                    let known = targets.get(target).zip(poses.get(target));
+                    known.map(|(&(b, c), pose)| Element {
+                        room_from_body: bodies[b].room_from_body,
+                        room_from_element: bodies[b].room_from_element(c, pose),
+                    })
                 };
                 let mut hands = last.hands.clone();
                 let asked = hands.step(&seen_styli, *time, &seen_hits, element);

@@ -19,6 +19,7 @@ use super::failure::Failure;
 use super::session;
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
+use crate::interact::Action;
 use crate::render::{Arrow, Grid, StylusShape, View};
 use crate::scene::Scene;
 use crate::stage::{Eye, Stage};
@@ -50,6 +51,9 @@ pub struct World {
     pub graph: Graph<Bodies>,
     pub fields: Fields,
     pub desk: Desk,
+    /// What was commanded before this frame, and what has been since.
+    pub actions: Vec<Action>,
+    pending: Vec<Action>,
     /// Why a screen is black: what was told already.
     told: BTreeSet<String>,
 }
@@ -81,6 +85,8 @@ impl World {
             warnings: Vec::new(),
             graph,
             fields,
+            actions: Vec::new(),
+            pending: Vec::new(),
             told: BTreeSet::new(),
         };
         for b in 0..world.bodies.len() {
@@ -92,6 +98,8 @@ impl World {
     /// Moves everything to what the trackers say: one evaluation of the graph.
     pub fn step(&mut self, state: &TrackerState) -> StepTimes {
         let started = Instant::now();
+        std::mem::swap(&mut self.actions, &mut self.pending);
+        self.pending.clear();
         while self.fields.styli.len() < state.styli.len() {
             if let Err(error) = self.fields.add_stylus(&mut self.graph) {
                 unreachable!("the names of hands are their own: {error}");
@@ -148,8 +156,8 @@ impl World {
                 continue;
             };
             let hit = graph.get(fields.hit).as_ref();
-            let held = hands.grip(i).map(|grip| {
-                let (b, c) = self.fields.targets[grip.target];
+            let grip = hands.grip(i).zip(hands.grip(i).and_then(|grip| self.fields.targets.get(grip.target)));
+            let held = grip.map(|(grip, &(b, c))| {
                 let now = graph.get(self.fields.bodies[b].poses[c]);
                 let place = self.bodies[b].room_from_element(c, now).transform_point(&grip.place_in_element);
                 touched.push(((b, c), Mood::Held));
@@ -162,7 +170,8 @@ impl World {
                 Held { grip, place }
             });
             let hit = hit.filter(|_| held.is_none());
-            touched.extend(hit.map(|hit| (self.fields.targets[hit.target], Mood::Hovered)));
+            let target = hit.and_then(|hit| self.fields.targets.get(hit.target));
+            touched.extend(target.map(|&target| (target, Mood::Hovered)));
             self.styli.push(hand::shape(stylus, pose, hit, held, workspace));
         }
         for (b, body) in self.bodies.iter_mut().enumerate() {
