@@ -4,5 +4,9 @@
 #[path = "vrpn/bytes.rs"]
 mod bytes;
 mod common;
+#[path = "vrpn/lab.rs"]
+mod lab;
+#[path = "vrpn/loopback.rs"]
+mod loopback;
 #[path = "vrpn/recorded.rs"]
 mod recorded;

@@ -11,7 +11,7 @@ pub mod vrpn;
 
 pub use device::{DeviceState, Source};
 pub use mouse::{Mouse, MouseInput};
-pub use script::{Script, ScriptError};
+pub use script::{Script, ScriptError, ScriptSource};
 
 use crate::stage::ROOM_LIMIT_M;
 use nalgebra::{Isometry3, UnitQuaternion};
