@@ -45,7 +45,7 @@ fn a_bent_tube_on_the_workbench() {
         while start.elapsed().as_secs_f64() < 4.0 {
             buffers.upload(&gpu, &mesh.positions, &mesh.normals).unwrap();
             let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
-            let contents = FrameContents { bodies: &bodies, styli: &styli, grid, look: Look::default() };
+            let contents = FrameContents { bodies: &bodies, styli: &styli, grid, ..Default::default() };
             let pictures = [0, 1].map(|k| targets[k].picture(&viewports[k]));
             encode += renderer.draw(&gpu, &pictures, &contents).unwrap().as_secs_f64();
             drawn += gpu.wait().unwrap().as_secs_f64();

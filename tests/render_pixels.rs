@@ -181,7 +181,7 @@ fn with_scene<R>(gpu: &Gpu, work: impl FnOnce(&FrameContents<'_>) -> R) -> R {
     let hit = Some(Point3::new(0.2, 1.1, 0.1));
     let stylus = StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 1.0, hit, pressed: false };
     let grid = Some(Grid::new(Point3::new(0.0, 0.8, 0.0), [1.0, 1.0], 0.1));
-    work(&FrameContents { bodies: &bodies, styli: &[stylus], grid, look: Look::default() })
+    work(&FrameContents { bodies: &bodies, styli: &[stylus], grid, ..Default::default() })
 }
 
 #[test]

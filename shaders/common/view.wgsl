@@ -8,6 +8,8 @@ struct View {
     eye_in_room: vec3<f32>,
     // +1 where an outward triangle is counter-clockwise on the screen, -1 for a mirrored picture.
     front_sign: f32,
+    // Width and height of the viewport in pixels.
+    size_px: vec2<f32>,
 }
 
 struct Frame {

@@ -1,7 +1,7 @@
 //! The neutral data of a frame: what is seen (bodies, styli, floor, light) and from where (one view per viewport).
 //! All lengths are metres in the room, all colours of [`Look`] and [`Grid`] linear RGB.
 
-use super::BodyBuffers;
+use super::{BodyBuffers, Line, Quad};
 use nalgebra::{Matrix4, Point3, Vector3};
 
 /// One eye's picture of one screen.
@@ -75,6 +75,14 @@ impl Grid {
     }
 }
 
+/// A lit ball in the room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ball {
+    pub center: Point3<f32>,
+    pub radius_m: f32,
+    pub color: [f32; 3],
+}
+
 /// Lights and background, fixed in the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
@@ -117,4 +125,9 @@ pub struct FrameContents<'a> {
     pub styli: &'a [StylusShape],
     pub grid: Option<Grid>,
     pub look: Look,
+    /// Lit, as heads and eyes in a picture of the room.
+    pub balls: &'a [Ball],
+    /// Blended in this order, all before the lines.
+    pub quads: &'a [Quad],
+    pub lines: &'a [Line],
 }

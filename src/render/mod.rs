@@ -7,7 +7,7 @@
 //! The way of a frame: [`BodyBuffers::upload`] or [`BodyBuffers::deform`] → [`FrameContents`] → [`Renderer::draw`] of
 //! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass,
 //! one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid; and for bodies
-//! that the device deforms itself: deform, normals. An [`Overlay`] writes over it.
+//! that the device deforms itself: deform, normals; and on their first use: quads, lines. An [`Overlay`] writes over it.
 
 mod body;
 mod bounds;
@@ -18,9 +18,12 @@ mod deform;
 mod error;
 mod frame;
 mod gpu;
+mod instanced;
+mod lines;
 mod normals;
 mod offscreen;
 mod overlay;
+mod quads;
 mod renderer;
 mod shader;
 mod solid;
@@ -32,9 +35,11 @@ pub use body::BodyBuffers;
 pub use bounds::Bounds;
 pub use columns::ColumnData;
 pub use error::RenderError;
-pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
+pub use frame::{Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::{Gpu, Made};
+pub use lines::Line;
 pub use offscreen::{COLOR_FORMAT, Offscreen};
 pub use overlay::{Overlay, Sheet};
+pub use quads::Quad;
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};

@@ -1,10 +1,12 @@
-//! The renderer: four pipelines made once, and one render pass per target and frame.
+//! The renderer: four pipelines made once, two more for lines and quads on their first use, and one render pass per
+//! target and frame.
 //!
 //! In come [`Picture`]s (targets with their views) and [`FrameContents`]; out go their pixels. Opaque bodies and solids
 //! are drawn first, so that the background only costs where it shows, and the floor's lines last, blended. Nothing is
 //! created in a frame but the command buffer; the small buffers grow when a frame holds more than any before it.
 
 use super::body::{self, BodyBuffers};
+use super::instanced::{InstancedPass, MadeFor};
 use super::solid::{self, SolidMeshes};
 use super::target::DEPTH_FORMAT;
 use super::uniforms::{FrameUniform, Instance, ViewUniform};
@@ -21,8 +23,11 @@ pub struct Renderer {
     solid: wgpu::RenderPipeline,
     background: wgpu::RenderPipeline,
     grid: wgpu::RenderPipeline,
+    quads: InstancedPass,
+    lines: InstancedPass,
     solids: SolidMeshes,
     group_layout: wgpu::BindGroupLayout,
+    layout: wgpu::PipelineLayout,
     uniforms: Uniforms,
     instances: wgpu::Buffer,
     /// Contents of `uniforms.views` and of `instances`, kept to spare their allocation.
@@ -66,9 +71,12 @@ impl Renderer {
             solid: pipeline("solid", &shader::SOLID, &solid::vertex_layout(), Surface::Opaque),
             background: pipeline("background", &shader::BACKGROUND, &[], Surface::Background),
             grid: pipeline("grid", &shader::GRID, &[], Surface::Translucent),
+            quads: InstancedPass::default(),
+            lines: InstancedPass::default(),
             solids: SolidMeshes::new(gpu)?,
             uniforms: Uniforms::new(gpu, &group_layout, 8)?,
             group_layout,
+            layout,
             instances: instance_buffer(gpu, 16)?,
             view_bytes: Vec::new(),
             instance_list: Vec::new(),
@@ -94,6 +102,9 @@ impl Renderer {
         }
         let offsets = self.write_views(gpu, pictures)?;
         let solid_counts = self.write_instances(gpu, contents)?;
+        let made_for = MadeFor { layout: &self.layout, format: self.format, samples: self.samples };
+        self.quads.upload(gpu, &made_for, contents.quads)?;
+        self.lines.upload(gpu, &made_for, contents.lines)?;
         gpu.queue.write_buffer(&self.uniforms.frame, 0, bytemuck::bytes_of(&FrameUniform::new(contents)));
 
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -150,6 +161,13 @@ impl Renderer {
             pass.set_pipeline(&self.grid);
             pass.draw(0..4, 0..1);
         }
+        self.quads.draw(pass);
+        self.lines.draw(pass);
+    }
+
+    /// Whether the pipelines of (quads, lines) are there: only once some were drawn.
+    pub fn made(&self) -> (bool, bool) {
+        (self.quads.is_made(), self.lines.is_made())
     }
 
     /// Uploads the views of all pictures; returns each viewport's offset, None where there is nothing to draw.
@@ -157,7 +175,8 @@ impl Renderer {
         self.view_bytes.clear();
         let mut offsets = Vec::new();
         for viewport in pictures.iter().flat_map(|picture| picture.viewports) {
-            let uniform = viewport.view.as_ref().and_then(ViewUniform::new);
+            let [_, _, width, height] = viewport.rect;
+            let uniform = viewport.view.as_ref().and_then(|view| ViewUniform::new(view, [width, height]));
             offsets.push(uniform.map(|uniform| {
                 let offset = self.view_bytes.len();
                 self.view_bytes.extend_from_slice(bytemuck::bytes_of(&uniform));
@@ -241,21 +260,21 @@ fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
 
 /// How a pass meets the pixels that are there: nearer wins, only where nothing is, or blended over what is farther.
 #[derive(Clone, Copy, PartialEq)]
-enum Surface {
+pub(super) enum Surface {
     Opaque,
     Background,
     Translucent,
 }
 
-struct Pass<'a> {
-    label: &'a str,
-    layout: &'a wgpu::PipelineLayout,
-    module: wgpu::ShaderModule,
-    buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
-    surface: Surface,
+pub(super) struct Pass<'a> {
+    pub(super) label: &'a str,
+    pub(super) layout: &'a wgpu::PipelineLayout,
+    pub(super) module: wgpu::ShaderModule,
+    pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    pub(super) surface: Surface,
 }
 
-fn pipeline(
+pub(super) fn pipeline(
     device: &wgpu::Device,
     pass: &Pass<'_>,
     format: wgpu::TextureFormat,

@@ -7,6 +7,8 @@ pub(super) const BODY: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/bod
 pub(super) const SOLID: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/solid.wgsl")];
 pub(super) const BACKGROUND: [&str; 2] = [VIEW, include_str!("../../shaders/background.wgsl")];
 pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl")];
+pub(super) const QUADS: [&str; 2] = [VIEW, include_str!("../../shaders/quads.wgsl")];
+pub(super) const LINES: [&str; 2] = [VIEW, include_str!("../../shaders/lines.wgsl")];
 
 const CHUNK: &str = include_str!("../../shaders/common/chunk.wgsl");
 const SUM: &str = include_str!("../../shaders/deform.wgsl");
@@ -42,9 +44,14 @@ mod tests {
     #[test]
     fn every_shader_is_valid() {
         use naga::ShaderStage::{Compute, Fragment, Vertex};
-        for (name, parts) in
-            [("body", &BODY[..]), ("solid", &SOLID), ("background", &BACKGROUND), ("grid", &GRID)]
-        {
+        for (name, parts) in [
+            ("body", &BODY[..]),
+            ("solid", &SOLID),
+            ("background", &BACKGROUND),
+            ("grid", &GRID),
+            ("quads", &QUADS),
+            ("lines", &LINES),
+        ] {
             let expected = [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())];
             assert_eq!(stages(name, parts), expected, "{name}.wgsl");
         }

@@ -2,7 +2,7 @@
 //! three procedural surfaces of revolution that are made and uploaded once.
 
 use super::uniforms::Instance;
-use super::{FrameContents, Gpu, RenderError, StylusShape};
+use super::{Ball, FrameContents, Gpu, RenderError, StylusShape};
 use nalgebra::{Matrix4, Point3, Rotation3, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;
@@ -69,7 +69,7 @@ impl SolidMeshes {
     }
 }
 
-/// Appends the instances of all pens, then all rays, then all hit points; returns how many there are of each.
+/// Appends the instances of all pens, then all rays, then all hit points and balls; returns how many there are of each.
 pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 3] {
     let accent = |stylus: &StylusShape| if stylus.pressed { PRESSED } else { IDLE };
     let start = all.len();
@@ -94,6 +94,10 @@ pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -
             let [r, g, b] = accent(stylus).map(|c| 0.55 * c + 0.45);
             all.push(Instance { room_from_shape: room_from_hit.into(), color: [r, g, b, 0.9] });
         }
+    }
+    for Ball { center, radius_m, color: [r, g, b] } in contents.balls {
+        let room_from_ball = Matrix4::new_translation(&center.coords) * Matrix4::new_scaling(*radius_m);
+        all.push(Instance { room_from_shape: room_from_ball.into(), color: [*r, *g, *b, 0.0] });
     }
     [pens_end - start, rays_end - pens_end, all.len() - rays_end].map(|n| n as u32)
 }

@@ -8,10 +8,12 @@ mod fault;
 mod file;
 mod screen;
 mod summary;
+pub mod tracking;
 
 pub use fault::{Fault, StageError};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use summary::Seam;
+pub use tracking::Tracking;
 
 use nalgebra::{Isometry3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -27,6 +29,8 @@ pub struct Stage {
     pub grid: Option<Grid>,
     /// At least one; names are unique.
     pub screens: Vec<Screen>,
+    /// What follows head and hands; empty where nothing does.
+    pub tracking: Tracking,
 }
 
 /// How the two eyes' pictures of a screen reach its window.
