@@ -5,10 +5,10 @@
 //! hostile clients are dropped and counted. A sensor that is not tracked is not sent, since VRPN has no word for it.
 
 use super::address::decode_lob;
+use super::codec::{Header, VERSION, Version};
 use super::payload::{Payload, is_device_name};
 use super::peer::{Gone, Peer};
 use crate::track::device::{DeviceState, Reading, Source, now_s};
-use crate::track::vrpn::codec::Header;
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -93,10 +93,10 @@ impl Server {
         if news.is_empty() {
             return;
         }
-        for peer in self.peers.iter_mut().filter(|peer| peer.is_greeted()) {
+        for peer in self.peers.iter_mut().filter(|peer| peer.talk.version().is_some()) {
             let mut datagrams = Vec::new();
             for (time_s, payload) in &news {
-                peer.tell(device, *time_s, payload, &mut datagrams);
+                peer.talk.tell(device, *time_s, payload, &mut datagrams);
             }
             self.counters.datagrams += peer.send_datagrams(&self.lobs, &datagrams);
         }
@@ -108,12 +108,13 @@ impl Server {
         self.welcome();
         let (names, counters, sent) = (&self.names, &mut self.counters, &self.sent);
         self.peers.retain_mut(|peer| {
-            let was_greeted = peer.is_greeted();
-            let heard = peer.hear(names).map(|pings| counters.pings += pings);
-            if !was_greeted && peer.is_greeted() {
-                introduce(peer, sent);
+            let was_greeted = peer.talk.version().is_some();
+            // Whoever is refused hears our version first.
+            let heard = peer.flush().and_then(|()| peer.hear(names));
+            if let (false, Some(version)) = (was_greeted, peer.talk.version()) {
+                greet(peer, version, sent);
             }
-            match heard.and_then(|()| peer.flush()) {
+            match heard.map(|pings| counters.pings += pings) {
                 Ok(()) => true,
                 Err(gone) => {
                     tracing::info!("vrpn: client {} is gone: {gone:?}", peer.ip);
@@ -234,17 +235,20 @@ fn device_name(name: &str) -> String {
 }
 
 /// A new client is told how buttons and valuators stand; poses come anyway.
-fn introduce(peer: &mut Peer, sent: &[DeviceState]) {
+fn greet(peer: &mut Peer, version: Version, sent: &[DeviceState]) {
+    if version != VERSION {
+        tracing::warn!("vrpn: {} speaks {:02}.{:02}, this side 07.38", peer.ip, version.major, version.minor);
+    }
     let time_s = Header::now(0, 0).time_s();
     for (device, state) in sent.iter().enumerate() {
         let buttons = dense(&state.buttons, 256).map(|pressed| i32::from(pressed.unwrap_or(false)));
         let buttons: Vec<i32> = buttons.collect();
         if !buttons.is_empty() {
-            peer.tell(device, time_s, &Payload::ButtonStates(buttons), &mut Vec::new());
+            peer.talk.tell(device, time_s, &Payload::ButtonStates(buttons), &mut Vec::new());
         }
         let values = analogs(state);
         if !values.is_empty() {
-            peer.tell(device, time_s, &Payload::Analog(values), &mut Vec::new());
+            peer.talk.tell(device, time_s, &Payload::Analog(values), &mut Vec::new());
         }
     }
 }
