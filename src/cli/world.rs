@@ -302,6 +302,7 @@ impl World {
             size_m: size_m as f32,
             ray_length_m: ray_length_m as f32,
             hit: hit.map(|point| point.cast()),
+            bend: None,
             pressed,
         }
     }

@@ -3,7 +3,7 @@
 //! In: a stylus and what its ray hits. Out: the matrix of the element that is held. Every matrix is computed
 //! from those at the grab, never from the last one, so that nothing drifts.
 
-use super::Hit;
+use super::{Drag, Hit};
 use crate::track::{HeldPose, StylusState};
 use nalgebra::{Isometry3, Matrix4};
 
@@ -21,13 +21,6 @@ struct Hold {
     target: usize,
     stylus_from_room: Isometry3<f64>,
     room_from_element: Matrix4<f64>,
-}
-
-/// The element that is held, and its matrix now.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drag {
-    pub target: usize,
-    pub room_from_element: Matrix4<f64>,
 }
 
 impl Dragger {
@@ -86,6 +79,7 @@ mod tests {
         point_in_room: Point3::new(0.0, 0.0, 0.0),
         distance_m: 1.0,
         normal_in_room: Vector3::new(0.0, 0.0, 1.0),
+        is_near: false,
     };
 
     fn stylus(pose: Isometry3<f32>, pressed: bool) -> StylusState {

@@ -48,6 +48,8 @@ pub struct Hit {
     pub distance_m: f32,
     /// Unit normal of what was hit, towards the ray's origin; zero if the ray starts in the middle of a ball.
     pub normal_in_room: Vector3<f32>,
+    /// Within reach of the stylus' tip; the ray is the way from there.
+    pub is_near: bool,
 }
 
 impl PickRay {
@@ -123,5 +125,6 @@ fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
         point_in_room: point.cast(),
         distance_m: distance_m as f32,
         normal_in_room: (room_from_body.isometry.rotation * unit).cast(),
+        is_near: false,
     })
 }
