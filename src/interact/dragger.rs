@@ -8,7 +8,8 @@ use crate::track::{HeldPose, StylusState};
 use nalgebra::{Isometry3, Matrix4};
 
 /// One stylus' grip on one control element. A new one is `Dragger::default()`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Dragger {
     /// The stylus' last usable pose, and the number of those that were not.
     pub stylus: HeldPose,
@@ -16,10 +17,13 @@ pub struct Dragger {
     was_pressed: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Hold {
     target: usize,
+    #[serde(with = "crate::field::numbers")]
     stylus_from_room: Isometry3<f64>,
+    #[serde(with = "crate::field::numbers")]
     room_from_element: Matrix4<f64>,
 }
 

@@ -36,9 +36,11 @@ pub struct Element {
 }
 
 /// The element that is held, and its matrix now.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Drag {
     pub target: usize,
+    #[serde(with = "crate::field::numbers")]
     pub room_from_element: Matrix4<f64>,
 }
 
