@@ -3,6 +3,8 @@
 
 #[path = "vrpn/bytes.rs"]
 mod bytes;
+#[path = "vrpn/command.rs"]
+mod command;
 mod common;
 #[path = "vrpn/lab.rs"]
 mod lab;

@@ -53,33 +53,35 @@ impl Service {
         Ok(Service { server, told: ServerCounters::default() })
     }
 
-    /// Passes on what is new in a rig whose trackers were named, in their order, to [`open`](Service::open).
-    pub fn pass_on(&mut self, rig: &mut Rig) {
+    /// Passes on what is new in a rig whose trackers were named, in their order, to [`open`](Service::open). What there
+    /// is to say about clients comes back.
+    pub fn pass_on(&mut self, rig: &mut Rig) -> Vec<String> {
         for (device, (_, state)) in rig.devices().enumerate() {
             self.server.publish(device, state);
         }
-        self.tick();
+        self.tick()
     }
 
-    fn tick(&mut self) {
+    fn tick(&mut self) -> Vec<String> {
         self.server.tick();
-        let ServerCounters { clients, refused, slow, malformed, silent, strange_lobs, .. } =
-            self.server.counters;
-        let bad = |counters: &ServerCounters| {
+        let (now, mut notices) = (self.server.counters, Vec::new());
+        if now.clients != self.told.clients {
+            notices.push(format!("{} VRPN clients", now.clients));
+        }
+        let turned_away = |counters: &ServerCounters| {
             let ServerCounters { refused, slow, malformed, silent, strange_lobs, .. } = *counters;
             refused + slow + malformed + silent + strange_lobs
         };
-        if clients != self.told.clients {
-            eprintln!("note: {clients} VRPN clients");
+        // Whoever floods the server with bad connections must not flood the terminal: powers of two are told.
+        if turned_away(&now).checked_ilog2() != turned_away(&self.told).checked_ilog2() {
+            let ServerCounters { refused, slow, malformed, silent, strange_lobs, .. } = now;
+            notices.push(format!(
+                "VRPN clients turned away: {refused} too many, {slow} slow, {malformed} malformed, {silent} silent, \
+                 {strange_lobs} strange lobs"
+            ));
         }
-        // Whoever floods us with bad connections must not flood the terminal: powers of two are told.
-        if bad(&self.server.counters).checked_ilog2() != bad(&self.told).checked_ilog2() {
-            eprintln!(
-                "note: VRPN clients turned away: {refused} too many, {slow} slow, {malformed} malformed, {silent} \
-                 silent, {strange_lobs} strange lobs"
-            );
-        }
-        self.told = self.server.counters;
+        self.told = now;
+        notices
     }
 }
 
@@ -98,7 +100,7 @@ pub fn script(
     let started_s = now_s();
     while limit_s.is_none_or(|limit_s| now_s() - started_s < limit_s) {
         service.server.publish(0, source.latest());
-        service.tick();
+        service.tick().iter().for_each(|notice| eprintln!("note: {notice}"));
         std::thread::sleep(Duration::from_secs_f64(STEP_S));
     }
     Ok(())

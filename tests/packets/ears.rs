@@ -1,6 +1,12 @@
 //! Every parser of packets with good packets of its kind; each keeps its state from packet to packet.
 
+use greenstage::stage::tracking::EulerOrder;
 use greenstage::track::device::DeviceState;
+use greenstage::track::dtrack::Dtrack;
+use greenstage::track::fastrak::Lines;
+use greenstage::track::gamepad;
+use greenstage::track::osc::Osc;
+use greenstage::track::udp::Parser;
 use greenstage::track::vrpn::address::{Address, decode_lob};
 use greenstage::track::vrpn::codec::{self, Framer, Header};
 use greenstage::track::vrpn::listener::Listener;
@@ -17,7 +23,7 @@ pub struct Ear {
 }
 
 pub fn ears() -> Vec<Ear> {
-    vec![vrpn_stream(), vrpn_datagrams(), vrpn_server(), vrpn_lob()]
+    vec![vrpn_stream(), vrpn_datagrams(), vrpn_server(), vrpn_lob(), dtrack(), osc(), fastrak(), gamepad()]
 }
 
 fn channels(state: &DeviceState) -> usize {
@@ -155,4 +161,71 @@ fn vrpn_lob() -> Ear {
         (decode_lob(bytes, asker).is_some() || Address::parse(&name).is_ok(), 0)
     };
     Ear { name: "VRPN lob and names", seeds: seeds.map(<[u8]>::to_vec).to_vec(), hear: Box::new(hear) }
+}
+
+/// A parser of datagrams; its clock goes back now and then, as a controller's that begins anew.
+fn datagrams(name: &'static str, seeds: Vec<Vec<u8>>, mut parser: impl Parser) -> Ear {
+    let mut state = DeviceState::default();
+    let hear = move |bytes: &[u8]| (parser.parse(bytes, &mut state), channels(&state));
+    Ear { name, seeds, hear: Box::new(hear) }
+}
+
+fn dtrack() -> Ear {
+    let body = "[0 1.000][100.0 -200.0 50.5 90.0 0.0 0.0][1.0 0.0 0.0 0.0 0.0 1.0 0.0 -1.0 0.0]";
+    let unseen = "[3 -1.000][0.0 0.0 0.0 0.0 0.0 0.0][0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0]";
+    let stick = "[0 1.000 8 2][1.0 2.0 3.0][1.0 0.0 0.0 0.0 1.0 0.0 0.0 0.0 1.0][5 0.25 -0.50]";
+    let seeds = [
+        format!("fr 10\r\nts 44597.741924\r\n6dcal 2\r\n6d 2 {body} {unseen}\r\n"),
+        format!("fr 11\r\nts2 1700000000 123456 4000\r\n6df2 1 1 {stick}\r\n6d 0 \r\n"),
+        format!("6d 1 {body}\r\n3d 2 [1 1.000][1.0 2.0 3.0] [2 1.000][4.0 5.0 6.0]\r\n6dj 0\r\ngl 0\r\n"),
+        "6df 1 [0 1.000 3][1.0 2.0 3.0 0.0 0.0 0.0][1.0 0.0 0.0 0.0 1.0 0.0 0.0 0.0 1.0]\r\n".to_owned(),
+    ];
+    datagrams("DTrack", seeds.map(String::into_bytes).to_vec(), Dtrack::default())
+}
+
+/// An address and its floats, padded as OSC 1.0 has it.
+fn osc_message(address: &str, floats: &[f32]) -> Vec<u8> {
+    let padded = |text: &str| {
+        let mut bytes = text.as_bytes().to_vec();
+        bytes.resize(text.len() / 4 * 4 + 4, 0);
+        bytes
+    };
+    let mut bytes = [padded(address), padded(&format!(",{}", "f".repeat(floats.len())))].concat();
+    floats.iter().for_each(|float| bytes.extend(float.to_be_bytes()));
+    bytes
+}
+
+fn osc() -> Ear {
+    let place = osc_message("/tracking/trackers/1/position", &[0.5, 1.5, -0.25]);
+    let turn = osc_message("/tracking/trackers/head/rotation", &[10.0, 20.0, 30.0]);
+    let mut bundle = b"#bundle\0\0\0\0\0\0\0\0\x01".to_vec();
+    for message in [&place, &turn] {
+        bundle.extend((message.len() as u32).to_be_bytes());
+        bundle.extend(message);
+    }
+    let mut nested = b"#bundle\0\0\0\0\0\0\0\0\x01".to_vec();
+    nested.extend((bundle.len() as u32).to_be_bytes());
+    nested.extend(&bundle);
+    datagrams("OSC", vec![place, turn, bundle, nested], Osc::new(EulerOrder::Yxz))
+}
+
+fn fastrak() -> Ear {
+    let seeds = [
+        &b"01   1.000  -2.000   3.500  1.00000 0.00000 0.00000 0.00000 1\r\n"[..],
+        b"02 100.000 200.000 -30.000  0.00000 0.60000 0.00000 0.80000 0\r\n012  1.0 2.0 3.0 1.0 0.0 0.0 0.0 0\r\n",
+    ];
+    let (mut lines, mut state) = (Lines::default(), DeviceState::default());
+    let hear = move |bytes: &[u8]| (lines.take(bytes, &mut state), channels(&state));
+    Ear { name: "FASTRAK", seeds: seeds.map(<[u8]>::to_vec).to_vec(), hear: Box::new(hear) }
+}
+
+fn gamepad() -> Ear {
+    let seeds = [[0, 1, 0, 0, 1, 0, 1, 3], [0, 1, 0, 0, 0xff, 0x7f, 2, 0], [0, 0, 0, 0, 0, 0x80, 0x82, 1]];
+    let mut state = DeviceState::default();
+    let hear = move |bytes: &[u8]| {
+        let records = bytes.as_chunks().0;
+        records.iter().for_each(|record| gamepad::take(*record, &mut state));
+        (!records.is_empty(), channels(&state))
+    };
+    Ear { name: "gamepad", seeds: seeds.map(|seed| seed.to_vec()).to_vec(), hear: Box::new(hear) }
 }
