@@ -20,6 +20,7 @@ pub mod poses;
 mod precompute;
 mod progress;
 mod render;
+mod serve;
 mod session;
 mod statics;
 mod track;
