@@ -88,7 +88,7 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
         let push = control.tick(reading.as_ref(), now_s);
         device.push(&push, now_s);
         let away = device.device_from_stylus.translation.vector.norm();
-        if !(away < 100.0 * START_M) {
+        if away.is_nan() || away >= 100.0 * START_M {
             swings_m = [START_M, f64::INFINITY];
             break;
         }
