@@ -17,7 +17,7 @@ test:
 	@sh scripts/setup.sh test
 	@sh scripts/test.sh
 
-# Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify` and `check`.
+# Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify`, `check` and `haptics`.
 figures:
 	@sh scripts/setup.sh
 	cargo build --release --locked
@@ -29,3 +29,4 @@ figures:
 	cp out/sheet/contact-sheet.png assets/demo.png
 	target/release/greenstage verify --readme src/manual/verify.md
 	target/release/greenstage verify hard-cases --readme src/manual/check.md
+	target/release/greenstage verify haptics --readme src/manual/haptics.md

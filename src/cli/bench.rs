@@ -4,9 +4,9 @@ use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
 use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
-use super::{precompute, render, session};
+use super::{bench_haptics, precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
-use crate::green::{Basis, FIELDS, Precomputed};
+use crate::green::{Basis, FIELDS, GreenFile, Precomputed};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use anyhow::Context;
@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Frame rate, and where a frame's time goes; offline and online
@@ -66,8 +67,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         // The first frame also compiles and allocates.
         drawn.push(Drawn::new(samples, device, &stage, &frames[1..]));
     }
+    let ticks = beside_frames(&scene, &file, &stage)?;
     let tables =
-        [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
+        [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn), ticks];
     if let Some(path) = &args.readme {
         write_between_marks(path, "bench", &markdown(&tables))?;
         super::print(&format!("{}: tables written\n", path.display()))?;
@@ -79,6 +81,22 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             tables.iter().map(|(title, table)| format!("{title}\n\n{}\n", table.text())).collect();
         super::print(&text)
     }
+}
+
+/// Ticks of the force loop beside frames of the scene.
+fn beside_frames(scene: &Scene, file: &Arc<GreenFile>, stage: &Stage) -> Result<(String, Table), Failure> {
+    let mut world = World::new(scene, file, stage.clone())?;
+    let script = render::script(scene, None)?;
+    let mut targets = Targets::new(&world, None, 1, 1.0)?;
+    let started = Instant::now();
+    bench_haptics::table(|| {
+        if let Some(script) = &script {
+            let time_s = started.elapsed().as_secs_f64() % script.duration_s;
+            world.step(&script.sample(&world.stage, time_s));
+        }
+        targets.draw(&mut world)?;
+        Ok(())
+    })
 }
 
 /// Medians of the frames drawn with one number of samples, s.

@@ -5,10 +5,12 @@
 
 mod accuracy;
 mod bench;
+mod bench_haptics;
 mod check;
 mod convert;
 mod deform;
 mod failure;
+mod feel;
 mod inspect;
 mod keys;
 mod manual;
@@ -23,6 +25,7 @@ mod progress;
 mod render;
 mod serve;
 mod session;
+mod stability;
 mod statics;
 mod track;
 mod verify;

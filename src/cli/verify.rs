@@ -2,6 +2,7 @@
 
 use super::bench::{processor, write_between_marks};
 use super::failure::Failure;
+use super::stability;
 use super::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::verify::{self, Effort, PROBLEMS, Problem, Row};
@@ -13,7 +14,8 @@ use std::path::PathBuf;
 /// Each problem is solved on a sequence of refined meshes. Exit status 1 where an element misses what theory promises it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Problems to solve, without one all; or `hard-cases`, bodies on which a solver can go wrong in silence
+    /// Problems to solve, without one all; or `hard-cases`, bodies on which a solver can go wrong in silence; or `haptics`,
+    /// the stability of the force in the hand
     pub problems: Vec<String>,
     /// One more, finer mesh of each: some minutes
     #[arg(long, conflicts_with = "coarse")]
@@ -30,6 +32,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if args.problems == [stability::NAME] {
+        return stability::print(args);
+    }
     if args.problems == [HARD_CASES] {
         return hard_cases(args);
     }

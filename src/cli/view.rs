@@ -1,6 +1,7 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
 use super::failure::Failure;
+use super::feel::Feel;
 use super::keys;
 use super::panes;
 use super::picture::{Bodies, contents};
@@ -89,7 +90,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let layout = world.stage.layout();
     let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
+    let feel = Feel::start(&scene, &file, &world)?;
     let mut app = Viewer {
+        feel,
         mouse: Mouse::new(world.stage.clone()),
         world,
         script,
@@ -107,6 +110,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
     let seconds = app.started.elapsed().as_secs_f64();
     let rate = f64::from(app.frames) / seconds;
+    if let Some(mut feel) = app.feel.take() {
+        super::print(&feel.summary())?;
+    }
     super::print(&format!("{} frames in {seconds:.1} s: {rate:.1} frames/s\n", app.frames))
 }
 
@@ -127,6 +133,8 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
 
 struct Viewer {
     world: World,
+    /// Force-feedback devices, where the stage has some and a body asks for it.
+    feel: Option<Feel>,
     /// Moves head and stylus until the user presses a mouse button or a key.
     script: Option<Script>,
     mouse: Mouse,
@@ -207,8 +215,14 @@ impl WindowApp for Viewer {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
-        let state = self.state(step_s);
+        let mut state = self.state(step_s);
+        if let Some(feel) = &mut self.feel {
+            feel.move_styli(&mut state);
+        }
         self.world.step(&state);
+        if let Some(feel) = &mut self.feel {
+            feel.tell(&self.world);
+        }
         self.mouse.hit_distance_m = self.world.hit_distance_m();
         let tiles = self.tiles(windows);
         if let Some(bodies) = &mut self.bodies {

@@ -23,6 +23,7 @@ chapters! {
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
     scripts: "key frames that move head and stylus where nobody does",
     view: "windows, mouse and keyboard, colours, and what happens without a display",
+    haptics: "forces in the hand: devices, what keeps them stable, how well that works",
     deform: "poses in, displacements and forces out: files, columns, units, signs",
     green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",
     check: "what can go wrong in silence, what is done about it, and how well: hard cases with their figures",

@@ -161,6 +161,10 @@ impl Device for Simulated {
     }
 
     fn hand(&mut self, device_from_hand: &Isometry3<f64>) {
+        // A hand that takes the handle for the first time finds it where it is.
+        if self.time_s.is_none() {
+            self.device_from_stylus = *device_from_hand;
+        }
         self.target = *device_from_hand;
         self.script = None;
     }

@@ -1,0 +1,127 @@
+//! `greenstage verify haptics`: the closed loop of hand, device and stiff body, by stiffness and rate.
+
+use super::failure::Failure;
+use super::verify::Args;
+use crate::effect::haptics::stability::{RATES_HZ, Run, STIFFNESSES, Verdict, boundary, run};
+use crate::effect::haptics::{Hand, Measures};
+use crate::report::table::Table;
+use crate::stage::Haptic;
+use serde_json::json;
+
+/// Asks for this instead of problems.
+pub const NAME: &str = "haptics";
+
+/// What is tried: name, measures, hand.
+const SETTINGS: [(&str, Measures, Hand); 4] = [
+    ("plain force, nobody holds the handle", Measures::NONE, Hand::NONE),
+    ("plain force, a hand holds the handle", Measures::NONE, Hand::FINGERS),
+    ("the observer's brake alone, nobody holds it", BRAKE, Hand::NONE),
+    ("coupling, brake and limits, nobody holds it", Measures::ALL, Hand::NONE),
+];
+
+const BRAKE: Measures = Measures { brake: true, ..Measures::NONE };
+
+pub fn print(args: &Args) -> Result<(), Failure> {
+    let (mut text, mut all) = (Vec::new(), Vec::new());
+    for (name, measures, hand) in SETTINGS {
+        let runs: Vec<Vec<Run>> = STIFFNESSES
+            .iter()
+            .map(|&stiffness| {
+                RATES_HZ.map(|rate_hz| run(&device(rate_hz), hand, stiffness, measures)).to_vec()
+            })
+            .collect();
+        text.push((name.to_owned(), verdicts(&runs)));
+        all.push(json!({ "setting": name, "runs": runs }));
+    }
+    let (boundaries, found) = boundaries();
+    text.push(("The largest stable stiffness, and K = 2 b / T of theory".to_owned(), boundaries));
+    if args.json {
+        super::print(&format!("{:#}\n", json!({ "settings": all, "boundaries": found })))?;
+    } else {
+        let tables: String =
+            text.iter().map(|(name, table)| format!("{name}\n\n{}\n", table.text())).collect();
+        super::print(&tables)?;
+    }
+    if let Some(path) = &args.readme {
+        let tables: String =
+            text.iter().map(|(name, table)| format!("{name}:\n\n{}\n", table.markdown())).collect();
+        super::bench::write_between_marks(path, NAME, &tables)?;
+    }
+    judge(&all, &found)
+}
+
+fn device(rate_hz: f64) -> Haptic {
+    Haptic { rate_hz, ..Haptic::simulated("table") }
+}
+
+/// A row for each stiffness, a column for each rate: how it ended, and what the loop generated.
+fn verdicts(runs: &[Vec<Run>]) -> Table {
+    let heading = RATES_HZ.map(|rate| format!("{rate} Hz"));
+    let mut table = Table { rows: vec![std::iter::once("N/m".to_owned()).chain(heading).collect()] };
+    for row in runs {
+        let cell = |run: &Run| match run.verdict {
+            Verdict::Stable if run.generated_j == 0.0 => "stable".to_owned(),
+            verdict if run.generated_j.is_finite() => {
+                format!("{}, {} mJ", verdict.name(), significant(1e3 * run.generated_j))
+            }
+            verdict => verdict.name().to_owned(),
+        };
+        let first = row.first().map_or(String::new(), |run| run.stiffness.to_string());
+        table.rows.push(std::iter::once(first).chain(row.iter().map(cell)).collect());
+    }
+    table
+}
+
+/// Two digits, or a power of ten.
+fn significant(value: f64) -> String {
+    if (0.01..1000.0).contains(&value) { format!("{value:.2}") } else { format!("{value:.0e}") }
+}
+
+fn boundaries() -> (Table, Vec<serde_json::Value>) {
+    let mut table = Table::new(&[
+        "rate",
+        "hand",
+        "theory, N/m",
+        "measured, N/m",
+        "with the brake alone",
+        "with all measures",
+    ]);
+    let mut found = Vec::new();
+    for rate_hz in RATES_HZ {
+        for (name, hand) in [("none", Hand::NONE), ("fingers", Hand::FINGERS)] {
+            let haptic = device(rate_hz);
+            let theory = 2.0 * (haptic.damping + hand.damping) * rate_hz;
+            let limits =
+                [Measures::NONE, BRAKE, Measures::ALL].map(|measures| boundary(&haptic, hand, measures));
+            let cell = |limit: &Option<f64>| limit.map_or("above 1e6".to_owned(), |k| format!("{k:.0}"));
+            let [plain, brake, kept] = &limits;
+            table.row(&[
+                &format!("{rate_hz} Hz"),
+                name,
+                &format!("{theory:.0}"),
+                &cell(plain),
+                &cell(brake),
+                &cell(kept),
+            ]);
+            found.push(json!({ "rate_hz": rate_hz, "hand": name, "theory": theory, "plain": plain, "brake": brake, "all": kept }));
+        }
+    }
+    (table, found)
+}
+
+/// With all measures nothing may be unstable, and the plain boundary must be the theory's.
+fn judge(all: &[serde_json::Value], boundaries: &[serde_json::Value]) -> Result<(), Failure> {
+    let kept = all.last().and_then(|setting| setting["runs"].as_array());
+    let is_kept = kept.is_some_and(|rows| {
+        rows.iter().flat_map(|row| row.as_array()).flatten().all(|run| run["verdict"] == "stable")
+    });
+    let is_theory = boundaries.iter().filter(|row| row["hand"] == "none").all(|row| {
+        let ratio = row["plain"].as_f64().unwrap_or(f64::NAN) / row["theory"].as_f64().unwrap_or(f64::NAN);
+        (ratio - 1.0).abs() < 0.1
+    });
+    match (is_kept, is_theory) {
+        (true, true) => Ok(()),
+        (false, _) => Err(Failure::Work(anyhow::anyhow!("a loop with all measures is not stable"))),
+        _ => Err(Failure::Work(anyhow::anyhow!("a boundary is more than 10 % off K = 2 b / T"))),
+    }
+}
