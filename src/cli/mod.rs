@@ -21,6 +21,7 @@ pub mod poses;
 mod precompute;
 mod progress;
 mod render;
+mod serve;
 mod session;
 mod statics;
 mod track;

@@ -25,6 +25,10 @@
 //!
 //! The first key frame states all that the script moves; what a later one does not state holds as it was.
 
+mod source;
+
+pub use source::ScriptSource;
+
 use super::interpolate::{interpolate, locate};
 use super::{StylusState, TrackerState};
 use crate::config::{self, ConfigError};
