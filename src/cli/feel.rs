@@ -33,8 +33,8 @@ struct Link {
     grips: u64,
     /// Where the tracker, or the mouse, has the hand of a simulated device.
     room_from_hand: Option<Isometry3<f64>>,
-    /// When the device was last seen, s, and where.
-    seen: Option<(f64, Isometry3<f64>)>,
+    /// When the device was last seen, s, and how.
+    seen: Option<(f64, Isometry3<f64>, [bool; 2])>,
     warned: bool,
 }
 
@@ -44,6 +44,8 @@ struct Hold {
     stylus_from_element: Matrix4<f64>,
 }
 
+/// A device that is gone for so long lets go of what it holds, s. Its force is gone long before.
+const LOST_S: f64 = 2.0;
 /// A hold whose matrix is off by more than this since it began is another one.
 const SAME_HOLD: f64 = 1e-3;
 
@@ -160,13 +162,15 @@ impl Link {
 
     fn move_stylus(&mut self, felt: &Felt, state: &mut TrackerState) {
         if let Some(pose) = felt.room_from_stylus {
-            self.seen = Some((state.time_s, pose));
+            self.seen = Some((state.time_s, pose, felt.buttons));
         }
-        let Some((seen_s, pose)) = self.seen else { return };
-        let age_s = state.time_s - seen_s;
-        let signal = if age_s > 0.0 { Signal::Lost { age_s } } else { Signal::Live };
+        let Some((seen_s, pose, [pressed, second])) = self.seen else { return };
+        let signal = match state.time_s - seen_s {
+            age_s if age_s <= 0.0 => Signal::Live,
+            age_s if age_s < LOST_S => Signal::Held { age_s },
+            age_s => Signal::Lost { age_s },
+        };
         state.styli.resize_with(state.styli.len().max(self.stylus + 1), StylusState::default);
-        let [pressed, second] = felt.buttons;
         state.styli[self.stylus] =
             StylusState { room_from_stylus: pose.cast(), pressed, second, signal, from_eye: false };
     }
@@ -260,7 +264,7 @@ mod tests {
         (scene, file, world)
     }
 
-    const DEVICE: &str = "[haptic.right]\ndevice = \"simulated\"\nforce = 0.1\n";
+    const DEVICE: &str = "[haptic.right]\ndevice = \"simulated\"\n";
 
     /// In one test, as the loops of the process are counted: no thread unless a body asks and the stage has a device; and
     /// with both the stylus feels what it holds, stays behind the hand, and feels nothing after it lets go.
@@ -299,7 +303,7 @@ mod tests {
             };
         follow(&mut world, 0.0, false, &|felt, _| felt.room_from_stylus.is_some());
         follow(&mut world, 0.0, true, &|felt, _| felt.gain == 1.0);
-        let felt = follow(&mut world, 0.3, true, &|felt, _| felt.push.force.norm() > 0.2);
+        let felt = follow(&mut world, 0.3, true, &|felt, _| felt.push.force.norm() > 0.1);
         assert!(felt.push.force.y < 0.0, "it pulls back down: {felt:?}");
         assert!(world.bodies[0].deformer.poses[1].translation.y > 0.0, "the picture shows what is felt");
         follow(&mut world, 0.3, false, &|felt, _| felt.push.force.norm() == 0.0);
