@@ -21,6 +21,8 @@ mod gpu;
 mod normals;
 mod offscreen;
 mod overlay;
+mod pair;
+mod pipelines;
 mod renderer;
 mod shader;
 mod solid;
@@ -36,5 +38,6 @@ pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, View
 pub use gpu::{Gpu, Made};
 pub use offscreen::{COLOR_FORMAT, Offscreen};
 pub use overlay::{Overlay, Sheet};
-pub use renderer::Renderer;
+pub use pair::EyePair;
+pub use renderer::{DrawCounts, Renderer};
 pub use target::{Attachments, Picture};

@@ -3,6 +3,7 @@
 use super::target::texture;
 use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
 use image::RgbaImage;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The format of offscreen pictures: sRGB-encoded by the device, as PNG files hold them.
@@ -10,13 +11,11 @@ pub const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrg
 
 /// A target of one size with its read-back buffer, made once and drawn into every frame.
 pub struct Offscreen {
-    pub attachments: Attachments,
+    pub attachments: Arc<Attachments>,
     texture: wgpu::Texture,
     /// The finished picture, for an [`super::Overlay`] to be drawn on.
     pub view: wgpu::TextureView,
-    /// Rows padded to wgpu's 256 bytes.
-    readback: wgpu::Buffer,
-    bytes_per_row: u32,
+    readback: Readback,
 }
 
 impl Offscreen {
@@ -25,19 +24,12 @@ impl Offscreen {
     /// # Errors
     /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
     pub fn new(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
-        let attachments = Attachments::new(gpu, COLOR_FORMAT, renderer.samples, size)?;
+        let attachments = renderer.attachments(gpu, size, 1)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
         let texture = gpu.device.create_texture(&texture(size, COLOR_FORMAT, 1, usage));
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let bytes_per_row = (size[0] * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let bytes = u64::from(bytes_per_row) * u64::from(size[1]);
-        let readback = gpu.buffer(
-            "picture to read back",
-            bytes,
-            wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        )?;
         gpu.check()?;
-        Ok(Self { attachments, texture, view, readback, bytes_per_row })
+        Ok(Self { attachments, texture, view, readback: Readback::new(gpu, size)? })
     }
 
     pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
@@ -51,29 +43,56 @@ impl Offscreen {
     /// [`RenderError::Device`] when the device failed or was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         let start = Instant::now();
-        let &Attachments { width, height, .. } = &self.attachments;
+        Ok((self.readback.read(gpu, &self.texture, 0)?, start.elapsed()))
+    }
+}
+
+/// The way of a picture from the device to memory.
+pub(super) struct Readback {
+    size: [u32; 2],
+    /// Rows padded to wgpu's 256 bytes.
+    bytes_per_row: u32,
+    buffer: wgpu::Buffer,
+}
+
+impl Readback {
+    pub(super) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
+        let bytes_per_row = (size[0] * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let bytes = u64::from(bytes_per_row) * u64::from(size[1]);
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        Ok(Self { size, bytes_per_row, buffer: gpu.buffer("picture to read back", bytes, usage)? })
+    }
+
+    /// One layer of a texture of this size, as drawn by everything submitted so far.
+    pub(super) fn read(
+        &self,
+        gpu: &Gpu,
+        texture: &wgpu::Texture,
+        layer: u32,
+    ) -> Result<RgbaImage, RenderError> {
+        let [width, height] = self.size;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let rows = wgpu::TexelCopyBufferLayout {
             offset: 0,
             bytes_per_row: Some(self.bytes_per_row),
             rows_per_image: None,
         };
+        let mut from = texture.as_image_copy();
+        from.origin.z = layer;
         encoder.copy_texture_to_buffer(
-            self.texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &self.readback, layout: rows },
+            from,
+            wgpu::TexelCopyBufferInfo { buffer: &self.buffer, layout: rows },
             wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         );
         gpu.queue.submit([encoder.finish()]);
-
-        let pixels = gpu.mapped(&self.readback, |mapped| {
+        let pixels = gpu.mapped(&self.buffer, |mapped| {
             let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
             for row in mapped.chunks_exact(self.bytes_per_row as usize) {
                 pixels.extend_from_slice(&row[..width as usize * 4]);
             }
             pixels
         })?;
-        let image = RgbaImage::from_raw(width, height, pixels)
-            .ok_or_else(|| RenderError::Device("the picture came back incomplete".to_owned()))?;
-        Ok((image, start.elapsed()))
+        RgbaImage::from_raw(width, height, pixels)
+            .ok_or_else(|| RenderError::Device("the picture came back incomplete".to_owned()))
     }
 }

@@ -8,7 +8,7 @@ use winit::window::Window;
 pub(super) struct WindowSurface {
     pub(super) size: [u32; 2],
     /// Of the configured size; None until the window has been drawn at that size.
-    pub(super) attachments: Option<Attachments>,
+    pub(super) attachments: Option<Arc<Attachments>>,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     /// The swap chain fits the window.
@@ -110,10 +110,10 @@ impl WindowSurface {
 
     fn configure(&mut self, gpu: &Gpu, renderer: &Renderer) -> Result<(), RenderError> {
         [self.config.width, self.config.height] = self.size;
-        let fits = |old: &Attachments| [old.width, old.height] == self.size;
+        let fits = |old: &Arc<Attachments>| [old.width, old.height] == self.size;
         if !self.attachments.as_ref().is_some_and(fits) {
             // Also refuses a size beyond the device's limit before the swap chain would.
-            self.attachments = Some(Attachments::new(gpu, self.config.format, renderer.samples, self.size)?);
+            self.attachments = Some(renderer.attachments(gpu, self.size, 1)?);
         }
         self.surface.configure(&gpu.device, &self.config);
         gpu.check()?;
