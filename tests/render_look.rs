@@ -20,7 +20,7 @@ fn styli(mesh: &Mesh, room_from_body: &Matrix4<f32>, pressed: bool) -> [StylusSh
     let tip = Point3::new(0.36, 1.16, 0.50);
     let rotation = UnitQuaternion::face_towards(&(tip - hit), &Vector3::y());
     let room_from_stylus = Isometry3::from_parts(Translation3::from(tip), rotation).to_homogeneous();
-    [StylusShape { room_from_stylus, size_m: 0.22, ray_length_m: 2.0, hit: Some(hit), pressed }]
+    [StylusShape { room_from_stylus, size_m: 0.22, ray_length_m: 2.0, hit: Some(hit), bend: None, pressed }]
 }
 
 #[test]
@@ -45,7 +45,7 @@ fn a_bent_tube_on_the_workbench() {
         while start.elapsed().as_secs_f64() < 4.0 {
             buffers.upload(&gpu, &mesh.positions, &mesh.normals).unwrap();
             let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
-            let contents = FrameContents { bodies: &bodies, styli: &styli, grid, look: Look::default() };
+            let contents = FrameContents { bodies: &bodies, styli: &styli, grid, ..Default::default() };
             let pictures = [0, 1].map(|k| targets[k].picture(&viewports[k]));
             encode += renderer.draw(&gpu, &pictures, &contents).unwrap().as_secs_f64();
             drawn += gpu.wait().unwrap().as_secs_f64();

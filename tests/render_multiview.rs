@@ -22,7 +22,7 @@ fn eyes() -> [Option<View>; 2] {
 fn pen(place: Vector3<f32>, hit: Option<Point3<f32>>) -> StylusShape {
     let room_from_stylus =
         Matrix4::new_translation(&place) * Matrix4::new_rotation(Vector3::new(-0.4, 0.5, 0.0));
-    StylusShape { room_from_stylus, size_m: 0.25, ray_length_m: 1.5, hit, pressed: hit.is_some() }
+    StylusShape { room_from_stylus, size_m: 0.25, ray_length_m: 1.5, bend: None, hit, pressed: hit.is_some() }
 }
 
 /// Both pictures of a pair, and whether one pass drew them.

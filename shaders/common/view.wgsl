@@ -9,6 +9,8 @@ struct View {
     // +1 where an outward triangle is counter-clockwise on the screen, -1 for a mirrored picture; 0 where the eye sees
     // nothing and its picture stays black.
     front_sign: f32,
+    // Width and height of the viewport in pixels.
+    size_px: vec2<f32>,
 }
 
 struct Frame {

@@ -1,7 +1,7 @@
 //! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
 
 use super::failure::Failure;
-use super::picture::{DrawTimes, Layout, Targets};
+use super::picture::{DrawTimes, Targets};
 use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
 use super::{precompute, render, session};
@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for samples in [4, 1] {
         let mut world = World::new(&scene, &file, stage.clone())?;
         let script = render::script(&scene, None)?;
-        let mut targets = Targets::new(&world, Layout::Eyes, samples, 1.0)?;
+        let mut targets = Targets::new(&world, None, samples, 1.0)?;
         let device = targets.gpu.describe();
         let count = args.frames.max(2);
         let mut playback = render::Playback { script: script.as_ref(), frames: count, done: 0 };
@@ -141,8 +141,8 @@ fn loops() -> Vec<Loop> {
     let mut c = 0.0;
     let mut superpose = |moved: usize| {
         c += 1e-3;
-        let coefficients = (0..2).map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]).collect();
-        black_box(sum.update(&columns, coefficients, &mut u));
+        let coefficients = [0, 1].map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]);
+        black_box(sum.update(&columns, &coefficients, &mut u));
     };
     let mut measure = |name: &'static str, moved: usize, threads: usize| {
         let used = &data[..moved * numbers / 2];
@@ -173,7 +173,7 @@ fn loops() -> Vec<Loop> {
             name: "superposition, 24 columns of int16, one thread",
             time_s: repeat(|| {
                 c += 1e-3;
-                black_box(sum.update(&columns, vec![[0.1 + c; FIELDS]; 2], &mut u));
+                black_box(sum.update(&columns, &[[0.1 + c; FIELDS]; 2], &mut u));
             }),
             bytes: 2.0 * numbers as f64,
             reading_s: repeat(|| {

@@ -3,12 +3,14 @@
 //! u(x(ξ)) = Σ N_a(ξ) u_a over the same shape functions as x(ξ) = Σ N_a(ξ) x_a ([`mod@quadratic`]), so edges may be curved
 //! (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., sections 8.10 and 9.10). Integrals are sums over
 //! points: of a straight element four, which are exact and see all 24 strains of ten nodes; of a curved one eight, exact
-//! to degree 3, as the forces of a constant stress, ∫ ∇N dV, and with them the patch test, need.
+//! to degree 3, as the forces of a constant stress, ∫ ∇N dV, and with them the patch test, need. The dilatation of a
+//! curved element is first projected onto the linear functions, among which that of a straight one lies anyway: near
+//! ν = 1/2 eight points would be eight constraints an element, and stiffen it; the projection leaves four.
 
 use super::{AssemblyError, Elements, Lame, tet4};
 use crate::mesh::trouble::FLAT;
 use crate::mesh::{EDGES, TetMesh, quadratic, quality};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use rayon::prelude::*;
 
 /// One point of an element: its share of the volume, m³, and the shape gradients there, 1/m; Σ G_a = 0.
@@ -74,15 +76,47 @@ pub fn gradients_at(x: &[Vector3<f64>; 10], at: &[f64; 4]) -> Option<(f64, [Vect
     Some((determinant, local.map(|gradient| inverse * gradient)))
 }
 
-/// K_ab = ∫ λ G_a⊗G_b + μ G_b⊗G_a + μ (G_a·G_b) I, N/m, for one a and all b.
+/// D_a of the four modes m of the dilatation, such that ∫ (P div u)² dV = Σₘ (Σ_a D_a⁽ᵐ⁾·u_a)², √m³/m, P being the
+/// projection in L2 onto the linear functions of ξ.
+///
+/// With M = ∫ L Lᵀ dV = C Cᵀ over the barycentric coordinates L: D_a = C⁻¹ ∫ L ⊗ G_a dV. Constant dilatations are kept,
+/// so the patch test is (Zienkiewicz and Taylor, vol. 1, 5th ed., section 12.5: mixed forms and reduced integration).
+/// `points` are of [`CURVED`]; `None` where M is singular, as of a folded element.
+fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
+    let mut mass = Matrix4::zeros();
+    let mut moments = [[Vector3::zeros(); 10]; 4];
+    for (point, (at, _)) in points.iter().zip(CURVED) {
+        let l = Vector4::from(*at) * point.volume;
+        mass += l * Vector4::from(*at).transpose();
+        for (moment, l) in moments.iter_mut().zip(&l) {
+            for (moment, gradient) in moment.iter_mut().zip(&point.gradients) {
+                *moment += gradient * *l;
+            }
+        }
+    }
+    let inverse = mass.cholesky()?.l().try_inverse()?;
+    let mode = |m: usize, a: usize| (0..=m).map(|i| moments[i][a] * inverse[(m, i)]).sum();
+    Some(std::array::from_fn(|m| std::array::from_fn(|a| mode(m, a))))
+}
+
+/// K_ab = ∫ μ G_b⊗G_a + μ (G_a·G_b) I dV + λ Σₘ D_a⊗D_b, N/m, for one a and all b; of a straight element the last term
+/// is ∫ λ G_a⊗G_b dV.
 pub fn stiffness_row(points: &[Point], lame: Lame, a: usize, out: &mut [Matrix3<f64>]) {
+    let projected = if points.len() == CURVED.len() { projected_dilatation(points) } else { None };
     for (b, block) in out.iter_mut().enumerate() {
-        *block = Matrix3::zeros();
+        *block = match &projected {
+            Some(modes) => modes.iter().map(|mode| mode[a] * mode[b].transpose()).sum(),
+            None => {
+                let dilatation =
+                    |point: &Point| point.gradients[a] * point.gradients[b].transpose() * point.volume;
+                points.iter().map(dilatation).sum()
+            }
+        };
+        *block *= lame.lambda;
         for point in points {
             let (ga, gb) = (point.gradients[a], point.gradients[b]);
-            let shear = Matrix3::from_diagonal_element(lame.mu * ga.dot(&gb));
-            *block +=
-                (ga * gb.transpose() * lame.lambda + gb * ga.transpose() * lame.mu + shear) * point.volume;
+            let shear = gb * ga.transpose() + Matrix3::from_diagonal_element(ga.dot(&gb));
+            *block += shear * (lame.mu * point.volume);
         }
     }
 }
@@ -225,6 +259,22 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// ∫ (div x)² dV = 9 V, though the element is curved; and λ alone holds no more than four motions.
+    #[test]
+    fn the_projected_dilatation_keeps_constants_and_is_four_constraints() {
+        let x = curved();
+        let points = points(&x).unwrap();
+        let volume: f64 = points.iter().map(|point| point.volume).sum();
+        let modes = projected_dilatation(&points).unwrap();
+        let square = |mode: &[Vector3<f64>; 10]| (0..10).map(|a| mode[a].dot(&x[a])).sum::<f64>().powi(2);
+        assert!((modes.iter().map(square).sum::<f64>() - 9.0 * volume).abs() < 1e-13 * volume);
+        let k = matrix(&x, Lame { lambda: 1.0, mu: 0.0 });
+        let dense = nalgebra::DMatrix::from_fn(30, 30, |i, j| k[i / 3][j / 3][(i % 3, j % 3)]);
+        let mut values: Vec<f64> = dense.symmetric_eigenvalues().iter().copied().collect();
+        values.sort_by(f64::total_cmp);
+        assert!(values[25].abs() < 1e-13 * values[29] && values[26] > 1e-3 * values[29], "{values:?}");
     }
 
     /// Six rigid motions and no other: four points see the 24 strains that are left of thirty unknowns.

@@ -1,7 +1,7 @@
 //! The neutral data of a frame: what is seen (bodies, styli, floor, light) and from where (one view per viewport).
 //! All lengths are metres in the room, all colours of [`Look`] and [`Grid`] linear RGB.
 
-use super::BodyBuffers;
+use super::{BodyBuffers, Line, Quad};
 use nalgebra::{Matrix4, Point3, Vector3};
 
 /// One eye's picture of one screen.
@@ -52,8 +52,19 @@ pub struct StylusShape {
     pub ray_length_m: f32,
     /// Where the ray hits, in the room; the ray ends there.
     pub hit: Option<Point3<f32>>,
+    /// The middle control point of the ray as a quadratic Bézier curve from the tip to the hit; `None`: straight.
+    pub bend: Option<Point3<f32>>,
     /// The button is held: ring, ray and hit point change from green to yellow.
     pub pressed: bool,
+}
+
+/// A glowing arrow, as of a force; its head is a third of it, at most eight radii.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrow {
+    pub from: Point3<f32>,
+    pub along: Vector3<f32>,
+    pub radius_m: f32,
+    pub color: [f32; 3],
 }
 
 /// A horizontal floor of lines to see depth by; every fifth line is stronger.
@@ -73,6 +84,14 @@ impl Grid {
     pub fn new(center: Point3<f32>, half_size: [f32; 2], spacing: f32) -> Self {
         Self { center, half_size, spacing, line_width: 0.02 * spacing, color: [0.085, 0.115, 0.16] }
     }
+}
+
+/// A lit ball in the room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ball {
+    pub center: Point3<f32>,
+    pub radius_m: f32,
+    pub color: [f32; 3],
 }
 
 /// Lights and background, fixed in the room.
@@ -115,6 +134,12 @@ impl Default for Look {
 pub struct FrameContents<'a> {
     pub bodies: &'a [BodyInstance<'a>],
     pub styli: &'a [StylusShape],
+    pub arrows: &'a [Arrow],
     pub grid: Option<Grid>,
     pub look: Look,
+    /// Lit, as heads and eyes in a picture of the room.
+    pub balls: &'a [Ball],
+    /// Blended in this order, all before the lines.
+    pub quads: &'a [Quad],
+    pub lines: &'a [Line],
 }

@@ -5,39 +5,50 @@
 //! reversed infinite depth (Upchurch and Desbrun, "Tightening the precision of perspective rendering", 2012).
 //!
 //! The way of a frame: [`BodyBuffers::upload`] or [`BodyBuffers::deform`] → [`FrameContents`] → [`Renderer::draw`] of
-//! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass,
-//! one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid; and for bodies
-//! that the device deforms itself: deform, normals. An [`Overlay`] writes over it.
+//! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a
+//! window shows both eyes, [`TilePainter`] draws a picture for each, on which an [`Overlay`] may write, and joins them
+//! ([`Composite`]). One pass, one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point),
+//! background, grid, composite; and for bodies that the device deforms itself: deform, normals; and on
+//! their first use: quads, lines.
 
 mod body;
 mod bounds;
 mod chunk;
 mod clock;
 mod columns;
+mod composite;
 mod deform;
 mod error;
 mod frame;
 mod gpu;
+mod instanced;
+mod lines;
 mod normals;
 mod offscreen;
 mod overlay;
 mod pair;
 mod pipelines;
+mod quads;
 mod renderer;
 mod shader;
 mod solid;
 mod target;
+mod tiles;
 mod uniforms;
 pub mod window;
 
 pub use body::BodyBuffers;
 pub use bounds::Bounds;
 pub use columns::ColumnData;
+pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
-pub use frame::{BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
+pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::{Gpu, Made};
-pub use offscreen::{COLOR_FORMAT, Offscreen};
+pub use lines::Line;
+pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
 pub use overlay::{Overlay, Sheet};
 pub use pair::EyePair;
+pub use quads::Quad;
 pub use renderer::{DrawCounts, Renderer};
 pub use target::{Attachments, Picture};
+pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};

@@ -1,6 +1,6 @@
 //! Pictures without a window: draw into a texture, read it back as an `RgbaImage`.
 
-use super::target::texture;
+use super::target::{check_size, texture};
 use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
 use image::RgbaImage;
 use std::sync::Arc;
@@ -9,13 +9,18 @@ use std::time::{Duration, Instant};
 /// The format of offscreen pictures: sRGB-encoded by the device, as PNG files hold them.
 pub const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 
-/// A target of one size with its read-back buffer, made once and drawn into every frame.
+/// A texture of one size with its read-back buffer, made once and drawn into every frame.
+pub struct Readable {
+    pub size: [u32; 2],
+    pub view: wgpu::TextureView,
+    texture: wgpu::Texture,
+    readback: Readback,
+}
+
+/// A readable target that is drawn in one pass.
 pub struct Offscreen {
     pub attachments: Arc<Attachments>,
-    texture: wgpu::Texture,
-    /// The finished picture, for an [`super::Overlay`] to be drawn on.
-    pub view: wgpu::TextureView,
-    readback: Readback,
+    pub image: Readable,
 }
 
 impl Offscreen {
@@ -25,15 +30,32 @@ impl Offscreen {
     /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
     pub fn new(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
         let attachments = renderer.attachments(gpu, size, 1)?;
+        Ok(Self { attachments, image: Readable::new(gpu, size)? })
+    }
+
+    pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
+        Picture { attachments: &self.attachments, texture: &self.image.view, viewports }
+    }
+
+    /// See [`Readable::read`].
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the device failed or was lost.
+    pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
+        self.image.read(gpu)
+    }
+}
+
+impl Readable {
+    /// # Errors
+    /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
+        check_size(gpu, size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
         let texture = gpu.device.create_texture(&texture(size, COLOR_FORMAT, 1, usage));
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         gpu.check()?;
-        Ok(Self { attachments, texture, view, readback: Readback::new(gpu, size)? })
-    }
-
-    pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
-        Picture { attachments: &self.attachments, texture: &self.view, viewports }
+        Ok(Self { size, view, texture, readback: Readback::new(gpu, size)? })
     }
 
     /// The picture as drawn by everything submitted so far, and the time to fetch it. [`Gpu::wait`] first tells the

@@ -65,6 +65,11 @@ impl EyePair {
         Self::new(gpu, renderer, size, TextureUsages::COPY_SRC)
     }
 
+    /// Whether a pair of this size would be made for `renderer` as this one was.
+    pub(super) fn fits(&self, renderer: &Renderer, size: [u32; 2]) -> bool {
+        self.size == size && self.is_one_pass() == renderer.multiview
+    }
+
     pub fn is_one_pass(&self) -> bool {
         self.both.is_some()
     }

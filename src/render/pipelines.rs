@@ -16,23 +16,9 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    pub(super) fn new(
-        gpu: &Gpu,
-        group_layout: &wgpu::BindGroupLayout,
-        format: wgpu::TextureFormat,
-        samples: u32,
-        both_eyes: bool,
-    ) -> Self {
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: None,
-            bind_group_layouts: &[Some(group_layout)],
-            immediate_size: 0,
-        });
+    pub(super) fn new(gpu: &Gpu, made_for: &MadeFor<'_>) -> Self {
         let pipeline = |label, parts: &[&str], buffers: &[Option<wgpu::VertexBufferLayout<'_>>], surface| {
-            let module = shader::module(&gpu.device, label, &shader::drawing(parts, both_eyes));
-            let multiview_mask = if both_eyes { BOTH_EYES } else { None };
-            let pass = Pass { label, layout: &layout, module, buffers, surface, multiview_mask };
-            pipeline(&gpu.device, &pass, format, samples)
+            pipeline(gpu, made_for, &Pass { label, parts, buffers, surface })
         };
         Self {
             body: pipeline("body", &shader::BODY, &body::vertex_layout(), Surface::Opaque),
@@ -63,27 +49,31 @@ pub(super) fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
 
 /// How a pass meets the pixels that are there: nearer wins, only where nothing is, or blended over what is farther.
 #[derive(Clone, Copy, PartialEq)]
-enum Surface {
+pub(super) enum Surface {
     Opaque,
     Background,
     Translucent,
 }
 
-struct Pass<'a> {
-    label: &'a str,
-    layout: &'a wgpu::PipelineLayout,
-    module: wgpu::ShaderModule,
-    buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
-    surface: Surface,
-    multiview_mask: Option<NonZeroU32>,
+pub(super) struct Pass<'a> {
+    pub(super) label: &'a str,
+    pub(super) parts: &'a [&'a str],
+    pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    pub(super) surface: Surface,
 }
 
-fn pipeline(
-    device: &wgpu::Device,
-    pass: &Pass<'_>,
-    format: wgpu::TextureFormat,
-    samples: u32,
-) -> wgpu::RenderPipeline {
+/// For what pictures a pipeline is made.
+pub(super) struct MadeFor<'a> {
+    pub(super) layout: &'a wgpu::PipelineLayout,
+    pub(super) format: wgpu::TextureFormat,
+    pub(super) samples: u32,
+    /// In one pass.
+    pub(super) both_eyes: bool,
+}
+
+pub(super) fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, pass: &Pass<'_>) -> wgpu::RenderPipeline {
+    let &MadeFor { layout, format, samples, both_eyes } = made_for;
+    let module = shader::module(&gpu.device, pass.label, &shader::drawing(pass.parts, both_eyes));
     let topology = match pass.surface {
         Surface::Translucent => wgpu::PrimitiveTopology::TriangleStrip,
         Surface::Opaque | Surface::Background => wgpu::PrimitiveTopology::TriangleList,
@@ -95,11 +85,11 @@ fn pipeline(
     };
     let blend =
         (pass.surface == Surface::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(pass.label),
-        layout: Some(pass.layout),
+        layout: Some(layout),
         vertex: wgpu::VertexState {
-            module: &pass.module,
+            module: &module,
             entry_point: Some("vertex"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers: pass.buffers,
@@ -114,12 +104,12 @@ fn pipeline(
         }),
         multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
         fragment: Some(wgpu::FragmentState {
-            module: &pass.module,
+            module: &module,
             entry_point: Some("fragment"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
         }),
-        multiview_mask: pass.multiview_mask,
+        multiview_mask: if both_eyes { BOTH_EYES } else { None },
         cache: None,
     })
 }

@@ -1,4 +1,5 @@
-//! The renderer: pipelines made once, and one render pass per target and frame, or per pair of eyes.
+//! The renderer: four pipelines made once, two more for lines and quads on their first use, and one render pass per
+//! target and frame, or per pair of eyes.
 //!
 //! In come [`Picture`]s (targets with their views) and [`FrameContents`]; out go their pixels. Opaque bodies and solids
 //! are drawn first, so that the background only costs where it shows, and the floor's lines last, blended. What lies
@@ -6,6 +7,7 @@
 //! when a frame holds more than any before it, and the pipelines for both eyes are made with the first such picture.
 
 use super::body::BodyBuffers;
+use super::instanced::{InstancedPass, MadeFor};
 use super::pipelines::{BOTH_EYES, Pipelines, group_layout};
 use super::solid::{self, SolidMeshes};
 use super::uniforms::{FrameUniform, Instance, ViewUniform};
@@ -29,8 +31,11 @@ pub struct Renderer {
     pub counts: DrawCounts,
     one_eye: Pipelines,
     both_eyes: Option<Pipelines>,
+    quads: InstancedPass,
+    lines: InstancedPass,
     solids: SolidMeshes,
     group_layout: wgpu::BindGroupLayout,
+    layout: wgpu::PipelineLayout,
     uniforms: Uniforms,
     instances: wgpu::Buffer,
     /// Contents of `uniforms.views` and of `instances`, kept to spare their allocation.
@@ -83,17 +88,26 @@ impl Renderer {
             return Err(RenderError::Samples { adapter: gpu.adapter_name.clone(), format, samples, offered });
         }
         let group_layout = group_layout(&gpu.device);
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&group_layout)],
+            immediate_size: 0,
+        });
+        let made_for = MadeFor { layout: &layout, format, samples, both_eyes: false };
         let renderer = Self {
             format,
             samples,
             multiview: gpu.can_multiview(samples) && !gpu.is_software,
             culling: true,
             counts: DrawCounts::default(),
-            one_eye: Pipelines::new(gpu, &group_layout, format, samples, false),
+            one_eye: Pipelines::new(gpu, &made_for),
             both_eyes: None,
+            quads: InstancedPass::default(),
+            lines: InstancedPass::default(),
             solids: SolidMeshes::new(gpu)?,
             uniforms: Uniforms::new(gpu, &group_layout, 8)?,
             group_layout,
+            layout,
             instances: instance_buffer(gpu, 16)?,
             view_bytes: Vec::new(),
             instance_list: Vec::new(),
@@ -147,10 +161,19 @@ impl Renderer {
         for picture in pictures {
             picture.check(self.samples)?;
         }
-        if self.both_eyes.is_none() && pictures.iter().any(|picture| picture.attachments.layers > 1) {
-            let made = Pipelines::new(gpu, &self.group_layout, self.format, self.samples, true);
-            self.both_eyes = Some(made);
+        let is_pair = |picture: &Picture<'_>| picture.attachments.layers > 1;
+        let (format, samples) = (self.format, self.samples);
+        let made_for = |both_eyes| MadeFor { layout: &self.layout, format, samples, both_eyes };
+        let kinds: Vec<MadeFor<'_>> = [false, true]
+            .into_iter()
+            .filter(|both_eyes| pictures.iter().any(|picture| is_pair(picture) == *both_eyes))
+            .map(made_for)
+            .collect();
+        if let (None, Some(both)) = (&self.both_eyes, kinds.iter().find(|kind| kind.both_eyes)) {
+            self.both_eyes = Some(Pipelines::new(gpu, both));
         }
+        self.quads.upload(gpu, &kinds, contents.quads)?;
+        self.lines.upload(gpu, &kinds, contents.lines)?;
         let shots = self.write_views(gpu, pictures)?;
         let solid_counts = self.write_instances(gpu, contents)?;
         gpu.queue.write_buffer(&self.uniforms.frame, 0, bytemuck::bytes_of(&FrameUniform::new(contents)));
@@ -159,7 +182,7 @@ impl Renderer {
         let mut counts = DrawCounts::default();
         for (picture, shots) in pictures.iter().zip(shots) {
             let pipelines = match &self.both_eyes {
-                Some(both) if picture.attachments.layers > 1 => both,
+                Some(both) if is_pair(picture) => both,
                 _ => &self.one_eye,
             };
             let mut pass = begin_pass(gpu, &mut encoder, picture);
@@ -184,6 +207,8 @@ impl Renderer {
                     pass.set_pipeline(&pipelines.grid);
                     pass.draw(0..4, 0..1);
                 }
+                self.quads.draw(&mut pass, is_pair(picture));
+                self.lines.draw(&mut pass, is_pair(picture));
             }
             // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
             pass.set_scissor_rect(0, 0, picture.attachments.width, picture.attachments.height);
@@ -192,6 +217,11 @@ impl Renderer {
         gpu.check()?;
         self.counts = counts;
         Ok(start.elapsed())
+    }
+
+    /// Whether the pipelines of (quads, lines) are there: only once some were drawn.
+    pub fn made(&self) -> (bool, bool) {
+        (self.quads.is_made(), self.lines.is_made())
     }
 
     fn instances_from(&self, first: usize) -> wgpu::BufferSlice<'_> {
@@ -231,7 +261,7 @@ impl Renderer {
         pipelines: &Pipelines,
         shot: &Shot,
         mut first: usize,
-        solid_counts: [u32; 3],
+        solid_counts: [u32; 4],
         counts: &mut DrawCounts,
     ) {
         pass.set_pipeline(&pipelines.solid);
@@ -258,8 +288,11 @@ impl Renderer {
         self.view_bytes.clear();
         let (bytes, stride) = (&mut self.view_bytes, self.uniforms.stride as usize);
         let mut shot = |rect: [u32; 4], views: &[Option<View>]| {
-            let uniforms: Vec<Option<ViewUniform>> =
-                views.iter().map(|view| view.as_ref().and_then(ViewUniform::new)).collect();
+            let size = [rect[2], rect[3]];
+            let uniforms: Vec<Option<ViewUniform>> = views
+                .iter()
+                .map(|view| view.as_ref().and_then(|view| ViewUniform::new(view, size)))
+                .collect();
             if uniforms.iter().all(Option::is_none) {
                 return None;
             }
@@ -290,7 +323,7 @@ impl Renderer {
     }
 
     /// Uploads the instances: bodies in their order, then the solids; returns how many solids of each shape.
-    fn write_instances(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<[u32; 3], RenderError> {
+    fn write_instances(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<[u32; 4], RenderError> {
         let list = &mut self.instance_list;
         list.clear();
         list.extend(

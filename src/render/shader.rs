@@ -16,6 +16,9 @@ pub(super) const BODY: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/bod
 pub(super) const SOLID: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/solid.wgsl")];
 pub(super) const BACKGROUND: [&str; 2] = [VIEW, include_str!("../../shaders/background.wgsl")];
 pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl")];
+pub(super) const COMPOSITE: [&str; 1] = [include_str!("../../shaders/composite.wgsl")];
+pub(super) const QUADS: [&str; 2] = [VIEW, include_str!("../../shaders/quads.wgsl")];
+pub(super) const LINES: [&str; 2] = [VIEW, include_str!("../../shaders/lines.wgsl")];
 
 const CHUNK: &str = include_str!("../../shaders/common/chunk.wgsl");
 const SUM: &str = include_str!("../../shaders/deform.wgsl");
@@ -55,9 +58,14 @@ mod tests {
     fn every_shader_is_valid() {
         use naga::ShaderStage::{Compute, Fragment, Vertex};
         use naga::valid::Capabilities;
-        for (name, parts) in
-            [("body", &BODY[..]), ("solid", &SOLID), ("background", &BACKGROUND), ("grid", &GRID)]
-        {
+        for (name, parts) in [
+            ("body", &BODY[..]),
+            ("solid", &SOLID),
+            ("background", &BACKGROUND),
+            ("grid", &GRID),
+            ("quads", &QUADS),
+            ("lines", &LINES),
+        ] {
             let expected = [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())];
             let one = drawing(parts, false);
             assert_eq!(stages(name, &one, Capabilities::empty()), expected, "{name}.wgsl");
@@ -65,6 +73,8 @@ mod tests {
             assert_eq!(stages(name, &both, Capabilities::MULTIVIEW), expected, "{name}.wgsl");
             assert!(both != one, "{name}.wgsl has no line{EYE}");
         }
+        let composite = stages("composite", &COMPOSITE.concat(), Capabilities::empty());
+        assert_eq!(composite, [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())]);
         for (name, parts) in [
             ("deform of f32", &DEFORM_F32[..]),
             ("deform of f16", &DEFORM_F16),

@@ -11,6 +11,8 @@ pub(super) struct ViewUniform {
     direction_from_ndc: [[f32; 4]; 3],
     eye_in_room: [f32; 3],
     front_sign: f32,
+    size_px: [f32; 2],
+    end: [f32; 2],
 }
 
 impl ViewUniform {
@@ -20,10 +22,13 @@ impl ViewUniform {
         direction_from_ndc: [[0.0; 4]; 3],
         eye_in_room: [0.0; 3],
         front_sign: 0.0,
+        // So large that the width of a line does not bring it back.
+        size_px: [1e6; 2],
+        end: [0.0; 2],
     };
 
     /// None when the view shows nothing: a singular or not finite matrix, as of an eye in the plane of its screen.
-    pub(super) fn new(view: &View) -> Option<Self> {
+    pub(super) fn new(view: &View, size_px: [u32; 2]) -> Option<Self> {
         let m = &view.clip_from_room;
         if !m.iter().chain(view.eye_in_room.iter()).all(|x| x.is_finite()) {
             return None;
@@ -39,6 +44,8 @@ impl ViewUniform {
             direction_from_ndc: [column(0), column(1), column(2)],
             eye_in_room: view.eye_in_room.into(),
             front_sign,
+            size_px: size_px.map(|side| side as f32),
+            end: [0.0; 2],
         })
     }
 }
@@ -127,7 +134,15 @@ mod tests {
 
     #[test]
     fn uniforms_lie_as_the_shaders_read_them() {
-        assert_layout!(ViewUniform, "View", clip_from_room, direction_from_ndc, eye_in_room, front_sign);
+        assert_layout!(
+            ViewUniform,
+            "View",
+            clip_from_room,
+            direction_from_ndc,
+            eye_in_room,
+            front_sign,
+            size_px
+        );
         assert_layout!(
             FrameUniform,
             "Frame",
@@ -153,7 +168,7 @@ mod tests {
     fn a_singular_or_infinite_view_is_absent() {
         let eye_in_room = nalgebra::Point3::origin();
         for clip_from_room in [nalgebra::Matrix4::zeros(), nalgebra::Matrix4::from_element(f32::NAN)] {
-            assert!(ViewUniform::new(&View { clip_from_room, eye_in_room }).is_none());
+            assert!(ViewUniform::new(&View { clip_from_room, eye_in_room }, [8, 8]).is_none());
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Why a stage is refused: each fault carries its numbers and says what to do about it.
 
 use super::BUILT_IN;
+use super::tracking::TrackingFault;
 use crate::config::{self, ConfigError};
 use nalgebra::Point3;
 use std::path::PathBuf;
@@ -78,6 +79,8 @@ pub enum Fault {
         distance_m * 1000.0
     )]
     EdgeOn { screen: String, distance_m: f64 },
+    #[error(transparent)]
+    Tracking(#[from] TrackingFault),
 }
 
 /// wgpu's textures go no further on common devices.

@@ -3,8 +3,10 @@
 //! skewed corners, other units, swapped eyes.
 
 use super::fault::{Fault, IPD_M, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
+use super::tracking::{self, SensorFile, StylusFile, TrackerFile};
 use super::{Grid, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Stage, Stereo, Viewer, Workspace};
 use crate::config;
+use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,6 +24,12 @@ struct StageFile {
     grid: Option<Spanned<GridFile>>,
     #[serde(default, rename = "screen")]
     screens: Vec<Spanned<ScreenFile>>,
+    #[serde(default)]
+    tracker: IndexMap<String, Spanned<TrackerFile>>,
+    #[serde(default)]
+    sensor: IndexMap<String, Spanned<SensorFile>>,
+    #[serde(default)]
+    stylus: IndexMap<String, Spanned<StylusFile>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -32,6 +40,7 @@ struct ViewerFile {
     direction: Option<[f64; 3]>,
     #[serde(default = "usual_ipd")]
     ipd: f64,
+    head: Option<Spanned<String>>,
 }
 
 fn usual_ipd() -> f64 {
@@ -98,8 +107,11 @@ pub fn parse(text: &str, path: &Path) -> Result<Stage, StageError> {
         }
         screens.push(screen);
     }
+    let head = file.viewer.get_ref().head.as_ref();
+    let tracking = tracking::check(file.tracker, file.sensor, file.stylus, head)
+        .map_err(|(offset, fault)| invalid(offset, fault.into()))?;
     let StageFile { name, description, stereo, .. } = file;
-    Ok(Stage { name, description, stereo, viewer, workspace, grid, screens })
+    Ok(Stage { name, description, stereo, viewer, workspace, grid, screens, tracking })
 }
 
 fn check_name(what: &'static str, name: &str) -> Result<(), Fault> {

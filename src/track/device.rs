@@ -3,7 +3,8 @@
 //! In: packets of a tracker, each source in a file of its own. Out: a [`DeviceState`] of which the newest is handed
 //! over without a lock; calibration, filter and prediction come after it.
 
-use nalgebra::Isometry3;
+use super::flow::Flow;
+use nalgebra::{Isometry3, UnitQuaternion};
 use std::collections::BTreeMap;
 
 /// A source keeps no more than so many sensors, buttons and valuators, whatever a packet says.
@@ -31,6 +32,7 @@ pub struct Reading<T> {
     pub quality: f32,
     /// How many readings of this channel came so far.
     pub count: u64,
+    pub flow: Flow,
 }
 
 /// What came over the wire since the start.
@@ -42,6 +44,8 @@ pub struct Counters {
     pub malformed: u64,
     /// Well-formed, but dropped: too many at once, too many channels, or of no use here.
     pub dropped: u64,
+    /// How often a flood was made to wait; what came meanwhile the system dropped.
+    pub throttled: u64,
     pub reconnects: u64,
 }
 
@@ -75,47 +79,81 @@ pub fn now_s() -> f64 {
     START.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
+/// When a reading came, and when the device says that it measured it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stamp {
+    pub arrived_s: f64,
+    pub measured_s: Option<f64>,
+}
+
+impl Stamp {
+    pub fn now(measured_s: Option<f64>) -> Stamp {
+        Stamp { arrived_s: now_s(), measured_s }
+    }
+}
+
 impl DeviceState {
-    /// Takes the pose of a sensor; one that is not finite, or a new channel beyond [`MOST_CHANNELS`], is counted as
-    /// dropped. A reading with quality 0 keeps the last pose.
+    /// Takes the pose of a sensor, its quaternion normalised; one that is not finite or has no rotation, or a new
+    /// channel beyond [`MOST_CHANNELS`], is counted as dropped. A reading with quality 0 keeps the last pose.
     pub fn take_pose(&mut self, sensor: i32, pose: Isometry3<f64>, measured_s: Option<f64>, quality: f32) {
+        self.take_pose_at(Stamp::now(measured_s), sensor, pose, quality);
+    }
+
+    /// The same with the time of its arrival, as a recording has it.
+    pub fn take_pose_at(&mut self, stamp: Stamp, sensor: i32, pose: Isometry3<f64>, quality: f32) {
         let is_finite =
             pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite());
-        if !is_finite {
-            self.counters.dropped += 1;
-            return;
-        }
+        let rotation = UnitQuaternion::try_new(pose.rotation.into_inner(), 1e-6);
         let last = self.sensors.get(&sensor).map(|reading| reading.value);
-        let value = if quality > 0.0 { pose } else { last.unwrap_or(pose) };
-        let kept = take(&mut self.sensors, sensor, value, measured_s, quality);
-        self.counters.dropped += u64::from(!kept);
+        let value = match (rotation, last) {
+            (Some(rotation), _) if is_finite && quality > 0.0 => {
+                Isometry3::from_parts(pose.translation, rotation)
+            }
+            (_, last) if quality <= 0.0 => last.unwrap_or_else(Isometry3::identity),
+            _ => {
+                self.counters.dropped += 1;
+                return;
+            }
+        };
+        match take(&mut self.sensors, sensor, value, stamp, quality) {
+            Some(reading) => reading.flow.stood((quality > 0.0).then_some(value.translation.vector)),
+            None => self.counters.dropped += 1,
+        }
     }
 
     pub fn take_button(&mut self, button: i32, pressed: bool, measured_s: Option<f64>) {
-        let kept = take(&mut self.buttons, button, pressed, measured_s, 1.0);
+        let kept = take(&mut self.buttons, button, pressed, Stamp::now(measured_s), 1.0).is_some();
         self.counters.dropped += u64::from(!kept);
     }
 
     pub fn take_valuator(&mut self, valuator: i32, value: f64, measured_s: Option<f64>) {
-        let kept = value.is_finite() && take(&mut self.valuators, valuator, value, measured_s, 1.0);
+        let stamp = Stamp::now(measured_s);
+        let kept = value.is_finite() && take(&mut self.valuators, valuator, value, stamp, 1.0).is_some();
         self.counters.dropped += u64::from(!kept);
     }
 }
 
-/// False if there is no room for a new channel.
+/// `None` if there is no room for a new channel.
 fn take<T>(
     readings: &mut BTreeMap<i32, Reading<T>>,
     channel: i32,
     value: T,
-    measured_s: Option<f64>,
+    stamp: Stamp,
     quality: f32,
-) -> bool {
+) -> Option<&mut Reading<T>> {
+    let Stamp { arrived_s, measured_s } = stamp;
     if readings.len() >= MOST_CHANNELS && !readings.contains_key(&channel) {
-        return false;
+        return None;
     }
-    let count = readings.get(&channel).map_or(0, |reading| reading.count) + 1;
-    readings.insert(channel, Reading { value, arrived_s: now_s(), measured_s, quality, count });
-    true
+    let (count, mut flow) = match readings.get(&channel) {
+        Some(last) => (last.count, last.flow),
+        None => (0, Flow::default()),
+    };
+    if let Some(last) = readings.get(&channel) {
+        flow.arrived((arrived_s - last.arrived_s).max(0.0));
+    }
+    readings.insert(channel, Reading { value, arrived_s, measured_s, quality, count: count + 1, flow });
+    readings.get_mut(&channel)
 }
 
 #[cfg(test)]
@@ -144,5 +182,18 @@ mod tests {
         let reading = state.sensors[&4];
         assert_eq!((reading.value, reading.quality, reading.count), (pose, 0.0, 2));
         assert_eq!(state.counters.dropped, 1);
+    }
+
+    #[test]
+    fn quaternions_are_normalised_and_those_without_a_rotation_dropped() {
+        let of = |w: f64| {
+            let rotation = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(w, 0.0, 0.0, 0.0));
+            Isometry3::from_parts(nalgebra::Translation3::identity(), rotation)
+        };
+        let mut state = DeviceState::default();
+        state.take_pose(1, of(0.5), None, 1.0);
+        assert_eq!(state.sensors[&1].value, Isometry3::identity());
+        state.take_pose(1, of(0.0), None, 1.0);
+        assert_eq!((state.sensors[&1].count, state.counters.dropped), (1, 1));
     }
 }

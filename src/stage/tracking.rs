@@ -1,0 +1,203 @@
+//! What a stage file says of trackers: sources, sensors with their calibration, and which of them are head and styli.
+//!
+//! In: the tables `[tracker.NAME]`, `[sensor.NAME]`, `[stylus.NAME]` and the key `viewer.head`. Out: a checked
+//! [`Tracking`]. Data only: nothing is opened and nothing listens here.
+
+mod address;
+mod fault;
+mod file;
+
+pub use fault::TrackingFault;
+pub(super) use file::{SensorFile, StylusFile, TrackerFile, check};
+
+use indexmap::IndexMap;
+use nalgebra::{Isometry3, Point3, Similarity3, Translation3, UnitQuaternion};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// All that is tracked on a stage, in the order of the file; empty where nothing is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tracking {
+    pub trackers: IndexMap<String, Tracker>,
+    /// Each names one of `trackers`; no two have the same tracker and id.
+    pub sensors: IndexMap<String, Sensor>,
+    /// Each names one of `sensors`.
+    pub styli: IndexMap<String, Stylus>,
+    /// The sensor on the viewer's head.
+    pub head: Option<String>,
+}
+
+/// A source of poses, buttons and valuators, and how its frame lies in the room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tracker {
+    pub kind: TrackerKind,
+    pub frame: TrackerFrame,
+}
+
+/// What is spoken, and where.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TrackerKind {
+    Vrpn {
+        device: String,
+        host: String,
+        port: u16,
+        /// Poses may come by UDP; false, as `tcp://` in the address asks: all by the one TCP connection.
+        udp: bool,
+        transport: Transport,
+    },
+    Dtrack {
+        listen: SocketAddr,
+    },
+    Osc {
+        listen: SocketAddr,
+        euler: EulerOrder,
+    },
+    Fastrak {
+        device: PathBuf,
+        baud: u32,
+    },
+    Gamepad {
+        device: PathBuf,
+    },
+}
+
+/// How a VRPN client reaches its server.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Transport {
+    /// By TCP, directly.
+    #[default]
+    Tcp,
+    /// A UDP datagram asks the server to connect back.
+    Lob,
+}
+
+/// The order of three turns about the tracker's axes: `yxz` is R = Ry Rx Rz. The message has the angle about x first, then
+/// y, then z, whatever the order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EulerOrder {
+    Xyz,
+    Xzy,
+    #[default]
+    Yxz,
+    Yzx,
+    Zxy,
+    Zyx,
+}
+
+/// From what a tracker says to metres in the room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackerFrame {
+    /// The axis to be reversed first, where the tracker's system is left-handed.
+    pub mirror: Option<Axis>,
+    /// Its scaling turns the tracker's unit into metres.
+    pub room_from_tracker: Similarity3<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+/// One tracked thing: which it is, how its sensor is mounted, and what is done with its poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    pub tracker: String,
+    pub id: i32,
+    /// The body is a head (origin midway between the eyes, -z to where it looks) or a stylus (ray along -z).
+    pub sensor_from_body: Isometry3<f64>,
+    pub filter: Option<OneEuro>,
+    /// How far ahead of now the pose is wanted, s; 0: it is taken as it came.
+    pub predict_s: f64,
+    pub lost: LostPolicy,
+}
+
+/// The One Euro filter's parameters (G. Casiez, N. Roussel, D. Vogel, CHI 2012).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OneEuro {
+    /// Cutoff at rest, Hz: lower is smoother.
+    pub min_cutoff: f64,
+    /// Cutoff gained per speed, Hz per m/s for places and per rad/s for orientations: higher lags less.
+    pub beta: f64,
+    /// Cutoff of the speed itself, Hz.
+    pub speed_cutoff: f64,
+}
+
+/// What becomes of a thing that is not seen any more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LostPolicy {
+    /// From this age on the last pose counts as held, s.
+    pub after_s: f64,
+    /// From this age on it is given up and said, s: a stylus lets go.
+    pub warn_s: f64,
+}
+
+/// A pointing device: a sensor and its buttons.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stylus {
+    pub sensor: String,
+    pub grab: Option<ButtonId>,
+    pub second: Option<ButtonId>,
+}
+
+/// A button of a tracker, which need not be the one that sees the stylus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ButtonId {
+    pub tracker: String,
+    pub button: i32,
+}
+
+impl Default for LostPolicy {
+    fn default() -> LostPolicy {
+        LostPolicy { after_s: 0.25, warn_s: 2.0 }
+    }
+}
+
+impl Default for TrackerFrame {
+    fn default() -> TrackerFrame {
+        TrackerFrame { mirror: None, room_from_tracker: Similarity3::identity() }
+    }
+}
+
+impl TrackerFrame {
+    /// room_from_sensor of a reading p, q: with the mirror D and room_from_tracker (s, R, t) the place is
+    /// t + s R D p and the orientation R D q D.
+    pub fn room_from_sensor(&self, tracker_from_sensor: &Isometry3<f64>) -> Isometry3<f64> {
+        let mut place = Point3::from(tracker_from_sensor.translation.vector);
+        let mut q = *tracker_from_sensor.rotation.quaternion();
+        if let Some(axis) = self.mirror {
+            let axis = axis as usize;
+            place[axis] = -place[axis];
+            // A reflection keeps the part of the rotation's axis along it and reverses the other two.
+            for other in (0..3).filter(|other| *other != axis) {
+                q.coords[other] = -q.coords[other];
+            }
+        }
+        let place = self.room_from_tracker * place;
+        let rotation = self.room_from_tracker.isometry.rotation * UnitQuaternion::new_unchecked(q);
+        Isometry3::from_parts(Translation3::from(place.coords), rotation)
+    }
+}
+
+impl std::fmt::Display for TrackerKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            TrackerKind::Vrpn { device, host, port, udp, transport } => {
+                let tcp = if *udp { "" } else { "tcp://" };
+                let lob = if *transport == Transport::Lob { " (lob)" } else { "" };
+                write!(f, "vrpn {device}@{tcp}{host}:{port}{lob}")
+            }
+            TrackerKind::Dtrack { listen } => write!(f, "dtrack on {listen}"),
+            TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),
+            TrackerKind::Fastrak { device, baud } => write!(f, "fastrak {} at {baud} baud", device.display()),
+            TrackerKind::Gamepad { device } => write!(f, "gamepad {}", device.display()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

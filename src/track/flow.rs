@@ -1,0 +1,97 @@
+//! How steadily a channel of a tracker speaks: rate, jitter of its arrivals, noise of its places.
+//!
+//! In: the time, and for a sensor the place, of every reading. Out: means over about the last 64 of them.
+
+use nalgebra::Vector3;
+
+/// Readings over which the means run.
+const MEMORY: f64 = 64.0;
+
+/// What is known of the readings of one channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Flow {
+    /// Mean time between two readings, s; 0 before the second one.
+    pub interval_s: f64,
+    /// Mean square deviation from it, s².
+    interval_variance: f64,
+    intervals: u64,
+    /// Mean of |x₀ - 2 x₁ + x₂|² / 6, the device's unit squared.
+    noise_variance: f64,
+    seconds: u64,
+    before: [Option<Vector3<f64>>; 2],
+}
+
+impl Flow {
+    /// RMS deviation of the time between two readings from its mean, s.
+    pub fn interval_jitter_s(&self) -> f64 {
+        self.interval_variance.sqrt()
+    }
+
+    /// RMS noise of the place, in the device's unit: from second differences, which a steady motion does not have, and
+    /// which white noise of variance σ² has with 6 σ². The three axes together.
+    pub fn noise(&self) -> f64 {
+        self.noise_variance.sqrt()
+    }
+
+    /// Readings per second at `age_s` after the last one: a source that has gone silent slows down to nothing.
+    pub fn rate_hz(&self, age_s: f64) -> f64 {
+        if self.interval_s > 0.0 { 1.0 / self.interval_s.max(age_s) } else { 0.0 }
+    }
+
+    pub(super) fn arrived(&mut self, after_s: f64) {
+        self.intervals += 1;
+        let part = 1.0 / (self.intervals as f64).min(MEMORY);
+        let off = after_s - self.interval_s;
+        self.interval_s += part * off;
+        if self.intervals > 1 {
+            self.interval_variance = (1.0 - part) * (self.interval_variance + part * off * off);
+        }
+    }
+
+    /// `None` where the thing was not tracked: differences do not run across a gap.
+    pub(super) fn stood(&mut self, place: Option<Vector3<f64>>) {
+        if let (Some(place), [Some(last), Some(first)]) = (place, self.before) {
+            self.seconds += 1;
+            let part = 1.0 / (self.seconds as f64).min(MEMORY);
+            let second = (place - last * 2.0 + first).norm_squared() / 6.0;
+            self.noise_variance += part * (second - self.noise_variance);
+        }
+        self.before = if place.is_some() { [place, self.before[0]] } else { [None; 2] };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Noise without a random generator: the fractional parts of a Weyl sequence, uniform in ±1/2, variance 1/12.
+    fn weyl(i: u32, step: f64) -> f64 {
+        (f64::from(i) * step).fract() - 0.5
+    }
+
+    #[test]
+    fn noise_of_a_steady_motion_is_that_of_the_device() {
+        let (mut still, mut noisy) = (Flow::default(), Flow::default());
+        for i in 0..2000 {
+            let place = Vector3::new(f64::from(i) * 0.003, 1.0, -f64::from(i) * 0.001);
+            still.stood(Some(place));
+            let noise = Vector3::from_fn(|axis, _| weyl(i * i % 7919, 0.618 + 0.1 * axis as f64));
+            noisy.stood(Some(place + noise * 1e-3));
+        }
+        assert!(still.noise() < 1e-9, "{}", still.noise());
+        let expected = 1e-3 * (3.0_f64 / 12.0).sqrt();
+        assert!((noisy.noise() / expected - 1.0).abs() < 0.3, "{} against {expected}", noisy.noise());
+    }
+
+    #[test]
+    fn rate_and_jitter_are_those_of_the_arrivals() {
+        let mut flow = Flow::default();
+        assert_eq!(flow.rate_hz(0.0), 0.0);
+        for i in 0..500 {
+            flow.arrived(if i % 2 == 0 { 0.009 } else { 0.011 });
+        }
+        assert!((flow.rate_hz(0.001) - 100.0).abs() < 1.0, "{}", flow.rate_hz(0.001));
+        assert!((flow.interval_jitter_s() - 0.001).abs() < 1e-4, "{}", flow.interval_jitter_s());
+        assert_eq!(flow.rate_hz(10.0), 0.1);
+    }
+}

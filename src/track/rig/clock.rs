@@ -1,0 +1,104 @@
+//! The device's clock against ours: when was it measured, in seconds of this program?
+//!
+//! In: arrival times (ours) and measurement times (the device's, with an unknown offset). Out: measurement times on our
+//! clock. The offset is the least arrival - measurement seen, as no packet comes before it was measured; stamps that go
+//! back, lie ahead or far behind are counted, and the arrival counts instead.
+
+/// A stamp may lie so far ahead of what the offset says before it is refused, s.
+const AHEAD_S: f64 = 0.05;
+/// And so far behind: no tracker's packet is under way longer.
+const BEHIND_S: f64 = 0.5;
+/// So many refused in a row, and the device's clock was set: the offset is found anew.
+const MOST_REFUSED: u32 = 20;
+/// The offset may grow by this part of the time that passes: clocks drift by less.
+const DRIFT: f64 = 1e-4;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeviceClock {
+    /// Stamps that were not believed.
+    pub faults: u64,
+    offset_s: Option<f64>,
+    last: Option<[f64; 2]>,
+    refused: u32,
+}
+
+impl DeviceClock {
+    /// When it was measured, s of our clock; never after its arrival.
+    pub fn time_s(&mut self, arrived_s: f64, measured_s: Option<f64>) -> f64 {
+        let Some(measured_s) = measured_s else {
+            return arrived_s;
+        };
+        let behind_s = arrived_s - measured_s;
+        if !behind_s.is_finite() {
+            self.faults += 1;
+            return arrived_s;
+        }
+        let (Some(offset_s), Some([last_arrived_s, last_measured_s])) = (self.offset_s, self.last) else {
+            self.begin(arrived_s, measured_s);
+            return arrived_s;
+        };
+        let late_s = behind_s - offset_s;
+        if measured_s <= last_measured_s || !(-AHEAD_S..=BEHIND_S).contains(&late_s) {
+            self.faults += 1;
+            self.refused += 1;
+            if self.refused >= MOST_REFUSED {
+                self.begin(arrived_s, measured_s);
+            }
+            return arrived_s;
+        }
+        self.refused = 0;
+        self.last = Some([arrived_s, measured_s]);
+        let drifted_s = offset_s + DRIFT * (arrived_s - last_arrived_s).max(0.0);
+        let offset_s = drifted_s.min(behind_s);
+        self.offset_s = Some(offset_s);
+        measured_s + offset_s
+    }
+
+    fn begin(&mut self, arrived_s: f64, measured_s: f64) {
+        (self.offset_s, self.last, self.refused) =
+            (Some(arrived_s - measured_s), Some([arrived_s, measured_s]), 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_packet_keeps_the_time_of_its_measurement() {
+        let mut clock = DeviceClock::default();
+        assert_eq!(clock.time_s(10.0, Some(5000.0)), 10.0);
+        assert!((clock.time_s(10.1, Some(5000.1)) - 10.1).abs() < 1e-4);
+        assert!((clock.time_s(10.23, Some(5000.2)) - 10.2).abs() < 1e-4, "30 ms under way");
+        assert_eq!(clock.time_s(10.3, None), 10.3);
+        assert_eq!(clock.faults, 0);
+    }
+
+    #[test]
+    fn stamps_that_go_back_or_lie_far_ahead_are_counted_and_the_arrival_counts() {
+        let mut clock = DeviceClock::default();
+        clock.time_s(10.0, Some(100.0));
+        for (arrived_s, measured_s) in
+            [(10.1, 99.0), (10.2, 100.0), (10.3, 1e6), (10.4, 1e300), (10.5, f64::NAN)]
+        {
+            assert_eq!(clock.time_s(arrived_s, Some(measured_s)), arrived_s);
+        }
+        assert_eq!(clock.faults, 5);
+        assert!((clock.time_s(10.6, Some(100.6)) - 10.6).abs() < 1e-3, "and the good ones count again");
+    }
+
+    #[test]
+    fn a_clock_that_was_set_is_followed_in_the_end() {
+        let mut clock = DeviceClock::default();
+        clock.time_s(0.0, Some(1000.0));
+        let times: Vec<f64> = (1..=30)
+            .map(|i| {
+                let arrived_s = f64::from(i) * 0.01;
+                // One in two comes 5 ms late.
+                clock.time_s(arrived_s + 0.005 * f64::from(i % 2), Some(arrived_s))
+            })
+            .collect();
+        assert_eq!(clock.faults, 20);
+        assert!((times[29] - 0.3).abs() < 1e-4 && (times[28] - 0.29).abs() < 1e-4, "{times:?}");
+    }
+}

@@ -1,0 +1,226 @@
+//! The rig: from what a stage file says of trackers to one [`TrackerState`] for any instant.
+//!
+//! In: a stage's [`Tracking`], and the running sources. Out: head and styli in the room, calibrated, filtered,
+//! predicted, with a policy for what is not seen; and per sensor, button and valuator what is known of it.
+//!
+//! ```text
+//! source → DeviceState → Follower (calibration → jumps held back → One Euro → prediction → bridge) → TrackerState
+//! ```
+
+mod clock;
+mod follower;
+mod motion;
+mod one_euro;
+mod report;
+
+pub use clock::DeviceClock;
+pub use follower::{Event, Faults, Follower};
+pub use motion::Motion;
+pub use one_euro::PoseFilter;
+pub use report::{ChannelReport, SensorReport, TrackerReport};
+
+use super::device::{DeviceState, Link, Source, now_s};
+use super::open::{OpenError, open};
+use super::{Signal, StylusState, TrackerState};
+use crate::stage::Tracking;
+use crate::stage::tracking::ButtonId;
+use nalgebra::Isometry3;
+
+/// Running trackers. Dropped, its sources stop.
+pub struct Rig {
+    trackers: Vec<Running>,
+    sensors: Vec<Followed>,
+    /// Index of the head's sensor.
+    head: Option<usize>,
+    styli: Vec<Hand>,
+    notices: Vec<String>,
+}
+
+struct Running {
+    name: String,
+    source: Box<dyn Source>,
+    link: Link,
+}
+
+struct Followed {
+    name: String,
+    tracker: usize,
+    follower: Follower,
+    pose: Option<Isometry3<f64>>,
+}
+
+struct Hand {
+    name: String,
+    sensor: usize,
+    grab: Option<(usize, i32)>,
+    second: Option<(usize, i32)>,
+    /// After a loss a button counts again once it was seen released.
+    must_release: bool,
+}
+
+/// More notices than anyone reads are not kept.
+const MOST_NOTICES: usize = 64;
+
+impl Rig {
+    /// Opens all sources that a stage names; `None`, without a thread or a socket, if it names none.
+    pub fn start(tracking: &Tracking) -> Result<Option<Rig>, OpenError> {
+        if tracking.trackers.is_empty() {
+            return Ok(None);
+        }
+        let sources = tracking
+            .trackers
+            .iter()
+            .map(|(name, tracker)| open(name, &tracker.kind))
+            .collect::<Result<Vec<_>, _>>()?;
+        Ok(Some(Rig::with_sources(tracking, sources, now_s())))
+    }
+
+    /// The same with sources that run already, one for each of `tracking.trackers`, in that order.
+    pub fn with_sources(tracking: &Tracking, sources: Vec<Box<dyn Source>>, now_s: f64) -> Rig {
+        // A checked `Tracking` names only what it has.
+        let tracker_of = |name: &str| tracking.trackers.get_index_of(name);
+        let sensor_of = |name: &str| tracking.sensors.get_index_of(name);
+        let sensors = tracking.sensors.iter().filter_map(|(name, sensor)| {
+            let frame = tracking.trackers.get(&sensor.tracker)?.frame;
+            Some(Followed {
+                name: name.clone(),
+                tracker: tracker_of(&sensor.tracker)?,
+                follower: Follower::new(sensor.clone(), frame, now_s),
+                pose: None,
+            })
+        });
+        let button = |id: &Option<ButtonId>| {
+            id.as_ref().and_then(|id| tracker_of(&id.tracker).map(|tracker| (tracker, id.button)))
+        };
+        let styli = tracking.styli.iter().filter_map(|(name, stylus)| {
+            Some(Hand {
+                name: name.clone(),
+                sensor: sensor_of(&stylus.sensor)?,
+                grab: button(&stylus.grab),
+                second: button(&stylus.second),
+                must_release: true,
+            })
+        });
+        Rig {
+            trackers: tracking
+                .trackers
+                .keys()
+                .zip(sources)
+                .map(|(name, source)| Running { name: name.clone(), source, link: Link::Waiting })
+                .collect(),
+            sensors: sensors.collect(),
+            head: tracking.head.as_deref().and_then(sensor_of),
+            styli: styli.collect(),
+            notices: Vec::new(),
+        }
+    }
+
+    /// Head and styli at `now_s` (the clock of [`now_s`]), predicted as each sensor's `predict` says.
+    ///
+    /// The head is `None` until its sensor was seen: the stage's static viewer holds. A stylus that is lost has its last
+    /// pose, [`Signal::Lost`], and no button pressed; after it is back, a button counts once it was seen released.
+    pub fn state(&mut self, now_s: f64) -> TrackerState {
+        self.update(now_s);
+        let head = self.head.and_then(|head| self.sensors[head].pose).map(|pose| pose.cast());
+        let mut styli = Vec::with_capacity(self.styli.len());
+        for hand in &mut self.styli {
+            let followed = &self.sensors[hand.sensor];
+            let signal = followed.follower.signal;
+            let trackers = &mut self.trackers;
+            let [grab, second] =
+                [hand.grab, hand.second].map(|button| button.is_some_and(|id| is_pressed(trackers, id)));
+            hand.must_release |= matches!(signal, Signal::Lost { .. });
+            if hand.must_release {
+                hand.must_release = grab || second || matches!(signal, Signal::Lost { .. });
+            }
+            styli.push(StylusState {
+                room_from_stylus: followed.pose.unwrap_or_else(Isometry3::identity).cast(),
+                pressed: grab && !hand.must_release,
+                second: second && !hand.must_release,
+                signal,
+                from_eye: false,
+            });
+        }
+        TrackerState { head, styli, time_s: now_s }
+    }
+
+    /// Whether any stylus is seen, now or until a moment ago.
+    pub fn is_pointing(&self) -> bool {
+        let is_seen = |hand: &Hand| !matches!(self.sensors[hand.sensor].follower.signal, Signal::Lost { .. });
+        self.styli.iter().any(is_seen)
+    }
+
+    /// What is to be said since the last call, each event once: losses, returns, links that broke or came back.
+    pub fn take_notices(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notices)
+    }
+
+    /// Name and raw state of every tracker, as they are now: for who wants to pass them on.
+    pub fn devices(&mut self) -> impl Iterator<Item = (&str, &DeviceState)> {
+        self.trackers.iter_mut().map(|running| (running.name.as_str(), running.source.latest()))
+    }
+
+    /// Names of the styli, in the order of [`TrackerState::styli`].
+    pub fn stylus_names(&self) -> impl Iterator<Item = &str> {
+        self.styli.iter().map(|hand| hand.name.as_str())
+    }
+
+    /// Takes what the sources have said.
+    fn update(&mut self, now_s: f64) {
+        for (index, running) in self.trackers.iter_mut().enumerate() {
+            let state = running.source.latest();
+            for followed in self.sensors.iter_mut().filter(|followed| followed.tracker == index) {
+                if let Some(reading) = state.sensors.get(&followed.follower.sensor.id) {
+                    followed.follower.take(reading);
+                }
+            }
+            if state.link != running.link {
+                let what = match &state.link {
+                    Link::Down(why) => Some(format!("gone: {why}; it is tried again")),
+                    Link::Up if matches!(running.link, Link::Down(_)) => Some("back".to_owned()),
+                    _ => None,
+                };
+                running.link.clone_from(&state.link);
+                if let Some(what) = what {
+                    let source = running.source.describe();
+                    push(&mut self.notices, format!("tracker {} ({source}) is {what}", running.name));
+                }
+            }
+        }
+        for followed in &mut self.sensors {
+            let (pose, event) = followed.follower.pose(now_s);
+            followed.pose = pose;
+            let Some(event) = event else { continue };
+            let Followed { name, follower, .. } = followed;
+            let who = format!("sensor {name} (number {} of {})", follower.sensor.id, follower.sensor.tracker);
+            push(
+                &mut self.notices,
+                match event {
+                    Event::Lost { age_s } if pose.is_none() => {
+                        format!("{who} was not heard of in {age_s:.1} s")
+                    }
+                    Event::Lost { age_s } => {
+                        format!("{who} was not seen for {age_s:.1} s: its last pose is held")
+                    }
+                    Event::Back { gap_s } => format!("{who} is back after {gap_s:.1} s"),
+                },
+            );
+        }
+    }
+}
+
+fn push(notices: &mut Vec<String>, notice: String) {
+    if notices.len() < MOST_NOTICES {
+        notices.push(notice);
+    }
+}
+
+/// A button of a tracker that is gone counts as released.
+fn is_pressed(trackers: &mut [Running], (tracker, button): (usize, i32)) -> bool {
+    let state = trackers[tracker].source.latest();
+    let is_down = matches!(state.link, Link::Down(_));
+    !is_down && state.buttons.get(&button).is_some_and(|reading| reading.value)
+}
+
+#[cfg(test)]
+mod tests;

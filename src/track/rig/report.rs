@@ -1,0 +1,123 @@
+//! What is known of every sensor, button and valuator: for `greenstage track` and for the overlay.
+
+use super::{Faults, Rig};
+use crate::track::Signal;
+use crate::track::device::{Counters, Link, Reading};
+use nalgebra::Isometry3;
+
+/// One tracker, and all that it has spoken of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackerReport {
+    pub name: String,
+    /// `vrpn Tracker0@host:3883`.
+    pub source: String,
+    pub link: Link,
+    pub counters: Counters,
+    /// Those that the stage names first, then those that only the tracker knows.
+    pub sensors: Vec<SensorReport>,
+    pub buttons: Vec<ChannelReport<bool>>,
+    pub valuators: Vec<ChannelReport<f64>>,
+}
+
+/// One sensor. What was never heard of has no raw pose and count 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorReport {
+    /// The stage's name for it; `None` if the stage has none.
+    pub name: Option<String>,
+    pub id: i32,
+    /// As the tracker said it.
+    pub raw: Option<Isometry3<f64>>,
+    /// In the room: of the body, filtered and predicted, where the stage names it; else of the sensor.
+    pub in_room: Option<Isometry3<f64>>,
+    pub signal: Signal,
+    pub quality: f32,
+    pub count: u64,
+    pub rate_hz: f64,
+    /// Since the last reading arrived, s.
+    pub age_s: f64,
+    /// RMS noise of the place, tracker's units; a steady motion has none.
+    pub noise: f64,
+    /// RMS deviation of the time between readings, s.
+    pub interval_jitter_s: f64,
+    pub faults: Faults,
+}
+
+/// A button or a valuator.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelReport<T> {
+    pub id: i32,
+    pub value: T,
+    pub age_s: f64,
+    pub count: u64,
+}
+
+impl Rig {
+    /// Everything as it is at `now_s`; takes what the sources have said until then.
+    pub fn report(&mut self, now_s: f64) -> Vec<TrackerReport> {
+        self.update(now_s);
+        let mut reports = Vec::with_capacity(self.trackers.len());
+        for (index, running) in self.trackers.iter_mut().enumerate() {
+            let source = running.source.describe();
+            let state = running.source.latest();
+            let named: Vec<_> = self.sensors.iter().filter(|followed| followed.tracker == index).collect();
+            let mut sensors: Vec<SensorReport> = named
+                .iter()
+                .map(|followed| {
+                    let follower = &followed.follower;
+                    let reading = state.sensors.get(&follower.sensor.id);
+                    SensorReport {
+                        name: Some(followed.name.clone()),
+                        in_room: followed.pose,
+                        signal: follower.signal,
+                        faults: follower.faults,
+                        ..sensor(follower.sensor.id, reading, now_s)
+                    }
+                })
+                .collect();
+            let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
+            let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
+            let frame = named.first().map(|followed| followed.follower.frame);
+            sensors.extend(unnamed.map(|(id, reading)| SensorReport {
+                in_room: frame.map(|frame| frame.room_from_sensor(&reading.value)),
+                ..sensor(*id, Some(reading), now_s)
+            }));
+            reports.push(TrackerReport {
+                name: running.name.clone(),
+                source,
+                link: state.link.clone(),
+                counters: state.counters,
+                sensors,
+                buttons: state.buttons.iter().map(|(id, reading)| channel(*id, reading, now_s)).collect(),
+                valuators: state.valuators.iter().map(|(id, reading)| channel(*id, reading, now_s)).collect(),
+            });
+        }
+        reports
+    }
+}
+
+fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) -> SensorReport {
+    let age_s = reading.map_or(0.0, |reading| (now_s - reading.arrived_s).max(0.0));
+    SensorReport {
+        name: None,
+        id,
+        raw: reading.map(|reading| reading.value),
+        in_room: None,
+        signal: if reading.is_some() { Signal::Live } else { Signal::Lost { age_s } },
+        quality: reading.map_or(0.0, |reading| reading.quality),
+        count: reading.map_or(0, |reading| reading.count),
+        rate_hz: reading.map_or(0.0, |reading| reading.flow.rate_hz(age_s)),
+        age_s,
+        noise: reading.map_or(0.0, |reading| reading.flow.noise()),
+        interval_jitter_s: reading.map_or(0.0, |reading| reading.flow.interval_jitter_s()),
+        faults: Faults::default(),
+    }
+}
+
+fn channel<T: Copy>(id: i32, reading: &Reading<T>, now_s: f64) -> ChannelReport<T> {
+    ChannelReport {
+        id,
+        value: reading.value,
+        age_s: (now_s - reading.arrived_s).max(0.0),
+        count: reading.count,
+    }
+}

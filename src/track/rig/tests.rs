@@ -1,0 +1,125 @@
+//! Head, styli and their buttons, from sources that say what a test makes them say.
+
+use super::*;
+use crate::stage::Stage;
+use crate::track::device::Stamp;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+const KEYS: &str = r#"
+[tracker.a]
+osc = "0"
+room_from_tracker = { position = [1.0, 0.0, 0.0] }
+[tracker.pad]
+gamepad = "/dev/input/js0"
+[sensor.head]
+tracker = "a"
+id = 0
+[sensor.wand]
+tracker = "a"
+id = 1
+sensor_from_body = { position = [0.0, 0.0, -0.1] }
+[stylus.right]
+sensor = "wand"
+grab = { tracker = "pad", button = 3 }
+"#;
+
+fn tracking() -> Tracking {
+    let text = crate::stage::BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"");
+    Stage::parse(&format!("{text}{KEYS}"), Path::new("a.toml")).unwrap().tracking
+}
+
+#[derive(Clone, Default)]
+struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
+
+impl Source for Puppet {
+    fn describe(&self) -> String {
+        "puppet".into()
+    }
+    fn latest(&mut self) -> &DeviceState {
+        self.1.clone_from(&self.0.lock().unwrap());
+        &self.1
+    }
+}
+
+impl Puppet {
+    fn pose(&self, id: i32, arrived_s: f64, x: f64) {
+        let stamp = Stamp { arrived_s, measured_s: None };
+        self.0.lock().unwrap().take_pose_at(stamp, id, Isometry3::translation(x, 1.5, 0.0), 1.0);
+    }
+    fn button(&self, pressed: bool) {
+        self.0.lock().unwrap().take_button(3, pressed, None);
+    }
+    fn link(&self, link: Link) {
+        self.0.lock().unwrap().link = link;
+    }
+}
+
+fn rig() -> (Rig, Puppet, Puppet) {
+    let (a, pad) = (Puppet::default(), Puppet::default());
+    let rig = Rig::with_sources(&tracking(), vec![Box::new(a.clone()), Box::new(pad.clone())], 0.0);
+    (rig, a, pad)
+}
+
+#[test]
+fn head_and_stylus_are_where_the_calibration_says() {
+    let (mut rig, a, pad) = rig();
+    let before = rig.state(0.0);
+    assert_eq!(before.head, None, "not seen yet: the static viewer");
+    assert!(matches!(before.styli[0].signal, Signal::Lost { .. }));
+    a.pose(0, 0.1, 0.5);
+    a.pose(1, 0.1, 0.25);
+    pad.button(false);
+    let state = rig.state(0.1);
+    assert_eq!(state.head.unwrap().translation.vector, nalgebra::Vector3::new(1.5, 1.5, 0.0));
+    let stylus = state.styli[0];
+    assert_eq!(stylus.room_from_stylus.translation.vector, nalgebra::Vector3::new(1.25, 1.5, -0.1));
+    assert_eq!((stylus.pressed, stylus.signal), (false, Signal::Live));
+    pad.button(true);
+    assert!(rig.state(0.11).styli[0].pressed);
+    let report = rig.report(0.12);
+    assert_eq!(report[0].sensors.len(), 2);
+    assert_eq!(report[0].sensors[1].name.as_deref(), Some("wand"));
+    assert!(report[1].buttons[0].value);
+}
+
+#[test]
+fn a_lost_stylus_lets_go_and_takes_hold_again_only_at_a_new_press() {
+    let (mut rig, a, pad) = rig();
+    a.pose(1, 0.0, 0.0);
+    pad.button(false);
+    rig.state(0.0);
+    pad.button(true);
+    assert!(rig.state(0.1).styli[0].pressed);
+    let held = rig.state(1.0).styli[0];
+    assert!(held.pressed && matches!(held.signal, Signal::Held { .. }), "{held:?}");
+    let lost = rig.state(2.5).styli[0];
+    assert!(!lost.pressed && matches!(lost.signal, Signal::Lost { .. }), "{lost:?}");
+    a.pose(1, 3.0, 0.0);
+    assert!(!rig.state(3.0).styli[0].pressed, "the button was not let go of meanwhile");
+    pad.button(false);
+    rig.state(3.1);
+    pad.button(true);
+    a.pose(1, 3.15, 0.0);
+    assert!(rig.state(3.2).styli[0].pressed);
+    let notices = rig.take_notices();
+    let of_wand: Vec<_> = notices.iter().filter(|notice| notice.contains("wand")).collect();
+    assert_eq!(of_wand.len(), 2, "{notices:?}");
+    assert!(rig.take_notices().is_empty());
+}
+
+#[test]
+fn a_button_of_a_tracker_that_is_gone_is_released() {
+    let (mut rig, a, pad) = rig();
+    a.pose(1, 0.0, 0.0);
+    pad.button(false);
+    pad.link(Link::Up);
+    rig.state(0.0);
+    pad.button(true);
+    assert!(rig.state(0.1).styli[0].pressed);
+    pad.link(Link::Down("unplugged".into()));
+    assert!(!rig.state(0.15).styli[0].pressed);
+    rig.state(0.16);
+    let notices = rig.take_notices();
+    assert_eq!(notices, ["tracker pad (puppet) is gone: unplugged; it is tried again"]);
+}

@@ -1,0 +1,412 @@
+//! One device of a VRPN server as a source: connects, listens, and connects again when the server is gone.
+//!
+//! In: the device's name, as `Tracker0@host`. Out: its newest state, without a lock. One thread reads the TCP stream;
+//! a second one, while connected, the UDP port that was offered for trackers.
+
+use super::address::{Address, Transport, encode_lob};
+use super::codec::{self, Framer, Header};
+use super::force::ForceSender;
+use super::listener::Listener;
+use super::payload::{ForceField, Kind, Payload};
+use crate::track::device::{DeviceState, Link, Source, now_s};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{Thread, park_timeout};
+use std::time::{Duration, Instant};
+
+/// When what happens, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// How long a server has to take the connection, and then to send its cookie.
+    pub connect_s: f64,
+    pub ping_s: f64,
+    /// So much silence is a warning, and so much the end of the connection.
+    pub quiet_s: f64,
+    pub down_s: f64,
+    /// Between two lobs.
+    pub lob_s: f64,
+    /// Before the first new attempt; doubled for every further one, up to the longest.
+    pub first_retry_s: f64,
+    pub longest_retry_s: f64,
+}
+
+impl Default for Timing {
+    fn default() -> Timing {
+        Timing {
+            connect_s: 3.0,
+            ping_s: 1.0,
+            quiet_s: 3.0,
+            down_s: 10.0,
+            lob_s: 2.0,
+            first_retry_s: 0.5,
+            longest_retry_s: 8.0,
+        }
+    }
+}
+
+/// A device of a VRPN server.
+pub struct Client {
+    address: Address,
+    output: triple_buffer::Output<DeviceState>,
+    control: Arc<Control>,
+    thread: Thread,
+}
+
+/// What the client and its threads share.
+pub(super) struct Control {
+    pub stop: AtomicBool,
+    /// The connection, for whoever writes.
+    stream: Mutex<Option<TcpStream>>,
+    ear: Mutex<Ear>,
+}
+
+struct Ear {
+    listener: Listener,
+    input: triple_buffer::Input<DeviceState>,
+}
+
+/// Most bytes taken from the stream, and most datagrams, before a pause: what floods does not get a processor.
+const MOST_BYTES: usize = 16 << 10;
+const MOST_DATAGRAMS: u32 = 16;
+const PAUSE: Duration = Duration::from_millis(1);
+/// How often a thread that hears nothing looks whether it is to end.
+const WAKE: Duration = Duration::from_millis(50);
+
+/// The types that this side sends; their numbers are their places.
+const SPOKEN: [Kind; 3] = [Kind::Ping, Kind::Pong, Kind::ForceField];
+
+impl Client {
+    /// Begins to listen, whether or not the server is there.
+    pub fn open(address: Address, transport: Transport) -> Client {
+        Client::with_timing(address, transport, Timing::default())
+    }
+
+    pub fn with_timing(address: Address, transport: Transport, timing: Timing) -> Client {
+        let (input, output) = triple_buffer::triple_buffer(&DeviceState::default());
+        let ear = Mutex::new(Ear { listener: Listener::new(&address.device), input });
+        let control = Arc::new(Control { stop: AtomicBool::new(false), stream: Mutex::new(None), ear });
+        let connection = Connection { address: address.clone(), transport, timing, control: control.clone() };
+        let thread = std::thread::spawn(move || connection.run()).thread().clone();
+        Client { address, output, control, thread }
+    }
+
+    /// A way to have the device push: a thread of its own, which ends with the sender.
+    pub fn force_sender(&self) -> ForceSender {
+        ForceSender::new(self.control.clone())
+    }
+
+    /// What the device last said that it pushes with, N, in its own frame.
+    pub fn force(&self) -> Option<[f64; 3]> {
+        lock(&self.control.ear).listener.force
+    }
+}
+
+impl Source for Client {
+    fn describe(&self) -> String {
+        format!("vrpn {}", self.address)
+    }
+
+    fn latest(&mut self) -> &DeviceState {
+        self.output.read()
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        self.control.stop.store(true, Relaxed);
+        self.control.hang_up();
+        self.thread.unpark();
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Control {
+    /// Sends a force field to the device; false where there is no connection.
+    pub(super) fn push(&self, field: &ForceField) -> bool {
+        self.send(&message(&Payload::ForceField(*field)))
+    }
+
+    fn send(&self, bytes: &[u8]) -> bool {
+        let mut stream = lock(&self.stream);
+        let sent = stream.as_mut().is_some_and(|stream| stream.write_all(bytes).is_ok());
+        drop(stream);
+        if !sent {
+            // What was cut in the middle of a message cannot go on.
+            self.hang_up();
+        }
+        sent
+    }
+
+    /// Ends the connection, if there is one; its reader wakes up.
+    fn hang_up(&self) {
+        if let Some(stream) = lock(&self.stream).take() {
+            let _ = stream.shutdown(Shutdown::Both);
+        }
+    }
+}
+
+impl Ear {
+    fn publish(&mut self) {
+        self.input.write(self.listener.state.clone());
+    }
+
+    /// Publishes how the connection is, if that changed.
+    fn set_link(&mut self, link: Link) {
+        if self.listener.state.link != link {
+            self.listener.state.link = link;
+            self.publish();
+        }
+    }
+}
+
+/// What the reading thread works with.
+struct Connection {
+    address: Address,
+    transport: Transport,
+    timing: Timing,
+    control: Arc<Control>,
+}
+
+impl Connection {
+    fn run(self) {
+        let mut retry_s = self.timing.first_retry_s;
+        let mut was_up = false;
+        while !self.control.stop.load(Relaxed) {
+            let began_s = now_s();
+            let Err(reason) = self.connect().and_then(|stream| self.converse(stream, was_up));
+            self.control.hang_up();
+            let mut ear = lock(&self.control.ear);
+            if ear.listener.is_known() && ear.listener.heard_s > began_s {
+                (retry_s, was_up) = (self.timing.first_retry_s, true);
+            }
+            tracing::warn!("vrpn {}: {reason}; again in {retry_s} s", self.address);
+            ear.listener.state.link = Link::Down(reason);
+            ear.publish();
+            drop(ear);
+            park_timeout(Duration::from_secs_f64(retry_s));
+            retry_s = (2.0 * retry_s).min(self.timing.longest_retry_s);
+        }
+    }
+
+    fn connect(&self) -> Result<TcpStream, String> {
+        let Address { host, port, .. } = &self.address;
+        let server = self.address.resolve().map_err(|error| format!("{host}: {error}"))?;
+        match self.transport {
+            Transport::Tcp => {
+                TcpStream::connect_timeout(&server, Duration::from_secs_f64(self.timing.connect_s))
+                    .map_err(|error| format!("{host}:{port}: {error}"))
+            }
+            Transport::Lob => self.lob(server).map_err(|error| format!("{host}:{port}: {error}")),
+        }
+    }
+
+    /// Asks the server by UDP to connect to this side.
+    fn lob(&self, server: SocketAddr) -> std::io::Result<TcpStream> {
+        if !server.is_ipv4() {
+            return Err(std::io::Error::other("a lob needs an IPv4 address"));
+        }
+        let udp = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+        udp.connect(server)?;
+        let listener = TcpListener::bind((udp.local_addr()?.ip(), 0))?;
+        listener.set_nonblocking(true)?;
+        let lob = encode_lob(listener.local_addr()?);
+        let (began_s, mut next_s) = (now_s(), 0.0);
+        while now_s() - began_s < self.timing.down_s && !self.control.stop.load(Relaxed) {
+            if now_s() >= next_s {
+                udp.send(&lob)?;
+                next_s = now_s() + self.timing.lob_s;
+            }
+            match listener.accept() {
+                Ok((stream, from)) if from.ip() == server.ip() => {
+                    stream.set_nonblocking(false)?;
+                    return Ok(stream);
+                }
+                Ok(_) => lock(&self.control.ear).listener.state.counters.dropped += 1,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::sleep(5 * PAUSE),
+                Err(error) => return Err(error),
+            }
+        }
+        Err(std::io::Error::other("no answer to the lob"))
+    }
+
+    /// Talks with the server until that ends; never well.
+    fn converse(&self, mut stream: TcpStream, again: bool) -> Result<std::convert::Infallible, String> {
+        let text = |error: std::io::Error| error.to_string();
+        stream.set_nodelay(true).map_err(text)?;
+        stream.set_read_timeout(Some(WAKE)).map_err(text)?;
+        stream.set_write_timeout(Some(Duration::from_secs_f64(self.timing.connect_s))).map_err(text)?;
+        stream.write_all(&codec::cookie()).map_err(text)?;
+        let mut framer = Framer::default();
+        self.cookie(&mut stream, &mut framer)?;
+
+        let server = stream.peer_addr().map_err(text)?.ip();
+        let here = stream.local_addr().map_err(text)?.ip();
+        let udp = if self.address.udp { UdpSocket::bind((here, 0)).ok() } else { None };
+        stream.write_all(&self.introduction(here, udp.as_ref())).map_err(text)?;
+        *lock(&self.control.stream) = Some(stream.try_clone().map_err(text)?);
+        let mut ear = lock(&self.control.ear);
+        ear.listener.connected();
+        ear.listener.state.counters.reconnects += u64::from(again);
+        drop(ear);
+
+        let over = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            if let Some(udp) = &udp {
+                scope.spawn(|| self.hear_datagrams(udp, server, &over));
+            }
+            let result = self.hear(&mut stream, &mut framer);
+            over.store(true, Relaxed);
+            result
+        })
+    }
+
+    fn cookie(&self, stream: &mut TcpStream, framer: &mut Framer) -> Result<(), String> {
+        let deadline_s = now_s() + self.timing.connect_s;
+        let cookie = loop {
+            if let Some(cookie) = framer.cookie() {
+                break cookie;
+            }
+            if now_s() > deadline_s || self.control.stop.load(Relaxed) {
+                return Err("the peer sends no cookie: is it a VRPN server?".to_owned());
+            }
+            read(stream, framer)?;
+        };
+        let version = codec::parse_cookie(&cookie).map_err(|fault| {
+            lock(&self.control.ear).listener.state.counters.malformed += 1;
+            fault.to_string()
+        })?;
+        if version != codec::VERSION {
+            let codec::Version { major, minor } = version;
+            tracing::warn!("vrpn {}: the server speaks {major:02}.{minor:02}, this side 07.38", self.address);
+        }
+        Ok(())
+    }
+
+    /// Descriptions of what this side sends, and where trackers may be sent to by UDP.
+    fn introduction(&self, here: IpAddr, udp: Option<&UdpSocket>) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let described = |id, kind, name: &str, bytes: &mut Vec<u8>| {
+            codec::encode(&Header::now(id, kind), &codec::encode_name(name), bytes);
+        };
+        described(0, codec::SENDER_DESCRIPTION, &self.address.device, &mut bytes);
+        for (id, kind) in SPOKEN.iter().enumerate() {
+            described(id as i32, codec::TYPE_DESCRIPTION, kind.name(), &mut bytes);
+        }
+        if let Some(port) = udp.and_then(|udp| udp.local_addr().ok()).map(|place| place.port()) {
+            let header = Header::now(i32::from(port), codec::UDP_DESCRIPTION);
+            codec::encode(&header, format!("{here}\0").as_bytes(), &mut bytes);
+        }
+        bytes
+    }
+
+    fn hear(&self, stream: &mut TcpStream, framer: &mut Framer) -> Result<std::convert::Infallible, String> {
+        let mut next_ping_s = 0.0;
+        loop {
+            if self.control.stop.load(Relaxed) {
+                return Err("not listened to any more".to_owned());
+            }
+            if now_s() >= next_ping_s {
+                if !self.control.send(&message(&Payload::Ping)) {
+                    return Err("the connection broke".to_owned());
+                }
+                next_ping_s = now_s() + self.timing.ping_s;
+            }
+            let mut ear = lock(&self.control.ear);
+            // What came with the cookie is heard before more is read.
+            let mut heard = 0;
+            loop {
+                match framer.message() {
+                    Ok(None) => break,
+                    Ok(Some(message)) if ear.listener.take(&message) => heard += 1,
+                    Ok(Some(_)) => return Err("the server said good-bye".to_owned()),
+                    Err(fault) => {
+                        ear.listener.state.counters.malformed += 1;
+                        return Err(fault.to_string());
+                    }
+                }
+            }
+            let silent_s = now_s() - ear.listener.heard_s;
+            if silent_s > self.timing.down_s {
+                return Err(format!("{} for {silent_s:.0} s", ear.listener.why_silent()));
+            }
+            let link = match ear.listener.is_known() {
+                _ if silent_s > self.timing.quiet_s => Link::Quiet,
+                true => Link::Up,
+                false => Link::Waiting,
+            };
+            if link == Link::Quiet && ear.listener.state.link != link {
+                tracing::warn!("vrpn {}: {} for {silent_s:.0} s", self.address, ear.listener.why_silent());
+            }
+            ear.set_link(link);
+            if heard > 0 {
+                ear.listener.state.counters.packets += 1;
+                ear.publish();
+            }
+            drop(ear);
+            if read(stream, framer)? == MOST_BYTES {
+                std::thread::sleep(PAUSE);
+            }
+        }
+    }
+
+    fn hear_datagrams(&self, udp: &UdpSocket, server: IpAddr, over: &AtomicBool) {
+        if udp.set_read_timeout(Some(WAKE)).is_err() {
+            return;
+        }
+        let mut buffer = [0; 2048];
+        let (mut since, mut burst) = (Instant::now(), 0);
+        while !over.load(Relaxed) {
+            let Ok((bytes, from)) = udp.recv_from(&mut buffer) else { continue };
+            let mut ear = lock(&self.control.ear);
+            if from.ip() == server {
+                ear.listener.take_datagram(&buffer[..bytes]);
+                ear.publish();
+            } else {
+                ear.listener.state.counters.dropped += 1;
+            }
+            drop(ear);
+            if since.elapsed() > PAUSE {
+                (since, burst) = (Instant::now(), 0);
+            }
+            burst += 1;
+            if burst > MOST_DATAGRAMS {
+                std::thread::sleep(PAUSE);
+            }
+        }
+    }
+}
+
+/// A message of this side's device.
+fn message(payload: &Payload) -> Vec<u8> {
+    let kind = SPOKEN.iter().position(|kind| *kind == payload.kind()).unwrap_or(0);
+    let mut bytes = Vec::with_capacity(96);
+    codec::encode(&Header::now(0, kind as i32), &payload.encode(), &mut bytes);
+    bytes
+}
+
+/// Reads once, a bounded number of bytes; 0 where nothing came in time.
+fn read(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String> {
+    let space = framer.space();
+    let most = space.len().min(MOST_BYTES);
+    match stream.read(&mut space[..most]) {
+        Ok(0) => Err("the server closed the connection".to_owned()),
+        Ok(bytes) => {
+            framer.wrote(bytes);
+            Ok(bytes)
+        }
+        Err(error)
+            if matches!(
+                error.kind(),
+                ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+            ) =>
+        {
+            Ok(0)
+        }
+        Err(error) => Err(error.to_string()),
+    }
+}

@@ -1,0 +1,263 @@
+//! What the messages of VRPN's devices carry: tracker, button, analog, force device, and the ping of all of them.
+//!
+//! All numbers are big-endian; metres, newtons, quaternions x, y, z, w.
+//!
+//! | type | payload | verified |
+//! |---|---|---|
+//! | `vrpn_Tracker Pos_Quat` | i32 sensor, i32 without meaning, 3 × f64, 4 × f64 | recorded bytes |
+//! | `vrpn_Tracker Velocity`, `… Acceleration` | as above, then f64 dt | recorded bytes |
+//! | `vrpn_Button Change` | i32 button, i32 state | recorded bytes |
+//! | `vrpn_Button States` | i32 n, n × i32 | recorded bytes |
+//! | `vrpn_Analog Channel` | f64 n, n × f64 | the protocol's description |
+//! | `vrpn_Base ping_message`, `… pong_message` | none | the protocol's description |
+//! | `vrpn_ForceDevice Force` | 3 × f64: what the device pushes with | the protocol's description |
+//! | `vrpn_ForceDevice SCP` | 3 × f64, 4 × f64: the point of contact on a surface | the protocol's description |
+//! | `vrpn_ForceDevice Force_Error` | i32 | the protocol's description |
+//! | `vrpn_ForceDevice Force_Field` | 3 × f32 origin, 3 × f32 force, 9 × f32 Jacobian row by row, f32 radius | the protocol's description |
+
+use super::codec::{Fault, LONGEST_NAME};
+use crate::track::device::MOST_CHANNELS;
+
+/// The message types that mean something here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    PosQuat,
+    Velocity,
+    Acceleration,
+    ButtonChange,
+    ButtonStates,
+    AnalogChannel,
+    Ping,
+    Pong,
+    Force,
+    ContactPoint,
+    ForceError,
+    ForceField,
+}
+
+impl Kind {
+    pub const ALL: [Kind; 12] = [
+        Kind::PosQuat,
+        Kind::Velocity,
+        Kind::Acceleration,
+        Kind::ButtonChange,
+        Kind::ButtonStates,
+        Kind::AnalogChannel,
+        Kind::Ping,
+        Kind::Pong,
+        Kind::Force,
+        Kind::ContactPoint,
+        Kind::ForceError,
+        Kind::ForceField,
+    ];
+
+    /// The type's name on the wire.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::PosQuat => "vrpn_Tracker Pos_Quat",
+            Kind::Velocity => "vrpn_Tracker Velocity",
+            Kind::Acceleration => "vrpn_Tracker Acceleration",
+            Kind::ButtonChange => "vrpn_Button Change",
+            Kind::ButtonStates => "vrpn_Button States",
+            Kind::AnalogChannel => "vrpn_Analog Channel",
+            Kind::Ping => "vrpn_Base ping_message",
+            Kind::Pong => "vrpn_Base pong_message",
+            Kind::Force => "vrpn_ForceDevice Force",
+            Kind::ContactPoint => "vrpn_ForceDevice SCP",
+            Kind::ForceError => "vrpn_ForceDevice Force_Error",
+            Kind::ForceField => "vrpn_ForceDevice Force_Field",
+        }
+    }
+
+    pub fn named(name: &str) -> Option<Kind> {
+        Kind::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum Payload {
+    Pose { sensor: i32, position: [f64; 3], quaternion: [f64; 4] },
+    Velocity(Rate),
+    Acceleration(Rate),
+    ButtonChange { button: i32, state: i32 },
+    ButtonStates(Vec<i32>),
+    Analog(Vec<f64>),
+    Ping,
+    Pong,
+    Force([f64; 3]),
+    ContactPoint { position: [f64; 3], quaternion: [f64; 4] },
+    ForceError(i32),
+    ForceField(ForceField),
+}
+
+/// How a sensor moves: m/s or m/s², and the turn within `dt` seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rate {
+    pub sensor: i32,
+    pub vector: [f64; 3],
+    pub quaternion: [f64; 4],
+    pub dt: f64,
+}
+
+/// The force, N, that a device is to push with at x: `force + jacobian · (x - origin)` within `radius` of the
+/// origin, nothing beyond; x, origin and radius in metres of the device's own frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ForceField {
+    pub origin: [f32; 3],
+    pub force: [f32; 3],
+    /// N/m, `jacobian[i][j]` = ∂force_i/∂x_j.
+    pub jacobian: [[f32; 3]; 3],
+    pub radius: f32,
+}
+
+impl Payload {
+    pub fn kind(&self) -> Kind {
+        match self {
+            Payload::Pose { .. } => Kind::PosQuat,
+            Payload::Velocity(_) => Kind::Velocity,
+            Payload::Acceleration(_) => Kind::Acceleration,
+            Payload::ButtonChange { .. } => Kind::ButtonChange,
+            Payload::ButtonStates(_) => Kind::ButtonStates,
+            Payload::Analog(_) => Kind::AnalogChannel,
+            Payload::Ping => Kind::Ping,
+            Payload::Pong => Kind::Pong,
+            Payload::Force(_) => Kind::Force,
+            Payload::ContactPoint { .. } => Kind::ContactPoint,
+            Payload::ForceError(_) => Kind::ForceError,
+            Payload::ForceField(_) => Kind::ForceField,
+        }
+    }
+
+    /// The bytes, without padding.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut bytes = Writer(Vec::with_capacity(72));
+        match self {
+            Payload::Pose { sensor, position, quaternion } => {
+                bytes.i32s(&[*sensor, 0]).f64s(position).f64s(quaternion)
+            }
+            Payload::Velocity(rate) | Payload::Acceleration(rate) => {
+                bytes.i32s(&[rate.sensor, 0]).f64s(&rate.vector).f64s(&rate.quaternion).f64s(&[rate.dt])
+            }
+            Payload::ButtonChange { button, state } => bytes.i32s(&[*button, *state]),
+            Payload::ButtonStates(states) => bytes.i32s(&[states.len() as i32]).i32s(states),
+            Payload::Analog(values) => bytes.f64s(&[values.len() as f64]).f64s(values),
+            Payload::Ping | Payload::Pong => &mut bytes,
+            Payload::Force(force) => bytes.f64s(force),
+            Payload::ContactPoint { position, quaternion } => bytes.f64s(position).f64s(quaternion),
+            Payload::ForceError(code) => bytes.i32s(&[*code]),
+            Payload::ForceField(ForceField { origin, force, jacobian, radius }) => {
+                bytes.f32s(origin).f32s(force).f32s(jacobian.as_flattened()).f32s(&[*radius])
+            }
+        };
+        bytes.0
+    }
+
+    /// Reads the payload of a message of this type; it must have exactly the type's length.
+    pub fn decode(kind: Kind, payload: &[u8]) -> Result<Payload, Fault> {
+        let mut reader = Reader(payload);
+        match reader.payload(kind) {
+            Some(read) if reader.0.is_empty() => Ok(read),
+            _ => Err(Fault::Payload(kind.name(), payload.len())),
+        }
+    }
+}
+
+struct Writer(Vec<u8>);
+
+impl Writer {
+    fn i32s(&mut self, numbers: &[i32]) -> &mut Writer {
+        numbers.iter().for_each(|number| self.0.extend(number.to_be_bytes()));
+        self
+    }
+
+    fn f32s(&mut self, numbers: &[f32]) -> &mut Writer {
+        numbers.iter().for_each(|number| self.0.extend(number.to_be_bytes()));
+        self
+    }
+
+    fn f64s(&mut self, numbers: &[f64]) -> &mut Writer {
+        numbers.iter().for_each(|number| self.0.extend(number.to_be_bytes()));
+        self
+    }
+}
+
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn payload(&mut self, kind: Kind) -> Option<Payload> {
+        Some(match kind {
+            Kind::PosQuat => {
+                let [sensor, _] = self.i32s()?;
+                Payload::Pose { sensor, position: self.f64s()?, quaternion: self.f64s()? }
+            }
+            Kind::Velocity => Payload::Velocity(self.rate()?),
+            Kind::Acceleration => Payload::Acceleration(self.rate()?),
+            Kind::ButtonChange => {
+                let [button, state] = self.i32s()?;
+                Payload::ButtonChange { button, state }
+            }
+            Kind::ButtonStates => {
+                let [count] = self.i32s()?;
+                let there = self.0.len() / 4;
+                if there > MOST_CHANNELS || usize::try_from(count) != Ok(there) {
+                    return None;
+                }
+                Payload::ButtonStates((0..there).map_while(|_| self.i32s()).map(|[state]| state).collect())
+            }
+            Kind::AnalogChannel => {
+                let [count] = self.f64s()?;
+                let there = self.0.len() / 8;
+                if there > MOST_CHANNELS || count != there as f64 {
+                    return None;
+                }
+                Payload::Analog((0..there).map_while(|_| self.f64s()).map(|[value]| value).collect())
+            }
+            Kind::Ping => Payload::Ping,
+            Kind::Pong => Payload::Pong,
+            Kind::Force => Payload::Force(self.f64s()?),
+            Kind::ContactPoint => Payload::ContactPoint { position: self.f64s()?, quaternion: self.f64s()? },
+            Kind::ForceError => {
+                let [code] = self.i32s()?;
+                Payload::ForceError(code)
+            }
+            Kind::ForceField => {
+                let (origin, force) = (self.f32s()?, self.f32s()?);
+                let jacobian = [self.f32s()?, self.f32s()?, self.f32s()?];
+                let [radius] = self.f32s()?;
+                Payload::ForceField(ForceField { origin, force, jacobian, radius })
+            }
+        })
+    }
+
+    fn rate(&mut self) -> Option<Rate> {
+        let [sensor, _] = self.i32s()?;
+        let (vector, quaternion) = (self.f64s()?, self.f64s()?);
+        let [dt] = self.f64s()?;
+        Some(Rate { sensor, vector, quaternion, dt })
+    }
+
+    fn bytes<const WIDTH: usize, const N: usize>(&mut self) -> Option<[[u8; WIDTH]; N]> {
+        let (numbers, rest) = self.0.split_at_checked(WIDTH * N)?;
+        self.0 = rest;
+        let (numbers, _) = numbers.as_chunks();
+        <[[u8; WIDTH]; N]>::try_from(numbers).ok()
+    }
+
+    fn i32s<const N: usize>(&mut self) -> Option<[i32; N]> {
+        self.bytes().map(|numbers| numbers.map(i32::from_be_bytes))
+    }
+
+    fn f32s<const N: usize>(&mut self) -> Option<[f32; N]> {
+        self.bytes().map(|numbers| numbers.map(f32::from_be_bytes))
+    }
+
+    fn f64s<const N: usize>(&mut self) -> Option<[f64; N]> {
+        self.bytes().map(|numbers| numbers.map(f64::from_be_bytes))
+    }
+}
+
+/// Whether a device may bear this name: letters, digits and signs without `@`, blank or NUL, 100 bytes at most.
+pub fn is_device_name(name: &str) -> bool {
+    let is_fit = |c: char| !c.is_control() && !c.is_whitespace() && c != '@';
+    !name.is_empty() && name.len() <= LONGEST_NAME && name.chars().all(is_fit)
+}

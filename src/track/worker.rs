@@ -1,0 +1,154 @@
+//! The thread of a source: it listens, keeps a [`DeviceState`], and hands the newest one over without a lock.
+//!
+//! In: a function that runs until it is told to stop. Out: a [`Source`]. What a source needs besides its protocol is
+//! here: publishing, being stopped, and waiting longer after each failure.
+
+use super::device::{DeviceState, Link, Source};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use triple_buffer::{Input, Output, triple_buffer};
+
+/// A running source; dropped, it stops.
+pub struct Worker {
+    description: String,
+    newest: Output<DeviceState>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// The thread's side of it.
+pub struct Publisher {
+    /// What the source has said; seen by others once it is published.
+    pub state: DeviceState,
+    newest: Input<DeviceState>,
+    stop: Arc<AtomicBool>,
+}
+
+/// How long to wait before the next attempt: 0.25 s, then twice as long each time, up to 5 s.
+#[derive(Clone, Copy, Debug)]
+pub struct Backoff {
+    next_s: f64,
+}
+
+/// A thread that waits looks so often whether it is to stop, s.
+const SLICE_S: f64 = 0.05;
+
+impl Worker {
+    /// Runs `run` in a thread of its own; it must return soon after [`Publisher::is_stopped`].
+    pub fn spawn(
+        description: String,
+        run: impl FnOnce(Publisher) + Send + 'static,
+    ) -> std::io::Result<Worker> {
+        let (input, newest) = triple_buffer(&DeviceState::default());
+        let stop = Arc::new(AtomicBool::new(false));
+        let publisher = Publisher { state: DeviceState::default(), newest: input, stop: stop.clone() };
+        let name = description.chars().filter(|c| *c != '\0').take(15).collect();
+        let thread = std::thread::Builder::new().name(name).spawn(move || run(publisher))?;
+        Ok(Worker { description, newest, stop, thread: Some(thread) })
+    }
+
+    /// Is not waited for at the end: its thread hangs in a read that only the device ends.
+    #[must_use]
+    pub fn detached(mut self) -> Worker {
+        self.thread = None;
+        self
+    }
+}
+
+impl Source for Worker {
+    fn describe(&self) -> String {
+        self.description.clone()
+    }
+
+    fn latest(&mut self) -> &DeviceState {
+        self.newest.read()
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has told so itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Publisher {
+    /// Hands the state over; the newest one wins.
+    pub fn publish(&mut self) {
+        self.newest.input_buffer_mut().clone_from(&self.state);
+        self.newest.publish();
+    }
+
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Says why the source is gone, once per reason.
+    pub fn down(&mut self, reason: impl Into<String>) {
+        let link = Link::Down(reason.into());
+        if self.state.link != link {
+            self.state.link = link;
+            self.publish();
+        }
+    }
+
+    /// Waits; false if it was stopped meanwhile.
+    pub fn pause(&self, seconds: f64) -> bool {
+        let mut left_s = seconds;
+        while left_s > 0.0 && !self.is_stopped() {
+            std::thread::sleep(Duration::from_secs_f64(left_s.min(SLICE_S)));
+            left_s -= SLICE_S;
+        }
+        !self.is_stopped()
+    }
+}
+
+impl Default for Backoff {
+    fn default() -> Backoff {
+        Backoff { next_s: 0.25 }
+    }
+}
+
+impl Backoff {
+    /// Waits before the next attempt; false if the source was stopped meanwhile.
+    pub fn wait(&mut self, publisher: &Publisher) -> bool {
+        let wait_s = self.next_s;
+        self.next_s = (2.0 * wait_s).min(5.0);
+        publisher.pause(wait_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::device::now_s;
+
+    #[test]
+    fn the_newest_state_is_read_and_the_thread_stops() {
+        let mut worker = Worker::spawn("test".into(), |mut publisher| {
+            let mut backoff = Backoff::default();
+            publisher.state.counters.packets = 7;
+            publisher.down("no cable");
+            while backoff.wait(&publisher) {
+                publisher.state.counters.reconnects += 1;
+                publisher.publish();
+            }
+        })
+        .unwrap();
+        let deadline = now_s() + 10.0;
+        while worker.latest().counters.reconnects == 0 {
+            assert!(now_s() < deadline);
+            std::thread::yield_now();
+        }
+        assert_eq!(worker.latest().counters.packets, 7);
+        assert_eq!(worker.latest().link, Link::Down("no cable".into()));
+        let stopped = now_s();
+        drop(worker);
+        assert!(now_s() - stopped < 5.0, "the longest wait is cut short");
+    }
+}
