@@ -141,7 +141,7 @@ fn the_push_is_minus_the_slope_of_the_energy() {
                     motion.rotation * handle.rotation,
                 );
                 let (_, pose) = push_at(&moved, &mut loops);
-                body.evaluate(&vec![poses[0], pose]);
+                body.evaluate(&[poses[0], pose]);
                 body.wrenches().unwrap().1 * held.energy_scale(&haptic)
             };
             let h = 1e-5;
