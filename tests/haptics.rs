@@ -314,7 +314,7 @@ fn limits_hold_whatever_the_body_wants() {
     let torque = pushes.iter().map(|push| push.torque.norm()).fold(0.0, f64::max);
     assert!(most <= 3.0 + 1e-9 && torque <= 0.05 + 1e-12, "{most} N, {torque} N m");
     assert!(most > 2.9 || torque > 0.049, "{most} N, {torque} N m: a limit was reached");
-    assert!(largest_step(&pushes) <= 3.0 / 5.0 + 1e-9, "{}", largest_step(&pushes));
+    assert!(largest_step(&pushes) < 0.5, "{}", largest_step(&pushes));
     let silent = Haptic { max_torque_nm: 0.0, ..Haptic::simulated("right") };
     let mut bench = Bench::new(silent, "linear");
     bench.pull_to(Vector3::new(0.1, 0.1, 0.0));
@@ -474,4 +474,10 @@ fn the_largest_stable_stiffness_is_that_of_theory() {
     let kept = run(Measures::ALL);
     assert!(kept.verdict == Verdict::Stable && kept.generated_j == 0.0, "{kept:?}");
     assert!((kept.stiffer - 2e4 / 1600.0).abs() < 1e-6, "{kept:?}");
+    // A slew limit of 5 ms made these diverge.
+    for (rate_hz, stiffness) in [(2000.0, 5e3), (4000.0, 2e4), (4000.0, 2e5)] {
+        let kept =
+            stability::run(&Haptic { rate_hz, ..haptic.clone() }, Hand::NONE, stiffness, Measures::ALL);
+        assert!(kept.verdict == Verdict::Stable && kept.generated_j == 0.0, "{rate_hz} Hz: {kept:?}");
+    }
 }

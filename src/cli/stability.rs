@@ -60,7 +60,7 @@ fn verdicts(runs: &[Vec<Run>]) -> Table {
     let mut table = Table { rows: vec![std::iter::once("N/m".to_owned()).chain(heading).collect()] };
     for row in runs {
         let cell = |run: &Run| match run.verdict {
-            Verdict::Stable if run.generated_j == 0.0 => "stable".to_owned(),
+            verdict if run.generated_j == 0.0 => verdict.name().to_owned(),
             verdict if run.generated_j.is_finite() => {
                 format!("{}, {} mJ", verdict.name(), significant(1e3 * run.generated_j))
             }

@@ -17,8 +17,9 @@ pub const RAMP_S: f64 = 0.25;
 pub const FADE_S: f64 = 0.05;
 /// A device that says nothing for so long is lost, s.
 pub const STALE_S: f64 = 0.02;
-/// The force changes by the device's whole limit in no less than this time, s.
-pub const SLEW_S: f64 = 0.005;
+/// The force changes by the device's whole limit in no less than this time, s. It catches what no hand does: at 5 ms it
+/// held a stiff body's force back, and from 2 kHz on the loop diverged.
+pub const SLEW_S: f64 = 0.001;
 /// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
 /// The coupling is made anew after a turn of the handle or the body by so much, rad.
