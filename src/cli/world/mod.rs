@@ -7,6 +7,7 @@
 pub mod body;
 pub mod flow;
 pub mod hand;
+mod state;
 
 pub use body::{Mood, PlacedBody};
 pub use flow::{Bodies, Fields};
@@ -16,6 +17,7 @@ use super::session;
 use crate::deform::{ControlPose, PoseGuard};
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
+use crate::interact::Action;
 use crate::render::{Grid, StylusShape, View};
 use crate::scene::Scene;
 use crate::stage::{Eye, Stage};
@@ -43,6 +45,9 @@ pub struct World {
     pub warnings: Vec<String>,
     pub graph: Graph<Bodies>,
     pub fields: Fields,
+    /// What was commanded before this frame, and what has been since.
+    pub actions: Vec<Action>,
+    pending: Vec<Action>,
     /// Why a screen is black: what was told already.
     told: BTreeSet<String>,
 }
@@ -70,6 +75,8 @@ impl World {
             warnings: Vec::new(),
             graph,
             fields,
+            actions: Vec::new(),
+            pending: Vec::new(),
             told: BTreeSet::new(),
         })
     }
@@ -77,11 +84,9 @@ impl World {
     /// Moves everything to what the trackers say: one evaluation of the graph.
     pub fn step(&mut self, state: &TrackerState) -> StepTimes {
         let started = Instant::now();
-        while self.fields.hands.len() < state.styli.len() {
-            if let Err(error) = self.fields.add_hand(&mut self.graph) {
-                unreachable!("the names of hands are their own: {error}");
-            }
-        }
+        std::mem::swap(&mut self.actions, &mut self.pending);
+        self.pending.clear();
+        self.have_styli(state.styli.len());
         self.put(self.fields.tracked_head, Tracked(state.head));
         for hand in 0..self.fields.hands.len() {
             self.put(self.fields.hands[hand].stylus, state.styli.get(hand).copied());
@@ -130,7 +135,8 @@ impl World {
             self.styli.extend(hand::shape(stylus, hit, grip, workspace));
             let mood = if grip.drag.is_some() { Mood::Held } else { Mood::Hovered };
             let target = grip.drag.map(|drag| drag.target).or(hit.map(|hit| hit.target));
-            touched.extend(target.map(|target| (self.fields.targets[target], mood)));
+            let target = target.and_then(|target| self.fields.targets.get(target));
+            touched.extend(target.map(|&target| (target, mood)));
         }
         for (b, body) in self.bodies.iter_mut().enumerate() {
             for (c, control) in body.controls.iter_mut().enumerate() {
@@ -139,6 +145,16 @@ impl World {
                 body.recolour |= control.mood != mood;
                 control.mood = mood;
             }
+        }
+    }
+
+    /// Carries out a command, between frames.
+    pub fn act(&mut self, action: Action) {
+        self.pending.push(action);
+        match action {
+            Action::LetGo => self.let_go(),
+            Action::Reset => self.reset(),
+            _ => {}
         }
     }
 
