@@ -346,7 +346,7 @@ fn a_faulty_stream_changes_nothing_and_says_where_it_is_wrong() {
         ),
         ("\"value\":0.7", "\"value\":\"0.7\"", "line 2: field number: not a number: invalid type: string"),
         ("\"value\":0.7}", "\"value\":0.7,\"more\":1}", "line 2: unknown field `more`"),
-        ("\"value\":0.7}\n", "\"value\":0.7", "line 2: trailing"),
+        ("\"value\":0.7}\n", "\"value\":0.7", "line 2: expected"),
     ] {
         assert!(whole.contains(from), "{from}\n{whole}");
         let error = graph.read(&mut whole.replacen(from, to, 1).as_bytes(), &mut 0).unwrap_err().to_string();
@@ -393,4 +393,34 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn inspect_prints_the_graph_of_a_scene_without_solving_it() {
+    let inspect = |arguments: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .arg("inspect")
+            .args(arguments)
+            .output()
+            .unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    let (status, text, _) = inspect(&["configs/scenes/tube.toml", "--graph"]);
+    assert_eq!(status, Some(0));
+    // name, type, and what it is made from
+    let cells = text.lines().map(|line| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()));
+    let rows: Vec<Vec<&str>> = cells.map(Iterator::collect).collect();
+    let row = |name: &str| rows.iter().find(|row| row[0] == name).unwrap().as_slice();
+    assert_eq!(row("stylus.right"), ["stylus.right", "stylus", "set from outside"]);
+    assert_eq!(row("body.tube.surface"), ["body.tube.surface", "surface", "= sum(body.tube.coefficients)"]);
+    let poses = ["left", "right"].map(|control| format!("body.tube.control.{control}.pose"));
+    assert_eq!(row("body.tube.coefficients")[2], format!("= coefficients({})", poses.join(", ")));
+    let (status, dot, _) = inspect(&["configs/scenes/tube.toml", "--graph", "dot"]);
+    assert_eq!(status, Some(0));
+    assert!(dot.starts_with("digraph fields {\n") && dot.ends_with("}\n"));
+    assert_eq!(dot.matches("[label=").count(), text.lines().count(), "a box per field");
+    let (status, _, said) = inspect(&["configs/stages/desktop.toml", "--graph"]);
+    assert!(status == Some(2) && said.contains("only a scene has a data flow to show"), "{said}");
 }

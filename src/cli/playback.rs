@@ -40,7 +40,7 @@ pub struct Playback<'a> {
 }
 
 /// Fine steps over a whole script, at least.
-const SCRIPT_STEPS: usize = 240;
+pub const SCRIPT_STEPS: usize = 240;
 
 impl<'a> Playback<'a> {
     pub fn new(source: Source<'a>, frames: usize) -> Playback<'a> {
@@ -70,7 +70,7 @@ impl<'a> Playback<'a> {
             Source::Replay(replay, length) => {
                 let until = length.saturating_sub(1) * frame as u64 / (self.frames as u64 - 1).max(1);
                 while self.done <= until {
-                    let Some(frame) = replay.next()? else { break };
+                    let Some(frame) = replay.next_frame()? else { break };
                     replay.play(world, frame);
                     times = world.times;
                     self.done += 1;

@@ -192,7 +192,7 @@ impl Replay {
     }
 
     /// The next frame; `None` at the end. One that was cut off in the middle is the end, and is told.
-    pub fn next(&mut self) -> Result<Option<Frame>, Failure> {
+    pub fn next_frame(&mut self) -> Result<Option<Frame>, Failure> {
         self.line += 1;
         let text = match read_line(&mut self.input, self.line) {
             Ok(Some(text)) => text,

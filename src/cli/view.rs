@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::panes;
 use super::picture::{Bodies, contents};
+use super::playback::{Playback, SCRIPT_STEPS, Source};
 use super::recording::{Frame, Recorder, Replay};
 use super::render::{self, Show};
 use super::table::seconds;
@@ -38,8 +39,9 @@ pub struct Args {
     /// A session recorded by --record: its poses, buttons and commands instead of yours, on its stage
     #[arg(long, conflicts_with_all = ["script", "record"])]
     pub replay: Option<PathBuf>,
-    /// With --replay: no window; status 1 where a frame is in another state than was recorded
-    #[arg(long, requires = "replay")]
+    /// No window and no graphics device: plays the recording, or the script, as fast as it goes; status 1 where a frame
+    /// comes to another state than was recorded
+    #[arg(long)]
     pub check: bool,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
@@ -90,10 +92,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
-    if args.check {
-        return check(show);
-    }
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;
+    if args.check {
+        return check(&mut show, script.as_ref(), recorder.as_mut());
+    }
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
         let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
@@ -112,6 +114,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         next: None,
         first_s: None,
         recorder,
+        failure: None,
         sizes: specs.iter().map(|spec| spec.size).collect(),
         layout,
         swapped: false,
@@ -124,22 +127,36 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
+    if let Some(failure) = app.failure {
+        return Err(failure);
+    }
     let lasted_s = app.started.elapsed().as_secs_f64();
     let rate = f64::from(app.frames) / lasted_s;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
     render::report(app.replay.as_ref(), app.recorder.as_ref())
 }
 
-/// A recording without windows and devices: every frame's state against the recorded one, and what the mechanics took.
-fn check(mut show: Show) -> Result<(), Failure> {
+/// The script or the recording without windows and devices: every frame's state against the recorded one, and what
+/// the mechanics took.
+fn check(
+    show: &mut Show,
+    script: Option<&Script>,
+    mut recorder: Option<&mut Recorder>,
+) -> Result<(), Failure> {
+    let source = Source::new(script, show.replay.as_mut())?;
+    let frames = match &source {
+        Source::Rest => 1,
+        Source::Script(_) => SCRIPT_STEPS,
+        Source::Replay(_, length) => *length as usize,
+    };
+    let mut playback = Playback::new(source, frames);
+    playback.recorder = recorder.as_deref_mut();
     let mut times = Vec::new();
-    while let Some(replay) = &mut show.replay {
-        let Some(frame) = replay.next()? else { break };
-        replay.play(&mut show.world, frame);
-        let StepTimes { interact_s, deform_s, normals_s } = show.world.times;
+    for frame in 0..frames {
+        let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
         times.push(interact_s + deform_s + normals_s);
     }
-    render::report(show.replay.as_ref(), None)?;
+    render::report(show.replay.as_ref(), recorder.as_deref())?;
     times.sort_by(f64::total_cmp);
     let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
     super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
@@ -172,6 +189,7 @@ struct Viewer {
     /// When its first frame was.
     first_s: Option<f64>,
     recorder: Option<Recorder>,
+    failure: Option<Failure>,
     mouse: Mouse,
     layout: Vec<Window>,
     /// Of each window, now.
@@ -242,12 +260,12 @@ impl WindowApp for Viewer {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
-        let is_replayed = self.replay_until(self.started.elapsed().as_secs_f64())?;
-        if self.replay.is_none() {
-            let state = self.state(step_s);
-            self.world.step(&state);
-            if let Some(recorder) = &mut self.recorder {
-                recorder.frame(&self.world, &state)?;
+        match self.advance(step_s) {
+            Ok(Flow::Continue) => {}
+            Ok(Flow::Quit) => return Ok(Flow::Quit),
+            Err(failure) => {
+                self.failure = Some(failure);
+                return Ok(Flow::Quit);
             }
         }
         self.mouse.hit_distance_m = self.world.hit_distance_m();
@@ -259,17 +277,31 @@ impl WindowApp for Viewer {
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
-        Ok(if is_over || is_replayed { Flow::Quit } else { Flow::Continue })
+        Ok(if is_over { Flow::Quit } else { Flow::Continue })
     }
 }
 
 impl Viewer {
+    /// The mechanics of a frame: the recording's, or what mouse or script say.
+    fn advance(&mut self, step_s: f64) -> Result<Flow, Failure> {
+        if self.replay.is_some() {
+            let is_over = self.replay_until(self.started.elapsed().as_secs_f64())?;
+            return Ok(if is_over { Flow::Quit } else { Flow::Continue });
+        }
+        let state = self.state(step_s);
+        self.world.step(&state);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.frame(&self.world, &state)?;
+        }
+        Ok(Flow::Continue)
+    }
+
     /// Plays all frames of the recording up to `time_s` after its first; true when there are no more.
     fn replay_until(&mut self, time_s: f64) -> Result<bool, Failure> {
         let Some(replay) = &mut self.replay else { return Ok(false) };
         loop {
             if self.next.is_none() {
-                self.next = replay.next()?;
+                self.next = replay.next_frame()?;
             }
             let Some(frame) = &self.next else { return Ok(true) };
             let first_s = *self.first_s.get_or_insert(frame.state.time_s);

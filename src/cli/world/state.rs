@@ -11,7 +11,9 @@ impl World {
     pub fn state_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mut numbers = |numbers: &mut dyn Iterator<Item = &f64>| {
-            numbers.for_each(|number| drop(hasher.update(&number.to_bits().to_le_bytes())));
+            for number in numbers {
+                hasher.update(&number.to_bits().to_le_bytes());
+            }
         };
         let head = &self.room_from_head;
         numbers(&mut head.translation.vector.iter().chain(head.rotation.coords.iter()));
