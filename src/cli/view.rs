@@ -1,6 +1,7 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
 use super::failure::Failure;
+use super::keys;
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::playback::{Playback, SCRIPT_STEPS, Source};
@@ -232,14 +233,24 @@ impl WindowApp for Viewer {
                 }
             }
             Input::Key { key: Key::Function(4), pressed: true, .. } => self.swapped = !self.swapped,
-            Input::Button { button: Button::Left, pressed, .. } => {
-                self.mouse.handle(MouseInput::Button { button: MouseButton::Left, pressed });
+            Input::Button { button, pressed, .. } => {
+                let button = match button {
+                    Button::Left => MouseButton::Left,
+                    Button::Middle => MouseButton::Middle,
+                    Button::Right => MouseButton::Right,
+                    Button::Other(_) => return,
+                };
+                self.mouse.handle(MouseInput::Button { button, pressed });
             }
-            Input::Button { button: Button::Right, pressed, .. } => {
-                self.mouse.handle(MouseInput::Button { button: MouseButton::Right, pressed });
+            Input::Wheel { lines, .. } if self.mouse.control && !self.mouse.is_grabbing() => {
+                self.world.act(keys::scale(lines));
             }
             Input::Wheel { lines, .. } => self.mouse.handle(MouseInput::Wheel { notches: lines.into() }),
             Input::Key { key, pressed, .. } => {
+                let command = keys::action(key, self.mouse.control, &self.world).filter(|_| pressed);
+                if let Some(action) = command {
+                    self.world.act(action);
+                }
                 let mut typed = [0; 4];
                 let name = match key {
                     Key::Char(c) => c.encode_utf8(&mut typed),
@@ -248,6 +259,7 @@ impl WindowApp for Viewer {
                     Key::Up => "ArrowUp",
                     Key::Down => "ArrowDown",
                     Key::Control => "Control",
+                    Key::Shift => "Shift",
                     _ => return,
                 };
                 self.mouse.handle(MouseInput::Key { name, pressed });

@@ -37,13 +37,13 @@ impl World {
     }
 
     pub fn styli_count(&self) -> usize {
-        self.fields.hands.len()
+        self.fields.styli.len()
     }
 
     /// Makes fields for so many styli.
     pub fn have_styli(&mut self, count: usize) {
-        while self.fields.hands.len() < count.min(MOST_STYLI) {
-            if let Err(error) = self.fields.add_hand(&mut self.graph) {
+        while self.fields.styli.len() < count.min(MOST_STYLI) {
+            if let Err(error) = self.fields.add_stylus(&mut self.graph) {
                 unreachable!("the names of styli are their own: {error}");
             }
         }
