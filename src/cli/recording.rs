@@ -175,20 +175,31 @@ impl Replay {
         Err(self.wrong(&fault))
     }
 
-    /// How many whole frames there are from here to the end.
+    /// How many whole frames there are from here to the end; one that was cut off is told.
     pub fn length(&self) -> Result<u64, Failure> {
         let refused = |error: std::io::Error| self.wrong(&error.to_string());
         let mut file = BufReader::new(File::open(&self.path).map_err(refused)?);
-        let mut lines = 0;
+        let (mut lines, mut last) = (0, b'\n');
         loop {
             let part = file.fill_buf().map_err(refused)?;
-            lines += part.iter().filter(|byte| **byte == b'\n').count() as u64;
             let length = part.len();
-            if length == 0 {
-                return Ok(lines.saturating_sub(self.line));
-            }
+            let Some(&end) = part.last() else { break };
+            lines += part.iter().filter(|byte| **byte == b'\n').count() as u64;
+            last = end;
             file.consume(length);
         }
+        let frames = lines.saturating_sub(self.line);
+        if last != b'\n' {
+            self.tell_cut(self.frames + frames);
+        }
+        Ok(frames)
+    }
+
+    fn tell_cut(&self, frame: u64) {
+        let path = self.path.display();
+        eprintln!(
+            "note: {path}: it ends in the middle of frame {frame}, which is left out: the program was stopped"
+        );
     }
 
     /// The next frame; `None` at the end. One that was cut off in the middle is the end, and is told.
@@ -197,12 +208,8 @@ impl Replay {
         let text = match read_line(&mut self.input, self.line) {
             Ok(Some(text)) => text,
             Ok(None) => return Ok(None),
-            Err(StreamError::Truncated { line }) => {
-                eprintln!(
-                    "note: {}:{line}: it ends in the middle of frame {}, which is left out: the program was stopped",
-                    self.path.display(),
-                    self.frames
-                );
+            Err(StreamError::Truncated { .. }) => {
+                self.tell_cut(self.frames);
                 return Ok(None);
             }
             Err(error) => return Err(self.wrong(&error.to_string())),
