@@ -18,7 +18,8 @@
 //! | [`green`] | the precomputed bases and the .green file |
 //! | [`deform`] | deformation models: coefficients → displacements |
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |
-//! | [`track`] | where poses come from: mouse, script → `TrackerState` |
+//! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
+//! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script → `TrackerState` |
 //! | [`interact`] | pick ray, dragger |
 //! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
@@ -34,6 +35,7 @@ pub mod config;
 pub mod deform;
 pub mod effect;
 pub mod fem;
+pub mod field;
 pub mod green;
 pub mod interact;
 pub mod manual;

@@ -23,6 +23,7 @@ mod progress;
 mod render;
 mod session;
 mod statics;
+mod track;
 mod verify;
 mod view;
 mod world;
@@ -66,6 +67,7 @@ pub enum Command {
     Convert(convert::Args),
     Pack(pack::Args),
     Pattern(pattern::Args),
+    Track(track::Args),
     Verify(verify::Args),
     Manual(manual::Args),
 }
@@ -87,6 +89,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Pack(args)) => pack::run(&args),
         Some(Command::Pattern(args)) => pattern::run(&args),
+        Some(Command::Track(args)) => track::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
