@@ -154,8 +154,11 @@ impl WindowApp for Viewer {
     }
 
     fn input(&mut self, input: Input) {
-        let takes_over =
-            matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
+        let takes_over = match input {
+            Input::Button { pressed, .. } => pressed,
+            Input::Key { key, pressed, .. } => pressed && !matches!(key, Key::Function(_)),
+            _ => false,
+        };
         if takes_over && self.script.take().is_some() {
             self.world.let_go();
         }

@@ -163,7 +163,7 @@ fn windows_that_cannot_be_are_refused_with_the_reason() {
                 .to_owned(),
             "overlap",
         ),
-        (window("screen = \"wall\"\nname = \"a\"").repeat(2), "second window"),
+        (window("screen = \"wall\"\nname = \"a\"\n").repeat(2), "second window"),
     ] {
         let found = refusal(&text);
         assert!(found.contains(reason), "no `{reason}` in: {found}\n{text}");
