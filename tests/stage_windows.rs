@@ -74,8 +74,11 @@ fn wait_for<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// Name, place and size of every window that the program has open, sorted by name.
-fn windows(display: &str) -> Vec<(String, String)> {
+/// Name, and size and place as X writes them: `640x512+0+512`.
+type Placed = (String, String);
+
+/// Every window that the program has open, sorted by name.
+fn windows(display: &str) -> Vec<Placed> {
     let tree = said(display, "xwininfo", &["-root", "-tree"]);
     let of = |line: &str| {
         let name = line.split('"').nth(1)?.split(" – ").nth(2)?.to_owned();
@@ -114,7 +117,7 @@ fn the_windows_of_the_workbench_and_the_cyberstage_stand_where_they_should() {
     std::fs::write(place.join("own.toml"), std::fs::read_to_string(bench).unwrap() + own).unwrap();
     let at = |name: &str, size: &str, x: i32, y: i32| (name.to_owned(), format!("{size}+{x}+{y}"));
     let cyberstage = |name: &str, column: i32, row: i32| at(name, "320x256", 320 * column, 256 * row);
-    let cases: [(&str, &str, Vec<(String, String)>); 3] = [
+    let cases: [(&str, &str, Vec<Placed>); 3] = [
         (
             "workbench",
             "0.5",
