@@ -87,6 +87,8 @@ pub enum Fault {
     Monitor { name: String, width: u32, height: u32 },
     #[error(transparent)]
     Tracking(#[from] TrackingFault),
+    #[error("haptic `{name}`: {message}")]
+    Haptic { name: String, message: String },
 }
 
 /// wgpu's textures go no further on common devices.

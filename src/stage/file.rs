@@ -3,6 +3,7 @@
 //! skewed corners, other units, swapped eyes.
 
 use super::fault::{Fault, IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
+use super::haptic::{self, HapticFile};
 use super::tracking::{self, SensorFile, StylusFile, TrackerFile};
 use super::window::{self, MonitorFile, Window, WindowFile};
 use super::{Grid, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Stage, Stereo, Viewer, Workspace};
@@ -37,6 +38,8 @@ struct StageFile {
     sensor: IndexMap<String, Spanned<SensorFile>>,
     #[serde(default)]
     stylus: IndexMap<String, Spanned<StylusFile>>,
+    #[serde(default)]
+    haptic: IndexMap<String, Spanned<HapticFile>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -153,6 +156,11 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
             Default::default()
         }
     };
+    let haptics = file.haptic.iter().filter_map(|(name, found)| {
+        let checked = check_name("haptic device", name).and_then(|()| haptic::check(name, found.get_ref()));
+        faults.keep(found.span().start, checked)
+    });
+    let haptics = haptics.collect();
     let StageFile { name, description, stereo, swap_eyes, .. } = file;
     let stage = match (viewer, workspace) {
         (Some(viewer), Some(workspace)) if !screens.is_empty() => Some(Stage {
@@ -167,6 +175,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
             windows,
             monitors,
             tracking,
+            haptics,
         }),
         _ => None,
     };

@@ -80,7 +80,8 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
     let across = screen.lower_right - screen.lower_left;
     let upward = screen.upper_left - screen.lower_left;
     let off_m = (across.dot(&upward) / across.norm()).abs();
-    if off_m > SKEW_M {
+    // What is worse is refused by the loader.
+    if off_m > SKEW_M && off_m <= super::fault::MAX_SKEW * upward.norm() {
         let advice = "the projection takes the lower edge and the height as they are";
         push(
             found,

@@ -6,6 +6,7 @@
 
 mod fault;
 mod file;
+mod haptic;
 mod lint;
 mod meet;
 mod screen;
@@ -16,6 +17,7 @@ mod window;
 
 pub use fault::{Fault, Located, StageError};
 pub use file::Survey;
+pub use haptic::{Haptic, HapticDevice};
 pub use lint::{Level, Lint, lint};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use stereo::Stereo;
@@ -47,6 +49,8 @@ pub struct Stage {
     pub monitors: Vec<Monitor>,
     /// What follows head and hands; empty where nothing does.
     pub tracking: Tracking,
+    /// Force-feedback devices; mostly none.
+    pub haptics: Vec<Haptic>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
