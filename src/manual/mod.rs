@@ -23,6 +23,7 @@ chapters! {
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
     install: "on your own workbench or CAVE: from a tape measure to a bent tube, and what is wrong when it is wrong",
     scripts: "key frames that move head and stylus where nobody does",
+    graph: "the data flow from tracker to surface, and recording a session and replaying it",
     view: "windows, mouse and keyboard, colours, and what happens without a display",
     deform: "poses in, displacements and forces out: files, columns, units, signs",
     green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",
