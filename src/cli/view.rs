@@ -28,7 +28,7 @@ use std::time::Instant;
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
     /// Key frames for head and stylus; default: the scene's
@@ -50,7 +50,8 @@ pub struct Args {
     /// Samples a pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = super::samples)]
     pub samples: u32,
-    /// Size of the windows against the screens' own pixels; default: 1 for a single window, else 0.5
+    /// Size of the windows against the screens' own pixels; default: 1 for a single window and where the stage file has
+    /// windows of its own, else 0.5
     #[arg(long, value_parser = super::scale)]
     pub scale: Option<f64>,
     /// Present at once instead of waiting for the display's refresh
@@ -105,8 +106,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     super::print(&format!("{}\n", bindings()))?;
     let world = show.world;
     let layout = world.stage.layout();
-    let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
+    let is_usual = world.stage.windows.is_empty();
+    let scale = args.scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
+    let swapped = world.stage.swap_eyes;
     let mut app = Viewer {
         mouse: Mouse::new(world.stage.clone()),
         world,
@@ -118,7 +121,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         failure: None,
         sizes: specs.iter().map(|spec| spec.size).collect(),
         layout,
-        swapped: false,
+        swapped,
         bodies: None,
         started: Instant::now(),
         last: Instant::now(),
@@ -218,8 +221,11 @@ impl WindowApp for Viewer {
         if self.replay.is_some() && !matches!(input, Input::Key { key: Key::Function(_), .. }) {
             return;
         }
-        let takes_over =
-            matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
+        let takes_over = match input {
+            Input::Button { pressed, .. } => pressed,
+            Input::Key { key, pressed, .. } => pressed && !matches!(key, Key::Function(_)),
+            _ => false,
+        };
         if takes_over && self.script.take().is_some() {
             self.world.act(Action::LetGo);
         }
