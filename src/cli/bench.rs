@@ -2,11 +2,12 @@
 
 use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
+use super::playback::{Playback, Source};
 use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
 use super::{bench_haptics, precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
-use crate::green::{Basis, FIELDS, GreenFile, Precomputed};
+use crate::green::{Basis, FIELDS, Precomputed};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use anyhow::Context;
@@ -14,7 +15,6 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Frame rate, and where a frame's time goes; offline and online
@@ -25,9 +25,12 @@ use std::time::Instant;
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
+    /// A session recorded by `greenstage view --record`, in place of the scene's script and on its stage
+    #[arg(long)]
+    pub replay: Option<PathBuf>,
     /// Frames to draw for each figure
     #[arg(long, default_value_t = 24, value_parser = super::frames)]
     pub frames: usize,
@@ -44,30 +47,31 @@ const PAPER_NODES: usize = 10_000;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
-    let stage = render::stage(&scene, args.stage.as_deref())?;
+    let show = || render::Show::new(&scene, args.stage.as_deref(), None, args.replay.as_deref());
+    let stage = show()?.world.stage;
     let offline = session::precompute(&scene, true)?;
     let peak_memory = precompute::peak_memory();
-    let file = session::green_file(&scene, None)?;
     let loops = loops();
     let mut drawn = Vec::new();
     for samples in [4, 1] {
-        let mut world = World::new(&scene, &file, stage.clone())?;
+        let render::Show { mut world, mut replay, .. } = show()?;
         let script = render::script(&scene, None)?;
         let mut targets = Targets::new(&world, None, samples, 1.0)?;
         let device = targets.gpu.describe();
         let count = args.frames.max(2);
-        let mut playback = render::Playback { script: script.as_ref(), frames: count, done: 0 };
+        let mut playback = Playback::new(Source::new(script.as_ref(), replay.as_mut())?, count);
         let mut frames = Vec::new();
         for frame in 0..count {
-            let step = playback.step_to(&mut world, frame);
+            let step = playback.step_to(&mut world, frame)?;
             let draw = targets.draw(&mut world)?;
             let (_, read_s) = targets.read()?;
             frames.push((step, draw, read_s));
         }
+        replay.map_or(Ok(String::new()), |replay| replay.report())?;
         // The first frame also compiles and allocates.
         drawn.push(Drawn::new(samples, device, &stage, &frames[1..]));
     }
-    let ticks = beside_frames(&scene, &file, &stage)?;
+    let ticks = beside_frames(&scene, show()?.world)?;
     let tables =
         [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn), ticks];
     if let Some(path) = &args.readme {
@@ -84,8 +88,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Ticks of the force loop beside frames of the scene.
-fn beside_frames(scene: &Scene, file: &Arc<GreenFile>, stage: &Stage) -> Result<(String, Table), Failure> {
-    let mut world = World::new(scene, file, stage.clone())?;
+fn beside_frames(scene: &Scene, mut world: World) -> Result<(String, Table), Failure> {
     let script = render::script(scene, None)?;
     let mut targets = Targets::new(&world, None, 1, 1.0)?;
     let started = Instant::now();
