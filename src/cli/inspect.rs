@@ -39,7 +39,7 @@ fn built_in(name: &Path) -> Option<Stage> {
 }
 
 /// A TOML file with `[[screen]]` tables describes a stage, any other a scene.
-fn is_stage(path: &Path) -> Result<bool, Failure> {
+pub fn is_stage(path: &Path) -> Result<bool, Failure> {
     let table: toml::Table = crate::config::load(path)?;
     Ok(table.contains_key("screen"))
 }

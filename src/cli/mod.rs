@@ -19,11 +19,14 @@ pub mod poses;
 mod precompute;
 mod progress;
 mod render;
+mod room;
 mod session;
+mod stage_view;
 mod statics;
 mod verify;
 mod view;
 mod world;
+mod writing;
 
 pub use failure::Failure;
 
@@ -64,6 +67,7 @@ pub enum Command {
     Convert(convert::Args),
     Pack(pack::Args),
     Pattern(pattern::Args),
+    StageView(stage_view::Args),
     Verify(verify::Args),
     Manual(manual::Args),
 }
@@ -85,6 +89,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Pack(args)) => pack::run(&args),
         Some(Command::Pattern(args)) => pattern::run(&args),
+        Some(Command::StageView(args)) => stage_view::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),

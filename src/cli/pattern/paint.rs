@@ -4,17 +4,13 @@
 //! centimetres, a border of one pixel at the very edge, rulers, a circle, labels, and blocks of single pixels. What must
 //! be exact to the pixel is a rectangle with whole coordinates, which no edge smoothing touches.
 
+use crate::cli::writing::{DARK, INK, LEFT, QUIET, RIGHT, write};
 use crate::stage::{Eye, Screen};
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use std::f32::consts::TAU;
 
-const BACKGROUND: Color32 = Color32::from_rgb(13, 16, 21);
 const FAINT: Color32 = Color32::from_rgb(44, 52, 63);
 const STRONG: Color32 = Color32::from_rgb(92, 106, 124);
-const WRITING: Color32 = Color32::from_rgb(222, 228, 236);
-const QUIET: Color32 = Color32::from_rgb(158, 170, 184);
-const LEFT: Color32 = Color32::from_rgb(236, 58, 48);
-const RIGHT: Color32 = Color32::from_rgb(38, 208, 228);
 
 /// Steps of rulers and grids, m.
 const STEPS: [f64; 13] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
@@ -41,7 +37,7 @@ pub struct Pattern<'a> {
 impl Pattern<'_> {
     pub fn paint(&self) {
         let mut ground = Mesh::default();
-        ground.add_colored_rect(self.rect, BACKGROUND);
+        ground.add_colored_rect(self.rect, DARK);
         self.grid(&mut ground);
         self.rulers(&mut ground);
         self.border(&mut ground);
@@ -108,7 +104,7 @@ impl Pattern<'_> {
             }
         }
         for axis in [0, 1] {
-            self.line(mesh, axis, self.rect.center()[axis].round(), 2.0, WRITING);
+            self.line(mesh, axis, self.rect.center()[axis].round(), 2.0, INK);
         }
     }
 
@@ -130,7 +126,7 @@ impl Pattern<'_> {
                     0 => Rect::from_min_max(pos2(at, center.y - half), pos2(at + 1.0, center.y + half)),
                     _ => Rect::from_min_max(pos2(center.x - half, at), pos2(center.x + half, at + 1.0)),
                 };
-                mesh.add_colored_rect(tick.intersect(self.rect), WRITING);
+                mesh.add_colored_rect(tick.intersect(self.rect), INK);
             }
         }
     }
@@ -159,7 +155,7 @@ impl Pattern<'_> {
         let [x, y] = self.pixels_per_m();
         let radius = self.radius_m();
         let radii = vec2((x * radius) as f32, (y * radius) as f32);
-        let stroke = Stroke::new((0.18 * self.unit()).max(1.0), WRITING);
+        let stroke = Stroke::new((0.18 * self.unit()).max(1.0), INK);
         let at = |k: u16| egui::Vec2::angled(TAU * f32::from(k) / f32::from(CIRCLE)) * radii;
         let points = (0..CIRCLE).map(|k| self.rect.center() + at(k)).collect();
         self.painter.add(Shape::closed_line(points, stroke));
@@ -193,7 +189,7 @@ impl Pattern<'_> {
         let [x, y] = self.pixels_per_m().map(|density| 1e3 / density);
         let top = pos2(self.rect.center().x, self.rect.min.y + 6.0 * unit);
         let size = self.rect.size();
-        self.write(top, Align2::CENTER_TOP, name, 6.0 * unit, WRITING);
+        self.write(top, Align2::CENTER_TOP, name, 6.0 * unit, INK);
         let lines = [
             format!("{}   {:.3} × {:.3} m", self.stage, self.screen.width_m(), self.screen.height_m()),
             format!("{} × {} pixels of {x:.3} × {y:.3} mm", size.x, size.y),
@@ -218,7 +214,7 @@ impl Pattern<'_> {
             ("upper right", screen.upper_right(), Align2::RIGHT_TOP),
         ] {
             let text = format!("{name}\n{:.3} {:.3} {:.3}", point.x, point.y, point.z);
-            self.write(align.pos_in_rect(&inside), align, &text, 1.8 * unit, WRITING);
+            self.write(align.pos_in_rect(&inside), align, &text, 1.8 * unit, INK);
         }
     }
 
@@ -229,7 +225,7 @@ impl Pattern<'_> {
         let sides = [(Eye::Left, -1.0, LEFT, "L", "left eye"), (Eye::Right, 1.0, RIGHT, "R", "right eye")];
         if self.eye == Eye::Centre {
             let place = center + vec2(-0.27 * self.rect.width(), -0.22 * self.rect.height());
-            self.write(place, Align2::CENTER_CENTER, "one picture\nfor both eyes", 2.2 * unit, WRITING);
+            self.write(place, Align2::CENTER_CENTER, "one picture\nfor both eyes", 2.2 * unit, INK);
             return;
         }
         for (eye, side, color, letter, name) in sides {
@@ -237,7 +233,7 @@ impl Pattern<'_> {
             let own = eye == self.eye;
             let (fill, stroke) = match own {
                 true => (color, Stroke::NONE),
-                false => (BACKGROUND, Stroke::new((0.3 * unit).max(1.0), STRONG)),
+                false => (DARK, Stroke::new((0.3 * unit).max(1.0), STRONG)),
             };
             self.painter.add(match eye {
                 Eye::Left => {
@@ -259,7 +255,7 @@ impl Pattern<'_> {
             });
             if own {
                 let font = FontId::proportional(9.0 * unit);
-                self.painter.text(place, Align2::CENTER_CENTER, letter, font, BACKGROUND);
+                self.painter.text(place, Align2::CENTER_CENTER, letter, font, DARK);
                 self.write(place + vec2(0.0, 1.3 * radius), Align2::CENTER_TOP, name, 3.0 * unit, color);
             }
         }
@@ -305,21 +301,8 @@ impl Pattern<'_> {
     }
 
     /// Text on a dark plate, so that no line of the grid runs through it.
-    fn write(&self, place: Pos2, align: Align2, text: &str, size: f32, color: Color32) {
-        let font = FontId::monospace(size.max(7.0));
-        let mut job = egui::text::LayoutJob::simple(text.to_owned(), font, color, f32::INFINITY);
-        job.halign = align.x();
-        let galley = self.painter.layout_job(job);
-        // A galley aligned about x = 0 begins left of its place; its rectangle tells.
-        let top = match align.y() {
-            egui::Align::Min => 0.0,
-            egui::Align::Center => -galley.size().y / 2.0,
-            egui::Align::Max => -galley.size().y,
-        };
-        let place = (place + vec2(0.0, top)).round();
-        let plate = galley.rect.translate(place.to_vec2()).expand2(vec2(0.4 * size, 0.1 * size));
-        self.painter.rect_filled(plate, 0.0, BACKGROUND);
-        self.painter.galley(place, galley, color);
+    fn write(&self, place: Pos2, anchor: Align2, text: &str, size: f32, ink: Color32) {
+        write(self.painter, (place, anchor), text, size, [ink, DARK]);
     }
 }
 
