@@ -41,11 +41,17 @@ impl WindowApp for TwoScreens {
         let [left, right] = [-0.032, 0.032]
             .map(|x| off_axis(Point3::new(0.0, 0.95, 0.0), [1.2, 0.96], -0.7, Point3::new(x, 1.8, 0.9)));
         self.sizes = windows.sizes().collect();
-        let viewports = [
-            Viewport::full(self.sizes[0], Some(left)).to_vec(),
-            Viewport::side_by_side(self.sizes[1], Some(left), Some(right)).to_vec(),
-        ];
-        self.times = windows.draw(&viewports, &contents)?;
+        let tiles = self.sizes.iter().enumerate().map(|(window, &[width, height])| {
+            let whole = |view| Viewport::full([width, height], Some(view))[0];
+            let composite = Composite::interlaced([width, height], [0, 1]);
+            let show = match window {
+                0 => Show::One(whole(left)),
+                _ => Show::Two(composite, [whole(left), whole(right)]),
+            };
+            [Tile { rect: [0, 0, width, height], show }]
+        });
+        let tiles: Vec<_> = tiles.collect();
+        self.times = windows.draw(&tiles, &contents, None)?;
         self.frames += 1;
         let done = self.frames >= 12 && Instant::now() >= self.end;
         Ok(if done { Flow::Quit } else { Flow::Continue })
@@ -66,7 +72,7 @@ fn two_windows_of_one_process_draw_and_quit() {
         decorated: false,
         fullscreen: false,
     };
-    let specs = [spec("mono", 10, 320), spec("side by side", 340, 640)];
+    let specs = [spec("mono", 10, 320), spec("interlaced", 340, 640)];
     let mut app = TwoScreens {
         mesh: bent_tube(20, 16),
         body: None,

@@ -18,7 +18,7 @@ fn written(gpu: &Gpu, overlay: &mut Overlay, paint: impl FnMut(&egui::Painter)) 
     let target = Offscreen::new(gpu, &renderer, size).unwrap();
     renderer.draw(gpu, &[target.picture(&Viewport::full(size, None))], &FrameContents::default()).unwrap();
     let sheet = overlay.lay_out(size, paint);
-    overlay.draw(gpu, [(&target.view, &sheet)]).unwrap();
+    overlay.draw(gpu, [(&target.image.view, &sheet)]).unwrap();
     image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
 }
 

@@ -1,7 +1,7 @@
 //! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
 
 use super::failure::Failure;
-use super::picture::{DrawTimes, Layout, Targets};
+use super::picture::{DrawTimes, Targets};
 use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
 use super::{precompute, render, session};
@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for samples in [4, 1] {
         let mut world = World::new(&scene, &file, stage.clone())?;
         let script = render::script(&scene, None)?;
-        let mut targets = Targets::new(&world, Layout::Eyes, samples, 1.0)?;
+        let mut targets = Targets::new(&world, None, samples, 1.0)?;
         let device = targets.gpu.describe();
         let count = args.frames.max(2);
         let mut playback = render::Playback { script: script.as_ref(), frames: count, done: 0 };

@@ -12,6 +12,7 @@ mod failure;
 mod inspect;
 mod manual;
 mod pack;
+mod panes;
 mod pattern;
 mod picture;
 mod plan;

@@ -48,7 +48,7 @@ fn pictures(stage: &Stage, folder: &Path) -> Result<(), Failure> {
             let sheet = overlay.lay_out(screen.pixels, |painter| {
                 Pattern { painter, rect: painter.clip_rect(), stage: &stage.name, screen, eye }.paint();
             });
-            overlay.draw(&gpu, [(&target.view, &sheet)])?;
+            overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
             let (image, _) = target.read(&gpu)?;
             save(&image, &folder.join(format!("{}-{}.png", screen.name, eye.name())))?;
             count += 1;

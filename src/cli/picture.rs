@@ -1,10 +1,12 @@
 //! A world on a graphics device: buffers per body, uploaded once a frame, drawn for every screen and eye.
 
+use super::panes;
 use super::world::World;
 use crate::render::{
-    BodyBuffers, BodyInstance, COLOR_FORMAT, FrameContents, Gpu, Offscreen, RenderError, Renderer, Viewport,
+    BodyBuffers, BodyInstance, COLOR_FORMAT, Canvas, FrameContents, Gpu, Readable, RenderError, Renderer,
+    Target, Tile, TilePainter,
 };
-use crate::stage::Eye;
+use crate::stage::{Stage, Stereo, Window};
 use image::RgbaImage;
 use std::time::Instant;
 
@@ -51,28 +53,22 @@ pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> Fram
     FrameContents { bodies: instances, styli: &world.styli, grid: world.grid(), ..Default::default() }
 }
 
-/// How the pictures of one screen are laid out offscreen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Layout {
-    /// One picture per screen and eye
-    Eyes,
-    /// One picture per screen, left eye in its left half
-    SideBySide,
-}
-
 /// Offscreen targets for every picture of a stage.
 pub struct Targets {
     pub gpu: Gpu,
     renderer: Renderer,
+    painter: TilePainter,
     bodies: Bodies,
-    pictures: Vec<Target>,
+    pictures: Vec<OneTarget>,
+    swapped: bool,
 }
 
-struct Target {
-    screen: usize,
-    eyes: Vec<Eye>,
+/// The picture that a window would show.
+struct OneTarget {
+    window: Window,
     name: String,
-    offscreen: Offscreen,
+    canvas: Canvas,
+    image: Readable,
 }
 
 /// A picture and the screen and eye it belongs to.
@@ -87,59 +83,59 @@ pub struct DrawTimes {
 }
 
 impl Targets {
-    /// Targets of `scale` times the screens' own pixels.
-    pub fn new(world: &World, layout: Layout, samples: u32, scale: f64) -> Result<Targets, RenderError> {
+    /// Targets of `scale` times the screens' own pixels: one per screen and eye, or with both eyes joined as `stereo`
+    /// says.
+    pub fn new(
+        world: &World,
+        stereo: Option<Stereo>,
+        samples: u32,
+        scale: f64,
+    ) -> Result<Targets, RenderError> {
         let gpu = Gpu::headless()?;
         let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
         let bodies = Bodies::new(&gpu, world)?;
+        let painter = TilePainter::new(COLOR_FORMAT);
         let mut pictures = Vec::new();
-        for (screen, shape) in world.stage.screens.iter().enumerate() {
-            let [width, height] =
-                shape.pixels.map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
-            let eyes = world.stage.eyes();
-            let groups: Vec<Vec<Eye>> = match layout {
-                Layout::Eyes => eyes.iter().map(|eye| vec![*eye]).collect(),
-                Layout::SideBySide => vec![eyes.to_vec()],
+        for (window, name) in windows(&world.stage, stereo) {
+            let size = if let [tile] = window.tiles.as_slice() {
+                // Whole pixels of the screen first, so that both halves of a window come out alike.
+                tile.stereo.window_size(panes::scaled(world.stage.screens[tile.screen].pixels, scale))
+            } else {
+                panes::scaled(window.size, scale)
             };
-            for eyes in groups {
-                let names: Vec<&str> = eyes.iter().map(|eye| eye.name()).collect();
-                pictures.push(Target {
-                    screen,
-                    name: format!("{}-{}", shape.name, names.join("-")),
-                    offscreen: Offscreen::new(&gpu, &renderer, [width * eyes.len() as u32, height])?,
-                    eyes,
-                });
-            }
+            let image = Readable::new(&gpu, size)?;
+            pictures.push(OneTarget { window, name, canvas: Canvas::default(), image });
         }
-        Ok(Targets { gpu, renderer, bodies, pictures })
+        Ok(Targets { gpu, renderer, painter, bodies, pictures, swapped: false })
     }
 
     /// Draws the world into all targets with one upload and one submission, and waits for the device.
     pub fn draw(&mut self, world: &mut World) -> Result<DrawTimes, RenderError> {
         let upload_s = self.bodies.upload(&self.gpu, world)?;
-        let viewports: Vec<Vec<Viewport>> = self
+        let tiles: Vec<Vec<Tile>> = self
             .pictures
             .iter()
-            .map(|target| {
-                let size = &target.offscreen.attachments;
-                let width = size.width / target.eyes.len() as u32;
-                let at = |(i, eye): (usize, &Eye)| Viewport {
-                    rect: [i as u32 * width, 0, width, size.height],
-                    view: world.view(target.screen, *eye),
-                };
-                target.eyes.iter().enumerate().map(at).collect()
+            .map(|target| panes::tiles(world, &target.window, target.image.size, self.swapped))
+            .collect();
+        let mut targets: Vec<Target<'_>> = self
+            .pictures
+            .iter_mut()
+            .zip(&tiles)
+            .enumerate()
+            .map(|(window, (OneTarget { canvas, image, .. }, tiles))| Target {
+                window,
+                canvas,
+                texture: &image.view,
+                size: image.size,
+                desktop: [0, 0],
+                tiles,
             })
             .collect();
-        let pictures: Vec<_> = self
-            .pictures
-            .iter()
-            .zip(&viewports)
-            .map(|(t, viewports)| t.offscreen.picture(viewports))
-            .collect();
         let instances = self.bodies.instances(world);
-        let encode_s = self.renderer.draw(&self.gpu, &pictures, &contents(world, &instances))?.as_secs_f64();
+        let contents = contents(world, &instances);
+        let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, &contents, None)?;
         let draw_s = self.gpu.wait()?.as_secs_f64();
-        Ok(DrawTimes { upload_s, encode_s, draw_s })
+        Ok(DrawTimes { upload_s, encode_s: encode.as_secs_f64(), draw_s })
     }
 
     /// Reads all pictures back, named by screen and eye; and the time it took, s.
@@ -147,10 +143,29 @@ impl Targets {
         let mut read_s = 0.0;
         let mut images = Vec::new();
         for target in &self.pictures {
-            let (image, time) = target.offscreen.read(&self.gpu)?;
+            let (image, time) = target.image.read(&self.gpu)?;
             read_s += time.as_secs_f64();
             images.push((target.name.as_str(), image));
         }
         Ok((images, read_s))
     }
+}
+
+/// The pictures to be made, by name: SCREEN-EYE, or SCREEN-STEREO where both eyes are in one.
+fn windows(stage: &Stage, stereo: Option<Stereo>) -> Vec<(Window, String)> {
+    let usual = match stage.stereo.eyes() {
+        [_] => stage.stereo,
+        _ => Stereo::Separate,
+    };
+    let stage = Stage { stereo: stereo.unwrap_or(usual), ..stage.clone() };
+    let named = |window: Window| {
+        let tile = &window.tiles[0];
+        let kind = match tile.stereo.eyes() {
+            [eye] => eye.name(),
+            _ => tile.stereo.name(),
+        };
+        let name = format!("{}-{kind}", stage.screens[tile.screen].name);
+        (window, name)
+    };
+    stage.layout().into_iter().map(named).collect()
 }

@@ -1,7 +1,7 @@
 //! `greenstage render`: the scripted scene as offscreen pictures.
 
 use super::failure::Failure;
-use super::picture::{DrawTimes, Layout, Targets};
+use super::picture::{DrawTimes, Targets};
 use super::session;
 use super::table::seconds;
 use super::world::{StepTimes, World};
@@ -41,9 +41,10 @@ pub struct Args {
     /// Size of the pictures against the screens' own pixels, 0.01 to 8
     #[arg(long, default_value_t = 1.0, value_parser = super::scale)]
     pub scale: f64,
-    /// Pictures per eye, or both eyes side by side
-    #[arg(long, value_enum, default_value = "eyes")]
-    pub layout: Layout,
+    /// Both eyes in one picture as a display wants them (`greenstage manual stages` lists the kinds), or one eye's;
+    /// default: a picture per eye
+    #[arg(long, value_parser = Stereo::named)]
+    pub stereo: Option<Stereo>,
 }
 
 /// Width of one picture on the contact sheet.
@@ -127,7 +128,7 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))
         .map_err(Failure::Request)?;
-    let mut targets = Targets::new(world, args.layout, args.samples, args.scale)?;
+    let mut targets = Targets::new(world, args.stereo, args.samples, args.scale)?;
     eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
     let shown = [0, args.frames / 2, args.frames - 1];
     let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");

@@ -1,16 +1,15 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
 use super::failure::Failure;
-use super::picture::{Bodies, Layout, contents};
+use super::panes;
+use super::picture::{Bodies, contents};
 use super::render;
 use super::session;
 use super::world::World;
-use crate::render::window::{
-    self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, WindowSpec, Windows,
-};
-use crate::render::{Gpu, RenderError, Viewport};
+use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
+use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
-use crate::stage::{Eye, Stage, Stereo};
+use crate::stage::Window;
 use crate::track::mouse::{BINDINGS, Button as MouseButton};
 use crate::track::{Mouse, MouseInput, Script, TrackerState};
 use std::path::PathBuf;
@@ -85,13 +84,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return render::pictures(&offscreen(args, frames), &mut world, script.as_ref());
     }
     super::print(&format!("{}\n", bindings()))?;
-    let panes = panes(&world.stage);
-    let specs = windows(&world.stage, &panes, args.scale.unwrap_or(if panes.len() > 1 { 0.5 } else { 1.0 }));
+    let layout = world.stage.layout();
+    let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
+    let specs = panes::specs(&world.stage, &layout, scale);
     let mut app = Viewer {
         mouse: Mouse::new(world.stage.clone()),
         world,
         script,
-        panes,
+        sizes: specs.iter().map(|spec| spec.size).collect(),
+        layout,
+        swapped: false,
         bodies: None,
         started: Instant::now(),
         last: Instant::now(),
@@ -117,42 +119,8 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         green: args.green.clone(),
         samples: args.samples,
         scale: args.scale.unwrap_or(1.0),
-        layout: Layout::Eyes,
+        stereo: None,
     }
-}
-
-/// A window shows one screen for one eye, or for both side by side.
-struct Pane {
-    screen: usize,
-    eyes: Vec<Eye>,
-}
-
-fn panes(stage: &Stage) -> Vec<Pane> {
-    let of = |screen: usize| match stage.stereo {
-        Stereo::Separate => stage.eyes().iter().map(|eye| Pane { screen, eyes: vec![*eye] }).collect(),
-        Stereo::SideBySide | Stereo::Mono => vec![Pane { screen, eyes: stage.eyes().to_vec() }],
-    };
-    (0..stage.screens.len()).flat_map(of).collect()
-}
-
-/// Several windows are laid out side by side: a column per eye, the screens from the highest to the lowest.
-fn windows(stage: &Stage, panes: &[Pane], scale: f64) -> Vec<WindowSpec> {
-    let from_top = stage.screens_from_top();
-    let spec = |pane: &Pane| {
-        let column = u32::from(pane.eyes == [Eye::Right]);
-        let row = from_top.iter().position(|&screen| screen == pane.screen).unwrap_or(0);
-        let screen = &stage.screens[pane.screen];
-        let size = screen.pixels.map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
-        let eyes: Vec<&str> = pane.eyes.iter().map(|eye| eye.name()).collect();
-        WindowSpec {
-            title: format!("greenstage – {} – {} – {}", stage.name, screen.name, eyes.join(" and ")),
-            position: (panes.len() > 1).then_some([(column * size[0]) as i32, (row as u32 * size[1]) as i32]),
-            size: [size[0] * pane.eyes.len() as u32, size[1]],
-            decorated: true,
-            fullscreen: false,
-        }
-    };
-    panes.iter().map(spec).collect()
 }
 
 struct Viewer {
@@ -160,7 +128,11 @@ struct Viewer {
     /// Moves head and stylus until the user presses a mouse button or a key.
     script: Option<Script>,
     mouse: Mouse,
-    panes: Vec<Pane>,
+    layout: Vec<Window>,
+    /// Of each window, now.
+    sizes: Vec<[u32; 2]>,
+    /// Each eye is shown what the other should see.
+    swapped: bool,
     bodies: Option<Bodies>,
     started: Instant,
     last: Instant,
@@ -186,14 +158,14 @@ impl WindowApp for Viewer {
         }
         match input {
             Input::Cursor { window, position } => {
-                let pane = &self.panes[window];
-                let [x, y] = position.map(f64::from);
-                // Side by side, each half of the window is the whole screen.
-                let x = x * pane.eyes.len() as f64;
-                let x = if (0.0..pane.eyes.len() as f64).contains(&x) { x.fract() } else { x };
-                let ndc = [2.0 * x - 1.0, 1.0 - 2.0 * y];
-                self.mouse.handle(MouseInput::Cursor { screen: pane.screen, ndc });
+                let position = position.map(f64::from);
+                let stage = &self.world.stage;
+                let under = panes::at_cursor(stage, &self.layout[window], self.sizes[window], position);
+                if let Some((screen, ndc)) = under {
+                    self.mouse.handle(MouseInput::Cursor { screen, ndc });
+                }
             }
+            Input::Key { key: Key::Function(4), pressed: true, .. } => self.swapped = !self.swapped,
             Input::Button { button: Button::Left, pressed, .. } => {
                 self.mouse.handle(MouseInput::Button { button: MouseButton::Left, pressed });
             }
@@ -225,11 +197,11 @@ impl WindowApp for Viewer {
         let state = self.state(step_s);
         self.world.step(&state);
         self.mouse.hit_distance_m = self.world.hit_distance_m();
-        let viewports: Vec<Vec<Viewport>> = self.viewports(windows);
+        let tiles = self.tiles(windows);
         if let Some(bodies) = &mut self.bodies {
             bodies.upload(&windows.gpu, &mut self.world)?;
             let instances = bodies.instances(&self.world);
-            windows.draw(&viewports, &contents(&self.world, &instances))?;
+            windows.draw(&tiles, &contents(&self.world, &instances), None)?;
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
@@ -257,19 +229,11 @@ impl Viewer {
         }
     }
 
-    fn viewports(&mut self, windows: &Windows) -> Vec<Vec<Viewport>> {
-        let sizes: Vec<[u32; 2]> = windows.sizes().collect();
-        let mut viewports = Vec::new();
-        for (pane, [width, height]) in self.panes.iter().zip(sizes) {
-            let part = width / pane.eyes.len() as u32;
-            let mut row = Vec::new();
-            for (i, eye) in pane.eyes.iter().enumerate().filter(|_| part > 0) {
-                let view = self.world.view(pane.screen, *eye);
-                row.push(Viewport { rect: [i as u32 * part, 0, part, height], view });
-            }
-            viewports.push(row);
-        }
-        viewports
+    fn tiles(&mut self, windows: &Windows) -> Vec<Vec<Tile>> {
+        self.sizes = windows.sizes().collect();
+        let of =
+            |(window, size): (&Window, &[u32; 2])| panes::tiles(&mut self.world, window, *size, self.swapped);
+        self.layout.iter().zip(&self.sizes).map(of).collect()
     }
 }
 

@@ -5,15 +5,18 @@
 //! reversed infinite depth (Upchurch and Desbrun, "Tightening the precision of perspective rendering", 2012).
 //!
 //! The way of a frame: [`BodyBuffers::upload`] or [`BodyBuffers::deform`] → [`FrameContents`] → [`Renderer::draw`] of
-//! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. One pass,
-//! one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point), background, grid; and for bodies
-//! that the device deforms itself: deform, normals; and on their first use: quads, lines. An [`Overlay`] writes over it.
+//! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a
+//! window shows both eyes, [`TilePainter`] draws a picture for each, on which an [`Overlay`] may write, and joins them
+//! ([`Composite`]). One pass, one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point),
+//! background, grid, composite; and for bodies that the device deforms itself: deform, normals; and on
+//! their first use: quads, lines.
 
 mod body;
 mod bounds;
 mod chunk;
 mod clock;
 mod columns;
+mod composite;
 mod deform;
 mod error;
 mod frame;
@@ -28,18 +31,21 @@ mod renderer;
 mod shader;
 mod solid;
 mod target;
+mod tiles;
 mod uniforms;
 pub mod window;
 
 pub use body::BodyBuffers;
 pub use bounds::Bounds;
 pub use columns::ColumnData;
+pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
 pub use frame::{Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::{Gpu, Made};
 pub use lines::Line;
-pub use offscreen::{COLOR_FORMAT, Offscreen};
+pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
 pub use overlay::{Overlay, Sheet};
 pub use quads::Quad;
 pub use renderer::Renderer;
 pub use target::{Attachments, Picture};
+pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};

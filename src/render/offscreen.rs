@@ -1,6 +1,6 @@
 //! Pictures without a window: draw into a texture, read it back as an `RgbaImage`.
 
-use super::target::texture;
+use super::target::{check_size, texture};
 use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
 use image::RgbaImage;
 use std::time::{Duration, Instant};
@@ -8,15 +8,20 @@ use std::time::{Duration, Instant};
 /// The format of offscreen pictures: sRGB-encoded by the device, as PNG files hold them.
 pub const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 
-/// A target of one size with its read-back buffer, made once and drawn into every frame.
-pub struct Offscreen {
-    pub attachments: Attachments,
-    texture: wgpu::Texture,
-    /// The finished picture, for an [`super::Overlay`] to be drawn on.
+/// A texture of one size with its read-back buffer, made once and drawn into every frame.
+pub struct Readable {
+    pub size: [u32; 2],
     pub view: wgpu::TextureView,
+    texture: wgpu::Texture,
     /// Rows padded to wgpu's 256 bytes.
     readback: wgpu::Buffer,
     bytes_per_row: u32,
+}
+
+/// A readable target that is drawn in one pass.
+pub struct Offscreen {
+    pub attachments: Attachments,
+    pub image: Readable,
 }
 
 impl Offscreen {
@@ -26,6 +31,27 @@ impl Offscreen {
     /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
     pub fn new(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
         let attachments = Attachments::new(gpu, COLOR_FORMAT, renderer.samples, size)?;
+        Ok(Self { attachments, image: Readable::new(gpu, size)? })
+    }
+
+    pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
+        Picture { attachments: &self.attachments, texture: &self.image.view, viewports }
+    }
+
+    /// See [`Readable::read`].
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the device failed or was lost.
+    pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
+        self.image.read(gpu)
+    }
+}
+
+impl Readable {
+    /// # Errors
+    /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
+        check_size(gpu, size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
         let texture = gpu.device.create_texture(&texture(size, COLOR_FORMAT, 1, usage));
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -37,11 +63,7 @@ impl Offscreen {
             wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
         )?;
         gpu.check()?;
-        Ok(Self { attachments, texture, view, readback, bytes_per_row })
-    }
-
-    pub fn picture<'a>(&'a self, viewports: &'a [Viewport]) -> Picture<'a> {
-        Picture { attachments: &self.attachments, texture: &self.view, viewports }
+        Ok(Self { size, view, texture, readback, bytes_per_row })
     }
 
     /// The picture as drawn by everything submitted so far, and the time to fetch it. [`Gpu::wait`] first tells the
@@ -51,7 +73,7 @@ impl Offscreen {
     /// [`RenderError::Device`] when the device failed or was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         let start = Instant::now();
-        let &Attachments { width, height, .. } = &self.attachments;
+        let [width, height] = self.size;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let rows = wgpu::TexelCopyBufferLayout {
             offset: 0,

@@ -7,6 +7,7 @@ pub(super) const BODY: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/bod
 pub(super) const SOLID: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/solid.wgsl")];
 pub(super) const BACKGROUND: [&str; 2] = [VIEW, include_str!("../../shaders/background.wgsl")];
 pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl")];
+pub(super) const COMPOSITE: [&str; 1] = [include_str!("../../shaders/composite.wgsl")];
 pub(super) const QUADS: [&str; 2] = [VIEW, include_str!("../../shaders/quads.wgsl")];
 pub(super) const LINES: [&str; 2] = [VIEW, include_str!("../../shaders/lines.wgsl")];
 
@@ -49,6 +50,7 @@ mod tests {
             ("solid", &SOLID),
             ("background", &BACKGROUND),
             ("grid", &GRID),
+            ("composite", &COMPOSITE),
             ("quads", &QUADS),
             ("lines", &LINES),
         ] {

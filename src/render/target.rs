@@ -22,10 +22,7 @@ impl Attachments {
         samples: u32,
         [width, height]: [u32; 2],
     ) -> Result<Self, RenderError> {
-        let limit = gpu.device.limits().max_texture_dimension_2d;
-        if width == 0 || height == 0 || width > limit || height > limit {
-            return Err(RenderError::PictureSize { width, height, limit });
-        }
+        check_size(gpu, [width, height])?;
         let attachment = |format| {
             gpu.device
                 .create_texture(&texture(
@@ -73,6 +70,14 @@ impl Picture<'_> {
         }
         Ok(())
     }
+}
+
+pub(super) fn check_size(gpu: &Gpu, [width, height]: [u32; 2]) -> Result<(), RenderError> {
+    let limit = gpu.device.limits().max_texture_dimension_2d;
+    if width == 0 || height == 0 || width > limit || height > limit {
+        return Err(RenderError::PictureSize { width, height, limit });
+    }
+    Ok(())
 }
 
 pub(super) fn texture(

@@ -7,13 +7,17 @@
 mod fault;
 mod file;
 mod screen;
+mod stereo;
 mod summary;
 pub mod tracking;
+mod window;
 
 pub use fault::{Fault, StageError};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
+pub use stereo::Stereo;
 pub use summary::Seam;
 pub use tracking::Tracking;
+pub use window::{Border, Tile, Visible, Window};
 
 use nalgebra::{Isometry3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -31,18 +35,6 @@ pub struct Stage {
     pub screens: Vec<Screen>,
     /// What follows head and hands; empty where nothing does.
     pub tracking: Tracking,
-}
-
-/// How the two eyes' pictures of a screen reach its window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Stereo {
-    /// One window per eye.
-    Separate,
-    /// Both in one window, the left eye's picture in the left half.
-    SideBySide,
-    /// One picture, seen from midway between the eyes.
-    Mono,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -116,14 +108,20 @@ impl Stage {
 
     /// The eyes for which each screen is drawn, in the order of drawing.
     pub fn eyes(&self) -> &'static [Eye] {
-        match self.stereo {
-            Stereo::Separate | Stereo::SideBySide => &[Eye::Left, Eye::Right],
-            Stereo::Mono => &[Eye::Centre],
-        }
+        self.stereo.eyes()
     }
 }
 
 impl Eye {
+    /// The one that swapped eyes show instead.
+    pub fn other(self) -> Self {
+        match self {
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+            Self::Centre => Self::Centre,
+        }
+    }
+
     /// For file names and messages.
     pub fn name(self) -> &'static str {
         match self {

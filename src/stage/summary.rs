@@ -61,11 +61,7 @@ impl fmt::Display for Stage {
             eye.y,
             eye.z,
             self.viewer.ipd_m * 1000.0,
-            match self.stereo {
-                super::Stereo::Separate => "separate: one image per eye",
-                super::Stereo::SideBySide => "side by side: both eyes in one image",
-                super::Stereo::Mono => "mono: one image",
-            }
+            self.stereo.name()
         )?;
         let centre = self.workspace.centre;
         let radius_m = self.workspace.radius_m;

@@ -10,7 +10,7 @@ mod surface;
 pub use display::find_display;
 pub use input::{Button, Input, Key};
 
-use super::{FrameContents, Gpu, Picture, RenderError, Renderer, Viewport};
+use super::{FrameContents, Gpu, Paint, RenderError, Renderer, Target, Tile, TilePainter};
 use std::panic::catch_unwind;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -78,6 +78,7 @@ pub trait WindowApp {
 pub struct Windows {
     pub gpu: Gpu,
     renderer: Renderer,
+    painter: TilePainter,
     surfaces: Vec<WindowSurface>,
 }
 
@@ -95,25 +96,26 @@ impl Windows {
         self.surfaces.iter().map(|surface| surface.size)
     }
 
-    /// Draws `contents` through each window's viewports and presents all windows together. A window that cannot be
-    /// drawn just now (minimised, covered, being resized) is left out of this frame.
+    /// Draws `contents` into each window's tiles and presents all windows together. A window that cannot be drawn just
+    /// now (minimised, covered, being resized) is left out of this frame. `paint` draws over the eyes' pictures.
     ///
     /// # Errors
-    /// A viewport outside its window, a number of windows that differs, or a device that failed.
-    pub fn draw<V: AsRef<[Viewport]>>(
+    /// A tile outside its window, a number of windows that differs, or a device that failed.
+    pub fn draw<T: AsRef<[Tile]>>(
         &mut self,
-        viewports: &[V],
+        tiles: &[T],
         contents: &FrameContents<'_>,
+        paint: Option<Paint<'_>>,
     ) -> Result<WindowTimes, RenderError> {
-        let (found, expected) = (viewports.len(), self.surfaces.len());
+        let (found, expected) = (tiles.len(), self.surfaces.len());
         if found != expected {
             return Err(RenderError::WindowCount { found, expected });
         }
         let start = Instant::now();
         let mut frames = Vec::new();
-        for (surface, viewports) in self.surfaces.iter_mut().zip(viewports) {
-            if let Some(frame) = surface.acquire(&self.gpu, &self.renderer)? {
-                frames.push((frame, surface, viewports.as_ref()));
+        for (window, (surface, tiles)) in self.surfaces.iter_mut().zip(tiles).enumerate() {
+            if let Some(frame) = surface.acquire(&self.gpu)? {
+                frames.push((window, frame, surface, tiles.as_ref()));
             }
         }
         let acquire = start.elapsed();
@@ -121,17 +123,21 @@ impl Windows {
             std::thread::sleep(IDLE);
             return Ok(WindowTimes { acquire, ..WindowTimes::default() });
         }
-        let pictures: Vec<_> = frames
-            .iter()
-            .filter_map(|(frame, surface, viewports)| {
-                let attachments = surface.attachments.as_ref()?;
-                Some(Picture { attachments, texture: &frame.view, viewports })
+        let mut targets: Vec<_> = frames
+            .iter_mut()
+            .map(|(window, frame, surface, tiles)| Target {
+                window: *window,
+                texture: &frame.view,
+                size: surface.size,
+                desktop: surface.place,
+                canvas: &mut surface.canvas,
+                tiles,
             })
             .collect();
-        let encode = self.renderer.draw(&self.gpu, &pictures, contents)?;
+        let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, contents, paint)?;
 
         let start = Instant::now();
-        for (frame, surface, _) in frames {
+        for (_, frame, surface, _) in frames {
             surface.window.pre_present_notify();
             self.gpu.queue.present(frame.texture);
         }
@@ -233,8 +239,9 @@ impl<A: WindowApp> Handler<'_, A> {
             return Err(RenderError::WindowCount { found: 0, expected: 1 });
         };
         let renderer = Renderer::new(&gpu, first.format(), self.options.samples)?;
+        let painter = TilePainter::new(first.format());
         self.app.start(&gpu).map_err(RenderError::App)?;
-        self.windows = Some(Windows { gpu, renderer, surfaces: configured });
+        self.windows = Some(Windows { gpu, renderer, painter, surfaces: configured });
         Ok(())
     }
 }
@@ -257,6 +264,9 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
         };
         if let WindowEvent::Resized(size) = event {
             windows.surfaces[index].resize(size.into());
+        }
+        if let WindowEvent::Resized(_) | WindowEvent::Moved(_) = event {
+            windows.surfaces[index].find_place();
         }
         if let WindowEvent::CloseRequested = event {
             return self.finish(event_loop, Ok(()));

@@ -1,14 +1,16 @@
 //! A window's swap chain: configured when it opens, again when its size changes or the system says so.
 
-use super::super::{Attachments, Gpu, RenderError, Renderer};
+use super::super::target::check_size;
+use super::super::{Canvas, Gpu, RenderError};
 use std::sync::Arc;
 use wgpu::CurrentSurfaceTexture;
 use winit::window::Window;
 
 pub(super) struct WindowSurface {
     pub(super) size: [u32; 2],
-    /// Of the configured size; None until the window has been drawn at that size.
-    pub(super) attachments: Option<Attachments>,
+    /// The window's top left pixel on the desktop; the origin where the window system does not tell.
+    pub(super) place: [i32; 2],
+    pub(super) canvas: Canvas,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     /// The swap chain fits the window.
@@ -53,7 +55,15 @@ impl WindowSurface {
             alpha_mode: wgpu::CompositeAlphaMode::Auto,
             view_formats: vec![],
         };
-        Ok(Self { size, attachments: None, surface, config, is_current: false, window })
+        let canvas = Canvas::default();
+        let mut surface = Self { size, place: [0, 0], canvas, surface, config, is_current: false, window };
+        surface.find_place();
+        Ok(surface)
+    }
+
+    /// Asks the window system where the window stands; Wayland does not tell.
+    pub(super) fn find_place(&mut self) {
+        self.place = self.window.inner_position().map_or([0, 0], Into::into);
     }
 
     pub(super) fn format(&self) -> wgpu::TextureFormat {
@@ -68,16 +78,12 @@ impl WindowSurface {
     }
 
     /// The next image to draw into, or None when this frame has to go without this window.
-    pub(super) fn acquire(
-        &mut self,
-        gpu: &Gpu,
-        renderer: &Renderer,
-    ) -> Result<Option<SurfaceFrame>, RenderError> {
+    pub(super) fn acquire(&mut self, gpu: &Gpu) -> Result<Option<SurfaceFrame>, RenderError> {
         if self.size.contains(&0) {
             return Ok(None);
         }
         if !self.is_current {
-            self.configure(gpu, renderer)?;
+            self.configure(gpu)?;
         }
         let texture = match self.surface.get_current_texture() {
             CurrentSurfaceTexture::Success(texture) => texture,
@@ -108,13 +114,10 @@ impl WindowSurface {
         Ok(Some(SurfaceFrame { texture, view }))
     }
 
-    fn configure(&mut self, gpu: &Gpu, renderer: &Renderer) -> Result<(), RenderError> {
+    fn configure(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
+        // Before the swap chain would refuse it.
+        check_size(gpu, self.size)?;
         [self.config.width, self.config.height] = self.size;
-        let fits = |old: &Attachments| [old.width, old.height] == self.size;
-        if !self.attachments.as_ref().is_some_and(fits) {
-            // Also refuses a size beyond the device's limit before the swap chain would.
-            self.attachments = Some(Attachments::new(gpu, self.config.format, renderer.samples, self.size)?);
-        }
         self.surface.configure(&gpu.device, &self.config);
         gpu.check()?;
         self.is_current = true;

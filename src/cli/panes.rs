@@ -1,0 +1,137 @@
+//! A stage's windows made ready to be drawn: tiles with what each eye sees, and what the cursor points at.
+
+use super::world::World;
+use crate::render::window::WindowSpec;
+use crate::render::{Anaglyph, Composite, Show, Tile, View, Viewport};
+use crate::stage::{self, Border, Eye, Stage, Stereo, Window};
+
+/// How both eyes' pictures of a tile are joined; None where it shows one eye.
+pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {
+    Some(match stereo {
+        Stereo::SideBySide | Stereo::SideBySideHalf => Composite::side_by_side(size),
+        Stereo::TopBottom | Stereo::TopBottomHalf => Composite::top_bottom(size),
+        Stereo::FramePacking => Composite::frame_packing(size),
+        Stereo::Anaglyph => Composite::anaglyph(size, Anaglyph::COLOUR),
+        Stereo::AnaglyphGrey => Composite::anaglyph(size, Anaglyph::GREY),
+        Stereo::AnaglyphHalfColour => Composite::anaglyph(size, Anaglyph::HALF_COLOUR),
+        Stereo::AnaglyphDubois => Composite::anaglyph(size, Anaglyph::DUBOIS),
+        Stereo::Rows => Composite::interlaced(size, [0, 1]),
+        Stereo::Columns => Composite::interlaced(size, [1, 0]),
+        Stereo::Checkerboard => Composite::interlaced(size, [1, 1]),
+        Stereo::Separate | Stereo::Mono | Stereo::Left | Stereo::Right => return None,
+    })
+}
+
+/// The windows to be opened, at `scale` times their places and sizes.
+pub fn specs(stage: &Stage, windows: &[Window], scale: f64) -> Vec<WindowSpec> {
+    let spec = |window: &Window| WindowSpec {
+        title: format!("greenstage – {} – {}", stage.name, window.name),
+        position: window.at.map(|at| at.map(|pixel| (f64::from(pixel) * scale).round() as i32)),
+        size: scaled(window.size, scale),
+        decorated: window.border == Border::Decorated,
+        fullscreen: window.border == Border::FullScreen,
+    };
+    windows.iter().map(spec).collect()
+}
+
+pub fn scaled(size: [u32; 2], scale: f64) -> [u32; 2] {
+    size.map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1))
+}
+
+/// What a window of `size` pixels shows; with `swapped` each eye gets what the other should. Tiles and eyes for which
+/// the window has become too small are left out.
+pub fn tiles(world: &mut World, window: &Window, size: [u32; 2], swapped: bool) -> Vec<Tile> {
+    window.tiles.iter().filter_map(|tile| shown(world, window, tile, size, swapped)).collect()
+}
+
+fn shown(
+    world: &mut World,
+    window: &Window,
+    tile: &stage::Tile,
+    size: [u32; 2],
+    swapped: bool,
+) -> Option<Tile> {
+    let rect = window.rect(tile, size);
+    let composite = composite(tile.stereo, [rect[2], rect[3]]);
+    let eye_size = composite.map_or([rect[2], rect[3]], |composite| composite.eye_size);
+    if eye_size.contains(&0) {
+        return None;
+    }
+    let mut viewport = |eye: Eye| viewport(world, tile, eye_size, if swapped { eye.other() } else { eye });
+    let show = match (composite, tile.stereo.eyes()) {
+        (Some(composite), _) => Show::Two(composite, [viewport(Eye::Left), viewport(Eye::Right)]),
+        (None, eyes) => Show::One(viewport(*eyes.first()?)),
+    };
+    Some(Tile { rect, show })
+}
+
+/// An eye's view of the part of the screen that the tile shows.
+fn viewport(world: &mut World, tile: &stage::Tile, eye_size: [u32; 2], eye: Eye) -> Viewport {
+    let [width, height] = eye_size;
+    let Some(visible) = tile.visible(&world.stage.screens[tile.screen], eye_size) else {
+        return Viewport { rect: [0, 0, width, height], view: None };
+    };
+    let view = world.view(tile.screen, eye).map(|view| {
+        let clip_from_room = visible.clip_from_whole() * view.clip_from_room.cast::<f64>();
+        View { clip_from_room: clip_from_room.cast(), ..view }
+    });
+    Viewport { rect: visible.rect, view }
+}
+
+/// The screen under the cursor and the place on it (x right, y up, -1 to 1), from a place in the window as a share of
+/// its width and height. Beyond the window, the nearest tile's screen goes on.
+pub fn at_cursor(
+    stage: &Stage,
+    window: &Window,
+    size: [u32; 2],
+    position: [f64; 2],
+) -> Option<(usize, [f64; 2])> {
+    let pixel = [position[0] * f64::from(size[0]), position[1] * f64::from(size[1])];
+    let away = |rect: [u32; 4]| -> f64 {
+        let beyond = |axis: usize| {
+            let (low, high) = (f64::from(rect[axis]), f64::from(rect[axis]) + f64::from(rect[axis + 2]));
+            (low - pixel[axis]).max(pixel[axis] - high).max(0.0)
+        };
+        beyond(0) + beyond(1)
+    };
+    let rects = window.tiles.iter().map(|tile| (tile, window.rect(tile, size)));
+    let (tile, rect) = rects.min_by(|(_, a), (_, b)| away(*a).total_cmp(&away(*b)))?;
+    let mut at = [0, 1].map(|axis| pixel[axis] - f64::from(rect[axis]));
+    let mut eye_size = [rect[2], rect[3]];
+    if let Some(Composite { eye_size: half, second, .. }) = composite(tile.stereo, eye_size) {
+        eye_size = half;
+        // Beside or above each other, each eye's picture is the whole screen.
+        for axis in 0..2 {
+            if second[axis] > 0 && at[axis] >= f64::from(second[axis]) {
+                at[axis] -= f64::from(second[axis]);
+            }
+        }
+    }
+    let visible = tile.visible(&stage.screens[tile.screen], eye_size)?;
+    let [x, y, width, height] = visible.rect.map(f64::from);
+    let ndc = [2.0 * (at[0] - x) / width - 1.0, 1.0 - 2.0 * (at[1] - y) / height];
+    Some((tile.screen, visible.on_whole(ndc)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cursor(stereo: Stereo, position: [f64; 2]) -> [f64; 2] {
+        let stage = Stage { stereo, ..Stage::find("desktop").unwrap() };
+        let window = &stage.layout()[0];
+        let (screen, ndc) = at_cursor(&stage, window, scaled(window.size, 0.5), position).unwrap();
+        assert_eq!(screen, 0);
+        ndc.map(|x| (x * 1e6).round() / 1e6)
+    }
+
+    #[test]
+    fn the_cursor_points_at_the_same_place_in_either_eyes_picture() {
+        assert_eq!(cursor(Stereo::Mono, [0.75, 0.25]), [0.5, 0.5]);
+        assert_eq!(cursor(Stereo::Anaglyph, [0.75, 0.25]), [0.5, 0.5]);
+        assert_eq!(cursor(Stereo::SideBySide, [0.375, 0.25]), [0.5, 0.5]);
+        assert_eq!(cursor(Stereo::SideBySide, [0.875, 0.25]), [0.5, 0.5]);
+        assert_eq!(cursor(Stereo::TopBottomHalf, [0.75, 0.625]), [0.5, 0.5]);
+        assert_eq!(cursor(Stereo::Mono, [1.25, 0.5]), [1.5, 0.0], "a drag leaves the window");
+    }
+}

@@ -1,0 +1,265 @@
+//! Targets drawn tile by tile: a window, or a picture of its size, shows a screen to one eye in a tile, or to both.
+//!
+//! In come [`Tile`]s with what each eye sees; out go finished targets. One-eye tiles are drawn straight into the target.
+//! Two-eye tiles are drawn into two pictures of their own, which are then joined ([`Composite`]). In between, `paint`
+//! may draw over each eye's picture: what it writes is then readable in every kind of stereo.
+
+use super::composite::{CompositePass, Inputs};
+use super::target::texture;
+use super::{Attachments, Composite, FrameContents, Gpu, Picture, RenderError, Renderer, Viewport};
+use std::time::{Duration, Instant};
+use wgpu::TextureUsages;
+
+/// A rectangle of a target and what it shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tile {
+    /// x, y of the top left pixel in the target, width, height.
+    pub rect: [u32; 4],
+    pub show: Show,
+}
+
+/// A viewport's `rect` lies in the eye's own picture: the tile's rectangle, or [`Composite::eye_size`]. What it leaves
+/// free stays black.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Show {
+    One(Viewport),
+    Two(Composite, [Viewport; 2]),
+}
+
+/// One eye's picture of a tile before the two are joined, as `paint` gets it.
+#[derive(Clone, Copy)]
+pub struct EyePicture<'a> {
+    /// [`Target::window`], and the index of the tile in it.
+    pub window: usize,
+    pub tile: usize,
+    /// 1 for the second eye of a two-eye tile.
+    pub slot: usize,
+    pub texture: &'a wgpu::TextureView,
+    pub format: wgpu::TextureFormat,
+    /// Of the whole texture.
+    pub texture_size: [u32; 2],
+    /// The picture's place in it: x, y, width, height.
+    pub rect: [u32; 4],
+}
+
+/// Draws over an eye's picture, with submissions of its own.
+pub type Paint<'a> = &'a mut dyn FnMut(&Gpu, &EyePicture<'_>) -> Result<(), RenderError>;
+
+/// One target of a frame.
+pub struct Target<'a> {
+    /// The window's number, for `paint`; a window that is hidden has no target.
+    pub window: usize,
+    pub canvas: &'a mut Canvas,
+    pub texture: &'a wgpu::TextureView,
+    pub size: [u32; 2],
+    /// Its top left pixel on the desktop, by which interlaced eyes take turns.
+    pub desktop: [i32; 2],
+    pub tiles: &'a [Tile],
+}
+
+/// What a target needs besides its texture; kept from frame to frame, made anew when sizes change.
+#[derive(Default)]
+pub struct Canvas {
+    /// Of one-eye tiles; None as long as there are none.
+    attachments: Option<Attachments>,
+    one_eye: Vec<Viewport>,
+    /// Per tile; None for a one-eye tile.
+    pairs: Vec<Option<EyePair>>,
+}
+
+/// The two eyes' pictures of a tile. They are drawn one after the other, so they share depth and samples.
+///
+/// Each is a texture of its own: some software drivers resolve samples into the wrong layer of an array. A renderer
+/// that draws both in one multiview pass may make `views` from the layers of one array texture; nothing else changes.
+struct EyePair {
+    size: [u32; 2],
+    attachments: Attachments,
+    views: [wgpu::TextureView; 2],
+    viewports: [[Viewport; 1]; 2],
+    inputs: Inputs,
+}
+
+/// Draws tiles into targets of one format. The pass that joins two eyes is made when the first tile needs it.
+pub struct TilePainter {
+    format: wgpu::TextureFormat,
+    pass: Option<CompositePass>,
+}
+
+impl TilePainter {
+    pub fn new(format: wgpu::TextureFormat) -> Self {
+        Self { format, pass: None }
+    }
+
+    /// Draws `contents` into all targets; returns the time to encode and submit it.
+    ///
+    /// # Errors
+    /// A tile outside its target, a viewport outside its picture, or a device that failed.
+    pub fn draw(
+        &mut self,
+        gpu: &Gpu,
+        renderer: &mut Renderer,
+        targets: &mut [Target<'_>],
+        contents: &FrameContents<'_>,
+        paint: Option<Paint<'_>>,
+    ) -> Result<Duration, RenderError> {
+        let start = Instant::now();
+        for target in targets.iter_mut() {
+            self.prepare(gpu, renderer, target)?;
+        }
+        let pictures: Vec<Picture<'_>> = targets.iter().flat_map(pictures).collect();
+        renderer.draw(gpu, &pictures, contents)?;
+        if let Some(paint) = paint {
+            for target in targets.iter() {
+                self.eye_pictures(target).try_for_each(|picture| paint(gpu, &picture))?;
+            }
+        }
+        self.join(gpu, targets)?;
+        Ok(start.elapsed())
+    }
+
+    /// Makes what the target's tiles need and is not there in the right size.
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        renderer: &Renderer,
+        target: &mut Target<'_>,
+    ) -> Result<(), RenderError> {
+        let Target { canvas, size, tiles, .. } = target;
+        canvas.one_eye.clear();
+        canvas.pairs.resize_with(tiles.len(), || None);
+        for (tile, slot) in tiles.iter().zip(&mut canvas.pairs) {
+            tile.check(*size)?;
+            match &tile.show {
+                Show::One(viewport) => {
+                    *slot = None;
+                    canvas.one_eye.push(Viewport { rect: within(tile.rect, viewport.rect), ..*viewport });
+                }
+                Show::Two(composite, viewports) => {
+                    if slot.as_ref().is_none_or(|pair| pair.size != composite.eye_size) {
+                        *slot = Some(self.pair(gpu, renderer, composite.eye_size)?);
+                    }
+                    if let Some(pair) = slot {
+                        pair.viewports = viewports.map(|viewport| [viewport]);
+                    }
+                }
+            }
+        }
+        let fits = |old: &Attachments| [old.width, old.height] == *size;
+        if canvas.one_eye.is_empty() {
+            canvas.attachments = None;
+        } else if !canvas.attachments.as_ref().is_some_and(fits) {
+            canvas.attachments = Some(Attachments::new(gpu, self.format, renderer.samples, *size)?);
+        }
+        Ok(())
+    }
+
+    fn pair(&mut self, gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<EyePair, RenderError> {
+        let attachments = Attachments::new(gpu, self.format, renderer.samples, size)?;
+        let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+        let views = [0, 1].map(|_| {
+            let texture = gpu.device.create_texture(&texture(size, self.format, 1, usage));
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        });
+        let pass = match self.pass.take() {
+            Some(pass) => self.pass.insert(pass),
+            None => self.pass.insert(CompositePass::new(gpu, self.format)?),
+        };
+        let inputs = pass.inputs(gpu, [&views[0], &views[1]])?;
+        gpu.check()?;
+        let viewports = [Viewport::full(size, None); 2];
+        Ok(EyePair { size, attachments, views, viewports, inputs })
+    }
+
+    fn eye_pictures<'a>(&self, target: &'a Target<'_>) -> impl Iterator<Item = EyePicture<'a>> + use<'a> {
+        let format = self.format;
+        let of_tile = move |tile: usize| {
+            let whole = EyePicture {
+                window: target.window,
+                tile,
+                slot: 0,
+                texture: target.texture,
+                format,
+                texture_size: target.size,
+                rect: target.tiles[tile].rect,
+            };
+            match &target.canvas.pairs[tile] {
+                None => vec![whole],
+                Some(pair) => {
+                    let [width, height] = pair.size;
+                    let of = |(slot, texture)| EyePicture {
+                        slot,
+                        texture,
+                        texture_size: pair.size,
+                        rect: [0, 0, width, height],
+                        ..whole
+                    };
+                    pair.views.iter().enumerate().map(of).collect()
+                }
+            }
+        };
+        (0..target.tiles.len()).flat_map(of_tile)
+    }
+
+    /// Joins the eyes of all two-eye tiles.
+    fn join(&self, gpu: &Gpu, targets: &[Target<'_>]) -> Result<(), RenderError> {
+        let Some(pass) = &self.pass else { return Ok(()) };
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for target in targets.iter().filter(|target| target.canvas.pairs.iter().any(Option::is_some)) {
+            let is_drawn = target.canvas.attachments.is_some();
+            let load = if is_drawn { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(wgpu::Color::BLACK) };
+            let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("composite"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: target.texture,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+                })],
+                ..Default::default()
+            });
+            for (tile, pair) in target.tiles.iter().zip(&target.canvas.pairs) {
+                if let (Show::Two(composite, _), Some(pair)) = (&tile.show, pair) {
+                    let desktop =
+                        [0, 1].map(|axis| target.desktop[axis].wrapping_add(tile.rect[axis] as i32));
+                    pass.draw(gpu, &mut render, &pair.inputs, composite, tile.rect, desktop);
+                }
+            }
+        }
+        gpu.queue.submit([encoder.finish()]);
+        gpu.check()
+    }
+}
+
+impl Tile {
+    fn check(&self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
+        let rect @ [x, y, w, h] = self.rect;
+        let fits = |start: u32, length: u32, limit: u32| {
+            length > 0 && u64::from(start) + u64::from(length) <= u64::from(limit)
+        };
+        if fits(x, w, width) && fits(y, h, height) {
+            Ok(())
+        } else {
+            Err(RenderError::ViewportOutside { rect, width, height })
+        }
+    }
+}
+
+/// A rectangle given in a tile, in the tile's target.
+fn within([left, top, ..]: [u32; 4], [x, y, width, height]: [u32; 4]) -> [u32; 4] {
+    [left.saturating_add(x), top.saturating_add(y), width, height]
+}
+
+/// What the renderer has to draw for one target: its one-eye tiles together, and both eyes of the others.
+fn pictures<'a>(target: &'a Target<'_>) -> Vec<Picture<'a>> {
+    let Canvas { attachments, one_eye, pairs } = &*target.canvas;
+    let whole = attachments.iter().map(|attachments| Picture {
+        attachments,
+        texture: target.texture,
+        viewports: one_eye,
+    });
+    let eyes = pairs.iter().flatten().flat_map(|pair| {
+        let views = pair.views.iter().zip(&pair.viewports);
+        views.map(|(texture, viewports)| Picture { attachments: &pair.attachments, texture, viewports })
+    });
+    whole.chain(eyes).collect()
+}
