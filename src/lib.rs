@@ -18,6 +18,7 @@
 //! | [`green`] | the precomputed bases and the .green file |
 //! | [`deform`] | deformation models: coefficients → displacements |
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |
+//! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
 //! | [`track`] | where poses come from: mouse, script → `TrackerState` |
 //! | [`interact`] | pick ray, dragger |
 //! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
@@ -34,6 +35,7 @@ pub mod config;
 pub mod deform;
 pub mod effect;
 pub mod fem;
+pub mod field;
 pub mod green;
 pub mod interact;
 pub mod manual;

@@ -18,7 +18,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("fem", &["mesh", "config"]),
     ("solve", &["fem", "config"]),
     ("green", &["scene", "mesh", "fem", "solve", "config"]),
-    ("deform", &["green", "scene", "mesh", "fem", "solve", "config"]),
+    ("deform", &["field", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("effect", &["deform", "track", "green", "scene", "mesh", "fem", "solve", "stage", "config"]),
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),

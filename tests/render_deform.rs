@@ -97,7 +97,7 @@ fn pose(elements: usize, step: usize) -> Vec<[f64; FIELDS]> {
 fn difference(gpu: &Gpu, body: &BodyBuffers, tube: &Tube, data: &[Data], c: &[[f64; FIELDS]]) -> [f32; 2] {
     let columns = Columns { elements: data.iter().map(Data::basis).collect() };
     let mut positions = vec![[0.0; 3]; tube.rest.len()];
-    Superposition::new(data.len()).update(&columns, c.to_vec(), &mut positions);
+    Superposition::new(data.len()).update(&columns, c, &mut positions);
     for (x, rest) in positions.as_flattened_mut().iter_mut().zip(tube.rest.as_flattened()) {
         *x += rest;
     }

@@ -20,7 +20,7 @@ fn styli(mesh: &Mesh, room_from_body: &Matrix4<f32>, pressed: bool) -> [StylusSh
     let tip = Point3::new(0.36, 1.16, 0.50);
     let rotation = UnitQuaternion::face_towards(&(tip - hit), &Vector3::y());
     let room_from_stylus = Isometry3::from_parts(Translation3::from(tip), rotation).to_homogeneous();
-    [StylusShape { room_from_stylus, size_m: 0.22, ray_length_m: 2.0, hit: Some(hit), pressed }]
+    [StylusShape { room_from_stylus, size_m: 0.22, ray_length_m: 2.0, hit: Some(hit), bend: None, pressed }]
 }
 
 #[test]

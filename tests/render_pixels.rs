@@ -66,8 +66,14 @@ fn ray_and_hit_point_land_on_their_projected_pixels() {
     let tip = Point3::new(-0.1, 1.2, -0.6);
     let room_from_stylus = Matrix4::new_translation(&tip.coords);
     for pressed in [false, true] {
-        let stylus =
-            StylusShape { room_from_stylus, size_m: 0.4, ray_length_m: 1.0, hit: Some(hit), pressed };
+        let stylus = StylusShape {
+            room_from_stylus,
+            size_m: 0.4,
+            ray_length_m: 1.0,
+            hit: Some(hit),
+            bend: None,
+            pressed,
+        };
         let contents = FrameContents { styli: &[stylus], look: black_room(), ..FrameContents::default() };
         for view in eyes() {
             let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
@@ -179,7 +185,8 @@ fn with_scene<R>(gpu: &Gpu, work: impl FnOnce(&FrameContents<'_>) -> R) -> R {
     let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
     let room_from_stylus = Matrix4::new_translation(&Vector3::new(0.3, 0.9, 0.3));
     let hit = Some(Point3::new(0.2, 1.1, 0.1));
-    let stylus = StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 1.0, hit, pressed: false };
+    let stylus =
+        StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 1.0, hit, bend: None, pressed: false };
     let grid = Some(Grid::new(Point3::new(0.0, 0.8, 0.0), [1.0, 1.0], 0.1));
     work(&FrameContents { bodies: &bodies, styli: &[stylus], grid, ..Default::default() })
 }
@@ -353,7 +360,14 @@ fn a_body_of_nan_does_no_harm() {
     buffers.upload(&gpu, &[[f32::NAN; 3]; 4], &[[f32::INFINITY; 3]; 4]).unwrap();
     let bodies = [BodyInstance { buffers: &buffers, room_from_body: Matrix4::identity() }];
     let room_from_stylus = Matrix4::from_element(f32::NAN);
-    let broken = StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 1.0, hit: None, pressed: false };
+    let broken = StylusShape {
+        room_from_stylus,
+        size_m: 0.2,
+        ray_length_m: 1.0,
+        hit: None,
+        bend: None,
+        pressed: false,
+    };
     let contents = FrameContents { bodies: &bodies, styli: &[broken], ..FrameContents::default() };
     let image = draw_full(&gpu, &mut renderer, [64, 64], eyes()[0], &contents);
     let empty = draw_full(&gpu, &mut renderer, [64, 64], eyes()[0], &FrameContents::default());

@@ -141,8 +141,8 @@ fn loops() -> Vec<Loop> {
     let mut c = 0.0;
     let mut superpose = |moved: usize| {
         c += 1e-3;
-        let coefficients = (0..2).map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]).collect();
-        black_box(sum.update(&columns, coefficients, &mut u));
+        let coefficients = [0, 1].map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]);
+        black_box(sum.update(&columns, &coefficients, &mut u));
     };
     let mut measure = |name: &'static str, moved: usize, threads: usize| {
         let used = &data[..moved * numbers / 2];
@@ -173,7 +173,7 @@ fn loops() -> Vec<Loop> {
             name: "superposition, 24 columns of int16, one thread",
             time_s: repeat(|| {
                 c += 1e-3;
-                black_box(sum.update(&columns, vec![[0.1 + c; FIELDS]; 2], &mut u));
+                black_box(sum.update(&columns, &[[0.1 + c; FIELDS]; 2], &mut u));
             }),
             bytes: 2.0 * numbers as f64,
             reading_s: repeat(|| {

@@ -121,7 +121,7 @@ fn surface_results(
 
 fn surface_result(asked: &Asked<'_>, body: &mut Deformer) -> Deformed {
     body.forget();
-    if body.evaluate(&asked.control).is_some_and(|stats| stats.rotation_undefined) {
+    if body.evaluate(&asked.control).is_some() && body.coefficients.rotation_undefined {
         eprintln!(
             "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
              defined, and the result not to be trusted; model = \"linear\" has no such pose",

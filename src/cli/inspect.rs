@@ -2,11 +2,13 @@
 
 use super::failure::Failure;
 use super::table::{Table, bytes};
+use super::world::flow;
 use super::{plan, session};
 use crate::green::{GreenError, GreenFile};
 use crate::mesh::{self, Surface, quality, stuffing, surface_check, surface_files, trouble};
 use crate::scene::Scene;
 use crate::stage::Stage;
+use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -18,9 +20,21 @@ pub struct Args {
     /// As JSON, for machines
     #[arg(long)]
     pub json: bool,
+    /// The data flow of a scene, from tracker to surface: text, or dot for Graphviz
+    #[arg(long, value_enum, num_args = 0..=1, default_missing_value = "text", conflicts_with = "json")]
+    pub graph: Option<GraphFormat>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum GraphFormat {
+    Text,
+    Dot,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(format) = args.graph {
+        return graph(&args.file, format);
+    }
     let extension = args.file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let (text, value) = match extension.as_str() {
         "green" => green(&args.file)?,
@@ -246,6 +260,19 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     };
     text.push_str(&format!("\n{} {state}\n", path.display()));
     Ok((text, json!({ "scene": scene, "green": path, "state": state })))
+}
+
+/// The data flow of the bodies that are shown in windows, with one hand.
+fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
+    if path.extension().is_none_or(|extension| extension != "toml") || is_stage(path)? {
+        return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
+    }
+    let scene = session::online_part(&plan::known(Scene::load(path)?)?)?;
+    let (graph, _) = flow::graph(&scene, Isometry3::identity()).map_err(Failure::request)?;
+    super::print(&match format {
+        GraphFormat::Text => graph.text(),
+        GraphFormat::Dot => graph.dot(),
+    })
 }
 
 fn stage(path: &Path) -> Result<(String, Value), Failure> {

@@ -1,8 +1,8 @@
 //! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
 
 use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelStats,
-    SurfaceDisplacements, Wrench, find_model, not_online, vertex_normals, wrenches,
+    Coefficients, Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, SumStats,
+    Superposition, SurfaceDisplacements, Wrench, find_model, not_online, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, Vector3};
@@ -25,6 +25,8 @@ pub struct Deformer {
     /// Mesh coordinates of the origin about which all of the following stands, m.
     pub centre: Vector3<f64>,
     pub poses: ControlPoses,
+    /// What the model made of the poses.
+    pub coefficients: Coefficients,
     pub displacements: SurfaceDisplacements,
     /// X + u of the surface nodes, about `centre`, before `displacements.body_from_surface`.
     pub positions: Vec<[f32; 3]>,
@@ -33,8 +35,9 @@ pub struct Deformer {
     pub times: FrameTimes,
     model: Box<dyn DeformationModel>,
     stiffness: Option<DMatrix<f64>>,
-    coefficients: Vec<[f64; crate::green::FIELDS]>,
-    sums: Vec<[f32; 4]>,
+    sum: Superposition,
+    /// Memory of [`vertex_normals`].
+    normal_sums: Vec<[f32; 4]>,
     evaluated: bool,
 }
 
@@ -69,8 +72,9 @@ impl Deformer {
             times: FrameTimes::default(),
             model: make(&controls),
             stiffness: file.stiffness(body),
-            coefficients: Vec::new(),
-            sums: Vec::new(),
+            coefficients: Coefficients::at_rest(controls.len()),
+            sum: Superposition::new(controls.len()),
+            normal_sums: Vec::new(),
             evaluated: false,
             controls,
             file,
@@ -100,24 +104,33 @@ impl Deformer {
     /// Deforms the body for new poses; returns what it cost, or `None` where no pose changed.
     ///
     /// A pose that is not finite is not taken: that control element stays at its last valid one.
-    pub fn evaluate(&mut self, poses: &ControlPoses) -> Option<ModelStats> {
-        let taken: ControlPoses = self
-            .poses
-            .iter()
-            .zip(poses)
-            .map(|(last, new)| if new.is_finite() { *new } else { *last })
-            .collect();
-        if self.evaluated && taken == self.poses {
-            return None;
-        }
-        (self.poses, self.evaluated) = (taken, true);
+    pub fn evaluate(&mut self, poses: &[ControlPose]) -> Option<SumStats> {
+        self.take(poses).then(|| self.deform())
+    }
 
+    /// First half of [`Deformer::evaluate`]: poses → coefficients. False where no pose changed.
+    pub fn take(&mut self, poses: &[ControlPose]) -> bool {
+        let mut changed = !std::mem::replace(&mut self.evaluated, true);
+        for (last, new) in self.poses.iter_mut().zip(poses) {
+            if new.is_finite() && new != last {
+                (*last, changed) = (*new, true);
+            }
+        }
+        if changed {
+            self.coefficients = self.model.coefficients(&self.poses);
+        }
+        changed
+    }
+
+    /// Second half: coefficients → displacements, positions, normals.
+    pub fn deform(&mut self) -> SumStats {
         let started = Instant::now();
         let (file, body) = (&self.file, &self.body);
         let columns = Columns {
             elements: self.controls.iter().map(|control| file.basis(body, &control.name)).collect(),
         };
-        let mut stats = self.model.evaluate(&columns, &self.poses, &mut self.displacements);
+        let stats = self.sum.update(&columns, &self.coefficients.c, &mut self.displacements.u);
+        self.displacements.body_from_surface = self.coefficients.body_from_surface;
         let rest = file.rest(body).as_flattened();
         let u = self.displacements.u.as_flattened();
         for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(rest.iter().zip(u)) {
@@ -126,10 +139,9 @@ impl Deformer {
         self.times.deform_s = started.elapsed().as_secs_f64();
 
         let started = Instant::now();
-        vertex_normals(&self.positions, file.triangles(body), &mut self.sums, &mut self.normals);
+        vertex_normals(&self.positions, file.triangles(body), &mut self.normal_sums, &mut self.normals);
         self.times.normals_s = started.elapsed().as_secs_f64();
-        self.coefficients = std::mem::take(&mut stats.coefficients);
-        Some(stats)
+        stats
     }
 
     /// The next poses stand alone: a model that follows turns forgets those it saw.
@@ -151,6 +163,6 @@ impl Deformer {
     /// Force and torque on every control element, and the strain energy, where the file has S.
     pub fn wrenches(&self) -> Option<(Vec<Wrench>, f64)> {
         let stiffness = self.stiffness.as_ref()?;
-        Some(wrenches(stiffness, &self.coefficients, self.displacements.body_from_surface.rotation))
+        Some(wrenches(stiffness, &self.coefficients.c, self.coefficients.body_from_surface.rotation))
     }
 }

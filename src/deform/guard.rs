@@ -3,7 +3,7 @@
 //! In: control poses as draggers made them. Out: poses that are finite, proper and no wilder than the limits below,
 //! and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
 
-use super::{ControlPose, ControlPoses};
+use super::ControlPose;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Least and greatest stretch of a control element along any direction.
@@ -37,64 +37,48 @@ impl PoseFault {
     }
 }
 
-/// Admits the poses of one body, frame by frame.
-#[derive(Clone, Debug, Default)]
+/// Admits the poses of one control element, frame by frame.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PoseGuard {
-    last: ControlPoses,
-    /// Elements that are catching up after a jump.
-    behind: Vec<bool>,
+    /// It is catching up after a jump.
+    behind: bool,
 }
 
 impl PoseGuard {
-    /// The poses to use in this frame, and (control element, fault) for every one that was not taken as it came.
-    pub fn admit(&mut self, poses: &ControlPoses) -> (ControlPoses, Vec<(usize, PoseFault)>) {
-        self.last.resize(poses.len(), ControlPose::REST);
-        self.behind.resize(poses.len(), false);
-        let mut faults = Vec::new();
-        for (e, pose) in poses.iter().enumerate() {
-            self.last[e] = self.admit_one(e, pose, &mut faults);
-        }
-        (self.last.clone(), faults)
-    }
-
-    fn admit_one(
-        &mut self,
-        e: usize,
-        pose: &ControlPose,
-        faults: &mut Vec<(usize, PoseFault)>,
-    ) -> ControlPose {
-        if *pose == self.last[e] {
-            return *pose;
+    /// The pose to use in this frame, after `last` in the one before, and what was wrong with the one that came.
+    pub fn admit(&mut self, last: &ControlPose, pose: &ControlPose) -> (ControlPose, Vec<PoseFault>) {
+        if pose == last {
+            return (*pose, Vec::new());
         }
         let parts = if pose.is_finite() { polar(&pose.matrix) } else { None };
         let Some((rotation, stretch, mirrored)) = parts else {
-            faults.push((e, PoseFault::NotFinite));
-            return self.last[e];
+            return (*last, vec![PoseFault::NotFinite]);
         };
+        let mut faults = Vec::new();
         if mirrored {
-            faults.push((e, PoseFault::Mirrored));
+            faults.push(PoseFault::Mirrored);
         }
         let (stretch, clamped) = clamp(&stretch);
         if clamped {
-            faults.push((e, PoseFault::Stretch));
+            faults.push(PoseFault::Stretch);
         }
         // The last pose went through here, so its polar factor is defined.
-        let last = polar(&self.last[e].matrix).map_or(UnitQuaternion::identity(), |(rotation, ..)| rotation);
-        let angle = last.angle_to(&rotation);
+        let turned = polar(&last.matrix).map_or(UnitQuaternion::identity(), |(rotation, ..)| rotation);
+        let angle = turned.angle_to(&rotation);
         if angle > JUMP {
-            faults.push((e, PoseFault::Jump));
-            self.behind[e] = true;
+            faults.push(PoseFault::Jump);
+            self.behind = true;
         }
-        if !(self.behind[e] && angle > CATCH_UP) {
-            self.behind[e] = false;
+        if !(self.behind && angle > CATCH_UP) {
+            self.behind = false;
             let untouched = !mirrored && !clamped;
             let matrix = if untouched { pose.matrix } else { rotation.to_rotation_matrix() * stretch };
-            return ControlPose { translation: pose.translation, matrix };
+            return (ControlPose { translation: pose.translation, matrix }, faults);
         }
         let share = CATCH_UP / angle;
-        let step = last.try_slerp(&rotation, share, 1e-9).unwrap_or(last);
-        let translation = self.last[e].translation.lerp(&pose.translation, share);
-        ControlPose { translation, matrix: step.to_rotation_matrix() * stretch }
+        let step = turned.try_slerp(&rotation, share, 1e-9).unwrap_or(turned);
+        let translation = last.translation.lerp(&pose.translation, share);
+        (ControlPose { translation, matrix: step.to_rotation_matrix() * stretch }, faults)
     }
 }
 
@@ -139,28 +123,29 @@ mod tests {
 
     #[test]
     fn honest_poses_pass_as_they_are() {
-        let mut guard = PoseGuard::default();
+        let (mut guard, mut last) = (PoseGuard::default(), ControlPose::REST);
         let sheared =
             ControlPose { matrix: Matrix3::new(1.0, 0.4, 0.0, 0.0, 1.2, 0.1, 0.3, 0.0, 0.9), ..turned(0.0) };
         for pose in [turned(0.5), sheared, turned(2.0), turned(3.0), turned(4.0)] {
-            assert_eq!(guard.admit(&vec![pose]), (vec![pose], vec![]));
+            assert_eq!(guard.admit(&last, &pose), (pose, vec![]));
+            last = pose;
         }
     }
 
     #[test]
     fn numbers_that_are_none_hold_the_last_pose() {
         let mut guard = PoseGuard::default();
-        guard.admit(&vec![turned(0.5)]);
+        let last = turned(0.5);
         for bad in [f64::NAN, f64::INFINITY, 1e308] {
             let mut pose = turned(0.6);
             pose.matrix *= bad;
-            let (admitted, faults) = guard.admit(&vec![pose]);
-            assert!(admitted[0].is_finite() && !faults.is_empty(), "{bad}: {faults:?}");
+            let (admitted, faults) = guard.admit(&last, &pose);
+            assert!(admitted.is_finite() && !faults.is_empty(), "{bad}: {faults:?}");
         }
         let mut pose = turned(0.6);
         pose.translation.x = f64::NAN;
-        assert_eq!(guard.admit(&vec![pose]).1, [(0, PoseFault::NotFinite)]);
-        assert_eq!(guard.admit(&vec![turned(0.7)]), (vec![turned(0.7)], vec![]));
+        assert_eq!(guard.admit(&last, &pose), (last, vec![PoseFault::NotFinite]));
+        assert_eq!(guard.admit(&last, &turned(0.7)), (turned(0.7), vec![]));
     }
 
     #[test]
@@ -176,10 +161,10 @@ mod tests {
             (scaled(1e6, 1.0, 1.0), [1.0, 1.0, 20.0], PoseFault::Stretch),
             (scaled(1.0, 1.0, -1.0), [1.0, 1.0, 1.0], PoseFault::Mirrored),
         ] {
-            let (admitted, faults) = PoseGuard::default().admit(&vec![pose]);
-            assert!(near(&diagonal(&admitted[0]), &expected), "{admitted:?}");
-            assert!(faults.contains(&(0, fault)), "{faults:?}");
-            assert!(admitted[0].matrix.determinant() > 0.0);
+            let (admitted, faults) = PoseGuard::default().admit(&ControlPose::REST, &pose);
+            assert!(near(&diagonal(&admitted), &expected), "{admitted:?}");
+            assert!(faults.contains(&fault), "{faults:?}");
+            assert!(admitted.matrix.determinant() > 0.0);
         }
     }
 
@@ -187,12 +172,16 @@ mod tests {
     fn a_jump_is_followed_slowly_until_it_is_reached() {
         let mut guard = PoseGuard::default();
         let far = turned(170f64.to_radians());
-        let (first, faults) = guard.admit(&vec![far]);
-        assert_eq!(faults, [(0, PoseFault::Jump)]);
+        let (mut last, faults) = guard.admit(&ControlPose::REST, &far);
+        assert_eq!(faults, [PoseFault::Jump]);
         let angle = |pose: &ControlPose| polar(&pose.matrix).unwrap().0.angle();
-        assert!((angle(&first[0]) - CATCH_UP).abs() < 1e-9);
-        let frames = (1..100).find(|_| guard.admit(&vec![far]).0[0] == far).unwrap();
+        assert!((angle(&last) - CATCH_UP).abs() < 1e-9);
+        let mut followed = || {
+            last = guard.admit(&last, &far).0;
+            last == far
+        };
+        let frames = (1..100).find(|_| followed()).unwrap();
         assert_eq!(frames, 11, "170° in steps of 15°");
-        assert_eq!(guard.admit(&vec![far]), (vec![far], vec![]));
+        assert_eq!(guard.admit(&far, &far), (far, vec![]));
     }
 }

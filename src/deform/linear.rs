@@ -2,10 +2,7 @@
 //!
 //! Exact for the linear theory of elasticity, which holds for small rotations of the control elements.
 
-use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelEntry, ModelStats,
-    Superposition, SurfaceDisplacements,
-};
+use super::{Coefficients, ControlPose, ControlRest, DeformationModel, Kind, ModelEntry};
 use crate::green::Needs;
 use nalgebra::Isometry3;
 
@@ -13,23 +10,17 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "linear",
     summary: "the paper's main method: exact in the linear theory, right for small rotations",
     needs: Needs { stiffness: false },
-    kind: Kind::Online(|controls: &[ControlRest]| {
-        Box::new(Linear { sum: Superposition::new(controls.len()) })
-    }),
+    kind: Kind::Online(|_: &[ControlRest]| Box::new(Linear)),
 };
 
-pub struct Linear {
-    sum: Superposition,
-}
+pub struct Linear;
 
 impl DeformationModel for Linear {
-    fn evaluate(
-        &mut self,
-        columns: &Columns<'_>,
-        poses: &ControlPoses,
-        u: &mut SurfaceDisplacements,
-    ) -> ModelStats {
-        u.body_from_surface = Isometry3::identity();
-        self.sum.update(columns, poses.iter().map(ControlPose::coefficients).collect(), &mut u.u)
+    fn coefficients(&mut self, poses: &[ControlPose]) -> Coefficients {
+        Coefficients {
+            c: poses.iter().map(ControlPose::coefficients).collect(),
+            body_from_surface: Isometry3::identity(),
+            rotation_undefined: false,
+        }
     }
 }

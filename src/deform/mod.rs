@@ -1,8 +1,7 @@
 //! Online deformation: control poses in, displacements, positions and normals of the surface out.
 //!
-//! One [`DeformationModel`] per body turns poses into coefficients and sums u = Σ cₖ u⁽ᵏ⁾ over the columns of the
-//! .green file (the paper, "Elastic deformation using control elements"); [`Deformer`] adds the rest surface and
-//! the normals. [`Statics`] stands apart: it solves a body anew for every pose.
+//! One [`DeformationModel`] per body turns poses into coefficients (the paper's `fieldHasChanged`), [`Deformer`] sums
+//! u = Σ cₖ u⁽ᵏ⁾ over the columns of the .green file (its `evaluate`) and adds the rest surface and the normals. [`Statics`] stands apart: it solves a body anew for every pose.
 
 mod deformer;
 mod force;
@@ -27,7 +26,7 @@ pub use statics::{Settled, Statics, StaticsError};
 pub use superposition::{Columns, Superposition};
 
 use crate::fem::Law;
-use crate::green::Needs;
+use crate::green::{FIELDS, Needs};
 use nalgebra::{Isometry3, Vector3};
 
 /// Displacements of the surface nodes: the point X of the body comes to
@@ -45,27 +44,42 @@ impl SurfaceDisplacements {
     }
 }
 
-/// What one evaluation did.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ModelStats {
+/// What a model makes of the poses of one body.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coefficients {
+    /// cₖ, 12 a control element, in the surface's frame.
+    // Derived code has a FIELDS of its own.
+    pub c: Vec<[f64; crate::green::FIELDS]>,
+    /// Rigid motion that the model took out of the poses; the identity for `linear`.
+    #[serde(with = "crate::field::numbers")]
+    pub body_from_surface: Isometry3<f64>,
+    /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
+    pub rotation_undefined: bool,
+}
+
+impl Coefficients {
+    pub fn at_rest(controls: usize) -> Coefficients {
+        Coefficients {
+            c: vec![[0.0; FIELDS]; controls],
+            body_from_surface: Isometry3::identity(),
+            rotation_undefined: false,
+        }
+    }
+}
+
+/// What one sum cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SumStats {
     /// Control elements whose columns were summed again.
     pub elements_summed: usize,
     /// Columns read for them.
     pub columns_read: usize,
-    /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
-    pub rotation_undefined: bool,
-    /// The coefficients that were summed, 12 a control element, in the surface's frame.
-    pub coefficients: Vec<[f64; crate::green::FIELDS]>,
 }
 
-/// How a body's control poses become displacements. Exactly one per body.
+/// How a body's control poses become coefficients of its columns. Exactly one per body.
 pub trait DeformationModel: Send {
-    fn evaluate(
-        &mut self,
-        columns: &Columns<'_>,
-        poses: &ControlPoses,
-        u: &mut SurfaceDisplacements,
-    ) -> ModelStats;
+    fn coefficients(&mut self, poses: &[ControlPose]) -> Coefficients;
 
     /// Forgets the poses seen so far: the next one stands alone, as in a batch.
     fn forget(&mut self) {}

@@ -4,11 +4,14 @@ use crate::green::FIELDS;
 use nalgebra::{Matrix3, Vector3};
 
 /// x ↦ o + T + M (x - o) on the nodes of one control element, in the body's frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ControlPose {
     /// T, m.
+    #[serde(with = "crate::field::numbers")]
     pub translation: Vector3<f64>,
     /// M.
+    #[serde(with = "crate::field::numbers")]
     pub matrix: Matrix3<f64>,
 }
 

@@ -5,10 +5,7 @@
 //! the element's share of all held nodes; R̄ = polar(A). Then x = R̄ (X + u(c̄)) + t̄ for the poses
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
-use super::{
-    Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, ModelEntry, ModelStats,
-    Superposition, SurfaceDisplacements,
-};
+use super::{Coefficients, ControlPose, ControlRest, DeformationModel, Kind, ModelEntry};
 use crate::green::Needs;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -17,12 +14,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
     needs: Needs { stiffness: false },
     kind: Kind::Online(|controls: &[ControlRest]| {
-        Box::new(Rotation {
-            controls: controls.to_vec(),
-            sum: Superposition::new(controls.len()),
-            last: Rotation3::identity(),
-            turns: None,
-        })
+        Box::new(Rotation { controls: controls.to_vec(), last: Rotation3::identity(), turns: None })
     }),
 };
 
@@ -32,7 +24,6 @@ const DEFINED: f64 = 0.1;
 
 pub struct Rotation {
     controls: Vec<ControlRest>,
-    sum: Superposition,
     /// R̄ of the last evaluation in which it was defined.
     last: Rotation3<f64>,
     /// The rotation of every control element in the last evaluation, with the sign that continues the one before: it
@@ -41,12 +32,7 @@ pub struct Rotation {
 }
 
 impl DeformationModel for Rotation {
-    fn evaluate(
-        &mut self,
-        columns: &Columns<'_>,
-        poses: &ControlPoses,
-        u: &mut SurfaceDisplacements,
-    ) -> ModelStats {
+    fn coefficients(&mut self, poses: &[ControlPose]) -> Coefficients {
         let turns = unwrapped(self.turns.as_deref(), poses);
         let mean = mean_rotation(&self.controls, poses, &turns);
         self.last = mean.unwrap_or(self.last);
@@ -56,9 +42,9 @@ impl DeformationModel for Rotation {
         let moved = |e: usize| self.controls[e].origin + poses[e].translation;
         let shift: Vector3<f64> =
             (0..poses.len()).map(|e| (moved(e) - rotation * self.controls[e].origin) * weights[e]).sum();
-        u.body_from_surface =
+        let body_from_surface =
             Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_rotation_matrix(&rotation));
-        let coefficients = (0..poses.len())
+        let c = (0..poses.len())
             .map(|e| {
                 let seen = ControlPose {
                     translation: inverse * (moved(e) - shift) - self.controls[e].origin,
@@ -67,7 +53,7 @@ impl DeformationModel for Rotation {
                 seen.coefficients()
             })
             .collect();
-        ModelStats { rotation_undefined: mean.is_none(), ..self.sum.update(columns, coefficients, &mut u.u) }
+        Coefficients { c, body_from_surface, rotation_undefined: mean.is_none() }
     }
 
     fn forget(&mut self) {
@@ -76,7 +62,7 @@ impl DeformationModel for Rotation {
 }
 
 /// The rotation in each M, as the quaternion of the two that continues `last`; without a last one, the shorter turn.
-pub fn unwrapped(last: Option<&[UnitQuaternion<f64>]>, poses: &ControlPoses) -> Vec<UnitQuaternion<f64>> {
+pub fn unwrapped(last: Option<&[UnitQuaternion<f64>]>, poses: &[ControlPose]) -> Vec<UnitQuaternion<f64>> {
     let turn = |(e, pose): (usize, &ControlPose)| {
         let before = last.and_then(|last| last.get(e));
         let rotation = polar(&pose.matrix).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
@@ -99,7 +85,7 @@ pub fn unwrapped(last: Option<&[UnitQuaternion<f64>]>, poses: &ControlPoses) -> 
 /// the whole way, is taken.
 pub fn mean_rotation(
     controls: &[ControlRest],
-    poses: &ControlPoses,
+    poses: &[ControlPose],
     turns: &[UnitQuaternion<f64>],
 ) -> Option<Rotation3<f64>> {
     let weights = weights(controls);
@@ -157,6 +143,7 @@ fn stationary(a: &Matrix3<f64>) -> Option<[Rotation3<f64>; 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::deform::ControlPoses;
 
     fn controls() -> Vec<ControlRest> {
         [(-1.0, 100), (1.0, 100)]
@@ -180,14 +167,11 @@ mod tests {
         let shift = Vector3::new(0.3, -2.0, 0.7);
         let Kind::Online(make) = ENTRY.kind else { panic!("it is evaluated in every frame") };
         let mut model = make(&controls());
-        let mut u = SurfaceDisplacements::zeros(1);
-        let empty = [0.0; 36];
-        let columns = Columns { elements: vec![crate::green::Basis::F32(&empty); 2] };
-        let stats = model.evaluate(&columns, &rigid(rotation, shift), &mut u);
-        assert!(stats.coefficients.as_flattened().iter().all(|c| c.abs() < 1e-14), "{stats:?}");
+        let made = model.coefficients(&rigid(rotation, shift));
+        assert!(made.c.as_flattened().iter().all(|c| c.abs() < 1e-14), "{made:?}");
         let x = nalgebra::Point3::new(0.5, 0.1, -0.3);
         let expected = rotation * x + shift;
-        assert!((u.body_from_surface * x - expected).norm() < 1e-14);
+        assert!((made.body_from_surface * x - expected).norm() < 1e-14);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Every control element keeps its own partial sum. When its coefficients change, that sum is made anew from its
 //! columns and the total from the partial sums, so that nothing drifts however often the body is moved.
 
-use super::ModelStats;
+use super::SumStats;
 use crate::green::{Basis, FIELDS, half_to_single};
 use rayon::prelude::*;
 
@@ -76,11 +76,11 @@ impl Superposition {
     /// Brings `u` to the sum over all control elements for coefficients `c`, 12 a control element.
     ///
     /// `u` must be what the last call left, or zero on the first. The bits do not depend on the number of threads.
-    pub fn update(&mut self, columns: &Columns<'_>, c: Vec<[f64; FIELDS]>, u: &mut [[f32; 3]]) -> ModelStats {
+    pub fn update(&mut self, columns: &Columns<'_>, c: &[[f64; FIELDS]], u: &mut [[f32; 3]]) -> SumStats {
         let rounded: Vec<[f32; FIELDS]> = c.iter().map(|c| c.map(|c| c as f32)).collect();
         let changed: Vec<usize> =
             (0..rounded.len()).filter(|&e| rounded[e] != self.coefficients[e]).collect();
-        let mut stats = ModelStats { elements_summed: changed.len(), coefficients: c, ..Default::default() };
+        let mut stats = SumStats { elements_summed: changed.len(), columns_read: 0 };
         if changed.is_empty() {
             return stats;
         }
@@ -203,17 +203,17 @@ mod tests {
         let mut c = vec![[0.0; FIELDS]; 3];
         c[0][2] = 0.5;
         c[2] = std::array::from_fn(|k| 0.1 * k as f64 - 0.4);
-        let stats = sum.update(&columns, c.clone(), &mut u);
+        let stats = sum.update(&columns, &c, &mut u);
         assert_eq!((stats.elements_summed, stats.columns_read), (2, 1 + 11));
         c[1][11] = -0.25;
-        let stats = sum.update(&columns, c.clone(), &mut u);
+        let stats = sum.update(&columns, &c, &mut u);
         assert_eq!((stats.elements_summed, stats.columns_read), (1, 1));
         for (i, u) in u.as_flattened().iter().enumerate() {
             assert!((f64::from(*u) - direct(&data, &c, i)).abs() < 2e-6);
         }
-        let stats = sum.update(&columns, c, &mut u);
+        let stats = sum.update(&columns, &c, &mut u);
         assert_eq!((stats.elements_summed, stats.columns_read), (0, 0));
-        let stats = sum.update(&columns, vec![[0.0; FIELDS]; 3], &mut u);
+        let stats = sum.update(&columns, &[[0.0; FIELDS]; 3], &mut u);
         assert_eq!((stats.elements_summed, stats.columns_read), (3, 0));
         assert!(u.as_flattened().iter().all(|u| *u == 0.0));
     }
@@ -229,11 +229,11 @@ mod tests {
         let mut sum = Superposition::new(2);
         let mut u = vec![[0.0; 3]; FEW];
         for step in 0..1_000_000 {
-            sum.update(&columns, vec![pose(step / 2, 0), pose(step.div_ceil(2), 1)], &mut u);
+            sum.update(&columns, &[pose(step / 2, 0), pose(step.div_ceil(2), 1)], &mut u);
         }
         let mut fresh = Superposition::new(2);
         let mut expected = vec![[0.0; 3]; FEW];
-        fresh.update(&columns, vec![pose(499_999, 0), pose(500_000, 1)], &mut expected);
+        fresh.update(&columns, &[pose(499_999, 0), pose(500_000, 1)], &mut expected);
         assert_eq!(u, expected);
     }
 }

@@ -3,12 +3,13 @@
 //! In: a stylus and what its ray hits. Out: the matrix of the element that is held. Every matrix is computed
 //! from those at the grab, never from the last one, so that nothing drifts.
 
-use super::Hit;
+use super::{Drag, Hit};
 use crate::track::{HeldPose, StylusState};
 use nalgebra::{Isometry3, Matrix4};
 
 /// One stylus' grip on one control element. A new one is `Dragger::default()`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Dragger {
     /// The stylus' last usable pose, and the number of those that were not.
     pub stylus: HeldPose,
@@ -16,18 +17,14 @@ pub struct Dragger {
     was_pressed: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Hold {
     target: usize,
+    #[serde(with = "crate::field::numbers")]
     stylus_from_room: Isometry3<f64>,
+    #[serde(with = "crate::field::numbers")]
     room_from_element: Matrix4<f64>,
-}
-
-/// The element that is held, and its matrix now.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drag {
-    pub target: usize,
-    pub room_from_element: Matrix4<f64>,
 }
 
 impl Dragger {
@@ -86,6 +83,7 @@ mod tests {
         point_in_room: Point3::new(0.0, 0.0, 0.0),
         distance_m: 1.0,
         normal_in_room: Vector3::new(0.0, 0.0, 1.0),
+        is_near: false,
     };
 
     fn stylus(pose: Isometry3<f32>, pressed: bool) -> StylusState {

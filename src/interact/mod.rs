@@ -1,13 +1,32 @@
-//! From a stylus to the pose of a control element: pick ray, hit, dragger.
+//! From styli to poses of control elements: pick ray and reach, hands, modes, history, navigation.
 //!
-//! In: a [`StylusState`](crate::track::StylusState), and the deformed surface of each control element. Out: what
-//! the ray hits, and the matrix of the element that is held, as translation T and linear part M about its rest
-//! origin. The dragger is the MatrixDragger of the paper's Avango: it copies the device's matrix.
+//! In: [`StylusState`](crate::track::StylusState)s, and the deformed surface of each control element. Out: what each
+//! hand points at, the matrix of every element that is held, as translation T and linear part M about its rest
+//! origin, and where the user has put the scene. The hand is the MatrixDragger of the paper's Avango: it copies the
+//! device's matrix.
 
+mod action;
+mod carry;
+mod curve;
 mod dragger;
+mod ease;
+mod hands;
+mod history;
+mod mode;
+mod navigate;
 mod pick;
 mod pose;
+mod reach;
 
-pub use dragger::{Drag, Dragger};
+pub use action::Action;
+pub use carry::{HandMotion, carry};
+pub use curve::{ForceArrow, bend, force_arrow};
+pub use dragger::Dragger;
+pub use ease::{EASE_S, Ease, between, towards_rest};
+pub use hands::{Asked, CLICK_S, Drag, Element, Grip, Hands};
+pub use history::{History, KEPT};
+pub use mode::{Axis, AxisOf, Freedom, Mode, twist};
+pub use navigate::{Aside, MovingHand, Navigation, place_aside};
 pub use pick::{Hit, PickRay, PickShape, PickTarget, pick};
 pub use pose::{control_pose_in_body, room_from_element};
+pub use reach::reach;

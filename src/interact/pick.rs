@@ -39,15 +39,20 @@ pub struct PickTarget<'a> {
 }
 
 /// The nearest place that a ray meets.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Hit {
     /// Index into the targets.
     pub target: usize,
+    #[serde(with = "crate::field::numbers")]
     pub point_in_room: Point3<f32>,
     /// From the ray's origin, metres in the room.
     pub distance_m: f32,
     /// Unit normal of what was hit, towards the ray's origin; zero if the ray starts in the middle of a ball.
+    #[serde(with = "crate::field::numbers")]
     pub normal_in_room: Vector3<f32>,
+    /// Within reach of the stylus' tip; the ray is the way from there.
+    pub is_near: bool,
 }
 
 impl PickRay {
@@ -123,5 +128,6 @@ fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
         point_in_room: point.cast(),
         distance_m: distance_m as f32,
         normal_in_room: (room_from_body.isometry.rotation * unit).cast(),
+        is_near: false,
     })
 }

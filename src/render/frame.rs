@@ -52,8 +52,19 @@ pub struct StylusShape {
     pub ray_length_m: f32,
     /// Where the ray hits, in the room; the ray ends there.
     pub hit: Option<Point3<f32>>,
+    /// The middle control point of the ray as a quadratic Bézier curve from the tip to the hit; `None`: straight.
+    pub bend: Option<Point3<f32>>,
     /// The button is held: ring, ray and hit point change from green to yellow.
     pub pressed: bool,
+}
+
+/// A glowing arrow, as of a force; its head is a third of it, at most eight radii.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrow {
+    pub from: Point3<f32>,
+    pub along: Vector3<f32>,
+    pub radius_m: f32,
+    pub color: [f32; 3],
 }
 
 /// A horizontal floor of lines to see depth by; every fifth line is stronger.
@@ -123,6 +134,7 @@ impl Default for Look {
 pub struct FrameContents<'a> {
     pub bodies: &'a [BodyInstance<'a>],
     pub styli: &'a [StylusShape],
+    pub arrows: &'a [Arrow],
     pub grid: Option<Grid>,
     pub look: Look,
     /// Lit, as heads and eyes in a picture of the room.

@@ -40,7 +40,7 @@ pub use bounds::Bounds;
 pub use columns::ColumnData;
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
-pub use frame::{Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
+pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
 pub use gpu::{Gpu, Made};
 pub use lines::Line;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};

@@ -131,7 +131,7 @@ impl Renderer {
         &self,
         pass: &mut wgpu::RenderPass<'_>,
         contents: &FrameContents<'_>,
-        solid_counts: [u32; 3],
+        solid_counts: [u32; 4],
     ) {
         let instances = |first: usize| self.instances.slice((first * size_of::<Instance>()) as u64..);
         pass.set_pipeline(&self.body);
@@ -193,7 +193,7 @@ impl Renderer {
     }
 
     /// Uploads the instances: bodies in their order, then the solids; returns how many solids of each shape.
-    fn write_instances(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<[u32; 3], RenderError> {
+    fn write_instances(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<[u32; 4], RenderError> {
         let list = &mut self.instance_list;
         list.clear();
         list.extend(

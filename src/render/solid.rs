@@ -1,9 +1,9 @@
-//! The rigid solids of a frame: pen, ray and hit point of each stylus. In come [`StylusShape`]s, out go instances of
-//! three procedural surfaces of revolution that are made and uploaded once.
+//! The rigid solids of a frame: pen, ray and hit point of each stylus, arrows. In come [`StylusShape`]s and [`Arrow`]s,
+//! out go instances of four procedural surfaces of revolution that are made and uploaded once.
 
 use super::uniforms::Instance;
-use super::{Ball, FrameContents, Gpu, RenderError, StylusShape};
-use nalgebra::{Matrix4, Point3, Rotation3, Vector2, Vector3};
+use super::{Arrow, FrameContents, Gpu, RenderError, StylusShape};
+use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;
 use wgpu::BufferUsages;
@@ -12,6 +12,10 @@ use wgpu::BufferUsages;
 const SEGMENTS: u32 = 32;
 const RAY_RADIUS: f32 = 0.010;
 const HIT_RADIUS: f32 = 0.040;
+/// Straight pieces of a bent ray.
+const BEND_PIECES: usize = 24;
+/// Radius of an arrow's head against its shaft's.
+const HEAD_RADIUS: f32 = 2.6;
 /// Linear RGB of ray, ring and hit point.
 const IDLE: [f32; 3] = [0.02, 0.85, 0.16];
 const PRESSED: [f32; 3] = [0.95, 0.78, 0.04];
@@ -37,18 +41,18 @@ pub(super) fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 2] 
     [Some(per_vertex), Some(super::body::instance_layout())]
 }
 
-/// The three surfaces in one pair of buffers, each a range of indices.
+/// The four surfaces in one pair of buffers, each a range of indices.
 pub(super) struct SolidMeshes {
     pub(super) vertices: wgpu::Buffer,
     pub(super) indices: wgpu::Buffer,
     /// In the order of [`instances`].
-    pub(super) ranges: [Range<u32>; 3],
+    pub(super) ranges: [Range<u32>; 4],
 }
 
 impl SolidMeshes {
     pub(super) fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         let mut mesh = Revolved::default();
-        let ranges = [mesh.pen(), mesh.cylinder(), mesh.sphere()];
+        let ranges = [mesh.pen(), mesh.cylinder(), mesh.sphere(), mesh.cone()];
         let (vertices, indices) = (bytemuck::cast_slice(&mesh.vertices), bytemuck::cast_slice(&mesh.indices));
         let solids = Self {
             vertices: gpu.buffer(
@@ -69,21 +73,27 @@ impl SolidMeshes {
     }
 }
 
-/// Appends the instances of all pens, then all rays, then all hit points and balls; returns how many there are of each.
-pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 3] {
+/// Appends the instances of all pens, then all rays and shafts, then all hit points and balls, then all arrow heads;
+/// returns how many there are of each.
+pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] {
     let accent = |stylus: &StylusShape| if stylus.pressed { PRESSED } else { IDLE };
+    let glowing = |room_from_shape: Matrix4<f32>, [r, g, b]: [f32; 3], glow: f32| Instance {
+        room_from_shape: room_from_shape.into(),
+        color: [r, g, b, glow],
+    };
     let start = all.len();
     for stylus in contents.styli {
-        let [r, g, b] = accent(stylus);
         let room_from_pen = stylus.room_from_stylus * Matrix4::new_scaling(stylus.size_m);
-        all.push(Instance { room_from_shape: room_from_pen.into(), color: [r, g, b, 0.6] });
+        all.push(glowing(room_from_pen, accent(stylus), 0.6));
     }
     let pens_end = all.len();
     for stylus in contents.styli {
-        let [r, g, b] = accent(stylus);
-        if let Some(room_from_ray) = room_from_ray(stylus) {
-            all.push(Instance { room_from_shape: room_from_ray.into(), color: [r, g, b, 1.0] });
-        }
+        let pieces = ray(stylus).map(|piece| glowing(piece, accent(stylus), 1.0));
+        all.extend(pieces);
+    }
+    for arrow in contents.arrows {
+        let [shaft, _] = shaft_and_head(arrow);
+        all.extend(shaft.map(|room_from_shaft| glowing(room_from_shaft, arrow.color, 0.4)));
     }
     let rays_end = all.len();
     for stylus in contents.styli {
@@ -91,38 +101,67 @@ pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -
             let room_from_hit =
                 Matrix4::new_translation(&hit.coords) * Matrix4::new_scaling(stylus.size_m * HIT_RADIUS);
             // Paler than the ray, so that it stands out at the ray's end.
-            let [r, g, b] = accent(stylus).map(|c| 0.55 * c + 0.45);
-            all.push(Instance { room_from_shape: room_from_hit.into(), color: [r, g, b, 0.9] });
+            all.push(glowing(room_from_hit, accent(stylus).map(|c| 0.55 * c + 0.45), 0.9));
         }
     }
-    for Ball { center, radius_m, color: [r, g, b] } in contents.balls {
-        let room_from_ball = Matrix4::new_translation(&center.coords) * Matrix4::new_scaling(*radius_m);
-        all.push(Instance { room_from_shape: room_from_ball.into(), color: [*r, *g, *b, 0.0] });
+    for ball in contents.balls {
+        let room_from_ball =
+            Matrix4::new_translation(&ball.center.coords) * Matrix4::new_scaling(ball.radius_m);
+        all.push(glowing(room_from_ball, ball.color, 0.0));
     }
-    [pens_end - start, rays_end - pens_end, all.len() - rays_end].map(|n| n as u32)
+    let balls_end = all.len();
+    for arrow in contents.arrows {
+        let [_, head] = shaft_and_head(arrow);
+        all.extend(head.map(|room_from_head| glowing(room_from_head, arrow.color, 0.4)));
+    }
+    [pens_end - start, rays_end - pens_end, balls_end - rays_end, all.len() - balls_end].map(|n| n as u32)
 }
 
-/// The unit cylinder along -Z laid from the stylus' tip to its hit, or along the ray; None for a ray of no length.
-fn room_from_ray(stylus: &StylusShape) -> Option<Matrix4<f32>> {
+/// The pieces of a stylus' ray: one along the ray or to its hit, or many along the curve to it.
+fn ray(stylus: &StylusShape) -> impl Iterator<Item = Matrix4<f32>> {
     let m = &stylus.room_from_stylus;
     let tip = Point3::from(m.fixed_view::<3, 1>(0, 3).into_owned());
-    let along = match stylus.hit {
-        Some(hit) => hit - tip,
-        None => {
-            let forward = -m.fixed_view::<3, 1>(0, 2).into_owned();
-            forward.try_normalize(0.0)? * stylus.ray_length_m
-        }
+    let forward =
+        (-m.fixed_view::<3, 1>(0, 2).into_owned()).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    let end = stylus.hit.unwrap_or(tip + forward * stylus.ray_length_m);
+    let radius = stylus.size_m * RAY_RADIUS;
+    let (control, pieces) = match stylus.bend {
+        Some(control) => (control, BEND_PIECES),
+        None => (nalgebra::center(&tip, &end), 1),
     };
-    let length = along.norm();
+    // B(t) = (1 - t)² tip + 2 t (1 - t) control + t² end.
+    let point = move |piece: usize| {
+        let t = piece as f32 / pieces as f32;
+        tip + (control - tip) * (2.0 * t * (1.0 - t)) + (end - tip) * (t * t)
+    };
+    (0..pieces).filter_map(move |piece| along(&point(piece), &(point(piece + 1) - point(piece)), radius))
+}
+
+/// An arrow's cylinder and cone; None for one of no length.
+fn shaft_and_head(arrow: &Arrow) -> [Option<Matrix4<f32>>; 2] {
+    let length = arrow.along.norm();
+    let head = (length / 3.0).min(8.0 * arrow.radius_m) / length.max(f32::MIN_POSITIVE);
+    let neck = arrow.from + arrow.along * (1.0 - head);
+    [
+        along(&arrow.from, &(arrow.along * (1.0 - head)), arrow.radius_m),
+        along(&neck, &(arrow.along * head), HEAD_RADIUS * arrow.radius_m),
+    ]
+}
+
+/// A unit shape along -Z laid from a place along a way; None for a way of no length.
+fn along(from: &Point3<f32>, way: &Vector3<f32>, radius: f32) -> Option<Matrix4<f32>> {
+    let length = way.norm();
     if !(length.is_finite() && length > 0.0) {
         return None;
     }
-    // A half turn about x where the ray points exactly backwards and the shortest rotation is not unique.
-    let rotation = Rotation3::rotation_between(&-Vector3::z(), &along)
-        .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), PI));
-    let radius = stylus.size_m * RAY_RADIUS;
+    // (1 + a·b, a × b) of -z and the way; a half turn about x where the way is exactly backwards and the shortest
+    // rotation is not unique.
+    let direction = way / length;
+    let turn = Quaternion::from_parts(1.0 - direction.z, -Vector3::z().cross(&direction));
+    let rotation = UnitQuaternion::try_new(turn, 1e-6)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
     let scaling = Matrix4::new_nonuniform_scaling(&Vector3::new(radius, radius, length));
-    Some(Matrix4::new_translation(&tip.coords) * rotation.to_homogeneous() * scaling)
+    Some(Matrix4::new_translation(&from.coords) * rotation.to_homogeneous() * scaling)
 }
 
 /// Surfaces of revolution about the z axis, collected into one mesh.
@@ -156,6 +195,14 @@ impl Revolved {
     /// Radius 1 from z = 0 to z = -1, open at both ends.
     fn cylinder(&mut self) -> Range<u32> {
         self.revolve(&[(-1.0, 1.0), (0.0, 1.0)], [0, 0, 0, 255])
+    }
+
+    /// Radius 1 at z = 0, closed there, to a tip at z = -1.
+    fn cone(&mut self) -> Range<u32> {
+        let start = self.indices.len() as u32;
+        self.revolve(&[(-1.0, 0.0), (0.0, 1.0)], [0, 0, 0, 255]);
+        self.revolve(&[(0.0, 1.0), (0.0, 0.0)], [0, 0, 0, 255]);
+        start..self.indices.len() as u32
     }
 
     /// Radius 1 about the origin.
@@ -209,27 +256,57 @@ mod tests {
 
     fn stylus(hit: Option<Point3<f32>>) -> StylusShape {
         let room_from_stylus = Matrix4::new_translation(&Vector3::new(1.0, 2.0, 3.0));
-        StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 5.0, hit, pressed: false }
+        StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 5.0, hit, bend: None, pressed: false }
+    }
+
+    fn end(piece: &Matrix4<f32>) -> Point3<f32> {
+        Point3::from_homogeneous(piece * Point3::new(0.0, 0.0, -1.0).to_homogeneous()).unwrap()
     }
 
     #[test]
     fn the_ray_runs_from_the_tip_to_the_hit_or_along_minus_z() {
         let end = |shape: &StylusShape| {
-            room_from_ray(shape).unwrap() * Point3::new(0.0, 0.0, -1.0).to_homogeneous()
+            let pieces: Vec<_> = ray(shape).collect();
+            assert_eq!(pieces.len(), 1);
+            end(&pieces[0])
         };
         let free = end(&stylus(None));
-        assert!((free.xyz() - Vector3::new(1.0, 2.0, -2.0)).norm() < 1e-5, "{free}");
-        for hit in [Point3::new(0.3, 2.5, -1.0), Point3::new(1.0, 2.0, 4.0)] {
+        assert!((free - Point3::new(1.0, 2.0, -2.0)).norm() < 1e-5, "{free}");
+        let on_axis = (1..50).map(|i| Point3::new(1.0, 2.0, 3.0 - 0.0371 * i as f32));
+        for hit in [Point3::new(0.3, 2.5, -1.0), Point3::new(1.0, 2.0, 4.0)].into_iter().chain(on_axis) {
             let reached = end(&stylus(Some(hit)));
-            assert!((reached.xyz() - hit.coords).norm() < 1e-5, "{reached}");
+            assert!((reached - hit).norm() < 1e-5, "{reached}");
         }
     }
 
     #[test]
+    fn a_bent_ray_leaves_along_the_stylus_and_its_pieces_join_up_to_the_hit() {
+        let hit = Point3::new(1.5, 2.0, 2.0);
+        let shape = StylusShape { bend: Some(Point3::new(1.0, 2.0, 2.3)), ..stylus(Some(hit)) };
+        let pieces: Vec<_> = ray(&shape).collect();
+        assert_eq!(pieces.len(), BEND_PIECES);
+        let start = |piece: &Matrix4<f32>| Point3::from(piece.fixed_view::<3, 1>(0, 3).into_owned());
+        assert!(pieces.windows(2).all(|two| (end(&two[0]) - start(&two[1])).norm() < 1e-5));
+        assert!((end(&pieces[BEND_PIECES - 1]) - hit).norm() < 1e-5);
+        let first = (end(&pieces[0]) - start(&pieces[0])).normalize();
+        assert!(first.dot(&-Vector3::z()) > 0.99, "{first}");
+    }
+
+    #[test]
     fn a_hit_at_the_tip_and_a_broken_pose_draw_no_ray() {
-        assert!(room_from_ray(&stylus(Some(Point3::new(1.0, 2.0, 3.0)))).is_none());
+        assert_eq!(ray(&stylus(Some(Point3::new(1.0, 2.0, 3.0)))).count(), 0);
         let broken = StylusShape { room_from_stylus: Matrix4::from_element(f32::NAN), ..stylus(None) };
-        assert!(room_from_ray(&broken).is_none());
+        assert_eq!(ray(&broken).count(), 0);
+    }
+
+    #[test]
+    fn an_arrow_ends_in_the_tip_of_its_head() {
+        let arrow =
+            |along| Arrow { from: Point3::new(1.0, 0.0, 0.0), along, radius_m: 0.01, color: [1.0; 3] };
+        let [shaft, head] = shaft_and_head(&arrow(Vector3::new(0.0, 0.5, 0.0))).map(Option::unwrap);
+        assert!((end(&shaft) - Point3::new(1.0, 0.42, 0.0)).norm() < 1e-5, "{}", end(&shaft));
+        assert!((end(&head) - Point3::new(1.0, 0.5, 0.0)).norm() < 1e-5);
+        assert_eq!(shaft_and_head(&arrow(Vector3::zeros())), [None, None]);
     }
 
     /// Each triangle turns counter-clockwise seen from outside, and its vertices' normals point there too.
@@ -239,6 +316,7 @@ mod tests {
         mesh.pen();
         mesh.cylinder();
         mesh.sphere();
+        mesh.cone();
         for triangle in mesh.indices.chunks_exact(3) {
             let [a, b, c] = [0, 1, 2].map(|k| mesh.vertices[triangle[k] as usize]);
             let [p, q, r] = [a, b, c].map(|v| Vector3::from(v.position));

@@ -25,9 +25,11 @@ use crate::stage::ROOM_LIMIT_M;
 use nalgebra::{Isometry3, UnitQuaternion};
 
 /// What the trackers say at one instant.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TrackerState {
     /// `None`: the head is not tracked and stays where the stage has it.
+    #[serde(with = "crate::field::numbers::option")]
     pub head: Option<Isometry3<f32>>,
     /// Always the same styli in the same order from one source.
     pub styli: Vec<StylusState>,
@@ -35,8 +37,10 @@ pub struct TrackerState {
 }
 
 /// A six-degree-of-freedom pointing device with two buttons.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct StylusState {
+    #[serde(with = "crate::field::numbers")]
     pub room_from_stylus: Isometry3<f32>,
     /// The button that grabs.
     pub pressed: bool,
@@ -49,7 +53,8 @@ pub struct StylusState {
 }
 
 /// How well a tracked thing is seen now.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Signal {
     #[default]
     Live,
@@ -60,8 +65,10 @@ pub enum Signal {
 }
 
 /// The last usable pose of a tracked thing, and how many unusable ones came since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct HeldPose {
+    #[serde(with = "crate::field::numbers::option")]
     pub last: Option<Isometry3<f64>>,
     pub invalid: u64,
 }

@@ -3,6 +3,8 @@
 use super::*;
 use crate::green;
 use crate::stage::rotation_towards;
+use crate::track::StylusState;
+use nalgebra::{Translation3, Vector3};
 use std::path::Path;
 
 const SCENE: &str = r#"

@@ -1,9 +1,7 @@
 //! A pose's displacement field over all nodes, as one setting of the knobs has it.
 
-use crate::deform::{
-    Columns, ControlPose, ControlPoses, ControlRest, Kind, ModelEntry, SurfaceDisplacements, Wrench, wrenches,
-};
-use crate::green::{Basis, FIELDS, Solution, Stored};
+use crate::deform::{ControlPose, ControlPoses, ControlRest, Kind, ModelEntry, Wrench, wrenches};
+use crate::green::{FIELDS, Solution, Stored};
 use crate::mesh::quality;
 use crate::scene::Storage;
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -40,12 +38,10 @@ pub fn ask(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -> Opt
         nodes: control.nodes.len(),
     };
     let controls: Vec<ControlRest> = solution.controls.iter().map(rest).collect();
-    let columns = Columns { elements: vec![Basis::F32(&[]); controls.len()] };
-    let mut nothing = SurfaceDisplacements::zeros(0);
-    let stats = make(&controls).evaluate(&columns, poses, &mut nothing);
-    (!stats.rotation_undefined).then_some(Asked {
-        coefficients: stats.coefficients,
-        motion: nothing.body_from_surface,
+    let made = make(&controls).coefficients(poses);
+    (!made.rotation_undefined).then_some(Asked {
+        coefficients: made.c,
+        motion: made.body_from_surface,
         centre,
     })
 }

@@ -3,7 +3,7 @@
 use super::{Asked, Must, Outcome, Row, Rows, base, largest};
 use crate::deform::{
     CATCH_UP, Columns, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseGuard, STRETCH,
-    SurfaceDisplacements, find_model,
+    Superposition, SurfaceDisplacements, find_model,
 };
 use crate::green::{Basis, FIELDS, Solution};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
@@ -74,9 +74,12 @@ impl Online {
             let moved = self.rest.iter().zip(&u.u).map(|(x, u)| x + Vector3::from(*u).cast::<f64>());
             moved.map(|x| (u.body_from_surface * Point3::from(x)).coords).collect()
         };
-        let frame = |poses| {
-            let undefined = model.evaluate(&columns, &poses, &mut u).rotation_undefined;
-            (place(&u), undefined)
+        let mut sum = Superposition::new(self.controls.len());
+        let frame = |poses: ControlPoses| {
+            let made = model.coefficients(&poses);
+            sum.update(&columns, &made.c, &mut u.u);
+            u.body_from_surface = made.body_from_surface;
+            (place(&u), made.rotation_undefined)
         };
         poses.map(frame).collect()
     }
@@ -146,13 +149,13 @@ fn turns() -> Rows {
         matrix: *Rotation3::from_axis_angle(&Vector3::z_axis(), 1.1 * JUMP).matrix(),
         ..ControlPose::REST
     };
-    let (admitted, faults) = guard.admit(&vec![far]);
-    let followed = Rotation3::from_matrix(&admitted[0].matrix).angle();
+    let (admitted, faults) = guard.admit(&ControlPose::REST, &far);
+    let followed = Rotation3::from_matrix(&admitted.matrix).angle();
     let jump = row(
         23,
         "a jump by 165° in one frame",
         Must::warn("followed slowly", "first step against 15°", 1e-9),
-        faults.first().map(|(_, fault)| *fault),
+        faults.first().copied(),
         (followed / CATCH_UP - 1.0).abs(),
     );
     Ok(vec![rigid, smooth, half, jump])
@@ -168,8 +171,8 @@ fn guarded() -> Vec<Row> {
         if pose.matrix.determinant() > 0.0 { outside } else { f64::NAN }
     };
     let admit = |pose: ControlPose| {
-        let (admitted, faults) = PoseGuard::default().admit(&vec![pose]);
-        (admitted[0], faults.first().map(|(_, fault)| *fault))
+        let (admitted, faults) = PoseGuard::default().admit(&ControlPose::REST, &pose);
+        (admitted, faults.first().copied())
     };
     let clamped = |case: &str, words: &'static str, pose: ControlPose| {
         let (admitted, fault) = admit(pose);
@@ -188,22 +191,15 @@ fn guarded() -> Vec<Row> {
     for bad in [f64::NAN, f64::INFINITY] {
         let mut guard = PoseGuard::default();
         let last = ControlPose { translation: Vector3::new(0.1, 0.2, 0.3), ..ControlPose::REST };
-        guard.admit(&vec![last]);
         let lost = ControlPose { translation: Vector3::new(bad, 0.0, 0.0), ..ControlPose::REST };
-        let (held, faults) = guard.admit(&vec![lost]);
+        let (held, faults) = guard.admit(&last, &lost);
         let must = Must::warn("the last pose is held", "held against last pose", 0.0);
-        let off = (held[0].translation - last.translation).amax() + (held[0].matrix - last.matrix).amax();
-        rows.push(row(25, format!("a pose with {bad}"), must, faults.first().map(|(_, fault)| *fault), off));
-        let (again, faults) = guard.admit(&vec![last]);
-        let off = (again[0].translation - last.translation).amax();
+        let off = (held.translation - last.translation).amax() + (held.matrix - last.matrix).amax();
+        rows.push(row(25, format!("a pose with {bad}"), must, faults.first().copied(), off));
+        let (again, faults) = guard.admit(&held, &last);
+        let off = (again.translation - last.translation).amax();
         let must = Must::solve("change of the pose", 0.0);
-        rows.push(row(
-            25,
-            "the same pose again, after it",
-            must,
-            faults.first().map(|(_, fault)| *fault),
-            off,
-        ));
+        rows.push(row(25, "the same pose again, after it", must, faults.first().copied(), off));
     }
     rows
 }

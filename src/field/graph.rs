@@ -1,0 +1,306 @@
+//! Fields, connections between them, and one evaluation of all that changed.
+
+use super::{FieldError, Input, Value};
+use std::any::Any;
+use std::marker::PhantomData;
+
+/// A field of one graph: its number in it. Only that graph may be asked for it; another one panics or answers with
+/// a field of its own.
+pub struct Field<T> {
+    pub(super) number: usize,
+    value: PhantomData<fn() -> T>,
+}
+
+impl<T> Clone for Field<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Field<T> {}
+
+/// Fields of any types, whose functions may act on a context `C` as well.
+pub struct Graph<C> {
+    pub(super) values: Values,
+    pub(super) nodes: Vec<Node<C>>,
+    /// Connected fields, each behind all that it is made from; empty: to be sorted anew.
+    order: Vec<usize>,
+    /// Fields that hold another's value of the last frame, in the order in which they were made.
+    delays: Vec<usize>,
+}
+
+impl<C> Default for Graph<C> {
+    fn default() -> Graph<C> {
+        Graph { values: Values(Vec::new()), nodes: Vec::new(), order: Vec::new(), delays: Vec::new() }
+    }
+}
+
+/// What a field is beside its value.
+pub(super) struct Node<C> {
+    pub name: String,
+    pub type_name: &'static str,
+    pub from: Option<Connection<C>>,
+    /// Fields that are made from this one.
+    dependents: Vec<usize>,
+    /// An input has changed since the last evaluation.
+    is_dirty: bool,
+    pub evaluations: u64,
+}
+
+/// Where a field's value comes from.
+pub(super) struct Connection<C> {
+    /// Name of the function; empty for a value taken as it is.
+    pub function: &'static str,
+    pub inputs: Vec<usize>,
+    /// From the last frame.
+    pub is_delay: bool,
+    run: Box<Function<C>>,
+}
+
+/// Makes the new value from the others; true if it differs from the old one.
+type Function<C> = dyn FnMut(&mut Values, &mut C) -> bool;
+
+/// The values of all fields, by number.
+pub struct Values(pub(super) Vec<Box<dyn Any>>);
+
+impl Values {
+    /// Panics where `field` is of another graph.
+    pub(super) fn get<T: Value>(&self, field: Field<T>) -> &T {
+        match self.0[field.number].downcast_ref() {
+            Some(value) => value,
+            None => unreachable!("a field knows the type of its value within its own graph"),
+        }
+    }
+
+    /// True if the new value differs.
+    pub(super) fn put<T: Value>(&mut self, field: Field<T>, new: T) -> bool {
+        let differs = *self.get(field) != new;
+        if let Some(old) = self.0[field.number].downcast_mut().filter(|_| differs) {
+            *old = new;
+        }
+        differs
+    }
+}
+
+impl<C: 'static> Graph<C> {
+    /// A new field; `name` must be nobody else's.
+    pub fn field<T: Value>(&mut self, name: impl Into<String>, first: T) -> Result<Field<T>, FieldError> {
+        let name = name.into();
+        if self.nodes.iter().any(|node| node.name == name) {
+            return Err(FieldError::Name { name });
+        }
+        self.values.0.push(Box::new(first));
+        let (dependents, type_name) = (Vec::new(), T::TYPE);
+        self.nodes.push(Node { name, type_name, from: None, dependents, is_dirty: false, evaluations: 0 });
+        Ok(Field { number: self.nodes.len() - 1, value: PhantomData })
+    }
+
+    pub fn get<T: Value>(&self, field: Field<T>) -> &T {
+        self.values.get(field)
+    }
+
+    pub fn name<T>(&self, field: Field<T>) -> &str {
+        &self.nodes[field.number].name
+    }
+
+    /// How often the field's function ran.
+    pub fn evaluations<T>(&self, field: Field<T>) -> u64 {
+        self.nodes[field.number].evaluations
+    }
+
+    /// Gives a field a value; refused where one is connected to it.
+    pub fn set<T: Value>(&mut self, field: Field<T>, value: T) -> Result<(), FieldError> {
+        self.is_free(field.number)?;
+        if self.values.put(field, value) {
+            self.mark_dependents(field.number);
+        }
+        Ok(())
+    }
+
+    /// Gives any field a value as if it had always had it, in the previous frame too; a function that makes it runs
+    /// anew in the next evaluation. Undo, reset and reading a stream do so, between frames.
+    pub fn restore<T: Value>(&mut self, field: Field<T>, value: T) {
+        self.values.put(field, value.clone());
+        self.restored(field.number);
+        for number in self.delays_of(field.number) {
+            self.restore(Field { number, value: PhantomData::<fn() -> T> }, value.clone());
+        }
+    }
+
+    /// The fields that hold `number`'s value of the last frame.
+    fn delays_of(&self, number: usize) -> Vec<usize> {
+        let is_of = |delay: &usize| {
+            self.nodes[*delay].from.as_ref().is_some_and(|from| from.inputs.contains(&number))
+        };
+        self.delays.iter().copied().filter(is_of).collect()
+    }
+
+    /// The value of a field was replaced: those that depend on it, and its own function, run anew.
+    pub(super) fn restored(&mut self, number: usize) {
+        self.nodes[number].is_dirty = self.nodes[number].from.is_some();
+        self.mark_dependents(number);
+    }
+
+    /// `to` always has the value of `from`.
+    pub fn connect<T: Value>(&mut self, to: Field<T>, from: Field<T>) -> Result<(), FieldError> {
+        self.compute(to, "", from, |_, value: &T| value.clone())
+    }
+
+    /// `to` is made from `from` by a function, called by `name` in listings, which may act on the context.
+    pub fn compute<T: Value, I: Input>(
+        &mut self,
+        to: Field<T>,
+        name: &'static str,
+        from: I,
+        mut function: impl for<'a> FnMut(&mut C, I::Seen<'a>) -> T + 'static,
+    ) -> Result<(), FieldError> {
+        self.is_free(to.number)?;
+        let mut inputs = Vec::new();
+        from.list(&mut inputs);
+        let mut seen = vec![false; self.nodes.len()];
+        inputs.retain(|&input| !std::mem::replace(&mut seen[input], true));
+        if let Some(circle) = self.path(to.number, &inputs) {
+            return Err(FieldError::Circle { circle });
+        }
+        let run = Box::new(move |values: &mut Values, context: &mut C| {
+            let new = function(context, from.see(values));
+            values.put(to, new)
+        });
+        self.attach(to.number, Connection { function: name, inputs, is_delay: false, run });
+        self.order.clear();
+        Ok(())
+    }
+
+    /// A field that holds what `of` was at the end of the last frame; the same one whenever it is asked for.
+    pub fn previous<T: Value>(&mut self, of: Field<T>) -> Result<Field<T>, FieldError> {
+        if let Some(&number) = self.delays_of(of.number).first() {
+            return Ok(Field { number, value: PhantomData });
+        }
+        let name = format!("{}.previous", self.name(of));
+        let delay = self.field(name, self.get(of).clone())?;
+        let run = Box::new(move |values: &mut Values, _: &mut C| {
+            let new = values.get(of).clone();
+            values.put(delay, new)
+        });
+        self.attach(delay.number, Connection { function: "", inputs: vec![of.number], is_delay: true, run });
+        self.delays.push(delay.number);
+        Ok(delay)
+    }
+
+    /// `field` keeps the value that it has and can be set.
+    pub fn disconnect<T>(&mut self, field: Field<T>) {
+        let number = field.number;
+        if let Some(from) = self.nodes[number].from.take() {
+            for input in from.inputs {
+                self.nodes[input].dependents.retain(|&dependent| dependent != number);
+            }
+        }
+        self.nodes[number].is_dirty = false;
+        self.delays.retain(|&delay| delay != number);
+        self.order.clear();
+    }
+
+    /// Brings every field up to date: one frame. Each function runs at most once, and only where an input changed.
+    pub fn evaluate(&mut self, context: &mut C) {
+        if self.order.is_empty() {
+            self.order = self.sorted();
+        }
+        for at in 0..self.order.len() {
+            self.run(self.order[at], context);
+        }
+        // The frame is over: what was made later holds what is older, as the previous value of a previous value.
+        for at in (0..self.delays.len()).rev() {
+            self.run(self.delays[at], context);
+        }
+    }
+
+    fn run(&mut self, number: usize, context: &mut C) {
+        let node = &mut self.nodes[number];
+        let Some(from) = node.from.as_mut().filter(|_| node.is_dirty) else { return };
+        (node.is_dirty, node.evaluations) = (false, node.evaluations + 1);
+        if (from.run)(&mut self.values, context) {
+            self.mark_dependents(number);
+        }
+    }
+
+    fn mark_dependents(&mut self, number: usize) {
+        for at in 0..self.nodes[number].dependents.len() {
+            let dependent = self.nodes[number].dependents[at];
+            self.nodes[dependent].is_dirty = true;
+        }
+    }
+
+    fn attach(&mut self, to: usize, connection: Connection<C>) {
+        for &input in &connection.inputs {
+            self.nodes[input].dependents.push(to);
+        }
+        self.nodes[to].from = Some(connection);
+        self.nodes[to].is_dirty = true;
+    }
+
+    fn is_free(&self, number: usize) -> Result<(), FieldError> {
+        let node = &self.nodes[number];
+        match &node.from {
+            None => Ok(()),
+            Some(from) => Err(FieldError::Connected {
+                name: node.name.clone(),
+                from: from.inputs.iter().map(|&input| self.nodes[input].name.clone()).collect(),
+            }),
+        }
+    }
+
+    /// What `number` is made from in this frame.
+    pub(super) fn inputs(&self, number: usize) -> &[usize] {
+        match &self.nodes[number].from {
+            Some(from) if !from.is_delay => &from.inputs,
+            _ => &[],
+        }
+    }
+
+    /// The names from `to` back to itself, were it made from `inputs`; `None` where that is no circle.
+    fn path(&self, to: usize, inputs: &[usize]) -> Option<Vec<String>> {
+        let mut seen = vec![false; self.nodes.len()];
+        // Fields to look at, and at what depth of `way` each of them is.
+        let mut open: Vec<(usize, usize)> = inputs.iter().rev().map(|&input| (input, 0)).collect();
+        let mut way: Vec<usize> = Vec::new();
+        while let Some((number, depth)) = open.pop() {
+            way.truncate(depth);
+            way.push(number);
+            if number == to {
+                let circle = std::iter::once(&to).chain(&way);
+                return Some(circle.map(|&number| self.nodes[number].name.clone()).collect());
+            }
+            if !std::mem::replace(&mut seen[number], true) {
+                open.extend(self.inputs(number).iter().rev().map(|&input| (input, depth + 1)));
+            }
+        }
+        None
+    }
+
+    /// All fields in the order of their dependencies, those made first before others where either would do.
+    fn sorted(&self) -> Vec<usize> {
+        let mut missing: Vec<usize> = (0..self.nodes.len()).map(|number| self.inputs(number).len()).collect();
+        let mut ready: std::collections::BTreeSet<usize> =
+            (0..missing.len()).filter(|&number| missing[number] == 0).collect();
+        let mut order = Vec::new();
+        while let Some(number) = ready.pop_first() {
+            order.push(number);
+            for &dependent in &self.nodes[number].dependents {
+                if !self.inputs(dependent).contains(&number) {
+                    continue;
+                }
+                missing[dependent] -= 1;
+                if missing[dependent] == 0 {
+                    ready.insert(dependent);
+                }
+            }
+        }
+        order.retain(|&number| !self.inputs(number).is_empty() || self.is_constant(number));
+        order
+    }
+
+    /// Made by a function of nothing.
+    fn is_constant(&self, number: usize) -> bool {
+        self.nodes[number].from.as_ref().is_some_and(|from| !from.is_delay)
+    }
+}

@@ -1,0 +1,63 @@
+//! The paper's fields: typed values, connected into a data-flow graph that is evaluated once a frame.
+//!
+//! In: values set from outside (what trackers say). Out: values that functions make of them, each at most once a
+//! frame, in the order of their dependencies, and only where an input differs from what it was. Avango's
+//! `fieldHasChanged` is the mark that a changed field leaves on those that depend on it; its `evaluate` is
+//! [`Graph::evaluate`] (the paper, "Avango" and "Implementation in Avango").
+//!
+//! ```
+//! use greenstage::field::Graph;
+//! let mut graph = Graph::<()>::default();
+//! let turn = graph.field("stylus.turn", 0.0)?;
+//! let half = graph.field("body.turn", 0.0)?;
+//! graph.compute(half, "half", turn, |(), turn: &f64| 0.5 * turn)?;
+//! graph.set(turn, 1.0)?;
+//! graph.evaluate(&mut ());
+//! assert_eq!(*graph.get(half), 0.5);
+//! # Ok::<(), greenstage::field::FieldError>(())
+//! ```
+//!
+//! | part | rule |
+//! |---|---|
+//! | [`Graph::field`] | a name that is nobody else's, and a first value |
+//! | [`Graph::connect`], [`Graph::compute`] | from a field of the same type, or from several through a function; a circle is refused, with the names in it |
+//! | [`Graph::set`] | only where nothing is connected |
+//! | [`Graph::previous`] | a field of its own that holds what another was at the end of the last frame: the only way to feed back |
+//! | [`Graph::restore`] | a new start of any field, from outside a frame |
+//! | context `C` | what functions act on beside fields (draggers, deformers), handed to [`Graph::evaluate`] and named in its type |
+
+mod error;
+mod graph;
+mod input;
+mod listing;
+pub mod numbers;
+
+pub use error::FieldError;
+pub use graph::{Field, Graph};
+pub use input::{Each, Input};
+pub use listing::Entry;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// What a field can hold. Two values that are equal count as no change.
+pub trait Value: Clone + PartialEq + Serialize + DeserializeOwned + 'static {
+    /// As listings and streams call it.
+    const TYPE: &'static str;
+}
+
+impl Value for f64 {
+    const TYPE: &'static str = "number";
+}
+
+impl Value for u64 {
+    const TYPE: &'static str = "count";
+}
+
+impl Value for bool {
+    const TYPE: &'static str = "switch";
+}
+
+impl Value for String {
+    const TYPE: &'static str = "text";
+}

@@ -1,0 +1,143 @@
+//! What one hand or two do to a thing they hold: a similarity of the room.
+//!
+//! In: for every hand where it was and where it is, and the place it holds. Out: the motion since. One hand moves
+//! rigidly. Two hands hold the thing by two places: the line between them is carried along, stretched with the
+//! distance of the hands, and turned about itself by the mean of what the hands turn.
+
+use super::mode::twist;
+use nalgebra::{Isometry3, Point3, Quaternion, Similarity3, Translation3, Unit, UnitQuaternion, Vector3};
+
+/// A hand at the grab and now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HandMotion {
+    pub room_from_hand_then: Isometry3<f64>,
+    pub room_from_hand_now: Isometry3<f64>,
+    /// What it holds, at the grab, in the room.
+    pub held_then: Point3<f64>,
+}
+
+/// Two places nearer to each other than this give no direction and no scale, m.
+const APART_M: f64 = 1e-3;
+
+impl HandMotion {
+    /// now · then⁻¹.
+    fn rigid(&self) -> Isometry3<f64> {
+        self.room_from_hand_now * self.room_from_hand_then.inverse()
+    }
+
+    fn held_now(&self) -> Point3<f64> {
+        self.rigid() * self.held_then
+    }
+}
+
+/// The motion of what is held by these hands since the grab; `None` without a hand. More than two do not count.
+///
+/// Two hands that hold the places p and q: the scale is |q'-p'|/|q-p|, the rotation takes the direction of q-p to that
+/// of q'-p' the shortest way after a turn about it by the mean twist of the hands, and the middle goes to the middle.
+/// Where the places (nearly) coincide there is no such line: the rotation is halfway between the hands' and nothing
+/// is scaled.
+pub fn carry(hands: &[HandMotion]) -> Option<Similarity3<f64>> {
+    let (first, second) = match hands {
+        [] => return None,
+        [one] => return Some(Similarity3::from_isometry(one.rigid(), 1.0)),
+        [first, second, ..] => (first, second),
+    };
+    let (then, now) = (second.held_then - first.held_then, second.held_now() - first.held_now());
+    let (rotation, scale) = match (Unit::try_new(then, APART_M), Unit::try_new(now, APART_M)) {
+        (Some(from), Some(to)) => {
+            let swing = swing(&from, &to);
+            let twists = [first, second].map(|hand| twist(&(swing.inverse() * hand.rigid().rotation), &from));
+            (swing * halfway(&twists), now.norm() / then.norm())
+        }
+        _ => (halfway(&[first.rigid().rotation, second.rigid().rotation]), 1.0),
+    };
+    let middle_then = nalgebra::center(&first.held_then, &second.held_then);
+    let middle_now = nalgebra::center(&first.held_now(), &second.held_now());
+    let shift = middle_now.coords - rotation * middle_then.coords * scale;
+    Some(Similarity3::from_parts(Translation3::from(shift), rotation, scale))
+}
+
+/// The shortest rotation from one direction to another, (1 + a·b, a × b) made a unit quaternion; half a turn about any
+/// axis across where they are opposite.
+fn swing(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
+    let (cosine, across) = (from.dot(to), from.cross(to));
+    let quaternion = Quaternion::from_parts(1.0 + cosine, across);
+    UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_else(|| {
+        let across = from.cross(&Vector3::ith(from.iamin(), 1.0));
+        UnitQuaternion::from_axis_angle(&Unit::new_normalize(across), std::f64::consts::PI)
+    })
+}
+
+/// Midway between two rotations, the shorter way.
+fn halfway([a, b]: &[UnitQuaternion<f64>; 2]) -> UnitQuaternion<f64> {
+    a.try_slerp(b, 0.5, 1e-9).unwrap_or(*a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hand(held: [f64; 3], motion: Isometry3<f64>) -> HandMotion {
+        let then = Isometry3::new(Vector3::new(0.3, 1.0, 0.4), Vector3::new(0.1, 0.2, 0.3));
+        HandMotion { room_from_hand_then: then, room_from_hand_now: motion * then, held_then: held.into() }
+    }
+
+    #[test]
+    fn one_hand_is_its_own_rigid_motion_and_two_that_agree_are_the_same() {
+        let motion = Isometry3::new(Vector3::new(0.1, -0.4, 0.2), Vector3::new(0.5, -1.2, 0.7));
+        let one = carry(&[hand([1.0, 2.0, 3.0], motion)]).unwrap();
+        let two = carry(&[hand([1.0, 2.0, 3.0], motion), hand([0.5, 2.5, 3.0], motion)]).unwrap();
+        for similarity in [one, two] {
+            assert!((similarity.to_homogeneous() - motion.to_homogeneous()).norm() < 1e-12, "{similarity}");
+        }
+        assert_eq!(carry(&[]), None);
+    }
+
+    #[test]
+    fn hands_that_part_stretch_and_hands_that_twist_turn_by_the_mean() {
+        let apart = |x: f64| Isometry3::translation(x, 0.0, 0.0);
+        let motion =
+            carry(&[hand([-0.2, 0.0, 0.0], apart(-0.1)), hand([0.2, 0.0, 0.0], apart(0.3))]).unwrap();
+        assert!((motion.scaling() - 2.0).abs() < 1e-12 && motion.isometry.rotation.angle() < 1e-7);
+        assert!((motion * Point3::new(0.2, 0.0, 0.0) - Point3::new(0.5, 0.0, 0.0)).norm() < 1e-12);
+        let turned = |angle: f64| Isometry3::rotation(Vector3::x() * angle);
+        let motion =
+            carry(&[hand([-0.2, 0.0, 0.0], turned(0.2)), hand([0.2, 0.0, 0.0], turned(0.6))]).unwrap();
+        assert!((motion.isometry.rotation.scaled_axis() - Vector3::x() * 0.4).norm() < 1e-9);
+    }
+
+    #[test]
+    fn both_held_places_are_met_whatever_the_hands_do() {
+        for i in 0..200 {
+            let t = f64::from(i) * 0.37;
+            let move_by = |s: f64| {
+                Isometry3::new(
+                    Vector3::new((t * s).sin(), (t + s).cos(), 0.3 * t.sin()),
+                    Vector3::new(s * t.cos(), 0.7 * (t * s).sin(), t.sin()) * 2.0,
+                )
+            };
+            let hands = [hand([0.3, 0.1, 0.0], move_by(1.0)), hand([-0.4, 0.2, 0.5], move_by(2.3))];
+            let motion = carry(&hands).unwrap();
+            for hand in &hands {
+                let miss = (motion * hand.held_then - hand.held_now()).norm();
+                assert!(miss < 1e-9, "{i}: {miss}");
+            }
+        }
+    }
+
+    #[test]
+    fn hands_at_one_place_and_hands_that_change_sides_stay_finite() {
+        let still = Isometry3::identity();
+        let turned = Isometry3::rotation(Vector3::y() * 0.5);
+        let same = carry(&[hand([0.1, 0.0, 0.0], still), hand([0.1, 0.0, 0.0], turned)]).unwrap();
+        assert!(
+            (same.scaling() - 1.0).abs() < 1e-15 && (same.isometry.rotation.angle() - 0.25).abs() < 1e-12
+        );
+        let swapped = carry(&[
+            hand([-0.2, 0.0, 0.0], Isometry3::translation(0.4, 0.0, 0.0)),
+            hand([0.2, 0.0, 0.0], Isometry3::translation(-0.4, 0.0, 0.0)),
+        ])
+        .unwrap();
+        assert!((swapped * Point3::new(-0.2, 0.0, 0.0) - Point3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
+    }
+}

@@ -1,0 +1,331 @@
+//! Hands that hold: while the button is down, a control element's matrix follows the hands that hold it.
+//!
+//! In: the styli, what each of them points at, and the matrices of the elements as they are now. Out: the matrices of
+//! those that are held, and what the second button asks for. Every matrix is computed from those at the grab, never
+//! from the last one, so that nothing drifts; whenever hands, mode or scaling change, the hold starts anew from where
+//! the element is, so that nothing jumps.
+
+use super::carry::{HandMotion, carry};
+use super::{Hit, Mode, MovingHand};
+use crate::track::{HeldPose, Signal, StylusState};
+use nalgebra::{Isometry3, Matrix4, Point3, Similarity3, Unit, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The second button pressed and released within this time is a click; two presses within it are a double press, s.
+pub const CLICK_S: f64 = 0.35;
+/// A click moves the hand along its ray by less than this part of the workspace's radius.
+const CLICK_PUSH: f64 = 0.05;
+/// The logarithm of a scale beyond any that a body admits.
+const MOST_SCALE_LN: f64 = 6.0;
+
+/// All hands, and what they hold. At most two hold the same element; a third grabs nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hands {
+    pub mode: Mode,
+    /// A push of the hand along its ray by so much scales by e, m: the workspace's radius.
+    pub radius_m: f64,
+    hands: Vec<Hand>,
+    holds: BTreeMap<usize, Hold>,
+}
+
+/// A control element as the hands find it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element {
+    pub room_from_body: Similarity3<f64>,
+    pub room_from_element: Matrix4<f64>,
+}
+
+/// The element that is held, and its matrix now.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drag {
+    pub target: usize,
+    #[serde(with = "crate::field::numbers")]
+    pub room_from_element: Matrix4<f64>,
+}
+
+/// What one hand holds, and where.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grip {
+    pub target: usize,
+    /// The place that was grabbed, as the hand carries it.
+    pub place_in_stylus: Point3<f64>,
+    /// The same place of the element.
+    pub place_in_element: Point3<f64>,
+    /// Taken by the tip, not by the ray.
+    pub is_near: bool,
+}
+
+/// What the hands ask for in one frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// In the order of the targets.
+    pub drags: Vec<Drag>,
+    /// Hands that move the scene: the second button went down while they held nothing.
+    pub navigating: Vec<MovingHand>,
+    /// Hands that pressed the second button twice while they held nothing.
+    pub double_pressed: Vec<usize>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Hand {
+    stylus: HeldPose,
+    grip: Option<Grip>,
+    was_pressed: bool,
+    second: Second,
+    /// When the second button last went down with nothing in the hand.
+    last_press_s: Option<f64>,
+}
+
+/// What the second button does until it is released.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Second {
+    #[default]
+    Up,
+    Scales {
+        since_s: f64,
+    },
+    Navigates,
+    /// What it did has ended; it waits for its release.
+    Spent,
+}
+
+/// An element in one or two hands, as they were when this hold began.
+#[derive(Clone, Debug, PartialEq)]
+struct Hold {
+    hands: Vec<usize>,
+    mode: Mode,
+    scaled_by: Option<usize>,
+    room_from_element: Matrix4<f64>,
+    axis: Option<Unit<Vector3<f64>>>,
+    then: Vec<(Isometry3<f64>, Point3<f64>)>,
+}
+
+impl Hands {
+    pub fn new(radius_m: f64) -> Self {
+        Self { mode: Mode::FREE, radius_m, hands: Vec::new(), holds: BTreeMap::new() }
+    }
+
+    /// Takes the styli as they are at `time_s`; `hits` is what each of them points at, `element` the elements as they
+    /// are shown now.
+    ///
+    /// At the press of the button the element of the hit is taken hold of; while the button is down it follows, see
+    /// [`carry`] and [`Mode::take`]; on release it stays where it is: the last [`Drag`] stands. A press beside
+    /// everything grabs nothing until the next press. A pose that is not usable counts as the last usable one; a press
+    /// that comes with it waits for one that is. A stylus that is lost lets go and must be pressed anew.
+    ///
+    /// The second button: with something in the hand, a click goes to the next mode, and while it is held down the
+    /// element does not follow but is scaled about its origin by exp(push / radius), push the way of the hand along
+    /// its ray. With nothing in the hand it moves the scene.
+    pub fn step(
+        &mut self,
+        styli: &[StylusState],
+        time_s: f64,
+        hits: &[Option<Hit>],
+        element: impl Fn(usize) -> Element,
+    ) -> Asked {
+        self.hands.resize_with(styli.len(), Hand::default);
+        let mut asked = Asked::default();
+        for (i, stylus) in styli.iter().enumerate() {
+            let is_usable = self.hands[i].stylus.update(&stylus.room_from_stylus);
+            let can_act = is_usable && !is_lost(stylus);
+            self.grab(i, stylus, can_act, hits.get(i).and_then(Option::as_ref), &element);
+            if self.second_button(i, stylus, can_act, time_s, &element) {
+                asked.double_pressed.push(i);
+            }
+        }
+        for (i, hand) in self.hands.iter().enumerate() {
+            if let (Second::Navigates, Some(pose)) = (hand.second, hand.stylus.last) {
+                asked.navigating.push(MovingHand { number: i, room_from_hand: pose });
+            }
+        }
+        let held = self.held();
+        self.holds.retain(|target, _| held.contains(target));
+        for target in held {
+            let drag = self.drag(target, &element);
+            asked.drags.extend(drag);
+        }
+        asked
+    }
+
+    /// The elements that are held now.
+    pub fn held(&self) -> BTreeSet<usize> {
+        self.hands.iter().filter_map(|hand| hand.grip).map(|grip| grip.target).collect()
+    }
+
+    /// What hand `i` holds.
+    pub fn grip(&self, i: usize) -> Option<&Grip> {
+        self.hands.get(i)?.grip.as_ref()
+    }
+
+    /// The last usable pose of stylus `i`.
+    pub fn room_from_stylus(&self, i: usize) -> Option<Isometry3<f64>> {
+        self.hands.get(i)?.stylus.last
+    }
+
+    /// Unusable poses that came from stylus `i` since the start.
+    pub fn invalid(&self, i: usize) -> u64 {
+        self.hands.get(i).map_or(0, |hand| hand.stylus.invalid)
+    }
+
+    /// Lets go of what `is_taken` says without a release, as when it is taken away; the next press grabs again.
+    pub fn let_go(&mut self, is_taken: impl Fn(usize) -> bool) {
+        for hand in &mut self.hands {
+            hand.grip = hand.grip.filter(|grip| !is_taken(grip.target));
+        }
+    }
+
+    /// Everything held stands elsewhere now, as after navigation: holds go on from there.
+    pub fn rebase(&mut self) {
+        self.holds.clear();
+    }
+
+    fn grab(
+        &mut self,
+        i: usize,
+        stylus: &StylusState,
+        can_act: bool,
+        hit: Option<&Hit>,
+        element: &impl Fn(usize) -> Element,
+    ) {
+        let holders =
+            |target| self.hands.iter().filter(|h| h.grip.is_some_and(|g| g.target == target)).count();
+        let free_hit = hit.filter(|hit| holders(hit.target) < 2);
+        let hand = &mut self.hands[i];
+        if !stylus.pressed || is_lost(stylus) {
+            (hand.grip, hand.was_pressed) = (None, stylus.pressed);
+        } else if can_act && !hand.was_pressed {
+            hand.was_pressed = true;
+            let grip = |hit: &Hit, room_from_stylus: Isometry3<f64>| {
+                let place = hit.point_in_room.cast::<f64>();
+                let element_from_room = element(hit.target).room_from_element.try_inverse();
+                Grip {
+                    target: hit.target,
+                    place_in_stylus: room_from_stylus.inverse() * place,
+                    place_in_element: element_from_room
+                        .map_or_else(Point3::origin, |inverse| inverse.transform_point(&place)),
+                    is_near: hit.is_near,
+                }
+            };
+            hand.grip = free_hit.zip(hand.stylus.last).map(|(hit, pose)| grip(hit, pose));
+        }
+    }
+
+    /// Follows the second button of hand `i`; true if it was pressed twice.
+    fn second_button(
+        &mut self,
+        i: usize,
+        stylus: &StylusState,
+        can_act: bool,
+        time_s: f64,
+        element: &impl Fn(usize) -> Element,
+    ) -> bool {
+        let hand = self.hands[i];
+        let next = match (hand.second, hand.grip) {
+            _ if !stylus.second => Second::Up,
+            _ if is_lost(stylus) => Second::Spent,
+            (Second::Up, _) if !can_act => Second::Up,
+            (Second::Up, Some(_)) => Second::Scales { since_s: time_s },
+            (Second::Up, None) => Second::Navigates,
+            (Second::Scales { .. }, None) | (Second::Navigates, Some(_)) => Second::Spent,
+            (as_it_was, _) => as_it_was,
+        };
+        if let (Second::Scales { since_s }, Second::Up, Some(grip)) = (hand.second, next, hand.grip)
+            && is_within_click(since_s, time_s)
+        {
+            self.click(i, grip.target, &element(grip.target));
+        }
+        let begins = hand.second == Second::Up && next == Second::Navigates;
+        self.hands[i].second = next;
+        if !begins {
+            return false;
+        }
+        let is_double = hand.last_press_s.is_some_and(|last_s| is_within_click(last_s, time_s));
+        self.hands[i].last_press_s = (!is_double).then_some(time_s);
+        is_double
+    }
+
+    /// A click of the second button: the next mode, from where the element was before the little that was scaled.
+    fn click(&mut self, i: usize, target: usize, element: &Element) {
+        let Some(hold) = self.holds.get(&target).filter(|hold| hold.scaled_by == Some(i)) else { return };
+        let then = hold.hands.iter().position(|&hand| hand == i).map(|k| hold.then[k].0);
+        let now = self.hands[i].stylus.last;
+        if then.zip(now).is_none_or(|(then, now)| push(&then, &now).abs() >= CLICK_PUSH * self.radius_m) {
+            return;
+        }
+        let before = Element { room_from_element: hold.room_from_element, ..*element };
+        let hands = hold.hands.clone();
+        self.mode = self.mode.next();
+        let hold = self.hold(hands, None, &before);
+        self.holds.extend(hold.map(|hold| (target, hold)));
+    }
+
+    fn drag(&mut self, target: usize, element: &impl Fn(usize) -> Element) -> Option<Drag> {
+        let of_target = |hand: &Hand| hand.grip.is_some_and(|grip| grip.target == target);
+        let hands: Vec<usize> = (0..self.hands.len()).filter(|&i| of_target(&self.hands[i])).collect();
+        let scales = |&i: &usize| matches!(self.hands[i].second, Second::Scales { .. });
+        let scaled_by = hands.iter().copied().find(scales);
+        let goes_on =
+            |hold: &&Hold| hold.hands == hands && hold.mode == self.mode && hold.scaled_by == scaled_by;
+        if self.holds.get(&target).filter(goes_on).is_none() {
+            let hold = self.hold(hands, scaled_by, &element(target))?;
+            self.holds.insert(target, hold);
+        }
+        let hold = self.holds.get(&target)?;
+        let now = |k: usize| self.hands[hold.hands[k]].stylus.last;
+        let room_from_element =
+            match hold.scaled_by.and_then(|i| hold.hands.iter().position(|&hand| hand == i)) {
+                Some(k) => {
+                    let push = push(&hold.then[k].0, &now(k)?) / self.radius_m;
+                    let scale = push.clamp(-MOST_SCALE_LN, MOST_SCALE_LN).exp();
+                    hold.room_from_element * Matrix4::new_scaling(scale)
+                }
+                None => {
+                    let motion = |(k, (then, held)): (usize, &(Isometry3<f64>, Point3<f64>))| {
+                        now(k).map(|now| HandMotion {
+                            room_from_hand_then: *then,
+                            room_from_hand_now: now,
+                            held_then: *held,
+                        })
+                    };
+                    let motions: Vec<HandMotion> = hold.then.iter().enumerate().filter_map(motion).collect();
+                    let held = hold.then.iter().map(|(_, held)| held.coords).sum::<Vector3<f64>>();
+                    let held = Point3::from(held / hold.then.len() as f64);
+                    hold.mode.take(&carry(&motions)?, &hold.room_from_element, &held, hold.axis)
+                }
+            };
+        Some(Drag { target, room_from_element })
+    }
+
+    /// A hold that begins now.
+    fn hold(&self, hands: Vec<usize>, scaled_by: Option<usize>, element: &Element) -> Option<Hold> {
+        let then = |&i: &usize| {
+            let (pose, grip) = (self.hands[i].stylus.last?, self.hands[i].grip?);
+            Some((pose, element.room_from_element.transform_point(&grip.place_in_element)))
+        };
+        Some(Hold {
+            then: hands.iter().map(then).collect::<Option<_>>()?,
+            hands,
+            mode: self.mode,
+            scaled_by,
+            room_from_element: element.room_from_element,
+            axis: self.mode.axis_in_room(&element.room_from_body, &element.room_from_element),
+        })
+    }
+}
+
+fn is_lost(stylus: &StylusState) -> bool {
+    matches!(stylus.signal, Signal::Lost { .. })
+}
+
+fn is_within_click(since_s: f64, now_s: f64) -> bool {
+    (0.0..=CLICK_S).contains(&(now_s - since_s))
+}
+
+/// How far a hand went along the ray that it had, m.
+fn push(then: &Isometry3<f64>, now: &Isometry3<f64>) -> f64 {
+    (now.translation.vector - then.translation.vector).dot(&(then.rotation * -Vector3::z()))
+}
+
+#[cfg(test)]
+mod tests;
