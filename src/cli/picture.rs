@@ -117,6 +117,8 @@ impl Targets {
             .iter()
             .map(|target| panes::tiles(world, &target.window, target.image.size, self.swapped))
             .collect();
+        let instances = self.bodies.instances(world);
+        let contents = contents(world, &instances);
         let mut targets: Vec<Target<'_>> = self
             .pictures
             .iter_mut()
@@ -129,11 +131,10 @@ impl Targets {
                 size: image.size,
                 desktop: [0, 0],
                 tiles,
+                contents: &contents,
             })
             .collect();
-        let instances = self.bodies.instances(world);
-        let contents = contents(world, &instances);
-        let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, &contents, None)?;
+        let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?;
         let draw_s = self.gpu.wait()?.as_secs_f64();
         Ok(DrawTimes { upload_s, encode_s: encode.as_secs_f64(), draw_s })
     }

@@ -127,7 +127,7 @@ fn picture(args: &Args, seen: Seen, camera: Camera, path: &Path) -> Result<(), F
         let mut overlay = Overlay::new(COLOR_FORMAT);
         let sheet =
             overlay.lay_out(args.size, |painter| write_names(painter, painter.clip_rect(), view, &room));
-        overlay.draw(&gpu, [(&target.view, &sheet)])?;
+        overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
     }
     render::save(&target.read(&gpu)?.0, path)?;
     super::print(&format!("{}\n", path.display()))

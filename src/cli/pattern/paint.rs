@@ -1,6 +1,6 @@
 //! The test pattern of one screen for one eye, painted in pixels.
 //!
-//! In: a screen with its corners in the room, and the rectangle of pixels that shows it. Out: a grid of square cells in
+//! In: a screen with its corners in the room, and the rectangle of pixels that shows it, or a part of it. Out: a grid of square cells in
 //! centimetres, a border of one pixel at the very edge, rulers, a circle, labels, and blocks of single pixels. What must
 //! be exact to the pixel is a rectangle with whole coordinates, which no edge smoothing touches.
 
@@ -29,6 +29,8 @@ pub struct Pattern<'a> {
     pub painter: &'a Painter,
     /// Whole pixels.
     pub rect: Rect,
+    /// Left, right, bottom and top of `rect` in the screen's normalised device coordinates.
+    pub on_screen: [f64; 4],
     pub stage: &'a str,
     pub screen: &'a Screen,
     pub eye: Eye,
@@ -36,6 +38,9 @@ pub struct Pattern<'a> {
 
 impl Pattern<'_> {
     pub fn paint(&self) {
+        if !self.rect.is_positive() {
+            return;
+        }
         let mut ground = Mesh::default();
         ground.add_colored_rect(self.rect, DARK);
         self.grid(&mut ground);
@@ -57,8 +62,18 @@ impl Pattern<'_> {
     }
 
     fn pixels_per_m(&self) -> [f64; 2] {
+        let ([left, right, bottom, top], size) = (self.on_screen, self.rect.size());
+        [
+            f64::from(size.x) / (self.screen.width_m() * (right - left) / 2.0),
+            f64::from(size.y) / (self.screen.height_m() * (top - bottom) / 2.0),
+        ]
+    }
+
+    /// The screen's middle, which may lie beside the part that is shown.
+    fn middle(&self) -> Pos2 {
+        let ([left, right, bottom, top], Rect { min, .. }) = (self.on_screen, self.rect);
         let size = self.rect.size();
-        [f64::from(size.x) / self.screen.width_m(), f64::from(size.y) / self.screen.height_m()]
+        min + vec2((-left / (right - left)) as f32 * size.x, (top / (top - bottom)) as f32 * size.y)
     }
 
     /// Side of a cell of the grid, m.
@@ -76,11 +91,11 @@ impl Pattern<'_> {
 
     /// The columns (axis 0) or rows (axis 1) at whole multiples of `step_m` from the middle, with the multiple.
     fn marks(&self, axis: usize, step_m: f64) -> Vec<(i32, f32)> {
-        let length = f64::from(self.rect.size()[axis]);
         let step = step_m * self.pixels_per_m()[axis];
-        let most = (length / 2.0 / step).min(1e4) as i32;
-        let start = self.rect.min[axis];
-        (-most..=most).map(|k| (k, start + (length / 2.0 + f64::from(k) * step).round() as f32)).collect()
+        let middle = f64::from(self.middle()[axis]);
+        let multiple = |edge: f32| ((f64::from(edge) - middle) / step).clamp(-1e4, 1e4);
+        let range = multiple(self.rect.min[axis]).ceil() as i32..=multiple(self.rect.max[axis]).floor() as i32;
+        range.map(|k| (k, (middle + f64::from(k) * step).round() as f32)).collect()
     }
 
     /// A line of `width` pixels whose middle lies on the edge between two pixels before `at`, or right of it.
@@ -104,13 +119,13 @@ impl Pattern<'_> {
             }
         }
         for axis in [0, 1] {
-            self.line(mesh, axis, self.rect.center()[axis].round(), 2.0, INK);
+            self.line(mesh, axis, self.middle()[axis].round(), 2.0, INK);
         }
     }
 
     /// Ticks along the two middle lines.
     fn rulers(&self, mesh: &mut Mesh) {
-        let center = self.rect.center().round();
+        let center = self.middle().round();
         for axis in [0, 1] {
             for (k, at) in self.marks(axis, self.tick_m()) {
                 let half = (self.unit()
@@ -157,13 +172,13 @@ impl Pattern<'_> {
         let radii = vec2((x * radius) as f32, (y * radius) as f32);
         let stroke = Stroke::new((0.18 * self.unit()).max(1.0), INK);
         let at = |k: u16| egui::Vec2::angled(TAU * f32::from(k) / f32::from(CIRCLE)) * radii;
-        let points = (0..CIRCLE).map(|k| self.rect.center() + at(k)).collect();
+        let points = (0..CIRCLE).map(|k| self.middle() + at(k)).collect();
         self.painter.add(Shape::closed_line(points, stroke));
     }
 
     fn ruler_labels(&self) {
         let unit = self.unit();
-        let center = self.rect.center();
+        let center = self.middle();
         let size = 1.5 * unit;
         for axis in [0, 1] {
             let marks = self.marks(axis, self.cell_m());
@@ -203,16 +218,18 @@ impl Pattern<'_> {
         self.write(top + vec2(0.0, 8.0 * unit), Align2::CENTER_TOP, &lines.join("\n"), 1.8 * unit, QUIET);
     }
 
-    /// The corners by their names, where the stage file has them in the room.
+    /// The corners of what is shown by their names, where the stage file has them in the room.
     fn corners(&self) {
-        let (unit, screen) = (self.unit(), self.screen);
+        let unit = self.unit();
         let inside = self.rect.shrink(2.0 * unit);
-        for (name, point, align) in [
-            ("lower left", screen.lower_left, Align2::LEFT_BOTTOM),
-            ("lower right", screen.lower_right, Align2::RIGHT_BOTTOM),
-            ("upper left", screen.upper_left, Align2::LEFT_TOP),
-            ("upper right", screen.upper_right(), Align2::RIGHT_TOP),
+        let [left, right, bottom, top] = self.on_screen;
+        for (name, place, align) in [
+            ("lower left", [left, bottom], Align2::LEFT_BOTTOM),
+            ("lower right", [right, bottom], Align2::RIGHT_BOTTOM),
+            ("upper left", [left, top], Align2::LEFT_TOP),
+            ("upper right", [right, top], Align2::RIGHT_TOP),
         ] {
+            let point = self.screen.point(place);
             let text = format!("{name}\n{:.3} {:.3} {:.3}", point.x, point.y, point.z);
             self.write(align.pos_in_rect(&inside), align, &text, 1.8 * unit, INK);
         }

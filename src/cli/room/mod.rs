@@ -1,15 +1,18 @@
 //! The room seen from outside: screens, eyes and what they see of the screens, head, workspace and trackers.
 //!
 //! In: a stage and where the head is now. Out: lines, quads and balls in the room, and names to be written beside them.
-//! Bodies and styli are drawn by those who have them. The camera is an ordinary view, through a screen that floats in
-//! the room ([`Camera`]).
+//! Bodies and styli are drawn by those who have them; a [`Camera`] looks at it.
+
+mod camera;
+
+pub use camera::{Camera, Orbit};
 
 use super::writing::{DARK, INK, LEFT, QUIET, RIGHT, write};
 use crate::render::{Ball, FrameContents, Grid, Line, Quad, View};
-use crate::stage::{Eye, Screen, Stage, rotation_towards};
+use crate::stage::{Eye, Screen, Stage};
 use egui::{Align2, Color32, Painter, Rect, pos2, vec2};
 use nalgebra::{Isometry3, Point3, Vector3};
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 /// Linear RGB and opacity.
 type Colour = [f32; 4];
@@ -45,97 +48,6 @@ pub struct Label {
     pub ink: Color32,
     /// Letters' height against the usual.
     pub size: f32,
-}
-
-/// An eye outside, which goes round a point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Camera {
-    pub target: Point3<f64>,
-    /// About the vertical, from +z towards +x, and above the horizon; rad.
-    pub azimuth: f64,
-    pub elevation: f64,
-    pub distance_m: f64,
-}
-
-/// Vertical opening angle, rad.
-const OPENING: f64 = 40.0 * TAU / 360.0;
-/// Share of the picture that everything takes up at first, in pictures at least so wide against their height.
-const MARGIN: f64 = 0.93;
-const NARROWEST: f64 = 4.0 / 3.0;
-const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
-
-impl Camera {
-    /// From the viewer's side, above and to the right, so far away that everything is in the picture.
-    pub fn of(stage: &Stage) -> Self {
-        let points = outline(stage);
-        let viewer = stage.viewer.room_from_head.translation.vector - stage.workspace.centre.coords;
-        let behind = if viewer.xz().norm() > 1e-3 { viewer.x.atan2(viewer.z) } else { 0.0 };
-        let (target, _) = ball_about(&points);
-        let mut camera = Self { target, azimuth: behind + 0.8, elevation: 0.42, distance_m: 1.0 };
-        let away = camera.eye() - target;
-        let right = Vector3::y().cross(&away).normalize();
-        let up = away.cross(&right);
-        let slope = MARGIN * (OPENING / 2.0).tan();
-        let needed = |point: &Point3<f64>| {
-            let offset = point - target;
-            let aside = offset.dot(&up).abs().max(offset.dot(&right).abs() / NARROWEST);
-            offset.dot(&away) + aside / slope
-        };
-        camera.distance_m = points.iter().map(needed).fold(0.0, f64::max);
-        camera
-    }
-
-    /// The same target from another place; a place on the target itself looks from its side.
-    pub fn from(stage: &Stage, place: Point3<f64>) -> Self {
-        let camera = Self::of(stage);
-        let away = place - camera.target;
-        let distance_m = away.norm();
-        if distance_m < 1e-6 {
-            return camera;
-        }
-        Self { azimuth: away.x.atan2(away.z), elevation: (away.y / distance_m).asin(), distance_m, ..camera }
-    }
-
-    /// Turns by a drag over parts of the picture's height: half a turn across it.
-    pub fn turn(&mut self, [x, y]: [f64; 2]) {
-        self.azimuth = (self.azimuth - x * TAU / 2.0) % TAU;
-        self.elevation = (self.elevation + y * TAU / 2.0).clamp(-STEEPEST, STEEPEST);
-    }
-
-    /// Nearer for positive `notches` of a wheel, 10 % each.
-    pub fn zoom(&mut self, notches: f64) {
-        if notches.is_finite() {
-            self.distance_m = (self.distance_m * 0.9f64.powf(notches.clamp(-50.0, 50.0))).clamp(0.05, 500.0);
-        }
-    }
-
-    pub fn eye(&self) -> Point3<f64> {
-        let Self { target, azimuth, elevation, distance_m } = self;
-        let level = elevation.cos();
-        let away = Vector3::new(level * azimuth.sin(), elevation.sin(), level * azimuth.cos());
-        target + away * *distance_m
-    }
-
-    /// The view in pictures of `size` pixels; `None` for one without pixels.
-    pub fn view(&self, size: [u32; 2]) -> Option<View> {
-        if size.contains(&0) {
-            return None;
-        }
-        let eye = self.eye();
-        let rotation = rotation_towards(&(self.target - eye), 0.0)?;
-        let half_height = self.distance_m * (OPENING / 2.0).tan();
-        let up = rotation * Vector3::y() * half_height;
-        let right = rotation * Vector3::x() * (half_height * f64::from(size[0]) / f64::from(size[1]));
-        let screen = Screen {
-            name: "camera".to_owned(),
-            lower_left: self.target - right - up,
-            lower_right: self.target + right - up,
-            upper_left: self.target - right + up,
-            pixels: size,
-        };
-        let view = screen.view(&eye, 0.02).ok()?;
-        Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room })
-    }
 }
 
 /// Corners of all screens, and of boxes about the workspace and the viewer's head.
