@@ -19,7 +19,7 @@
 //! | [`deform`] | deformation models: coefficients → displacements |
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |
 //! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
-//! | [`track`] | where poses come from: mouse, script → `TrackerState` |
+//! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script → `TrackerState` |
 //! | [`interact`] | pick ray, dragger |
 //! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |

@@ -51,7 +51,15 @@ impl Studio {
         let contents = FrameContents { bodies: &bodies, ..FrameContents::default() };
         let image = Readable::new(&self.gpu, size).unwrap();
         let mut canvas = Canvas::default();
-        let target = Target { window: 0, canvas: &mut canvas, texture: &image.view, size, desktop, tiles, contents: &contents };
+        let target = Target {
+            window: 0,
+            canvas: &mut canvas,
+            texture: &image.view,
+            size,
+            desktop,
+            tiles,
+            contents: &contents,
+        };
         self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint).unwrap();
         image.read(&self.gpu).unwrap().0
     }

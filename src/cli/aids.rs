@@ -88,7 +88,8 @@ impl Aids {
                 }
             }
             2 => {
-                if let (Some(outside), Some(kept)) = (self.outside.get_mut(window), self.kept.get_mut(window)) {
+                if let (Some(outside), Some(kept)) = (self.outside.get_mut(window), self.kept.get_mut(window))
+                {
                     match outside.take() {
                         Some(orbit) => *kept = Some(Orbit::new(orbit.camera)),
                         None => *outside = kept.or_else(|| Some(Orbit::new(Camera::of(stage)))),
@@ -128,7 +129,8 @@ impl Aids {
         // Both eyes get the same overlay.
         let mut panel: Option<Sheet> = None;
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
-            let Some((window, &size)) = staged.layout.get(picture.window).zip(staged.sizes.get(picture.window))
+            let Some((window, &size)) =
+                staged.layout.get(picture.window).zip(staged.sizes.get(picture.window))
             else {
                 return Ok(());
             };
@@ -160,7 +162,7 @@ impl Aids {
                         Panel { painter, rect: part.rect, readings, history }.paint();
                     }),
                 };
-                overlay.draw(gpu, [(picture.texture, panel.insert(sheet))])?;
+                overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
             }
             Ok(())
         };

@@ -4,6 +4,7 @@
 //! are wrong. Results go to standard output, notices and progress to standard error.
 
 mod accuracy;
+mod aids;
 mod bench;
 mod check;
 mod convert;
@@ -11,6 +12,7 @@ mod deform;
 mod failure;
 mod inspect;
 mod manual;
+mod overlay;
 mod pack;
 mod panes;
 mod pattern;
@@ -24,6 +26,7 @@ mod room;
 mod session;
 mod stage_view;
 mod statics;
+mod track;
 mod verify;
 mod view;
 mod world;
@@ -69,6 +72,7 @@ pub enum Command {
     Pack(pack::Args),
     Pattern(pattern::Args),
     StageView(stage_view::Args),
+    Track(track::Args),
     Verify(verify::Args),
     Manual(manual::Args),
 }
@@ -91,6 +95,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Pack(args)) => pack::run(&args),
         Some(Command::Pattern(args)) => pattern::run(&args),
         Some(Command::StageView(args)) => stage_view::run(&args),
+        Some(Command::Track(args)) => track::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),

@@ -3,14 +3,18 @@
 use super::failure::Failure;
 use super::picture::{Bodies, contents};
 use super::render;
-use super::room::{Camera, Room, write_names};
+use super::room::{Camera, Orbit, Room, write_names};
 use super::session;
 use super::world::World;
-use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
+use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
+use crate::render::{
+    COLOR_FORMAT, EyePicture, FrameContents, Gpu, Offscreen, Overlay, Renderer, Show, Tile, Viewport,
+};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use crate::track::Script;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// The room from outside: screens, eyes and what they see, head, stylus, bodies, trackers
 ///
@@ -24,7 +28,7 @@ pub struct Args {
     pub stage: Option<String>,
     /// A PNG file instead of a window
     #[arg(short, long)]
-    pub output: PathBuf,
+    pub output: Option<PathBuf>,
     /// Where to look from, metres in the room: x,y,z; default: behind the viewer, above and to the right
     #[arg(long, value_parser = place, allow_hyphen_values = true)]
     pub from: Option<[f64; 3]>,
@@ -34,6 +38,9 @@ pub struct Args {
     /// Moment of the scene's script in the picture, s
     #[arg(long, default_value_t = 0.0)]
     pub time: f64,
+    /// Close the window after so many seconds
+    #[arg(long, value_parser = super::positive)]
+    pub seconds: Option<f64>,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
@@ -64,7 +71,108 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         Some(place) => Camera::from(seen.stage(), place.into()),
         None => Camera::of(seen.stage()),
     };
-    picture(args, seen, camera, &args.output)
+    match &args.output {
+        Some(path) => picture(args, seen, camera, path),
+        None => show(args, seen, camera),
+    }
+}
+
+/// The room in a window, live: the scene's script moves head and stylus.
+fn show(args: &Args, seen: Seen, camera: Camera) -> Result<(), Failure> {
+    let spec = WindowSpec {
+        title: format!("greenstage – {} – room", seen.stage().name),
+        position: None,
+        size: args.size,
+        decorated: true,
+        fullscreen: false,
+    };
+    let mut app = Outside {
+        seen,
+        bodies: None,
+        orbit: Orbit::new(camera),
+        overlay: None,
+        started: Instant::now(),
+        round: 0,
+        limit_s: args.seconds,
+    };
+    let options = WindowOptions { samples: args.samples, vsync: true };
+    window::run(&[spec], options, &mut app).map_err(Failure::work)
+}
+
+struct Outside {
+    seen: Seen,
+    bodies: Option<Bodies>,
+    orbit: Orbit,
+    overlay: Option<Overlay>,
+    started: Instant,
+    /// How often the script has begun anew.
+    round: u32,
+    limit_s: Option<f64>,
+}
+
+impl WindowApp for Outside {
+    fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
+        if let Seen::Scene(world, _) = &self.seen {
+            self.bodies = Some(Bodies::new(gpu, world)?);
+        }
+        self.started = Instant::now();
+        Ok(())
+    }
+
+    fn input(&mut self, input: Input) {
+        self.orbit.handle(&input);
+    }
+
+    fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
+        let time_s = self.started.elapsed().as_secs_f64();
+        if let Seen::Scene(world, script) = &mut self.seen {
+            step(world, script.as_ref(), time_s, &mut self.round);
+            if let Some(bodies) = &mut self.bodies {
+                bodies.upload(&windows.gpu, world)?;
+            }
+        }
+        let room = self.seen.room(&self.orbit.camera);
+        let world = match &self.seen {
+            Seen::Scene(world, _) => Some(world),
+            Seen::Stage(_) => None,
+        };
+        let instances = match (&self.bodies, world) {
+            (Some(bodies), Some(world)) => bodies.instances(world),
+            _ => Vec::new(),
+        };
+        let inner = world.map_or_else(FrameContents::default, |world| contents(world, &instances));
+        let contents = room.contents(inner);
+        let size = windows.sizes().next().unwrap_or([0, 0]);
+        let view = self.orbit.camera.view(f64::from(size[0]) / f64::from(size[1].max(1)));
+        let tile = Tile { rect: [0, 0, size[0], size[1]], show: Show::One(Viewport::full(size, view)[0]) };
+        let tiles = if size.contains(&0) { vec![] } else { vec![tile] };
+        let overlay = &mut self.overlay;
+        let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+            let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
+            let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &room));
+            });
+            overlay.draw(gpu, [(picture.texture, &sheet)])
+        };
+        windows.draw(&[tiles], |_| &contents, Some(&mut paint))?;
+        let is_over = self.limit_s.is_some_and(|limit_s| time_s >= limit_s);
+        Ok(if is_over { Flow::Quit } else { Flow::Continue })
+    }
+}
+
+/// One moment of a script that begins anew a second after its end; without one, everything at rest.
+fn step(world: &mut World, script: Option<&Script>, time_s: f64, round: &mut u32) {
+    let Some(script) = script else {
+        world.step(&Default::default());
+        return;
+    };
+    let round_s = script.duration_s + 1.0;
+    let now = (time_s / round_s) as u32;
+    if std::mem::replace(round, now) != now {
+        world.reset();
+    }
+    let state = script.sample(&world.stage, time_s % round_s);
+    world.step(&state);
 }
 
 /// A scene on its stage, or a stage alone.
@@ -98,37 +206,43 @@ impl Seen {
             Seen::Stage(stage) => stage,
         }
     }
+
+    fn room(&self, camera: &Camera) -> Room {
+        let room_from_head = match self {
+            Seen::Scene(world, _) => world.room_from_head,
+            Seen::Stage(stage) => stage.viewer.room_from_head,
+        };
+        Room::new(self.stage(), &room_from_head, &camera.eye())
+    }
 }
 
-fn picture(args: &Args, seen: Seen, camera: Camera, path: &Path) -> Result<(), Failure> {
+fn picture(args: &Args, mut seen: Seen, camera: Camera, path: &Path) -> Result<(), Failure> {
     let gpu = Gpu::headless().map_err(Failure::work)?;
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, args.samples)?;
     let target = Offscreen::new(&gpu, &renderer, args.size)?;
-    let view = camera.view(args.size);
+    let view = camera.view(f64::from(args.size[0]) / f64::from(args.size[1]));
     let viewports = Viewport::full(args.size, view);
-    let room = match seen {
-        Seen::Stage(stage) => {
-            let room = Room::new(&stage, &stage.viewer.room_from_head, &camera.eye());
-            renderer.draw(&gpu, &[target.picture(&viewports)], &room.contents(FrameContents::default()))?;
-            room
-        }
-        Seen::Scene(mut world, script) => {
-            play(&mut world, script.as_ref(), args.time);
-            let mut bodies = Bodies::new(&gpu, &world)?;
-            bodies.upload(&gpu, &mut world)?;
-            let room = Room::new(&world.stage, &world.room_from_head, &camera.eye());
-            let instances = bodies.instances(&world);
-            let contents = room.contents(contents(&world, &instances));
-            renderer.draw(&gpu, &[target.picture(&viewports)], &contents)?;
-            room
-        }
-    };
-    if let Some(view) = &view {
-        let mut overlay = Overlay::new(COLOR_FORMAT);
-        let sheet =
-            overlay.lay_out(args.size, |painter| write_names(painter, painter.clip_rect(), view, &room));
-        overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
+    if let Seen::Scene(world, script) = &mut seen {
+        play(world, script.as_ref(), args.time);
     }
+    let room = seen.room(&camera);
+    match &mut seen {
+        Seen::Stage(_) => {
+            renderer.draw(&gpu, &[target.picture(&viewports)], &room.contents(FrameContents::default()))?;
+        }
+        Seen::Scene(world, _) => {
+            let mut bodies = Bodies::new(&gpu, world)?;
+            bodies.upload(&gpu, world)?;
+            let instances = bodies.instances(world);
+            let contents = room.contents(contents(world, &instances));
+            renderer.draw(&gpu, &[target.picture(&viewports)], &contents)?;
+        }
+    }
+    let mut overlay = Overlay::new(COLOR_FORMAT);
+    let sheet = overlay.lay_out(args.size, |painter| {
+        view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &room));
+    });
+    overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
     render::save(&target.read(&gpu)?.0, path)?;
     super::print(&format!("{}\n", path.display()))
 }

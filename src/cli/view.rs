@@ -1,11 +1,13 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
+use super::aids::{Aids, Staged};
 use super::failure::Failure;
+use super::overlay::{FrameTimes, Readings};
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::render;
 use super::session;
-use super::world::World;
+use super::world::{StepTimes, World};
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
@@ -42,6 +44,9 @@ pub struct Args {
     /// Present at once instead of waiting for the display's refresh
     #[arg(long)]
     pub no_vsync: bool,
+    /// Show the overlay from the beginning, on the screen that the viewer looks at
+    #[arg(long)]
+    pub overlay: bool,
     /// Quit after so many seconds
     #[arg(long, value_parser = super::positive)]
     pub seconds: Option<f64>,
@@ -61,6 +66,7 @@ impl Args {
             samples: 4,
             scale: None,
             no_vsync: false,
+            overlay: false,
             seconds: None,
             offscreen: "out/demo".into(),
         }
@@ -87,7 +93,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let layout = world.stage.layout();
     let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
+    let mut aids = Aids::new(&world.stage, layout.len());
+    if args.overlay {
+        aids.panels[world.stage.faced_screen()] = true;
+    }
     let mut app = Viewer {
+        aids,
+        times: FrameTimes::default(),
+        warnings: Vec::new(),
         mouse: Mouse::new(world.stage.clone()),
         world,
         script,
@@ -133,6 +146,11 @@ struct Viewer {
     sizes: Vec<[u32; 2]>,
     /// Each eye is shown what the other should see.
     swapped: bool,
+    aids: Aids,
+    /// Of the frame before, for the overlay.
+    times: FrameTimes,
+    /// The world's, with their seconds since the start.
+    warnings: Vec<(f64, String)>,
     bodies: Option<Bodies>,
     started: Instant,
     last: Instant,
@@ -151,6 +169,9 @@ impl WindowApp for Viewer {
     }
 
     fn input(&mut self, input: Input) {
+        if self.aids.input(&input, &self.world.stage, &self.layout) {
+            return;
+        }
         let takes_over =
             matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
         if takes_over && self.script.take().is_some() {
@@ -195,13 +216,40 @@ impl WindowApp for Viewer {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
         let state = self.state(step_s);
-        self.world.step(&state);
+        let track_s = self.last.elapsed().as_secs_f64();
+        let mechanics = self.world.step(&state);
         self.mouse.hit_distance_m = self.world.hit_distance_m();
         let tiles = self.tiles(windows);
+        self.note_warnings();
+        if self.aids.has_panel() {
+            self.aids.history.push(FrameTimes { whole_s: step_s, ..self.times });
+        }
         if let Some(bodies) = &mut self.bodies {
-            bodies.upload(&windows.gpu, &mut self.world)?;
+            let upload_s = bodies.upload(&windows.gpu, &mut self.world)?;
             let instances = bodies.instances(&self.world);
-            windows.draw(&tiles, &contents(&self.world, &instances), None)?;
+            let staged = Staged {
+                stage: &self.world.stage,
+                layout: &self.layout,
+                sizes: &self.sizes,
+                swapped: self.swapped,
+                room_from_head: self.world.room_from_head,
+            };
+            let source =
+                if self.script.is_some() { "moved by the script" } else { "moved by mouse and keyboard" };
+            let readings = |gpu: &Gpu| Readings {
+                device: gpu.describe(),
+                deformation: "deformed on the CPU".to_owned(),
+                source: source.to_owned(),
+                warnings: self.warnings.clone(),
+                ..Readings::of(&self.world)
+            };
+            let contents = contents(&self.world, &instances);
+            let drawn = self.aids.draw(windows, &staged, tiles, &contents, readings)?;
+            let [acquire_s, encode_s, present_s] =
+                [drawn.acquire, drawn.encode, drawn.present].map(|time| time.as_secs_f64());
+            let StepTimes { interact_s, deform_s, normals_s } = mechanics;
+            self.times.steps =
+                [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, acquire_s, present_s];
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
@@ -227,6 +275,13 @@ impl Viewer {
                 self.mouse.state(time_s)
             }
         }
+    }
+
+    /// Takes over what the world has warned of since the last frame.
+    fn note_warnings(&mut self) {
+        let time_s = self.started.elapsed().as_secs_f64();
+        let new = self.world.warnings.iter().skip(self.warnings.len());
+        self.warnings.extend(new.map(|text| (time_s, text.clone())));
     }
 
     fn tiles(&mut self, windows: &Windows) -> Vec<Vec<Tile>> {

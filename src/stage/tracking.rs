@@ -37,11 +37,28 @@ pub struct Tracker {
 /// What is spoken, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrackerKind {
-    Vrpn { device: String, host: String, port: u16, transport: Transport },
-    Dtrack { listen: SocketAddr },
-    Osc { listen: SocketAddr, euler: EulerOrder },
-    Fastrak { device: PathBuf, baud: u32 },
-    Gamepad { device: PathBuf },
+    Vrpn {
+        device: String,
+        host: String,
+        port: u16,
+        /// Poses may come by UDP; false, as `tcp://` in the address asks: all by the one TCP connection.
+        udp: bool,
+        transport: Transport,
+    },
+    Dtrack {
+        listen: SocketAddr,
+    },
+    Osc {
+        listen: SocketAddr,
+        euler: EulerOrder,
+    },
+    Fastrak {
+        device: PathBuf,
+        baud: u32,
+    },
+    Gamepad {
+        device: PathBuf,
+    },
 }
 
 /// How a VRPN client reaches its server.
@@ -55,8 +72,8 @@ pub enum Transport {
     Lob,
 }
 
-/// Three angles α, β, γ about axes of the tracker, in the order of the name: `yxz` is R = Ry(α₂) Rx(α₁) Rz(α₃), with
-/// the angle about x first in the message, then y, then z, whatever the order.
+/// The order of three turns about the tracker's axes: `yxz` is R = Ry Rx Rz. The message has the angle about x first, then
+/// y, then z, whatever the order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EulerOrder {
@@ -169,11 +186,10 @@ impl TrackerFrame {
 impl std::fmt::Display for TrackerKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            TrackerKind::Vrpn { device, host, port, transport: Transport::Tcp } => {
-                write!(f, "vrpn {device}@{host}:{port}")
-            }
-            TrackerKind::Vrpn { device, host, port, transport: Transport::Lob } => {
-                write!(f, "vrpn {device}@{host}:{port} (lob)")
+            TrackerKind::Vrpn { device, host, port, udp, transport } => {
+                let tcp = if *udp { "" } else { "tcp://" };
+                let lob = if *transport == Transport::Lob { " (lob)" } else { "" };
+                write!(f, "vrpn {device}@{tcp}{host}:{port}{lob}")
             }
             TrackerKind::Dtrack { listen } => write!(f, "dtrack on {listen}"),
             TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),

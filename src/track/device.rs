@@ -44,6 +44,8 @@ pub struct Counters {
     pub malformed: u64,
     /// Well-formed, but dropped: too many at once, too many channels, or of no use here.
     pub dropped: u64,
+    /// How often a flood was made to wait; what came meanwhile the system dropped.
+    pub throttled: u64,
     pub reconnects: u64,
 }
 

@@ -4,12 +4,17 @@
 //! right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
 
 pub mod device;
+pub mod dtrack;
+pub mod fastrak;
 mod flow;
+pub mod gamepad;
 mod interpolate;
 pub mod mouse;
 mod open;
+pub mod osc;
 pub mod rig;
 pub mod script;
+pub mod udp;
 pub mod vrpn;
 mod worker;
 

@@ -1,12 +1,16 @@
 //! The list of sources: what a stage file can name, and what opens it.
 
 use super::device::Source;
+use super::{dtrack, fastrak, gamepad, osc, udp, vrpn};
 use crate::stage::tracking::TrackerKind;
 
 /// Why a source could not be opened at all; one that is merely absent is waited for.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    #[error("tracker `{tracker}`: cannot listen on {at}: {source}; does another program listen there?")]
+    #[error(
+        "tracker `{tracker}`: cannot listen on {at}: {source}; does another program listen there, and is it an address \
+         of this machine?"
+    )]
     Listen { tracker: String, at: std::net::SocketAddr, source: std::io::Error },
     #[error("tracker `{tracker}`: cannot start its thread: {source}")]
     Thread { tracker: String, source: std::io::Error },
@@ -16,14 +20,18 @@ pub enum OpenError {
 
 /// Opens a source: one line per kind.
 pub fn open(tracker: &str, kind: &TrackerKind) -> Result<Box<dyn Source>, OpenError> {
-    match kind {
-        TrackerKind::Vrpn { .. } | TrackerKind::Dtrack { .. } | TrackerKind::Osc { .. } => {
-            not_yet(tracker, kind)
+    Ok(match kind {
+        TrackerKind::Vrpn { device, host, port, udp, transport } => {
+            let (device, host) = (device.clone(), host.clone());
+            Box::new(vrpn::Client::open(vrpn::Address { device, host, port: *port, udp: *udp }, *transport))
         }
-        TrackerKind::Fastrak { .. } | TrackerKind::Gamepad { .. } => not_yet(tracker, kind),
-    }
-}
-
-fn not_yet(tracker: &str, kind: &TrackerKind) -> Result<Box<dyn Source>, OpenError> {
-    Err(OpenError::Unsupported { tracker: tracker.to_owned(), why: format!("{kind} is not built in yet") })
+        TrackerKind::Dtrack { listen } => {
+            Box::new(udp::listen(tracker, "dtrack", *listen, dtrack::Dtrack::default())?)
+        }
+        TrackerKind::Osc { listen, euler } => {
+            Box::new(udp::listen(tracker, "osc", *listen, osc::Osc::new(*euler))?)
+        }
+        TrackerKind::Fastrak { device, baud } => Box::new(fastrak::open(tracker, device, *baud)?),
+        TrackerKind::Gamepad { device } => Box::new(gamepad::open(tracker, device)?),
+    })
 }

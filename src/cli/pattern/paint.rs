@@ -94,7 +94,8 @@ impl Pattern<'_> {
         let step = step_m * self.pixels_per_m()[axis];
         let middle = f64::from(self.middle()[axis]);
         let multiple = |edge: f32| ((f64::from(edge) - middle) / step).clamp(-1e4, 1e4);
-        let range = multiple(self.rect.min[axis]).ceil() as i32..=multiple(self.rect.max[axis]).floor() as i32;
+        let range =
+            multiple(self.rect.min[axis]).ceil() as i32..=multiple(self.rect.max[axis]).floor() as i32;
         range.map(|k| (k, (middle + f64::from(k) * step).round() as f32)).collect()
     }
 

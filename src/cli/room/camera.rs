@@ -53,7 +53,12 @@ impl Camera {
         if distance_m < 1e-6 {
             return camera;
         }
-        Self { azimuth: away.x.atan2(away.z), elevation: (away.y / distance_m).asin().clamp(-STEEPEST, STEEPEST), distance_m, ..camera }
+        Self {
+            azimuth: away.x.atan2(away.z),
+            elevation: (away.y / distance_m).asin().clamp(-STEEPEST, STEEPEST),
+            distance_m,
+            ..camera
+        }
     }
 
     /// Turns by a drag over parts of the picture's height: half a turn across it.

@@ -55,7 +55,7 @@ pub fn vrpn(
     }
     let (host, port) = host_and_port(place).ok_or_else(|| fault("host or port does not parse"))?;
     let transport = transport.unwrap_or_default();
-    Ok(TrackerKind::Vrpn { device: device.to_owned(), host, port, transport })
+    Ok(TrackerKind::Vrpn { device: device.to_owned(), host, port, udp: !by_tcp, transport })
 }
 
 fn host_and_port(place: &str) -> Option<(String, u16)> {

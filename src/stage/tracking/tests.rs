@@ -142,8 +142,8 @@ fn kinds_and_addresses_are_checked() {
         assert!(error.contains(part), "{to}: {error}");
     }
     for (at, shown) in [
-        ("tcp://10.0.0.1:4000/T", "vrpn T@10.0.0.1:4000"),
-        ("T@tcp://a-b.lab", "vrpn T@a-b.lab:3883"),
+        ("tcp://10.0.0.1:4000/T", "vrpn T@tcp://10.0.0.1:4000"),
+        ("T@tcp://a-b.lab", "vrpn T@tcp://a-b.lab:3883"),
         ("T@[::1]:99", "vrpn T@::1:99"),
     ] {
         let tracking = parse(&format!("[tracker.t]\nvrpn = \"{at}\"\n"), "").unwrap();

@@ -4,6 +4,7 @@
 
 use super::codec::PORT;
 use super::payload::is_device_name;
+pub use crate::stage::tracking::Transport;
 use std::fmt;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 
@@ -15,16 +16,6 @@ pub struct Address {
     pub port: u16,
     /// Trackers may come by UDP.
     pub udp: bool,
-}
-
-/// How the connection comes about.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Transport {
-    /// The client connects by TCP.
-    #[default]
-    Tcp,
-    /// The client asks by UDP, and the server connects to it by TCP: for servers that take nothing else.
-    Lob,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

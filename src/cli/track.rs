@@ -1,0 +1,267 @@
+//! `greenstage track`: what every sensor, button and valuator of a stage says, live.
+
+use super::failure::Failure;
+use super::table::Table;
+use crate::stage::Stage;
+use crate::track::device::{Link, now_s};
+use crate::track::rig::{Rig, SensorReport, TrackerReport};
+use crate::track::{OpenError, Signal};
+use nalgebra::Isometry3;
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::time::Duration;
+
+/// What the trackers of a stage say, live: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
+///
+/// On a terminal the table stays in its place; into a file or a pipe it is written anew each time. Ctrl+C ends it. The
+/// columns: `greenstage manual tracking`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A stage file, or the name of a built-in stage
+    pub stage: String,
+    /// Quit after so many seconds
+    #[arg(long, value_parser = super::positive)]
+    pub seconds: Option<f64>,
+    /// Seconds from one table to the next
+    #[arg(long, default_value_t = 0.5, value_parser = super::positive)]
+    pub interval: f64,
+    /// Listen for --seconds (else 1), then tell once
+    #[arg(long)]
+    pub once: bool,
+    /// Poses as the trackers say them, before calibration, filter and prediction
+    #[arg(long)]
+    pub raw: bool,
+    /// One JSON object a line, for machines
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How often the sources are asked, s: what comes between two frames of a display is not missed.
+const STEP_S: f64 = 0.005;
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let mut rig = rig(&args.stage)?;
+    let started_s = now_s();
+    let limit_s = if args.once { Some(args.seconds.unwrap_or(1.0)) } else { args.seconds };
+    let interval_s = if args.once { f64::INFINITY } else { args.interval };
+    let in_place = !args.json && !args.once && std::io::stdout().is_terminal();
+    let mut next_s = started_s + interval_s;
+    let mut height = 0;
+    watch(&mut rig, STEP_S, limit_s, |rig, now_s, is_last| {
+        for notice in rig.take_notices() {
+            eprintln!("note: {notice}");
+            // What was said stands above the table.
+            height = 0;
+        }
+        if now_s < next_s && !is_last {
+            return Ok(());
+        }
+        next_s = now_s + interval_s;
+        let reports = rig.report(now_s);
+        if args.json {
+            return super::print(&format!("{}\n", json(&reports, now_s - started_s)));
+        }
+        let text = text(&reports, args.raw);
+        let up = if in_place && height > 0 { format!("\x1b[{height}A\x1b[J") } else { String::new() };
+        height = text.lines().count();
+        super::print(&format!("{up}{text}{}", if in_place { "" } else { "\n" }))
+    })
+}
+
+/// The running trackers of a stage.
+pub fn rig(stage: &str) -> Result<Rig, Failure> {
+    let stage = Stage::find(stage).map_err(Failure::request)?;
+    Rig::start(&stage.tracking)?.ok_or_else(|| {
+        Failure::wrong(format!(
+            "stage {} names no tracker: add a [tracker.NAME] table to its file (`greenstage manual tracking`)",
+            stage.name
+        ))
+    })
+}
+
+/// Asks the rig every `step_s` seconds, for `limit_s` or for ever: `each` gets the rig, the time, and whether it is the
+/// last one. Whoever passes poses on does it there, by [`Rig::devices`] or [`Rig::state`].
+pub fn watch(
+    rig: &mut Rig,
+    step_s: f64,
+    limit_s: Option<f64>,
+    mut each: impl FnMut(&mut Rig, f64, bool) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let started_s = now_s();
+    loop {
+        let time_s = now_s();
+        let is_last = limit_s.is_some_and(|limit_s| time_s - started_s >= limit_s);
+        rig.state(time_s);
+        each(rig, time_s, is_last)?;
+        if is_last {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_secs_f64(step_s));
+    }
+}
+
+fn text(reports: &[TrackerReport], raw: bool) -> String {
+    let mut text = String::new();
+    let mut table = Table::new(&[
+        "sensor",
+        "id",
+        "tracker",
+        "position (m)",
+        "rotation (rad)",
+        "Hz",
+        "age (ms)",
+        "jitter (ms)",
+        "noise (mm)",
+        "lost",
+        "odd",
+        "signal",
+    ]);
+    for report in reports {
+        for sensor in &report.sensors {
+            sensor_row(&mut table, report, sensor, raw);
+        }
+    }
+    if table.rows.len() > 1 {
+        text.push_str(&table.text());
+    }
+    for report in reports {
+        let counters = &report.counters;
+        let _ = writeln!(
+            text,
+            "{}: {}, {}; {} packets, {} messages, {} malformed, {} dropped, {} throttled, {} reconnects",
+            report.name,
+            report.source,
+            link(&report.link),
+            counters.packets,
+            counters.messages,
+            counters.malformed,
+            counters.dropped,
+            counters.throttled,
+            counters.reconnects
+        );
+        let buttons: Vec<String> = report
+            .buttons
+            .iter()
+            .map(|button| format!("{}{}", button.id, if button.value { " PRESSED" } else { "" }))
+            .collect();
+        if !buttons.is_empty() {
+            let _ = writeln!(text, "  buttons {}", buttons.join(", "));
+        }
+        let valuators: Vec<String> = report
+            .valuators
+            .iter()
+            .map(|valuator| format!("{}: {:+.3}", valuator.id, valuator.value))
+            .collect();
+        if !valuators.is_empty() {
+            let _ = writeln!(text, "  valuators {}", valuators.join(", "));
+        }
+    }
+    text
+}
+
+fn sensor_row(table: &mut Table, report: &TrackerReport, sensor: &SensorReport, raw: bool) {
+    let pose = if raw { sensor.raw } else { sensor.in_room };
+    let three = |v: nalgebra::Vector3<f64>| format!("{:>7.3} {:>7.3} {:>7.3}", v.x, v.y, v.z);
+    let [place, turn] = match pose {
+        Some(pose) => [three(pose.translation.vector), three(pose.rotation.scaled_axis())],
+        None => [String::new(), String::new()],
+    };
+    let is_heard = sensor.count > 0;
+    let figure = |text: String| if is_heard { text } else { String::new() };
+    let faults = sensor.faults;
+    table.row(&[
+        sensor.name.as_deref().unwrap_or("–"),
+        &sensor.id.to_string(),
+        &report.name,
+        &place,
+        &turn,
+        &figure(format!("{:.1}", sensor.rate_hz)),
+        &figure(format!("{:.0}", sensor.age_s * 1e3)),
+        &figure(format!("{:.2}", sensor.interval_jitter_s * 1e3)),
+        &figure(format!("{:.3}", sensor.noise * 1e3)),
+        &faults.drop_outs.to_string(),
+        &(faults.invalid + faults.jumps + faults.clock).to_string(),
+        signal(sensor),
+    ]);
+}
+
+fn signal(sensor: &SensorReport) -> &'static str {
+    match sensor.signal {
+        _ if sensor.count == 0 => "never heard",
+        Signal::Lost { .. } => "LOST",
+        Signal::Held { .. } => "held",
+        Signal::Live if sensor.quality <= 0.0 => "not tracked",
+        Signal::Live => "live",
+    }
+}
+
+fn link(link: &Link) -> String {
+    match link {
+        Link::Waiting => "waiting".into(),
+        Link::Up => "up".into(),
+        Link::Quiet => "up, but silent".into(),
+        // What another machine says goes no further than the line.
+        Link::Down(why) => format!("DOWN: {}", why.chars().filter(|c| !c.is_control()).collect::<String>()),
+    }
+}
+
+fn json(reports: &[TrackerReport], time_s: f64) -> Value {
+    let trackers: Vec<Value> = reports
+        .iter()
+        .map(|report| {
+            let counters = &report.counters;
+            json!({
+                "name": report.name,
+                "source": report.source,
+                "link": link(&report.link),
+                "packets": counters.packets,
+                "messages": counters.messages,
+                "malformed": counters.malformed,
+                "dropped": counters.dropped,
+                "throttled": counters.throttled,
+                "reconnects": counters.reconnects,
+                "sensors": report.sensors.iter().map(sensor_json).collect::<Vec<_>>(),
+                "buttons": report.buttons.iter().map(|button| json!({
+                    "id": button.id, "pressed": button.value, "age_s": button.age_s, "count": button.count,
+                })).collect::<Vec<_>>(),
+                "valuators": report.valuators.iter().map(|valuator| json!({
+                    "id": valuator.id, "value": valuator.value, "age_s": valuator.age_s, "count": valuator.count,
+                })).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    json!({ "time_s": time_s, "trackers": trackers })
+}
+
+fn sensor_json(sensor: &SensorReport) -> Value {
+    let pose = |pose: Option<Isometry3<f64>>| {
+        pose.map(|pose| {
+            let q = pose.rotation.coords;
+            json!({ "position": pose.translation.vector.as_slice(), "quaternion_xyzw": q.as_slice() })
+        })
+    };
+    json!({
+        "name": sensor.name,
+        "id": sensor.id,
+        "raw": pose(sensor.raw),
+        "in_room": pose(sensor.in_room),
+        "signal": signal(sensor),
+        "quality": sensor.quality,
+        "count": sensor.count,
+        "rate_hz": sensor.rate_hz,
+        "age_s": sensor.age_s,
+        "noise_m": sensor.noise,
+        "interval_jitter_s": sensor.interval_jitter_s,
+        "drop_outs": sensor.faults.drop_outs,
+        "invalid": sensor.faults.invalid,
+        "jumps": sensor.faults.jumps,
+        "clock_faults": sensor.faults.clock,
+    })
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Failure {
+        Failure::work(error)
+    }
+}

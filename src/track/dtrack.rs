@@ -1,0 +1,216 @@
+//! ART DTrack: frames of lines of text, one frame a UDP datagram, usually to port 5000.
+//!
+//! In: `6d`, `6di` (bodies), `6df2`, `6df` (flysticks), `3d` (markers) with `fr`, `ts`, `ts2`; other lines are passed
+//! over. Out: poses in metres, from the protocol's millimetres. A frame older than the last one is dropped.
+//!
+//! | of DTrack | number of the sensor | buttons | valuators |
+//! |---|---|---|---|
+//! | body b | b | | |
+//! | flystick f | 1000 + f | 32 f + bit | 16 f + axis |
+//! | marker m, m < 100 | 2000 + m | | |
+
+use super::device::DeviceState;
+use super::udp::Parser;
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+const FLYSTICK: i32 = 1000;
+const MARKER: i32 = 2000;
+/// Markers are numbered on and on; higher numbers would fill all channels.
+const MOST_MARKERS: f64 = 100.0;
+const MOST_BUTTONS: usize = 32;
+const MOST_AXES: usize = 16;
+/// A frame's number so far below the last one's is a controller that began anew.
+const RESTART: i64 = 1000;
+/// Largest entry of RᵀR - I that rounding to six digits, and no mistake, can have.
+const MOST_SKEW: f64 = 0.01;
+const METRES: f64 = 1e-3;
+
+/// The state between frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Dtrack {
+    last_frame: Option<i64>,
+}
+
+impl Parser for Dtrack {
+    fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool {
+        let Ok(text) = std::str::from_utf8(datagram) else {
+            return false;
+        };
+        let lines = || text.split(['\r', '\n', '\0']).filter_map(|line| line.trim().split_once(' '));
+        let first = |name: &str| lines().find(|(key, _)| *key == name).map(|(_, rest)| rest);
+        if let Some(frame) = first("fr").and_then(|rest| rest.trim().parse::<i64>().ok()) {
+            let is_old = |last: i64| frame <= last && last.saturating_sub(frame) < RESTART;
+            if self.last_frame.is_some_and(is_old) {
+                state.counters.dropped += 1;
+                return true;
+            }
+            self.last_frame = Some(frame);
+        }
+        let measured_s = first("ts2").and_then(seconds_of_ts2).or_else(|| first("ts").and_then(number));
+        let (mut read, mut bad) = (0_u64, 0_u64);
+        for (key, rest) in lines() {
+            let items = match key {
+                "6d" => items(rest, 1, 3, |item| body(item, 6, state, measured_s)),
+                "6di" => items(rest, 1, 3, |item| inertial(item, state, measured_s)),
+                "6df2" => items(rest, 2, 4, |item| flystick2(item, state, measured_s)),
+                "6df" => items(rest, 1, 3, |item| flystick(item, state, measured_s)),
+                "3d" => items(rest, 1, 2, |item| marker(item, state, measured_s)),
+                "fr" | "ts" | "ts2" | "6dcal" | "6dj" | "gl" | "glcal" | "6dmt" | "6dmt2" => Some(0),
+                _ => continue,
+            };
+            match items {
+                Some(count) => read += 1 + count,
+                None => bad += 1,
+            }
+        }
+        state.counters.messages += read;
+        // One that is bad altogether is counted by the listener.
+        state.counters.malformed += if read > 0 { bad } else { bad.saturating_sub(1) };
+        read > 0
+    }
+}
+
+/// Calls `take` with every item of a line: `counts` numbers, of which the last says how many items follow, each of so
+/// many groups in brackets. The number of items, or `None` if the line is not as it should be.
+fn items(
+    rest: &str,
+    counts: usize,
+    groups_each: usize,
+    mut take: impl FnMut(&[Vec<f64>]) -> Option<()>,
+) -> Option<u64> {
+    let (head, tail) = rest.split_at(rest.find('[').unwrap_or(rest.len()));
+    let head: Vec<f64> = head.split_whitespace().map(number).collect::<Option<_>>()?;
+    if head.len() != counts {
+        return None;
+    }
+    let mut groups = Vec::new();
+    let mut left = tail.trim();
+    while let Some(inside) = left.strip_prefix('[') {
+        let (group, after) = inside.split_once(']')?;
+        groups.push(group.split_whitespace().map(number).collect::<Option<Vec<f64>>>()?);
+        left = after.trim_start();
+    }
+    let is_whole = left.is_empty() && groups.len() as f64 == head[counts - 1] * groups_each as f64;
+    if !is_whole {
+        return None;
+    }
+    let mut count = 0;
+    for item in groups.chunks_exact(groups_each) {
+        take(item)?;
+        count += 1;
+    }
+    Some(count)
+}
+
+/// `[id q][x y z (angles)][b0 … b8]`; -1 ≤ q < 0 is not tracked, and its matrix zero.
+fn body(item: &[Vec<f64>], places: usize, state: &mut DeviceState, measured_s: Option<f64>) -> Option<()> {
+    let [head, place, matrix] = item else { return None };
+    let [id, quality] = head[..] else { return None };
+    let id = whole(id, f64::from(FLYSTICK))?;
+    take(state, id, quality, place.get(..3).filter(|_| place.len() == places)?, matrix, measured_s)
+}
+
+/// `[id state error][x y z][b0 … b8]`; state 0 is not tracked.
+fn inertial(item: &[Vec<f64>], state: &mut DeviceState, measured_s: Option<f64>) -> Option<()> {
+    let [head, place, matrix] = item else { return None };
+    let [id, tracked, _error] = head[..] else { return None };
+    let quality = if tracked > 0.0 { 1.0 } else { -1.0 };
+    take(state, whole(id, f64::from(FLYSTICK))?, quality, place, matrix, measured_s)
+}
+
+/// `[id q buttons joysticks][x y z][b0 … b8][an int per 32 buttons … joysticks …]`.
+fn flystick2(item: &[Vec<f64>], state: &mut DeviceState, measured_s: Option<f64>) -> Option<()> {
+    let [head, place, matrix, inputs] = item else { return None };
+    let [id, quality, buttons, axes] = head[..] else { return None };
+    let id = whole(id, f64::from(FLYSTICK))?;
+    let (buttons, axes) = (whole(buttons, 1024.0)? as usize, whole(axes, 1024.0)? as usize);
+    let words = buttons.div_ceil(32);
+    if inputs.len() != words + axes {
+        return None;
+    }
+    take(state, FLYSTICK + id, quality, place, matrix, measured_s)?;
+    if buttons > 0 {
+        press(state, id, buttons, inputs[0], measured_s)?;
+    }
+    for (axis, value) in inputs[words..].iter().take(MOST_AXES).enumerate() {
+        state.take_valuator(MOST_AXES as i32 * id + axis as i32, *value, measured_s);
+    }
+    Some(())
+}
+
+/// `[id q buttons][x y z η θ φ][b0 … b8]`, of older versions; eight buttons.
+fn flystick(item: &[Vec<f64>], state: &mut DeviceState, measured_s: Option<f64>) -> Option<()> {
+    let [head, place, matrix] = item else { return None };
+    let [id, quality, buttons] = head[..] else { return None };
+    let id = whole(id, f64::from(FLYSTICK))?;
+    take(state, FLYSTICK + id, quality, place.get(..3).filter(|_| place.len() == 6)?, matrix, measured_s)?;
+    press(state, id, 8, buttons, measured_s)
+}
+
+/// `[id q][x y z]`: a place without an orientation.
+fn marker(item: &[Vec<f64>], state: &mut DeviceState, measured_s: Option<f64>) -> Option<()> {
+    let [head, place] = item else { return None };
+    let ([id, quality], [x, y, z]) = (&head[..], &place[..]) else { return None };
+    let id = whole(*id, f64::from(i32::MAX))?;
+    if f64::from(id) < MOST_MARKERS {
+        let pose = Isometry3::translation(x * METRES, y * METRES, z * METRES);
+        state.take_pose(MARKER + id, pose, measured_s, if *quality < 0.0 { 0.0 } else { 1.0 });
+    } else {
+        state.counters.dropped += 1;
+    }
+    Some(())
+}
+
+fn press(state: &mut DeviceState, id: i32, buttons: usize, bits: f64, measured_s: Option<f64>) -> Option<()> {
+    // 32 bits, as a signed or an unsigned number.
+    if bits.fract() != 0.0 || !(f64::from(i32::MIN)..=f64::from(u32::MAX)).contains(&bits) {
+        return None;
+    }
+    let bits = bits as i64;
+    for bit in 0..buttons.min(MOST_BUTTONS) {
+        let number = id * MOST_BUTTONS as i32 + bit as i32;
+        state.take_button(number, bits >> bit & 1 == 1, measured_s);
+    }
+    Some(())
+}
+
+fn take(
+    state: &mut DeviceState,
+    sensor: i32,
+    quality: f64,
+    place: &[f64],
+    columns: &[f64],
+    measured_s: Option<f64>,
+) -> Option<()> {
+    let ([x, y, z], 9) = (place, columns.len()) else { return None };
+    if quality < 0.0 {
+        state.take_pose(sensor, Isometry3::identity(), measured_s, 0.0);
+        return Some(());
+    }
+    let matrix = Matrix3::from_column_slice(columns);
+    let skew = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+    if skew > MOST_SKEW || matrix.determinant() < 0.0 {
+        return None;
+    }
+    let rotation = Rotation3::from_matrix_eps(&matrix, 1e-14, 50, Rotation3::from_matrix_unchecked(matrix));
+    let place = Translation3::from(Vector3::new(*x, *y, *z) * METRES);
+    let pose = Isometry3::from_parts(place, UnitQuaternion::from_rotation_matrix(&rotation));
+    state.take_pose(sensor, pose, measured_s, 1.0);
+    Some(())
+}
+
+/// `sec usec latency`: when it was measured, s.
+fn seconds_of_ts2(rest: &str) -> Option<f64> {
+    let mut numbers = rest.split_whitespace().map(number);
+    let (seconds, microseconds) = (numbers.next()??, numbers.next()??);
+    Some(seconds + 1e-6 * microseconds)
+}
+
+fn number(word: &str) -> Option<f64> {
+    word.trim().parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+/// A number of something, below `end`.
+fn whole(value: f64, end: f64) -> Option<i32> {
+    (value.fract() == 0.0 && (0.0..end).contains(&value)).then_some(value as i32)
+}

@@ -1,0 +1,95 @@
+//! A gamepad or joystick as Linux gives it: buttons, and axes as valuators from -1 to 1.
+//!
+//! In: records of 8 bytes read from /dev/input/js0 (the kernel's joystick API: time in ms as u32, value as i16, kind,
+//! number). Out: button n and valuator n. It has no pose: a stylus takes its buttons from it.
+
+use super::device::{DeviceState, Link};
+use super::open::OpenError;
+use super::worker::Worker;
+use std::path::Path;
+
+pub const RECORD: usize = 8;
+const BUTTON: u8 = 1;
+const AXIS: u8 = 2;
+/// Set in the records that tell how everything stands when the device is opened.
+const INITIAL: u8 = 0x80;
+
+/// Takes one record.
+pub fn take(record: [u8; RECORD], state: &mut DeviceState) {
+    let [t0, t1, t2, t3, v0, v1, kind, number] = record;
+    let measured_s = Some(f64::from(u32::from_ne_bytes([t0, t1, t2, t3])) * 1e-3);
+    let value = i16::from_ne_bytes([v0, v1]);
+    state.counters.messages += 1;
+    match kind & !INITIAL {
+        BUTTON => state.take_button(number.into(), value != 0, measured_s),
+        AXIS => {
+            let part = (f64::from(value) / f64::from(i16::MAX)).max(-1.0);
+            state.take_valuator(number.into(), part, measured_s);
+        }
+        _ => state.counters.malformed += 1,
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+pub fn open(tracker: &str, device: &Path) -> Result<Worker, OpenError> {
+    let why = format!(
+        "{} cannot be read: gamepads are read from Linux' joystick devices alone; on this system use a VRPN server",
+        device.display()
+    );
+    Err(OpenError::Unsupported { tracker: tracker.to_owned(), why })
+}
+
+/// Opens `device`, now or when it is plugged in.
+#[cfg(target_os = "linux")]
+pub fn open(tracker: &str, device: &Path) -> Result<Worker, OpenError> {
+    let description = format!("gamepad {}", device.display());
+    let device = device.to_owned();
+    Worker::spawn(description, move |publisher| run(publisher, &device))
+        // Its read ends with the next press of a button.
+        .map(Worker::detached)
+        .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
+}
+
+#[cfg(target_os = "linux")]
+fn run(mut publisher: super::worker::Publisher, device: &Path) {
+    let mut backoff = super::worker::Backoff::default();
+    loop {
+        let why = match std::fs::File::open(device) {
+            Ok(mut file) => {
+                publisher.state.link = Link::Up;
+                publisher.publish();
+                let before = publisher.state.counters.messages;
+                let why = listen(&mut publisher, &mut file);
+                if publisher.state.counters.messages > before {
+                    backoff = super::worker::Backoff::default();
+                }
+                why
+            }
+            Err(error) => error.to_string(),
+        };
+        // What nobody holds any more is not pressed.
+        publisher.state.buttons.values_mut().for_each(|button| button.value = false);
+        publisher.down(why);
+        if !backoff.wait(&publisher) {
+            return;
+        }
+        publisher.state.counters.reconnects += 1;
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn listen(publisher: &mut super::worker::Publisher, file: &mut impl std::io::Read) -> String {
+    let mut record = [0; RECORD];
+    while !publisher.is_stopped() {
+        if let Err(error) = file.read_exact(&mut record) {
+            return match error.kind() {
+                std::io::ErrorKind::UnexpectedEof => "unplugged".into(),
+                _ => error.to_string(),
+            };
+        }
+        publisher.state.counters.packets += 1;
+        take(record, &mut publisher.state);
+        publisher.publish();
+    }
+    "stopped".into()
+}

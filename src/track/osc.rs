@@ -1,0 +1,141 @@
+//! OSC trackers: `/tracking/trackers/{1…8|head}/{position|rotation}` with three floats each, by UDP, usually to port 9000.
+//!
+//! In: places in metres, and rotations as three angles in degrees about x, y and z, in the order that the stage file's
+//! `euler` says. Out: sensors 1 to 8, and 0 for `head`. Senders from Unity are left-handed: `mirror = "z"`.
+
+use super::device::DeviceState;
+use super::udp::Parser;
+use crate::stage::tracking::EulerOrder;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rosc::{OscMessage, OscPacket, OscType};
+
+/// What these trackers send is far shorter, bytes.
+const LARGEST: usize = 4 << 10;
+/// Bundles within bundles and arrays within arrays go no deeper, as the decoder recurses into them.
+const DEEPEST: usize = 32;
+const SENSORS: usize = 9;
+
+/// The state between messages.
+#[derive(Clone, Copy, Debug)]
+pub struct Osc {
+    order: EulerOrder,
+    halves: [Halves; SENSORS],
+}
+
+/// Place and orientation come in messages of their own.
+#[derive(Clone, Copy, Debug, Default)]
+struct Halves {
+    place: Half<Vector3<f64>>,
+    rotation: Half<UnitQuaternion<f64>>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Half<T> {
+    last: Option<T>,
+    is_new: bool,
+}
+
+impl Osc {
+    pub fn new(order: EulerOrder) -> Osc {
+        Osc { order, halves: [Halves::default(); SENSORS] }
+    }
+
+    fn packet(&mut self, packet: &OscPacket, state: &mut DeviceState) {
+        match packet {
+            OscPacket::Message(message) => {
+                state.counters.messages += 1;
+                let known = sensor_and_half(&message.addr).zip(three(message));
+                match known {
+                    Some(((sensor, half), numbers)) => self.take(sensor, half, numbers, state),
+                    None => state.counters.dropped += 1,
+                }
+            }
+            OscPacket::Bundle(bundle) => bundle.content.iter().for_each(|inner| self.packet(inner, state)),
+        }
+    }
+
+    /// A pose is complete when both halves are new; or with each message, from senders that send one half alone.
+    fn take(&mut self, sensor: usize, half: &str, numbers: Vector3<f64>, state: &mut DeviceState) {
+        let halves = &mut self.halves[sensor];
+        let is_place = half == "position";
+        if if is_place { halves.place.is_new } else { halves.rotation.is_new } {
+            halves.finish(sensor, state);
+        }
+        let is_alone = halves.place.last.is_none() || halves.rotation.last.is_none();
+        if is_place {
+            halves.place = Half { last: Some(numbers), is_new: true };
+        } else {
+            halves.rotation = Half { last: Some(rotation(self.order, numbers)), is_new: true };
+        }
+        if is_alone || halves.place.is_new && halves.rotation.is_new {
+            halves.finish(sensor, state);
+        }
+    }
+}
+
+impl Halves {
+    fn finish(&mut self, sensor: usize, state: &mut DeviceState) {
+        let place = self.place.last.unwrap_or_default();
+        let rotation = self.rotation.last.unwrap_or_default();
+        (self.place.is_new, self.rotation.is_new) = (false, false);
+        let pose = Isometry3::from_parts(Translation3::from(place), rotation);
+        state.take_pose(sensor as i32, pose, None, 1.0);
+    }
+}
+
+impl Parser for Osc {
+    fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool {
+        let deep =
+            |part: &[u8]| datagram.windows(part.len()).filter(|window| *window == part).count() > DEEPEST;
+        if datagram.len() > LARGEST || deep(b"#bundle") || deep(b"[") {
+            return false;
+        }
+        match rosc::decoder::decode_udp(datagram) {
+            Ok((_, packet)) => {
+                self.packet(&packet, state);
+                true
+            }
+            Err(_) => false,
+        }
+    }
+}
+
+/// Sensor's number and `position` or `rotation`.
+fn sensor_and_half(address: &str) -> Option<(usize, &str)> {
+    let (name, half) = address.strip_prefix("/tracking/trackers/")?.split_once('/')?;
+    let sensor = match name {
+        "head" => 0,
+        _ => name.parse().ok().filter(|number| (1..SENSORS).contains(number))?,
+    };
+    matches!(half, "position" | "rotation").then_some((sensor, half))
+}
+
+fn three(message: &OscMessage) -> Option<Vector3<f64>> {
+    let number = |argument: &OscType| match argument {
+        OscType::Float(value) => Some(f64::from(*value)),
+        OscType::Double(value) => Some(*value),
+        OscType::Int(value) => Some(f64::from(*value)),
+        _ => None,
+    };
+    let [x, y, z] = &message.args[..] else { return None };
+    let numbers = Vector3::new(number(x)?, number(y)?, number(z)?);
+    numbers.iter().all(|value| value.is_finite()).then_some(numbers)
+}
+
+/// The rotation of three angles in degrees about x, y, z: `yxz` is R = Ry Rx Rz.
+fn rotation(order: EulerOrder, degrees: Vector3<f64>) -> UnitQuaternion<f64> {
+    let about = |axis: usize| {
+        let mut vector = Vector3::zeros();
+        vector[axis] = degrees[axis].to_radians();
+        UnitQuaternion::from_scaled_axis(vector)
+    };
+    let [first, second, third] = match order {
+        EulerOrder::Xyz => [0, 1, 2],
+        EulerOrder::Xzy => [0, 2, 1],
+        EulerOrder::Yxz => [1, 0, 2],
+        EulerOrder::Yzx => [1, 2, 0],
+        EulerOrder::Zxy => [2, 0, 1],
+        EulerOrder::Zyx => [2, 1, 0],
+    };
+    about(first) * about(second) * about(third)
+}
