@@ -6,6 +6,7 @@ use super::render;
 use super::room::{Camera, Orbit, Room, write_names};
 use super::session;
 use super::world::World;
+use crate::interact::Action;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
 use crate::render::{
     COLOR_FORMAT, EyePicture, FrameContents, Gpu, Offscreen, Overlay, Renderer, Show, Tile, Viewport,
@@ -169,7 +170,7 @@ fn step(world: &mut World, script: Option<&Script>, time_s: f64, round: &mut u32
     let round_s = script.duration_s + 1.0;
     let now = (time_s / round_s) as u32;
     if std::mem::replace(round, now) != now {
-        world.reset();
+        world.act(Action::Reset);
     }
     let state = script.sample(&world.stage, time_s % round_s);
     world.step(&state);

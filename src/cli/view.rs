@@ -2,12 +2,14 @@
 
 use super::aids::{Aids, Staged};
 use super::failure::Failure;
+use super::keys;
 use super::overlay::{FrameTimes, Readings};
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::render;
 use super::session;
 use super::world::{StepTimes, World};
+use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
@@ -175,7 +177,7 @@ impl WindowApp for Viewer {
         let takes_over =
             matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
         if takes_over && self.script.take().is_some() {
-            self.world.let_go();
+            self.world.act(Action::LetGo);
         }
         match input {
             Input::Cursor { window, position } => {
@@ -187,14 +189,24 @@ impl WindowApp for Viewer {
                 }
             }
             Input::Key { key: Key::Function(4), pressed: true, .. } => self.swapped = !self.swapped,
-            Input::Button { button: Button::Left, pressed, .. } => {
-                self.mouse.handle(MouseInput::Button { button: MouseButton::Left, pressed });
+            Input::Button { button, pressed, .. } => {
+                let button = match button {
+                    Button::Left => MouseButton::Left,
+                    Button::Middle => MouseButton::Middle,
+                    Button::Right => MouseButton::Right,
+                    Button::Other(_) => return,
+                };
+                self.mouse.handle(MouseInput::Button { button, pressed });
             }
-            Input::Button { button: Button::Right, pressed, .. } => {
-                self.mouse.handle(MouseInput::Button { button: MouseButton::Right, pressed });
+            Input::Wheel { lines, .. } if self.mouse.control && !self.mouse.is_grabbing() => {
+                self.world.act(keys::scale(lines));
             }
             Input::Wheel { lines, .. } => self.mouse.handle(MouseInput::Wheel { notches: lines.into() }),
             Input::Key { key, pressed, .. } => {
+                let command = keys::action(key, self.mouse.control, &self.world).filter(|_| pressed);
+                if let Some(action) = command {
+                    self.world.act(action);
+                }
                 let mut typed = [0; 4];
                 let name = match key {
                     Key::Char(c) => c.encode_utf8(&mut typed),
@@ -203,6 +215,7 @@ impl WindowApp for Viewer {
                     Key::Up => "ArrowUp",
                     Key::Down => "ArrowDown",
                     Key::Control => "Control",
+                    Key::Shift => "Shift",
                     _ => return,
                 };
                 self.mouse.handle(MouseInput::Key { name, pressed });
@@ -266,7 +279,7 @@ impl Viewer {
                 let round_s = script.duration_s + 1.0;
                 let round = (time_s / round_s) as u32;
                 if std::mem::replace(&mut self.round, round) != round {
-                    self.world.reset();
+                    self.world.act(Action::Reset);
                 }
                 script.sample(&self.world.stage, time_s % round_s)
             }

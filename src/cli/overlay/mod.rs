@@ -11,7 +11,6 @@ use super::plan;
 use super::world::{Mood, PlacedBody, World};
 use crate::deform::{ControlPose, Wrench};
 use crate::track::Signal;
-use crate::track::rig::TrackerReport;
 use std::collections::VecDeque;
 
 /// Steps of a frame in their order, as the overlay names them.
@@ -127,16 +126,6 @@ impl Readings {
     pub fn of(world: &World) -> Self {
         let bodies = world.bodies.iter().map(body_reading).collect();
         Self { stage: world.stage.name.clone(), bodies, ..Self::default() }
-    }
-
-    /// The sensors that the stage names.
-    pub fn with_sensors(mut self, reports: &[TrackerReport]) -> Self {
-        let named = reports.iter().flat_map(|report| &report.sensors).filter_map(|sensor| {
-            let name = sensor.name.clone()?;
-            Some(SensorReading { name, rate_hz: sensor.rate_hz, age_s: sensor.age_s, signal: sensor.signal })
-        });
-        self.sensors.extend(named);
-        self
     }
 }
 

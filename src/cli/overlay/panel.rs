@@ -58,7 +58,7 @@ impl Row {
         match self {
             Row::Words(_) => 1.0,
             Row::Bars => 4.0,
-            Row::Gauge { .. } => 0.6,
+            Row::Gauge { .. } => 0.8,
             Row::Gap => 0.5,
         }
     }
@@ -92,7 +92,7 @@ impl Panel<'_> {
 
     /// Two columns take up at most three quarters of the width; letters are 8 to 22 pixels high.
     fn letter_height(&self) -> f32 {
-        let by_height = self.rect.height() / 72.0;
+        let by_height = self.rect.height() / 62.0;
         let by_width = 0.75 * self.rect.width() / (2.0 * (LETTERS as f32 + 2.0) * 0.61);
         by_height.min(by_width).clamp(8.0, 22.0)
     }
@@ -138,7 +138,7 @@ impl Panel<'_> {
             }
             Row::Bars => self.bars(rect.shrink2(vec2(0.0, 2.0))),
             Row::Gauge { share, good, fair, ink } => {
-                let bar = rect.shrink2(vec2(0.0, 0.2 * rect.height()));
+                let bar = rect.shrink2(vec2(0.0, 0.25 * rect.height()));
                 let to = |share: f64| (bar.min.x + bar.width() * share.clamp(0.0, 1.0) as f32).round();
                 let part =
                     |from: f32, to: f32| Rect::from_min_max(pos2(from, bar.min.y), pos2(to, bar.max.y));
