@@ -157,23 +157,4 @@ fn body_reading(body: &PlacedBody) -> BodyReading {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_history_keeps_the_last_120_frames() {
-        let mut history = History::default();
-        for k in 0..500 {
-            history.push(FrameTimes { whole_s: f64::from(k), ..FrameTimes::default() });
-        }
-        assert_eq!((history.frames.len(), history.worst_s()), (120, 499.0));
-        assert_eq!(history.mean(|frame| frame.whole_s), 439.5);
-        assert_eq!(History::default().mean(|frame| frame.whole_s), 0.0);
-    }
-
-    #[test]
-    fn a_measured_range_goes_before_the_models_table() {
-        let [linear, rotation] = ["linear", "rotation"].map(TurnLimits::of_model);
-        assert!(linear.good < linear.fair && linear.fair < rotation.fair && !linear.is_measured);
-    }
-}
+mod tests;
