@@ -11,14 +11,14 @@ use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
 use crate::stage::Window;
 use crate::track::mouse::{BINDINGS, Button as MouseButton};
-use crate::track::{Mouse, MouseInput, Script, TrackerState};
+use crate::track::{Mouse, MouseInput, Rig, Script, TrackerState};
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Online stage in windows, or offscreen where there is no display
 ///
-/// The scene's script, where it has one, moves head and stylus until you press a mouse button or a key; then mouse
-/// and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
+/// The stage's trackers move head and styli; until one of them speaks, the scene's script does, where it has one, until
+/// you press a mouse button or a key; then mouse and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
 #[derive(Debug, clap::Args)]
 #[command(after_help = bindings())]
 pub struct Args {
@@ -84,6 +84,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return render::pictures(&offscreen(args, frames), &mut world, script.as_ref());
     }
     super::print(&format!("{}\n", bindings()))?;
+    let rig = Rig::start(&world.stage.tracking)?;
     let layout = world.stage.layout();
     let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
@@ -100,6 +101,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
+        rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
@@ -140,6 +142,8 @@ struct Viewer {
     /// How often the script has begun anew.
     round: u32,
     limit_s: Option<f64>,
+    /// What follows head and hands, where the stage names something.
+    rig: Option<Rig>,
 }
 
 impl WindowApp for Viewer {
@@ -194,7 +198,13 @@ impl WindowApp for Viewer {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
-        let state = self.state(step_s);
+        let mut state = self.state(step_s);
+        if let Some(rig) = &mut self.rig {
+            state = super::track::merge(rig, state);
+            if rig.is_speaking() && self.script.take().is_some() {
+                self.world.let_go();
+            }
+        }
         self.world.step(&state);
         self.mouse.hit_distance_m = self.world.hit_distance_m();
         let tiles = self.tiles(windows);

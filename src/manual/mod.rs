@@ -21,6 +21,7 @@ chapters! {
     scene: "every key of the scene file: bodies, materials, control elements, models, effects, solver, place",
     meshes: "mesh files: groups, regions, what is repaired and what is refused; the two generators",
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
+    tracking: "trackers: what a stage file says of them, how to calibrate them, and how to see that they work",
     scripts: "key frames that move head and stylus where nobody does",
     view: "windows, mouse and keyboard, colours, and what happens without a display",
     deform: "poses in, displacements and forces out: files, columns, units, signs",

@@ -19,7 +19,7 @@ use crate::green::GreenFile;
 use crate::render::{Grid, StylusShape, View};
 use crate::scene::Scene;
 use crate::stage::{Eye, Stage};
-use crate::track::TrackerState;
+use crate::track::{Signal, TrackerState};
 use flow::Tracked;
 use hand::Grip;
 use nalgebra::{Isometry3, Point3};
@@ -84,7 +84,9 @@ impl World {
         }
         self.put(self.fields.tracked_head, Tracked(state.head));
         for hand in 0..self.fields.hands.len() {
-            self.put(self.fields.hands[hand].stylus, state.styli.get(hand).copied());
+            // One that is lost neither holds nor is seen.
+            let stylus = state.styli.get(hand).filter(|stylus| !matches!(stylus.signal, Signal::Lost { .. }));
+            self.put(self.fields.hands[hand].stylus, stylus.copied());
         }
         self.evaluate();
         self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
