@@ -12,9 +12,11 @@ use crate::track::device::Reading;
 use crate::track::{Signal, normalised};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// A step between two readings that no hand makes is longer than this, beside what its speed allows.
-const STEP_M: f64 = 0.1;
-const STEP_RAD: f64 = 0.6;
+/// A step between two readings that no hand makes is longer than this, beside what its speed allows in the time between
+/// them, of which no more than `STEP_S` counts: after a pause a leap is a leap.
+const STEP_M: f64 = 0.05;
+const STEP_RAD: f64 = 0.4;
+const STEP_S: f64 = 0.02;
 /// A jump is taken when it has stood so long, s: one wrong reading is never seen.
 const CONFIRM_S: f64 = 0.1;
 /// From where it was held the pose glides to where it is within this time, s.
@@ -249,7 +251,7 @@ impl Bridge {
 
 /// Could a hand have done this?
 fn is_hand(from: &Believed, to: &Believed) -> bool {
-    let step_s = (to.time_s - from.time_s).max(0.0);
+    let step_s = (to.time_s - from.time_s).clamp(0.0, STEP_S);
     let step_m = (to.pose.translation.vector - from.pose.translation.vector).norm();
     let step_rad = to.pose.rotation.angle_to(&from.pose.rotation);
     step_m <= STEP_M + FASTEST_M_S * step_s && step_rad <= STEP_RAD + FASTEST_RAD_S * step_s
