@@ -3,6 +3,12 @@
 
 #[path = "vrpn/bytes.rs"]
 mod bytes;
+#[path = "vrpn/command.rs"]
+mod command;
 mod common;
+#[path = "vrpn/lab.rs"]
+mod lab;
+#[path = "vrpn/loopback.rs"]
+mod loopback;
 #[path = "vrpn/recorded.rs"]
 mod recorded;

@@ -1,6 +1,7 @@
 //! `greenstage track`: what every sensor, button and valuator of a stage says, live.
 
 use super::failure::Failure;
+use super::serve::{self, Service};
 use super::table::Table;
 use crate::stage::Stage;
 use crate::track::device::{Link, now_s};
@@ -10,6 +11,7 @@ use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::io::IsTerminal;
+use std::net::SocketAddr;
 use std::time::Duration;
 
 /// What the trackers of a stage say, live: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
@@ -18,8 +20,9 @@ use std::time::Duration;
 /// columns: `greenstage manual tracking`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A stage file, or the name of a built-in stage
-    pub stage: String,
+    /// A stage file, or the name of a built-in stage; with --script, whose workspace the script refers to
+    #[arg(required_unless_present = "script")]
+    pub stage: Option<String>,
     /// Quit after so many seconds
     #[arg(long, value_parser = super::positive)]
     pub seconds: Option<f64>,
@@ -35,21 +38,41 @@ pub struct Args {
     /// One JSON object a line, for machines
     #[arg(long)]
     pub json: bool,
+    /// Serve the trackers by VRPN, each as a device of its name; without a value at 127.0.0.1:3883, for this machine
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, value_parser = serve::place,
+          default_missing_value = serve::DEFAULT_PLACE)]
+    pub serve: Option<SocketAddr>,
+    /// Serve a script in place of trackers, as the device Tracker0: bend, or a .toml file
+    #[arg(long, requires = "serve")]
+    pub script: Option<String>,
+    /// Readings a second of the script
+    #[arg(long, default_value_t = 120.0, value_parser = super::positive)]
+    pub rate: f64,
 }
 
 /// How often the sources are asked, s: what comes between two frames of a display is not missed.
 const STEP_S: f64 = 0.005;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let mut rig = rig(&args.stage)?;
+    let stage = args.stage.as_deref();
+    if let (Some(script), Some(place)) = (&args.script, args.serve) {
+        let stage = Stage::find(stage.unwrap_or("workbench")).map_err(Failure::request)?;
+        return serve::script(place, script, stage, args.rate, args.seconds);
+    }
+    let mut rig = rig(stage.unwrap_or_default())?;
+    let names: Vec<String> = rig.devices().map(|(name, _)| name.to_owned()).collect();
+    let service = args.serve.map(|place| Service::open(place, names.iter().map(String::as_str)));
+    let mut service = service.transpose()?;
+    let step_s = if service.is_some() { serve::STEP_S } else { STEP_S };
     let started_s = now_s();
     let limit_s = if args.once { Some(args.seconds.unwrap_or(1.0)) } else { args.seconds };
     let interval_s = if args.once { f64::INFINITY } else { args.interval };
     let in_place = !args.json && !args.once && std::io::stdout().is_terminal();
     let mut next_s = started_s + interval_s;
     let mut height = 0;
-    watch(&mut rig, STEP_S, limit_s, |rig, now_s, is_last| {
-        for notice in rig.take_notices() {
+    watch(&mut rig, step_s, limit_s, |rig, now_s, is_last| {
+        let served = service.iter_mut().flat_map(|service| service.pass_on(rig)).collect::<Vec<_>>();
+        for notice in rig.take_notices().into_iter().chain(served) {
             eprintln!("note: {notice}");
             // What was said stands above the table.
             height = 0;

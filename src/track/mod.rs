@@ -1,7 +1,7 @@
 //! Where poses come from: each source is a file here and gives a [`TrackerState`] for an instant.
 //!
-//! In: mouse and keys, a script of key frames, or a tracker's packets. Out: the head and the styli in the room's frame (metres, y up,
-//! right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
+//! In: mouse and keys, a script of key frames, or a tracker's packets. Out: the head and the styli in the room's frame
+//! (metres, y up, right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
 
 pub mod device;
 pub mod dtrack;
@@ -23,7 +23,7 @@ pub use flow::Flow;
 pub use mouse::{Mouse, MouseInput};
 pub use open::{OpenError, open};
 pub use rig::Rig;
-pub use script::{Script, ScriptError};
+pub use script::{Script, ScriptError, ScriptSource};
 pub use worker::{Backoff, Publisher, Worker};
 
 use crate::stage::ROOM_LIMIT_M;

@@ -60,3 +60,9 @@ pub fn peak_of<T>(job: impl FnOnce() -> T) -> (T, usize) {
     let [_, peak] = IN_USE.with(Cell::get);
     (result, (peak - before).max(0) as usize)
 }
+
+/// Bytes that this thread has in use now, as far as it allocated them itself.
+#[allow(dead_code, reason = "another test uses it")]
+pub fn in_use() -> isize {
+    IN_USE.with(Cell::get)[0]
+}

@@ -349,6 +349,7 @@ impl Connection {
             }
             drop(ear);
             if read(stream, framer)? == MOST_BYTES {
+                lock(&self.control.ear).listener.state.counters.throttled += 1;
                 std::thread::sleep(PAUSE);
             }
         }
@@ -369,12 +370,14 @@ impl Connection {
             } else {
                 ear.listener.state.counters.dropped += 1;
             }
-            drop(ear);
             if since.elapsed() > PAUSE {
                 (since, burst) = (Instant::now(), 0);
             }
             burst += 1;
-            if burst > MOST_DATAGRAMS {
+            let is_flood = burst > MOST_DATAGRAMS;
+            ear.listener.state.counters.throttled += u64::from(is_flood);
+            drop(ear);
+            if is_flood {
                 std::thread::sleep(PAUSE);
             }
         }

@@ -204,22 +204,21 @@ pub fn decode_name(payload: &[u8]) -> Result<&str, Fault> {
     }
 }
 
-/// A stream's bytes until they are whole messages: one buffer, twice as long as the longest message.
+/// A stream's bytes until they are whole messages: one buffer, twice as long as the longest message, made when first
+/// written to.
+#[derive(Default)]
 pub struct Framer {
     buffer: Box<[u8]>,
     first: usize,
     end: usize,
 }
 
-impl Default for Framer {
-    fn default() -> Framer {
-        Framer { buffer: vec![0; 2 * (HEADER_BYTES + MOST_PAYLOAD)].into(), first: 0, end: 0 }
-    }
-}
-
 impl Framer {
     /// Where the next bytes are to be written; never empty after [`message`](Framer::message) has said `None`.
     pub fn space(&mut self) -> &mut [u8] {
+        if self.buffer.is_empty() {
+            self.buffer = vec![0; 2 * (HEADER_BYTES + MOST_PAYLOAD)].into();
+        }
         if self.first > 0 {
             self.buffer.copy_within(self.first..self.end, 0);
             self.end -= self.first;

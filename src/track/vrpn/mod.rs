@@ -1,7 +1,7 @@
 //! VRPN, the field's tracker protocol: a client that is a [`Source`](super::Source), and a server.
 //!
 //! [`codec`] frames messages, [`payload`] reads what they carry, [`listener`] knows what a server's messages mean for
-//! one device, [`client`] keeps the connection. Written from the protocol's description and from the recorded bytes
+//! one device, [`client`] keeps the connection; [`server`] serves any source to several clients, each a [`peer`]. Written from the protocol's description and from the recorded bytes
 //! of a vrpn_server 07.38; each file says which of its facts were verified against those bytes.
 
 pub mod address;
@@ -10,8 +10,11 @@ pub mod codec;
 pub mod force;
 pub mod listener;
 pub mod payload;
+pub mod peer;
+pub mod server;
 
 pub use address::{Address, AddressError, Transport};
 pub use client::{Client, Timing};
 pub use force::ForceSender;
 pub use payload::ForceField;
+pub use server::{Server, ServerCounters, Serving};

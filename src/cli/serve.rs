@@ -1,0 +1,110 @@
+//! `greenstage track --serve`: what the trackers of a stage say, or a script in their place, passed on by VRPN.
+//!
+//! In: the newest states of a rig's sources, or of a script. Out: a VRPN server, one device for every tracker.
+
+use super::failure::Failure;
+use crate::stage::Stage;
+use crate::track::device::now_s;
+use crate::track::rig::Rig;
+use crate::track::vrpn::{Server, ServerCounters};
+use crate::track::{Script, ScriptSource, Source};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::time::Duration;
+
+/// Where `--serve` listens unless told otherwise: this machine alone can reach it.
+pub const DEFAULT_PLACE: &str = "127.0.0.1:3883";
+/// How often sources and clients are looked at while serving, s.
+pub const STEP_S: f64 = 0.001;
+/// The device of a script.
+const SCRIPT_DEVICE: &str = "Tracker0";
+
+/// A running server, and what was told of its clients.
+pub struct Service {
+    server: Server,
+    told: ServerCounters,
+}
+
+/// `address:port`, or a port of this machine's own address.
+pub fn place(text: &str) -> Result<SocketAddr, String> {
+    let own =
+        || text.trim_start_matches(':').parse().ok().map(|port: u16| (Ipv4Addr::LOCALHOST, port).into());
+    text.parse()
+        .ok()
+        .or_else(own)
+        .ok_or_else(|| format!("an address with its port, as {DEFAULT_PLACE}, or a port"))
+}
+
+impl Service {
+    /// Listens, and says how a client names each device.
+    pub fn open<'a>(
+        place: SocketAddr,
+        devices: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Service, Failure> {
+        let server = Server::bind(place, devices).map_err(|error| {
+            let advice = "is another VRPN server running? `--serve ADDRESS:PORT` names another place";
+            Failure::wrong(format!("cannot serve at {place}: {error}; {advice}"))
+        })?;
+        for address in server.addresses() {
+            eprintln!("serving {address}");
+        }
+        if !server.place.ip().is_loopback() {
+            eprintln!("note: whoever reaches {} can listen; VRPN has no passwords", server.place);
+        }
+        Ok(Service { server, told: ServerCounters::default() })
+    }
+
+    /// Passes on what is new in a rig whose trackers were named, in their order, to [`open`](Service::open). What there
+    /// is to say about clients comes back.
+    pub fn pass_on(&mut self, rig: &mut Rig) -> Vec<String> {
+        for (device, (_, state)) in rig.devices().enumerate() {
+            self.server.publish(device, state);
+        }
+        self.tick()
+    }
+
+    fn tick(&mut self) -> Vec<String> {
+        self.server.tick();
+        let (now, mut notices) = (self.server.counters, Vec::new());
+        if now.clients != self.told.clients {
+            notices.push(format!("{} VRPN clients", now.clients));
+        }
+        let turned_away = |counters: &ServerCounters| {
+            let ServerCounters { refused, slow, malformed, silent, strange_lobs, .. } = *counters;
+            refused + slow + malformed + silent + strange_lobs
+        };
+        // Whoever floods the server with bad connections must not flood the terminal: powers of two are told.
+        if turned_away(&now).checked_ilog2() != turned_away(&self.told).checked_ilog2() {
+            let ServerCounters { refused, slow, malformed, silent, strange_lobs, .. } = now;
+            notices.push(format!(
+                "VRPN clients turned away: {refused} too many, {slow} slow, {malformed} malformed, {silent} silent, \
+                 {strange_lobs} strange lobs"
+            ));
+        }
+        self.told = now;
+        notices
+    }
+}
+
+/// Serves a script again and again, at the workspace of `stage`, for `limit_s` or for ever.
+pub fn script(
+    place: SocketAddr,
+    name: &str,
+    stage: Stage,
+    rate_hz: f64,
+    limit_s: Option<f64>,
+) -> Result<(), Failure> {
+    let script = Script::find(name).map_err(Failure::request)?;
+    let mut source = ScriptSource::new(name, script, stage, rate_hz);
+    let mut service = Service::open(place, [SCRIPT_DEVICE])?;
+    source.legend().iter().for_each(|line| eprintln!("  {line}"));
+    let started_s = now_s();
+    while limit_s.is_none_or(|limit_s| now_s() - started_s < limit_s) {
+        service.server.publish(0, source.latest());
+        service.tick().iter().for_each(|notice| eprintln!("note: {notice}"));
+        std::thread::sleep(Duration::from_secs_f64(STEP_S));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,297 @@
+//! A VRPN server: serves any sources as devices that are tracker, buttons and analog in one.
+//!
+//! In: the newest state of every source, as often as the caller likes. Out: what is new in it, to several clients at
+//! once, over TCP; poses by UDP to those that asked for it. One caller's thread does it all and never blocks; slow and
+//! hostile clients are dropped and counted. A sensor that is not tracked is not sent, since VRPN has no word for it.
+
+use super::address::decode_lob;
+use super::codec::{Header, VERSION, Version};
+use super::payload::{Payload, is_device_name};
+use super::peer::{Gone, Peer};
+use crate::track::device::{DeviceState, Reading, Source, now_s};
+use nalgebra::Isometry3;
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// So many clients are served, and so many asked for by lob are being connected to.
+pub const MOST_CLIENTS: usize = 16;
+const MOST_LOBS: usize = 4;
+const LOB_TIMEOUT: Duration = Duration::from_secs(2);
+/// Connections and datagrams taken at once.
+const MOST_AT_ONCE: usize = 8;
+/// As many analog channels as VRPN's own clients hold.
+const MOST_ANALOGS: usize = 128;
+
+/// What became of clients since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ServerCounters {
+    pub clients: usize,
+    pub accepted: u64,
+    /// Beyond [`MOST_CLIENTS`].
+    pub refused: u64,
+    pub slow: u64,
+    /// Not VRPN 07, or no message at all.
+    pub malformed: u64,
+    /// Never sent a cookie.
+    pub silent: u64,
+    pub pings: u64,
+    /// Sent, with poses.
+    pub datagrams: u64,
+    /// Lobs that named another host or were none.
+    pub strange_lobs: u64,
+}
+
+pub struct Server {
+    pub counters: ServerCounters,
+    /// Where it listens.
+    pub place: SocketAddr,
+    /// The devices' names.
+    pub names: Vec<String>,
+    listener: TcpListener,
+    lobs: UdpSocket,
+    /// What was sent last of each device.
+    sent: Vec<DeviceState>,
+    peers: Vec<Peer>,
+    lobbed: (mpsc::SyncSender<Option<TcpStream>>, mpsc::Receiver<Option<TcpStream>>),
+    connecting: usize,
+}
+
+impl Server {
+    /// Listens at `place`, TCP and UDP, port 0 for any. Names lose what VRPN does not allow in them.
+    pub fn bind<'a>(place: SocketAddr, names: impl IntoIterator<Item = &'a str>) -> std::io::Result<Server> {
+        let names: Vec<String> = names.into_iter().map(device_name).collect();
+        let (listener, lobs) = bind_both(place)?;
+        listener.set_nonblocking(true)?;
+        lobs.set_nonblocking(true)?;
+        Ok(Server {
+            counters: ServerCounters::default(),
+            place: listener.local_addr()?,
+            sent: vec![DeviceState::default(); names.len()],
+            names,
+            listener,
+            lobs,
+            peers: Vec::new(),
+            lobbed: mpsc::sync_channel(MOST_LOBS),
+            connecting: 0,
+        })
+    }
+
+    /// How a client names each device.
+    pub fn addresses(&self) -> impl Iterator<Item = String> {
+        self.names.iter().map(|name| format!("{name}@{}", self.place))
+    }
+
+    /// Queues what is new of device `device` for all clients.
+    pub fn publish(&mut self, device: usize, state: &DeviceState) {
+        let Some(sent) = self.sent.get(device) else { return };
+        let news = news(sent, state);
+        if news.is_empty() {
+            return;
+        }
+        for peer in self.peers.iter_mut().filter(|peer| peer.talk.version().is_some()) {
+            let mut datagrams = Vec::new();
+            for (time_s, payload) in &news {
+                peer.talk.tell(device, *time_s, payload, &mut datagrams);
+            }
+            self.counters.datagrams += peer.send_datagrams(&self.lobs, &datagrams);
+        }
+        self.sent[device] = state.clone();
+    }
+
+    /// Takes new clients, hears those that are there, and sends what waits.
+    pub fn tick(&mut self) {
+        self.welcome();
+        let (names, counters, sent) = (&self.names, &mut self.counters, &self.sent);
+        self.peers.retain_mut(|peer| {
+            let was_greeted = peer.talk.version().is_some();
+            // Whoever is refused hears our version first.
+            let heard = peer.flush().and_then(|()| peer.hear(names));
+            if let (false, Some(version)) = (was_greeted, peer.talk.version()) {
+                greet(peer, version, sent);
+            }
+            match heard.map(|pings| counters.pings += pings) {
+                Ok(()) => true,
+                Err(gone) => {
+                    tracing::info!("vrpn: client {} is gone: {gone:?}", peer.ip);
+                    match gone {
+                        Gone::Closed => {}
+                        Gone::Slow => counters.slow += 1,
+                        Gone::Malformed(_) => counters.malformed += 1,
+                        Gone::Silent => counters.silent += 1,
+                    }
+                    false
+                }
+            }
+        });
+        self.counters.clients = self.peers.len();
+    }
+
+    /// Serves `sources`, in the order of the names, in a thread of its own, looking at them every millisecond.
+    pub fn spawn(mut self, mut sources: Vec<Box<dyn Source>>) -> Serving {
+        let (place, stop) = (self.place, Arc::new(AtomicBool::new(false)));
+        let counters = Arc::new(Mutex::new(self.counters));
+        let (shared, told) = (stop.clone(), counters.clone());
+        let thread = std::thread::spawn(move || {
+            while !shared.load(Relaxed) {
+                for (device, source) in sources.iter_mut().enumerate() {
+                    self.publish(device, source.latest());
+                }
+                self.tick();
+                *told.lock().unwrap_or_else(PoisonError::into_inner) = self.counters;
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
+        Serving { place, counters, stop, thread: Some(thread) }
+    }
+
+    fn welcome(&mut self) {
+        for _ in 0..MOST_AT_ONCE {
+            let Ok((stream, _)) = self.listener.accept() else { break };
+            self.admit(stream);
+        }
+        let mut lob = [0; 64];
+        for _ in 0..MOST_AT_ONCE {
+            let Ok((bytes, from)) = self.lobs.recv_from(&mut lob) else { break };
+            match decode_lob(&lob[..bytes], from.ip()) {
+                Some(place) if self.connecting < MOST_LOBS => self.connect(place),
+                Some(_) => self.counters.refused += 1,
+                None => self.counters.strange_lobs += 1,
+            }
+        }
+        while let Ok(connected) = self.lobbed.1.try_recv() {
+            self.connecting -= 1;
+            if let Some(stream) = connected {
+                self.admit(stream);
+            }
+        }
+    }
+
+    fn admit(&mut self, stream: TcpStream) {
+        if self.peers.len() >= MOST_CLIENTS {
+            self.counters.refused += 1;
+        } else if let Ok(peer) = Peer::new(stream, &self.names) {
+            self.counters.accepted += 1;
+            self.peers.push(peer);
+        }
+    }
+
+    /// Connects to a client that asked for it, beside the server's thread.
+    fn connect(&mut self, place: SocketAddr) {
+        self.connecting += 1;
+        let done = self.lobbed.0.clone();
+        std::thread::spawn(move || {
+            let _ = done.send(TcpStream::connect_timeout(&place, LOB_TIMEOUT).ok());
+        });
+    }
+}
+
+/// A server that runs in a thread of its own, until dropped.
+pub struct Serving {
+    pub place: SocketAddr,
+    counters: Arc<Mutex<ServerCounters>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Serving {
+    pub fn counters(&self) -> ServerCounters {
+        *self.counters.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        self.stop.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// TCP and UDP at one port; where any will do, one that is free for both is looked for.
+fn bind_both(place: SocketAddr) -> std::io::Result<(TcpListener, UdpSocket)> {
+    let mut attempts = if place.port() == 0 { 20 } else { 1 };
+    loop {
+        let tcp = TcpListener::bind(place)?;
+        attempts -= 1;
+        match UdpSocket::bind(tcp.local_addr()?) {
+            Ok(udp) => return Ok((tcp, udp)),
+            Err(error) if error.kind() != ErrorKind::AddrInUse || attempts == 0 => return Err(error),
+            Err(_) => {}
+        }
+    }
+}
+
+/// The name with what VRPN does not allow in it replaced by `_`.
+fn device_name(name: &str) -> String {
+    let fit = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name: String = name.chars().take(64).map(fit).collect();
+    if is_device_name(&name) { name } else { "Tracker0".to_owned() }
+}
+
+/// A new client is told how buttons and valuators stand; poses come anyway.
+fn greet(peer: &mut Peer, version: Version, sent: &[DeviceState]) {
+    if version != VERSION {
+        tracing::warn!("vrpn: {} speaks {:02}.{:02}, this side 07.38", peer.ip, version.major, version.minor);
+    }
+    let time_s = Header::now(0, 0).time_s();
+    for (device, state) in sent.iter().enumerate() {
+        let buttons = dense(&state.buttons, 256).map(|pressed| i32::from(pressed.unwrap_or(false)));
+        let buttons: Vec<i32> = buttons.collect();
+        if !buttons.is_empty() {
+            peer.talk.tell(device, time_s, &Payload::ButtonStates(buttons), &mut Vec::new());
+        }
+        let values = analogs(state);
+        if !values.is_empty() {
+            peer.talk.tell(device, time_s, &Payload::Analog(values), &mut Vec::new());
+        }
+    }
+}
+
+/// What `new` says that `old` did not, with its time.
+fn news(old: &DeviceState, new: &DeviceState) -> Vec<(f64, Payload)> {
+    let mut news = Vec::new();
+    for (&sensor, reading) in &new.sensors {
+        let is_new = old.sensors.get(&sensor).is_none_or(|old| old.count != reading.count);
+        if is_new && reading.quality > 0.0 {
+            let Isometry3 { rotation, translation } = reading.value;
+            let position = translation.vector.into();
+            let quaternion = [rotation.i, rotation.j, rotation.k, rotation.w];
+            news.push((time_of(reading), Payload::Pose { sensor, position, quaternion }));
+        }
+    }
+    for (&button, reading) in &new.buttons {
+        if old.buttons.get(&button).map(|old| old.value) != Some(reading.value) {
+            let state = i32::from(reading.value);
+            news.push((time_of(reading), Payload::ButtonChange { button, state }));
+        }
+    }
+    let changed = |(channel, reading): &(&i32, &Reading<f64>)| {
+        old.valuators.get(channel).is_none_or(|old| old.count != reading.count)
+    };
+    if let Some((_, reading)) = new.valuators.iter().find(changed) {
+        news.push((time_of(reading), Payload::Analog(analogs(new))));
+    }
+    news
+}
+
+fn analogs(state: &DeviceState) -> Vec<f64> {
+    dense(&state.valuators, MOST_ANALOGS).map(|value| value.unwrap_or(0.0)).collect()
+}
+
+/// The values of the channels from 0 to the last one below `most`.
+fn dense<T: Copy>(readings: &BTreeMap<i32, Reading<T>>, most: usize) -> impl Iterator<Item = Option<T>> {
+    let last = readings.range(0..most as i32).next_back().map_or(-1, |(channel, _)| *channel);
+    (0..=last).map(|channel| readings.get(&channel).map(|reading| reading.value))
+}
+
+/// When a reading was measured, by the device's clock, or else when it arrived, by the time of day, s.
+fn time_of<T>(reading: &Reading<T>) -> f64 {
+    let arrived = || Header::now(0, 0).time_s() - (now_s() - reading.arrived_s);
+    reading.measured_s.filter(|time_s| *time_s >= 0.0).unwrap_or_else(arrived)
+}

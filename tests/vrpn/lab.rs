@@ -1,0 +1,133 @@
+//! What the tests of client and server share: a source in the test's hand, a server in its hand, and patience.
+
+use greenstage::track::device::{DeviceState, Source, now_s};
+use greenstage::track::vrpn::codec::{self, Framer, Header};
+use greenstage::track::vrpn::payload::Payload;
+use greenstage::track::vrpn::{Address, Client, Server, ServerCounters, Serving, Timing, Transport};
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+pub const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+
+/// Times that suit a test: everything sooner.
+pub const SOON: Timing = Timing {
+    connect_s: 2.0,
+    ping_s: 0.05,
+    quiet_s: 0.3,
+    down_s: 1.5,
+    lob_s: 0.2,
+    first_retry_s: 0.05,
+    longest_retry_s: 0.2,
+};
+
+/// Asks until the answer is yes; a busy machine gets its time.
+pub fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
+    let deadline_s = now_s() + 30.0;
+    while !is_so() {
+        assert!(now_s() < deadline_s, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// A source that says what the test has it say.
+#[derive(Clone, Default)]
+pub struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
+
+impl Puppet {
+    pub fn say(&self, change: impl FnOnce(&mut DeviceState)) {
+        change(&mut self.0.lock().unwrap());
+    }
+}
+
+impl Source for Puppet {
+    fn describe(&self) -> String {
+        "puppet".to_owned()
+    }
+
+    fn latest(&mut self) -> &DeviceState {
+        self.1 = self.0.lock().unwrap().clone();
+        &self.1
+    }
+}
+
+pub fn serve(place: SocketAddr, puppet: &Puppet) -> Serving {
+    let server = Server::bind(place, ["Wand"]).unwrap();
+    assert_eq!(server.addresses().collect::<Vec<_>>(), [format!("Wand@{}", server.place)]);
+    server.spawn(vec![Box::new(puppet.clone())])
+}
+
+pub fn listen(place: SocketAddr, udp: bool, transport: Transport) -> Client {
+    let address = Address { device: "Wand".into(), host: place.ip().to_string(), port: place.port(), udp };
+    Client::with_timing(address, transport, SOON)
+}
+
+pub fn counters_reach(serving: &Serving, what: &str, is_so: impl Fn(&ServerCounters) -> bool) {
+    wait(what, || is_so(&serving.counters()));
+}
+
+/// A server, or a client, that the test plays by hand.
+pub struct Peer {
+    pub stream: TcpStream,
+    framer: Framer,
+}
+
+impl Peer {
+    pub fn new(stream: TcpStream) -> Peer {
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        Peer { stream, framer: Framer::default() }
+    }
+
+    /// Takes the next client.
+    pub fn accept(listener: &TcpListener) -> Peer {
+        Peer::new(listener.accept().unwrap().0)
+    }
+
+    /// Says a cookie, and that device 0 is `name` and the types are numbered as in `Kind::ALL`.
+    pub fn greet(&mut self, name: &str) {
+        self.stream.write_all(&codec::cookie()).unwrap();
+        self.describe(codec::SENDER_DESCRIPTION, 0, name);
+        for kind in greenstage::track::vrpn::payload::Kind::ALL {
+            self.describe(codec::TYPE_DESCRIPTION, kind as i32, kind.name());
+        }
+    }
+
+    pub fn describe(&mut self, system: i32, id: i32, name: &str) {
+        let mut bytes = Vec::new();
+        codec::encode(&Header::now(id, system), &codec::encode_name(name), &mut bytes);
+        self.stream.write_all(&bytes).unwrap();
+    }
+
+    /// Says something of device 0; false if the other side has gone.
+    pub fn say(&mut self, payload: &Payload) -> bool {
+        self.stream.write_all(&bytes_of(payload)).is_ok()
+    }
+
+    /// The next message: sender, type, payload; `None` when the other side has closed.
+    pub fn hear(&mut self) -> Option<(i32, i32, Vec<u8>)> {
+        loop {
+            if let Some(message) = self.framer.message().unwrap() {
+                return Some((message.header.sender, message.header.kind, message.payload.to_vec()));
+            }
+            let read = self.stream.read(self.framer.space()).unwrap_or(0);
+            if read == 0 {
+                return None;
+            }
+            self.framer.wrote(read);
+        }
+    }
+
+    pub fn hear_cookie(&mut self) -> [u8; 24] {
+        let mut cookie = [0; 24];
+        self.stream.read_exact(&mut cookie).unwrap();
+        cookie
+    }
+}
+
+/// A message of device 0, its type numbered as in `Kind::ALL`.
+pub fn bytes_of(payload: &Payload) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    codec::encode(&Header::now(0, payload.kind() as i32), &payload.encode(), &mut bytes);
+    bytes
+}
