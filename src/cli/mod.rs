@@ -7,6 +7,7 @@ mod accuracy;
 mod aids;
 mod bench;
 mod check;
+mod check_stage;
 mod convert;
 mod deform;
 mod failure;

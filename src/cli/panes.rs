@@ -1,9 +1,9 @@
 //! A stage's windows made ready to be drawn: tiles with what each eye sees, and what the cursor points at.
 
 use super::world::World;
-use crate::render::window::WindowSpec;
+use crate::render::window::{MonitorChoice, WindowSpec};
 use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport};
-use crate::stage::{self, Border, Eye, Screen, Stage, Stereo, Visible, Window};
+use crate::stage::{self, Border, Eye, MonitorId, Screen, Stage, Stereo, Visible, Window};
 use egui::{Rect, pos2, vec2};
 
 /// How both eyes' pictures of a tile are joined; None where it shows one eye.
@@ -27,10 +27,16 @@ pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {
 pub fn specs(stage: &Stage, windows: &[Window], scale: f64) -> Vec<WindowSpec> {
     let spec = |window: &Window| WindowSpec {
         title: format!("greenstage – {} – {}", stage.name, window.name),
+        monitor: window.monitor.clone().map(|id| match id {
+            MonitorId::Number(number) => MonitorChoice::Number(number),
+            MonitorId::Name(name) => MonitorChoice::Name(name),
+        }),
         position: window.at.map(|at| at.map(|pixel| (f64::from(pixel) * scale).round() as i32)),
         size: scaled(window.size, scale),
+        fills: window.fills && scale == 1.0,
         decorated: window.border == Border::Decorated,
-        fullscreen: window.border == Border::FullScreen,
+        fullscreen: window.border == Border::FullScreen && scale == 1.0,
+        unmanaged: window.border == Border::Unmanaged,
     };
     windows.iter().map(spec).collect()
 }
@@ -43,6 +49,7 @@ pub fn scaled(size: [u32; 2], scale: f64) -> [u32; 2] {
 /// the window has become too small are left out.
 pub fn tiles(world: &mut World, window: &Window, size: [u32; 2], swapped: bool) -> Vec<Tile> {
     shown(window, size, &mut |tile, eye_size, eye| {
+        let swapped = swapped != tile.swap_eyes;
         viewport(world, tile, eye_size, if swapped { eye.other() } else { eye })
     })
 }
@@ -110,6 +117,7 @@ pub fn part(
     let visible = tile.visible(&stage.screens[tile.screen], [width, height])?;
     let [x, y, width, height] = visible.rect.map(|pixels| pixels as f32);
     let rect = Rect::from_min_size(pos2(left as f32 + x, top as f32 + y), vec2(width, height));
+    let swapped = swapped != tile.swap_eyes;
     Some(Part { screen: tile.screen, eye: if swapped { eye.other() } else { eye }, rect, visible })
 }
 

@@ -21,7 +21,7 @@ use std::time::Instant;
 /// `greenstage manual stages` tells what each part of the pattern shows.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file
     pub stage: String,
     /// Folder for PNGs instead of windows, one per screen and eye
     #[arg(short, long)]
@@ -43,8 +43,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let specs = panes::specs(&stage, &layout, args.scale);
     let mut aids = Aids::new(&stage, layout.len());
     aids.pattern = true;
-    let mut app =
-        Shown { stage, layout, aids, swapped: false, started: Instant::now(), limit_s: args.seconds };
+    let swapped = stage.swap_eyes;
+    let mut app = Shown { stage, layout, aids, swapped, started: Instant::now(), limit_s: args.seconds };
     window::run(&specs, WindowOptions { samples: 1, vsync: true }, &mut app).map_err(Failure::work)
 }
 

@@ -115,7 +115,15 @@ impl Targets {
             let image = Readable::new(&gpu, size)?;
             pictures.push(OneTarget { window, name, canvas: Canvas::default(), image });
         }
-        Ok(Targets { gpu, renderer, painter, bodies, pictures, swapped: false, panel: None })
+        Ok(Targets {
+            gpu,
+            renderer,
+            painter,
+            bodies,
+            pictures,
+            swapped: stereo.is_some() && world.stage.swap_eyes,
+            panel: None,
+        })
     }
 
     /// With the overlay on the screen that the viewer looks at.
@@ -217,5 +225,5 @@ fn windows(stage: &Stage, stereo: Option<Stereo>) -> Vec<(Window, String)> {
         let name = format!("{}-{kind}", stage.screens[tile.screen].name);
         (window, name)
     };
-    stage.layout().into_iter().map(named).collect()
+    stage.usual_layout().into_iter().map(named).collect()
 }

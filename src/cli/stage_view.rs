@@ -82,10 +82,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 fn show(args: &Args, seen: Seen, camera: Camera) -> Result<(), Failure> {
     let spec = WindowSpec {
         title: format!("greenstage – {} – room", seen.stage().name),
+        monitor: None,
         position: None,
         size: args.size,
+        fills: false,
         decorated: true,
         fullscreen: false,
+        unmanaged: false,
     };
     let mut app = Outside {
         seen,

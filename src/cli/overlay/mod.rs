@@ -11,6 +11,7 @@ use super::plan;
 use super::world::{Mood, PlacedBody, World};
 use crate::deform::{ControlPose, Wrench};
 use crate::track::Signal;
+use crate::track::rig::TrackerReport;
 use std::collections::VecDeque;
 
 /// Steps of a frame in their order, as the overlay names them.
@@ -118,6 +119,18 @@ impl TurnLimits {
             Some(range) => Self { good: range, fair: range, is_measured: true },
             None => Self::of_model(&body.model),
         }
+    }
+}
+
+impl SensorReading {
+    /// The sensors that the stage names.
+    pub fn of(reports: &[TrackerReport]) -> Vec<Self> {
+        let sensors = reports.iter().flat_map(|report| &report.sensors);
+        let named = sensors.filter_map(|sensor| {
+            let name = sensor.name.clone()?;
+            Some(Self { name, rate_hz: sensor.rate_hz, age_s: sensor.age_s, signal: sensor.signal })
+        });
+        named.collect()
     }
 }
 
