@@ -9,8 +9,8 @@ mod common;
 mod render_common;
 
 use common::{folder, greenstage};
+use image::RgbImage;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{RgbImage, imageops};
 use render_common::require_gpu;
 use std::path::Path;
 
@@ -89,9 +89,7 @@ fn the_pattern_matches_its_golden_picture() {
     }
     let place = folder("golden-pattern");
     greenstage(&place, &["pattern", "workbench", "-o", "out"]);
-    let [left, right] = ["left", "right"].map(|eye| {
-        let picture = image::open(place.join(format!("out/table-{eye}.png"))).unwrap().to_rgb8();
-        imageops::resize(&picture, 640, 512, imageops::FilterType::Triangle)
-    });
+    let [left, right] = ["left", "right"]
+        .map(|eye| image::open(place.join(format!("out/table-{eye}.png"))).unwrap().to_rgb8());
     compare("pattern-table", &left, &right);
 }
