@@ -7,12 +7,17 @@ struct Varyings {
 }
 
 @vertex
-fn vertex(@builtin(vertex_index) index: u32) -> Varyings {
-    // One triangle over the whole viewport, at infinite distance: depth 0, since depth is reversed.
+fn vertex(
+    @builtin(view_index) eye: u32,
+    @builtin(vertex_index) index: u32,
+) -> Varyings {
+    // One triangle over the whole viewport, at infinite distance: depth 0, since depth is reversed. An eye that sees
+    // nothing gets a point outside.
     let ndc = vec2<f32>(f32(index & 1u), f32(index >> 1u)) * 4.0 - 1.0;
+    let is_seen = views[eye].front_sign != 0.0;
     var out: Varyings;
-    out.clip = vec4<f32>(ndc, 0.0, 1.0);
-    out.direction = view.direction_from_ndc * vec3<f32>(ndc, 1.0);
+    out.clip = vec4<f32>(select(vec2<f32>(2.0), ndc, is_seen), 0.0, 1.0);
+    out.direction = views[eye].direction_from_ndc * vec3<f32>(ndc, 1.0);
     return out;
 }
 

@@ -14,6 +14,7 @@ struct Varyings {
 
 @vertex
 fn vertex(
+    @builtin(view_index) eye: u32,
     @location(0) position: vec3<f32>,
     @location(1) normal: vec3<f32>,
     @location(2) color: vec4<f32>,
@@ -26,7 +27,7 @@ fn vertex(
     let position_in_room = room_from_body * vec4<f32>(position, 1.0);
     let rgb = linear_from_srgb(color.rgb);
     var out: Varyings;
-    out.clip = view.clip_from_room * position_in_room;
+    out.clip = views[eye].clip_from_room * position_in_room;
     out.position = position_in_room.xyz;
     out.normal = (room_from_body * vec4<f32>(normal, 0.0)).xyz;
     out.plain = rgb * (1.0 - color.a);
@@ -41,7 +42,11 @@ fn unweighted(sum: vec3<f32>, weight: f32) -> vec3<f32> {
 }
 
 @fragment
-fn fragment(in: Varyings, @builtin(front_facing) counter_clockwise: bool) -> @location(0) vec4<f32> {
+fn fragment(
+    @builtin(view_index) eye: u32,
+    in: Varyings,
+    @builtin(front_facing) counter_clockwise: bool,
+) -> @location(0) vec4<f32> {
     let mark = in.marked.a;
     let border = mark - 0.5;
     let pixel = max(fwidth(mark), 1e-6);
@@ -51,9 +56,9 @@ fn fragment(in: Varyings, @builtin(front_facing) counter_clockwise: bool) -> @lo
     let seam = 1.0 - 0.55 * saturate(1.6 - abs(border) / pixel);
     let albedo = mix(plain, marked, share) * seam;
 
-    let outside = select(-1.0, 1.0, counter_clockwise) * view.front_sign;
+    let outside = select(-1.0, 1.0, counter_clockwise) * views[eye].front_sign;
     let normal = normalize(in.normal) * outside;
-    let to_eye = normalize(view.eye_in_room - in.position);
+    let to_eye = normalize(views[eye].eye_in_room - in.position);
     // The inside of a wall is the same material with less of the room to see.
     let radiance = shade(albedo, normal, to_eye) * (0.75 + 0.25 * outside);
     return vec4<f32>(tone(radiance), 1.0);

@@ -10,12 +10,15 @@ struct Varyings {
 }
 
 @vertex
-fn vertex(@builtin(vertex_index) index: u32) -> Varyings {
+fn vertex(
+    @builtin(view_index) eye: u32,
+    @builtin(vertex_index) index: u32,
+) -> Varyings {
     let corner = vec2<f32>(f32(index & 1u), f32(index >> 1u)) * 2.0 - 1.0;
     let offset = corner * frame.grid_half_size;
     let position_in_room = frame.grid_center + vec3<f32>(offset.x, 0.0, offset.y);
     var out: Varyings;
-    out.clip = view.clip_from_room * vec4<f32>(position_in_room, 1.0);
+    out.clip = views[eye].clip_from_room * vec4<f32>(position_in_room, 1.0);
     out.cell = offset / frame.grid_spacing;
     out.share = corner;
     return out;

@@ -11,14 +11,15 @@ struct Varyings {
 
 @vertex
 fn vertex(
+    @builtin(view_index) eye: u32,
     @builtin(vertex_index) index: u32,
     @location(0) from_in_room: vec3<f32>,
     @location(1) to_in_room: vec3<f32>,
     @location(2) color: vec4<f32>,
     @location(3) width: f32,
 ) -> Varyings {
-    var start = view.clip_from_room * vec4<f32>(from_in_room, 1.0);
-    var end = view.clip_from_room * vec4<f32>(to_in_room, 1.0);
+    var start = views[eye].clip_from_room * vec4<f32>(from_in_room, 1.0);
+    var end = views[eye].clip_from_room * vec4<f32>(to_in_room, 1.0);
     // Cut at the near plane, where w is z.
     let before = vec2<f32>(start.w - start.z, end.w - end.z);
     var out: Varyings;
@@ -31,7 +32,7 @@ fn vertex(
     } else if before.y < 0.0 {
         end = mix(start, end, cut);
     }
-    let half_size = view.size_px * 0.5;
+    let half_size = views[eye].size_px * 0.5;
     let start_px = start.xy / start.w * half_size;
     let end_px = end.xy / end.w * half_size;
     let along = end_px - start_px;

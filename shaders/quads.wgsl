@@ -9,6 +9,7 @@ struct Varyings {
 
 @vertex
 fn vertex(
+    @builtin(view_index) eye: u32,
     @builtin(vertex_index) index: u32,
     @location(0) corner: vec3<f32>,
     @location(1) right: vec3<f32>,
@@ -18,15 +19,19 @@ fn vertex(
 ) -> Varyings {
     let place = corner + right * f32(index & 1u) + up * f32(index >> 1u);
     var out: Varyings;
-    out.clip = view.clip_from_room * vec4<f32>(place, 1.0);
+    out.clip = views[eye].clip_from_room * vec4<f32>(place, 1.0);
     out.front = front;
     out.back = back;
     return out;
 }
 
 @fragment
-fn fragment(in: Varyings, @builtin(front_facing) counter_clockwise: bool) -> @location(0) vec4<f32> {
-    let is_front = counter_clockwise == (view.front_sign > 0.0);
+fn fragment(
+    @builtin(view_index) eye: u32,
+    in: Varyings,
+    @builtin(front_facing) counter_clockwise: bool,
+) -> @location(0) vec4<f32> {
+    let is_front = counter_clockwise == (views[eye].front_sign > 0.0);
     let color = select(in.back, in.front, is_front);
     return vec4<f32>(color.rgb * color.a, color.a);
 }

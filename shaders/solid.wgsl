@@ -10,6 +10,7 @@ struct Varyings {
 
 @vertex
 fn vertex(
+    @builtin(view_index) eye: u32,
     @location(0) position: vec3<f32>,
     @location(1) normal: vec3<f32>,
     // The fourth component is the weight of the instance's colour.
@@ -23,7 +24,7 @@ fn vertex(
     let room_from_solid = mat4x4<f32>(room_from_solid_0, room_from_solid_1, room_from_solid_2, room_from_solid_3);
     let position_in_room = room_from_solid * vec4<f32>(position, 1.0);
     var out: Varyings;
-    out.clip = view.clip_from_room * position_in_room;
+    out.clip = views[eye].clip_from_room * position_in_room;
     out.position = position_in_room.xyz;
     out.normal = (room_from_solid * vec4<f32>(normal, 0.0)).xyz;
     out.color = mix(vec4<f32>(linear_from_srgb(base_color.rgb), 0.0), instance_color, base_color.a);
@@ -31,8 +32,11 @@ fn vertex(
 }
 
 @fragment
-fn fragment(in: Varyings) -> @location(0) vec4<f32> {
-    let to_eye = normalize(view.eye_in_room - in.position);
+fn fragment(
+    @builtin(view_index) eye: u32,
+    in: Varyings,
+) -> @location(0) vec4<f32> {
+    let to_eye = normalize(views[eye].eye_in_room - in.position);
     let normal = normalize(in.normal);
     let lit = tone(shade(in.color.rgb, normal, to_eye));
     // A glow is a little brighter towards its middle, which rounds the ray without lighting it.

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → GreenBasis → tube.green
-//! online    tube.green → Deformer;  Tracker → PickRay → Dragger → c → u → Surface → Stage (screen × eye) → Renderer
+//! online    tube.green → Deformer;  Tracker → PickRay → Hands → c → u → Surface → Stage (screen × eye) → Renderer
 //! ```
 //!
 //! | module | what it holds |
@@ -20,7 +20,7 @@
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |
 //! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
 //! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script → `TrackerState` |
-//! | [`interact`] | pick ray, dragger |
+//! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
 //! | [`verify`] | problems with known answers, and how near the elements come to them |

@@ -8,7 +8,7 @@ use common::folder;
 use greenstage::deform::Deformer;
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::interact::{
-    Dragger, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
+    Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
 use greenstage::mesh::Surface;
 use greenstage::scene::{Grab, Scene};
@@ -132,7 +132,7 @@ fn in_body(tube: &Deformer) -> Vec<Point3<f64>> {
     tube.positions.iter().map(|x| motion * Point3::from(Vector3::from(*x).cast::<f64>())).collect()
 }
 
-/// Runs the script at 60 Hz, as the window does: ray, hit, dragger, pose, deformation. Returns the frames in which the
+/// Runs the script at 60 Hz, as the window does: ray, hit, hands, pose, deformation. Returns the frames in which the
 /// body was deformed anew.
 fn follow(tube: &mut Deformer, right: usize, stage: &Stage, script: &Script) -> usize {
     let (low, high) = in_body(tube)
@@ -145,7 +145,7 @@ fn follow(tube: &mut Deformer, right: usize, stage: &Stage, script: &Script) -> 
         Surface { triangles: tube.triangles().to_vec(), nodes: (0..tube.positions.len() as u32).collect() };
     let shape = PickShape::new(&surface, tube.control_nodes(right));
     let origin = Point3::from(tube.controls[right].origin);
-    let mut dragger = Dragger::default();
+    let mut hands = Hands::new(stage.workspace.radius_m);
     let mut frames = 0;
     for frame in 0..=240 {
         let stylus = script.sample(stage, f64::from(frame) / 60.0).styli[0];
@@ -161,13 +161,15 @@ fn follow(tube: &mut Deformer, right: usize, stage: &Stage, script: &Script) -> 
         let mut poses = tube.poses.clone();
         let now =
             room_from_element(&room_from_body, &origin, &poses[right].translation, &poses[right].matrix);
-        if let Some(drag) = dragger.update(&stylus, hit.as_ref(), |_| now) {
+        let element = |_| Some(Element { room_from_body, room_from_element: now });
+        let asked = hands.step(&[Some(stylus)], f64::from(frame) / 60.0, &[hit], element);
+        if let Some(drag) = asked.drags.first() {
             let (translation, matrix) =
                 control_pose_in_body(&drag.room_from_element, &room_from_body, &origin).unwrap();
             (poses[right].translation, poses[right].matrix) = (translation, matrix);
         }
         frames += usize::from(tube.evaluate(&poses).is_some());
     }
-    assert_eq!(dragger.held(), None, "the stylus lets go");
+    assert!(hands.held().is_empty(), "the stylus lets go");
     frames
 }

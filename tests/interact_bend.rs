@@ -1,8 +1,8 @@
-//! The scripted bend on every stage: stylus → ray → hit → dragger → pose of the control element, against the
+//! The scripted bend on every stage: stylus → ray → hit → hands → pose of the control element, against the
 //! analytic arc; and what becomes of damaged scripts.
 
 use greenstage::interact::{
-    Dragger, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
+    Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
 use greenstage::stage::{BUILT_IN, Screen, Stage};
 use greenstage::track::Script;
@@ -41,7 +41,8 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
         let body = (Point3::new(-0.95, -0.1, -0.1), Point3::new(0.95, 0.1, 0.1));
         let room_from_body = stage.workspace.room_from_body(body.0, body.1).unwrap();
         let rest = room_from_element(&room_from_body, &origin, &Vector3::zeros(), &Matrix3::identity());
-        let mut dragger = Dragger::default();
+        let mut hands = Hands::new(stage.workspace.radius_m);
+        let mut room_from_end = rest;
         let mut last = None;
         let mut largest_deviation: f64 = 0.0;
         let mut frames_held = 0;
@@ -51,9 +52,12 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
             let target =
                 PickTarget { shape: &shape, positions: &positions, ball_radius_m: 0.01, room_from_body };
             let hit = PickRay::from_stylus(stylus).and_then(|ray| pick(&ray, &[target]));
-            let Some(drag) = dragger.update(stylus, hit.as_ref(), |_| rest) else {
+            let element = |_| Some(Element { room_from_body, room_from_element: room_from_end });
+            let asked = hands.step(&[Some(*stylus)], state.time_s, &[hit], element);
+            let Some(drag) = asked.drags.first() else {
                 continue;
             };
+            room_from_end = drag.room_from_element;
             frames_held += 1;
             let (translation, matrix) =
                 control_pose_in_body(&drag.room_from_element, &room_from_body, &origin).unwrap();
@@ -72,7 +76,7 @@ fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
         let (angle, matrix) = last.unwrap();
         assert!((angle.to_degrees() - 60.0).abs() < 0.01, "{name}: {}", angle.to_degrees());
         assert!((matrix.transpose() * matrix - Matrix3::identity()).norm() < 1e-6, "{name}: {matrix}");
-        assert_eq!(dragger.held(), None, "{name}: the stylus lets go");
+        assert!(hands.held().is_empty(), "{name}: the stylus lets go");
     }
 }
 

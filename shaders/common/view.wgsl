@@ -6,7 +6,8 @@ struct View {
     // Direction in the room (not unit) of the sight line through (x, y, 1) in normalised device coordinates.
     direction_from_ndc: mat3x3<f32>,
     eye_in_room: vec3<f32>,
-    // +1 where an outward triangle is counter-clockwise on the screen, -1 for a mirrored picture.
+    // +1 where an outward triangle is counter-clockwise on the screen, -1 for a mirrored picture; 0 where the eye sees
+    // nothing and its picture stays black.
     front_sign: f32,
     // Width and height of the viewport in pixels.
     size_px: vec2<f32>,
@@ -29,8 +30,12 @@ struct Frame {
     grid_half_size: vec2<f32>,
 }
 
-@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(0) var<uniform> views: array<View, 2>;
 @group(0) @binding(1) var<uniform> frame: Frame;
+
+// Which view is drawn. Where both eyes are drawn in one pass, entry points take it from the device instead: the line
+// with view_index in their parameters is left out of the source for one eye (src/render/shader.rs).
+const eye = 0u;
 
 // sRGB to linear by a cubic, within 0.2 % of the standard's curve (Hable and others); per vertex, so cheap is enough.
 fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {

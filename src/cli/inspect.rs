@@ -268,7 +268,7 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
         return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
     }
     let scene = session::online_part(&plan::known(Scene::load(path)?)?)?;
-    let (graph, _) = flow::graph(&scene, Isometry3::identity()).map_err(Failure::request)?;
+    let (graph, _) = flow::graph(&scene, Isometry3::identity(), 1.0).map_err(Failure::request)?;
     super::print(&match format {
         GraphFormat::Text => graph.text(),
         GraphFormat::Dot => graph.dot(),

@@ -10,6 +10,7 @@ mod convert;
 mod deform;
 mod failure;
 mod inspect;
+mod keys;
 mod manual;
 mod pack;
 mod panes;

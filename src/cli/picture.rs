@@ -50,7 +50,13 @@ impl Bodies {
 
 /// What is drawn in this frame.
 pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> FrameContents<'a> {
-    FrameContents { bodies: instances, styli: &world.styli, grid: world.grid(), ..Default::default() }
+    FrameContents {
+        bodies: instances,
+        styli: &world.styli,
+        arrows: &world.arrows,
+        grid: world.grid(),
+        ..Default::default()
+    }
 }
 
 /// Offscreen targets for every picture of a stage.

@@ -1,11 +1,13 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
 use super::failure::Failure;
+use super::keys;
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::render;
 use super::session;
 use super::world::World;
+use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
@@ -154,7 +156,7 @@ impl WindowApp for Viewer {
         let takes_over =
             matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
         if takes_over && self.script.take().is_some() {
-            self.world.let_go();
+            self.world.act(Action::LetGo);
         }
         match input {
             Input::Cursor { window, position } => {
@@ -166,14 +168,24 @@ impl WindowApp for Viewer {
                 }
             }
             Input::Key { key: Key::Function(4), pressed: true, .. } => self.swapped = !self.swapped,
-            Input::Button { button: Button::Left, pressed, .. } => {
-                self.mouse.handle(MouseInput::Button { button: MouseButton::Left, pressed });
+            Input::Button { button, pressed, .. } => {
+                let button = match button {
+                    Button::Left => MouseButton::Left,
+                    Button::Middle => MouseButton::Middle,
+                    Button::Right => MouseButton::Right,
+                    Button::Other(_) => return,
+                };
+                self.mouse.handle(MouseInput::Button { button, pressed });
             }
-            Input::Button { button: Button::Right, pressed, .. } => {
-                self.mouse.handle(MouseInput::Button { button: MouseButton::Right, pressed });
+            Input::Wheel { lines, .. } if self.mouse.control && !self.mouse.is_grabbing() => {
+                self.world.act(keys::scale(lines));
             }
             Input::Wheel { lines, .. } => self.mouse.handle(MouseInput::Wheel { notches: lines.into() }),
             Input::Key { key, pressed, .. } => {
+                let command = keys::action(key, self.mouse.control, &self.world).filter(|_| pressed);
+                if let Some(action) = command {
+                    self.world.act(action);
+                }
                 let mut typed = [0; 4];
                 let name = match key {
                     Key::Char(c) => c.encode_utf8(&mut typed),
@@ -182,6 +194,7 @@ impl WindowApp for Viewer {
                     Key::Up => "ArrowUp",
                     Key::Down => "ArrowDown",
                     Key::Control => "Control",
+                    Key::Shift => "Shift",
                     _ => return,
                 };
                 self.mouse.handle(MouseInput::Key { name, pressed });
@@ -218,7 +231,7 @@ impl Viewer {
                 let round_s = script.duration_s + 1.0;
                 let round = (time_s / round_s) as u32;
                 if std::mem::replace(&mut self.round, round) != round {
-                    self.world.reset();
+                    self.world.act(Action::Reset);
                 }
                 script.sample(&self.world.stage, time_s % round_s)
             }

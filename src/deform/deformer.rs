@@ -2,10 +2,10 @@
 
 use super::{
     Coefficients, Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, SumStats,
-    Superposition, SurfaceDisplacements, Wrench, find_model, not_online, vertex_normals, wrenches,
+    Superposition, SurfaceDisplacements, Wrench, find_model, not_online, unwrapped, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -148,6 +148,16 @@ impl Deformer {
     pub fn forget(&mut self) {
         self.model.forget();
         self.evaluated = false;
+    }
+
+    /// The turn of control element `e`: its sign tells 200° from -160° where the model follows turns.
+    pub fn turn(&self, e: usize) -> UnitQuaternion<f64> {
+        self.model.turn(e).unwrap_or_else(|| unwrapped(None, &self.poses[e..=e])[0])
+    }
+
+    /// The next pose of control element `e` continues this turn, whatever came before.
+    pub fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        self.model.set_turn(e, turn);
     }
 
     /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.

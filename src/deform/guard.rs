@@ -1,6 +1,6 @@
 //! What a tracked hand may not do to a body: poses are admitted, clamped, slowed or held before anything is summed.
 //!
-//! In: control poses as draggers made them. Out: poses that are finite, proper and no wilder than the limits below,
+//! In: control poses as hands made them. Out: poses that are finite, proper and no wilder than the limits below,
 //! and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
 
 use super::ControlPose;

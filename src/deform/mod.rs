@@ -27,7 +27,7 @@ pub use superposition::{Columns, Superposition};
 
 use crate::fem::Law;
 use crate::green::{FIELDS, Needs};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 /// Displacements of the surface nodes: the point X of the body comes to
 /// x = body_from_surface · (X + u), both about the body's centre.
@@ -83,6 +83,14 @@ pub trait DeformationModel: Send {
 
     /// Forgets the poses seen so far: the next one stands alone, as in a batch.
     fn forget(&mut self) {}
+
+    /// The turn of control element `e` as a model that follows turns saw it last: the sign tells 200° from -160°.
+    fn turn(&self, _e: usize) -> Option<UnitQuaternion<f64>> {
+        None
+    }
+
+    /// The next pose of `e` continues this turn.
+    fn set_turn(&mut self, _e: usize, _turn: UnitQuaternion<f64>) {}
 }
 
 /// One entry of the list of models.

@@ -59,6 +59,16 @@ impl DeformationModel for Rotation {
     fn forget(&mut self) {
         (self.last, self.turns) = (Rotation3::identity(), None);
     }
+
+    fn turn(&self, e: usize) -> Option<UnitQuaternion<f64>> {
+        self.turns.as_ref()?.get(e).copied()
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        if let Some(place) = self.turns.as_mut().and_then(|turns| turns.get_mut(e)) {
+            *place = turn;
+        }
+    }
 }
 
 /// The rotation in each M, as the quaternion of the two that continues `last`; without a last one, the shorter turn.

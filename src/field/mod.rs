@@ -24,7 +24,7 @@
 //! | [`Graph::set`] | only where nothing is connected |
 //! | [`Graph::previous`] | a field of its own that holds what another was at the end of the last frame: the only way to feed back |
 //! | [`Graph::restore`] | a new start of any field, from outside a frame |
-//! | context `C` | what functions act on beside fields (draggers, deformers), handed to [`Graph::evaluate`] and named in its type |
+//! | context `C` | what functions act on beside fields (deformers), handed to [`Graph::evaluate`] and named in its type |
 
 mod error;
 mod graph;

@@ -3,7 +3,9 @@
 //! `#[serde(with = "crate::field::numbers")]` on a vector, point, matrix (row by row) or pose (place, then quaternion
 //! i, j, k, w); `numbers::option` where it may be absent.
 
-use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{
+    Isometry3, Matrix3, Matrix4, Point3, Quaternion, Similarity3, Translation3, UnitQuaternion, Vector3,
+};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -187,6 +189,23 @@ macro_rules! pose {
 }
 
 pose!(f32, f64);
+
+/// A pose, then its scale.
+impl Numbers for Similarity3<f64> {
+    const COUNT: usize = 8;
+
+    fn list(&self) -> Vec<f64> {
+        let mut list = self.isometry.list();
+        list.push(self.scaling());
+        list
+    }
+
+    fn made(numbers: &[f64]) -> Similarity3<f64> {
+        // A similarity's scale is never 0; one that is none cannot be made.
+        let scale = if numbers[7] == 0.0 { f64::MIN_POSITIVE } else { numbers[7] };
+        Similarity3::from_isometry(Isometry3::made(&numbers[..7]), scale)
+    }
+}
 
 #[cfg(test)]
 mod tests {

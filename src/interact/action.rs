@@ -7,6 +7,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Action {
+    /// Every hand lets go of what it holds; a button that is down grabs again.
+    LetGo,
+    /// All lets go and stands as at the start; nothing can be undone.
+    Reset,
     /// Takes back the last grab; what is held is let go first.
     Undo,
     Redo,

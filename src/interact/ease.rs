@@ -20,14 +20,10 @@ impl Ease {
     }
 
     /// The share of the way at `time_s`: s² (3 - 2 s) of the share s of [`EASE_S`], exactly 0 and 1 at its ends and
-    /// beyond. A time that is not a number counts as the end.
+    /// 1 beyond. A time before the start, as of a clock that was set back, or that is not a number counts as the end.
     pub fn share(&self, time_s: f64) -> f64 {
         let s = (time_s - self.start_s) / EASE_S;
-        if s.is_nan() {
-            return 1.0;
-        }
-        let s = s.clamp(0.0, 1.0);
-        s * s * (3.0 - 2.0 * s)
+        if (0.0..1.0).contains(&s) { s * s * (3.0 - 2.0 * s) } else { 1.0 }
     }
 }
 
@@ -80,7 +76,7 @@ mod tests {
     #[test]
     fn the_share_grows_from_nothing_to_all_in_the_set_time() {
         let ease = Ease::start(10.0);
-        assert_eq!([9.0, 10.0, 10.4, 99.0, f64::NAN].map(|t| ease.share(t)), [0.0, 0.0, 1.0, 1.0, 1.0]);
+        assert_eq!([9.0, 10.0, 10.4, 99.0, f64::NAN].map(|t| ease.share(t)), [1.0, 0.0, 1.0, 1.0, 1.0]);
         assert!((ease.share(10.2) - 0.5).abs() < 1e-12);
         let shares: Vec<f64> = (0..=40).map(|i| ease.share(10.0 + 0.01 * f64::from(i))).collect();
         assert!(shares.is_sorted());

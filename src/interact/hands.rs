@@ -9,6 +9,7 @@ use super::carry::{HandMotion, carry};
 use super::{Hit, Mode, MovingHand};
 use crate::track::{HeldPose, Signal, StylusState};
 use nalgebra::{Isometry3, Matrix4, Point3, Similarity3, Unit, Vector3};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The second button pressed and released within this time is a click; two presses within it are a double press, s.
@@ -19,7 +20,8 @@ const CLICK_PUSH: f64 = 0.05;
 const MOST_SCALE_LN: f64 = 6.0;
 
 /// All hands, and what they hold. At most two hold the same element; a third grabs nothing.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Hands {
     pub mode: Mode,
     /// A push of the hand along its ray by so much scales by e, m: the workspace's radius.
@@ -36,7 +38,7 @@ pub struct Element {
 }
 
 /// The element that is held, and its matrix now.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drag {
     pub target: usize,
@@ -45,19 +47,23 @@ pub struct Drag {
 }
 
 /// What one hand holds, and where.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Grip {
     pub target: usize,
     /// The place that was grabbed, as the hand carries it.
+    #[serde(with = "crate::field::numbers")]
     pub place_in_stylus: Point3<f64>,
     /// The same place of the element.
+    #[serde(with = "crate::field::numbers")]
     pub place_in_element: Point3<f64>,
     /// Taken by the tip, not by the ray.
     pub is_near: bool,
 }
 
 /// What the hands ask for in one frame.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Asked {
     /// In the order of the targets.
     pub drags: Vec<Drag>,
@@ -67,7 +73,8 @@ pub struct Asked {
     pub double_pressed: Vec<usize>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Hand {
     stylus: HeldPose,
     grip: Option<Grip>,
@@ -78,7 +85,8 @@ struct Hand {
 }
 
 /// What the second button does until it is released.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 enum Second {
     #[default]
     Up,
@@ -91,14 +99,28 @@ enum Second {
 }
 
 /// An element in one or two hands, as they were when this hold began.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Hold {
-    hands: Vec<usize>,
     mode: Mode,
     scaled_by: Option<usize>,
+    #[serde(with = "crate::field::numbers")]
     room_from_element: Matrix4<f64>,
-    axis: Option<Unit<Vector3<f64>>>,
-    then: Vec<(Isometry3<f64>, Point3<f64>)>,
+    /// Of length 1.
+    #[serde(with = "crate::field::numbers::option")]
+    axis: Option<Vector3<f64>>,
+    then: Vec<Then>,
+}
+
+/// A hand of a hold, and what it held, when the hold began.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Then {
+    hand: usize,
+    #[serde(with = "crate::field::numbers")]
+    room_from_hand: Isometry3<f64>,
+    #[serde(with = "crate::field::numbers")]
+    held: Point3<f64>,
 }
 
 impl Hands {
@@ -106,8 +128,8 @@ impl Hands {
         Self { mode: Mode::FREE, radius_m, hands: Vec::new(), holds: BTreeMap::new() }
     }
 
-    /// Takes the styli as they are at `time_s`; `hits` is what each of them points at, `element` the elements as they
-    /// are shown now.
+    /// Takes the styli as they are at `time_s`, those that there are; `hits` is what each of them points at, `element` the elements as they
+    /// are shown now, where they are known.
     ///
     /// At the press of the button the element of the hit is taken hold of; while the button is down it follows, see
     /// [`carry`] and [`Mode::take`]; on release it stays where it is: the last [`Drag`] stands. A press beside
@@ -119,14 +141,18 @@ impl Hands {
     /// its ray. With nothing in the hand it moves the scene.
     pub fn step(
         &mut self,
-        styli: &[StylusState],
+        styli: &[Option<StylusState>],
         time_s: f64,
         hits: &[Option<Hit>],
-        element: impl Fn(usize) -> Element,
+        element: impl Fn(usize) -> Option<Element>,
     ) -> Asked {
         self.hands.resize_with(styli.len(), Hand::default);
         let mut asked = Asked::default();
         for (i, stylus) in styli.iter().enumerate() {
+            let Some(stylus) = stylus else {
+                self.hands[i] = Hand::default();
+                continue;
+            };
             let is_usable = self.hands[i].stylus.update(&stylus.room_from_stylus);
             let can_act = is_usable && !is_lost(stylus);
             self.grab(i, stylus, can_act, hits.get(i).and_then(Option::as_ref), &element);
@@ -186,7 +212,7 @@ impl Hands {
         stylus: &StylusState,
         can_act: bool,
         hit: Option<&Hit>,
-        element: &impl Fn(usize) -> Element,
+        element: &impl Fn(usize) -> Option<Element>,
     ) {
         let holders =
             |target| self.hands.iter().filter(|h| h.grip.is_some_and(|g| g.target == target)).count();
@@ -196,18 +222,17 @@ impl Hands {
             (hand.grip, hand.was_pressed) = (None, stylus.pressed);
         } else if can_act && !hand.was_pressed {
             hand.was_pressed = true;
-            let grip = |hit: &Hit, room_from_stylus: Isometry3<f64>| {
+            let grip = |(hit, room_from_stylus): (&Hit, Isometry3<f64>)| {
                 let place = hit.point_in_room.cast::<f64>();
-                let element_from_room = element(hit.target).room_from_element.try_inverse();
-                Grip {
+                let element_from_room = element(hit.target)?.room_from_element.try_inverse()?;
+                Some(Grip {
                     target: hit.target,
                     place_in_stylus: room_from_stylus.inverse() * place,
-                    place_in_element: element_from_room
-                        .map_or_else(Point3::origin, |inverse| inverse.transform_point(&place)),
+                    place_in_element: element_from_room.transform_point(&place),
                     is_near: hit.is_near,
-                }
+                })
             };
-            hand.grip = free_hit.zip(hand.stylus.last).map(|(hit, pose)| grip(hit, pose));
+            hand.grip = free_hit.zip(hand.stylus.last).and_then(grip);
         }
     }
 
@@ -218,7 +243,7 @@ impl Hands {
         stylus: &StylusState,
         can_act: bool,
         time_s: f64,
-        element: &impl Fn(usize) -> Element,
+        element: &impl Fn(usize) -> Option<Element>,
     ) -> bool {
         let hand = self.hands[i];
         let next = match (hand.second, hand.grip) {
@@ -233,7 +258,7 @@ impl Hands {
         if let (Second::Scales { since_s }, Second::Up, Some(grip)) = (hand.second, next, hand.grip)
             && is_within_click(since_s, time_s)
         {
-            self.click(i, grip.target, &element(grip.target));
+            self.click(i, grip.target, element);
         }
         let begins = hand.second == Second::Up && next == Second::Navigates;
         self.hands[i].second = next;
@@ -246,70 +271,84 @@ impl Hands {
     }
 
     /// A click of the second button: the next mode, from where the element was before the little that was scaled.
-    fn click(&mut self, i: usize, target: usize, element: &Element) {
+    fn click(&mut self, i: usize, target: usize, element: &impl Fn(usize) -> Option<Element>) {
         let Some(hold) = self.holds.get(&target).filter(|hold| hold.scaled_by == Some(i)) else { return };
-        let then = hold.hands.iter().position(|&hand| hand == i).map(|k| hold.then[k].0);
-        let now = self.hands[i].stylus.last;
-        if then.zip(now).is_none_or(|(then, now)| push(&then, &now).abs() >= CLICK_PUSH * self.radius_m) {
-            return;
+        let pushed = hold.then.iter().find(|then| then.hand == i).and_then(|then| self.push(then));
+        let is_click = pushed.is_some_and(|pushed| pushed.abs() < CLICK_PUSH * self.radius_m);
+        if let Some(element) = element(target).filter(|_| is_click) {
+            let before = Element { room_from_element: hold.room_from_element, ..element };
+            let hands = hold.then.iter().map(|then| then.hand).collect();
+            self.mode = self.mode.next();
+            let hold = self.hold(hands, None, &before);
+            self.holds.extend(hold.map(|hold| (target, hold)));
         }
-        let before = Element { room_from_element: hold.room_from_element, ..*element };
-        let hands = hold.hands.clone();
-        self.mode = self.mode.next();
-        let hold = self.hold(hands, None, &before);
-        self.holds.extend(hold.map(|hold| (target, hold)));
     }
 
-    fn drag(&mut self, target: usize, element: &impl Fn(usize) -> Element) -> Option<Drag> {
+    fn drag(&mut self, target: usize, element: &impl Fn(usize) -> Option<Element>) -> Option<Drag> {
         let of_target = |hand: &Hand| hand.grip.is_some_and(|grip| grip.target == target);
         let hands: Vec<usize> = (0..self.hands.len()).filter(|&i| of_target(&self.hands[i])).collect();
         let scales = |&i: &usize| matches!(self.hands[i].second, Second::Scales { .. });
         let scaled_by = hands.iter().copied().find(scales);
-        let goes_on =
-            |hold: &&Hold| hold.hands == hands && hold.mode == self.mode && hold.scaled_by == scaled_by;
+        let goes_on = |hold: &&Hold| {
+            let same_hands = hold.then.iter().map(|then| then.hand).eq(hands.iter().copied());
+            same_hands && hold.mode == self.mode && hold.scaled_by == scaled_by
+        };
         if self.holds.get(&target).filter(goes_on).is_none() {
-            let hold = self.hold(hands, scaled_by, &element(target))?;
+            let hold = self.hold(hands, scaled_by, &element(target)?)?;
             self.holds.insert(target, hold);
         }
         let hold = self.holds.get(&target)?;
-        let now = |k: usize| self.hands[hold.hands[k]].stylus.last;
-        let room_from_element =
-            match hold.scaled_by.and_then(|i| hold.hands.iter().position(|&hand| hand == i)) {
-                Some(k) => {
-                    let push = push(&hold.then[k].0, &now(k)?) / self.radius_m;
-                    let scale = push.clamp(-MOST_SCALE_LN, MOST_SCALE_LN).exp();
-                    hold.room_from_element * Matrix4::new_scaling(scale)
-                }
-                None => {
-                    let motion = |(k, (then, held)): (usize, &(Isometry3<f64>, Point3<f64>))| {
-                        now(k).map(|now| HandMotion {
-                            room_from_hand_then: *then,
-                            room_from_hand_now: now,
-                            held_then: *held,
-                        })
-                    };
-                    let motions: Vec<HandMotion> = hold.then.iter().enumerate().filter_map(motion).collect();
-                    let held = hold.then.iter().map(|(_, held)| held.coords).sum::<Vector3<f64>>();
-                    let held = Point3::from(held / hold.then.len() as f64);
-                    hold.mode.take(&carry(&motions)?, &hold.room_from_element, &held, hold.axis)
-                }
-            };
+        let scaling = hold.then.iter().find(|then| Some(then.hand) == hold.scaled_by);
+        let room_from_element = match scaling {
+            Some(then) => {
+                let scale_ln = self.push(then)? / self.radius_m;
+                let scale = scale_ln.clamp(-MOST_SCALE_LN, MOST_SCALE_LN).exp();
+                hold.room_from_element * Matrix4::new_scaling(scale)
+            }
+            None => self.carried(hold)?,
+        };
         Some(Drag { target, room_from_element })
+    }
+
+    /// The element where the hands have carried it since the hold began.
+    fn carried(&self, hold: &Hold) -> Option<Matrix4<f64>> {
+        let motion = |then: &Then| {
+            Some(HandMotion {
+                room_from_hand_then: then.room_from_hand,
+                room_from_hand_now: self.room_from_stylus(then.hand)?,
+                held_then: then.held,
+            })
+        };
+        let motions: Vec<HandMotion> = hold.then.iter().map(motion).collect::<Option<_>>()?;
+        let held: Vector3<f64> = hold.then.iter().map(|then| then.held.coords).sum();
+        let held = Point3::from(held / hold.then.len() as f64);
+        let axis = hold.axis.map(Unit::new_unchecked);
+        Some(hold.mode.take(&carry(&motions)?, &hold.room_from_element, &held, axis))
+    }
+
+    /// How far a hand went along the ray that it had then, m.
+    fn push(&self, then: &Then) -> Option<f64> {
+        let way =
+            self.room_from_stylus(then.hand)?.translation.vector - then.room_from_hand.translation.vector;
+        Some(way.dot(&(then.room_from_hand.rotation * -Vector3::z())))
     }
 
     /// A hold that begins now.
     fn hold(&self, hands: Vec<usize>, scaled_by: Option<usize>, element: &Element) -> Option<Hold> {
-        let then = |&i: &usize| {
+        let then = |i: usize| {
             let (pose, grip) = (self.hands[i].stylus.last?, self.hands[i].grip?);
-            Some((pose, element.room_from_element.transform_point(&grip.place_in_element)))
+            let held = element.room_from_element.transform_point(&grip.place_in_element);
+            Some(Then { hand: i, room_from_hand: pose, held })
         };
         Some(Hold {
-            then: hands.iter().map(then).collect::<Option<_>>()?,
-            hands,
+            then: hands.into_iter().map(then).collect::<Option<_>>()?,
             mode: self.mode,
             scaled_by,
             room_from_element: element.room_from_element,
-            axis: self.mode.axis_in_room(&element.room_from_body, &element.room_from_element),
+            axis: self
+                .mode
+                .axis_in_room(&element.room_from_body, &element.room_from_element)
+                .map(Unit::into_inner),
         })
     }
 }
@@ -320,11 +359,6 @@ fn is_lost(stylus: &StylusState) -> bool {
 
 fn is_within_click(since_s: f64, now_s: f64) -> bool {
     (0.0..=CLICK_S).contains(&(now_s - since_s))
-}
-
-/// How far a hand went along the ray that it had, m.
-fn push(then: &Isometry3<f64>, now: &Isometry3<f64>) -> f64 {
-    (now.translation.vector - then.translation.vector).dot(&(then.rotation * -Vector3::z()))
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@
 mod action;
 mod carry;
 mod curve;
-mod dragger;
 mod ease;
 mod hands;
 mod history;
@@ -21,7 +20,6 @@ mod reach;
 pub use action::Action;
 pub use carry::{HandMotion, carry};
 pub use curve::{ForceArrow, bend, force_arrow};
-pub use dragger::Dragger;
 pub use ease::{EASE_S, Ease, between, towards_rest};
 pub use hands::{Asked, CLICK_S, Drag, Element, Grip, Hands};
 pub use history::{History, KEPT};

@@ -7,6 +7,7 @@
 use super::carry::{HandMotion, carry};
 use super::ease::{Ease, between};
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Least and greatest scale of the scene.
 pub const SCENE_SCALE: [f64; 2] = [0.01, 100.0];
@@ -18,9 +19,11 @@ pub const ASIDE_SIZE: f64 = 0.2;
 const ASIDE_STEP: f64 = std::f64::consts::PI / 6.0;
 
 /// A hand that moves the scene, and where it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct MovingHand {
     pub number: usize,
+    #[serde(with = "crate::field::numbers")]
     pub room_from_hand: Isometry3<f64>,
 }
 

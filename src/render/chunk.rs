@@ -102,8 +102,7 @@ impl ComputePass {
 
     /// All chunks, one after another.
     pub(super) fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) {
-        let clock = gpu.clock();
-        let span = clock.as_ref().and_then(|clock| clock.span(self.label));
+        let span = gpu.clock().and_then(|clock| clock.span(self.label));
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some(self.label),
             timestamp_writes: span.map(|(query_set, begin, end)| wgpu::ComputePassTimestampWrites {

@@ -29,6 +29,12 @@ pub enum RenderError {
     #[error("a target with {found} samples a pixel was handed to a renderer made for {expected}")]
     SamplesDiffer { found: u32, expected: u32 },
     #[error(
+        "{adapter} cannot draw both eyes in one pass with {samples} samples a pixel: use --multiview auto or off"
+    )]
+    NoMultiview { adapter: String, samples: u32 },
+    #[error("a pass for both eyes needs two viewports of one rectangle; {found} were handed over")]
+    NotAPair { found: usize },
+    #[error(
         "a body needs at least one triangle and one vertex; this has {vertices} vertices, {triangles} triangles"
     )]
     EmptyBody { vertices: usize, triangles: usize },

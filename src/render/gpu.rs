@@ -127,6 +127,13 @@ impl Gpu {
         format!("{} by {:?}{fallback}{software} ({})", self.adapter_name, self.backend, self.driver)
     }
 
+    /// Whether both eyes can be drawn in one pass with so many samples a pixel.
+    pub fn can_multiview(&self, samples: u32) -> bool {
+        let features = self.device.features();
+        features.contains(wgpu::Features::MULTIVIEW)
+            && (samples == 1 || features.contains(wgpu::Features::MULTISAMPLE_ARRAY))
+    }
+
     /// Waits until everything submitted is drawn; returns how long that took.
     ///
     /// # Errors

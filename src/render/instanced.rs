@@ -3,8 +3,9 @@
 //! In comes a list of instances per frame; out goes one draw per view. The pipeline and the buffer are made with the
 //! first instance that is ever drawn, and grow with the longest list.
 
-use super::renderer::{Pass, Surface, pipeline};
-use super::{Gpu, RenderError, shader};
+pub(super) use super::pipelines::MadeFor;
+use super::pipelines::{Pass, Surface, pipeline};
+use super::{Gpu, RenderError};
 use wgpu::BufferUsages;
 
 /// An instance as it lies in its buffer.
@@ -17,43 +18,40 @@ pub(super) trait Strip: bytemuck::Pod {
 /// The pass of one kind of strip; nothing on the device until it is used.
 #[derive(Default)]
 pub(super) struct InstancedPass {
-    made: Option<(wgpu::RenderPipeline, wgpu::Buffer)>,
+    /// For pictures of one eye, and for those of both.
+    pipelines: [Option<wgpu::RenderPipeline>; 2],
+    buffer: Option<wgpu::Buffer>,
     count: u32,
 }
 
-/// For what pictures a pipeline is made.
-pub(super) struct MadeFor<'a> {
-    pub(super) layout: &'a wgpu::PipelineLayout,
-    pub(super) format: wgpu::TextureFormat,
-    pub(super) samples: u32,
-}
-
 impl InstancedPass {
-    /// Takes this frame's instances.
+    /// Takes this frame's instances, to be drawn in pictures of these kinds.
     pub(super) fn upload<S: Strip>(
         &mut self,
         gpu: &Gpu,
-        made_for: &MadeFor<'_>,
+        kinds: &[MadeFor<'_>],
         strips: &[S],
     ) -> Result<(), RenderError> {
         self.count = strips.len() as u32;
         if strips.is_empty() {
             return Ok(());
         }
+        for kind in kinds {
+            self.pipelines[usize::from(kind.both_eyes)].get_or_insert_with(|| make_pipeline::<S>(gpu, kind));
+        }
         let bytes: &[u8] = bytemuck::cast_slice(strips);
-        let fits = |buffer: &wgpu::Buffer| buffer.size() >= bytes.len() as u64;
-        let (pipeline, buffer) = match self.made.take() {
-            Some((pipeline, buffer)) if fits(&buffer) => (pipeline, buffer),
-            Some((pipeline, _)) => (pipeline, make_buffer::<S>(gpu, strips.len())?),
-            None => (make_pipeline::<S>(gpu, made_for), make_buffer::<S>(gpu, strips.len())?),
+        let buffer = match self.buffer.take() {
+            Some(buffer) if buffer.size() >= bytes.len() as u64 => buffer,
+            _ => make_buffer::<S>(gpu, strips.len())?,
         };
         gpu.queue.write_buffer(&buffer, 0, bytes);
-        self.made = Some((pipeline, buffer));
+        self.buffer = Some(buffer);
         Ok(())
     }
 
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
-        if let Some((pipeline, buffer)) = self.made.as_ref().filter(|_| self.count > 0) {
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, both_eyes: bool) {
+        let pipeline = self.pipelines[usize::from(both_eyes)].as_ref();
+        if let Some((pipeline, buffer)) = pipeline.zip(self.buffer.as_ref()).filter(|_| self.count > 0) {
             pass.set_pipeline(pipeline);
             pass.set_vertex_buffer(0, buffer.slice(..));
             pass.draw(0..4, 0..self.count);
@@ -61,7 +59,7 @@ impl InstancedPass {
     }
 
     pub(super) fn is_made(&self) -> bool {
-        self.made.is_some()
+        self.buffer.is_some()
     }
 }
 
@@ -76,13 +74,6 @@ fn make_pipeline<S: Strip>(gpu: &Gpu, made_for: &MadeFor<'_>) -> wgpu::RenderPip
         step_mode: wgpu::VertexStepMode::Instance,
         attributes: S::ATTRIBUTES,
     })];
-    let module = shader::module(&gpu.device, S::LABEL, &S::SHADER.concat());
-    let pass = Pass {
-        label: S::LABEL,
-        layout: made_for.layout,
-        module,
-        buffers: &buffers,
-        surface: Surface::Translucent,
-    };
-    pipeline(&gpu.device, &pass, made_for.format, made_for.samples)
+    let pass = Pass { label: S::LABEL, parts: S::SHADER, buffers: &buffers, surface: Surface::Translucent };
+    pipeline(gpu, made_for, &pass)
 }

@@ -3,6 +3,7 @@
 use super::target::{check_size, texture};
 use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
 use image::RgbaImage;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The format of offscreen pictures: sRGB-encoded by the device, as PNG files hold them.
@@ -13,14 +14,12 @@ pub struct Readable {
     pub size: [u32; 2],
     pub view: wgpu::TextureView,
     texture: wgpu::Texture,
-    /// Rows padded to wgpu's 256 bytes.
-    readback: wgpu::Buffer,
-    bytes_per_row: u32,
+    readback: Readback,
 }
 
 /// A readable target that is drawn in one pass.
 pub struct Offscreen {
-    pub attachments: Attachments,
+    pub attachments: Arc<Attachments>,
     pub image: Readable,
 }
 
@@ -30,7 +29,7 @@ impl Offscreen {
     /// # Errors
     /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
     pub fn new(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
-        let attachments = Attachments::new(gpu, COLOR_FORMAT, renderer.samples, size)?;
+        let attachments = renderer.attachments(gpu, size, 1)?;
         Ok(Self { attachments, image: Readable::new(gpu, size)? })
     }
 
@@ -55,15 +54,8 @@ impl Readable {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
         let texture = gpu.device.create_texture(&texture(size, COLOR_FORMAT, 1, usage));
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let bytes_per_row = (size[0] * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let bytes = u64::from(bytes_per_row) * u64::from(size[1]);
-        let readback = gpu.buffer(
-            "picture to read back",
-            bytes,
-            wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        )?;
         gpu.check()?;
-        Ok(Self { size, view, texture, readback, bytes_per_row })
+        Ok(Self { size, view, texture, readback: Readback::new(gpu, size)? })
     }
 
     /// The picture as drawn by everything submitted so far, and the time to fetch it. [`Gpu::wait`] first tells the
@@ -73,6 +65,33 @@ impl Readable {
     /// [`RenderError::Device`] when the device failed or was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         let start = Instant::now();
+        Ok((self.readback.read(gpu, &self.texture, 0)?, start.elapsed()))
+    }
+}
+
+/// The way of a picture from the device to memory.
+pub(super) struct Readback {
+    size: [u32; 2],
+    /// Rows padded to wgpu's 256 bytes.
+    bytes_per_row: u32,
+    buffer: wgpu::Buffer,
+}
+
+impl Readback {
+    pub(super) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
+        let bytes_per_row = (size[0] * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let bytes = u64::from(bytes_per_row) * u64::from(size[1]);
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        Ok(Self { size, bytes_per_row, buffer: gpu.buffer("picture to read back", bytes, usage)? })
+    }
+
+    /// One layer of a texture of this size, as drawn by everything submitted so far.
+    pub(super) fn read(
+        &self,
+        gpu: &Gpu,
+        texture: &wgpu::Texture,
+        layer: u32,
+    ) -> Result<RgbaImage, RenderError> {
         let [width, height] = self.size;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let rows = wgpu::TexelCopyBufferLayout {
@@ -80,22 +99,22 @@ impl Readable {
             bytes_per_row: Some(self.bytes_per_row),
             rows_per_image: None,
         };
+        let mut from = texture.as_image_copy();
+        from.origin.z = layer;
         encoder.copy_texture_to_buffer(
-            self.texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &self.readback, layout: rows },
+            from,
+            wgpu::TexelCopyBufferInfo { buffer: &self.buffer, layout: rows },
             wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         );
         gpu.queue.submit([encoder.finish()]);
-
-        let pixels = gpu.mapped(&self.readback, |mapped| {
+        let pixels = gpu.mapped(&self.buffer, |mapped| {
             let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
             for row in mapped.chunks_exact(self.bytes_per_row as usize) {
                 pixels.extend_from_slice(&row[..width as usize * 4]);
             }
             pixels
         })?;
-        let image = RgbaImage::from_raw(width, height, pixels)
-            .ok_or_else(|| RenderError::Device("the picture came back incomplete".to_owned()))?;
-        Ok((image, start.elapsed()))
+        RgbaImage::from_raw(width, height, pixels)
+            .ok_or_else(|| RenderError::Device("the picture came back incomplete".to_owned()))
     }
 }

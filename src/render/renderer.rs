@@ -1,16 +1,19 @@
 //! The renderer: four pipelines made once, two more for lines and quads on their first use, and one render pass per
-//! target and frame.
+//! target and frame, or per pair of eyes.
 //!
 //! In come [`Picture`]s (targets with their views) and [`FrameContents`]; out go their pixels. Opaque bodies and solids
-//! are drawn first, so that the background only costs where it shows, and the floor's lines last, blended. Nothing is
-//! created in a frame but the command buffer; the small buffers grow when a frame holds more than any before it.
+//! are drawn first, so that the background only costs where it shows, and the floor's lines last, blended. What lies
+//! outside of a view is not drawn in it. Nothing is created in a frame but the command buffer; the small buffers grow
+//! when a frame holds more than any before it, and the pipelines for both eyes are made with the first such picture.
 
-use super::body::{self, BodyBuffers};
+use super::body::BodyBuffers;
 use super::instanced::{InstancedPass, MadeFor};
+use super::pipelines::{BOTH_EYES, Pipelines, group_layout};
 use super::solid::{self, SolidMeshes};
-use super::target::DEPTH_FORMAT;
 use super::uniforms::{FrameUniform, Instance, ViewUniform};
-use super::{FrameContents, Gpu, Picture, RenderError, shader};
+use super::{Attachments, Bounds, FrameContents, Gpu, Picture, RenderError, View};
+use nalgebra::Matrix4;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
 
@@ -19,10 +22,15 @@ pub struct Renderer {
     pub format: wgpu::TextureFormat,
     /// 1 or 4 samples a pixel.
     pub samples: u32,
-    body: wgpu::RenderPipeline,
-    solid: wgpu::RenderPipeline,
-    background: wgpu::RenderPipeline,
-    grid: wgpu::RenderPipeline,
+    /// Draw both eyes of a screen in one pass, where the caller has two pictures of one size. From the start, whether
+    /// a hardware device can: lavapipe 22.3 draws parts of the second eye's picture into the first eye's layer.
+    pub multiview: bool,
+    /// Leave out what no eye of a pass can see; from the start, true.
+    pub culling: bool,
+    /// What the last frame drew.
+    pub counts: DrawCounts,
+    one_eye: Pipelines,
+    both_eyes: Option<Pipelines>,
     quads: InstancedPass,
     lines: InstancedPass,
     solids: SolidMeshes,
@@ -33,6 +41,17 @@ pub struct Renderer {
     /// Contents of `uniforms.views` and of `instances`, kept to spare their allocation.
     view_bytes: Vec<u8>,
     instance_list: Vec<Instance>,
+    /// What is in use of the targets of each size.
+    attachments: Mutex<Vec<Weak<Attachments>>>,
+}
+
+/// Bodies and solids over all passes of a frame; both eyes in one pass count once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DrawCounts {
+    pub passes: usize,
+    pub drawn: usize,
+    /// Left out, because no eye of the pass can see them.
+    pub culled: usize,
 }
 
 /// Bind group 0: the views at dynamic offsets, and the frame.
@@ -44,12 +63,26 @@ struct Uniforms {
     stride: u32,
 }
 
+/// A viewport that shows something: to one eye, or to one or both of a pair.
+struct Shot {
+    rect: [u32; 4],
+    /// Where its views lie in the uniform buffer.
+    offset: u32,
+    clip_from_room: [Option<Matrix4<f32>>; 2],
+}
+
+impl Shot {
+    fn can_see(&self, room_from_shape: &Matrix4<f32>, bounds: &Bounds) -> bool {
+        self.clip_from_room.iter().flatten().any(|clip| bounds.is_visible(&(clip * room_from_shape)))
+    }
+}
+
 impl Renderer {
     /// # Errors
     /// [`RenderError::Samples`] for a sample count the device cannot draw, [`RenderError::Device`] when it fails.
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat, samples: u32) -> Result<Self, RenderError> {
         let flags = gpu.adapter.get_texture_format_features(format).flags;
-        let depth_flags = gpu.adapter.get_texture_format_features(DEPTH_FORMAT).flags;
+        let depth_flags = gpu.adapter.get_texture_format_features(super::target::DEPTH_FORMAT).flags;
         if !(flags.sample_count_supported(samples) && depth_flags.sample_count_supported(samples)) {
             let offered = (flags & depth_flags).supported_sample_counts();
             return Err(RenderError::Samples { adapter: gpu.adapter_name.clone(), format, samples, offered });
@@ -60,17 +93,15 @@ impl Renderer {
             bind_group_layouts: &[Some(&group_layout)],
             immediate_size: 0,
         });
-        let pipeline = |label, parts: &[&str], buffers: &[Option<wgpu::VertexBufferLayout<'_>>], surface| {
-            let module = shader::module(&gpu.device, label, &parts.concat());
-            pipeline(&gpu.device, &Pass { label, layout: &layout, module, buffers, surface }, format, samples)
-        };
+        let made_for = MadeFor { layout: &layout, format, samples, both_eyes: false };
         let renderer = Self {
             format,
             samples,
-            body: pipeline("body", &shader::BODY, &body::vertex_layout(), Surface::Opaque),
-            solid: pipeline("solid", &shader::SOLID, &solid::vertex_layout(), Surface::Opaque),
-            background: pipeline("background", &shader::BACKGROUND, &[], Surface::Background),
-            grid: pipeline("grid", &shader::GRID, &[], Surface::Translucent),
+            multiview: gpu.can_multiview(samples) && !gpu.is_software,
+            culling: true,
+            counts: DrawCounts::default(),
+            one_eye: Pipelines::new(gpu, &made_for),
+            both_eyes: None,
             quads: InstancedPass::default(),
             lines: InstancedPass::default(),
             solids: SolidMeshes::new(gpu)?,
@@ -80,9 +111,39 @@ impl Renderer {
             instances: instance_buffer(gpu, 16)?,
             view_bytes: Vec::new(),
             instance_list: Vec::new(),
+            attachments: Mutex::default(),
         };
         gpu.check()?;
         Ok(renderer)
+    }
+
+    /// The attachments for targets of one size and number of layers; all that are in use at the same time are the same.
+    ///
+    /// # Errors
+    /// As [`Attachments::new`].
+    pub fn attachments(
+        &self,
+        gpu: &Gpu,
+        size: [u32; 2],
+        layers: u32,
+    ) -> Result<Arc<Attachments>, RenderError> {
+        let mut all = self.attachments.lock().unwrap_or_else(PoisonError::into_inner);
+        all.retain(|known| known.strong_count() > 0);
+        let fits = |known: &Arc<Attachments>| ([known.width, known.height], known.layers) == (size, layers);
+        if let Some(known) = all.iter().filter_map(Weak::upgrade).find(fits) {
+            return Ok(known);
+        }
+        let new = Arc::new(Attachments::new(gpu, self.format, self.samples, size, layers)?);
+        all.push(Arc::downgrade(&new));
+        Ok(new)
+    }
+
+    /// Bytes of the attachments in use, and what they would be if every target had its own.
+    pub fn attachment_bytes(&self) -> [u64; 2] {
+        let all = self.attachments.lock().unwrap_or_else(PoisonError::into_inner);
+        let of = |known: &Weak<Attachments>| known.upgrade().map_or(0, |known| known.bytes());
+        let alone = |known: &Weak<Attachments>| of(known) * known.strong_count() as u64;
+        [all.iter().map(of).sum(), all.iter().map(alone).sum()]
     }
 
     /// Draws `contents` into all `pictures` with one submission; returns the time to encode and submit it. The device
@@ -100,69 +161,62 @@ impl Renderer {
         for picture in pictures {
             picture.check(self.samples)?;
         }
-        let offsets = self.write_views(gpu, pictures)?;
+        let is_pair = |picture: &Picture<'_>| picture.attachments.layers > 1;
+        let (format, samples) = (self.format, self.samples);
+        let made_for = |both_eyes| MadeFor { layout: &self.layout, format, samples, both_eyes };
+        let kinds: Vec<MadeFor<'_>> = [false, true]
+            .into_iter()
+            .filter(|both_eyes| pictures.iter().any(|picture| is_pair(picture) == *both_eyes))
+            .map(made_for)
+            .collect();
+        if let (None, Some(both)) = (&self.both_eyes, kinds.iter().find(|kind| kind.both_eyes)) {
+            self.both_eyes = Some(Pipelines::new(gpu, both));
+        }
+        self.quads.upload(gpu, &kinds, contents.quads)?;
+        self.lines.upload(gpu, &kinds, contents.lines)?;
+        let shots = self.write_views(gpu, pictures)?;
         let solid_counts = self.write_instances(gpu, contents)?;
-        let made_for = MadeFor { layout: &self.layout, format: self.format, samples: self.samples };
-        self.quads.upload(gpu, &made_for, contents.quads)?;
-        self.lines.upload(gpu, &made_for, contents.lines)?;
         gpu.queue.write_buffer(&self.uniforms.frame, 0, bytemuck::bytes_of(&FrameUniform::new(contents)));
 
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let mut offsets = offsets.into_iter();
-        for picture in pictures {
-            let mut pass = begin_pass(&mut encoder, picture);
-            for (viewport, offset) in picture.viewports.iter().zip(&mut offsets) {
-                let Some(offset) = offset else { continue };
-                let [x, y, width, height] = viewport.rect;
+        let mut counts = DrawCounts::default();
+        for (picture, shots) in pictures.iter().zip(shots) {
+            let pipelines = match &self.both_eyes {
+                Some(both) if is_pair(picture) => both,
+                _ => &self.one_eye,
+            };
+            let mut pass = begin_pass(gpu, &mut encoder, picture);
+            counts.passes += 1;
+            for shot in shots {
+                let [x, y, width, height] = shot.rect;
                 pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
                 pass.set_scissor_rect(x, y, width, height);
-                pass.set_bind_group(0, &self.uniforms.group, &[offset]);
-                self.draw_view(&mut pass, contents, solid_counts);
+                pass.set_bind_group(0, &self.uniforms.group, &[shot.offset]);
+                self.draw_bodies(&mut pass, pipelines, &shot, contents, &mut counts);
+                self.draw_solids(
+                    &mut pass,
+                    pipelines,
+                    &shot,
+                    contents.bodies.len(),
+                    solid_counts,
+                    &mut counts,
+                );
+                pass.set_pipeline(&pipelines.background);
+                pass.draw(0..3, 0..1);
+                if contents.grid.is_some() {
+                    pass.set_pipeline(&pipelines.grid);
+                    pass.draw(0..4, 0..1);
+                }
+                self.quads.draw(&mut pass, is_pair(picture));
+                self.lines.draw(&mut pass, is_pair(picture));
             }
             // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
             pass.set_scissor_rect(0, 0, picture.attachments.width, picture.attachments.height);
         }
         gpu.queue.submit([encoder.finish()]);
         gpu.check()?;
+        self.counts = counts;
         Ok(start.elapsed())
-    }
-
-    fn draw_view(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        contents: &FrameContents<'_>,
-        solid_counts: [u32; 4],
-    ) {
-        let instances = |first: usize| self.instances.slice((first * size_of::<Instance>()) as u64..);
-        pass.set_pipeline(&self.body);
-        for (k, body) in contents.bodies.iter().enumerate() {
-            let BodyBuffers { indices, positions, normals, colors, triangle_count, .. } = body.buffers;
-            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.set_vertex_buffer(0, positions.slice(..));
-            pass.set_vertex_buffer(1, normals.slice(..));
-            pass.set_vertex_buffer(2, colors.slice(..));
-            pass.set_vertex_buffer(3, instances(k));
-            pass.draw_indexed(0..*triangle_count as u32 * 3, 0, 0..1);
-        }
-        pass.set_pipeline(&self.solid);
-        pass.set_index_buffer(self.solids.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.set_vertex_buffer(0, self.solids.vertices.slice(..));
-        let mut first = contents.bodies.len();
-        for (range, count) in self.solids.ranges.iter().zip(solid_counts) {
-            if count > 0 {
-                pass.set_vertex_buffer(1, instances(first));
-                pass.draw_indexed(range.clone(), 0, 0..count);
-            }
-            first += count as usize;
-        }
-        pass.set_pipeline(&self.background);
-        pass.draw(0..3, 0..1);
-        if contents.grid.is_some() {
-            pass.set_pipeline(&self.grid);
-            pass.draw(0..4, 0..1);
-        }
-        self.quads.draw(pass);
-        self.lines.draw(pass);
     }
 
     /// Whether the pipelines of (quads, lines) are there: only once some were drawn.
@@ -170,26 +224,102 @@ impl Renderer {
         (self.quads.is_made(), self.lines.is_made())
     }
 
-    /// Uploads the views of all pictures; returns each viewport's offset, None where there is nothing to draw.
-    fn write_views(&mut self, gpu: &Gpu, pictures: &[Picture<'_>]) -> Result<Vec<Option<u32>>, RenderError> {
-        self.view_bytes.clear();
-        let mut offsets = Vec::new();
-        for viewport in pictures.iter().flat_map(|picture| picture.viewports) {
-            let [_, _, width, height] = viewport.rect;
-            let uniform = viewport.view.as_ref().and_then(|view| ViewUniform::new(view, [width, height]));
-            offsets.push(uniform.map(|uniform| {
-                let offset = self.view_bytes.len();
-                self.view_bytes.extend_from_slice(bytemuck::bytes_of(&uniform));
-                self.view_bytes.resize(offset + self.uniforms.stride as usize, 0);
-                offset as u32
-            }));
+    fn instances_from(&self, first: usize) -> wgpu::BufferSlice<'_> {
+        self.instances.slice((first * size_of::<Instance>()) as u64..)
+    }
+
+    fn draw_bodies(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipelines: &Pipelines,
+        shot: &Shot,
+        contents: &FrameContents<'_>,
+        counts: &mut DrawCounts,
+    ) {
+        pass.set_pipeline(&pipelines.body);
+        for (k, body) in contents.bodies.iter().enumerate() {
+            let BodyBuffers { indices, positions, normals, colors, triangle_count, bounds, .. } =
+                body.buffers;
+            if self.culling && !shot.can_see(&body.room_from_body, bounds) {
+                counts.culled += 1;
+                continue;
+            }
+            counts.drawn += 1;
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.set_vertex_buffer(0, positions.slice(..));
+            pass.set_vertex_buffer(1, normals.slice(..));
+            pass.set_vertex_buffer(2, colors.slice(..));
+            pass.set_vertex_buffer(3, self.instances_from(k));
+            pass.draw_indexed(0..*triangle_count as u32 * 3, 0, 0..1);
         }
-        if self.view_bytes.len() as u64 > self.uniforms.views.size() {
-            let count = (self.view_bytes.len() / self.uniforms.stride as usize).next_power_of_two();
+    }
+
+    /// The instances from `first` on: so many of each solid.
+    fn draw_solids(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipelines: &Pipelines,
+        shot: &Shot,
+        mut first: usize,
+        solid_counts: [u32; 4],
+        counts: &mut DrawCounts,
+    ) {
+        pass.set_pipeline(&pipelines.solid);
+        pass.set_index_buffer(self.solids.indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.set_vertex_buffer(0, self.solids.vertices.slice(..));
+        let meshes = self.solids.ranges.iter().zip(&self.solids.bounds);
+        for ((range, bounds), count) in meshes.zip(solid_counts) {
+            for instance in first..first + count as usize {
+                let room_from_shape = Matrix4::from(self.instance_list[instance].room_from_shape);
+                if self.culling && !shot.can_see(&room_from_shape, bounds) {
+                    counts.culled += 1;
+                    continue;
+                }
+                counts.drawn += 1;
+                pass.set_vertex_buffer(1, self.instances_from(instance));
+                pass.draw_indexed(range.clone(), 0, 0..1);
+            }
+            first += count as usize;
+        }
+    }
+
+    /// Uploads the views of all pictures; returns what there is to draw in each.
+    fn write_views(&mut self, gpu: &Gpu, pictures: &[Picture<'_>]) -> Result<Vec<Vec<Shot>>, RenderError> {
+        self.view_bytes.clear();
+        let (bytes, stride) = (&mut self.view_bytes, self.uniforms.stride as usize);
+        let mut shot = |rect: [u32; 4], views: &[Option<View>]| {
+            let size = [rect[2], rect[3]];
+            let uniforms: Vec<Option<ViewUniform>> = views
+                .iter()
+                .map(|view| view.as_ref().and_then(|view| ViewUniform::new(view, size)))
+                .collect();
+            if uniforms.iter().all(Option::is_none) {
+                return None;
+            }
+            let offset = bytes.len();
+            let mut clip_from_room = [None; 2];
+            for (k, uniform) in uniforms.into_iter().enumerate() {
+                clip_from_room[k] = uniform.and(views[k]).map(|view| view.clip_from_room);
+                bytes.extend_from_slice(bytemuck::bytes_of(&uniform.unwrap_or(ViewUniform::HIDDEN)));
+            }
+            bytes.resize(bytes.len().next_multiple_of(stride), 0);
+            Some(Shot { rect, offset: offset as u32, clip_from_room })
+        };
+        let shots = pictures
+            .iter()
+            .map(|picture| match picture.viewports {
+                [left, right] if picture.attachments.layers > 1 => {
+                    shot(left.rect, &[left.view, right.view]).into_iter().collect()
+                }
+                viewports => viewports.iter().filter_map(|one| shot(one.rect, &[one.view])).collect(),
+            })
+            .collect();
+        if self.view_bytes.len() + size_of::<ViewUniform>() > self.uniforms.views.size() as usize {
+            let count = (self.view_bytes.len() / stride + 1).next_power_of_two();
             self.uniforms = Uniforms::new(gpu, &self.group_layout, count)?;
         }
         gpu.queue.write_buffer(&self.uniforms.views, 0, &self.view_bytes);
-        Ok(offsets)
+        Ok(shots)
     }
 
     /// Uploads the instances: bodies in their order, then the solids; returns how many solids of each shape.
@@ -217,18 +347,19 @@ impl Uniforms {
         let view_size = size_of::<ViewUniform>() as u32;
         let stride = view_size.next_multiple_of(gpu.device.limits().min_uniform_buffer_offset_alignment);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let views = gpu.buffer("views", u64::from(stride) * views as u64, usage)?;
+        // A pass for one eye binds two views as well, and reads the first.
+        let views = gpu.buffer("views", u64::from(stride) * views as u64 + u64::from(view_size), usage)?;
         let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, usage)?;
-        let one_view = wgpu::BufferBinding {
+        let two_views = wgpu::BufferBinding {
             buffer: &views,
             offset: 0,
-            size: wgpu::BufferSize::new(u64::from(view_size)),
+            size: wgpu::BufferSize::new(2 * u64::from(view_size)),
         };
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(one_view) },
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(two_views) },
                 wgpu::BindGroupEntry { binding: 1, resource: frame.as_entire_binding() },
             ],
         });
@@ -241,88 +372,14 @@ fn instance_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, RenderError>
     gpu.buffer("instances", bytes, BufferUsages::VERTEX | BufferUsages::COPY_DST)
 }
 
-fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let uniform = |binding, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &[uniform(0, true), uniform(1, false)],
-    })
-}
-
-/// How a pass meets the pixels that are there: nearer wins, only where nothing is, or blended over what is farther.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Surface {
-    Opaque,
-    Background,
-    Translucent,
-}
-
-pub(super) struct Pass<'a> {
-    pub(super) label: &'a str,
-    pub(super) layout: &'a wgpu::PipelineLayout,
-    pub(super) module: wgpu::ShaderModule,
-    pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
-    pub(super) surface: Surface,
-}
-
-pub(super) fn pipeline(
-    device: &wgpu::Device,
-    pass: &Pass<'_>,
-    format: wgpu::TextureFormat,
-    samples: u32,
-) -> wgpu::RenderPipeline {
-    let topology = match pass.surface {
-        Surface::Translucent => wgpu::PrimitiveTopology::TriangleStrip,
-        Surface::Opaque | Surface::Background => wgpu::PrimitiveTopology::TriangleList,
-    };
-    // Depth is reversed: nearer is greater, and infinity, where the background lies, is the cleared 0.
-    let depth_compare = match pass.surface {
-        Surface::Background => wgpu::CompareFunction::Equal,
-        Surface::Opaque | Surface::Translucent => wgpu::CompareFunction::Greater,
-    };
-    let blend =
-        (pass.surface == Surface::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(pass.label),
-        layout: Some(pass.layout),
-        vertex: wgpu::VertexState {
-            module: &pass.module,
-            entry_point: Some("vertex"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: pass.buffers,
-        },
-        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH_FORMAT,
-            depth_write_enabled: Some(pass.surface == Surface::Opaque),
-            depth_compare: Some(depth_compare),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-        fragment: Some(wgpu::FragmentState {
-            module: &pass.module,
-            entry_point: Some("fragment"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
-}
-
 /// Everything black and infinitely far.
-fn begin_pass<'a>(encoder: &'a mut wgpu::CommandEncoder, picture: &Picture<'_>) -> wgpu::RenderPass<'a> {
+fn begin_pass<'a>(
+    gpu: &Gpu,
+    encoder: &'a mut wgpu::CommandEncoder,
+    picture: &Picture<'_>,
+) -> wgpu::RenderPass<'a> {
     let attachments = picture.attachments;
+    let span = gpu.clock().and_then(|clock| clock.span("draw"));
     let (view, resolve_target, store) = match &attachments.multisampled {
         Some(multisampled) => (multisampled, Some(picture.texture), wgpu::StoreOp::Discard),
         None => (picture.texture, None, wgpu::StoreOp::Store),
@@ -343,8 +400,12 @@ fn begin_pass<'a>(encoder: &'a mut wgpu::CommandEncoder, picture: &Picture<'_>) 
             }),
             stencil_ops: None,
         }),
-        timestamp_writes: None,
+        timestamp_writes: span.map(|(query_set, begin, end)| wgpu::RenderPassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(begin),
+            end_of_pass_write_index: Some(end),
+        }),
         occlusion_query_set: None,
-        multiview_mask: None,
+        multiview_mask: if attachments.layers > 1 { BOTH_EYES } else { None },
     })
 }

@@ -1,5 +1,14 @@
 //! WGSL sources: each pass is an ordered list of shared parts and its own file, joined as text.
 
+/// How the entry points of a drawing pass learn which eye they draw.
+const EYE: &str = "    @builtin(view_index) eye: u32,\n";
+
+/// The source of a drawing pass: for both eyes at once, or for one, which needs no feature of the device.
+pub(super) fn drawing(parts: &[&str], both_eyes: bool) -> String {
+    let source = parts.concat();
+    if both_eyes { source } else { source.replace(EYE, "") }
+}
+
 const VIEW: &str = include_str!("../../shaders/common/view.wgsl");
 const LIGHT: &str = include_str!("../../shaders/common/light.wgsl");
 
@@ -29,13 +38,16 @@ mod tests {
     use super::*;
     use wgpu::naga;
 
-    fn stages(name: &str, parts: &[&str]) -> Vec<(naga::ShaderStage, String)> {
-        let source = parts.concat();
-        let module = naga::front::wgsl::parse_str(&source)
-            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
-        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
+    fn stages(
+        name: &str,
+        source: &str,
+        needed: naga::valid::Capabilities,
+    ) -> Vec<(naga::ShaderStage, String)> {
+        let module = naga::front::wgsl::parse_str(source)
+            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(source)));
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), needed)
             .validate(&module)
-            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(&source)));
+            .unwrap_or_else(|error| panic!("{name}.wgsl:\n{}", error.emit_to_string(source)));
         let mut stages: Vec<_> = module.entry_points.iter().map(|e| (e.stage, e.name.clone())).collect();
         stages.sort_by(|a, b| a.1.cmp(&b.1));
         stages
@@ -45,25 +57,32 @@ mod tests {
     #[test]
     fn every_shader_is_valid() {
         use naga::ShaderStage::{Compute, Fragment, Vertex};
+        use naga::valid::Capabilities;
         for (name, parts) in [
             ("body", &BODY[..]),
             ("solid", &SOLID),
             ("background", &BACKGROUND),
             ("grid", &GRID),
-            ("composite", &COMPOSITE),
             ("quads", &QUADS),
             ("lines", &LINES),
         ] {
             let expected = [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())];
-            assert_eq!(stages(name, parts), expected, "{name}.wgsl");
+            let one = drawing(parts, false);
+            assert_eq!(stages(name, &one, Capabilities::empty()), expected, "{name}.wgsl");
+            let both = drawing(parts, true);
+            assert_eq!(stages(name, &both, Capabilities::MULTIVIEW), expected, "{name}.wgsl");
+            assert!(both != one, "{name}.wgsl has no line{EYE}");
         }
+        let composite = stages("composite", &COMPOSITE.concat(), Capabilities::empty());
+        assert_eq!(composite, [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())]);
         for (name, parts) in [
             ("deform of f32", &DEFORM_F32[..]),
             ("deform of f16", &DEFORM_F16),
             ("deform of int16", &DEFORM_INT16),
             ("normals", &NORMALS),
         ] {
-            assert_eq!(stages(name, parts), [(Compute, "compute".to_owned())], "{name}");
+            let found = stages(name, &parts.concat(), Capabilities::empty());
+            assert_eq!(found, [(Compute, "compute".to_owned())], "{name}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The rigid solids of a frame: pen, ray and hit point of each stylus, arrows. In come [`StylusShape`]s and [`Arrow`]s,
 //! out go instances of four procedural surfaces of revolution that are made and uploaded once.
 
+use super::bounds::Bounds;
 use super::uniforms::Instance;
 use super::{Arrow, FrameContents, Gpu, RenderError, StylusShape};
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
@@ -47,6 +48,7 @@ pub(super) struct SolidMeshes {
     pub(super) indices: wgpu::Buffer,
     /// In the order of [`instances`].
     pub(super) ranges: [Range<u32>; 4],
+    pub(super) bounds: [Bounds; 4],
 }
 
 impl SolidMeshes {
@@ -54,7 +56,13 @@ impl SolidMeshes {
         let mut mesh = Revolved::default();
         let ranges = [mesh.pen(), mesh.cylinder(), mesh.sphere(), mesh.cone()];
         let (vertices, indices) = (bytemuck::cast_slice(&mesh.vertices), bytemuck::cast_slice(&mesh.indices));
+        let bounds = ranges.clone().map(|range| {
+            let used = &mesh.indices[range.start as usize..range.end as usize];
+            let points: Vec<_> = used.iter().map(|&index| mesh.vertices[index as usize].position).collect();
+            Bounds::of(&points)
+        });
         let solids = Self {
+            bounds,
             vertices: gpu.buffer(
                 "solids",
                 vertices.len() as u64,

@@ -4,44 +4,54 @@ use super::{Gpu, RenderError, Viewport};
 
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// Depth, and multisampled colour where there is more than one sample, for targets of one size.
+/// Depth, and multisampled colour where there is more than one sample, for targets of one size. Nothing of it lasts
+/// beyond a pass, so targets that are drawn one after another share it ([`super::Renderer::attachments`]).
 pub struct Attachments {
     pub width: u32,
     pub height: u32,
     pub samples: u32,
+    /// 2 where both eyes are drawn in one pass, each into its layer.
+    pub layers: u32,
     pub(super) multisampled: Option<wgpu::TextureView>,
     pub(super) depth: wgpu::TextureView,
 }
 
 impl Attachments {
     /// # Errors
-    /// [`RenderError::PictureSize`] outside 1 to the device's texture limit.
+    /// [`RenderError::PictureSize`] outside 1 to the device's texture limit, [`RenderError::NoMultiview`] for two layers
+    /// where the device cannot draw both in one pass.
     pub fn new(
         gpu: &Gpu,
         format: wgpu::TextureFormat,
         samples: u32,
         [width, height]: [u32; 2],
+        layers: u32,
     ) -> Result<Self, RenderError> {
         check_size(gpu, [width, height])?;
+        if layers > 1 && !gpu.can_multiview(samples) {
+            return Err(RenderError::NoMultiview { adapter: gpu.adapter_name.clone(), samples });
+        }
         let attachment = |format| {
-            gpu.device
-                .create_texture(&texture(
-                    [width, height],
-                    format,
-                    samples,
-                    wgpu::TextureUsages::RENDER_ATTACHMENT,
-                ))
+            let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+            layered(gpu, [width, height], layers, format, samples, usage)
                 .create_view(&wgpu::TextureViewDescriptor::default())
         };
         let attachments = Self {
             width,
             height,
             samples,
+            layers,
             multisampled: (samples > 1).then(|| attachment(format)),
             depth: attachment(DEPTH_FORMAT),
         };
         gpu.check()?;
         Ok(attachments)
+    }
+
+    /// Memory on the device: four bytes of depth a sample, and four of colour where there is more than one.
+    pub fn bytes(&self) -> u64 {
+        let a_sample = if self.samples > 1 { 8 } else { 4 };
+        u64::from(self.width) * u64::from(self.height) * u64::from(self.samples * self.layers * a_sample)
     }
 }
 
@@ -49,16 +59,22 @@ impl Attachments {
 #[derive(Clone, Copy)]
 pub struct Picture<'a> {
     pub attachments: &'a Attachments,
-    /// A plain two-dimensional texture: some software drivers resolve layers of an array into the wrong one.
+    /// A plain two-dimensional texture: some software drivers resolve layers of an array into the wrong one. Of
+    /// attachments with two layers, an array of two, which one pass resolves right.
     pub texture: &'a wgpu::TextureView,
+    /// Of attachments with two layers, the view of each and the same rectangle for both.
     pub viewports: &'a [Viewport],
 }
 
 impl Picture<'_> {
     pub(super) fn check(&self, samples: u32) -> Result<(), RenderError> {
-        let &Attachments { width, height, samples: found, .. } = self.attachments;
+        let &Attachments { width, height, samples: found, layers, .. } = self.attachments;
         if found != samples {
             return Err(RenderError::SamplesDiffer { found, expected: samples });
+        }
+        let is_pair = matches!(self.viewports, [left, right] if left.rect == right.rect);
+        if layers > 1 && !is_pair {
+            return Err(RenderError::NotAPair { found: self.viewports.len() });
         }
         for viewport in self.viewports {
             let rect @ [x, y, w, h] = viewport.rect.map(u64::from);
@@ -96,4 +112,18 @@ pub(super) fn texture(
         usage,
         view_formats: &[],
     }
+}
+
+/// A texture of so many layers.
+pub(super) fn layered(
+    gpu: &Gpu,
+    size: [u32; 2],
+    layers: u32,
+    format: wgpu::TextureFormat,
+    samples: u32,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    let mut descriptor = texture(size, format, samples, usage);
+    descriptor.size.depth_or_array_layers = layers;
+    gpu.device.create_texture(&descriptor)
 }

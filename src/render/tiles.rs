@@ -5,8 +5,8 @@
 //! may draw over each eye's picture: what it writes is then readable in every kind of stereo.
 
 use super::composite::{CompositePass, Inputs};
-use super::target::texture;
-use super::{Attachments, Composite, FrameContents, Gpu, Picture, RenderError, Renderer, Viewport};
+use super::{Attachments, Composite, EyePair, FrameContents, Gpu, Picture, RenderError, Renderer, Viewport};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use wgpu::TextureUsages;
 
@@ -61,21 +61,16 @@ pub struct Target<'a> {
 #[derive(Default)]
 pub struct Canvas {
     /// Of one-eye tiles; None as long as there are none.
-    attachments: Option<Attachments>,
+    attachments: Option<Arc<Attachments>>,
     one_eye: Vec<Viewport>,
     /// Per tile; None for a one-eye tile.
-    pairs: Vec<Option<EyePair>>,
+    pairs: Vec<Option<JoinedPair>>,
 }
 
-/// The two eyes' pictures of a tile. They are drawn one after the other, so they share depth and samples.
-///
-/// Each is a texture of its own: some software drivers resolve samples into the wrong layer of an array. A renderer
-/// that draws both in one multiview pass may make `views` from the layers of one array texture; nothing else changes.
-struct EyePair {
-    size: [u32; 2],
-    attachments: Attachments,
-    views: [wgpu::TextureView; 2],
-    viewports: [[Viewport; 1]; 2],
+/// The two eyes' pictures of a tile and how they are joined.
+struct JoinedPair {
+    pictures: EyePair,
+    viewports: [Viewport; 2],
     inputs: Inputs,
 }
 
@@ -135,39 +130,33 @@ impl TilePainter {
                     canvas.one_eye.push(Viewport { rect: within(tile.rect, viewport.rect), ..*viewport });
                 }
                 Show::Two(composite, viewports) => {
-                    if slot.as_ref().is_none_or(|pair| pair.size != composite.eye_size) {
+                    if slot.as_ref().is_none_or(|pair| !pair.pictures.fits(renderer, composite.eye_size)) {
                         *slot = Some(self.pair(gpu, renderer, composite.eye_size)?);
                     }
                     if let Some(pair) = slot {
-                        pair.viewports = viewports.map(|viewport| [viewport]);
+                        pair.viewports = *viewports;
                     }
                 }
             }
         }
-        let fits = |old: &Attachments| [old.width, old.height] == *size;
+        let fits = |old: &Arc<Attachments>| [old.width, old.height] == *size;
         if canvas.one_eye.is_empty() {
             canvas.attachments = None;
         } else if !canvas.attachments.as_ref().is_some_and(fits) {
-            canvas.attachments = Some(Attachments::new(gpu, self.format, renderer.samples, *size)?);
+            canvas.attachments = Some(renderer.attachments(gpu, *size, 1)?);
         }
         Ok(())
     }
 
-    fn pair(&mut self, gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<EyePair, RenderError> {
-        let attachments = Attachments::new(gpu, self.format, renderer.samples, size)?;
-        let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
-        let views = [0, 1].map(|_| {
-            let texture = gpu.device.create_texture(&texture(size, self.format, 1, usage));
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        });
+    fn pair(&mut self, gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<JoinedPair, RenderError> {
+        let pictures = EyePair::new(gpu, renderer, size, TextureUsages::TEXTURE_BINDING)?;
         let pass = match self.pass.take() {
             Some(pass) => self.pass.insert(pass),
             None => self.pass.insert(CompositePass::new(gpu, self.format)?),
         };
-        let inputs = pass.inputs(gpu, [&views[0], &views[1]])?;
+        let inputs = pass.inputs(gpu, [&pictures.eyes[0], &pictures.eyes[1]])?;
         gpu.check()?;
-        let viewports = [Viewport::full(size, None); 2];
-        Ok(EyePair { size, attachments, views, viewports, inputs })
+        Ok(JoinedPair { pictures, viewports: [Viewport::full(size, None)[0]; 2], inputs })
     }
 
     fn eye_pictures<'a>(&self, target: &'a Target<'_>) -> impl Iterator<Item = EyePicture<'a>> + use<'a> {
@@ -185,15 +174,15 @@ impl TilePainter {
             match &target.canvas.pairs[tile] {
                 None => vec![whole],
                 Some(pair) => {
-                    let [width, height] = pair.size;
+                    let [width, height] = pair.pictures.size;
                     let of = |(slot, texture)| EyePicture {
                         slot,
                         texture,
-                        texture_size: pair.size,
+                        texture_size: pair.pictures.size,
                         rect: [0, 0, width, height],
                         ..whole
                     };
-                    pair.views.iter().enumerate().map(of).collect()
+                    pair.pictures.eyes.iter().enumerate().map(of).collect()
                 }
             }
         };
@@ -257,9 +246,6 @@ fn pictures<'a>(target: &'a Target<'_>) -> Vec<Picture<'a>> {
         texture: target.texture,
         viewports: one_eye,
     });
-    let eyes = pairs.iter().flatten().flat_map(|pair| {
-        let views = pair.views.iter().zip(&pair.viewports);
-        views.map(|(texture, viewports)| Picture { attachments: &pair.attachments, texture, viewports })
-    });
+    let eyes = pairs.iter().flatten().flat_map(|pair| pair.pictures.pictures(&pair.viewports));
     whole.chain(eyes).collect()
 }

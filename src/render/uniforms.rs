@@ -16,6 +16,17 @@ pub(super) struct ViewUniform {
 }
 
 impl ViewUniform {
+    /// An eye that sees nothing beside one that does: every vertex falls outside of the picture.
+    pub(super) const HIDDEN: Self = Self {
+        clip_from_room: [[0.0; 4], [0.0; 4], [0.0; 4], [2.0, 2.0, 0.0, 1.0]],
+        direction_from_ndc: [[0.0; 4]; 3],
+        eye_in_room: [0.0; 3],
+        front_sign: 0.0,
+        // So large that the width of a line does not bring it back.
+        size_px: [1e6; 2],
+        end: [0.0; 2],
+    };
+
     /// None when the view shows nothing: a singular or not finite matrix, as of an eye in the plane of its screen.
     pub(super) fn new(view: &View, size_px: [u32; 2]) -> Option<Self> {
         let m = &view.clip_from_room;

@@ -81,6 +81,8 @@ pub enum Fault {
     EdgeOn { screen: String, distance_m: f64 },
     #[error(transparent)]
     Tracking(#[from] TrackingFault),
+    #[error("haptic `{name}`: {message}")]
+    Haptic { name: String, message: String },
 }
 
 /// wgpu's textures go no further on common devices.

@@ -3,6 +3,7 @@
 //! skewed corners, other units, swapped eyes.
 
 use super::fault::{Fault, IPD_M, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
+use super::haptic::{self, HapticFile};
 use super::tracking::{self, SensorFile, StylusFile, TrackerFile};
 use super::{Grid, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Stage, Stereo, Viewer, Workspace};
 use crate::config;
@@ -30,6 +31,8 @@ struct StageFile {
     sensor: IndexMap<String, Spanned<SensorFile>>,
     #[serde(default)]
     stylus: IndexMap<String, Spanned<StylusFile>>,
+    #[serde(default)]
+    haptic: IndexMap<String, Spanned<HapticFile>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -110,8 +113,13 @@ pub fn parse(text: &str, path: &Path) -> Result<Stage, StageError> {
     let head = file.viewer.get_ref().head.as_ref();
     let tracking = tracking::check(file.tracker, file.sensor, file.stylus, head)
         .map_err(|(offset, fault)| invalid(offset, fault.into()))?;
+    let haptics = file.haptic.iter().map(|(name, found)| {
+        let checked = check_name("haptic device", name).and_then(|()| haptic::check(name, found.get_ref()));
+        checked.map_err(|fault| invalid(found.span().start, fault))
+    });
+    let haptics = haptics.collect::<Result<_, _>>()?;
     let StageFile { name, description, stereo, .. } = file;
-    Ok(Stage { name, description, stereo, viewer, workspace, grid, screens, tracking })
+    Ok(Stage { name, description, stereo, viewer, workspace, grid, screens, tracking, haptics })
 }
 
 fn check_name(what: &'static str, name: &str) -> Result<(), Fault> {

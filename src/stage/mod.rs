@@ -6,6 +6,7 @@
 
 mod fault;
 mod file;
+mod haptic;
 mod screen;
 mod stereo;
 mod summary;
@@ -13,6 +14,7 @@ pub mod tracking;
 mod window;
 
 pub use fault::{Fault, StageError};
+pub use haptic::{Haptic, HapticDevice};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use stereo::Stereo;
 pub use summary::Seam;
@@ -35,6 +37,8 @@ pub struct Stage {
     pub screens: Vec<Screen>,
     /// What follows head and hands; empty where nothing does.
     pub tracking: Tracking,
+    /// Force-feedback devices; mostly none.
+    pub haptics: Vec<Haptic>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

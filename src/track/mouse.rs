@@ -11,6 +11,10 @@
 //! | … and wheel | carries it away from the eye or towards it |
 //! | … with right button or Ctrl, and moved | turns it about the grab point, across the screen and up |
 //! | … with right button or Ctrl, and wheel | turns it about the screen's normal |
+//! | … with Shift | the stylus' second button: the wheel scales it |
+//! | middle button, and moved | the second button with nothing in the hand: turns the scene about the workspace's centre |
+//! | … with Shift | carries the scene parallel to the screen |
+//! | … and wheel | carries the scene away from the eye or towards it |
 //! | W A S D, arrow keys | move the head forward, left, back, right |
 //! | Q, E | move the head down, up |
 //! | R | puts the head back where the stage has it |
@@ -24,6 +28,15 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("left button", "grab what the cursor points at; moving carries it parallel to the screen"),
     ("wheel while grabbing", "carry it away from the eye or towards it"),
     ("right button or Ctrl while grabbing", "moving turns it, the wheel twists it about the line of sight"),
+    ("Shift and wheel while grabbing", "scale it"),
+    ("F, T, G", "what is held moves freely, is moved only, is turned only"),
+    ("X, Y, Z", "along and about that axis of the body; again: of the element; again: any"),
+    ("Ctrl+Z, Ctrl+Y", "undo, redo"),
+    ("Backspace", "everything goes back to rest"),
+    ("middle button", "turn the scene; with Shift move it"),
+    ("Ctrl and wheel", "scale the scene"),
+    ("P", "put the body under the cursor aside, or back"),
+    ("Home", "the scene and all bodies back to their places"),
     ("W A S D, arrow keys", "move the head forward, left, back, right"),
     ("Q, E", "move the head down, up"),
     ("R", "put the head back"),
@@ -57,6 +70,7 @@ pub enum MouseInput<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Button {
     Left,
+    Middle,
     Right,
 }
 
@@ -72,7 +86,9 @@ pub struct Mouse {
     ndc: [f64; 2],
     grab: Option<Grab>,
     right_button: bool,
-    control: bool,
+    /// Ctrl and Shift are down.
+    pub control: bool,
+    shift: bool,
     /// Head movement asked for by the keys held: right, up, back; and the opposite ones.
     forward_keys: [bool; 3],
     backward_keys: [bool; 3],
@@ -80,6 +96,8 @@ pub struct Mouse {
 
 #[derive(Clone, Copy, Debug)]
 struct Grab {
+    /// What is held: the scene, or what the cursor points at.
+    is_scene: bool,
     point: Point3<f64>,
     room_from_stylus: Isometry3<f64>,
 }
@@ -108,6 +126,7 @@ impl Mouse {
             grab: None,
             right_button: false,
             control: false,
+            shift: false,
             forward_keys: [false; 3],
             backward_keys: [false; 3],
         }
@@ -118,10 +137,13 @@ impl Mouse {
         match input {
             MouseInput::Cursor { screen, ndc } => self.move_cursor(screen, ndc),
             MouseInput::Button { button: Button::Right, pressed } => self.right_button = pressed,
-            MouseInput::Button { button: Button::Left, pressed: false } => self.grab = None,
-            MouseInput::Button { button: Button::Left, pressed: true } => {
+            MouseInput::Button { button, pressed: false } => {
+                let is_scene = button == Button::Middle;
+                self.grab = self.grab.filter(|grab| grab.is_scene != is_scene);
+            }
+            MouseInput::Button { button, pressed: true } => {
                 if self.grab.is_none() {
-                    self.grab = Some(self.grab_at_cursor());
+                    self.grab = Some(self.grab_at_cursor(button == Button::Middle));
                 }
             }
             MouseInput::Wheel { notches } if notches.is_finite() => {
@@ -131,7 +153,7 @@ impl Mouse {
             MouseInput::Key { name, pressed } => self.press_key(name, pressed),
             MouseInput::FocusLost => {
                 self.grab = None;
-                (self.right_button, self.control) = (false, false);
+                (self.right_button, self.control, self.shift) = (false, false, false);
                 (self.forward_keys, self.backward_keys) = ([false; 3], [false; 3]);
             }
         }
@@ -158,7 +180,8 @@ impl Mouse {
         let room_from_stylus = self.grab.map_or_else(|| self.aim(), |grab| grab.room_from_stylus);
         let stylus = StylusState {
             room_from_stylus: room_from_stylus.cast(),
-            pressed: self.grab.is_some(),
+            pressed: self.grab.is_some_and(|grab| !grab.is_scene),
+            second: self.grab.is_some_and(|grab| grab.is_scene || self.shift),
             from_eye: true,
             ..Default::default()
         };
@@ -177,12 +200,21 @@ impl Mouse {
         Isometry3::from_parts(Translation3::from(eye.coords), rotation)
     }
 
-    fn grab_at_cursor(&self) -> Grab {
+    /// True while a wheel turns or carries what is held.
+    pub fn is_grabbing(&self) -> bool {
+        self.grab.is_some()
+    }
+
+    /// The scene is held by the middle of the workspace.
+    fn grab_at_cursor(&self, is_scene: bool) -> Grab {
         let room_from_stylus = self.aim();
+        if is_scene {
+            return Grab { is_scene, point: self.stage.workspace.centre, room_from_stylus };
+        }
         let to_workspace_m = (self.stage.workspace.centre - self.eye()).norm();
         let usable = |distance_m: &f64| distance_m.is_finite() && *distance_m > 0.0;
         let reach_m = self.hit_distance_m.filter(usable).unwrap_or(to_workspace_m);
-        Grab { point: room_from_stylus * Point3::new(0.0, 0.0, -reach_m), room_from_stylus }
+        Grab { is_scene, point: room_from_stylus * Point3::new(0.0, 0.0, -reach_m), room_from_stylus }
     }
 
     fn move_cursor(&mut self, screen: usize, ndc: [f64; 2]) {
@@ -198,12 +230,13 @@ impl Mouse {
         }
         let shown_on = &self.stage.screens[screen];
         let [right, up, normal] = shown_on.axes();
-        let is_turning = self.right_button || self.control;
-        let Some(grab) = &mut self.grab else { return };
+        let Some(mut grab) = self.grab else { return };
+        let is_turning = if grab.is_scene { !self.shift } else { self.right_button || self.control };
         if is_turning {
             let across = (ndc[0] - before.1[0]) / 2.0 * TURN_PER_SCREEN;
             let upward = (ndc[1] - before.1[1]) / 2.0 * TURN_PER_SCREEN;
             grab.turn(&UnitQuaternion::from_scaled_axis(up * across - right * upward));
+            self.grab = Some(grab);
             return;
         }
         let eye_distance_m = shown_on.distance_m(&eye);
@@ -211,6 +244,7 @@ impl Mouse {
             // Similar triangles: what lies twice as far as the glass moves twice as far as the cursor.
             let depth = (eye - grab.point).dot(&normal).max(0.0) / eye_distance_m;
             grab.shift((shown_on.point(ndc) - shown_on.point(before.1)) * depth);
+            self.grab = Some(grab);
         }
     }
 
@@ -235,6 +269,7 @@ impl Mouse {
     fn press_key(&mut self, name: &str, pressed: bool) {
         match name.to_ascii_lowercase().as_str() {
             "control" => self.control = pressed,
+            "shift" => self.shift = pressed,
             "d" | "arrowright" => self.forward_keys[0] = pressed,
             "a" | "arrowleft" => self.backward_keys[0] = pressed,
             "e" => self.forward_keys[1] = pressed,
@@ -263,158 +298,4 @@ impl Grab {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn mouse() -> Mouse {
-        Mouse::new(Stage::find("desktop").unwrap())
-    }
-
-    fn stylus(mouse: &Mouse) -> Isometry3<f64> {
-        mouse.state(0.0).styli[0].room_from_stylus.cast()
-    }
-
-    fn cursor(x: f64, y: f64) -> MouseInput<'static> {
-        MouseInput::Cursor { screen: 0, ndc: [x, y] }
-    }
-
-    const PRESS: MouseInput = MouseInput::Button { button: Button::Left, pressed: true };
-    const RELEASE: MouseInput = MouseInput::Button { button: Button::Left, pressed: false };
-    const PRESS_RIGHT: MouseInput = MouseInput::Button { button: Button::Right, pressed: true };
-
-    /// Where the thing that was grabbed at `point` is carried by a stylus that moved from `before` to now.
-    fn carried(mouse: &Mouse, before: &Isometry3<f64>, point: &Point3<f64>) -> Point3<f64> {
-        stylus(mouse) * (before.inverse() * point)
-    }
-
-    #[test]
-    fn the_ray_runs_from_between_the_eyes_through_the_cursor() {
-        let mut mouse = mouse();
-        mouse.handle(cursor(0.5, -0.5));
-        let pose = stylus(&mouse);
-        let through = Point3::new(0.0864, -0.054, 0.0);
-        let eye = Point3::new(0.0, 0.06, 0.60);
-        assert!((pose * Point3::origin() - eye).norm() < 1e-6);
-        assert!((pose * -Vector3::z() - (through - eye).normalize()).norm() < 1e-6);
-        assert!(!mouse.state(0.0).styli[0].pressed);
-    }
-
-    #[test]
-    fn what_is_grabbed_stays_under_the_cursor_and_parallel_to_the_screen() {
-        let mut mouse = mouse();
-        mouse.hit_distance_m = Some(0.7);
-        mouse.handle(PRESS);
-        let before = stylus(&mouse);
-        let point = before * Point3::new(0.0, 0.0, -0.7);
-        for x in 0..=10 {
-            mouse.handle(cursor(0.06 * f64::from(x), 0.02 * f64::from(x)));
-        }
-        let now = carried(&mouse, &before, &point);
-        assert!((now.z - point.z).abs() < 1e-6, "{now}");
-        let stage = Stage::find("desktop").unwrap();
-        let view = stage.screens[0].view(&Point3::new(0.0, 0.06, 0.60), 0.05).unwrap();
-        let clip = view.clip_from_room * now.cast::<f32>().to_homogeneous();
-        assert!((clip.x / clip.w - 0.6).abs() < 1e-5 && (clip.y / clip.w - 0.2).abs() < 1e-5);
-        assert!(mouse.state(0.0).styli[0].pressed);
-        mouse.handle(RELEASE);
-        assert!(!mouse.state(0.0).styli[0].pressed);
-    }
-
-    #[test]
-    fn the_wheel_carries_along_the_line_of_sight() {
-        let mut mouse = mouse();
-        mouse.hit_distance_m = Some(0.5);
-        mouse.handle(PRESS);
-        let before = stylus(&mouse);
-        let point = before * Point3::new(0.0, 0.0, -0.5);
-        mouse.handle(MouseInput::Wheel { notches: 2.0 });
-        let now = carried(&mouse, &before, &point);
-        let eye = Point3::new(0.0, 0.06, 0.60);
-        assert!(((now - eye).norm() - 0.5 * 1.05 * 1.05).abs() < 1e-6);
-        assert!((now - eye).angle(&(point - eye)) < 1e-4);
-    }
-
-    #[test]
-    fn turning_leaves_the_grab_point_where_it_is() {
-        for hold in [PRESS_RIGHT, MouseInput::Key { name: "Control", pressed: true }] {
-            let mut mouse = mouse();
-            mouse.hit_distance_m = Some(0.5);
-            mouse.handle(PRESS);
-            let before = stylus(&mouse);
-            let point = before * Point3::new(0.0, 0.0, -0.5);
-            mouse.handle(hold);
-            mouse.handle(cursor(0.5, 0.0));
-            assert!((carried(&mouse, &before, &point) - point).norm() < 1e-6);
-            let turn = stylus(&mouse).rotation * before.rotation.inverse();
-            assert!((turn.scaled_axis() - Vector3::new(0.0, TURN_PER_SCREEN / 4.0, 0.0)).norm() < 1e-5);
-            mouse.handle(cursor(0.0, 0.0));
-            mouse.handle(MouseInput::Wheel { notches: 3.0 });
-            let turn = stylus(&mouse).rotation * before.rotation.inverse();
-            assert!((turn.scaled_axis() - Vector3::new(0.0, 0.0, 3.0 * TWIST_PER_NOTCH)).norm() < 1e-5);
-            assert!((carried(&mouse, &before, &point) - point).norm() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn keys_move_the_head_and_r_puts_it_back() {
-        let place = |mouse: &Mouse| mouse.state(0.0).head.unwrap().translation.vector.cast::<f64>();
-        for (name, direction) in [
-            ("w", -Vector3::z()),
-            ("S", Vector3::z()),
-            ("ArrowLeft", -Vector3::x()),
-            ("d", Vector3::x()),
-            ("q", -Vector3::y()),
-            ("E", Vector3::y()),
-        ] {
-            let mut mouse = mouse();
-            let start = place(&mouse);
-            mouse.handle(MouseInput::Key { name, pressed: true });
-            mouse.advance(0.1);
-            let moved = place(&mouse) - start;
-            assert!((moved - direction * (HEAD_SPEED * 0.10 * 0.1)).norm() < 1e-6, "{name}: {moved}");
-            mouse.handle(MouseInput::Key { name, pressed: false });
-            mouse.advance(0.1);
-            assert!((place(&mouse) - start - moved).norm() < 1e-6);
-            mouse.handle(MouseInput::Key { name: "r", pressed: true });
-            assert!((place(&mouse) - start).norm() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn losing_the_focus_lets_everything_go() {
-        let mut mouse = mouse();
-        for input in [PRESS, PRESS_RIGHT, MouseInput::Key { name: "w", pressed: true }, MouseInput::FocusLost]
-        {
-            mouse.handle(input);
-        }
-        let before = mouse.state(0.0);
-        mouse.advance(0.1);
-        assert_eq!(mouse.state(0.0), before);
-        assert!(!before.styli[0].pressed);
-    }
-
-    #[test]
-    fn no_event_makes_a_pose_unusable() {
-        let values = [f64::NAN, f64::INFINITY, -1e300, 1e300, 3.0, -0.5];
-        let mut mouse = Mouse::new(Stage::find("cyberstage").unwrap());
-        for round in 0..200 {
-            let value = values[round % values.len()];
-            mouse.hit_distance_m = Some(values[(round / 3) % values.len()].min(1e3));
-            mouse.handle(if round % 7 == 0 { RELEASE } else { PRESS });
-            mouse.handle(MouseInput::Cursor {
-                screen: round % 6,
-                ndc: [value, values[(round / 5) % values.len()]],
-            });
-            mouse.handle(MouseInput::Button { button: Button::Right, pressed: round % 2 == 0 });
-            mouse.handle(MouseInput::Wheel { notches: value });
-            mouse.handle(MouseInput::Key { name: "d", pressed: true });
-            mouse.advance(value);
-            let state = mouse.state(0.0);
-            let head = state.head.unwrap();
-            assert!(
-                super::super::usable(&head).is_some()
-                    && super::super::usable(&state.styli[0].room_from_stylus).is_some()
-            );
-        }
-    }
-}
+mod tests;

@@ -20,7 +20,7 @@
 //! | `position` | place, in the frame |
 //! | `target`, `direction`, `rotation` | orientation: -z towards a place, or along a direction, or a rotation vector in radians; one of them |
 //! | `roll` | with target or direction: radians about the -z axis |
-//! | `pressed` | the stylus' button, from this key frame on |
+//! | `pressed`, `second` | the stylus' buttons, from this key frame on |
 //! | `head.offset` | instead of all those: metres in the room's axes from where the stage has the viewer, looking as there |
 //!
 //! The first key frame states all that the script moves; what a later one does not state holds as it was.
@@ -69,6 +69,7 @@ enum HeadKey {
 struct StylusKey {
     pose: Isometry3<f64>,
     pressed: bool,
+    second: bool,
 }
 
 /// The scripts that the program carries within itself, by name.
@@ -151,6 +152,7 @@ struct StylusFile {
     rotation: Option<[f64; 3]>,
     roll: Option<f64>,
     pressed: Option<bool>,
+    second: Option<bool>,
 }
 
 /// What a head and a stylus have in common.
@@ -218,6 +220,7 @@ impl Script {
         let styli = self.styli.values().map(|keys| StylusState {
             room_from_stylus: interpolate(times, at, |k| self.in_room(stage, &keys[k].pose)).cast(),
             pressed: keys[at.left].pressed,
+            second: keys[at.left].second,
             ..Default::default()
         });
         TrackerState { head, styli: styli.collect(), time_s }
@@ -301,12 +304,13 @@ fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault
 }
 
 fn stylus_key(name: &str, stylus: &StylusFile, previous: Option<StylusKey>) -> Result<StylusKey, Fault> {
-    let StylusFile { position, target, direction, rotation, roll, pressed } = *stylus;
+    let StylusFile { position, target, direction, rotation, roll, pressed, second } = *stylus;
     let who = format!("stylus `{name}`");
     let pose = PoseFile { who: &who, position, target, direction, rotation, roll };
     Ok(StylusKey {
         pose: pose.resolve(previous.map(|key| key.pose))?,
         pressed: pressed.unwrap_or(previous.is_some_and(|key| key.pressed)),
+        second: second.unwrap_or(previous.is_some_and(|key| key.second)),
     })
 }
 

@@ -1,6 +1,7 @@
 //! A body at its place in the room: its deformer, what of it can be taken, how it is coloured.
 
 use super::StepTimes;
+use super::force::{self, ForceScale};
 use crate::cli::plan;
 use crate::deform::{ControlPose, Deformer, PoseGuard};
 use crate::green::GreenFile;
@@ -16,7 +17,12 @@ const PASSING_BY: f64 = 0.05;
 /// A body at its place in the room.
 pub struct PlacedBody {
     pub deformer: Deformer,
+    /// Where it is shown now.
     pub room_from_body: Similarity3<f64>,
+    /// Where it is as long as nobody navigates.
+    pub home: Similarity3<f64>,
+    /// Middle and radius of a ball about it at rest, in its frame.
+    pub ball: (Point3<f64>, f64),
     /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
     pub controls: Vec<PlacedControl>,
     /// Names of its model and its effects, as in the scene.
@@ -24,6 +30,8 @@ pub struct PlacedBody {
     pub model: String,
     #[allow(dead_code, reason = "for the overlay")]
     pub effects: Vec<String>,
+    /// Where the scene lists an effect of forces: how they are shown.
+    pub force_scale: Option<ForceScale>,
     /// Largest turn for which a planned body's error was measured, rad.
     range: Option<f64>,
     /// How near a ray must pass a node of a control element that it misses, m in the room.
@@ -48,7 +56,7 @@ pub struct PlacedControl {
 }
 
 /// What a hand has to do with a control element now.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Mood {
     Idle,
     Hovered,
@@ -61,8 +69,12 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
     let place = |(deformer, body): (Deformer, &Body)| {
         let mesh_from_body = Translation3::from(deformer.centre);
         let room_from_mesh = body.place.as_ref().map_or(fitted, placed);
+        let home = room_from_mesh * mesh_from_body;
         PlacedBody {
-            room_from_body: room_from_mesh * mesh_from_body,
+            room_from_body: home,
+            home,
+            ball: ball(&deformer),
+            force_scale: force::scale(body, &deformer, file),
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
             model: body.model.clone(),
             effects: body.effects.clone(),
@@ -107,6 +119,21 @@ impl PlacedBody {
         let origin = Point3::from(self.deformer.controls[c].origin);
         let (translation, matrix) = control_pose_in_body(room_from_element, &self.room_from_body, &origin)?;
         Some(ControlPose { translation, matrix })
+    }
+
+    /// The whole surface as a thing to be hit; `shape` is [`PlacedBody::whole_shape`].
+    pub fn whole<'a>(&'a self, shape: &'a PickShape) -> PickTarget<'a> {
+        PickTarget {
+            shape,
+            positions: bytemuck::cast_slice(&self.deformer.positions),
+            ball_radius_m: 0.0,
+            room_from_body: self.room_from_surface(),
+        }
+    }
+
+    /// All triangles, made when asked for.
+    pub fn whole_shape(&self) -> PickShape {
+        PickShape { triangles: self.deformer.triangles().to_vec(), points: Vec::new() }
     }
 
     /// `pose` if a body can follow it after `last`, or what it can follow instead.
@@ -166,6 +193,15 @@ fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Ve
             near: PickShape { triangles: Vec::new(), points: deformer.control_nodes(c).to_vec() },
         })
         .collect()
+}
+
+/// A ball about the body at rest.
+pub(super) fn ball(deformer: &Deformer) -> (Point3<f64>, f64) {
+    let corners = deformer.rest().iter().map(|x| Vector3::from(*x).cast::<f64>());
+    let Some((low, high)) = corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))) else {
+        return (Point3::origin(), 1.0);
+    };
+    (Point3::from((low + high) / 2.0), (high - low).norm() / 2.0)
 }
 
 fn placed(place: &Place) -> Similarity3<f64> {

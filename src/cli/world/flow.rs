@@ -1,26 +1,28 @@
-//! The world as a graph of fields: stylus → hit → dragger → control pose → coefficients → surface.
+//! The world as a graph of fields: stylus → hit → hands → control pose → coefficients → surface.
 //!
 //! | field | type | made from |
 //! |---|---|---|
 //! | `tracker.head` | tracked pose | set from outside |
+//! | `tracker.time` | number | set from outside |
 //! | `head` | pose | `tracker.head`, `head.previous`: the last usable one |
 //! | `stylus.right` | stylus | set from outside |
-//! | `hit.right` | hit | `stylus.right`, `dragger.right.previous`, every `surface.previous`: the body as it was seen |
-//! | `dragger.right` | dragger | `stylus.right`, `hit.right`, `dragger.right.previous`, every `pose.previous` |
-//! | `body.B.control.C.pose` | control pose | every dragger, `pose.previous` |
+//! | `body.B.place` | place | set from outside: navigation, and bodies set aside |
+//! | `hit.right` | hit | `stylus.right`, `hands.previous`, every `place`, every `surface.previous`: the body as it was seen |
+//! | `hands` | hands | `tracker.time`, every `stylus` and `hit`, `hands.previous`, every `pose.previous` |
+//! | `body.B.control.C.pose` | control pose | `hands`, `pose.previous` |
 //! | `body.B.coefficients` | coefficients | every `pose` of the body: the paper's `fieldHasChanged` |
 //! | `body.B.surface` | surface | `coefficients`: the paper's `evaluate` |
 //!
 //! The functions act on the bodies (their deformers) and on nothing else outside the graph.
 
 use super::PlacedBody;
-use super::hand::{self, Grip};
+use super::hand;
 use crate::deform::{Coefficients, ControlPose};
 use crate::field::{Each, Field, FieldError, Graph, Value};
-use crate::interact::Hit;
+use crate::interact::{Asked, Element, Hands, Hit};
 use crate::scene::{Body, Grab, Scene};
 use crate::track::{StylusState, usable};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Similarity3};
 use serde::{Deserialize, Serialize};
 
 /// What the graph's functions act on beside its fields.
@@ -29,22 +31,24 @@ pub type Bodies = Vec<PlacedBody>;
 /// The fields of a world by what they are.
 pub struct Fields {
     pub tracked_head: Field<Tracked>,
+    pub time: Field<f64>,
     pub head: Field<Pose>,
-    pub hands: Vec<HandFields>,
+    pub styli: Vec<StylusFields>,
+    pub hands: Field<Grasp>,
     pub bodies: Vec<BodyFields>,
     /// Control elements that can be taken, as (body, control element): what a hit and a dragger number.
     pub targets: Vec<(usize, usize)>,
 }
 
-/// One stylus.
+/// One stylus, and what it points at with nothing in the hand.
 #[derive(Clone, Copy)]
-pub struct HandFields {
+pub struct StylusFields {
     pub stylus: Field<Option<StylusState>>,
     pub hit: Field<Option<Hit>>,
-    pub dragger: Field<Grip>,
 }
 
 pub struct BodyFields {
+    pub place: Field<BodyPlace>,
     /// Per control element. That of a fixed one can be set.
     pub poses: Vec<Field<ControlPose>>,
     #[allow(dead_code, reason = "for the overlay")]
@@ -62,6 +66,19 @@ pub struct Tracked(#[serde(with = "crate::field::numbers::option")] pub Option<I
 #[serde(transparent)]
 pub struct Pose(#[serde(with = "crate::field::numbers")] pub Isometry3<f64>);
 
+/// All hands, and what they ask for in this frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Grasp {
+    pub hands: Hands,
+    pub asked: Asked,
+}
+
+/// room_from_body.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct BodyPlace(#[serde(with = "crate::field::numbers")] pub Similarity3<f64>);
+
 /// A deformed surface by how often it was deformed; its vertices are the deformer's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -73,6 +90,14 @@ impl Value for Tracked {
 
 impl Value for Pose {
     const TYPE: &'static str = "pose";
+}
+
+impl Value for Grasp {
+    const TYPE: &'static str = "hands";
+}
+
+impl Value for BodyPlace {
+    const TYPE: &'static str = "place";
 }
 
 impl Value for Surface {
@@ -95,26 +120,38 @@ impl Value for Coefficients {
     const TYPE: &'static str = "coefficients";
 }
 
-/// The graph of a scene, with a head that stands there as long as none is tracked, and one hand.
-pub fn graph(scene: &Scene, head: Isometry3<f64>) -> Result<(Graph<Bodies>, Fields), FieldError> {
+/// The graph of a scene, with a head that stands there as long as none is tracked, and one stylus; `radius_m` is the
+/// workspace's.
+pub fn graph(
+    scene: &Scene,
+    head: Isometry3<f64>,
+    radius_m: f64,
+) -> Result<(Graph<Bodies>, Fields), FieldError> {
     let mut graph = Graph::default();
+    let time = graph.field("tracker.time", 0.0)?;
     let tracked_head = graph.field("tracker.head", Tracked::default())?;
     let room_from_head = graph.field("head", Pose(head))?;
     let last = graph.previous(room_from_head)?;
     graph.compute(room_from_head, "usable", (tracked_head, last), |_, (head, last): (&Tracked, &Pose)| {
         head.0.as_ref().and_then(usable).map_or(*last, Pose)
     })?;
+    let hands = Grasp { hands: Hands::new(radius_m), asked: Asked::default() };
     let mut fields = Fields {
         tracked_head,
+        time,
         head: room_from_head,
-        hands: Vec::new(),
+        styli: Vec::new(),
+        hands: graph.field("hands", hands)?,
         bodies: Vec::new(),
         targets: targets(scene),
     };
     for (b, (name, body)) in scene.body.iter().enumerate() {
         fields.bodies.push(body_fields(&mut graph, b, name, body)?);
     }
-    fields.add_hand(&mut graph)?;
+    fields.add_stylus(&mut graph)?;
+    for target in 0..fields.targets.len() {
+        fields.connect_pose(&mut graph, target)?;
+    }
     Ok((graph, fields))
 }
 
@@ -137,6 +174,7 @@ fn body_fields(
     let pose =
         |control: &String| graph.field(format!("body.{name}.control.{control}.pose"), ControlPose::REST);
     let poses: Vec<_> = body.control.keys().map(pose).collect::<Result<_, _>>()?;
+    let place = graph.field(format!("body.{name}.place"), BodyPlace(Similarity3::identity()))?;
     let coefficients =
         graph.field(format!("body.{name}.coefficients"), Coefficients::at_rest(poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), Surface(0))?;
@@ -162,76 +200,87 @@ fn body_fields(
         body.times.normals_s = body.deformer.times.normals_s;
         Surface(body.deformations)
     })?;
-    Ok(BodyFields { poses, coefficients, surface })
+    Ok(BodyFields { place, poses, coefficients, surface })
 }
 
 impl Fields {
-    /// One more hand, at whose draggers every pose looks from now on.
-    pub fn add_hand(&mut self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
-        let name = match self.hands.len() {
+    /// One more stylus, at which the hands look from now on.
+    pub fn add_stylus(&mut self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
+        let number = self.styli.len();
+        let name = match number {
             0 => "right".to_owned(),
             1 => "left".to_owned(),
             n => (n + 1).to_string(),
         };
         let stylus = graph.field(format!("stylus.{name}"), None)?;
         let hit = graph.field(format!("hit.{name}"), None)?;
-        let dragger = graph.field(format!("dragger.{name}"), Grip::default())?;
-        let last = graph.previous(dragger)?;
-        let mut surfaces = Vec::new();
+        let last = graph.previous(self.hands)?;
+        let mut shown = Vec::new();
         for body in &self.bodies {
-            surfaces.push(graph.previous(body.surface)?);
-        }
-        let mut poses = Vec::new();
-        for &(b, c) in &self.targets {
-            poses.push(graph.previous(self.bodies[b].poses[c])?);
+            shown.push((body.place, graph.previous(body.surface)?));
         }
         let targets = self.targets.clone();
         graph.compute(
             hit,
             "pick",
-            (stylus, last, surfaces),
-            move |bodies: &mut Bodies,
-                  (stylus, last, _): (&Option<StylusState>, &Grip, Each<'_, Field<Surface>>)| {
-                let free = stylus.as_ref().filter(|_| last.dragger.held().is_none())?;
-                hand::pick(free, bodies, &targets)
+            (stylus, last, shown),
+            move |bodies: &mut Bodies, (stylus, last, _)| {
+                let (stylus, last): (&Option<StylusState>, &Grasp) = (stylus, last);
+                let free = stylus.as_ref().filter(|_| last.hands.grip(number).is_none())?;
+                hand::pick(free, bodies, &targets, last.hands.radius_m)
             },
         )?;
-        let targets = self.targets.clone();
-        graph.compute(
-            dragger,
-            "drag",
-            (stylus, hit, last, poses),
-            move |bodies: &mut Bodies, (stylus, hit, last, poses)| {
-                let stylus: &Option<StylusState> = stylus;
-                let matrix = |target: usize| {
-                    let (b, c) = targets[target];
-                    let pose = poses.get(target).copied().unwrap_or(ControlPose::REST);
-                    bodies[b].room_from_element(c, &pose)
-                };
-                stylus.map_or_else(Grip::default, |stylus| last.follow(&stylus, hit.as_ref(), matrix))
-            },
-        )?;
-        self.hands.push(HandFields { stylus, hit, dragger });
-        for target in 0..self.targets.len() {
-            self.connect_pose(graph, target)?;
-        }
-        Ok(())
+        self.styli.push(StylusFields { stylus, hit });
+        self.connect_hands(graph)
     }
 
-    /// A control element goes where a hand carries it, as far as a body can follow; else it stays.
+    /// The hands take hold of what their styli point at.
+    fn connect_hands(&self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
+        let last = graph.previous(self.hands)?;
+        graph.disconnect(self.hands);
+        let styli: Vec<_> = self.styli.iter().map(|fields| fields.stylus).collect();
+        let hits: Vec<_> = self.styli.iter().map(|fields| fields.hit).collect();
+        let mut poses = Vec::new();
+        for &(b, c) in &self.targets {
+            poses.push(graph.previous(self.bodies[b].poses[c])?);
+        }
+        let targets = self.targets.clone();
+        let (mut seen_styli, mut seen_hits) = (Vec::new(), Vec::new());
+        graph.compute(
+            self.hands,
+            "hold",
+            (self.time, styli, hits, last, poses),
+            move |bodies: &mut Bodies, (time, styli, hits, last, poses)| {
+                let (last, time): (&Grasp, &f64) = (last, time);
+                seen_styli.clear();
+                seen_styli.extend(styli.iter().copied());
+                seen_hits.clear();
+                seen_hits.extend(hits.iter().copied());
+                let element = |target: usize| {
+                    let known = targets.get(target).zip(poses.get(target));
+                    known.map(|(&(b, c), pose)| Element {
+                        room_from_body: bodies[b].room_from_body,
+                        room_from_element: bodies[b].room_from_element(c, pose),
+                    })
+                };
+                let mut hands = last.hands.clone();
+                let asked = hands.step(&seen_styli, *time, &seen_hits, element);
+                Grasp { hands, asked }
+            },
+        )
+    }
+
+    /// A control element goes where hands carry it, as far as a body can follow; else it stays.
     fn connect_pose(&self, graph: &mut Graph<Bodies>, target: usize) -> Result<(), FieldError> {
         let (b, c) = self.targets[target];
         let pose = self.bodies[b].poses[c];
         let last = graph.previous(pose)?;
-        graph.disconnect(pose);
-        let draggers: Vec<Field<Grip>> = self.hands.iter().map(|hand| hand.dragger).collect();
         graph.compute(
             pose,
             "follow",
-            (draggers, last),
-            move |bodies: &mut Bodies, (draggers, last): (Each<'_, Field<Grip>>, &ControlPose)| {
-                let drags = draggers.iter().filter_map(|grip| grip.drag);
-                let drag = drags.filter(|drag| drag.target == target).last();
+            (self.hands, last),
+            move |bodies: &mut Bodies, (grasp, last): (&Grasp, &ControlPose)| {
+                let drag = grasp.asked.drags.iter().find(|drag| drag.target == target);
                 let body = &mut bodies[b];
                 let asked = drag.and_then(|drag| body.pose_of(c, &drag.room_from_element));
                 body.admit(c, last, &asked.unwrap_or(*last))

@@ -5,23 +5,27 @@
 //! fields ([`flow`]), evaluated once a frame.
 
 pub mod body;
+mod desk;
 pub mod flow;
-pub mod hand;
+mod force;
+mod hand;
 
 pub use body::{Mood, PlacedBody};
+pub use desk::Desk;
 pub use flow::{Bodies, Fields};
+pub use force::HeldForce;
 
 use super::failure::Failure;
 use super::session;
-use crate::deform::{ControlPose, PoseGuard};
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
-use crate::render::{Grid, StylusShape, View};
+use crate::interact::Action;
+use crate::render::{Arrow, Grid, StylusShape, View};
 use crate::scene::Scene;
 use crate::stage::{Eye, Stage};
 use crate::track::TrackerState;
-use flow::Tracked;
-use hand::Grip;
+use flow::{BodyPlace, Tracked};
+use hand::Held;
 use nalgebra::{Isometry3, Point3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -37,12 +41,19 @@ pub struct World {
     pub room_from_head: Isometry3<f64>,
     /// What each stylus looks like in this frame.
     pub styli: Vec<StylusShape>,
+    /// What held elements pull with, and how it is shown; of bodies whose scene wants it.
+    pub forces: Vec<HeldForce>,
+    pub arrows: Vec<Arrow>,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
     /// What is wrong, each said once.
     pub warnings: Vec<String>,
     pub graph: Graph<Bodies>,
     pub fields: Fields,
+    pub desk: Desk,
+    /// What was commanded before this frame, and what has been since.
+    pub actions: Vec<Action>,
+    pending: Vec<Action>,
     /// Why a screen is black: what was told already.
     told: BTreeSet<String>,
 }
@@ -60,41 +71,55 @@ impl World {
     pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
         let bodies = body::place(scene, file, session::deformers(scene, file)?, &stage);
         let room_from_head = stage.viewer.room_from_head;
-        let (graph, fields) = flow::graph(scene, room_from_head).map_err(Failure::request)?;
-        Ok(World {
+        let radius_m = stage.workspace.radius_m;
+        let (graph, fields) = flow::graph(scene, room_from_head, radius_m).map_err(Failure::request)?;
+        let mut world = World {
+            desk: Desk::new(&stage.workspace, bodies.len(), fields.targets.len()),
             stage,
             bodies,
             room_from_head,
             styli: Vec::new(),
+            forces: Vec::new(),
+            arrows: Vec::new(),
             times: StepTimes::default(),
             warnings: Vec::new(),
             graph,
             fields,
+            actions: Vec::new(),
+            pending: Vec::new(),
             told: BTreeSet::new(),
-        })
+        };
+        for b in 0..world.bodies.len() {
+            world.put(world.fields.bodies[b].place, BodyPlace(world.bodies[b].room_from_body));
+        }
+        Ok(world)
     }
 
     /// Moves everything to what the trackers say: one evaluation of the graph.
     pub fn step(&mut self, state: &TrackerState) -> StepTimes {
         let started = Instant::now();
-        while self.fields.hands.len() < state.styli.len() {
-            if let Err(error) = self.fields.add_hand(&mut self.graph) {
+        std::mem::swap(&mut self.actions, &mut self.pending);
+        self.pending.clear();
+        while self.fields.styli.len() < state.styli.len() {
+            if let Err(error) = self.fields.add_stylus(&mut self.graph) {
                 unreachable!("the names of hands are their own: {error}");
             }
         }
         self.put(self.fields.tracked_head, Tracked(state.head));
-        for hand in 0..self.fields.hands.len() {
-            self.put(self.fields.hands[hand].stylus, state.styli.get(hand).copied());
+        self.put(self.fields.time, state.time_s);
+        for stylus in 0..self.fields.styli.len() {
+            self.put(self.fields.styli[stylus].stylus, state.styli.get(stylus).copied());
         }
+        self.ease(state.time_s);
         self.evaluate();
         self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
         self.times
     }
 
-    /// Sets a field that the trackers feed.
+    /// Sets a field that is fed from outside.
     fn put<T: Value>(&mut self, field: Field<T>, value: T) {
         if let Err(error) = self.graph.set(field, value) {
-            unreachable!("nothing is connected to what trackers feed: {error}");
+            unreachable!("nothing is connected to what is fed from outside: {error}");
         }
     }
 
@@ -116,52 +141,47 @@ impl World {
             }
         }
         self.room_from_head = self.graph.get(self.fields.head).0;
+        self.follow_hands(*self.graph.get(self.fields.time));
         self.show_hands();
     }
 
-    /// Styli as they are drawn, and the colours of what they point at.
+    /// Styli as they are drawn, what they feel, and the colours of what they point at.
     fn show_hands(&mut self) {
         let (graph, workspace) = (&self.graph, &self.stage.workspace);
-        let mut touched = Vec::new();
-        self.styli.clear();
-        for hand in &self.fields.hands {
-            let (hit, grip) = (graph.get(hand.hit).as_ref(), graph.get(hand.dragger));
-            let Some(stylus) = graph.get(hand.stylus) else { continue };
-            self.styli.extend(hand::shape(stylus, hit, grip, workspace));
-            let mood = if grip.drag.is_some() { Mood::Held } else { Mood::Hovered };
-            let target = grip.drag.map(|drag| drag.target).or(hit.map(|hit| hit.target));
-            touched.extend(target.map(|target| (self.fields.targets[target], mood)));
+        let hands = &graph.get(self.fields.hands).hands;
+        let mut touched: Vec<((usize, usize), Mood)> = Vec::new();
+        (self.styli, self.forces, self.arrows) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, fields) in self.fields.styli.iter().enumerate() {
+            let (Some(stylus), Some(pose)) = (graph.get(fields.stylus), hands.room_from_stylus(i)) else {
+                continue;
+            };
+            let hit = graph.get(fields.hit).as_ref();
+            let grip = hands.grip(i).zip(hands.grip(i).and_then(|grip| self.fields.targets.get(grip.target)));
+            let held = grip.map(|(grip, &(b, c))| {
+                let now = graph.get(self.fields.bodies[b].poses[c]);
+                let place = self.bodies[b].room_from_element(c, now).transform_point(&grip.place_in_element);
+                touched.push(((b, c), Mood::Held));
+                if self.bodies[b].force_scale.is_some() {
+                    self.forces.extend(force::held_forces(b, &self.bodies[b], &[c]));
+                    let arrow =
+                        self.forces.last().and_then(|force| force::arrow(force, &place, workspace.radius_m));
+                    self.arrows.extend(arrow);
+                }
+                Held { grip, place }
+            });
+            let hit = hit.filter(|_| held.is_none());
+            let target = hit.and_then(|hit| self.fields.targets.get(hit.target));
+            touched.extend(target.map(|&target| (target, Mood::Hovered)));
+            self.styli.push(hand::shape(stylus, pose, hit, held, workspace));
         }
         for (b, body) in self.bodies.iter_mut().enumerate() {
             for (c, control) in body.controls.iter_mut().enumerate() {
                 let by = touched.iter().filter(|(target, _)| *target == (b, c));
-                let mood = by.map(|(_, mood)| *mood).next_back().unwrap_or(Mood::Idle);
+                let mood = by.map(|(_, mood)| *mood).max().unwrap_or(Mood::Idle);
                 body.recolour |= control.mood != mood;
                 control.mood = mood;
             }
         }
-    }
-
-    /// Every stylus lets go of what it holds.
-    pub fn let_go(&mut self) {
-        for hand in &self.fields.hands {
-            self.graph.restore(hand.dragger, Grip::default());
-        }
-    }
-
-    /// Lets go of everything and puts every body back to rest.
-    pub fn reset(&mut self) {
-        self.let_go();
-        for hand in 0..self.fields.hands.len() {
-            self.put(self.fields.hands[hand].stylus, None);
-        }
-        for (body, fields) in self.bodies.iter_mut().zip(&self.fields.bodies) {
-            for (control, pose) in body.controls.iter_mut().zip(&fields.poses) {
-                control.guard = PoseGuard::default();
-                self.graph.restore(*pose, ControlPose::REST);
-            }
-        }
-        self.evaluate();
     }
 
     /// Distance from the first stylus to what it points at, for the mouse to grab there.

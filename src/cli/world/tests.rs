@@ -1,6 +1,7 @@
 //! The frame from stylus to control pose, without pictures.
 
 use super::*;
+use crate::deform::ControlPose;
 use crate::green;
 use crate::stage::rotation_towards;
 use crate::track::StylusState;

@@ -43,7 +43,10 @@ impl Bench {
         self.time_s += 0.1;
         let hits = vec![hit(3, [0.6, 1.1, -0.2]); styli.len()];
         let element = Element { room_from_body: Similarity3::identity(), room_from_element: self.element };
-        let asked = self.hands.step(styli, self.time_s, &hits, |_| element);
+        let asked =
+            self.hands.step(&styli.iter().copied().map(Some).collect::<Vec<_>>(), self.time_s, &hits, |_| {
+                Some(element)
+            });
         for drag in &asked.drags {
             assert_eq!(drag.target, 3);
             self.element = drag.room_from_element;
@@ -70,9 +73,9 @@ fn the_element_follows_rigidly_and_keeps_its_scale() {
 #[test]
 fn a_press_beside_everything_grabs_nothing_until_the_next_press() {
     let mut hands = Hands::new(0.5);
-    let element = |_| Element { room_from_body: Similarity3::identity(), room_from_element: rest() };
+    let element = |_| Some(Element { room_from_body: Similarity3::identity(), room_from_element: rest() });
     let mut drags =
-        |pressed, hit| hands.step(&[stylus(pose(0.0), pressed)], 0.0, &[hit], element).drags.len();
+        |pressed, hit| hands.step(&[Some(stylus(pose(0.0), pressed))], 0.0, &[hit], element).drags.len();
     let there = hit(3, [0.0; 3]);
     assert_eq!(
         [drags(true, None), drags(true, there), drags(false, there), drags(true, there)],
@@ -150,9 +153,9 @@ fn no_change_of_mode_or_of_hands_makes_the_element_jump() {
 fn two_hands_on_one_element_scale_it_and_a_third_is_refused() {
     let mut hands = Hands::new(0.5);
     let at = |x: f32| Isometry3::translation(x, 1.0, 0.5);
-    let element = |_| Element { room_from_body: Similarity3::identity(), room_from_element: rest() };
+    let element = |_| Some(Element { room_from_body: Similarity3::identity(), room_from_element: rest() });
     let hits = [hit(3, [0.4, 1.0, -0.2]), hit(3, [0.6, 1.0, -0.2]), hit(3, [0.5, 1.0, -0.2])];
-    let three = |a, b, c| [stylus(at(a), true), stylus(at(b), true), stylus(at(c), true)];
+    let three = |a, b, c| [a, b, c].map(|x| Some(stylus(at(x), true)));
     hands.step(&three(0.4, 0.6, 0.5), 0.0, &hits, element);
     assert_eq!((hands.grip(1).is_some(), hands.grip(2).is_some()), (true, false));
     let asked = hands.step(&three(0.3, 0.7, 3.0), 0.1, &hits, element);
@@ -203,10 +206,10 @@ fn a_click_of_the_second_button_goes_to_the_next_mode_and_scales_nothing() {
 #[test]
 fn with_nothing_in_the_hand_the_second_button_navigates_and_two_presses_are_told() {
     let mut hands = Hands::new(0.5);
-    let element = |_| Element { room_from_body: Similarity3::identity(), room_from_element: rest() };
+    let element = |_| Some(Element { room_from_body: Similarity3::identity(), room_from_element: rest() });
     let mut step = |time_s: f64, pressed, second, hit| {
         let state = StylusState { second, ..stylus(pose(0.0), pressed) };
-        hands.step(&[state], time_s, &[hit], element)
+        hands.step(&[Some(state)], time_s, &[hit], element)
     };
     assert_eq!(step(0.0, false, true, None).navigating.len(), 1);
     assert_eq!(step(0.1, false, false, None), Asked::default());

@@ -1,0 +1,38 @@
+//! Keys and wheel of a window as commands to the world.
+
+use super::world::World;
+use crate::interact::{Action, Axis, Freedom, Mode};
+use crate::render::window::Key;
+
+/// The scene grows by this factor a line of the wheel.
+const SCALE_PER_LINE: f64 = 1.1;
+/// More lines at once are a fault of the device.
+const MOST_LINES: f64 = 20.0;
+
+/// What a key commands when it is pressed, with or without Ctrl; `None` for one that commands nothing.
+pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
+    let only = |freedom| Action::SetMode(Mode { freedom, axis: None });
+    let along = |axis| Action::SetMode(world.mode().along(axis));
+    Some(match (key, control) {
+        (Key::Char('z'), true) => Action::Undo,
+        (Key::Char('y'), true) => Action::Redo,
+        (_, true) => return None,
+        (Key::Backspace, _) => Action::SnapBack,
+        (Key::Home, _) => Action::ResetNavigation,
+        (Key::Char('f'), _) => only(Freedom::Free),
+        (Key::Char('t'), _) => only(Freedom::Translate),
+        (Key::Char('g'), _) => only(Freedom::Rotate),
+        (Key::Char('x'), _) => along(Axis::X),
+        (Key::Char('y'), _) => along(Axis::Y),
+        (Key::Char('z'), _) => along(Axis::Z),
+        (Key::Char('p'), _) => Action::SetAside(world.pointed_body(0)?),
+        _ => return None,
+    })
+}
+
+/// What so many lines of the wheel command with Ctrl and nothing in the hand.
+pub fn scale(lines: f32) -> Action {
+    let lines = f64::from(lines);
+    let lines = if lines.is_finite() { lines.clamp(-MOST_LINES, MOST_LINES) } else { 0.0 };
+    Action::ScaleScene(SCALE_PER_LINE.powf(lines))
+}

@@ -1,0 +1,270 @@
+//! What outlasts a grab: history, the way back to rest, navigation, bodies set aside.
+//!
+//! In: [`Action`]s, and what the hands asked for in a frame. Out: poses and places, given to the graph between frames.
+//! Times are those of the tracker's states, so that a replay does the same.
+
+use super::flow::{BodyPlace, Grasp};
+use super::{PlacedBody, World};
+use crate::deform::{ControlPose, PoseGuard};
+use crate::interact::{
+    Action, Aside, Asked, Ease, Hands, History, Mode, Navigation, PickRay, pick, place_aside, towards_rest,
+};
+use crate::stage::Workspace;
+use nalgebra::{Similarity3, UnitQuaternion};
+use std::collections::BTreeSet;
+
+/// The state beside the graph.
+pub struct Desk {
+    pub navigation: Navigation,
+    pub asides: Vec<Aside>,
+    history: History<Vec<Change>>,
+    /// Control elements on their way back to rest, and whence.
+    easing: Option<(Ease, Vec<(usize, Posed)>)>,
+    /// Every target as it was when it was last not held.
+    before: Vec<Posed>,
+    held: BTreeSet<usize>,
+}
+
+/// A control element's pose, and the turn in it, whose sign tells 200° from -160°.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Posed {
+    pose: ControlPose,
+    turn: UnitQuaternion<f64>,
+}
+
+const REST: Posed = Posed {
+    pose: ControlPose::REST,
+    turn: UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(1.0, 0.0, 0.0, 0.0)),
+};
+
+/// One target, before and after.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Change {
+    target: usize,
+    before: Posed,
+    after: Posed,
+}
+
+impl Desk {
+    pub fn new(workspace: &Workspace, bodies: usize, targets: usize) -> Desk {
+        Desk {
+            navigation: Navigation::new(workspace.centre, workspace.radius_m),
+            asides: vec![Aside::default(); bodies],
+            history: History::default(),
+            easing: None,
+            before: vec![REST; targets],
+            held: BTreeSet::new(),
+        }
+    }
+}
+
+impl World {
+    /// Carries out a command, between frames.
+    pub fn act(&mut self, action: Action) {
+        self.pending.push(action);
+        let time_s = *self.graph.get(self.fields.time);
+        match action {
+            Action::LetGo => self.let_go(),
+            Action::Reset => self.reset(),
+            Action::Undo => {
+                self.release();
+                let entry = self.desk.history.undo().unwrap_or_default();
+                self.put_targets(entry.iter().map(|change| (change.target, change.before)));
+            }
+            Action::Redo => {
+                self.release();
+                let entry = self.desk.history.redo().unwrap_or_default();
+                self.put_targets(entry.iter().map(|change| (change.target, change.after)));
+            }
+            Action::SnapBack => self.snap_back(time_s),
+            Action::ResetNavigation => {
+                self.desk.navigation.reset(time_s);
+                for b in 0..self.bodies.len() {
+                    if self.desk.asides[b].is_aside {
+                        self.desk.asides[b].toggle(time_s, &self.bodies[b].room_from_body);
+                    }
+                }
+            }
+            Action::SetMode(mode) => self.change_hands(|hands| hands.mode = mode),
+            Action::SetAside(b) if b < self.bodies.len() => self.set_aside(b, time_s),
+            Action::SetAside(_) => {}
+            Action::ScaleScene(factor) => self.desk.navigation.scale(factor),
+        }
+    }
+
+    /// How held elements move.
+    pub fn mode(&self) -> Mode {
+        self.graph.get(self.fields.hands).hands.mode
+    }
+
+    /// The body that stylus `i` points at, anywhere on its surface.
+    pub fn pointed_body(&self, i: usize) -> Option<usize> {
+        let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;
+        let ray = PickRay::from_stylus(stylus)?;
+        let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
+        let targets: Vec<_> =
+            self.bodies.iter().zip(&shapes).map(|(body, shape)| body.whole(shape)).collect();
+        let hit = self.graph.get(self.fields.styli[i].hit).as_ref();
+        let touched = hit.and_then(|hit| self.fields.targets.get(hit.target)).map(|&(body, _)| body);
+        touched.or_else(|| pick(&ray, &targets).map(|hit| hit.target))
+    }
+
+    /// Every stylus lets go of what it holds; a button that is down grabs again.
+    pub fn let_go(&mut self) {
+        self.finish_grabs(&BTreeSet::new());
+        self.change_hands(|hands| {
+            let mode = hands.mode;
+            *hands = Hands::new(hands.radius_m);
+            hands.mode = mode;
+        });
+    }
+
+    /// Lets go of everything and puts every body back to rest and to its place; nothing can be undone.
+    pub fn reset(&mut self) {
+        self.let_go();
+        for stylus in 0..self.fields.styli.len() {
+            self.put(self.fields.styli[stylus].stylus, None);
+        }
+        self.put_targets((0..self.fields.targets.len()).map(|target| (target, REST)));
+        for (body, fields) in self.bodies.iter_mut().zip(&self.fields.bodies) {
+            for pose in &fields.poses {
+                self.graph.restore(*pose, ControlPose::REST);
+            }
+            body.deformer.forget();
+        }
+        self.desk = Desk::new(&self.stage.workspace, self.bodies.len(), self.fields.targets.len());
+        self.place_bodies(0.0);
+        self.evaluate();
+    }
+
+    /// Before the graph's frame: elements on their way to rest go a step.
+    pub(super) fn ease(&mut self, time_s: f64) {
+        let Some((ease, from)) = self.desk.easing.take() else { return };
+        let share = ease.share(time_s);
+        let step = |(target, from): &(usize, Posed)| {
+            let (translation, matrix, turn) =
+                towards_rest(&from.pose.translation, &from.pose.matrix, &from.turn, share);
+            (*target, Posed { pose: ControlPose { translation, matrix }, turn })
+        };
+        let steps: Vec<_> = from.iter().map(step).collect();
+        self.put_targets(steps);
+        self.desk.easing = (share < 1.0).then_some((ease, from));
+    }
+
+    /// After the graph's frame: grabs that ended become history, the scene goes where it was carried.
+    pub(super) fn follow_hands(&mut self, time_s: f64) {
+        let Grasp { hands, asked } = self.graph.get(self.fields.hands);
+        let mut held = hands.held();
+        held.retain(|&target| target < self.fields.targets.len());
+        let Asked { navigating, double_pressed, .. } = asked.clone();
+        self.finish_grabs(&held);
+        if let Some((_, from)) = &mut self.desk.easing {
+            from.retain(|(target, _)| !held.contains(target));
+        }
+        for target in (0..self.fields.targets.len()).filter(|target| !held.contains(target)) {
+            if self.desk.before[target].pose != self.pose(target) {
+                self.desk.before[target] = self.posed(target);
+            }
+        }
+        self.desk.held = held;
+        for hand in double_pressed {
+            if let Some(body) = self.pointed_body(hand) {
+                self.set_aside(body, time_s);
+            }
+        }
+        self.desk.navigation.step(&navigating, time_s);
+        self.place_bodies(time_s);
+    }
+
+    /// Puts every body where navigation and the places aside have it; what is held goes along.
+    fn place_bodies(&mut self, time_s: f64) {
+        let Workspace { centre, radius_m } = self.stage.workspace;
+        let mut moved = false;
+        for b in 0..self.bodies.len() {
+            let body = &self.bodies[b];
+            let home = self.desk.navigation.room_from_scene * body.home;
+            let aside = place_aside(&centre, radius_m, b, &body.ball.0, body.ball.1);
+            let place: Similarity3<f64> = self.desk.asides[b].place(time_s, &home, &aside);
+            moved |= place != body.room_from_body;
+            self.bodies[b].room_from_body = place;
+            self.put(self.fields.bodies[b].place, BodyPlace(place));
+        }
+        if moved && !self.desk.held.is_empty() {
+            self.change_hands(Hands::rebase);
+        }
+    }
+
+    fn snap_back(&mut self, time_s: f64) {
+        self.release();
+        let away: Vec<(usize, Posed)> = (0..self.fields.targets.len())
+            .map(|target| (target, self.posed(target)))
+            .filter(|(_, posed)| posed.pose != ControlPose::REST)
+            .collect();
+        if !away.is_empty() {
+            let change = |&(target, before): &(usize, Posed)| Change { target, before, after: REST };
+            self.desk.history.push(away.iter().map(change).collect());
+            self.desk.easing = Some((Ease::start(time_s), away));
+        }
+    }
+
+    fn set_aside(&mut self, b: usize, time_s: f64) {
+        let targets = self.fields.targets.clone();
+        let kept = self.desk.held.iter().copied().filter(|&target| targets[target].0 != b).collect();
+        self.finish_grabs(&kept);
+        self.change_hands(|hands| {
+            hands.let_go(|target| targets.get(target).is_none_or(|&(body, _)| body == b))
+        });
+        self.desk.asides[b].toggle(time_s, &self.bodies[b].room_from_body);
+    }
+
+    /// Everything held is let go, and its way becomes history; what was on its way to rest stays where it is.
+    fn release(&mut self) {
+        self.finish_grabs(&BTreeSet::new());
+        self.change_hands(|hands| hands.let_go(|_| true));
+        self.desk.easing = None;
+    }
+
+    /// Grabs of what is not in `held` any more become an entry of the history each.
+    fn finish_grabs(&mut self, held: &BTreeSet<usize>) {
+        for target in std::mem::take(&mut self.desk.held) {
+            if held.contains(&target) {
+                self.desk.held.insert(target);
+                continue;
+            }
+            let (before, after) = (self.desk.before[target], self.posed(target));
+            if before.pose != after.pose {
+                self.desk.history.push(vec![Change { target, before, after }]);
+            }
+        }
+    }
+
+    fn change_hands(&mut self, change: impl FnOnce(&mut Hands)) {
+        let mut grasp = self.graph.get(self.fields.hands).clone();
+        change(&mut grasp.hands);
+        grasp.asked = Asked::default();
+        self.graph.restore(self.fields.hands, grasp);
+    }
+
+    fn pose(&self, target: usize) -> ControlPose {
+        let (b, c) = self.fields.targets[target];
+        *self.graph.get(self.fields.bodies[b].poses[c])
+    }
+
+    fn posed(&self, target: usize) -> Posed {
+        let (b, c) = self.fields.targets[target];
+        Posed { pose: self.pose(target), turn: self.bodies[b].deformer.turn(c) }
+    }
+
+    /// Gives control elements poses that the program chose; no limit of a hand applies.
+    fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
+        for (target, posed) in targets {
+            let (b, c) = self.fields.targets[target];
+            self.bodies[b].controls[c].guard = PoseGuard::default();
+            self.bodies[b].deformer.set_turn(c, posed.turn);
+            self.graph.restore(self.fields.bodies[b].poses[c], posed.pose);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
