@@ -190,7 +190,7 @@ impl Connection {
             if ear.listener.is_known() && ear.listener.heard_s > began_s {
                 (retry_s, was_up) = (self.timing.first_retry_s, true);
             }
-            tracing::warn!("vrpn {}: {reason}; again in {retry_s} s", self.address);
+            tracing::info!("vrpn {}: {reason}; again in {retry_s} s", self.address);
             ear.listener.state.link = Link::Down(reason);
             ear.publish();
             drop(ear);
