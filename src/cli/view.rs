@@ -4,9 +4,11 @@ use super::failure::Failure;
 use super::keys;
 use super::panes;
 use super::picture::{Bodies, contents};
-use super::render;
-use super::session;
-use super::world::World;
+use super::playback::{Playback, SCRIPT_STEPS, Source};
+use super::recording::{Frame, Recorder, Replay};
+use super::render::{self, Show};
+use super::table::seconds;
+use super::world::{StepTimes, World};
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, RenderError, Tile};
@@ -32,6 +34,16 @@ pub struct Args {
     /// Key frames for head and stylus; default: the scene's
     #[arg(long)]
     pub script: Option<PathBuf>,
+    /// Write the session into this file, for --replay
+    #[arg(long)]
+    pub record: Option<PathBuf>,
+    /// A session recorded by --record: its poses, buttons and commands instead of yours, on its stage
+    #[arg(long, conflicts_with_all = ["script", "record"])]
+    pub replay: Option<PathBuf>,
+    /// No window and no graphics device: plays the recording, or the script, as fast as it goes; status 1 where a frame
+    /// comes to another state than was recorded
+    #[arg(long)]
+    pub check: bool,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
@@ -59,6 +71,9 @@ impl Args {
             scene,
             stage: None,
             script: None,
+            record: None,
+            replay: None,
+            check: false,
             green: None,
             samples: 4,
             scale: None,
@@ -76,16 +91,19 @@ fn bindings() -> String {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
-    let stage = render::stage(&scene, args.stage.as_deref())?;
     let script = render::script(&scene, args.script.as_deref())?;
-    let file = session::green_file(&scene, args.green.as_deref())?;
-    let mut world = World::new(&scene, &file, stage)?;
+    let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
+    let mut recorder = show.recorder(&scene, args.record.as_deref())?;
+    if args.check {
+        return check(&mut show, script.as_ref(), recorder.as_mut());
+    }
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
-        let frames = if script.is_some() { 20 } else { 1 };
-        return render::pictures(&offscreen(args, frames), &mut world, script.as_ref());
+        let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
+        return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
     }
     super::print(&format!("{}\n", bindings()))?;
+    let world = show.world;
     let layout = world.stage.layout();
     let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
@@ -93,6 +111,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         mouse: Mouse::new(world.stage.clone()),
         world,
         script,
+        replay: show.replay.take(),
+        next: None,
+        first_s: None,
+        recorder,
+        failure: None,
         sizes: specs.iter().map(|spec| spec.size).collect(),
         layout,
         swapped: false,
@@ -105,9 +128,39 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
-    let seconds = app.started.elapsed().as_secs_f64();
-    let rate = f64::from(app.frames) / seconds;
-    super::print(&format!("{} frames in {seconds:.1} s: {rate:.1} frames/s\n", app.frames))
+    if let Some(failure) = app.failure {
+        return Err(failure);
+    }
+    let lasted_s = app.started.elapsed().as_secs_f64();
+    let rate = f64::from(app.frames) / lasted_s;
+    super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
+    render::report(app.replay.as_ref(), app.recorder.as_ref())
+}
+
+/// The script or the recording without windows and devices: every frame's state against the recorded one, and what
+/// the mechanics took.
+fn check(
+    show: &mut Show,
+    script: Option<&Script>,
+    mut recorder: Option<&mut Recorder>,
+) -> Result<(), Failure> {
+    let source = Source::new(script, show.replay.as_mut())?;
+    let frames = match &source {
+        Source::Rest => 1,
+        Source::Script(_) => SCRIPT_STEPS,
+        Source::Replay(_, length) => *length as usize,
+    };
+    let mut playback = Playback::new(source, frames);
+    playback.recorder = recorder.as_deref_mut();
+    let mut times = Vec::new();
+    for frame in 0..frames {
+        let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
+        times.push(interact_s + deform_s + normals_s);
+    }
+    render::report(show.replay.as_ref(), recorder.as_deref())?;
+    times.sort_by(f64::total_cmp);
+    let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
+    super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
 }
 
 /// The same view as `greenstage render` would make it.
@@ -118,6 +171,8 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         output: args.offscreen.clone(),
         frames,
         script: args.script.clone(),
+        replay: args.replay.clone(),
+        record: args.record.clone(),
         green: args.green.clone(),
         samples: args.samples,
         scale: args.scale.unwrap_or(1.0),
@@ -129,6 +184,13 @@ struct Viewer {
     world: World,
     /// Moves head and stylus until the user presses a mouse button or a key.
     script: Option<Script>,
+    /// Moves everything instead of the user, and its next frame.
+    replay: Option<Replay>,
+    next: Option<Frame>,
+    /// When its first frame was.
+    first_s: Option<f64>,
+    recorder: Option<Recorder>,
+    failure: Option<Failure>,
     mouse: Mouse,
     layout: Vec<Window>,
     /// Of each window, now.
@@ -153,6 +215,9 @@ impl WindowApp for Viewer {
     }
 
     fn input(&mut self, input: Input) {
+        if self.replay.is_some() && !matches!(input, Input::Key { key: Key::Function(_), .. }) {
+            return;
+        }
         let takes_over =
             matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
         if takes_over && self.script.take().is_some() {
@@ -207,8 +272,14 @@ impl WindowApp for Viewer {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
-        let state = self.state(step_s);
-        self.world.step(&state);
+        match self.advance(step_s) {
+            Ok(Flow::Continue) => {}
+            Ok(Flow::Quit) => return Ok(Flow::Quit),
+            Err(failure) => {
+                self.failure = Some(failure);
+                return Ok(Flow::Quit);
+            }
+        }
         self.mouse.hit_distance_m = self.world.hit_distance_m();
         let tiles = self.tiles(windows);
         if let Some(bodies) = &mut self.bodies {
@@ -223,6 +294,38 @@ impl WindowApp for Viewer {
 }
 
 impl Viewer {
+    /// The mechanics of a frame: the recording's, or what mouse or script say.
+    fn advance(&mut self, step_s: f64) -> Result<Flow, Failure> {
+        if self.replay.is_some() {
+            let is_over = self.replay_until(self.started.elapsed().as_secs_f64())?;
+            return Ok(if is_over { Flow::Quit } else { Flow::Continue });
+        }
+        let state = self.state(step_s);
+        self.world.step(&state);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.frame(&self.world, &state)?;
+        }
+        Ok(Flow::Continue)
+    }
+
+    /// Plays all frames of the recording up to `time_s` after its first; true when there are no more.
+    fn replay_until(&mut self, time_s: f64) -> Result<bool, Failure> {
+        let Some(replay) = &mut self.replay else { return Ok(false) };
+        loop {
+            if self.next.is_none() {
+                self.next = replay.next_frame()?;
+            }
+            let Some(frame) = &self.next else { return Ok(true) };
+            let first_s = *self.first_s.get_or_insert(frame.state.time_s);
+            if frame.state.time_s - first_s > time_s {
+                return Ok(false);
+            }
+            if let Some(frame) = self.next.take() {
+                replay.play(&mut self.world, frame);
+            }
+        }
+    }
+
     fn state(&mut self, step_s: f64) -> TrackerState {
         let time_s = self.started.elapsed().as_secs_f64();
         match &self.script {

@@ -22,6 +22,7 @@ chapters! {
     meshes: "mesh files: groups, regions, what is repaired and what is refused; the two generators",
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
     scripts: "key frames that move head and stylus where nobody does",
+    graph: "the data flow from tracker to surface, and recording a session and replaying it",
     view: "windows, mouse and keyboard, colours, and what happens without a display",
     deform: "poses in, displacements and forces out: files, columns, units, signs",
     green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",

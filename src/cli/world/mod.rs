@@ -9,6 +9,7 @@ mod desk;
 pub mod flow;
 mod force;
 mod hand;
+mod state;
 
 pub use body::{Mood, PlacedBody};
 pub use desk::Desk;
@@ -100,11 +101,7 @@ impl World {
         let started = Instant::now();
         std::mem::swap(&mut self.actions, &mut self.pending);
         self.pending.clear();
-        while self.fields.styli.len() < state.styli.len() {
-            if let Err(error) = self.fields.add_stylus(&mut self.graph) {
-                unreachable!("the names of hands are their own: {error}");
-            }
-        }
+        self.have_styli(state.styli.len());
         self.put(self.fields.tracked_head, Tracked(state.head));
         self.put(self.fields.time, state.time_s);
         for stylus in 0..self.fields.styli.len() {
