@@ -6,6 +6,7 @@
 mod accuracy;
 mod bench;
 mod check;
+mod check_stage;
 mod convert;
 mod deform;
 mod failure;

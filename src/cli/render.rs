@@ -25,7 +25,7 @@ use std::time::Instant;
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
     /// Folder for the pictures

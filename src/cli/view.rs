@@ -15,20 +15,20 @@ use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
 use crate::stage::Window;
 use crate::track::mouse::{BINDINGS, Button as MouseButton};
-use crate::track::{Mouse, MouseInput, Script, TrackerState};
+use crate::track::{Mouse, MouseInput, Rig, Script, TrackerState};
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Online stage in windows, or offscreen where there is no display
 ///
-/// The scene's script, where it has one, moves head and stylus until you press a mouse button or a key; then mouse
-/// and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
+/// The stage's trackers move head and styli; until one of them speaks, the scene's script does, where it has one, until
+/// you press a mouse button or a key; then mouse and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
 #[derive(Debug, clap::Args)]
 #[command(after_help = bindings())]
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
     /// Key frames for head and stylus; default: the scene's
@@ -50,7 +50,8 @@ pub struct Args {
     /// Samples a pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = super::samples)]
     pub samples: u32,
-    /// Size of the windows against the screens' own pixels; default: 1 for a single window, else 0.5
+    /// Size of the windows against the screens' own pixels; default: 1 for a single window and where the stage file has
+    /// windows of its own, else 0.5
     #[arg(long, value_parser = super::scale)]
     pub scale: Option<f64>,
     /// Present at once instead of waiting for the display's refresh
@@ -103,10 +104,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
     }
     super::print(&format!("{}\n", bindings()))?;
+    // A recording has its own head and hands.
+    let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
     let world = show.world;
     let layout = world.stage.layout();
-    let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
+    let is_usual = world.stage.windows.is_empty();
+    let scale = args.scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
+    let swapped = world.stage.swap_eyes;
     let mut app = Viewer {
         mouse: Mouse::new(world.stage.clone()),
         world,
@@ -118,13 +123,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         failure: None,
         sizes: specs.iter().map(|spec| spec.size).collect(),
         layout,
-        swapped: false,
+        swapped,
         bodies: None,
         started: Instant::now(),
         last: Instant::now(),
         frames: 0,
         round: 0,
         limit_s: args.seconds,
+        rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
@@ -204,6 +210,8 @@ struct Viewer {
     /// How often the script has begun anew.
     round: u32,
     limit_s: Option<f64>,
+    /// What follows head and hands, where the stage names something.
+    rig: Option<Rig>,
 }
 
 impl WindowApp for Viewer {
@@ -218,8 +226,11 @@ impl WindowApp for Viewer {
         if self.replay.is_some() && !matches!(input, Input::Key { key: Key::Function(_), .. }) {
             return;
         }
-        let takes_over =
-            matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
+        let takes_over = match input {
+            Input::Button { pressed, .. } => pressed,
+            Input::Key { key, pressed, .. } => pressed && !matches!(key, Key::Function(_)),
+            _ => false,
+        };
         if takes_over && self.script.take().is_some() {
             self.world.act(Action::LetGo);
         }
@@ -300,7 +311,13 @@ impl Viewer {
             let is_over = self.replay_until(self.started.elapsed().as_secs_f64())?;
             return Ok(if is_over { Flow::Quit } else { Flow::Continue });
         }
-        let state = self.state(step_s);
+        let mut state = self.state(step_s);
+        if let Some(rig) = &mut self.rig {
+            state = super::track::merge(rig, state);
+            if rig.is_speaking() && self.script.take().is_some() {
+                self.world.act(Action::LetGo);
+            }
+        }
         self.world.step(&state);
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&self.world, &state)?;
