@@ -51,8 +51,16 @@ impl Studio {
         let contents = FrameContents { bodies: &bodies, ..FrameContents::default() };
         let image = Readable::new(&self.gpu, size).unwrap();
         let mut canvas = Canvas::default();
-        let target = Target { window: 0, canvas: &mut canvas, texture: &image.view, size, desktop, tiles };
-        self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], &contents, paint).unwrap();
+        let target = Target {
+            window: 0,
+            canvas: &mut canvas,
+            texture: &image.view,
+            size,
+            desktop,
+            tiles,
+            contents: &contents,
+        };
+        self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint).unwrap();
         image.read(&self.gpu).unwrap().0
     }
 
@@ -166,8 +174,8 @@ fn a_tile_beyond_its_target_is_refused() {
         size: SIZE,
         desktop: [0, 0],
         tiles: &tiles,
+        contents: &FrameContents::default(),
     };
-    let contents = FrameContents::default();
-    let result = studio.painter.draw(&studio.gpu, &mut studio.renderer, &mut [target], &contents, None);
+    let result = studio.painter.draw(&studio.gpu, &mut studio.renderer, &mut [target], None);
     assert!(result.unwrap_err().to_string().contains("[1, 0, 160, 98]"));
 }

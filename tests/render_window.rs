@@ -51,7 +51,7 @@ impl WindowApp for TwoScreens {
             [Tile { rect: [0, 0, width, height], show }]
         });
         let tiles: Vec<_> = tiles.collect();
-        self.times = windows.draw(&tiles, &contents, None)?;
+        self.times = windows.draw(&tiles, |_| &contents, None)?;
         self.frames += 1;
         let done = self.frames >= 12 && Instant::now() >= self.end;
         Ok(if done { Flow::Quit } else { Flow::Continue })

@@ -33,7 +33,8 @@ fn display(size: &str) -> Option<(Running, String)> {
         }
     }
     let server = Command::new("Xvfb")
-        .args(["-displayfd", "1", "-screen", "0", &format!("{size}x24"), "-nolisten", "tcp"])
+        // Without -noreset it turns clients away for a moment whenever its last one has gone.
+        .args(["-displayfd", "1", "-screen", "0", &format!("{size}x24"), "-nolisten", "tcp", "-noreset"])
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn();

@@ -4,6 +4,7 @@
 //! are wrong. Results go to standard output, notices and progress to standard error.
 
 mod accuracy;
+mod aids;
 mod bench;
 mod bench_haptics;
 mod check;
@@ -15,6 +16,7 @@ mod feel;
 mod inspect;
 mod keys;
 mod manual;
+mod overlay;
 mod pack;
 mod panes;
 mod pattern;
@@ -26,14 +28,17 @@ mod precompute;
 mod progress;
 mod recording;
 mod render;
+mod room;
 mod serve;
 mod session;
 mod stability;
+mod stage_view;
 mod statics;
 mod track;
 mod verify;
 mod view;
 mod world;
+mod writing;
 
 pub use failure::Failure;
 
@@ -74,6 +79,7 @@ pub enum Command {
     Convert(convert::Args),
     Pack(pack::Args),
     Pattern(pattern::Args),
+    StageView(stage_view::Args),
     Track(track::Args),
     Verify(verify::Args),
     Manual(manual::Args),
@@ -96,6 +102,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Convert(args)) => convert::run(&args),
         Some(Command::Pack(args)) => pack::run(&args),
         Some(Command::Pattern(args)) => pattern::run(&args),
+        Some(Command::StageView(args)) => stage_view::run(&args),
         Some(Command::Track(args)) => track::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),

@@ -2,8 +2,9 @@
 
 use super::world::World;
 use crate::render::window::{MonitorChoice, WindowSpec};
-use crate::render::{Anaglyph, Composite, Show, Tile, View, Viewport};
-use crate::stage::{self, Border, Eye, MonitorId, Stage, Stereo, Window};
+use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport};
+use crate::stage::{self, Border, Eye, MonitorId, Screen, Stage, Stereo, Visible, Window};
+use egui::{Rect, pos2, vec2};
 
 /// How both eyes' pictures of a tile are joined; None where it shows one eye.
 pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {
@@ -47,29 +48,89 @@ pub fn scaled(size: [u32; 2], scale: f64) -> [u32; 2] {
 /// What a window of `size` pixels shows; with `swapped` each eye gets what the other should. Tiles and eyes for which
 /// the window has become too small are left out.
 pub fn tiles(world: &mut World, window: &Window, size: [u32; 2], swapped: bool) -> Vec<Tile> {
-    window.tiles.iter().filter_map(|tile| shown(world, window, tile, size, swapped)).collect()
+    shown(window, size, &mut |tile, eye_size, eye| {
+        let swapped = swapped != tile.swap_eyes;
+        viewport(world, tile, eye_size, if swapped { eye.other() } else { eye })
+    })
 }
 
+/// A window that shows both eyes the same instead: `view` of a width to height as it is on the screen, or nothing.
+pub fn flat_tiles(
+    stage: &Stage,
+    window: &Window,
+    size: [u32; 2],
+    view: impl Fn(f64) -> Option<View>,
+) -> Vec<Tile> {
+    shown(window, size, &mut |tile, eye_size, _| {
+        let screen = &stage.screens[tile.screen];
+        match tile.visible(screen, eye_size) {
+            Some(visible) => Viewport { rect: visible.rect, view: view(aspect(screen, &visible)) },
+            None => Viewport { rect: [0, 0, eye_size[0], eye_size[1]], view: None },
+        }
+    })
+}
+
+/// Width to height on the screen of the part that is visible.
+pub fn aspect(screen: &Screen, Visible { on_screen: [left, right, bottom, top], .. }: &Visible) -> f64 {
+    screen.width_m() * (right - left) / (screen.height_m() * (top - bottom))
+}
+
+/// Both eyes' viewports of every tile, from the tile, the size of an eye's picture, and the eye.
 fn shown(
-    world: &mut World,
+    window: &Window,
+    size: [u32; 2],
+    viewport: &mut dyn FnMut(&stage::Tile, [u32; 2], Eye) -> Viewport,
+) -> Vec<Tile> {
+    let mut of_tile = |tile: &stage::Tile| {
+        let (rect, composite, eye_size) = drawn(window, tile, size)?;
+        let mut viewport = |eye: Eye| viewport(tile, eye_size, eye);
+        let show = match (composite, tile.stereo.eyes()) {
+            (Some(composite), _) => Show::Two(composite, [viewport(Eye::Left), viewport(Eye::Right)]),
+            (None, eyes) => Show::One(viewport(*eyes.first()?)),
+        };
+        Some(Tile { rect, show })
+    };
+    window.tiles.iter().filter_map(&mut of_tile).collect()
+}
+
+/// The part of a screen that an eye's picture shows.
+pub struct Part {
+    pub screen: usize,
+    /// To whom it is shown.
+    pub eye: Eye,
+    /// Pixels of the picture's texture.
+    pub rect: Rect,
+    pub visible: Visible,
+}
+
+/// What a picture of `window`, now of `size` pixels, shows.
+pub fn part(
+    stage: &Stage,
+    window: &Window,
+    size: [u32; 2],
+    picture: &EyePicture<'_>,
+    swapped: bool,
+) -> Option<Part> {
+    let tile = window.tiles.iter().filter(|tile| drawn(window, tile, size).is_some()).nth(picture.tile)?;
+    let eye = *tile.stereo.eyes().get(picture.slot)?;
+    let [left, top, width, height] = picture.rect;
+    let visible = tile.visible(&stage.screens[tile.screen], [width, height])?;
+    let [x, y, width, height] = visible.rect.map(|pixels| pixels as f32);
+    let rect = Rect::from_min_size(pos2(left as f32 + x, top as f32 + y), vec2(width, height));
+    let swapped = swapped != tile.swap_eyes;
+    Some(Part { screen: tile.screen, eye: if swapped { eye.other() } else { eye }, rect, visible })
+}
+
+/// A tile's rectangle in its window, how its eyes are joined, and their pictures' size; `None` without pixels.
+fn drawn(
     window: &Window,
     tile: &stage::Tile,
     size: [u32; 2],
-    swapped: bool,
-) -> Option<Tile> {
+) -> Option<([u32; 4], Option<Composite>, [u32; 2])> {
     let rect = window.rect(tile, size);
     let composite = composite(tile.stereo, [rect[2], rect[3]]);
     let eye_size = composite.map_or([rect[2], rect[3]], |composite| composite.eye_size);
-    if eye_size.contains(&0) {
-        return None;
-    }
-    let swapped = swapped != tile.swap_eyes;
-    let mut viewport = |eye: Eye| viewport(world, tile, eye_size, if swapped { eye.other() } else { eye });
-    let show = match (composite, tile.stereo.eyes()) {
-        (Some(composite), _) => Show::Two(composite, [viewport(Eye::Left), viewport(Eye::Right)]),
-        (None, eyes) => Show::One(viewport(*eyes.first()?)),
-    };
-    Some(Tile { rect, show })
+    (!eye_size.contains(&0)).then_some((rect, composite, eye_size))
 }
 
 /// An eye's view of the part of the screen that the tile shows.

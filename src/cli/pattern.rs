@@ -4,12 +4,17 @@ mod paint;
 
 pub use paint::Pattern;
 
+use super::aids::{Aids, Staged};
 use super::failure::Failure;
+use super::overlay::Readings;
+use super::panes;
 use super::render::save;
+use crate::render::window::{self, AppError, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
-use crate::stage::Stage;
+use crate::stage::{Stage, Window};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Test pattern on every screen of a stage: grid and rulers in centimetres, border, corners, eyes
 ///
@@ -20,12 +25,68 @@ pub struct Args {
     pub stage: String,
     /// Folder for PNGs instead of windows, one per screen and eye
     #[arg(short, long)]
-    pub output: PathBuf,
+    pub output: Option<PathBuf>,
+    /// Size of the windows against the screens' own pixels
+    #[arg(long, value_parser = super::scale, default_value_t = 1.0)]
+    pub scale: f64,
+    /// Close the windows after so many seconds
+    #[arg(long, value_parser = super::positive)]
+    pub seconds: Option<f64>,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let stage = Stage::find(&args.stage).map_err(Failure::request)?;
-    pictures(&stage, &args.output)
+    if let Some(folder) = &args.output {
+        return pictures(&stage, folder);
+    }
+    let layout = stage.layout();
+    let specs = panes::specs(&stage, &layout, args.scale);
+    let mut aids = Aids::new(&stage, layout.len());
+    aids.pattern = true;
+    let swapped = stage.swap_eyes;
+    let mut app = Shown { stage, layout, aids, swapped, started: Instant::now(), limit_s: args.seconds };
+    window::run(&specs, WindowOptions { samples: 1, vsync: true }, &mut app).map_err(Failure::work)
+}
+
+/// The stage's windows with the pattern in them; F2 shows the room, F4 swaps the eyes.
+struct Shown {
+    stage: Stage,
+    layout: Vec<Window>,
+    aids: Aids,
+    swapped: bool,
+    started: Instant,
+    limit_s: Option<f64>,
+}
+
+impl WindowApp for Shown {
+    fn start(&mut self, _: &Gpu) -> Result<(), AppError> {
+        Ok(())
+    }
+
+    fn input(&mut self, input: Input) {
+        match input {
+            Input::Key { key: Key::Function(4), pressed: true, .. } => self.swapped = !self.swapped,
+            Input::Key { key: Key::Function(1 | 3), .. } => {}
+            _ => {
+                self.aids.input(&input, &self.stage, &self.layout);
+            }
+        }
+    }
+
+    fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
+        let sizes: Vec<[u32; 2]> = windows.sizes().collect();
+        let staged = Staged {
+            stage: &self.stage,
+            layout: &self.layout,
+            sizes: &sizes,
+            swapped: self.swapped,
+            room_from_head: self.stage.viewer.room_from_head,
+        };
+        let tiles = vec![Vec::new(); sizes.len()];
+        self.aids.draw(windows, &staged, tiles, &FrameContents::default(), |_| Readings::default())?;
+        let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
+        Ok(if is_over { Flow::Quit } else { Flow::Continue })
+    }
 }
 
 /// One PNG per screen and eye, as many pixels as the screen has.
@@ -46,7 +107,8 @@ fn pictures(stage: &Stage, folder: &Path) -> Result<(), Failure> {
                 &FrameContents::default(),
             )?;
             let sheet = overlay.lay_out(screen.pixels, |painter| {
-                Pattern { painter, rect: painter.clip_rect(), stage: &stage.name, screen, eye }.paint();
+                let (rect, on_screen) = (painter.clip_rect(), [-1.0, 1.0, -1.0, 1.0]);
+                Pattern { painter, rect, on_screen, stage: &stage.name, screen, eye }.paint();
             });
             overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
             let (image, _) = target.read(&gpu)?;

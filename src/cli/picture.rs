@@ -1,10 +1,11 @@
 //! A world on a graphics device: buffers per body, uploaded once a frame, drawn for every screen and eye.
 
+use super::overlay::{FrameTimes, History, Panel, Readings};
 use super::panes;
-use super::world::World;
+use super::world::{StepTimes, World};
 use crate::render::{
-    BodyBuffers, BodyInstance, COLOR_FORMAT, Canvas, FrameContents, Gpu, Readable, RenderError, Renderer,
-    Target, Tile, TilePainter,
+    BodyBuffers, BodyInstance, COLOR_FORMAT, Canvas, EyePicture, FrameContents, Gpu, Overlay, Readable,
+    RenderError, Renderer, Target, Tile, TilePainter,
 };
 use crate::stage::{Stage, Stereo, Window};
 use image::RgbaImage;
@@ -67,6 +68,8 @@ pub struct Targets {
     bodies: Bodies,
     pictures: Vec<OneTarget>,
     swapped: bool,
+    /// Shown on the screen that the viewer looks at, where it is asked for.
+    panel: Option<(Overlay, History)>,
 }
 
 /// The picture that a window would show.
@@ -119,7 +122,13 @@ impl Targets {
             bodies,
             pictures,
             swapped: stereo.is_some() && world.stage.swap_eyes,
+            panel: None,
         })
+    }
+
+    /// With the overlay on the screen that the viewer looks at.
+    pub fn with_overlay(self) -> Targets {
+        Targets { panel: Some((Overlay::new(COLOR_FORMAT), History::default())), ..self }
     }
 
     /// Draws the world into all targets with one upload and one submission, and waits for the device.
@@ -130,6 +139,14 @@ impl Targets {
             .iter()
             .map(|target| panes::tiles(world, &target.window, target.image.size, self.swapped))
             .collect();
+        let instances = self.bodies.instances(world);
+        let contents = contents(world, &instances);
+        let layout: Vec<(Window, [u32; 2])> = match &self.panel {
+            Some(_) => {
+                self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect()
+            }
+            None => Vec::new(),
+        };
         let mut targets: Vec<Target<'_>> = self
             .pictures
             .iter_mut()
@@ -142,13 +159,41 @@ impl Targets {
                 size: image.size,
                 desktop: [0, 0],
                 tiles,
+                contents: &contents,
             })
             .collect();
-        let instances = self.bodies.instances(world);
-        let contents = contents(world, &instances);
-        let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, &contents, None)?;
+        let encode = match &mut self.panel {
+            None => self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?,
+            Some((overlay, history)) => {
+                let readings = Readings {
+                    device: self.gpu.describe(),
+                    deformation: "deformed on the CPU".to_owned(),
+                    source: "offscreen: present is the device's drawing".to_owned(),
+                    warnings: world.warnings.iter().map(|text| (0.0, text.clone())).collect(),
+                    ..Readings::of(world)
+                };
+                let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+                    let (window, size) = &layout[picture.window];
+                    let part = panes::part(&world.stage, window, *size, picture, self.swapped);
+                    let Some(part) = part.filter(|part| part.screen == world.stage.faced_screen()) else {
+                        return Ok(());
+                    };
+                    let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                        Panel { painter, rect: part.rect, readings: &readings, history }.paint();
+                    });
+                    overlay.draw(gpu, [(picture.texture, &sheet)])
+                };
+                self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
+            }
+        };
         let draw_s = self.gpu.wait()?.as_secs_f64();
-        Ok(DrawTimes { upload_s, encode_s: encode.as_secs_f64(), draw_s })
+        let encode_s = encode.as_secs_f64();
+        if let Some((_, history)) = &mut self.panel {
+            let StepTimes { interact_s, deform_s, normals_s } = world.times;
+            let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
+            history.push(FrameTimes { steps, whole_s: steps.iter().sum() });
+        }
+        Ok(DrawTimes { upload_s, encode_s, draw_s })
     }
 
     /// Reads all pictures back, named by screen and eye; and the time it took, s.

@@ -165,6 +165,8 @@ impl Replay {
             format!(
                 "it was recorded with another scene than {scene}, or that has changed since: record it anew"
             )
+        } else if then.stage_hash != now.stage_hash && then.stage == now.stage {
+            format!("the stage {} has changed since it was recorded: record it anew", now.stage)
         } else if then.stage_hash != now.stage_hash {
             format!("it was recorded on the stage {}, not on {}: leave out --stage", then.stage, now.stage)
         } else {

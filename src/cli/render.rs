@@ -56,6 +56,9 @@ pub struct Args {
     /// default: a picture per eye
     #[arg(long, value_parser = Stereo::named)]
     pub stereo: Option<Stereo>,
+    /// With the overlay on the screen that the viewer looks at
+    #[arg(long)]
+    pub overlay: bool,
 }
 
 /// Width of one picture on the contact sheet.
@@ -159,6 +162,9 @@ pub fn pictures(
         .with_context(|| format!("cannot make the folder {}", folder.display()))
         .map_err(Failure::Request)?;
     let mut targets = Targets::new(world, args.stereo, args.samples, args.scale)?;
+    if args.overlay {
+        targets = targets.with_overlay();
+    }
     eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
     let shown = [0, args.frames / 2, args.frames - 1];
     let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");

@@ -1,8 +1,10 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
+use super::aids::{Aids, Staged};
 use super::failure::Failure;
 use super::feel::Feel;
 use super::keys;
+use super::overlay::{FrameTimes, Readings, SensorReading};
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::playback::{Playback, SCRIPT_STEPS, Source};
@@ -15,15 +17,16 @@ use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp,
 use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
 use crate::stage::Window;
+use crate::track::device::now_s;
 use crate::track::mouse::{BINDINGS, Button as MouseButton};
-use crate::track::{Mouse, MouseInput, Script, TrackerState};
+use crate::track::{Mouse, MouseInput, Rig, Script, TrackerState};
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Online stage in windows, or offscreen where there is no display
 ///
-/// The scene's script, where it has one, moves head and stylus until you press a mouse button or a key; then mouse
-/// and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
+/// The stage's trackers move head and styli; until one of them speaks, the scene's script does, where it has one, until
+/// you press a mouse button or a key; then mouse and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
 #[derive(Debug, clap::Args)]
 #[command(after_help = bindings())]
 pub struct Args {
@@ -58,6 +61,9 @@ pub struct Args {
     /// Present at once instead of waiting for the display's refresh
     #[arg(long)]
     pub no_vsync: bool,
+    /// Show the overlay from the beginning, on the screen that the viewer looks at
+    #[arg(long)]
+    pub overlay: bool,
     /// Quit after so many seconds
     #[arg(long, value_parser = super::positive)]
     pub seconds: Option<f64>,
@@ -80,6 +86,7 @@ impl Args {
             samples: 4,
             scale: None,
             no_vsync: false,
+            overlay: false,
             seconds: None,
             offscreen: "out/demo".into(),
         }
@@ -105,16 +112,25 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
     }
     super::print(&format!("{}\n", bindings()))?;
+    // A recording has its own head and hands.
+    let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
     let world = show.world;
     let layout = world.stage.layout();
     let is_usual = world.stage.windows.is_empty();
     let scale = args.scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
+    let mut aids = Aids::new(&world.stage, layout.len());
+    if args.overlay {
+        aids.panels[world.stage.faced_screen()] = true;
+    }
+    let swapped = world.stage.swap_eyes;
     // A recording's styli are where they were felt already.
     let feel = if show.replay.is_none() { Feel::start(&scene, &show.file, &world)? } else { None };
-    let swapped = world.stage.swap_eyes;
     let mut app = Viewer {
         feel,
+        aids,
+        times: FrameTimes::default(),
+        warnings: Vec::new(),
         mouse: Mouse::new(world.stage.clone()),
         world,
         script,
@@ -132,6 +148,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
+        rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
@@ -187,6 +204,7 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         samples: args.samples,
         scale: args.scale.unwrap_or(1.0),
         stereo: None,
+        overlay: args.overlay,
     }
 }
 
@@ -209,6 +227,11 @@ struct Viewer {
     sizes: Vec<[u32; 2]>,
     /// Each eye is shown what the other should see.
     swapped: bool,
+    aids: Aids,
+    /// Of the frame before, for the overlay.
+    times: FrameTimes,
+    /// The world's, with their seconds since the start.
+    warnings: Vec<(f64, String)>,
     bodies: Option<Bodies>,
     started: Instant,
     last: Instant,
@@ -216,6 +239,8 @@ struct Viewer {
     /// How often the script has begun anew.
     round: u32,
     limit_s: Option<f64>,
+    /// What follows head and hands, where the stage names something.
+    rig: Option<Rig>,
 }
 
 impl WindowApp for Viewer {
@@ -227,6 +252,9 @@ impl WindowApp for Viewer {
     }
 
     fn input(&mut self, input: Input) {
+        if self.aids.input(&input, &self.world.stage, &self.layout) {
+            return;
+        }
         if self.replay.is_some() && !matches!(input, Input::Key { key: Key::Function(_), .. }) {
             return;
         }
@@ -295,12 +323,45 @@ impl WindowApp for Viewer {
                 return Ok(Flow::Quit);
             }
         }
+        let StepTimes { interact_s, deform_s, normals_s } = self.world.times;
+        let track_s = (self.last.elapsed().as_secs_f64() - interact_s - deform_s - normals_s).max(0.0);
         self.mouse.hit_distance_m = self.world.hit_distance_m();
         let tiles = self.tiles(windows);
+        self.note_warnings();
+        if self.aids.has_panel() {
+            self.aids.history.push(FrameTimes { whole_s: step_s, ..self.times });
+        }
         if let Some(bodies) = &mut self.bodies {
-            bodies.upload(&windows.gpu, &mut self.world)?;
+            let upload_s = bodies.upload(&windows.gpu, &mut self.world)?;
             let instances = bodies.instances(&self.world);
-            windows.draw(&tiles, &contents(&self.world, &instances), None)?;
+            let staged = Staged {
+                stage: &self.world.stage,
+                layout: &self.layout,
+                sizes: &self.sizes,
+                swapped: self.swapped,
+                room_from_head: self.world.room_from_head,
+            };
+            let source = match (&self.replay, &self.script) {
+                (Some(_), _) => "moved by a recording",
+                (None, Some(_)) => "moved by the script",
+                (None, None) => "moved by mouse and keyboard",
+            };
+            let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
+            let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
+            let readings = |gpu: &Gpu| Readings {
+                device: gpu.describe(),
+                deformation: "deformed on the CPU".to_owned(),
+                source: source.to_owned(),
+                warnings: self.warnings.clone(),
+                sensors: SensorReading::of(&reports),
+                ..Readings::of(&self.world)
+            };
+            let contents = contents(&self.world, &instances);
+            let drawn = self.aids.draw(windows, &staged, tiles, &contents, readings)?;
+            let [acquire_s, encode_s, present_s] =
+                [drawn.acquire, drawn.encode, drawn.present].map(|time| time.as_secs_f64());
+            self.times.steps =
+                [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, acquire_s, present_s];
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
@@ -316,6 +377,12 @@ impl Viewer {
             return Ok(if is_over { Flow::Quit } else { Flow::Continue });
         }
         let mut state = self.state(step_s);
+        if let Some(rig) = &mut self.rig {
+            state = super::track::merge(rig, state);
+            if rig.is_speaking() && self.script.take().is_some() {
+                self.world.act(Action::LetGo);
+            }
+        }
         if let Some(feel) = &mut self.feel {
             feel.move_styli(&mut state);
         }
@@ -364,6 +431,13 @@ impl Viewer {
                 self.mouse.state(time_s)
             }
         }
+    }
+
+    /// Takes over what the world has warned of since the last frame.
+    fn note_warnings(&mut self) {
+        let time_s = self.started.elapsed().as_secs_f64();
+        let new = self.world.warnings.iter().skip(self.warnings.len());
+        self.warnings.extend(new.map(|text| (time_s, text.clone())));
     }
 
     fn tiles(&mut self, windows: &Windows) -> Vec<Vec<Tile>> {

@@ -21,6 +21,7 @@ chapters! {
     scene: "every key of the scene file: bodies, materials, control elements, models, effects, solver, place",
     meshes: "mesh files: groups, regions, what is repaired and what is refused; the two generators",
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
+    tracking: "trackers: what a stage file says of them, how to calibrate them, and how to see that they work",
     install: "on your own workbench or CAVE: from a tape measure to a bent tube, and what is wrong when it is wrong",
     scripts: "key frames that move head and stylus where nobody does",
     graph: "the data flow from tracker to surface, and recording a session and replaying it",

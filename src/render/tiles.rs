@@ -55,6 +55,7 @@ pub struct Target<'a> {
     /// Its top left pixel on the desktop, by which interlaced eyes take turns.
     pub desktop: [i32; 2],
     pub tiles: &'a [Tile],
+    pub contents: &'a FrameContents<'a>,
 }
 
 /// What a target needs besides its texture; kept from frame to frame, made anew when sizes change.
@@ -85,7 +86,7 @@ impl TilePainter {
         Self { format, pass: None }
     }
 
-    /// Draws `contents` into all targets; returns the time to encode and submit it.
+    /// Draws all targets; returns the time to encode and submit it. Targets that share their contents are drawn together.
     ///
     /// # Errors
     /// A tile outside its target, a viewport outside its picture, or a device that failed.
@@ -94,15 +95,20 @@ impl TilePainter {
         gpu: &Gpu,
         renderer: &mut Renderer,
         targets: &mut [Target<'_>],
-        contents: &FrameContents<'_>,
         paint: Option<Paint<'_>>,
     ) -> Result<Duration, RenderError> {
         let start = Instant::now();
         for target in targets.iter_mut() {
             self.prepare(gpu, renderer, target)?;
         }
-        let pictures: Vec<Picture<'_>> = targets.iter().flat_map(pictures).collect();
-        renderer.draw(gpu, &pictures, contents)?;
+        let mut left: Vec<&Target<'_>> = targets.iter().collect();
+        while let Some(contents) = left.first().map(|target| target.contents) {
+            let (same, other): (Vec<_>, Vec<_>) =
+                left.into_iter().partition(|target| std::ptr::eq(target.contents, contents));
+            let pictures: Vec<Picture<'_>> = same.into_iter().flat_map(pictures).collect();
+            renderer.draw(gpu, &pictures, contents)?;
+            left = other;
+        }
         if let Some(paint) = paint {
             for target in targets.iter() {
                 self.eye_pictures(target).try_for_each(|picture| paint(gpu, &picture))?;

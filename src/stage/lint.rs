@@ -36,6 +36,8 @@ const USUAL_IPD_M: std::ops::RangeInclusive<f64> = 0.055..=0.070;
 const CLOSED_M: f64 = 0.0005;
 /// Corners off a rectangle by more than this are told, m.
 const SKEW_M: f64 = 0.0005;
+/// A place this much beyond a screen's edge, in half widths and heights, may still lie behind a bezel.
+const ABOUT_SHOWN: f32 = 1.02;
 /// A screen seen under a smaller angle to its plane shows next to nothing, radians.
 const GRAZING: f64 = 0.087;
 
@@ -172,7 +174,7 @@ fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
     let is_shown = |screen: &Screen| {
         screen.view(&eye, 0.01).is_ok_and(|view| {
             let clip = view.clip_from_room * centre.cast::<f32>().to_homogeneous();
-            clip.w > 0.0 && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w
+            clip.w > 0.0 && clip.x.abs().max(clip.y.abs()) <= ABOUT_SHOWN * clip.w
         })
     };
     if !stage.screens.iter().any(is_shown) {

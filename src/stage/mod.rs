@@ -131,6 +131,14 @@ impl Stage {
         order
     }
 
+    /// The screen that the viewer's head is turned to most.
+    pub fn faced_screen(&self) -> usize {
+        let forward = self.viewer.room_from_head.rotation * -Vector3::z();
+        let turned = |screen: &Screen| -screen.axes()[2].dot(&forward);
+        let best = |(_, a): &(usize, &Screen), (_, b): &(usize, &Screen)| turned(a).total_cmp(&turned(b));
+        self.screens.iter().enumerate().max_by(best).map_or(0, |(index, _)| index)
+    }
+
     /// The eyes for which each screen is drawn, in the order of drawing.
     pub fn eyes(&self) -> &'static [Eye] {
         self.stereo.eyes()

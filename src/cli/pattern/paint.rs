@@ -1,20 +1,16 @@
 //! The test pattern of one screen for one eye, painted in pixels.
 //!
-//! In: a screen with its corners in the room, and the rectangle of pixels that shows it. Out: a grid of square cells in
+//! In: a screen with its corners in the room, and the rectangle of pixels that shows it, or a part of it. Out: a grid of square cells in
 //! centimetres, a border of one pixel at the very edge, rulers, a circle, labels, and blocks of single pixels. What must
 //! be exact to the pixel is a rectangle with whole coordinates, which no edge smoothing touches.
 
+use crate::cli::writing::{DARK, INK, LEFT, QUIET, RIGHT, write};
 use crate::stage::{Eye, Screen};
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use std::f32::consts::TAU;
 
-const BACKGROUND: Color32 = Color32::from_rgb(13, 16, 21);
 const FAINT: Color32 = Color32::from_rgb(44, 52, 63);
 const STRONG: Color32 = Color32::from_rgb(92, 106, 124);
-const WRITING: Color32 = Color32::from_rgb(222, 228, 236);
-const QUIET: Color32 = Color32::from_rgb(158, 170, 184);
-const LEFT: Color32 = Color32::from_rgb(236, 58, 48);
-const RIGHT: Color32 = Color32::from_rgb(38, 208, 228);
 
 /// Steps of rulers and grids, m.
 const STEPS: [f64; 13] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
@@ -33,6 +29,8 @@ pub struct Pattern<'a> {
     pub painter: &'a Painter,
     /// Whole pixels.
     pub rect: Rect,
+    /// Left, right, bottom and top of `rect` in the screen's normalised device coordinates.
+    pub on_screen: [f64; 4],
     pub stage: &'a str,
     pub screen: &'a Screen,
     pub eye: Eye,
@@ -40,8 +38,11 @@ pub struct Pattern<'a> {
 
 impl Pattern<'_> {
     pub fn paint(&self) {
+        if !self.rect.is_positive() {
+            return;
+        }
         let mut ground = Mesh::default();
-        ground.add_colored_rect(self.rect, BACKGROUND);
+        ground.add_colored_rect(self.rect, DARK);
         self.grid(&mut ground);
         self.rulers(&mut ground);
         self.border(&mut ground);
@@ -61,8 +62,18 @@ impl Pattern<'_> {
     }
 
     fn pixels_per_m(&self) -> [f64; 2] {
+        let ([left, right, bottom, top], size) = (self.on_screen, self.rect.size());
+        [
+            f64::from(size.x) / (self.screen.width_m() * (right - left) / 2.0),
+            f64::from(size.y) / (self.screen.height_m() * (top - bottom) / 2.0),
+        ]
+    }
+
+    /// The screen's middle, which may lie beside the part that is shown.
+    fn middle(&self) -> Pos2 {
+        let ([left, right, bottom, top], Rect { min, .. }) = (self.on_screen, self.rect);
         let size = self.rect.size();
-        [f64::from(size.x) / self.screen.width_m(), f64::from(size.y) / self.screen.height_m()]
+        min + vec2((-left / (right - left)) as f32 * size.x, (top / (top - bottom)) as f32 * size.y)
     }
 
     /// Side of a cell of the grid, m.
@@ -80,11 +91,12 @@ impl Pattern<'_> {
 
     /// The columns (axis 0) or rows (axis 1) at whole multiples of `step_m` from the middle, with the multiple.
     fn marks(&self, axis: usize, step_m: f64) -> Vec<(i32, f32)> {
-        let length = f64::from(self.rect.size()[axis]);
         let step = step_m * self.pixels_per_m()[axis];
-        let most = (length / 2.0 / step).min(1e4) as i32;
-        let start = self.rect.min[axis];
-        (-most..=most).map(|k| (k, start + (length / 2.0 + f64::from(k) * step).round() as f32)).collect()
+        let middle = f64::from(self.middle()[axis]);
+        let multiple = |edge: f32| ((f64::from(edge) - middle) / step).clamp(-1e4, 1e4);
+        let range =
+            multiple(self.rect.min[axis]).ceil() as i32..=multiple(self.rect.max[axis]).floor() as i32;
+        range.map(|k| (k, (middle + f64::from(k) * step).round() as f32)).collect()
     }
 
     /// A line of `width` pixels whose middle lies on the edge between two pixels before `at`, or right of it.
@@ -108,13 +120,13 @@ impl Pattern<'_> {
             }
         }
         for axis in [0, 1] {
-            self.line(mesh, axis, self.rect.center()[axis].round(), 2.0, WRITING);
+            self.line(mesh, axis, self.middle()[axis].round(), 2.0, INK);
         }
     }
 
     /// Ticks along the two middle lines.
     fn rulers(&self, mesh: &mut Mesh) {
-        let center = self.rect.center().round();
+        let center = self.middle().round();
         for axis in [0, 1] {
             for (k, at) in self.marks(axis, self.tick_m()) {
                 let half = (self.unit()
@@ -130,7 +142,7 @@ impl Pattern<'_> {
                     0 => Rect::from_min_max(pos2(at, center.y - half), pos2(at + 1.0, center.y + half)),
                     _ => Rect::from_min_max(pos2(center.x - half, at), pos2(center.x + half, at + 1.0)),
                 };
-                mesh.add_colored_rect(tick.intersect(self.rect), WRITING);
+                mesh.add_colored_rect(tick.intersect(self.rect), INK);
             }
         }
     }
@@ -159,15 +171,15 @@ impl Pattern<'_> {
         let [x, y] = self.pixels_per_m();
         let radius = self.radius_m();
         let radii = vec2((x * radius) as f32, (y * radius) as f32);
-        let stroke = Stroke::new((0.18 * self.unit()).max(1.0), WRITING);
+        let stroke = Stroke::new((0.18 * self.unit()).max(1.0), INK);
         let at = |k: u16| egui::Vec2::angled(TAU * f32::from(k) / f32::from(CIRCLE)) * radii;
-        let points = (0..CIRCLE).map(|k| self.rect.center() + at(k)).collect();
+        let points = (0..CIRCLE).map(|k| self.middle() + at(k)).collect();
         self.painter.add(Shape::closed_line(points, stroke));
     }
 
     fn ruler_labels(&self) {
         let unit = self.unit();
-        let center = self.rect.center();
+        let center = self.middle();
         let size = 1.5 * unit;
         for axis in [0, 1] {
             let marks = self.marks(axis, self.cell_m());
@@ -193,7 +205,7 @@ impl Pattern<'_> {
         let [x, y] = self.pixels_per_m().map(|density| 1e3 / density);
         let top = pos2(self.rect.center().x, self.rect.min.y + 6.0 * unit);
         let size = self.rect.size();
-        self.write(top, Align2::CENTER_TOP, name, 6.0 * unit, WRITING);
+        self.write(top, Align2::CENTER_TOP, name, 6.0 * unit, INK);
         let lines = [
             format!("{}   {:.3} × {:.3} m", self.stage, self.screen.width_m(), self.screen.height_m()),
             format!("{} × {} pixels of {x:.3} × {y:.3} mm", size.x, size.y),
@@ -207,18 +219,20 @@ impl Pattern<'_> {
         self.write(top + vec2(0.0, 8.0 * unit), Align2::CENTER_TOP, &lines.join("\n"), 1.8 * unit, QUIET);
     }
 
-    /// The corners by their names, where the stage file has them in the room.
+    /// The corners of what is shown by their names, where the stage file has them in the room.
     fn corners(&self) {
-        let (unit, screen) = (self.unit(), self.screen);
+        let unit = self.unit();
         let inside = self.rect.shrink(2.0 * unit);
-        for (name, point, align) in [
-            ("lower left", screen.lower_left, Align2::LEFT_BOTTOM),
-            ("lower right", screen.lower_right, Align2::RIGHT_BOTTOM),
-            ("upper left", screen.upper_left, Align2::LEFT_TOP),
-            ("upper right", screen.upper_right(), Align2::RIGHT_TOP),
+        let [left, right, bottom, top] = self.on_screen;
+        for (name, place, align) in [
+            ("lower left", [left, bottom], Align2::LEFT_BOTTOM),
+            ("lower right", [right, bottom], Align2::RIGHT_BOTTOM),
+            ("upper left", [left, top], Align2::LEFT_TOP),
+            ("upper right", [right, top], Align2::RIGHT_TOP),
         ] {
+            let point = self.screen.point(place);
             let text = format!("{name}\n{:.3} {:.3} {:.3}", point.x, point.y, point.z);
-            self.write(align.pos_in_rect(&inside), align, &text, 1.8 * unit, WRITING);
+            self.write(align.pos_in_rect(&inside), align, &text, 1.8 * unit, INK);
         }
     }
 
@@ -229,7 +243,7 @@ impl Pattern<'_> {
         let sides = [(Eye::Left, -1.0, LEFT, "L", "left eye"), (Eye::Right, 1.0, RIGHT, "R", "right eye")];
         if self.eye == Eye::Centre {
             let place = center + vec2(-0.27 * self.rect.width(), -0.22 * self.rect.height());
-            self.write(place, Align2::CENTER_CENTER, "one picture\nfor both eyes", 2.2 * unit, WRITING);
+            self.write(place, Align2::CENTER_CENTER, "one picture\nfor both eyes", 2.2 * unit, INK);
             return;
         }
         for (eye, side, color, letter, name) in sides {
@@ -237,7 +251,7 @@ impl Pattern<'_> {
             let own = eye == self.eye;
             let (fill, stroke) = match own {
                 true => (color, Stroke::NONE),
-                false => (BACKGROUND, Stroke::new((0.3 * unit).max(1.0), STRONG)),
+                false => (DARK, Stroke::new((0.3 * unit).max(1.0), STRONG)),
             };
             self.painter.add(match eye {
                 Eye::Left => {
@@ -259,7 +273,7 @@ impl Pattern<'_> {
             });
             if own {
                 let font = FontId::proportional(9.0 * unit);
-                self.painter.text(place, Align2::CENTER_CENTER, letter, font, BACKGROUND);
+                self.painter.text(place, Align2::CENTER_CENTER, letter, font, DARK);
                 self.write(place + vec2(0.0, 1.3 * radius), Align2::CENTER_TOP, name, 3.0 * unit, color);
             }
         }
@@ -305,21 +319,8 @@ impl Pattern<'_> {
     }
 
     /// Text on a dark plate, so that no line of the grid runs through it.
-    fn write(&self, place: Pos2, align: Align2, text: &str, size: f32, color: Color32) {
-        let font = FontId::monospace(size.max(7.0));
-        let mut job = egui::text::LayoutJob::simple(text.to_owned(), font, color, f32::INFINITY);
-        job.halign = align.x();
-        let galley = self.painter.layout_job(job);
-        // A galley aligned about x = 0 begins left of its place; its rectangle tells.
-        let top = match align.y() {
-            egui::Align::Min => 0.0,
-            egui::Align::Center => -galley.size().y / 2.0,
-            egui::Align::Max => -galley.size().y,
-        };
-        let place = (place + vec2(0.0, top)).round();
-        let plate = galley.rect.translate(place.to_vec2()).expand2(vec2(0.4 * size, 0.1 * size));
-        self.painter.rect_filled(plate, 0.0, BACKGROUND);
-        self.painter.galley(place, galley, color);
+    fn write(&self, place: Pos2, anchor: Align2, text: &str, size: f32, ink: Color32) {
+        write(self.painter, (place, anchor), text, size, [ink, DARK]);
     }
 }
 

@@ -26,14 +26,14 @@ pub struct PlacedBody {
     /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
     pub controls: Vec<PlacedControl>,
     /// Names of its model and its effects, as in the scene.
-    #[allow(dead_code, reason = "for the overlay")]
     pub model: String,
-    #[allow(dead_code, reason = "for the overlay")]
     pub effects: Vec<String>,
     /// Where the scene lists an effect of forces: how they are shown.
     pub force_scale: Option<ForceScale>,
     /// Largest turn for which a planned body's error was measured, rad.
-    range: Option<f64>,
+    pub range: Option<f64>,
+    /// That it was left has been said.
+    range_left: bool,
     /// How near a ray must pass a node of a control element that it misses, m in the room.
     passing_m: f64,
     /// Deformed, or coloured anew, since it was last uploaded.
@@ -79,6 +79,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
             model: body.model.clone(),
             effects: body.effects.clone(),
             range: plan::range(file, &deformer.body),
+            range_left: false,
             passing_m: PASSING_BY * stage.workspace.radius_m,
             moved: true,
             recolour: true,
@@ -149,7 +150,9 @@ impl PlacedBody {
     /// Says once where a planned body leaves what was measured of it.
     pub(super) fn check_range(&mut self) {
         let poses = &self.deformer.poses;
-        if let Some(range) = self.range.take_if(|range| plan::largest_turn(poses) > *range) {
+        let left = |range: &f64| !self.range_left && plan::largest_turn(poses) > *range;
+        if let Some(range) = self.range.filter(left) {
+            self.range_left = true;
             let (body, degrees) = (&self.deformer.body, range.to_degrees());
             let warning = format!(
                 "body.{body}: control elements turn by more than {degrees:.0}° against each other, for which the \

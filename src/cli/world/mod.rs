@@ -24,7 +24,7 @@ use crate::interact::Action;
 use crate::render::{Arrow, Grid, StylusShape, View};
 use crate::scene::Scene;
 use crate::stage::{Eye, Stage};
-use crate::track::TrackerState;
+use crate::track::{Signal, TrackerState};
 use flow::{BodyPlace, Tracked};
 use hand::Held;
 use nalgebra::{Isometry3, Point3};
@@ -149,7 +149,9 @@ impl World {
         let mut touched: Vec<((usize, usize), Mood)> = Vec::new();
         (self.styli, self.forces, self.arrows) = (Vec::new(), Vec::new(), Vec::new());
         for (i, fields) in self.fields.styli.iter().enumerate() {
-            let (Some(stylus), Some(pose)) = (graph.get(fields.stylus), hands.room_from_stylus(i)) else {
+            // One that is lost is not drawn where it was.
+            let seen = graph.get(fields.stylus).as_ref().filter(|s| !matches!(s.signal, Signal::Lost { .. }));
+            let (Some(stylus), Some(pose)) = (seen, hands.room_from_stylus(i)) else {
                 continue;
             };
             let hit = graph.get(fields.hit).as_ref();

@@ -8,6 +8,8 @@ use crate::track::StylusState;
 use nalgebra::{Translation3, Vector3};
 use std::path::Path;
 
+mod tracked;
+
 const SCENE: &str = r#"
 [body.block]
 generate = { block = { size = [2.0, 1.0, 1.0], cells = [4, 2, 2] } }

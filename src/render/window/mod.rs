@@ -103,15 +103,15 @@ impl Windows {
         self.surfaces.iter().map(|surface| surface.size)
     }
 
-    /// Draws `contents` into each window's tiles and presents all windows together. A window that cannot be drawn just
+    /// Draws into each window's tiles what `contents` gives for it, and presents all windows together. A window that cannot be drawn just
     /// now (minimised, covered, being resized) is left out of this frame. `paint` draws over the eyes' pictures.
     ///
     /// # Errors
     /// A tile outside its window, a number of windows that differs, or a device that failed.
-    pub fn draw<T: AsRef<[Tile]>>(
+    pub fn draw<'c, T: AsRef<[Tile]>>(
         &mut self,
         tiles: &[T],
-        contents: &FrameContents<'_>,
+        contents: impl Fn(usize) -> &'c FrameContents<'c>,
         paint: Option<Paint<'_>>,
     ) -> Result<WindowTimes, RenderError> {
         let (found, expected) = (tiles.len(), self.surfaces.len());
@@ -142,9 +142,10 @@ impl Windows {
                 desktop: surface.place,
                 canvas: &mut surface.canvas,
                 tiles,
+                contents: contents(*window),
             })
             .collect();
-        let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, contents, paint)?;
+        let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, paint)?;
 
         let start = Instant::now();
         for (_, frame, surface, _) in frames {

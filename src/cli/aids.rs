@@ -1,0 +1,185 @@
+//! What a lab engineer calls up over the pictures of a stage: overlay (F1), room from outside (F2), test pattern (F3).
+//!
+//! In: keys, and the frame as it would be drawn. Out: the frame with the aids in it. An aid lies on the glass, the same
+//! for both eyes, drawn before eyes are joined, so that it can be read in every kind of stereo. What is not called up
+//! costs nothing.
+
+use super::overlay::{History, Panel, Readings};
+use super::panes;
+use super::pattern::Pattern;
+use super::room::{Camera, Orbit, Room, write_names};
+use crate::render::window::{Input, Key, WindowTimes, Windows};
+use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Sheet, Tile};
+use crate::stage::{Stage, Window};
+use nalgebra::Isometry3;
+
+/// The aids of all windows of a stage.
+pub struct Aids {
+    /// Per screen: is the overlay over it?
+    pub panels: Vec<bool>,
+    pub pattern: bool,
+    /// Steps of the frames since an overlay was called up.
+    pub history: History,
+    /// Per window: where the room is looked at from, instead of its screens.
+    outside: Vec<Option<Orbit>>,
+    /// The last of each window, for the next time.
+    kept: Vec<Option<Orbit>>,
+    overlay: Option<Overlay>,
+}
+
+/// The stage as it is in this frame.
+pub struct Staged<'a> {
+    pub stage: &'a Stage,
+    pub layout: &'a [Window],
+    pub sizes: &'a [[u32; 2]],
+    pub swapped: bool,
+    pub room_from_head: Isometry3<f64>,
+}
+
+impl Aids {
+    pub fn new(stage: &Stage, windows: usize) -> Self {
+        Self {
+            panels: vec![false; stage.screens.len()],
+            pattern: false,
+            history: History::default(),
+            outside: vec![None; windows],
+            kept: vec![None; windows],
+            overlay: None,
+        }
+    }
+
+    pub fn has_panel(&self) -> bool {
+        self.panels.contains(&true)
+    }
+
+    /// Takes an input that is meant for the aids; false leaves it to the scene.
+    pub fn input(&mut self, input: &Input, stage: &Stage, layout: &[Window]) -> bool {
+        match *input {
+            Input::Key { window, key: Key::Function(number @ 1..=3), pressed } => {
+                if pressed {
+                    self.toggle(number, window, stage, layout);
+                }
+                true
+            }
+            Input::Cursor { window, .. } | Input::Button { window, .. } | Input::Wheel { window, .. } => {
+                let orbit = self.outside.get_mut(window).and_then(Option::as_mut);
+                orbit.is_some_and(|orbit| {
+                    orbit.handle(input);
+                    true
+                })
+            }
+            Input::Focus { .. } => {
+                self.outside.iter_mut().flatten().for_each(|orbit| orbit.handle(input));
+                false
+            }
+            _ => false,
+        }
+    }
+
+    fn toggle(&mut self, number: u8, window: usize, stage: &Stage, layout: &[Window]) {
+        match number {
+            1 => {
+                let screens = layout.get(window).into_iter().flat_map(|window| &window.tiles);
+                let screens: Vec<usize> = screens.map(|tile| tile.screen).collect();
+                let show = !screens.iter().any(|&screen| self.panels[screen]);
+                screens.into_iter().for_each(|screen| self.panels[screen] = show);
+                if !self.has_panel() {
+                    self.history = History::default();
+                }
+            }
+            2 => {
+                if let (Some(outside), Some(kept)) = (self.outside.get_mut(window), self.kept.get_mut(window))
+                {
+                    match outside.take() {
+                        Some(orbit) => *kept = Some(Orbit::new(orbit.camera)),
+                        None => *outside = kept.or_else(|| Some(Orbit::new(Camera::of(stage)))),
+                    }
+                }
+            }
+            _ => self.pattern = !self.pattern,
+        }
+    }
+
+    /// Draws a frame: `tiles` and `contents` as they are without aids. `readings` is asked when an overlay is shown.
+    ///
+    /// # Errors
+    /// As of [`Windows::draw`].
+    pub fn draw(
+        &mut self,
+        windows: &mut Windows,
+        staged: &Staged<'_>,
+        tiles: Vec<Vec<Tile>>,
+        contents: &FrameContents<'_>,
+        readings: impl FnOnce(&Gpu) -> Readings,
+    ) -> Result<WindowTimes, RenderError> {
+        let is_plain = !self.pattern && !self.has_panel() && self.outside.iter().all(Option::is_none);
+        if is_plain {
+            return windows.draw(&tiles, |_| contents, None);
+        }
+        let tiles = self.tiles(staged, tiles);
+        let Self { outside, overlay, panels, pattern, history, .. } = self;
+        let of = |orbit: &Option<Orbit>| {
+            let camera = orbit.as_ref()?.camera;
+            Some((camera, Room::new(staged.stage, &staged.room_from_head, &camera.eye())))
+        };
+        let rooms: Vec<Option<(Camera, Room)>> = outside.iter().map(of).collect();
+        let outer: Vec<Option<FrameContents<'_>>> =
+            rooms.iter().map(|room| Some(room.as_ref()?.1.contents(*contents))).collect();
+        let readings = panels.contains(&true).then(|| readings(&windows.gpu));
+        // Both eyes get the same overlay.
+        let mut panel: Option<Sheet> = None;
+        let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+            let Some((window, &size)) =
+                staged.layout.get(picture.window).zip(staged.sizes.get(picture.window))
+            else {
+                return Ok(());
+            };
+            let Some(part) = panes::part(staged.stage, window, size, picture, staged.swapped) else {
+                return Ok(());
+            };
+            let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
+            let screen = &staged.stage.screens[part.screen];
+            let room = rooms[picture.window].as_ref();
+            if let Some((camera, room)) = room {
+                let view = camera.view(panes::aspect(screen, &part.visible));
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    view.iter().for_each(|view| write_names(painter, part.rect, view, room));
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            } else if *pattern {
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    let painter = &painter.with_clip_rect(part.rect);
+                    let (on_screen, stage) = (part.visible.on_screen, staged.stage.name.as_str());
+                    Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            }
+            if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
+                let is_same = |sheet: &Sheet| sheet.size == picture.texture_size && picture.slot == 1;
+                let sheet = match panel.take().filter(is_same) {
+                    Some(sheet) => sheet,
+                    None => overlay.lay_out(picture.texture_size, |painter| {
+                        Panel { painter, rect: part.rect, readings, history }.paint();
+                    }),
+                };
+                overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
+            }
+            Ok(())
+        };
+        windows.draw(&tiles, |window| outer[window].as_ref().unwrap_or(contents), Some(&mut paint))
+    }
+
+    /// Windows that look at the room show it to both eyes, those with the pattern nothing below it.
+    fn tiles(&self, staged: &Staged<'_>, mut tiles: Vec<Vec<Tile>>) -> Vec<Vec<Tile>> {
+        for (index, (tiles, (window, size))) in
+            tiles.iter_mut().zip(staged.layout.iter().zip(staged.sizes)).enumerate()
+        {
+            if let Some(Some(orbit)) = self.outside.get(index) {
+                *tiles = panes::flat_tiles(staged.stage, window, *size, |aspect| orbit.camera.view(aspect));
+            } else if self.pattern {
+                *tiles = panes::flat_tiles(staged.stage, window, *size, |_| None);
+            }
+        }
+        tiles
+    }
+}

@@ -1,0 +1,173 @@
+//! The overlay in a picture: where a frame's time goes, how fresh the trackers are, what bends how far, what is wrong.
+//!
+//! In: a world and the steps of its last frames, as plain [`Readings`] and [`History`]. Out: two columns of small
+//! aligned letters at the left and right edge and a strip at the bottom ([`Panel`]); the middle stays free.
+
+mod panel;
+
+pub use panel::Panel;
+
+use super::plan;
+use super::world::{Mood, PlacedBody, World};
+use crate::deform::{ControlPose, Wrench};
+use crate::track::Signal;
+use crate::track::rig::TrackerReport;
+use std::collections::VecDeque;
+
+/// Steps of a frame in their order, as the overlay names them.
+pub const STEPS: [&str; 8] =
+    ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
+/// Frames that are kept.
+const FRAMES: usize = 120;
+
+/// The last frames, step by step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Newest last.
+    pub frames: VecDeque<FrameTimes>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameTimes {
+    /// As [`STEPS`], s.
+    pub steps: [f64; 8],
+    /// From this frame to the next, what no step tells included, s.
+    pub whole_s: f64,
+}
+
+impl History {
+    pub fn push(&mut self, times: FrameTimes) {
+        if self.frames.len() == FRAMES {
+            self.frames.pop_front();
+        }
+        self.frames.push_back(times);
+    }
+
+    fn mean(&self, of: impl Fn(&FrameTimes) -> f64) -> f64 {
+        self.frames.iter().map(of).sum::<f64>() / self.frames.len().max(1) as f64
+    }
+
+    fn worst_s(&self) -> f64 {
+        self.frames.iter().map(|frame| frame.whole_s).fold(0.0, f64::max)
+    }
+}
+
+/// What the overlay says beside times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Readings {
+    pub stage: String,
+    pub device: String,
+    /// Where bodies are deformed.
+    pub deformation: String,
+    /// Who moves head and styli where no tracker does.
+    pub source: String,
+    pub sensors: Vec<SensorReading>,
+    pub bodies: Vec<BodyReading>,
+    /// When, in seconds since the start, and what; newest last.
+    pub warnings: Vec<(f64, String)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorReading {
+    pub name: String,
+    pub rate_hz: f64,
+    pub age_s: f64,
+    pub signal: Signal,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyReading {
+    pub name: String,
+    pub model: String,
+    pub effects: Vec<String>,
+    pub controls: Vec<ControlReading>,
+    /// Largest turn of two control elements against each other, rad.
+    pub turn: f64,
+    pub limits: TurnLimits,
+    /// Strain energy, J, where the handle stiffness is there.
+    pub energy: Option<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControlReading {
+    pub name: String,
+    pub pose: ControlPose,
+    pub held: bool,
+    pub wrench: Option<Wrench>,
+}
+
+/// Up to where a model is good, and up to where it is fair, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurnLimits {
+    pub good: f64,
+    pub fair: f64,
+    /// For this very body, by the plan of its accuracy; else by the table of [`TurnLimits::of_model`].
+    pub is_measured: bool,
+}
+
+impl TurnLimits {
+    /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, against
+    /// St. Venant-Kirchhoff statics on the same mesh: linear 10° and 30°, rotation 30° and 90°. The error grows with
+    /// the square of the angle.
+    pub fn of_model(model: &str) -> Self {
+        let [good, fair] = if model == "rotation" { [30.0, 90.0] } else { [10.0, 30.0] };
+        Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
+    }
+
+    fn of_body(body: &PlacedBody) -> Self {
+        match body.range {
+            Some(range) => Self { good: range, fair: range, is_measured: true },
+            None => Self::of_model(&body.model),
+        }
+    }
+}
+
+impl SensorReading {
+    /// The sensors that the stage names.
+    pub fn of(reports: &[TrackerReport]) -> Vec<Self> {
+        let sensors = reports.iter().flat_map(|report| &report.sensors);
+        let named = sensors.filter_map(|sensor| {
+            let name = sensor.name.clone()?;
+            Some(Self { name, rate_hz: sensor.rate_hz, age_s: sensor.age_s, signal: sensor.signal })
+        });
+        named.collect()
+    }
+}
+
+impl Readings {
+    /// All that a world tells; device and trackers are for others to add.
+    pub fn of(world: &World) -> Self {
+        let bodies = world.bodies.iter().map(body_reading).collect();
+        Self { stage: world.stage.name.clone(), bodies, ..Self::default() }
+    }
+}
+
+fn body_reading(body: &PlacedBody) -> BodyReading {
+    let deformer = &body.deformer;
+    // A file may hold S for its model alone; force is shown where the scene asks for it.
+    let felt = body.effects.iter().any(|effect| effect == "haptics");
+    let (wrenches, energy) = match deformer.wrenches().filter(|_| felt) {
+        Some((wrenches, energy)) => (wrenches.into_iter().map(Some).collect(), Some(energy)),
+        None => (vec![None; deformer.controls.len()], None),
+    };
+    let controls = deformer.controls.iter().zip(&deformer.poses).zip(&body.controls).zip(wrenches);
+    BodyReading {
+        name: deformer.body.clone(),
+        model: body.model.clone(),
+        effects: body.effects.clone(),
+        controls: controls
+            .map(|(((rest, pose), placed), wrench)| ControlReading {
+                name: rest.name.clone(),
+                pose: *pose,
+                held: placed.mood == Mood::Held,
+                wrench,
+            })
+            .collect(),
+        turn: plan::largest_turn(&deformer.poses),
+        limits: TurnLimits::of_body(body),
+        energy,
+    }
+}
+
+#[cfg(test)]
+mod tests;

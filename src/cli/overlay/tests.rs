@@ -1,0 +1,110 @@
+//! The overlay as a picture, from readings that never change.
+
+use super::*;
+use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, RenderError, Renderer, Viewport};
+use image::RgbImage;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use std::path::Path;
+
+const SIZE: [u32; 2] = [960, 600];
+
+fn readings(turn: f64) -> Readings {
+    let control = |name: &str, turn: f64| ControlReading {
+        name: name.to_owned(),
+        pose: ControlPose {
+            translation: Vector3::new(-0.0825, 0.3276, 0.0) * turn,
+            matrix: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) * Matrix3::identity(),
+        },
+        held: turn > 0.0,
+        wrench: Some(Wrench { force: Vector3::new(1.5, -12.25, 0.0), moment: Vector3::new(0.0, 0.25, -3.0) }),
+    };
+    let sensor =
+        |name: &str, age_s: f64, signal| SensorReading { name: name.into(), rate_hz: 119.9, age_s, signal };
+    Readings {
+        stage: "workbench".into(),
+        device: "a device by Vulkan".into(),
+        deformation: "deformed on the CPU".into(),
+        source: String::new(),
+        sensors: vec![
+            sensor("head", 0.004, Signal::Live),
+            sensor("wand", 0.31, Signal::Held { age_s: 0.31 }),
+            sensor("other", 62.0, Signal::Lost { age_s: 62.0 }),
+        ],
+        bodies: vec![BodyReading {
+            name: "tube".into(),
+            model: "linear".into(),
+            effects: vec!["haptics".into()],
+            controls: vec![control("left", 0.0), control("right", turn)],
+            turn,
+            limits: TurnLimits::of_model("linear"),
+            energy: Some(0.1234),
+        }],
+        warnings: vec![(
+            12.3,
+            "left eye: screen `table` stays black: the eye is 0.120 m behind its plane".into(),
+        )],
+    }
+}
+
+fn history() -> History {
+    let mut history = History::default();
+    for k in 0..90 {
+        let ms = |mean: f64| 1e-3 * mean * (1.0 + 0.3 * f64::from(k % 7));
+        let steps = [0.02, 0.05, 0.4, 0.3, 0.2, 1.5, 0.1, 4.0].map(ms);
+        history.push(FrameTimes { steps, whole_s: steps.iter().sum::<f64>() * 1.1 });
+    }
+    history
+}
+
+fn picture(gpu: &Gpu, readings: &Readings) -> RgbImage {
+    let mut renderer = Renderer::new(gpu, COLOR_FORMAT, 1).unwrap();
+    let target = Offscreen::new(gpu, &renderer, SIZE).unwrap();
+    renderer.draw(gpu, &[target.picture(&Viewport::full(SIZE, None))], &FrameContents::default()).unwrap();
+    let (mut overlay, history) = (Overlay::new(COLOR_FORMAT), history());
+    let sheet = overlay.lay_out(SIZE, |painter| {
+        Panel { painter, rect: painter.clip_rect(), readings, history: &history }.paint();
+    });
+    overlay.draw(gpu, [(&target.image.view, &sheet)]).unwrap();
+    image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
+}
+
+#[test]
+fn the_overlay_is_the_same_every_time_and_leaves_the_middle_free() {
+    let gpu = match Gpu::headless() {
+        Ok(gpu) => gpu,
+        Err(error @ RenderError::NoAdapter(_)) => {
+            assert!(std::env::var("GREENSTAGE_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
+            eprintln!("SKIPPED: {error}");
+            return;
+        }
+        Err(error) => panic!("{error}"),
+    };
+    let [now, again, bent] = [0.3, 0.3, 1.0].map(|turn| picture(&gpu, &readings(turn)));
+    if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/overlay.png");
+        now.save(path).unwrap();
+    }
+    assert!(now == again && now != bent, "the same letters for the same readings, others for others");
+    let [width, height] = SIZE;
+    let middle = now.enumerate_pixels().filter(|(x, y, _)| {
+        (width / 3..2 * width / 3).contains(x) && (height / 4..3 * height / 4).contains(y)
+    });
+    assert!(middle.into_iter().all(|(.., pixel)| pixel.0 == [0; 3]), "the middle is free");
+}
+
+#[test]
+fn the_history_keeps_the_last_120_frames() {
+    let mut history = History::default();
+    for k in 0..500 {
+        history.push(FrameTimes { whole_s: f64::from(k), ..FrameTimes::default() });
+    }
+    assert_eq!((history.frames.len(), history.worst_s()), (120, 499.0));
+    assert_eq!(history.mean(|frame| frame.whole_s), 439.5);
+    assert_eq!(History::default().mean(|frame| frame.whole_s), 0.0);
+}
+
+#[test]
+fn a_measured_range_goes_before_the_models_table() {
+    let [linear, rotation] = ["linear", "rotation"].map(TurnLimits::of_model);
+    assert!(linear.good < linear.fair && linear.fair < rotation.fair && !linear.is_measured);
+}

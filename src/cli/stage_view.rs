@@ -1,0 +1,266 @@
+//! `greenstage stage-view`: the room from outside, in a window of its own or as a picture.
+
+use super::failure::Failure;
+use super::picture::{Bodies, contents};
+use super::render;
+use super::room::{Camera, Orbit, Room, write_names};
+use super::session;
+use super::world::World;
+use crate::interact::Action;
+use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
+use crate::render::{
+    COLOR_FORMAT, EyePicture, FrameContents, Gpu, Offscreen, Overlay, Renderer, Show, Tile, Viewport,
+};
+use crate::scene::Scene;
+use crate::stage::Stage;
+use crate::track::Script;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The room from outside: screens, eyes and what they see, head, stylus, bodies, trackers
+///
+/// In the window dragging turns, the wheel zooms, Escape or closing it quits.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Scene file (TOML), or a stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file
+    pub scene_or_stage: PathBuf,
+    /// Stage on which a scene is shown; default: the scene's
+    #[arg(long)]
+    pub stage: Option<String>,
+    /// A PNG file instead of a window
+    #[arg(short, long)]
+    pub output: Option<PathBuf>,
+    /// Where to look from, metres in the room: x,y,z; default: behind the viewer, above and to the right
+    #[arg(long, value_parser = place, allow_hyphen_values = true)]
+    pub from: Option<[f64; 3]>,
+    /// Width and height of the picture or the window: 1280x960
+    #[arg(long, value_parser = size, default_value = "1280x960")]
+    pub size: [u32; 2],
+    /// Moment of the scene's script in the picture, s
+    #[arg(long, default_value_t = 0.0)]
+    pub time: f64,
+    /// Close the window after so many seconds
+    #[arg(long, value_parser = super::positive)]
+    pub seconds: Option<f64>,
+    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
+    #[arg(long)]
+    pub green: Option<PathBuf>,
+    /// Samples a pixel, 1 or 4
+    #[arg(long, default_value_t = 4, value_parser = super::samples)]
+    pub samples: u32,
+}
+
+fn place(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
+    <[f64; 3]>::try_from(numbers)
+        .ok()
+        .filter(|place| place.iter().all(|x| x.abs() <= 1000.0))
+        .ok_or("three numbers of metres up to 1000, as 2.5,1.8,3".into())
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides: Vec<u32> = text.split('x').filter_map(|word| word.parse().ok()).collect();
+    <[u32; 2]>::try_from(sides)
+        .ok()
+        .filter(|sides| sides.iter().all(|side| (16..=16384).contains(side)))
+        .ok_or("width and height in pixels from 16 to 16384, as 1280x960".into())
+}
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let seen = Seen::load(args)?;
+    let camera = match args.from {
+        Some(place) => Camera::from(seen.stage(), place.into()),
+        None => Camera::of(seen.stage()),
+    };
+    match &args.output {
+        Some(path) => picture(args, seen, camera, path),
+        None => show(args, seen, camera),
+    }
+}
+
+/// The room in a window, live: the scene's script moves head and stylus.
+fn show(args: &Args, seen: Seen, camera: Camera) -> Result<(), Failure> {
+    let spec = WindowSpec {
+        title: format!("greenstage – {} – room", seen.stage().name),
+        monitor: None,
+        position: None,
+        size: args.size,
+        fills: false,
+        decorated: true,
+        fullscreen: false,
+        unmanaged: false,
+    };
+    let mut app = Outside {
+        seen,
+        bodies: None,
+        orbit: Orbit::new(camera),
+        overlay: None,
+        started: Instant::now(),
+        round: 0,
+        limit_s: args.seconds,
+    };
+    let options = WindowOptions { samples: args.samples, vsync: true };
+    window::run(&[spec], options, &mut app).map_err(Failure::work)
+}
+
+struct Outside {
+    seen: Seen,
+    bodies: Option<Bodies>,
+    orbit: Orbit,
+    overlay: Option<Overlay>,
+    started: Instant,
+    /// How often the script has begun anew.
+    round: u32,
+    limit_s: Option<f64>,
+}
+
+impl WindowApp for Outside {
+    fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
+        if let Seen::Scene(world, _) = &self.seen {
+            self.bodies = Some(Bodies::new(gpu, world)?);
+        }
+        self.started = Instant::now();
+        Ok(())
+    }
+
+    fn input(&mut self, input: Input) {
+        self.orbit.handle(&input);
+    }
+
+    fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
+        let time_s = self.started.elapsed().as_secs_f64();
+        if let Seen::Scene(world, script) = &mut self.seen {
+            step(world, script.as_ref(), time_s, &mut self.round);
+            if let Some(bodies) = &mut self.bodies {
+                bodies.upload(&windows.gpu, world)?;
+            }
+        }
+        let room = self.seen.room(&self.orbit.camera);
+        let world = match &self.seen {
+            Seen::Scene(world, _) => Some(world),
+            Seen::Stage(_) => None,
+        };
+        let instances = match (&self.bodies, world) {
+            (Some(bodies), Some(world)) => bodies.instances(world),
+            _ => Vec::new(),
+        };
+        let inner = world.map_or_else(FrameContents::default, |world| contents(world, &instances));
+        let contents = room.contents(inner);
+        let size = windows.sizes().next().unwrap_or([0, 0]);
+        let view = self.orbit.camera.view(f64::from(size[0]) / f64::from(size[1].max(1)));
+        let tile = Tile { rect: [0, 0, size[0], size[1]], show: Show::One(Viewport::full(size, view)[0]) };
+        let tiles = if size.contains(&0) { vec![] } else { vec![tile] };
+        let overlay = &mut self.overlay;
+        let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+            let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
+            let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &room));
+            });
+            overlay.draw(gpu, [(picture.texture, &sheet)])
+        };
+        windows.draw(&[tiles], |_| &contents, Some(&mut paint))?;
+        let is_over = self.limit_s.is_some_and(|limit_s| time_s >= limit_s);
+        Ok(if is_over { Flow::Quit } else { Flow::Continue })
+    }
+}
+
+/// One moment of a script that begins anew a second after its end; without one, everything at rest.
+fn step(world: &mut World, script: Option<&Script>, time_s: f64, round: &mut u32) {
+    let Some(script) = script else {
+        world.step(&Default::default());
+        return;
+    };
+    let round_s = script.duration_s + 1.0;
+    let now = (time_s / round_s) as u32;
+    if std::mem::replace(round, now) != now {
+        world.act(Action::Reset);
+    }
+    let state = script.sample(&world.stage, time_s % round_s);
+    world.step(&state);
+}
+
+/// A scene on its stage, or a stage alone.
+enum Seen {
+    Scene(Box<World>, Option<Script>),
+    Stage(Box<Stage>),
+}
+
+impl Seen {
+    fn load(args: &Args) -> Result<Seen, Failure> {
+        let path = &args.scene_or_stage;
+        let is_scene = path.extension().is_some_and(|e| e == "toml") && !super::inspect::is_stage(path)?;
+        if !is_scene {
+            if let Some(stage) = &args.stage {
+                let text = format!("{} is a stage itself: leave --stage {stage} away", path.display());
+                return Err(Failure::wrong(text));
+            }
+            let stage = Stage::find(&path.display().to_string()).map_err(Failure::request)?;
+            return Ok(Seen::Stage(Box::new(stage)));
+        }
+        let scene = super::plan::settled(Scene::load(path)?, false)?;
+        let stage = render::stage(&scene, args.stage.as_deref())?;
+        let script = render::script(&scene, None)?;
+        let file = session::green_file(&scene, args.green.as_deref())?;
+        Ok(Seen::Scene(Box::new(World::new(&scene, &file, stage)?), script))
+    }
+
+    fn stage(&self) -> &Stage {
+        match self {
+            Seen::Scene(world, _) => &world.stage,
+            Seen::Stage(stage) => stage,
+        }
+    }
+
+    fn room(&self, camera: &Camera) -> Room {
+        let room_from_head = match self {
+            Seen::Scene(world, _) => world.room_from_head,
+            Seen::Stage(stage) => stage.viewer.room_from_head,
+        };
+        Room::new(self.stage(), &room_from_head, &camera.eye())
+    }
+}
+
+fn picture(args: &Args, mut seen: Seen, camera: Camera, path: &Path) -> Result<(), Failure> {
+    let gpu = Gpu::headless().map_err(Failure::work)?;
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, args.samples)?;
+    let target = Offscreen::new(&gpu, &renderer, args.size)?;
+    let view = camera.view(f64::from(args.size[0]) / f64::from(args.size[1]));
+    let viewports = Viewport::full(args.size, view);
+    if let Seen::Scene(world, script) = &mut seen {
+        play(world, script.as_ref(), args.time);
+    }
+    let room = seen.room(&camera);
+    match &mut seen {
+        Seen::Stage(_) => {
+            renderer.draw(&gpu, &[target.picture(&viewports)], &room.contents(FrameContents::default()))?;
+        }
+        Seen::Scene(world, _) => {
+            let mut bodies = Bodies::new(&gpu, world)?;
+            bodies.upload(&gpu, world)?;
+            let instances = bodies.instances(world);
+            let contents = room.contents(contents(world, &instances));
+            renderer.draw(&gpu, &[target.picture(&viewports)], &contents)?;
+        }
+    }
+    let mut overlay = Overlay::new(COLOR_FORMAT);
+    let sheet = overlay.lay_out(args.size, |painter| {
+        view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &room));
+    });
+    overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
+    render::save(&target.read(&gpu)?.0, path)?;
+    super::print(&format!("{}\n", path.display()))
+}
+
+/// The script from its beginning to `time_s`, in steps as fine as a hand's.
+fn play(world: &mut World, script: Option<&Script>, time_s: f64) {
+    let Some(script) = script else {
+        world.step(&Default::default());
+        return;
+    };
+    let end_s = time_s.clamp(0.0, script.duration_s);
+    let steps = (end_s * 60.0).ceil().max(1.0);
+    for k in 0..=steps as u32 {
+        let state = script.sample(&world.stage, end_s * f64::from(k) / steps);
+        world.step(&state);
+    }
+}
