@@ -49,6 +49,20 @@ const LOST_S: f64 = 2.0;
 /// A hold whose matrix is off by more than this since it began is another one.
 const SAME_HOLD: f64 = 1e-3;
 
+/// A frame of the world, felt where something is to be felt.
+pub fn step(feel: Option<&mut Feel>, world: &mut World, state: &mut TrackerState) {
+    match feel {
+        None => {
+            world.step(state);
+        }
+        Some(feel) => {
+            feel.move_styli(state);
+            world.step(state);
+            feel.tell(world);
+        }
+    }
+}
+
 impl Feel {
     /// Starts the loops; `None` where nothing asks for one.
     pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Option<Feel>, Failure> {

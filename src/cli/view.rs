@@ -2,7 +2,7 @@
 
 use super::aids::{Aids, Staged};
 use super::failure::Failure;
-use super::feel::Feel;
+use super::feel::{self, Feel};
 use super::keys;
 use super::overlay::{FrameTimes, Readings, SensorReading};
 use super::panes;
@@ -124,7 +124,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         aids.panels[world.stage.faced_screen()] = true;
     }
     let swapped = world.stage.swap_eyes;
-    // A recording's styli are where they were felt already.
     let feel = if show.replay.is_none() { Feel::start(&scene, &show.file, &world)? } else { None };
     let mut app = Viewer {
         feel,
@@ -157,9 +156,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let lasted_s = app.started.elapsed().as_secs_f64();
     let rate = f64::from(app.frames) / lasted_s;
-    if let Some(mut feel) = app.feel.take() {
-        super::print(&feel.summary())?;
-    }
+    super::print(&app.feel.as_mut().map(Feel::summary).unwrap_or_default())?;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
     render::report(app.replay.as_ref(), app.recorder.as_ref())
 }
@@ -383,13 +380,7 @@ impl Viewer {
                 self.world.act(Action::LetGo);
             }
         }
-        if let Some(feel) = &mut self.feel {
-            feel.move_styli(&mut state);
-        }
-        self.world.step(&state);
-        if let Some(feel) = &mut self.feel {
-            feel.tell(&self.world);
-        }
+        feel::step(self.feel.as_mut(), &mut self.world, &mut state);
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&self.world, &state)?;
         }
