@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::verify::Args;
-use crate::effect::haptics::stability::{RATES_HZ, Run, STIFFNESSES, Verdict, boundary, run};
+use crate::effect::haptics::stability::{RATES_HZ, Run, STIFFNESSES, boundary, run};
 use crate::effect::haptics::{Hand, Measures};
 use crate::report::table::Table;
 use crate::stage::Haptic;
