@@ -168,7 +168,7 @@ impl Targets {
                 let readings = Readings {
                     device: self.gpu.describe(),
                     deformation: "deformed on the CPU".to_owned(),
-                    source: "offscreen: present is the device's drawing".to_owned(),
+                    source: "offscreen; present is the drawing".to_owned(),
                     warnings: world.warnings.iter().map(|text| (0.0, text.clone())).collect(),
                     ..Readings::of(world)
                 };

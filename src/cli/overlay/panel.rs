@@ -329,7 +329,7 @@ fn control_rows(control: &ControlReading) -> Vec<Row> {
         for (name, unit, vector) in [("force ", "N", wrench.force), ("torque", "N·m", wrench.moment)] {
             let parts: Vec<String> = vector.iter().map(|part| fixed(*part, 7, 2)).collect();
             rows.push(Row::Words(vec![
-                (format!("{name} "), QUIET),
+                (name.to_owned(), QUIET),
                 (fixed(vector.norm(), 8, 2), INK),
                 (format!(" {unit:<4}"), QUIET),
                 (parts.concat(), QUIET),
