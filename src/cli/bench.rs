@@ -1,5 +1,6 @@
 //! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
 
+use super::device;
 use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
 use super::table::{Table, bytes, seconds};
@@ -7,7 +8,7 @@ use super::world::{StepTimes, World};
 use super::{precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Precomputed};
-use crate::scene::Scene;
+use crate::scene::{Scene, Storage};
 use crate::stage::Stage;
 use anyhow::Context;
 use rayon::prelude::*;
@@ -23,7 +24,14 @@ use std::time::Instant;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
-    pub scene: PathBuf,
+    #[arg(required_unless_present = "sizes")]
+    pub scene: Option<PathBuf>,
+    /// Instead of a scene: made-up bodies of so many surface nodes, deformed on the CPU and on the device
+    #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme", "json"])]
+    pub sizes: Vec<usize>,
+    /// How the columns of --sizes are stored: f32, f16 or int16
+    #[arg(long, default_value = "f32", value_parser = super::storage)]
+    pub storage: Storage,
     /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
@@ -36,13 +44,19 @@ pub struct Args {
     /// Write the tables between the marks of this Markdown file
     #[arg(long)]
     pub readme: Option<PathBuf>,
+    #[command(flatten)]
+    pub device: device::Args,
 }
 
 /// Size of the paper's largest model.
 const PAPER_NODES: usize = 10_000;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
+    let Some(scene) = &args.scene else {
+        let stage = Stage::find(args.stage.as_deref().unwrap_or("cyberstage")).map_err(Failure::request)?;
+        return super::sizes::run(&args.sizes, args.storage, &stage, args.frames, args.device);
+    };
+    let scene = super::plan::settled(Scene::load(scene)?, false)?;
     let stage = render::stage(&scene, args.stage.as_deref())?;
     let offline = session::precompute(&scene, true)?;
     let peak_memory = precompute::peak_memory();
@@ -52,7 +66,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for samples in [4, 1] {
         let mut world = World::new(&scene, &file, stage.clone())?;
         let script = render::script(&scene, None)?;
-        let mut targets = Targets::new(&world, None, samples, 1.0)?;
+        let mut targets = Targets::new(&mut world, None, samples, 1.0, args.device)?;
         let device = targets.gpu.describe();
         let count = args.frames.max(2);
         let mut playback = render::Playback { script: script.as_ref(), frames: count, done: 0 };

@@ -8,6 +8,7 @@ mod bench;
 mod check;
 mod convert;
 mod deform;
+mod device;
 mod failure;
 mod inspect;
 mod keys;
@@ -23,6 +24,7 @@ mod progress;
 mod render;
 mod serve;
 mod session;
+mod sizes;
 mod statics;
 mod track;
 mod verify;
@@ -112,6 +114,16 @@ fn samples(text: &str) -> Result<u32, String> {
         "1" => Ok(1),
         "4" => Ok(4),
         _ => Err("samples a pixel are 1 or 4".into()),
+    }
+}
+
+fn storage(text: &str) -> Result<crate::scene::Storage, String> {
+    use crate::scene::Storage;
+    match text {
+        "f32" => Ok(Storage::F32),
+        "f16" => Ok(Storage::F16),
+        "int16" => Ok(Storage::Int16),
+        _ => Err("columns are stored as f32, f16 or int16".into()),
     }
 }
 

@@ -1,5 +1,6 @@
 //! `greenstage render`: the scripted scene as offscreen pictures.
 
+use super::device;
 use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
 use super::session;
@@ -45,6 +46,8 @@ pub struct Args {
     /// default: a picture per eye
     #[arg(long, value_parser = Stereo::named)]
     pub stereo: Option<Stereo>,
+    #[command(flatten)]
+    pub device: device::Args,
 }
 
 /// Width of one picture on the contact sheet.
@@ -128,7 +131,7 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))
         .map_err(Failure::Request)?;
-    let mut targets = Targets::new(world, args.stereo, args.samples, args.scale)?;
+    let mut targets = Targets::new(world, args.stereo, args.samples, args.scale, args.device)?;
     eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
     let shown = [0, args.frames / 2, args.frames - 1];
     let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");

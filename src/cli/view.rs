@@ -1,5 +1,6 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
+use super::device;
 use super::failure::Failure;
 use super::keys;
 use super::panes;
@@ -50,6 +51,8 @@ pub struct Args {
     /// Where the pictures go when there is no display
     #[arg(long, default_value = "out/demo")]
     pub offscreen: PathBuf,
+    #[command(flatten)]
+    pub device: device::Args,
 }
 
 impl Args {
@@ -65,6 +68,7 @@ impl Args {
             no_vsync: false,
             seconds: None,
             offscreen: "out/demo".into(),
+            device: device::Args::default(),
         }
     }
 }
@@ -102,6 +106,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
+        device: args.device,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
@@ -122,6 +127,7 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         samples: args.samples,
         scale: args.scale.unwrap_or(1.0),
         stereo: None,
+        device: args.device,
     }
 }
 
@@ -142,12 +148,13 @@ struct Viewer {
     /// How often the script has begun anew.
     round: u32,
     limit_s: Option<f64>,
+    device: device::Args,
 }
 
 impl WindowApp for Viewer {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
         eprintln!("{}: drawing on {}", self.world.stage.name, gpu.describe());
-        self.bodies = Some(Bodies::new(gpu, &self.world)?);
+        self.bodies = Some(Bodies::new(gpu, &mut self.world, self.device)?);
         (self.started, self.last) = (Instant::now(), Instant::now());
         Ok(())
     }
@@ -207,6 +214,9 @@ impl WindowApp for Viewer {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
+        if self.frames == 0 {
+            self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+        }
         let state = self.state(step_s);
         self.world.step(&state);
         self.mouse.hit_distance_m = self.world.hit_distance_m();
