@@ -1,9 +1,11 @@
-//! The online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
+//! What the graph of fields costs, and the online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use greenstage::deform::{Columns, Superposition, vertex_normals};
+use greenstage::field::{Each, Field, FieldError, Graph, Value};
 use greenstage::green::{Basis, FIELDS, Stored};
 use greenstage::scene::Storage;
+use serde::{Deserialize, Serialize};
 use std::hint::black_box;
 
 const NODES: usize = 10_000;
@@ -61,5 +63,63 @@ fn normals(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, superposition, normals);
+/// A pose, or twelve coefficients.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+struct Twelve([f64; 12]);
+
+impl Value for Twelve {
+    const TYPE: &'static str = "twelve numbers";
+}
+
+/// The fields and connections of the demo's graph, its functions left out: what the graph itself costs in a frame.
+fn demo_graph() -> Result<(Graph<()>, Field<Twelve>), FieldError> {
+    let mut graph = Graph::default();
+    let zero = Twelve([0.0; 12]);
+    let mut field = |name: &str| graph.field(name, zero.clone());
+    let (tracked, head, stylus) = (field("tracker.head")?, field("head")?, field("stylus")?);
+    let (hit, dragger) = (field("hit")?, field("dragger")?);
+    let (left, right) = (field("pose.left")?, field("pose.right")?);
+    let (coefficients, surface) = (field("coefficients")?, field("surface")?);
+    let last = [head, dragger, right, surface].map(|of| graph.previous(of));
+    let [head_was, dragger_was, right_was, surface_was] = last;
+    graph.compute(head, "usable", (tracked, head_was?), |(), (now, _): (&Twelve, &Twelve)| now.clone())?;
+    let (dragger_was, right_was) = (dragger_was?, right_was?);
+    let seen = (stylus, dragger_was, vec![surface_was?]);
+    graph.compute(hit, "pick", seen, |(), (stylus, ..): (&Twelve, &Twelve, Each<'_, Field<Twelve>>)| {
+        stylus.clone()
+    })?;
+    graph.compute(
+        dragger,
+        "drag",
+        (stylus, hit, dragger_was, vec![right_was]),
+        |(), (stylus, ..): (&Twelve, &Twelve, &Twelve, Each<'_, Field<Twelve>>)| stylus.clone(),
+    )?;
+    let carried = (vec![dragger], right_was);
+    graph.compute(right, "follow", carried, |(), (draggers, last): (Each<'_, Field<Twelve>>, &Twelve)| {
+        draggers.get(0).unwrap_or(last).clone()
+    })?;
+    graph.compute(
+        coefficients,
+        "coefficients",
+        vec![left, right],
+        |(), poses: Each<'_, Field<Twelve>>| poses.get(1).map_or(Twelve([0.0; 12]), Twelve::clone),
+    )?;
+    graph.compute(surface, "sum", coefficients, |(), c: &Twelve| c.clone())?;
+    Ok((graph, stylus))
+}
+
+fn graph(c: &mut Criterion) {
+    let Ok((mut graph, stylus)) = demo_graph() else { return };
+    c.bench_function("graph of the demo, nothing changes", |b| b.iter(|| graph.evaluate(&mut ())));
+    let mut step = 0.0;
+    c.bench_function("graph of the demo, the stylus moves", |b| {
+        b.iter(|| {
+            step += 1.0;
+            let _ = black_box(graph.set(stylus, Twelve([step; 12])));
+            graph.evaluate(&mut ());
+        });
+    });
+}
+
+criterion_group!(benches, superposition, normals, graph);
 criterion_main!(benches);

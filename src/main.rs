@@ -10,7 +10,7 @@ fn main() -> ExitCode {
         .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(
             tracing_subscriber::EnvFilter::try_from_env("GREENSTAGE_LOG")
-                .unwrap_or_else(|_| "warn,winit=error,egui_wgpu=error".into()),
+                .unwrap_or_else(|_| greenstage::render::LOGGED.into()),
         )
         .without_time()
         .init();

@@ -120,7 +120,7 @@ fn the_frame_calls_no_effect_that_is_not_listed() {
         for name in EFFECTS.iter().map(|effect| effect.name).chain(["wrenches", "effect::"]) {
             assert!(!text.contains(name), "{} speaks of {name}", file.display());
         }
-        for (at, _) in text.match_indices("force::held_forces(") {
+        for (at, _) in text.match_indices("force::held_force(") {
             entered += 1;
             let before = &text[at.saturating_sub(120)..at];
             assert!(before.contains(asked_for), "{} does not ask whether it is listed", file.display());

@@ -274,3 +274,153 @@ proptest! {
         }
     }
 }
+
+/// Numbers, text, lists and a field of the last frame.
+fn streamed() -> (Graph<()>, Field<f64>, Field<String>, Field<f64>) {
+    let mut graph = Graph::default();
+    let number = graph.field("number", 0.1).unwrap();
+    let text = graph.field("text", "a \"quoted\"\nline".to_owned()).unwrap();
+    graph.field("count", u64::MAX).unwrap();
+    let double = graph.field("double", 0.0).unwrap();
+    let last = graph.previous(double).unwrap();
+    graph
+        .compute(double, "double", (number, last), |(), (x, last): (&f64, &f64)| 2.0 * x + 0.5 * last)
+        .unwrap();
+    (graph, number, text, double)
+}
+
+fn written(graph: &Graph<()>) -> String {
+    let mut bytes = Vec::new();
+    graph.write(&mut bytes).unwrap();
+    String::from_utf8(bytes).unwrap()
+}
+
+#[test]
+fn a_graph_read_from_a_stream_goes_on_as_the_one_that_was_written() {
+    let (mut first, number, text, double) = streamed();
+    for step in 0..5 {
+        first.set(number, f64::from(step) / 3.0).unwrap();
+        first.evaluate(&mut ());
+    }
+    first.set(text, "other".into()).unwrap();
+    let (mut second, ..) = streamed();
+    let stream = written(&first);
+    assert!(stream.starts_with("{\"greenstage\":\"fields\",\"version\":1,\"fields\":5}\n"), "{stream}");
+    let mut line = 0;
+    second.read(&mut stream.as_bytes(), &mut line).unwrap();
+    assert_eq!((line, written(&second)), (6, stream));
+    for step in 0..5 {
+        for graph in [&mut first, &mut second] {
+            graph.set(number, f64::from(step * step)).unwrap();
+            graph.evaluate(&mut ());
+        }
+        assert_eq!(first.get(double).to_bits(), second.get(double).to_bits());
+    }
+}
+
+#[test]
+fn a_faulty_stream_changes_nothing_and_says_where_it_is_wrong() {
+    let (mut graph, ..) = streamed();
+    graph.evaluate(&mut ());
+    let good = written(&graph);
+    let whole = good.replace("0.1", "0.7");
+    for (from, to, said) in [
+        ("\"fields\":5", "\"fields\":4", "line 1: it says 4 fields, this graph has 5"),
+        ("\"fields\":5", "\"fields\":18446744073709551615", "line 1: it says 18446744073709551615 fields"),
+        (
+            "\"version\":1",
+            "\"version\":2",
+            "line 1: not a stream of fields of version 1, but fields of version 2",
+        ),
+        ("\"greenstage\":", "\"other\":", "line 1: unknown field `other`"),
+        (
+            "\"field\":\"number\"",
+            "\"field\":\"numer\"",
+            "line 2: this graph has no field numer; did you mean \"number\"?",
+        ),
+        ("\"field\":\"double\"", "\"field\":\"number\"", "line 5: field number is there twice"),
+        (
+            "\"type\":\"text\"",
+            "\"type\":\"number\"",
+            "line 3: field text is a number here, a text in this graph",
+        ),
+        ("\"value\":0.7", "\"value\":\"0.7\"", "line 2: field number: not a number: invalid type: string"),
+        ("\"value\":0.7}", "\"value\":0.7,\"more\":1}", "line 2: unknown field `more`"),
+        ("\"value\":0.7}\n", "\"value\":0.7", "line 2: expected"),
+    ] {
+        assert!(whole.contains(from), "{from}\n{whole}");
+        let error = graph.read(&mut whole.replacen(from, to, 1).as_bytes(), &mut 0).unwrap_err().to_string();
+        assert!(error.starts_with(said), "{error} does not start with {said}");
+        assert_eq!(written(&graph), good, "{said}");
+    }
+    for cut in 0..whole.len() {
+        assert!(graph.read(&mut &whole.as_bytes()[..cut], &mut 0).is_err(), "cut at {cut}");
+    }
+    assert_eq!(written(&graph), good);
+    let endless = std::io::Read::take(std::io::repeat(b' '), 3 << 20);
+    let error = graph.read(&mut std::io::BufReader::new(endless), &mut 0).unwrap_err();
+    assert!(error.to_string().starts_with("line 1 is longer than 1048576 bytes"), "{error}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Either the stream still says the same, or another valid state, or it is refused and nothing changes.
+    #[test]
+    fn no_mutated_stream_panics_or_half_changes_a_graph(
+        mutations in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..3u8), 1..6),
+    ) {
+        let (mut graph, ..) = streamed();
+        graph.evaluate(&mut ());
+        let good = written(&graph);
+        let mut bytes = good.replace("0.1", "0.3").into_bytes();
+        for (index, byte, how) in mutations {
+            let at = index.index(bytes.len());
+            match how {
+                0 => bytes[at] = byte,
+                1 => bytes[at] ^= 1 << (byte % 8),
+                _ => drop(bytes.drain(at..(at + 1 + usize::from(byte) / 16).min(bytes.len()))),
+            }
+            if bytes.is_empty() {
+                break;
+            }
+        }
+        match graph.read(&mut bytes.as_slice(), &mut 0) {
+            Ok(()) => graph.evaluate(&mut ()),
+            Err(error) => {
+                prop_assert!(!error.to_string().is_empty());
+                prop_assert_eq!(written(&graph), good);
+            }
+        }
+    }
+}
+
+#[test]
+fn inspect_prints_the_graph_of_a_scene_without_solving_it() {
+    let inspect = |arguments: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .arg("inspect")
+            .args(arguments)
+            .output()
+            .unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    let (status, text, _) = inspect(&["configs/scenes/tube.toml", "--graph"]);
+    assert_eq!(status, Some(0));
+    // name, type, and what it is made from
+    let cells = text.lines().map(|line| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()));
+    let rows: Vec<Vec<&str>> = cells.map(Iterator::collect).collect();
+    let row = |name: &str| rows.iter().find(|row| row[0] == name).unwrap().as_slice();
+    assert_eq!(row("stylus.right"), ["stylus.right", "stylus", "set from outside"]);
+    assert_eq!(row("body.tube.surface"), ["body.tube.surface", "surface", "= sum(body.tube.coefficients)"]);
+    let poses = ["left", "right"].map(|control| format!("body.tube.control.{control}.pose"));
+    assert_eq!(row("body.tube.coefficients")[2], format!("= coefficients({})", poses.join(", ")));
+    let (status, dot, _) = inspect(&["configs/scenes/tube.toml", "--graph", "dot"]);
+    assert_eq!(status, Some(0));
+    assert!(dot.starts_with("digraph fields {\n") && dot.ends_with("}\n"));
+    assert_eq!(dot.matches("[label=").count(), text.lines().count(), "a box per field");
+    let (status, _, said) = inspect(&["configs/stages/desktop.toml", "--graph"]);
+    assert!(status == Some(2) && said.contains("only a scene has a data flow to show"), "{said}");
+}

@@ -69,8 +69,7 @@ fn two_windows_of_one_process_draw_and_quit() {
         title: title.to_owned(),
         position: Some([x, 20]),
         size: [width, 256],
-        decorated: false,
-        fullscreen: false,
+        ..WindowSpec::default()
     };
     let specs = [spec("mono", 10, 320), spec("interlaced", 340, 640)];
     let mut app = TwoScreens {

@@ -56,7 +56,7 @@ fn a_point_on_a_seam_lands_on_one_physical_place_from_1000_head_poses() {
     for (name, _) in BUILT_IN {
         let stage = Stage::find(name).unwrap();
         let seams = stage.seams();
-        seams_seen += seams.len();
+        seams_seen += seams.iter().filter(|seam| seam.gap_m < 1e-9).count();
         if seams.is_empty() {
             continue;
         }
@@ -65,7 +65,7 @@ fn a_point_on_a_seam_lands_on_one_physical_place_from_1000_head_poses() {
             let head = head(&stage, &mut random);
             let part = random.unit();
             for eye in [Eye::Left, Eye::Right].map(|eye| stage.viewer.eye_in_room(&head, eye)) {
-                for seam in &seams {
+                for seam in seams.iter().filter(|seam| seam.gap_m < 1e-9) {
                     let point = seam.ends[0] + (seam.ends[1] - seam.ends[0]) * part;
                     let shown = seam.screens.map(|i| {
                         let screen = &stage.screens[i];
@@ -81,7 +81,11 @@ fn a_point_on_a_seam_lands_on_one_physical_place_from_1000_head_poses() {
         println!("{name}: {} seams, worst place {:.2e} m", seams.len(), worst_m);
         assert!(worst_m < 1e-5, "{name}: {worst_m} m");
     }
-    assert_eq!(seams_seen, 6, "the workbench's seam and the CyberStage's five");
+    assert_eq!(
+        seams_seen,
+        1 + 5 + 3 + 12,
+        "the workbench's seam, the CyberStage's and those of the two CAVEs"
+    );
 }
 
 #[test]

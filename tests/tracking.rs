@@ -9,6 +9,8 @@ mod command;
 mod devices;
 #[path = "tracking/dtrack.rs"]
 mod dtrack;
+#[path = "tracking/keys.rs"]
+mod keys;
 #[path = "tracking/osc.rs"]
 mod osc;
 

@@ -1,9 +1,10 @@
 //! `greenstage accuracy`: what accuracy costs in time.
 
 use super::failure::Failure;
+use super::playback::{Playback, Source};
 use super::poses;
 use super::progress::Bars;
-use super::render::{self, Playback};
+use super::render;
 use super::session;
 use super::world::World;
 use crate::config::unknown_name;
@@ -144,10 +145,10 @@ pub fn scripted_or_random(
         green::write(&path, &session::precompute(scene, true)?)?;
         let file = Arc::new(GreenFile::open(&path)?);
         let mut world = World::new(scene, &file, render::stage(scene, None)?)?;
-        let mut playback = Playback { script: Some(&script), frames: count, done: 0 };
+        let mut playback = Playback::new(Source::Script(&script), count);
         let mut taken: Vec<(String, ControlPoses)> = Vec::new();
         for frame in 0..count {
-            playback.step_to(&mut world, frame);
+            playback.step_to(&mut world, frame)?;
             let of_body = world.bodies.iter().find(|body| body.deformer.body == name);
             let Some(poses) = of_body.map(|body| body.deformer.poses.clone()) else { continue };
             let is_rest = poses.iter().all(|pose| *pose == ControlPose::REST);

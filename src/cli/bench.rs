@@ -3,8 +3,9 @@
 use super::device;
 use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
+use super::playback::{Playback, Source};
 use super::table::{Table, bytes, seconds};
-use super::world::{StepTimes, World};
+use super::world::StepTimes;
 use super::{precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Precomputed};
@@ -32,9 +33,12 @@ pub struct Args {
     /// How the columns of --sizes are stored: f32, f16 or int16
     #[arg(long, default_value = "f32", value_parser = super::storage)]
     pub storage: Storage,
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
+    /// A session recorded by `greenstage view --record`, in place of the scene's script and on its stage
+    #[arg(long)]
+    pub replay: Option<PathBuf>,
     /// Frames to draw for each figure
     #[arg(long, default_value_t = 24, value_parser = super::frames)]
     pub frames: usize,
@@ -57,26 +61,27 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return super::sizes::run(&args.sizes, args.storage, &stage, args.frames, args.device);
     };
     let scene = super::plan::settled(Scene::load(scene)?, false)?;
-    let stage = render::stage(&scene, args.stage.as_deref())?;
+    let show = || render::Show::new(&scene, args.stage.as_deref(), None, args.replay.as_deref());
+    let stage = show()?.world.stage;
     let offline = session::precompute(&scene, true)?;
     let peak_memory = precompute::peak_memory();
-    let file = session::green_file(&scene, None)?;
     let loops = loops();
     let mut drawn = Vec::new();
     for samples in [4, 1] {
-        let mut world = World::new(&scene, &file, stage.clone())?;
+        let render::Show { mut world, mut replay, .. } = show()?;
         let script = render::script(&scene, None)?;
         let mut targets = Targets::new(&mut world, None, samples, 1.0, args.device)?;
         let device = targets.gpu.describe();
         let count = args.frames.max(2);
-        let mut playback = render::Playback { script: script.as_ref(), frames: count, done: 0 };
+        let mut playback = Playback::new(Source::new(script.as_ref(), replay.as_mut())?, count);
         let mut frames = Vec::new();
         for frame in 0..count {
-            let step = playback.step_to(&mut world, frame);
+            let step = playback.step_to(&mut world, frame)?;
             let draw = targets.draw(&mut world)?;
             let (_, read_s) = targets.read()?;
             frames.push((step, draw, read_s));
         }
+        replay.map_or(Ok(String::new()), |replay| replay.report())?;
         // The first frame also compiles and allocates.
         drawn.push(Drawn::new(samples, device, &stage, &frames[1..]));
     }

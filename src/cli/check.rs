@@ -2,21 +2,22 @@
 
 use super::failure::Failure;
 use super::table::{Table, bytes};
-use super::{render, session};
+use super::{check_stage, inspect, render, session};
 use crate::deform::{Statics, not_online};
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, Finding, GreenError, Severity};
 use crate::scene::{Body, Scene};
 use std::path::PathBuf;
 
-/// All that can be found wrong with a scene, without solving it
+/// All that can be found wrong with a scene, without solving it, or with a stage
 ///
-/// One line each, the most severe first: errors (the scene is refused), warnings (it is solved, but the answer may not
-/// be what was meant), notes (what was repaired, what is worth knowing). Exit status 2 where there is an error.
-/// `precompute` runs the same checks first.
+/// One line each, the most severe first: errors (it is refused), warnings (it is solved or shown, but may not be what
+/// was meant), notes (what was repaired, what is worth knowing). Exit status 2 where there is an error. `precompute`
+/// runs a scene's checks first. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
+/// monitors of the running display (without one, of the file's [[monitor]] tables).
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML)
+    /// Scene or stage file (TOML), or the name of a built-in stage
     pub scene: PathBuf,
     /// As JSON, for machines
     #[arg(long)]
@@ -24,6 +25,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if inspect::is_stage(&args.scene)? {
+        return check_stage::run(&args.scene, args.json);
+    }
     let scene = Scene::load(&args.scene)?;
     let mut findings = Vec::new();
     for (name, body) in &scene.body {

@@ -52,8 +52,11 @@ fn built_in(name: &Path) -> Option<Stage> {
     Some(name).filter(|name| !name.exists()).and_then(|name| Stage::find(name.to_str()?).ok())
 }
 
-/// A TOML file with `[[screen]]` tables describes a stage, any other a scene.
-fn is_stage(path: &Path) -> Result<bool, Failure> {
+/// A TOML file with `[[screen]]` tables describes a stage, any other a scene; or it is the name of a built-in stage.
+pub fn is_stage(path: &Path) -> Result<bool, Failure> {
+    if path.extension().is_none() && built_in(path).is_some() {
+        return Ok(true);
+    }
     let table: toml::Table = crate::config::load(path)?;
     Ok(table.contains_key("screen"))
 }

@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn every_whole_file_in_the_chapters_is_read() {
-        let mut counts = [0; 4];
+        let mut counts = [0; 5];
         for (kind, text) in all_blocks() {
             let path = Path::new("manual.toml");
             let (which, result) = match kind.as_str() {
@@ -91,6 +91,10 @@ mod tests {
                 "toml,stage" => (1, Stage::parse(&text, path).map(drop).map_err(Failure::request)),
                 "toml,script" => (2, Script::parse(&text, path).map(drop).map_err(Failure::request)),
                 "toml,poses" => (3, super::super::poses::parse(&text, path).map(drop)),
+                "toml,tracking" => {
+                    let stage = format!("{}{text}", crate::stage::BUILT_IN[0].1);
+                    (4, Stage::parse(&stage, path).map(drop).map_err(Failure::request))
+                }
                 "toml" => continue,
                 other => {
                     assert!(["sh", "text", "python"].contains(&other), "unknown fence {other}");

@@ -1,9 +1,9 @@
 //! A stage's windows made ready to be drawn: tiles with what each eye sees, and what the cursor points at.
 
 use super::world::World;
-use crate::render::window::WindowSpec;
+use crate::render::window::{MonitorChoice, WindowSpec};
 use crate::render::{Anaglyph, Composite, Show, Tile, View, Viewport};
-use crate::stage::{self, Border, Eye, Stage, Stereo, Window};
+use crate::stage::{self, Border, Eye, MonitorId, Stage, Stereo, Window};
 
 /// How both eyes' pictures of a tile are joined; None where it shows one eye.
 pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {
@@ -26,10 +26,16 @@ pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {
 pub fn specs(stage: &Stage, windows: &[Window], scale: f64) -> Vec<WindowSpec> {
     let spec = |window: &Window| WindowSpec {
         title: format!("greenstage – {} – {}", stage.name, window.name),
+        monitor: window.monitor.clone().map(|id| match id {
+            MonitorId::Number(number) => MonitorChoice::Number(number),
+            MonitorId::Name(name) => MonitorChoice::Name(name),
+        }),
         position: window.at.map(|at| at.map(|pixel| (f64::from(pixel) * scale).round() as i32)),
         size: scaled(window.size, scale),
+        fills: window.fills && scale == 1.0,
         decorated: window.border == Border::Decorated,
-        fullscreen: window.border == Border::FullScreen,
+        fullscreen: window.border == Border::FullScreen && scale == 1.0,
+        unmanaged: window.border == Border::Unmanaged,
     };
     windows.iter().map(spec).collect()
 }
@@ -57,6 +63,7 @@ fn shown(
     if eye_size.contains(&0) {
         return None;
     }
+    let swapped = swapped != tile.swap_eyes;
     let mut viewport = |eye: Eye| viewport(world, tile, eye_size, if swapped { eye.other() } else { eye });
     let show = match (composite, tile.stereo.eyes()) {
         (Some(composite), _) => Show::Two(composite, [viewport(Eye::Left), viewport(Eye::Right)]),

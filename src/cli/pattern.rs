@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// `greenstage manual stages` tells what each part of the pattern shows.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file
     pub stage: String,
     /// Folder for PNGs instead of windows, one per screen and eye
     #[arg(short, long)]

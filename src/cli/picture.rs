@@ -125,7 +125,14 @@ impl Targets {
             let image = Readable::new(&gpu, size)?;
             pictures.push(OneTarget { window, name, canvas: Canvas::default(), image });
         }
-        Ok(Targets { gpu, renderer, painter, bodies, pictures, swapped: false })
+        Ok(Targets {
+            gpu,
+            renderer,
+            painter,
+            bodies,
+            pictures,
+            swapped: stereo.is_some() && world.stage.swap_eyes,
+        })
     }
 
     /// Draws the world into all targets with one upload and one submission, and waits for the device.
@@ -186,5 +193,5 @@ fn windows(stage: &Stage, stereo: Option<Stereo>) -> Vec<(Window, String)> {
         let name = format!("{}-{kind}", stage.screens[tile.screen].name);
         (window, name)
     };
-    stage.layout().into_iter().map(named).collect()
+    stage.usual_layout().into_iter().map(named).collect()
 }

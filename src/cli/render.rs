@@ -3,36 +3,47 @@
 use super::device;
 use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
+use super::playback::{Playback, Source};
+use super::recording::{Origin, Recorder, Replay};
 use super::session;
 use super::table::seconds;
-use super::world::{StepTimes, World};
+use super::world::World;
+use crate::green::GreenFile;
 use crate::scene::Scene;
 use crate::stage::{Stage, Stereo};
 use crate::track::Script;
 use anyhow::Context;
 use image::{RgbaImage, imageops};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Offscreen PNGs of the scripted scene: every frame, screen and eye, and a contact sheet
 ///
-/// Head and stylus follow the scene's script (or --script); without one everything stands at rest.
+/// Head and stylus follow the scene's script (or --script), or a session that was recorded (--replay); without one
+/// everything stands at rest.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
     /// Folder for the pictures
     #[arg(short, long)]
     pub output: PathBuf,
-    /// Frames, evenly over the script
+    /// Frames, evenly over the script or the recording
     #[arg(long, default_value_t = 20, value_parser = super::frames)]
     pub frames: usize,
     /// Key frames for head and stylus: bend, or a script file; default: the scene's
     #[arg(long)]
     pub script: Option<PathBuf>,
+    /// A session recorded by --record: its poses and buttons instead of a script's, on its stage
+    #[arg(long, conflicts_with_all = ["script", "record"])]
+    pub replay: Option<PathBuf>,
+    /// Write every step of the mechanics into this file, for --replay
+    #[arg(long)]
+    pub record: Option<PathBuf>,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
@@ -56,11 +67,53 @@ const SHEET_GAP: u32 = 8;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
-    let stage = stage(&scene, args.stage.as_deref())?;
     let script = script(&scene, args.script.as_deref())?;
-    let file = session::green_file(&scene, args.green.as_deref())?;
-    let mut world = World::new(&scene, &file, stage)?;
-    pictures(args, &mut world, script.as_ref())
+    let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
+    let mut recorder = show.recorder(&scene, args.record.as_deref())?;
+    pictures(args, &mut show, script.as_ref(), recorder.as_mut())
+}
+
+/// A world, and the recording that moves it, where one does.
+pub struct Show {
+    pub world: World,
+    pub replay: Option<Replay>,
+    file: Arc<GreenFile>,
+    /// As `--stage`, the recording or the scene names it.
+    stage: String,
+}
+
+impl Show {
+    /// The stage is the one that is asked for, else the recording's, else the scene's.
+    pub fn new(
+        scene: &Scene,
+        asked: Option<&str>,
+        green: Option<&Path>,
+        replay: Option<&Path>,
+    ) -> Result<Show, Failure> {
+        let mut replay = replay.map(Replay::open).transpose()?;
+        let recorded = replay.as_ref().map(|replay| replay.stage().to_owned());
+        let named = asked.map(str::to_owned).or(recorded.filter(|recorded| *recorded != scene.stage));
+        let stage = stage(scene, named.as_deref())?;
+        let file = session::green_file(scene, green)?;
+        let mut world = World::new(scene, &file, stage)?;
+        let stage = named.unwrap_or_else(|| scene.stage.clone());
+        if let Some(replay) = &mut replay {
+            replay.start(&Origin { scene, file: &file, stage: &stage }, &mut world)?;
+        }
+        Ok(Show { world, replay, file, stage })
+    }
+
+    /// A recorder of this world from now on, where a file is named.
+    pub fn recorder(&self, scene: &Scene, path: Option<&Path>) -> Result<Option<Recorder>, Failure> {
+        let origin = Origin { scene, file: &self.file, stage: &self.stage };
+        path.map(|path| Recorder::create(path, &origin, &self.world)).transpose()
+    }
+}
+
+/// How a replay went, or what was recorded.
+pub fn report(replay: Option<&Replay>, recorder: Option<&Recorder>) -> Result<(), Failure> {
+    let replayed = replay.map_or(Ok(String::new()), Replay::report)?;
+    super::print(&format!("{replayed}{}", recorder.map_or(String::new(), Recorder::report)))
 }
 
 /// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
@@ -96,37 +149,14 @@ pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Fai
         .transpose()
 }
 
-/// A script played in a number of pictures, with fine steps between them that nobody sees: a grab needs the moment at
-/// which the button goes down.
-pub struct Playback<'a> {
-    pub script: Option<&'a Script>,
-    /// Pictures over the whole script, 1 or more.
-    pub frames: usize,
-    pub done: usize,
-}
-
-/// Fine steps over a whole script, at least.
-const SCRIPT_STEPS: usize = 240;
-
-impl Playback<'_> {
-    /// Moves the world on to picture `frame`, counted from 0; returns what the mechanics of the last step took.
-    pub fn step_to(&mut self, world: &mut World, frame: usize) -> StepTimes {
-        let Some(script) = self.script else { return world.step(&Default::default()) };
-        let between = SCRIPT_STEPS.div_ceil(self.frames);
-        let last = ((self.frames - 1) * between).max(1);
-        let mut times = StepTimes::default();
-        while self.done <= frame * between {
-            let time_s = script.duration_s * self.done as f64 / last as f64;
-            let state = script.sample(&world.stage, time_s);
-            times = world.step(&state);
-            self.done += 1;
-        }
-        times
-    }
-}
-
-/// Renders all frames into the folder, with a contact sheet of first, middle and last.
-pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Result<(), Failure> {
+/// Renders all frames into the folder, with a contact sheet of first, middle and last; tells how a replay went.
+pub fn pictures(
+    args: &Args,
+    show: &mut Show,
+    script: Option<&Script>,
+    mut recorder: Option<&mut Recorder>,
+) -> Result<(), Failure> {
+    let world = &mut show.world;
     let folder = &args.output;
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))
@@ -138,9 +168,10 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
     let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();
     let (mut drawn_s, mut mechanics_s, mut count) = (0.0, 0.0, 0);
     let started = Instant::now();
-    let mut playback = Playback { script, frames: args.frames, done: 0 };
+    let mut playback = Playback::new(Source::new(script, show.replay.as_mut())?, args.frames);
+    playback.recorder = recorder.as_deref_mut();
     for frame in 0..args.frames {
-        let times = playback.step_to(world, frame);
+        let times = playback.step_to(world, frame)?;
         let DrawTimes { upload_s, encode_s, draw_s } = targets.draw(world).map_err(Failure::work)?;
         drawn_s += upload_s + encode_s + draw_s;
         mechanics_s += times.interact_s + times.deform_s + times.normals_s;
@@ -169,7 +200,8 @@ pub fn pictures(args: &Args, world: &mut World, script: Option<&Script>) -> Resu
         seconds(drawn_s / args.frames as f64),
         seconds(mechanics_s / args.frames as f64),
         path.display()
-    ))
+    ))?;
+    report(show.replay.as_ref(), recorder.as_deref())
 }
 
 /// What is counted as one: both eyes of a screen, or its one picture.

@@ -66,7 +66,7 @@ impl Service {
         self.server.tick();
         let (now, mut notices) = (self.server.counters, Vec::new());
         if now.clients != self.told.clients {
-            notices.push(format!("{} VRPN clients", now.clients));
+            notices.push(format!("VRPN clients: {}", now.clients));
         }
         let turned_away = |counters: &ServerCounters| {
             let ServerCounters { refused, slow, malformed, silent, strange_lobs, .. } = *counters;

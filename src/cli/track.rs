@@ -6,7 +6,7 @@ use super::table::Table;
 use crate::stage::Stage;
 use crate::track::device::{Link, now_s};
 use crate::track::rig::{Rig, SensorReport, TrackerReport};
-use crate::track::{OpenError, Signal};
+use crate::track::{OpenError, Signal, TrackerState};
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -122,6 +122,19 @@ pub fn watch(
         }
         std::thread::sleep(Duration::from_secs_f64(step_s));
     }
+}
+
+/// Head and styli as they are tracked; what is not tracked now comes from `other`, behind them.
+pub fn merge(rig: &mut Rig, other: TrackerState) -> TrackerState {
+    let mut state = rig.state(now_s());
+    for notice in rig.take_notices() {
+        eprintln!("note: {notice}");
+    }
+    state.head = state.head.or(other.head);
+    if !rig.is_pointing() {
+        state.styli.extend(other.styli);
+    }
+    TrackerState { time_s: other.time_s, ..state }
 }
 
 fn text(reports: &[TrackerReport], raw: bool) -> String {

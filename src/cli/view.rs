@@ -5,41 +5,54 @@ use super::failure::Failure;
 use super::keys;
 use super::panes;
 use super::picture::{Bodies, contents};
-use super::render;
-use super::session;
-use super::world::World;
+use super::playback::{Playback, SCRIPT_STEPS, Source};
+use super::recording::{Frame, Recorder, Replay};
+use super::render::{self, Show};
+use super::table::seconds;
+use super::world::{StepTimes, World};
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, RenderError, Tile};
 use crate::scene::Scene;
 use crate::stage::Window;
 use crate::track::mouse::{BINDINGS, Button as MouseButton};
-use crate::track::{Mouse, MouseInput, Script, TrackerState};
+use crate::track::{Mouse, MouseInput, Rig, Script, TrackerState};
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Online stage in windows, or offscreen where there is no display
 ///
-/// The scene's script, where it has one, moves head and stylus until you press a mouse button or a key; then mouse
-/// and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
+/// The stage's trackers move head and styli; until one of them speaks, the scene's script does, where it has one, until
+/// you press a mouse button or a key; then mouse and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
 #[derive(Debug, clap::Args)]
 #[command(after_help = bindings())]
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file; default: the scene's
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
     /// Key frames for head and stylus; default: the scene's
     #[arg(long)]
     pub script: Option<PathBuf>,
+    /// Write the session into this file, for --replay
+    #[arg(long)]
+    pub record: Option<PathBuf>,
+    /// A session recorded by --record: its poses, buttons and commands instead of yours, on its stage
+    #[arg(long, conflicts_with_all = ["script", "record"])]
+    pub replay: Option<PathBuf>,
+    /// No window and no graphics device: plays the recording, or the script, as fast as it goes; status 1 where a frame
+    /// comes to another state than was recorded
+    #[arg(long)]
+    pub check: bool,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
     /// Samples a pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = super::samples)]
     pub samples: u32,
-    /// Size of the windows against the screens' own pixels; default: 1 for a single window, else 0.5
+    /// Size of the windows against the screens' own pixels; default: 1 for a single window and where the stage file has
+    /// windows of its own, else 0.5
     #[arg(long, value_parser = super::scale)]
     pub scale: Option<f64>,
     /// Present at once instead of waiting for the display's refresh
@@ -62,6 +75,9 @@ impl Args {
             scene,
             stage: None,
             script: None,
+            record: None,
+            replay: None,
+            check: false,
             green: None,
             samples: 4,
             scale: None,
@@ -80,26 +96,38 @@ fn bindings() -> String {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
-    let stage = render::stage(&scene, args.stage.as_deref())?;
     let script = render::script(&scene, args.script.as_deref())?;
-    let file = session::green_file(&scene, args.green.as_deref())?;
-    let mut world = World::new(&scene, &file, stage)?;
+    let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
+    let mut recorder = show.recorder(&scene, args.record.as_deref())?;
+    if args.check {
+        return check(&mut show, script.as_ref(), recorder.as_mut());
+    }
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
-        let frames = if script.is_some() { 20 } else { 1 };
-        return render::pictures(&offscreen(args, frames), &mut world, script.as_ref());
+        let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
+        return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
     }
     super::print(&format!("{}\n", bindings()))?;
+    // A recording has its own head and hands.
+    let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
+    let world = show.world;
     let layout = world.stage.layout();
-    let scale = args.scale.unwrap_or(if layout.len() > 1 { 0.5 } else { 1.0 });
+    let is_usual = world.stage.windows.is_empty();
+    let scale = args.scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
+    let swapped = world.stage.swap_eyes;
     let mut app = Viewer {
         mouse: Mouse::new(world.stage.clone()),
         world,
         script,
+        replay: show.replay.take(),
+        next: None,
+        first_s: None,
+        recorder,
+        failure: None,
         sizes: specs.iter().map(|spec| spec.size).collect(),
         layout,
-        swapped: false,
+        swapped,
         bodies: None,
         started: Instant::now(),
         last: Instant::now(),
@@ -107,12 +135,43 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         round: 0,
         limit_s: args.seconds,
         device: args.device,
+        rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
     window::run(&specs, options, &mut app).map_err(Failure::work)?;
-    let seconds = app.started.elapsed().as_secs_f64();
-    let rate = f64::from(app.frames) / seconds;
-    super::print(&format!("{} frames in {seconds:.1} s: {rate:.1} frames/s\n", app.frames))
+    if let Some(failure) = app.failure {
+        return Err(failure);
+    }
+    let lasted_s = app.started.elapsed().as_secs_f64();
+    let rate = f64::from(app.frames) / lasted_s;
+    super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
+    render::report(app.replay.as_ref(), app.recorder.as_ref())
+}
+
+/// The script or the recording without windows and devices: every frame's state against the recorded one, and what
+/// the mechanics took.
+fn check(
+    show: &mut Show,
+    script: Option<&Script>,
+    mut recorder: Option<&mut Recorder>,
+) -> Result<(), Failure> {
+    let source = Source::new(script, show.replay.as_mut())?;
+    let frames = match &source {
+        Source::Rest => 1,
+        Source::Script(_) => SCRIPT_STEPS,
+        Source::Replay(_, length) => *length as usize,
+    };
+    let mut playback = Playback::new(source, frames);
+    playback.recorder = recorder.as_deref_mut();
+    let mut times = Vec::new();
+    for frame in 0..frames {
+        let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
+        times.push(interact_s + deform_s + normals_s);
+    }
+    render::report(show.replay.as_ref(), recorder.as_deref())?;
+    times.sort_by(f64::total_cmp);
+    let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
+    super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
 }
 
 /// The same view as `greenstage render` would make it.
@@ -123,6 +182,8 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         output: args.offscreen.clone(),
         frames,
         script: args.script.clone(),
+        replay: args.replay.clone(),
+        record: args.record.clone(),
         green: args.green.clone(),
         samples: args.samples,
         scale: args.scale.unwrap_or(1.0),
@@ -135,6 +196,13 @@ struct Viewer {
     world: World,
     /// Moves head and stylus until the user presses a mouse button or a key.
     script: Option<Script>,
+    /// Moves everything instead of the user, and its next frame.
+    replay: Option<Replay>,
+    next: Option<Frame>,
+    /// When its first frame was.
+    first_s: Option<f64>,
+    recorder: Option<Recorder>,
+    failure: Option<Failure>,
     mouse: Mouse,
     layout: Vec<Window>,
     /// Of each window, now.
@@ -149,6 +217,8 @@ struct Viewer {
     round: u32,
     limit_s: Option<f64>,
     device: device::Args,
+    /// What follows head and hands, where the stage names something.
+    rig: Option<Rig>,
 }
 
 impl WindowApp for Viewer {
@@ -160,8 +230,14 @@ impl WindowApp for Viewer {
     }
 
     fn input(&mut self, input: Input) {
-        let takes_over =
-            matches!(input, Input::Button { pressed: true, .. } | Input::Key { pressed: true, .. });
+        if self.replay.is_some() && !matches!(input, Input::Key { key: Key::Function(_), .. }) {
+            return;
+        }
+        let takes_over = match input {
+            Input::Button { pressed, .. } => pressed,
+            Input::Key { key, pressed, .. } => pressed && !matches!(key, Key::Function(_)),
+            _ => false,
+        };
         if takes_over && self.script.take().is_some() {
             self.world.act(Action::LetGo);
         }
@@ -217,8 +293,14 @@ impl WindowApp for Viewer {
         if self.frames == 0 {
             self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
         }
-        let state = self.state(step_s);
-        self.world.step(&state);
+        match self.advance(step_s) {
+            Ok(Flow::Continue) => {}
+            Ok(Flow::Quit) => return Ok(Flow::Quit),
+            Err(failure) => {
+                self.failure = Some(failure);
+                return Ok(Flow::Quit);
+            }
+        }
         self.mouse.hit_distance_m = self.world.hit_distance_m();
         let tiles = self.tiles(windows);
         if let Some(bodies) = &mut self.bodies {
@@ -233,6 +315,44 @@ impl WindowApp for Viewer {
 }
 
 impl Viewer {
+    /// The mechanics of a frame: the recording's, or what mouse or script say.
+    fn advance(&mut self, step_s: f64) -> Result<Flow, Failure> {
+        if self.replay.is_some() {
+            let is_over = self.replay_until(self.started.elapsed().as_secs_f64())?;
+            return Ok(if is_over { Flow::Quit } else { Flow::Continue });
+        }
+        let mut state = self.state(step_s);
+        if let Some(rig) = &mut self.rig {
+            state = super::track::merge(rig, state);
+            if rig.is_speaking() && self.script.take().is_some() {
+                self.world.act(Action::LetGo);
+            }
+        }
+        self.world.step(&state);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.frame(&self.world, &state)?;
+        }
+        Ok(Flow::Continue)
+    }
+
+    /// Plays all frames of the recording up to `time_s` after its first; true when there are no more.
+    fn replay_until(&mut self, time_s: f64) -> Result<bool, Failure> {
+        let Some(replay) = &mut self.replay else { return Ok(false) };
+        loop {
+            if self.next.is_none() {
+                self.next = replay.next_frame()?;
+            }
+            let Some(frame) = &self.next else { return Ok(true) };
+            let first_s = *self.first_s.get_or_insert(frame.state.time_s);
+            if frame.state.time_s - first_s > time_s {
+                return Ok(false);
+            }
+            if let Some(frame) = self.next.take() {
+                replay.play(&mut self.world, frame);
+            }
+        }
+    }
+
     fn state(&mut self, step_s: f64) -> TrackerState {
         let time_s = self.started.elapsed().as_secs_f64();
         match &self.script {

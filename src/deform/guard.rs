@@ -4,7 +4,7 @@
 //! and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
 
 use super::ControlPose;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Least and greatest stretch of a control element along any direction.
 pub const STRETCH: [f64; 2] = [0.05, 20.0];
@@ -92,7 +92,9 @@ fn polar(matrix: &Matrix3<f64>) -> Option<(UnitQuaternion<f64>, Matrix3<f64>, bo
     let rotation = u * fix * vt;
     let stretch = vt.transpose() * Matrix3::from_diagonal(&svd.singular_values) * vt;
     let is_finite = rotation.iter().chain(stretch.iter()).all(|value| value.is_finite());
-    is_finite.then(|| (UnitQuaternion::from_matrix(&rotation), stretch, mirrored))
+    // Not `from_matrix`, whose iteration finds no way out of half a turn.
+    let rotation = Rotation3::from_matrix_unchecked(rotation);
+    is_finite.then(|| (UnitQuaternion::from_rotation_matrix(&rotation), stretch, mirrored))
 }
 
 /// S with its eigenvalues clamped to [`STRETCH`], and whether one had to be.
@@ -110,7 +112,6 @@ fn clamp(stretch: &Matrix3<f64>) -> (Matrix3<f64>, bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Rotation3;
 
     fn turned(angle: f64) -> ControlPose {
         let matrix = *Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
@@ -129,6 +130,19 @@ mod tests {
         for pose in [turned(0.5), sheared, turned(2.0), turned(3.0), turned(4.0)] {
             assert_eq!(guard.admit(&last, &pose), (pose, vec![]));
             last = pose;
+        }
+    }
+
+    #[test]
+    fn a_hand_passes_half_a_turn_about_any_axis() {
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(0.6, 0.0, -0.8)] {
+            let (mut guard, mut last) = (PoseGuard::default(), ControlPose::REST);
+            for i in 0..=40 {
+                let matrix = *Rotation3::new(axis * (std::f64::consts::PI * f64::from(i) / 20.0)).matrix();
+                let pose = ControlPose { matrix, ..ControlPose::REST };
+                assert_eq!(guard.admit(&last, &pose), (pose, vec![]), "{} ° about {axis}", 9 * i);
+                last = pose;
+            }
         }
     }
 

@@ -3,6 +3,8 @@
 //!
 //! Each effect is one entry of [`EFFECTS`]; a body names those it wants, and only what they need is precomputed.
 
+pub mod haptics;
+
 use crate::green::{FIELDS, Needs};
 
 /// One entry of the list of effects.
@@ -22,11 +24,7 @@ impl EffectEntry {
 }
 
 /// All effects; a new one is one file and one line here.
-pub const EFFECTS: &[EffectEntry] = &[EffectEntry {
-    name: "haptics",
-    summary: "force and torque on every control element, from the 12E × 12E handle stiffness",
-    needs: Needs { stiffness: true },
-}];
+pub const EFFECTS: &[EffectEntry] = &[haptics::ENTRY];
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {

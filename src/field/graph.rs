@@ -45,6 +45,8 @@ pub(super) struct Node<C> {
     /// An input has changed since the last evaluation.
     is_dirty: bool,
     pub evaluations: u64,
+    pub write: fn(&dyn Any) -> serde_json::Result<String>,
+    pub read: fn(&str) -> serde_json::Result<Box<dyn Any>>,
 }
 
 /// Where a field's value comes from.
@@ -90,8 +92,19 @@ impl<C: 'static> Graph<C> {
             return Err(FieldError::Name { name });
         }
         self.values.0.push(Box::new(first));
-        let (dependents, type_name) = (Vec::new(), T::TYPE);
-        self.nodes.push(Node { name, type_name, from: None, dependents, is_dirty: false, evaluations: 0 });
+        self.nodes.push(Node {
+            name,
+            type_name: T::TYPE,
+            from: None,
+            dependents: Vec::new(),
+            is_dirty: false,
+            evaluations: 0,
+            write: |value| match value.downcast_ref::<T>() {
+                Some(value) => serde_json::to_string(value),
+                None => unreachable!("a node knows the type of its value"),
+            },
+            read: |text| Ok(Box::new(serde_json::from_str::<T>(text)?)),
+        });
         Ok(Field { number: self.nodes.len() - 1, value: PhantomData })
     }
 

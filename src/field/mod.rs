@@ -23,6 +23,7 @@
 //! | [`Graph::connect`], [`Graph::compute`] | from a field of the same type, or from several through a function; a circle is refused, with the names in it |
 //! | [`Graph::set`] | only where nothing is connected |
 //! | [`Graph::previous`] | a field of its own that holds what another was at the end of the last frame: the only way to feed back |
+//! | [`Graph::write`], [`Graph::read`] | the state of all fields to a stream and back: the paper's streaming interface |
 //! | [`Graph::restore`] | a new start of any field, from outside a frame |
 //! | context `C` | what functions act on beside fields (deformers), handed to [`Graph::evaluate`] and named in its type |
 
@@ -31,11 +32,13 @@ mod graph;
 mod input;
 mod listing;
 pub mod numbers;
+mod stream;
 
 pub use error::FieldError;
 pub use graph::{Field, Graph};
 pub use input::{Each, Input};
 pub use listing::Entry;
+pub use stream::{LONGEST_LINE, StreamError, VERSION, read_line};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

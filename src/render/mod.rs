@@ -52,3 +52,6 @@ pub use quads::Quad;
 pub use renderer::{DrawCounts, Renderer};
 pub use target::{Attachments, Picture};
 pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};
+
+/// What is logged unless told otherwise: the libraries used here say too much of themselves.
+pub const LOGGED: &str = "warn,winit=error,egui_wgpu=error";

@@ -220,6 +220,11 @@ impl TilePainter {
 }
 
 impl Tile {
+    /// Whether it depends on the place of its target on the desktop.
+    pub(super) fn takes_turns(&self) -> bool {
+        matches!(&self.show, Show::Two(composite, _) if composite.turns != [0, 0])
+    }
+
     fn check(&self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
         let rect @ [x, y, w, h] = self.rect;
         let fits = |start: u32, length: u32, limit: u32| {

@@ -79,8 +79,16 @@ pub enum Fault {
         distance_m * 1000.0
     )]
     EdgeOn { screen: String, distance_m: f64 },
+    #[error("window `{window}`: {message}")]
+    Window { window: String, message: String },
+    #[error("a second window is named `{window}`: rename one of them")]
+    DuplicateWindow { window: String },
+    #[error("monitor `{name}` has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}")]
+    Monitor { name: String, width: u32, height: u32 },
     #[error(transparent)]
     Tracking(#[from] TrackingFault),
+    #[error("haptic `{name}`: {message}")]
+    Haptic { name: String, message: String },
 }
 
 /// wgpu's textures go no further on common devices.
@@ -91,6 +99,13 @@ pub const MAX_SIDE_M: f64 = 100.0;
 /// measuring error on a metre.
 pub const MAX_SKEW: f64 = 1e-3;
 pub const IPD_M: std::ops::RangeInclusive<f64> = 0.045..=0.080;
+
+/// A fault and the line in which what it is about begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Located {
+    pub line: usize,
+    pub fault: Fault,
+}
 
 /// The error for a name that is no built-in stage.
 pub fn unknown(name: &str) -> StageError {

@@ -1,26 +1,34 @@
 //! Where pictures are shown: screens in a room, the viewer's eyes, and the off-axis projection between them.
 //!
-//! In: a stage file (strict TOML, or one of four built in). Out: a checked [`Stage`], whose screens give an
+//! In: a stage file (strict TOML, or one that is built in). Out: a checked [`Stage`], whose screens give an
 //! [`EyeView`] for any eye. Lengths in metres in the room's frame: x right, y up, right-handed; f64 until the
 //! last step. From R. Kooima, "Generalized Perspective Projection" (2008).
 
 mod fault;
 mod file;
+mod haptic;
+mod lint;
+mod meet;
 mod screen;
 mod stereo;
 mod summary;
 pub mod tracking;
 mod window;
 
-pub use fault::{Fault, StageError};
+pub use fault::{Fault, Located, StageError};
+pub use file::Survey;
+pub use haptic::{Haptic, HapticDevice};
+pub use lint::{Level, Lint, lint};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use stereo::Stereo;
 pub use summary::Seam;
 pub use tracking::Tracking;
-pub use window::{Border, Tile, Visible, Window};
+pub use window::{Border, Monitor, MonitorId, Tile, Visible, Window};
 
+use crate::config;
 use nalgebra::{Isometry3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
-use std::path::Path;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
 
 /// A place of projection: its screens, who looks at them from where, and what space lies before them.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,13 +36,21 @@ pub struct Stage {
     pub name: String,
     pub description: String,
     pub stereo: Stereo,
+    /// Each eye is shown what the other should see, because glasses or projectors have them the other way round.
+    pub swap_eyes: bool,
     pub viewer: Viewer,
     pub workspace: Workspace,
     pub grid: Option<Grid>,
     /// At least one; names are unique.
     pub screens: Vec<Screen>,
+    /// None: those of [`Stage::usual_layout`].
+    pub windows: Vec<Window>,
+    /// What the file says of the desktop, for checks where there is no display.
+    pub monitors: Vec<Monitor>,
     /// What follows head and hands; empty where nothing does.
     pub tracking: Tracking,
+    /// Force-feedback devices; mostly none.
+    pub haptics: Vec<Haptic>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -69,23 +85,32 @@ pub struct Grid {
 }
 
 /// The stage files that the program carries within itself, by name.
-pub const BUILT_IN: [(&str, &str); 4] = [
+pub const BUILT_IN: [(&str, &str); 9] = [
     ("workbench", include_str!("../../configs/stages/workbench.toml")),
     ("workbench-one-sided", include_str!("../../configs/stages/workbench-one-sided.toml")),
     ("cyberstage", include_str!("../../configs/stages/cyberstage.toml")),
     ("desktop", include_str!("../../configs/stages/desktop.toml")),
+    ("lbench", include_str!("../../configs/stages/lbench.toml")),
+    ("cave3", include_str!("../../configs/stages/cave3.toml")),
+    ("cave6", include_str!("../../configs/stages/cave6.toml")),
+    ("powerwall", include_str!("../../configs/stages/powerwall.toml")),
+    ("laptop", include_str!("../../configs/stages/laptop.toml")),
 ];
 
 impl Stage {
     /// The stage of a built-in name, or of a file: whatever ends in `.toml` is a path.
     pub fn find(name_or_path: &str) -> Result<Self, StageError> {
-        if name_or_path.ends_with(".toml") {
-            return Self::load(Path::new(name_or_path));
-        }
-        match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-            Some((name, text)) => Self::parse(text, Path::new(&format!("configs/stages/{name}.toml"))),
-            None => Err(fault::unknown(name_or_path)),
-        }
+        let (text, path) = text_of(name_or_path)?;
+        Self::parse(&text, &path)
+    }
+
+    /// The same with all that is wrong with it, instead of the first fault alone.
+    ///
+    /// # Errors
+    /// [`StageError::File`] and [`StageError::Unknown`]: there is nothing to be surveyed.
+    pub fn survey(name_or_path: &str) -> Result<Survey, StageError> {
+        let (text, path) = text_of(name_or_path)?;
+        file::survey(&text, &path)
     }
 
     /// Reads and checks a stage file.
@@ -109,6 +134,18 @@ impl Stage {
     /// The eyes for which each screen is drawn, in the order of drawing.
     pub fn eyes(&self) -> &'static [Eye] {
         self.stereo.eyes()
+    }
+}
+
+/// The text of a built-in stage or of a file, and the path to be named in errors.
+fn text_of(name_or_path: &str) -> Result<(Cow<'static, str>, PathBuf), StageError> {
+    if name_or_path.ends_with(".toml") {
+        let path = PathBuf::from(name_or_path);
+        return Ok((config::read(&path)?.into(), path));
+    }
+    match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
+        Some((name, text)) => Ok(((*text).into(), format!("configs/stages/{name}.toml").into())),
+        None => Err(fault::unknown(name_or_path)),
     }
 }
 

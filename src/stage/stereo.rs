@@ -84,6 +84,15 @@ impl Stereo {
         }
     }
 
+    /// What is shown where one eye's window gets the other eye's picture.
+    pub fn swapped(self) -> Self {
+        match self {
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+            other => other,
+        }
+    }
+
     /// Pixels of the window that shows a screen of `pixels` whole.
     pub fn window_size(self, [width, height]: [u32; 2]) -> [u32; 2] {
         match self {

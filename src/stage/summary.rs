@@ -95,6 +95,20 @@ impl fmt::Display for Stage {
             let length_m = (seam.ends[1] - seam.ends[0]).norm();
             writeln!(f, "seam {a} – {b}: {length_m:.3} m long, gap {:.2} mm", seam.gap_m * 1000.0)?;
         }
+        for (name, tracker) in &self.tracking.trackers {
+            writeln!(f, "tracker {name}: {}", tracker.kind)?;
+        }
+        for (name, sensor) in &self.tracking.sensors {
+            let is_head = self.tracking.head.as_ref() == Some(name);
+            let styli = self.tracking.styli.iter().filter(|(_, stylus)| stylus.sensor == *name);
+            let used: Vec<String> = is_head
+                .then(|| "the viewer's head".to_owned())
+                .into_iter()
+                .chain(styli.map(|(stylus, _)| format!("stylus {stylus}")))
+                .collect();
+            let used = if used.is_empty() { "not used".to_owned() } else { used.join(", ") };
+            writeln!(f, "sensor {name}: number {} of {}: {used}", sensor.id, sensor.tracker)?;
+        }
         Ok(())
     }
 }

@@ -1,7 +1,11 @@
 //! Windows: where on the desktop each stands, and which part of which screen it shows to which eye.
 //!
-//! In: a checked [`Stage`]. Out: its [`Window`]s, each of one [`Tile`] or more, and for each tile the part of its
-//! screen that is to be drawn ([`Tile::visible`]).
+//! In: the tables `[[window]]` and `[[monitor]]` of a stage file, or without them the stage itself. Out: [`Window`]s,
+//! each of one [`Tile`] or more, and for each tile the part of its screen that is to be drawn ([`Tile::visible`]).
+
+mod file;
+
+pub(super) use file::{MonitorFile, WindowFile, monitor, window};
 
 use super::{Eye, Screen, Stage, Stereo};
 use nalgebra::Matrix4;
@@ -10,9 +14,14 @@ use nalgebra::Matrix4;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
     pub name: String,
-    /// Top left corner on the desktop that spans all monitors, or on `monitor`; None leaves it to the window manager.
+    /// From whose top left corner `at` counts; None: from the corner of the desktop that spans all monitors.
+    pub monitor: Option<MonitorId>,
+    /// Top left corner; None leaves it to the window manager, or is `monitor`'s own.
     pub at: Option<[i32; 2]>,
+    /// The size for which its tiles are given.
     pub size: [u32; 2],
+    /// It is opened in the size of its monitor, whatever `size` is.
+    pub fills: bool,
     pub border: Border,
     /// At least one; they do not overlap.
     pub tiles: Vec<Tile>,
@@ -34,6 +43,22 @@ pub enum Border {
     Unmanaged,
 }
 
+/// A monitor as the window system knows it: by number, from 0, or by name, as `DP-1`.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(untagged, expecting = "a monitor is given by its number, from 0, or by its name, as \"DP-1\"")]
+pub enum MonitorId {
+    Number(usize),
+    Name(String),
+}
+
+/// A monitor's place on the desktop, in physical pixels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Monitor {
+    pub name: String,
+    pub at: [i32; 2],
+    pub size: [u32; 2],
+}
+
 /// A rectangle of a window and the screen whose picture it holds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tile {
@@ -43,6 +68,8 @@ pub struct Tile {
     pub screen: usize,
     /// Never [`Stereo::Separate`]: that takes two tiles.
     pub stereo: Stereo,
+    /// This display has its eyes the other way round than the others.
+    pub swap_eyes: bool,
     /// Which part of the screen's picture fills the tile: x, y from its top left, width, height, in the screen's pixels.
     pub crop: [u32; 4],
     /// Pixels of the screen that its display hides at the left, right, top and bottom. They stay black.
@@ -58,7 +85,35 @@ pub struct Visible {
     pub on_screen: [f64; 4],
 }
 
+impl MonitorId {
+    pub fn find<'a>(&self, monitors: &'a [Monitor]) -> Option<&'a Monitor> {
+        match self {
+            Self::Number(number) => monitors.get(*number),
+            Self::Name(name) => monitors.iter().find(|monitor| monitor.name == *name),
+        }
+    }
+}
+
+impl std::fmt::Display for MonitorId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "number {number}"),
+            Self::Name(name) => write!(f, "`{name}`"),
+        }
+    }
+}
+
 impl Window {
+    /// Its place and size on a desktop of these monitors; None where the window manager chooses, or the monitor is not
+    /// among them.
+    pub fn on_desktop(&self, monitors: &[Monitor]) -> Option<([i32; 2], [u32; 2])> {
+        let Some(id) = &self.monitor else { return Some((self.at?, self.size)) };
+        let monitor = id.find(monitors)?;
+        let at = self.at.unwrap_or([0, 0]);
+        let place = [0, 1].map(|axis| monitor.at[axis].saturating_add(at[axis]));
+        Some((place, if self.fills { monitor.size } else { self.size }))
+    }
+
     /// Where a tile lies when the window has another size than it was made for.
     pub fn rect(&self, tile: &Tile, size: [u32; 2]) -> [u32; 4] {
         let scaled = |axis: usize, pixel: u32| -> u32 {
@@ -77,7 +132,8 @@ impl Tile {
     pub fn whole(stage: &Stage, screen: usize, stereo: Stereo) -> Self {
         let pixels @ [width, height] = stage.screens[screen].pixels;
         let [w, h] = stereo.window_size(pixels);
-        Self { rect: [0, 0, w, h], screen, stereo, crop: [0, 0, width, height], overscan: [0; 4] }
+        let crop = [0, 0, width, height];
+        Self { rect: [0, 0, w, h], screen, stereo, swap_eyes: false, crop, overscan: [0; 4] }
     }
 
     /// The part of an eye's picture of `eye_size` pixels that the display shows, on whole pixels, and what of the
@@ -120,9 +176,14 @@ impl Visible {
 }
 
 impl Stage {
+    /// The stage's own windows; without any, those of [`Stage::usual_layout`].
+    pub fn layout(&self) -> Vec<Window> {
+        if self.windows.is_empty() { self.usual_layout() } else { self.windows.clone() }
+    }
+
     /// The windows that show everything: a column per eye where each has a window of its own, the screens from the
     /// highest to the lowest.
-    pub fn layout(&self) -> Vec<Window> {
+    pub fn usual_layout(&self) -> Vec<Window> {
         let from_top = self.screens_from_top();
         let kinds: &[Stereo] = match self.stereo {
             Stereo::Separate => &[Stereo::Left, Stereo::Right],
@@ -136,6 +197,8 @@ impl Stage {
             let eyes: Vec<&str> = stereo.eyes().iter().map(|eye| Eye::name(*eye)).collect();
             Window {
                 name: format!("{} {}", self.screens[screen].name, eyes.join(" and ")),
+                monitor: None,
+                fills: false,
                 at: several.then_some([(column as u32 * width) as i32, (row as u32 * height) as i32]),
                 size: [width, height],
                 border: Border::Decorated,
@@ -151,90 +214,4 @@ impl Stage {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::Vector4;
-
-    fn tile(crop: [u32; 4], overscan: [u32; 4]) -> (Tile, Screen) {
-        let stage = Stage::find("workbench").unwrap();
-        let tile = Tile { crop, overscan, ..Tile::whole(&stage, 0, Stereo::Mono) };
-        (tile, stage.screens[0].clone())
-    }
-
-    #[test]
-    fn a_whole_tile_shows_the_whole_screen() {
-        let (tile, screen) = tile([0, 0, 1280, 1024], [0; 4]);
-        for size in [[1280, 1024], [640, 1024], [37, 11]] {
-            let visible = tile.visible(&screen, size).unwrap();
-            assert_eq!(visible.rect, [0, 0, size[0], size[1]]);
-            assert!(visible.on_screen.iter().zip([-1.0, 1.0, -1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-12));
-        }
-    }
-
-    /// The same place of the room lands on the same pixel of the display, whatever is hidden about it.
-    #[test]
-    fn overscan_hides_pixels_and_moves_none() {
-        let (tile, screen) = tile([0, 0, 1280, 1024], [16, 32, 8, 24]);
-        let visible = tile.visible(&screen, [1280, 1024]).unwrap();
-        assert_eq!(visible.rect, [16, 8, 1280 - 48, 1024 - 32]);
-        for ndc in [[0.0, 0.0], [0.5, -0.7], [-0.9, 0.9]] {
-            let clip = visible.clip_from_whole() * Vector4::new(ndc[0], ndc[1], 0.3, 1.0);
-            let [x, y, width, height] = visible.rect.map(f64::from);
-            let pixel = [x + (clip.x + 1.0) / 2.0 * width, y + (1.0 - clip.y) / 2.0 * height];
-            let expected = [(ndc[0] + 1.0) / 2.0 * 1280.0, (1.0 - ndc[1]) / 2.0 * 1024.0];
-            assert!((pixel[0] - expected[0]).abs() < 1e-9 && (pixel[1] - expected[1]).abs() < 1e-9);
-            let back = visible.on_whole([clip.x, clip.y]);
-            assert!((back[0] - ndc[0]).abs() < 1e-12 && (back[1] - ndc[1]).abs() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn the_lower_right_quarter_is_cropped() {
-        let (tile, screen) = tile([640, 512, 640, 512], [0, 10, 0, 0]);
-        let visible = tile.visible(&screen, [320, 256]).unwrap();
-        assert_eq!(visible.rect, [0, 0, 315, 256]);
-        let expected = [0.0, 1.0 - 2.0 * 10.0 / 1280.0, -1.0, 0.0];
-        assert!(visible.on_screen.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{visible:?}");
-    }
-
-    #[test]
-    fn a_tile_of_which_all_is_hidden_shows_nothing() {
-        let (tile, screen) = tile([0, 0, 1280, 1024], [1280, 0, 0, 0]);
-        assert_eq!(tile.visible(&screen, [1280, 1024]), None);
-        assert_eq!(self::tile([0, 0, 1280, 1024], [0; 4]).0.visible(&screen, [0, 4]), None);
-    }
-
-    #[test]
-    fn without_windows_of_its_own_a_stage_has_one_per_screen_or_per_eye() {
-        let layout = Stage::find("workbench").unwrap().layout();
-        let places: Vec<_> = layout.iter().map(|w| (w.name.as_str(), w.at.unwrap())).collect();
-        assert_eq!(
-            places,
-            [
-                ("table left", [0, 1024]),
-                ("table right", [1280, 1024]),
-                ("wall left", [0, 0]),
-                ("wall right", [1280, 0])
-            ]
-        );
-        let desktop = Stage::find("desktop").unwrap().layout();
-        assert_eq!((desktop.len(), desktop[0].at, desktop[0].size), (1, None, [1280, 800]));
-        let packed = Stage { stereo: Stereo::FramePacking, ..Stage::find("desktop").unwrap() }.layout();
-        assert_eq!(packed[0].size, [1280, 1633]);
-    }
-
-    #[test]
-    fn tiles_grow_with_their_window_and_leave_no_gap() {
-        let stage = Stage::find("workbench").unwrap();
-        let part = |x, width| Tile { rect: [x, 0, width, 7], ..Tile::whole(&stage, 0, Stereo::Mono) };
-        let window = Window {
-            name: String::new(),
-            at: None,
-            size: [10, 7],
-            border: Border::None,
-            tiles: vec![part(0, 3), part(3, 7)],
-        };
-        let [a, b] = [0, 1].map(|i| window.rect(&window.tiles[i], [25, 70]));
-        assert_eq!((a, b), ([0, 0, 8, 70], [8, 0, 17, 70]));
-    }
-}
+mod tests;

@@ -4,7 +4,8 @@
 //! over without a lock; calibration, filter and prediction come after it.
 
 use super::flow::Flow;
-use nalgebra::{Isometry3, UnitQuaternion};
+use super::normalised;
+use nalgebra::Isometry3;
 use std::collections::BTreeMap;
 
 /// A source keeps no more than so many sensors, buttons and valuators, whatever a packet says.
@@ -103,7 +104,7 @@ impl DeviceState {
     pub fn take_pose_at(&mut self, stamp: Stamp, sensor: i32, pose: Isometry3<f64>, quality: f32) {
         let is_finite =
             pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite());
-        let rotation = UnitQuaternion::try_new(pose.rotation.into_inner(), 1e-6);
+        let rotation = normalised(&pose.rotation);
         let last = self.sensors.get(&sensor).map(|reading| reading.value);
         let value = match (rotation, last) {
             (Some(rotation), _) if is_finite && quality > 0.0 => {
@@ -159,6 +160,7 @@ fn take<T>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::UnitQuaternion;
 
     #[test]
     fn a_flood_of_channels_does_not_grow() {
@@ -193,7 +195,9 @@ mod tests {
         let mut state = DeviceState::default();
         state.take_pose(1, of(0.5), None, 1.0);
         assert_eq!(state.sensors[&1].value, Isometry3::identity());
-        state.take_pose(1, of(0.0), None, 1.0);
-        assert_eq!((state.sensors[&1].count, state.counters.dropped), (1, 1));
+        for none in [0.0, 1e-9, 1e300, f64::NAN] {
+            state.take_pose(1, of(none), None, 1.0);
+        }
+        assert_eq!((state.sensors[&1].count, state.counters.dropped), (1, 4));
     }
 }

@@ -192,7 +192,7 @@ fn take(
     if skew > MOST_SKEW || matrix.determinant() < 0.0 {
         return None;
     }
-    let rotation = Rotation3::from_matrix_eps(&matrix, 1e-14, 50, Rotation3::from_matrix_unchecked(matrix));
+    let rotation = Rotation3::from_matrix_unchecked(matrix);
     let place = Translation3::from(Vector3::new(*x, *y, *z) * METRES);
     let pose = Isometry3::from_parts(place, UnitQuaternion::from_rotation_matrix(&rotation));
     state.take_pose(sensor, pose, measured_s, 1.0);

@@ -106,6 +106,12 @@ pub fn usable(pose: &Isometry3<f32>) -> Option<Isometry3<f64>> {
     })
 }
 
+/// The rotation of a quaternion of another length than 1; `None` if its length is not within 0.001 to 1000.
+pub fn normalised(rotation: &UnitQuaternion<f64>) -> Option<UnitQuaternion<f64>> {
+    let length = rotation.coords.norm();
+    (1e-3..=1e3).contains(&length).then(|| UnitQuaternion::new_normalize(*rotation.quaternion()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,6 @@
 //! Every parser of packets with good packets of its kind; each keeps its state from packet to packet.
 
+use greenstage::effect::haptics::haply;
 use greenstage::stage::tracking::EulerOrder;
 use greenstage::track::device::DeviceState;
 use greenstage::track::dtrack::Dtrack;
@@ -23,7 +24,17 @@ pub struct Ear {
 }
 
 pub fn ears() -> Vec<Ear> {
-    vec![vrpn_stream(), vrpn_datagrams(), vrpn_server(), vrpn_lob(), dtrack(), osc(), fastrak(), gamepad()]
+    vec![
+        vrpn_stream(),
+        vrpn_datagrams(),
+        vrpn_server(),
+        vrpn_lob(),
+        dtrack(),
+        osc(),
+        fastrak(),
+        gamepad(),
+        haply(),
+    ]
 }
 
 fn channels(state: &DeviceState) -> usize {
@@ -228,4 +239,12 @@ fn gamepad() -> Ear {
         (!records.is_empty(), channels(&state))
     };
     Ear { name: "gamepad", seeds: seeds.map(|seed| seed.to_vec()).to_vec(), hear: Box::new(hear) }
+}
+
+/// What the service of a force-feedback arm says by WebSocket.
+fn haply() -> Ear {
+    let arm = r#"{"inverse3":[{"device_id":"0A1B","config":{"handedness":"right"},"state":{"cursor_position":{"x":0.01,"y":-0.12,"z":0.2}}}]}"#;
+    let grip = r#"{"inverse3":[{"device_id":"0A1B"}],"wireless_verse_grip":[{"device_id":"77","state":{"orientation":{"x":0.0,"y":0.6,"z":0.0,"w":0.8},"buttons":{"a":true,"b":false}}}]}"#;
+    let hear = |bytes: &[u8]| (haply::parse(&String::from_utf8_lossy(bytes), 0.0).is_ok(), 0);
+    Ear { name: "Haply", seeds: vec![arm.into(), grip.into()], hear: Box::new(hear) }
 }

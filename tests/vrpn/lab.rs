@@ -55,7 +55,7 @@ impl Source for Puppet {
 pub fn serve(place: SocketAddr, puppet: &Puppet) -> Serving {
     let server = Server::bind(place, ["Wand"]).unwrap();
     assert_eq!(server.addresses().collect::<Vec<_>>(), [format!("Wand@{}", server.place)]);
-    server.spawn(vec![Box::new(puppet.clone())])
+    server.spawn(vec![Box::new(puppet.clone())]).unwrap()
 }
 
 pub fn listen(place: SocketAddr, udp: bool, transport: Transport) -> Client {

@@ -89,7 +89,7 @@ impl Lab {
 }
 
 fn serve(place: SocketAddr, puppet: &Puppet) -> crate::track::vrpn::Serving {
-    Server::bind(place, ["Wand"]).unwrap().spawn(vec![Box::new(puppet.clone())])
+    Server::bind(place, ["Wand"]).unwrap().spawn(vec![Box::new(puppet.clone())]).unwrap()
 }
 
 fn wait(what: &str, mut is_so: impl FnMut() -> bool) {

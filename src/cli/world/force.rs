@@ -53,25 +53,23 @@ pub fn scale(body: &Body, deformer: &Deformer, file: &GreenFile) -> Option<Force
     Some(ForceScale { full_n: (0..deformer.controls.len()).map(full_n).collect() })
 }
 
-/// The forces on the control elements `held` of body number `b`: what S c says that the hand must apply, reversed.
-pub fn held_forces(b: usize, body: &PlacedBody, held: &[usize]) -> Vec<HeldForce> {
-    let Some(scale) = &body.force_scale else { return Vec::new() };
-    let Some((wrenches, _)) = body.deformer.wrenches() else { return Vec::new() };
-    let force = |&control: &usize| HeldForce {
-        body: b,
-        control,
-        force_n: -(body.room_from_body.isometry.rotation * wrenches[control].force),
-        full_n: scale.full_n[control],
-    };
-    held.iter().map(force).collect()
+/// The force on control element `c` of body number `b`: what S c says that the hand must apply, reversed.
+pub fn held_force(b: usize, body: &PlacedBody, c: usize) -> Option<HeldForce> {
+    let full_n = *body.force_scale.as_ref()?.full_n.get(c)?;
+    let (wrenches, _) = body.deformer.wrenches()?;
+    let force_n = -(body.room_from_body.isometry.rotation * wrenches[c].force);
+    Some(HeldForce { body: b, control: c, force_n, full_n })
 }
 
-/// The arrow of a force at `place`: green where it is weak, by yellow to red at full scale.
-pub fn arrow(force: &HeldForce, place: &Point3<f64>, radius_m: f64) -> Option<Arrow> {
+/// The arrow of a force at `place` of a control element about `origin`: green where it is weak, by yellow to red at full
+/// scale. One that pulls outward starts at the place, one that pushes inward ends there: neither is hidden in the body.
+pub fn arrow(force: &HeldForce, place: &Point3<f64>, origin: &Point3<f64>, radius_m: f64) -> Option<Arrow> {
     let arrow = force_arrow(place, &force.force_n, force.full_n, LONGEST * radius_m)?;
     let strength = arrow.strength as f32;
+    let is_inward = arrow.along.dot(&(place - origin)) < 0.0;
+    let from = if is_inward { arrow.from - arrow.along } else { arrow.from };
     Some(Arrow {
-        from: arrow.from.cast(),
+        from: from.cast(),
         along: arrow.along.cast(),
         radius_m: (SHAFT * radius_m) as f32,
         color: [(2.0 * strength).min(1.0), (2.0 - 2.0 * strength).min(0.9), 0.05],

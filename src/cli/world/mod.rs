@@ -9,6 +9,7 @@ mod desk;
 pub mod flow;
 mod force;
 mod hand;
+mod state;
 
 pub use body::{Mood, PlacedBody};
 pub use desk::Desk;
@@ -23,7 +24,7 @@ use crate::interact::Action;
 use crate::render::{Arrow, Grid, StylusShape, View};
 use crate::scene::Scene;
 use crate::stage::{Eye, Stage};
-use crate::track::TrackerState;
+use crate::track::{Signal, TrackerState};
 use flow::{BodyPlace, Tracked};
 use hand::Held;
 use nalgebra::{Isometry3, Point3};
@@ -100,11 +101,7 @@ impl World {
         let started = Instant::now();
         std::mem::swap(&mut self.actions, &mut self.pending);
         self.pending.clear();
-        while self.fields.styli.len() < state.styli.len() {
-            if let Err(error) = self.fields.add_stylus(&mut self.graph) {
-                unreachable!("the names of hands are their own: {error}");
-            }
-        }
+        self.have_styli(state.styli.len());
         self.put(self.fields.tracked_head, Tracked(state.head));
         self.put(self.fields.time, state.time_s);
         for stylus in 0..self.fields.styli.len() {
@@ -152,20 +149,25 @@ impl World {
         let mut touched: Vec<((usize, usize), Mood)> = Vec::new();
         (self.styli, self.forces, self.arrows) = (Vec::new(), Vec::new(), Vec::new());
         for (i, fields) in self.fields.styli.iter().enumerate() {
-            let (Some(stylus), Some(pose)) = (graph.get(fields.stylus), hands.room_from_stylus(i)) else {
+            // One that is lost is not drawn where it was.
+            let seen = graph.get(fields.stylus).as_ref().filter(|s| !matches!(s.signal, Signal::Lost { .. }));
+            let (Some(stylus), Some(pose)) = (seen, hands.room_from_stylus(i)) else {
                 continue;
             };
             let hit = graph.get(fields.hit).as_ref();
             let grip = hands.grip(i).zip(hands.grip(i).and_then(|grip| self.fields.targets.get(grip.target)));
             let held = grip.map(|(grip, &(b, c))| {
-                let now = graph.get(self.fields.bodies[b].poses[c]);
-                let place = self.bodies[b].room_from_element(c, now).transform_point(&grip.place_in_element);
+                let now = self.bodies[b].room_from_element(c, graph.get(self.fields.bodies[b].poses[c]));
+                let place = now.transform_point(&grip.place_in_element);
                 touched.push(((b, c), Mood::Held));
-                if self.bodies[b].force_scale.is_some() {
-                    self.forces.extend(force::held_forces(b, &self.bodies[b], &[c]));
-                    let arrow =
-                        self.forces.last().and_then(|force| force::arrow(force, &place, workspace.radius_m));
-                    self.arrows.extend(arrow);
+                let is_told = self.forces.iter().any(|force| (force.body, force.control) == (b, c));
+                if self.bodies[b].force_scale.is_some() && !is_told {
+                    let force = force::held_force(b, &self.bodies[b], c);
+                    let origin = now.transform_point(&Point3::origin());
+                    let shown =
+                        force.as_ref().and_then(|f| force::arrow(f, &place, &origin, workspace.radius_m));
+                    self.forces.extend(force);
+                    self.arrows.extend(shown);
                 }
                 Held { grip, place }
             });

@@ -8,6 +8,8 @@ use crate::track::StylusState;
 use nalgebra::{Translation3, Vector3};
 use std::path::Path;
 
+mod tracked;
+
 const SCENE: &str = r#"
 [body.block]
 generate = { block = { size = [2.0, 1.0, 1.0], cells = [4, 2, 2] } }
@@ -82,4 +84,23 @@ fn an_eye_behind_a_screen_has_no_view() {
     let lost = Isometry3::translation(f32::NAN, 1.5, 1.0);
     world.step(&TrackerState { head: Some(lost), styli: vec![], time_s: 0.0 });
     assert_eq!(world.room_from_head, behind.cast(), "a lost head stays where it was");
+}
+
+#[test]
+fn a_world_read_from_a_stream_goes_on_as_the_one_that_was_written() {
+    let at_end = |world: &World, y: f64| state(world, [1.5, y, 0.1], [0.0, y, 0.1], true);
+    let (mut first, mut second) = (world("written"), world("read"));
+    for y in [0.0, 0.1, 0.2] {
+        first.step(&at_end(&first, y));
+    }
+    let mut stream = Vec::new();
+    first.graph.write(&mut stream).unwrap();
+    assert_ne!(first.state_hash(), second.state_hash());
+    second.graph.read(&mut stream.as_slice(), &mut 0).unwrap();
+    for y in [0.2, 0.35, 0.5] {
+        for world in [&mut first, &mut second] {
+            world.step(&at_end(world, y));
+        }
+        assert_eq!(first.state_hash(), second.state_hash(), "still in the hand at {y}");
+    }
 }

@@ -5,10 +5,12 @@
 
 mod display;
 mod input;
+mod monitor;
 mod surface;
 
 pub use display::find_display;
 pub use input::{Button, Input, Key};
+pub use monitor::{Monitor, MonitorChoice, monitors};
 
 use super::{FrameContents, Gpu, Paint, RenderError, Renderer, Target, Tile, TilePainter};
 use std::panic::catch_unwind;
@@ -25,17 +27,22 @@ use winit::window::{Fullscreen, Window, WindowId};
 const IDLE: Duration = Duration::from_millis(20);
 
 /// One window, in physical pixels.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct WindowSpec {
     pub title: String,
-    /// Of the top left corner on the desktop that spans all monitors; None leaves it to the window manager. Wayland
-    /// ignores it: walls of several projectors need X11.
+    /// From whose corner `position` counts; None: from the corner of the desktop that spans all monitors.
+    pub monitor: Option<MonitorChoice>,
+    /// Of the top left corner; None is the monitor's corner, or leaves it to the window manager. Wayland ignores it:
+    /// walls of several projectors need X11.
     pub position: Option<[i32; 2]>,
     pub size: [u32; 2],
+    /// It gets the size of `monitor` instead.
+    pub fills: bool,
     pub decorated: bool,
-    /// Borderless over the whole monitor that holds `position`. Needs a window manager; an undecorated window with a
-    /// place and the monitor's size does not.
+    /// The window manager, where there is one, is told to cover the whole monitor that holds the place.
     pub fullscreen: bool,
+    /// X11: no window manager is asked (override-redirect). The place is exact, but no click gives it the keyboard.
+    pub unmanaged: bool,
 }
 
 /// How all windows draw and present.
@@ -114,6 +121,9 @@ impl Windows {
         let start = Instant::now();
         let mut frames = Vec::new();
         for (window, (surface, tiles)) in self.surfaces.iter_mut().zip(tiles).enumerate() {
+            if tiles.as_ref().iter().any(Tile::takes_turns) {
+                surface.follow();
+            }
             if let Some(frame) = surface.acquire(&self.gpu)? {
                 frames.push((window, frame, surface, tiles.as_ref()));
             }
@@ -208,10 +218,12 @@ impl<A: WindowApp> Handler<'_, A> {
     fn open(&mut self, event_loop: &ActiveEventLoop) -> Result<(), RenderError> {
         let mut opened = Vec::new();
         for (index, spec) in self.specs.iter().enumerate() {
+            let (position, size) =
+                monitor::place(event_loop, spec).map_err(|reason| window_error(index, spec, reason))?;
             let window = event_loop
-                .create_window(attributes(event_loop, spec))
+                .create_window(attributes(event_loop, spec, position, size))
                 .map_err(|error| window_error(index, spec, error.to_string()))?;
-            if let Some([x, y]) = spec.position {
+            if let Some([x, y]) = position {
                 // Some window managers only heed the place once the window is there.
                 window.set_outer_position(PhysicalPosition::new(x, y));
             }
@@ -298,24 +310,26 @@ fn window_error(window: usize, spec: &WindowSpec, reason: String) -> RenderError
     RenderError::Window { window, title: spec.title.clone(), reason }
 }
 
-fn attributes(event_loop: &ActiveEventLoop, spec: &WindowSpec) -> winit::window::WindowAttributes {
-    let [width, height] = spec.size;
+fn attributes(
+    event_loop: &ActiveEventLoop,
+    spec: &WindowSpec,
+    position: Option<[i32; 2]>,
+    [width, height]: [u32; 2],
+) -> winit::window::WindowAttributes {
     let mut attributes = Window::default_attributes()
         .with_title(&spec.title)
         .with_inner_size(PhysicalSize::new(width.max(1), height.max(1)))
         .with_decorations(spec.decorated);
-    if let Some([x, y]) = spec.position {
+    if let Some([x, y]) = position {
         attributes = attributes.with_position(PhysicalPosition::new(x, y));
     }
+    #[cfg(target_os = "linux")]
+    {
+        use winit::platform::x11::WindowAttributesExtX11;
+        attributes = attributes.with_override_redirect(spec.unmanaged);
+    }
     if spec.fullscreen {
-        let [x, y] = spec.position.unwrap_or_default();
-        let monitor = event_loop.available_monitors().find(|monitor| {
-            let (corner, size) = (monitor.position(), monitor.size());
-            let within = |p: i32, start: i32, length: u32| {
-                (0..i64::from(length)).contains(&(i64::from(p) - i64::from(start)))
-            };
-            within(x, corner.x, size.width) && within(y, corner.y, size.height)
-        });
+        let monitor = monitor::holding(event_loop, position.unwrap_or_default());
         attributes = attributes.with_fullscreen(Some(Fullscreen::Borderless(monitor)));
     }
     attributes

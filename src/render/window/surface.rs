@@ -3,13 +3,18 @@
 use super::super::target::check_size;
 use super::super::{Canvas, Gpu, RenderError};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use wgpu::CurrentSurfaceTexture;
 use winit::window::Window;
+
+/// Between two questions to the window system, each of which takes a round trip.
+const OLD_PLACE: Duration = Duration::from_millis(50);
 
 pub(super) struct WindowSurface {
     pub(super) size: [u32; 2],
     /// The window's top left pixel on the desktop; the origin where the window system does not tell.
     pub(super) place: [i32; 2],
+    asked: Instant,
     pub(super) canvas: Canvas,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
@@ -56,7 +61,8 @@ impl WindowSurface {
             view_formats: vec![],
         };
         let canvas = Canvas::default();
-        let mut surface = Self { size, place: [0, 0], canvas, surface, config, is_current: false, window };
+        let (place, asked) = ([0, 0], Instant::now());
+        let mut surface = Self { size, place, asked, canvas, surface, config, is_current: false, window };
         surface.find_place();
         Ok(surface)
     }
@@ -64,6 +70,14 @@ impl WindowSurface {
     /// Asks the window system where the window stands; Wayland does not tell.
     pub(super) fn find_place(&mut self) {
         self.place = self.window.inner_position().map_or([0, 0], Into::into);
+        self.asked = Instant::now();
+    }
+
+    /// Asks again where the last answer is old: without a window manager nobody says that a window was moved.
+    pub(super) fn follow(&mut self) {
+        if self.asked.elapsed() > OLD_PLACE {
+            self.find_place();
+        }
     }
 
     pub(super) fn format(&self) -> wgpu::TextureFormat {

@@ -321,6 +321,8 @@ fn rotation_from_axes(what: &str, axes: [Vector3<f64>; 3]) -> Result<UnitQuatern
     if unit.determinant() < 0.0 {
         return Err(TrackingFault::LeftHanded { what: what() });
     }
-    let rotation = Rotation3::from_matrix_eps(&unit, 1e-14, 100, Rotation3::identity());
-    Ok(UnitQuaternion::from_rotation_matrix(&rotation))
+    // The nearest rotation is U Vᵀ of the singular value decomposition.
+    let svd = unit.svd(true, true);
+    let nearest = svd.u.zip(svd.v_t).map_or(unit, |(u, v_t)| u * v_t);
+    Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(nearest)))
 }

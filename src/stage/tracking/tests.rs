@@ -81,6 +81,20 @@ fn a_mirrored_frame_gives_proper_rotations() {
 }
 
 #[test]
+fn axes_are_straightened_to_the_nearest_rotation_half_turns_too() {
+    let turned = |axes: &str| {
+        let keys = format!("[tracker.t]\nosc = \"9000\"\nroom_from_tracker = {{ axes = {axes} }}\n");
+        parse(&keys, "").unwrap().trackers["t"].frame.room_from_tracker.isometry.rotation
+    };
+    let half = turned("[[-1, 0, 0], [0, 1, 0], [0, 0, -1]]");
+    assert!((half * Vector3::x() + Vector3::x()).norm() < 1e-12, "{half}");
+    // x and y are 2° too near to each other: each gives way by one.
+    let (s, c) = 2f64.to_radians().sin_cos();
+    let skewed = turned(&format!("[[1, 0, 0], [{s}, {c}, 0], [0, 0, 1]]"));
+    assert!((skewed.angle().to_degrees() - 1.0).abs() < 1e-9 && skewed.scaled_axis().z < 0.0, "{skewed}");
+}
+
+#[test]
 fn unknown_names_are_answered_with_the_nearest() {
     let error = refusal("tracker = \"art\"\nid", "tracker = \"arts\"\nid", "[sensor.wand]");
     assert!(

@@ -5,16 +5,18 @@
 
 use super::clock::DeviceClock;
 use super::motion::{FASTEST_M_S, FASTEST_RAD_S, Motion};
-use super::one_euro::{PoseFilter, slerp};
+use super::one_euro::PoseFilter;
 use crate::stage::ROOM_LIMIT_M;
 use crate::stage::tracking::{Sensor, TrackerFrame};
-use crate::track::Signal;
 use crate::track::device::Reading;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use crate::track::{Signal, normalised};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// A step between two readings that no hand makes is longer than this, beside what its speed allows.
-const STEP_M: f64 = 0.1;
-const STEP_RAD: f64 = 0.6;
+/// A step between two readings that no hand makes is longer than this, beside what its speed allows in the time between
+/// them, of which no more than `STEP_S` counts: after a pause a leap is a leap.
+const STEP_M: f64 = 0.05;
+const STEP_RAD: f64 = 0.4;
+const STEP_S: f64 = 0.02;
 /// A jump is taken when it has stood so long, s: one wrong reading is never seen.
 const CONFIRM_S: f64 = 0.1;
 /// From where it was held the pose glides to where it is within this time, s.
@@ -73,10 +75,13 @@ struct Jump {
     since_s: f64,
 }
 
+/// What was shown against what is true when they part: it fades away, however the truth moves on.
 #[derive(Clone, Copy, Debug)]
 struct Bridge {
     from: Isometry3<f64>,
     start_s: f64,
+    /// Shift and turn from the truth to `from`, once that is known.
+    off: Option<[Vector3<f64>; 2]>,
 }
 
 impl Follower {
@@ -149,10 +154,9 @@ impl Follower {
         let room_from_sensor =
             if self.sensor.predict_s > 0.0 { motion.at(now_s + self.sensor.predict_s) } else { motion.pose };
         let mut room_from_body = room_from_sensor * self.sensor.sensor_from_body;
-        if let Some(bridge) = self.bridge {
-            let way = ((now_s - bridge.start_s) / BRIDGE_S).clamp(0.0, 1.0);
-            room_from_body = between(&bridge.from, &room_from_body, way * way * (3.0 - 2.0 * way));
-            if way == 1.0 {
+        if let Some(bridge) = &mut self.bridge {
+            room_from_body = bridge.over(&room_from_body, now_s);
+            if now_s - bridge.start_s >= BRIDGE_S {
                 self.bridge = None;
             }
         }
@@ -185,7 +189,7 @@ impl Follower {
     /// The first reading, or the first after a gap or a jump: nothing of the past is mixed in, and what was shown last
     /// glides there.
     fn begin(&mut self, now: Believed, start_s: f64) {
-        self.bridge = self.shown.map(|from| Bridge { from, start_s });
+        self.bridge = self.shown.map(|from| Bridge { from, start_s, off: None });
         self.motion = None;
         if let Some(filter) = &mut self.filter {
             filter.restart();
@@ -230,9 +234,24 @@ impl Follower {
     }
 }
 
+impl Bridge {
+    fn over(&mut self, truth: &Isometry3<f64>, now_s: f64) -> Isometry3<f64> {
+        let from = self.from;
+        let [shift, turn] = *self.off.get_or_insert_with(|| {
+            let shift = from.translation.vector - truth.translation.vector;
+            [shift, (from.rotation * truth.rotation.inverse()).scaled_axis()]
+        });
+        let way = ((now_s - self.start_s) / BRIDGE_S).clamp(0.0, 1.0);
+        let left = 1.0 - way * way * (3.0 - 2.0 * way);
+        let place = truth.translation.vector + shift * left;
+        let rotation = UnitQuaternion::from_scaled_axis(turn * left) * truth.rotation;
+        Isometry3::from_parts(Translation3::from(place), rotation)
+    }
+}
+
 /// Could a hand have done this?
 fn is_hand(from: &Believed, to: &Believed) -> bool {
-    let step_s = (to.time_s - from.time_s).max(0.0);
+    let step_s = (to.time_s - from.time_s).clamp(0.0, STEP_S);
     let step_m = (to.pose.translation.vector - from.pose.translation.vector).norm();
     let step_rad = to.pose.rotation.angle_to(&from.pose.rotation);
     step_m <= STEP_M + FASTEST_M_S * step_s && step_rad <= STEP_RAD + FASTEST_RAD_S * step_s
@@ -241,14 +260,8 @@ fn is_hand(from: &Believed, to: &Believed) -> bool {
 /// The pose with its rotation normalised, if it is finite and within 1 km.
 fn in_room(pose: Isometry3<f64>) -> Option<Isometry3<f64>> {
     let is_near = pose.translation.vector.iter().all(|x| x.abs() <= ROOM_LIMIT_M);
-    let rotation = UnitQuaternion::try_new(pose.rotation.into_inner(), 1e-3)?;
-    let is_rotation = rotation.coords.iter().all(|x| x.is_finite());
-    (is_near && is_rotation).then(|| Isometry3::from_parts(pose.translation, rotation))
-}
-
-fn between(from: &Isometry3<f64>, to: &Isometry3<f64>, part: f64) -> Isometry3<f64> {
-    let place = from.translation.vector.lerp(&to.translation.vector, part);
-    Isometry3::from_parts(Translation3::from(place), slerp(&from.rotation, &to.rotation, part))
+    let rotation = normalised(&pose.rotation)?;
+    is_near.then(|| Isometry3::from_parts(pose.translation, rotation))
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::stage::tracking::LostPolicy;
-use nalgebra::Vector3;
 
 fn follower(predict_s: f64) -> Follower {
     let sensor = Sensor {

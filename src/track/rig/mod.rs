@@ -150,6 +150,11 @@ impl Rig {
         self.styli.iter().any(is_seen)
     }
 
+    /// Whether anything was ever seen.
+    pub fn is_speaking(&self) -> bool {
+        self.sensors.iter().any(|followed| followed.pose.is_some())
+    }
+
     /// What is to be said since the last call, each event once: losses, returns, links that broke or came back.
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)

@@ -8,8 +8,8 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 /// No pose is carried further than this, s.
 pub const FARTHEST_S: f64 = 0.1;
 /// Hands are slower, m/s and rad/s.
-pub const FASTEST_M_S: f64 = 20.0;
-pub const FASTEST_RAD_S: f64 = 50.0;
+pub const FASTEST_M_S: f64 = 10.0;
+pub const FASTEST_RAD_S: f64 = 40.0;
 /// Cutoff of the velocities, Hz.
 const CUTOFF_HZ: f64 = 10.0;
 /// Two readings count as at least this far apart, s.

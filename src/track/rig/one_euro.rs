@@ -68,9 +68,9 @@ impl PoseFilter {
     }
 }
 
-/// The shorter way; half a turn apart, where there is none, the nearer end.
-pub fn slerp(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>, part: f64) -> UnitQuaternion<f64> {
-    from.try_slerp(to, part, 1e-9).unwrap_or(if part < 0.5 { *from } else { *to })
+/// The shorter way; half a turn apart, one of the two.
+fn slerp(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>, part: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_scaled_axis((to * from.inverse()).scaled_axis() * part) * from
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::{Thread, park_timeout};
+use std::thread::{Builder, Thread, park_timeout};
 use std::time::{Duration, Instant};
 
 /// When what happens, s.
@@ -51,7 +51,7 @@ pub struct Client {
     address: Address,
     output: triple_buffer::Output<DeviceState>,
     control: Arc<Control>,
-    thread: Thread,
+    thread: Option<Thread>,
 }
 
 /// What the client and its threads share.
@@ -88,7 +88,13 @@ impl Client {
         let ear = Mutex::new(Ear { listener: Listener::new(&address.device), input });
         let control = Arc::new(Control { stop: AtomicBool::new(false), stream: Mutex::new(None), ear });
         let connection = Connection { address: address.clone(), transport, timing, control: control.clone() };
-        let thread = std::thread::spawn(move || connection.run()).thread().clone();
+        let thread = match Builder::new().name("vrpn".into()).spawn(move || connection.run()) {
+            Ok(thread) => Some(thread.thread().clone()),
+            Err(error) => {
+                lock(&control.ear).set_link(Link::Down(format!("cannot start its thread: {error}")));
+                None
+            }
+        };
         Client { address, output, control, thread }
     }
 
@@ -117,7 +123,7 @@ impl Drop for Client {
     fn drop(&mut self) {
         self.control.stop.store(true, Relaxed);
         self.control.hang_up();
-        self.thread.unpark();
+        self.thread.iter().for_each(Thread::unpark);
     }
 }
 
@@ -184,7 +190,7 @@ impl Connection {
             if ear.listener.is_known() && ear.listener.heard_s > began_s {
                 (retry_s, was_up) = (self.timing.first_retry_s, true);
             }
-            tracing::warn!("vrpn {}: {reason}; again in {retry_s} s", self.address);
+            tracing::info!("vrpn {}: {reason}; again in {retry_s} s", self.address);
             ear.listener.state.link = Link::Down(reason);
             ear.publish();
             drop(ear);
@@ -257,7 +263,8 @@ impl Connection {
         let over = AtomicBool::new(false);
         std::thread::scope(|scope| {
             if let Some(udp) = &udp {
-                scope.spawn(|| self.hear_datagrams(udp, server, &over));
+                let thread = Builder::new().name("vrpn udp".into());
+                thread.spawn_scoped(scope, || self.hear_datagrams(udp, server, &over)).map_err(text)?;
             }
             let result = self.hear(&mut stream, &mut framer);
             over.store(true, Relaxed);

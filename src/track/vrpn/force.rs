@@ -6,7 +6,7 @@ use super::client::Control;
 use super::payload::ForceField;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::{JoinHandle, park_timeout};
+use std::thread::{Builder, JoinHandle, park_timeout};
 use std::time::Duration;
 
 /// Sends force fields; dropped, it has the device push no more.
@@ -25,7 +25,7 @@ impl ForceSender {
     pub(super) fn new(control: Arc<Control>) -> ForceSender {
         let newest = Arc::new(Newest::default());
         let shared = newest.clone();
-        let thread = std::thread::spawn(move || {
+        let thread = Builder::new().name("vrpn force".into()).spawn(move || {
             while !shared.stop.load(Relaxed) && !control.stop.load(Relaxed) {
                 let field = shared.field.lock().unwrap_or_else(PoisonError::into_inner).take();
                 match field {
@@ -35,16 +35,18 @@ impl ForceSender {
             }
             control.push(&ForceField::default());
         });
-        ForceSender { newest, thread: Some(thread) }
+        ForceSender { newest, thread: thread.ok() }
     }
 
     /// The device is to push like this from now on. Never blocks: where the sending thread is just taking the last
-    /// field, this one is left out, false, and the next tick's comes instead.
+    /// field, this one is left out, false, and the next tick's comes instead; always, where the system gave no thread.
     pub fn set(&self, field: ForceField) -> bool {
-        let Ok(mut newest) = self.newest.field.try_lock() else { return false };
+        let (Some(thread), Ok(mut newest)) = (&self.thread, self.newest.field.try_lock()) else {
+            return false;
+        };
         *newest = Some(field);
         drop(newest);
-        self.thread.iter().for_each(|thread| thread.thread().unpark());
+        thread.thread().unpark();
         true
     }
 }

@@ -15,7 +15,7 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
 /// So many clients are served, and so many asked for by lob are being connected to.
@@ -132,11 +132,11 @@ impl Server {
     }
 
     /// Serves `sources`, in the order of the names, in a thread of its own, looking at them every millisecond.
-    pub fn spawn(mut self, mut sources: Vec<Box<dyn Source>>) -> Serving {
+    pub fn spawn(mut self, mut sources: Vec<Box<dyn Source>>) -> std::io::Result<Serving> {
         let (place, stop) = (self.place, Arc::new(AtomicBool::new(false)));
         let counters = Arc::new(Mutex::new(self.counters));
         let (shared, told) = (stop.clone(), counters.clone());
-        let thread = std::thread::spawn(move || {
+        let thread = Builder::new().name("vrpn server".into()).spawn(move || {
             while !shared.load(Relaxed) {
                 for (device, source) in sources.iter_mut().enumerate() {
                     self.publish(device, source.latest());
@@ -145,8 +145,8 @@ impl Server {
                 *told.lock().unwrap_or_else(PoisonError::into_inner) = self.counters;
                 std::thread::sleep(Duration::from_millis(1));
             }
-        });
-        Serving { place, counters, stop, thread: Some(thread) }
+        })?;
+        Ok(Serving { place, counters, stop, thread: Some(thread) })
     }
 
     fn welcome(&mut self) {
@@ -182,11 +182,14 @@ impl Server {
 
     /// Connects to a client that asked for it, beside the server's thread.
     fn connect(&mut self, place: SocketAddr) {
-        self.connecting += 1;
         let done = self.lobbed.0.clone();
-        std::thread::spawn(move || {
+        let connect = move || {
             let _ = done.send(TcpStream::connect_timeout(&place, LOB_TIMEOUT).ok());
-        });
+        };
+        match Builder::new().name("vrpn lob".into()).spawn(connect) {
+            Ok(_) => self.connecting += 1,
+            Err(_) => self.counters.refused += 1,
+        }
     }
 }
 

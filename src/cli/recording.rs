@@ -1,0 +1,259 @@
+//! A session as a file: what the trackers said and what was commanded, frame by frame, and the state that came of it.
+//!
+//! Lines of JSON: a header (scene, stage, program), the state of all fields at the start ([`crate::field::Graph::write`]),
+//! then a line a frame. Each line is handed to the system at once, so that a crash costs the last one at most; a file that
+//! ends in the middle of a line is read up to there.
+
+use super::failure::Failure;
+use super::world::World;
+use crate::field::{StreamError, read_line};
+use crate::green::GreenFile;
+use crate::interact::Action;
+use crate::scene::Scene;
+use crate::track::TrackerState;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+
+const VERSION: u32 = 1;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    greenstage: String,
+    version: u32,
+    program: String,
+    /// As `--stage` or the scene names it.
+    stage: String,
+    /// blake3 over everything of the scene and of the stage that the state depends on.
+    scene_hash: String,
+    stage_hash: String,
+    styli: usize,
+}
+
+/// One frame of a session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// From 0.
+    pub frame: u64,
+    /// Carried out before the frame.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actions: Vec<Action>,
+    pub state: TrackerState,
+    /// [`World::state_hash`] after it.
+    pub hash: String,
+}
+
+/// What a recording must fit.
+pub struct Origin<'a> {
+    pub scene: &'a Scene,
+    pub file: &'a GreenFile,
+    /// As `--stage` or the scene names it.
+    pub stage: &'a str,
+}
+
+impl Origin<'_> {
+    fn header(&self, world: &World) -> Header {
+        let mut scene = blake3::Hasher::new();
+        for (name, body) in &self.scene.body {
+            let basis = self.file.meta.bodies.get(name).map_or("", |meta| meta.fingerprint.as_str());
+            let grabs: Vec<_> = body.control.iter().map(|(name, control)| (name, control.grab)).collect();
+            scene.update(format!("{:?}", (name, basis, &body.model, &body.place, grabs)).as_bytes());
+        }
+        Header {
+            greenstage: "recording".into(),
+            version: VERSION,
+            program: env!("CARGO_PKG_VERSION").into(),
+            stage: self.stage.into(),
+            scene_hash: scene.finalize().to_hex().to_string(),
+            stage_hash: blake3::hash(format!("{:?}", world.stage).as_bytes()).to_hex().to_string(),
+            styli: world.styli_count(),
+        }
+    }
+}
+
+/// Writes a session down.
+pub struct Recorder {
+    path: PathBuf,
+    file: File,
+    frames: u64,
+}
+
+impl Recorder {
+    /// Starts a new file, or empties an old one.
+    pub fn create(path: &Path, origin: &Origin<'_>, world: &World) -> Result<Recorder, Failure> {
+        let mut text = line(&origin.header(world))?;
+        world.graph.write(&mut text).map_err(Failure::work)?;
+        let created = File::create(path).and_then(|mut file| file.write_all(&text).map(|()| file));
+        let file = created.map_err(|error| {
+            Failure::wrong(format!("cannot write the recording {}: {error}", path.display()))
+        })?;
+        Ok(Recorder { path: path.to_owned(), file, frames: 0 })
+    }
+
+    /// The frame that `world` has just made of `state`.
+    pub fn frame(&mut self, world: &World, state: &TrackerState) -> Result<(), Failure> {
+        let frame = Frame {
+            frame: self.frames,
+            actions: world.actions.clone(),
+            state: state.clone(),
+            hash: world.state_hash(),
+        };
+        self.frames += 1;
+        self.file.write_all(&line(&frame)?).map_err(|error| {
+            Failure::work(anyhow::anyhow!("cannot write the recording {}: {error}", self.path.display()))
+        })
+    }
+
+    /// What is said of it at the end.
+    pub fn report(&self) -> String {
+        format!("{} frames recorded in {}\n", self.frames, self.path.display())
+    }
+}
+
+fn line(value: &impl Serialize) -> Result<Vec<u8>, Failure> {
+    let mut text = serde_json::to_vec(value).map_err(Failure::work)?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+/// Reads a session, and compares what comes of it with what came of it then.
+pub struct Replay {
+    path: PathBuf,
+    input: BufReader<File>,
+    line: u64,
+    header: Header,
+    pub frames: u64,
+    /// The first frame with another state, and how many there are.
+    pub first_difference: Option<Frame>,
+    pub differences: u64,
+}
+
+impl Replay {
+    pub fn open(path: &Path) -> Result<Replay, Failure> {
+        let refused = |error: String| Failure::wrong(format!("{}: {error}", path.display()));
+        let file = File::open(path).map_err(|error| refused(error.to_string()))?;
+        let mut input = BufReader::new(file);
+        let text = read_line(&mut input, 1).map_err(|error| refused(error.to_string()))?.unwrap_or_default();
+        let header: Header = serde_json::from_slice(&text).map_err(|error| {
+            refused(format!("line 1: not a recording of `greenstage view --record`: {error}"))
+        })?;
+        if header.greenstage != "recording" || header.version != VERSION {
+            let (kind, version) = (&header.greenstage, header.version);
+            return Err(refused(format!(
+                "line 1: not a recording of version {VERSION}, but {kind} of version {version}"
+            )));
+        }
+        let path = path.to_owned();
+        Ok(Replay { path, input, line: 1, header, frames: 0, first_difference: None, differences: 0 })
+    }
+
+    /// The stage on which it was recorded, by the name that was given then.
+    pub fn stage(&self) -> &str {
+        &self.header.stage
+    }
+
+    /// Brings a new world to the start of the session; refuses one of another scene, stage or program.
+    pub fn start(&mut self, origin: &Origin<'_>, world: &mut World) -> Result<(), Failure> {
+        let (then, now) = (&self.header, origin.header(world));
+        let fault = if then.program != now.program {
+            format!("it was recorded by greenstage {}, this is {}", then.program, now.program)
+        } else if then.scene_hash != now.scene_hash {
+            let scene = origin.scene.path.display();
+            format!(
+                "it was recorded with another scene than {scene}, or that has changed since: record it anew"
+            )
+        } else if then.stage_hash != now.stage_hash && then.stage == now.stage {
+            format!("the stage {} has changed since it was recorded: record it anew", now.stage)
+        } else if then.stage_hash != now.stage_hash {
+            format!("it was recorded on the stage {}, not on {}: leave out --stage", then.stage, now.stage)
+        } else {
+            world.have_styli(self.header.styli);
+            let read = world.graph.read(&mut self.input, &mut self.line);
+            return read.map_err(|error| self.wrong(&error.to_string()));
+        };
+        Err(self.wrong(&fault))
+    }
+
+    /// How many whole frames there are from here to the end; one that was cut off is told.
+    pub fn length(&self) -> Result<u64, Failure> {
+        let refused = |error: std::io::Error| self.wrong(&error.to_string());
+        let mut file = BufReader::new(File::open(&self.path).map_err(refused)?);
+        let (mut lines, mut last) = (0, b'\n');
+        loop {
+            let part = file.fill_buf().map_err(refused)?;
+            let length = part.len();
+            let Some(&end) = part.last() else { break };
+            lines += part.iter().filter(|byte| **byte == b'\n').count() as u64;
+            last = end;
+            file.consume(length);
+        }
+        let frames = lines.saturating_sub(self.line);
+        if last != b'\n' {
+            self.tell_cut(self.frames + frames);
+        }
+        Ok(frames)
+    }
+
+    fn tell_cut(&self, frame: u64) {
+        let path = self.path.display();
+        eprintln!(
+            "note: {path}: it ends in the middle of frame {frame}, which is left out: the program was stopped"
+        );
+    }
+
+    /// The next frame; `None` at the end. One that was cut off in the middle is the end, and is told.
+    pub fn next_frame(&mut self) -> Result<Option<Frame>, Failure> {
+        self.line += 1;
+        let text = match read_line(&mut self.input, self.line) {
+            Ok(Some(text)) => text,
+            Ok(None) => return Ok(None),
+            Err(StreamError::Truncated { .. }) => {
+                self.tell_cut(self.frames);
+                return Ok(None);
+            }
+            Err(error) => return Err(self.wrong(&error.to_string())),
+        };
+        let frame: Frame = serde_json::from_slice(&text)
+            .map_err(|error| self.wrong(&format!("line {}: not a frame: {error}", self.line)))?;
+        if frame.frame != self.frames {
+            let (line, expected, found) = (self.line, self.frames, frame.frame);
+            return Err(self.wrong(&format!("line {line}: frame {found} stands where {expected} should")));
+        }
+        self.frames += 1;
+        Ok(Some(frame))
+    }
+
+    /// Lets `world` go through a frame, and compares its state.
+    pub fn play(&mut self, world: &mut World, frame: Frame) {
+        for action in &frame.actions {
+            world.act(*action);
+        }
+        world.step(&frame.state);
+        if world.state_hash() != frame.hash {
+            self.differences += 1;
+            self.first_difference.get_or_insert(frame);
+        }
+    }
+
+    fn wrong(&self, fault: &str) -> Failure {
+        Failure::wrong(format!("{}: {fault}", self.path.display()))
+    }
+
+    /// How it went; the work failed where a state differed.
+    pub fn report(&self) -> Result<String, Failure> {
+        let path = self.path.display();
+        match &self.first_difference {
+            None => Ok(format!("{path}: {} frames, every one in the recorded state\n", self.frames)),
+            Some(first) => Err(Failure::work(anyhow::anyhow!(
+                "{path}: {} of {} frames are in another state than was recorded, the first of them frame {} at {:.3} s",
+                self.differences,
+                self.frames,
+                first.frame,
+                first.state.time_s
+            ))),
+        }
+    }
+}

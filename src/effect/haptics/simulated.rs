@@ -1,0 +1,167 @@
+//! A device that is not there: a mass with friction on the spring of a hand, for tests and for a desk without one.
+//!
+//! m x'' = f - b x' - k_h (x - x_h) - b_h x' and the same for the rotation, between two ticks in steps of
+//! at most [`STEP_S`] under the constant force of the loop, as motors hold it; m contains the hand's own mass.
+
+use super::device::{Device, Push, Reading};
+use crate::stage::Haptic;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+/// Longest step of the integration (Runge-Kutta of order 4 for the place, symplectic Euler for the rotation), s.
+const STEP_S: f64 = 5e-5;
+
+/// A hand that holds the handle: mass, spring and damper to where it wants to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hand {
+    /// kg, moves with the handle.
+    pub mass: f64,
+    /// N/m and N·s/m.
+    pub stiffness: f64,
+    pub damping: f64,
+    /// N·m/rad and N·m·s/rad.
+    pub rotational_stiffness: f64,
+    pub rotational_damping: f64,
+}
+
+impl Hand {
+    /// Two fingers that hold a pen, of the order that identification experiments give (350 N/m, 4 N·s/m, 0.1 kg).
+    pub const FINGERS: Hand = Hand {
+        mass: 0.1,
+        stiffness: 350.0,
+        damping: 4.0,
+        rotational_stiffness: 1.0,
+        rotational_damping: 0.02,
+    };
+    /// Nobody holds it.
+    pub const NONE: Hand =
+        Hand { mass: 0.0, stiffness: 0.0, damping: 0.0, rotational_stiffness: 0.0, rotational_damping: 0.0 };
+}
+
+/// Where a scripted hand wants to be at a time.
+pub type Script = Box<dyn Fn(f64) -> Isometry3<f64> + Send>;
+
+pub struct Simulated {
+    pub device_from_stylus: Isometry3<f64>,
+    /// m/s and rad/s.
+    pub velocity: [Vector3<f64>; 2],
+    pub hand: Hand,
+    pub buttons: [bool; 2],
+    /// False: it answers, but does not know where it is.
+    pub tracked: bool,
+    /// False: it does not answer.
+    pub present: bool,
+    /// Work of the hand's spring and damper on the handle since the start, J.
+    pub hand_work: f64,
+    script: Option<Script>,
+    target: Isometry3<f64>,
+    mass: f64,
+    inertia: f64,
+    damping: [f64; 2],
+    push: Push,
+    time_s: Option<f64>,
+}
+
+impl Simulated {
+    pub fn new(haptic: &Haptic, hand: Hand) -> Simulated {
+        Simulated {
+            device_from_stylus: Isometry3::identity(),
+            velocity: [Vector3::zeros(); 2],
+            hand,
+            buttons: [false; 2],
+            tracked: true,
+            present: true,
+            hand_work: 0.0,
+            script: None,
+            target: Isometry3::identity(),
+            mass: haptic.mass,
+            inertia: haptic.inertia,
+            damping: [haptic.damping, haptic.rotational_damping],
+            push: Push::NONE,
+            time_s: None,
+        }
+    }
+
+    /// With a hand that follows a script.
+    pub fn scripted(haptic: &Haptic, hand: Hand, script: Script) -> Simulated {
+        let pose = script(0.0);
+        Simulated {
+            script: Some(script),
+            device_from_stylus: pose,
+            target: pose,
+            ..Simulated::new(haptic, hand)
+        }
+    }
+
+    /// Kinetic energy of handle and hand, and what is in the hand's spring, J.
+    pub fn energy(&self) -> f64 {
+        let [v, w] = &self.velocity;
+        let off = self.device_from_stylus.translation.vector - self.target.translation.vector;
+        0.5 * ((self.mass + self.hand.mass) * v.norm_squared()
+            + self.inertia * w.norm_squared()
+            + self.hand.stiffness * off.norm_squared())
+    }
+
+    /// Moves on to `now_s` under the last push.
+    pub fn advance(&mut self, now_s: f64) {
+        let Some(before) = self.time_s.replace(now_s) else { return };
+        let span = (now_s - before).clamp(0.0, 0.1);
+        let steps = (span / STEP_S).ceil().max(1.0) as u32;
+        let step = span / f64::from(steps);
+        for i in 0..steps {
+            if let Some(script) = &self.script {
+                self.target = script(before + f64::from(i) * step);
+            }
+            self.step(step);
+        }
+    }
+
+    fn step(&mut self, h: f64) {
+        let hand = self.hand;
+        let (mass, target) = (self.mass + hand.mass, self.target.translation.vector);
+        let (b, push) = (self.damping[0], self.push.force);
+        let pull = |x: &Vector3<f64>, v: &Vector3<f64>| (target - x) * hand.stiffness - v * hand.damping;
+        let acceleration = |x: &Vector3<f64>, v: &Vector3<f64>| (push + pull(x, v) - v * b) / mass;
+        let (x, v) = (self.device_from_stylus.translation.vector, self.velocity[0]);
+        let (k1, a1) = (v, acceleration(&x, &v));
+        let (k2, a2) = (v + a1 * (h / 2.0), acceleration(&(x + k1 * (h / 2.0)), &(v + a1 * (h / 2.0))));
+        let (k3, a3) = (v + a2 * (h / 2.0), acceleration(&(x + k2 * (h / 2.0)), &(v + a2 * (h / 2.0))));
+        let (k4, a4) = (v + a3 * h, acceleration(&(x + k3 * h), &(v + a3 * h)));
+        let new_x = x + (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0);
+        let new_v = v + (a1 + (a2 + a3) * 2.0 + a4) * (h / 6.0);
+        // Trapezoidal rule.
+        self.hand_work += 0.5 * (pull(&x, &v) + pull(&new_x, &new_v)).dot(&(new_x - x));
+        self.velocity[0] = new_v;
+
+        let rotation = self.device_from_stylus.rotation;
+        let off = (self.target.rotation * rotation.inverse()).scaled_axis();
+        let w = self.velocity[1];
+        let turn = off * hand.rotational_stiffness - w * hand.rotational_damping;
+        let w = w + (self.push.torque + turn - w * self.damping[1]) * (h / self.inertia);
+        self.hand_work += turn.dot(&w) * h;
+        self.velocity[1] = w;
+        let mut rotation = UnitQuaternion::from_scaled_axis(w * h) * rotation;
+        rotation.renormalize();
+        self.device_from_stylus = Isometry3::from_parts(Translation3::from(new_x), rotation);
+    }
+}
+
+impl Device for Simulated {
+    fn describe(&self) -> String {
+        "simulated".into()
+    }
+
+    fn read(&mut self, now_s: f64) -> Option<Reading> {
+        self.advance(now_s);
+        let Simulated { device_from_stylus, buttons, tracked, .. } = *self;
+        self.present.then_some(Reading { device_from_stylus, buttons, arrived_s: now_s, tracked })
+    }
+
+    fn push(&mut self, push: &Push, _now_s: f64) {
+        self.push = *push;
+    }
+
+    fn hand(&mut self, device_from_hand: &Isometry3<f64>) {
+        self.target = *device_from_hand;
+        self.script = None;
+    }
+}

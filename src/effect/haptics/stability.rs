@@ -1,0 +1,142 @@
+//! The closed loop of a simulated device, a hand and a stiff body, by stiffness and rate: stable, a limit cycle, or worse.
+//!
+//! The body is one control element on a spring of K N/m in every direction; the handle starts [`START_M`] aside at rest.
+//! In: rates, stiffnesses, which hand, which measures. Out: rows for a table, and the boundary found by bisection beside
+//! the theory's K = 2b/T. Time is virtual: the same on every machine.
+
+use super::device::Device;
+use super::elastic::Elastic;
+use super::grasp::{Grasp, Held};
+use super::simulated::{Hand, Simulated};
+use super::tick::{Control, Measures, RAMP_S};
+use crate::deform::{ControlPose, ControlRest};
+use crate::green::FIELDS;
+use crate::stage::Haptic;
+use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Vector3};
+
+/// Where the handle is let go, m.
+pub const START_M: f64 = 5e-3;
+/// How long each run lasts, s.
+const SPAN_S: f64 = 4.0;
+
+pub const RATES_HZ: [f64; 5] = [250.0, 500.0, 1000.0, 2000.0, 4000.0];
+pub const STIFFNESSES: [f64; 7] = [20.0, 200.0, 1000.0, 2000.0, 5000.0, 20_000.0, 200_000.0];
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// It comes to rest: the last second stays within 2 % of the start, or 5 % below the second before.
+    Stable,
+    /// It goes on moving, no further than twice the start.
+    Cycle,
+    /// It left.
+    Diverges,
+}
+
+impl Verdict {
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Stable => "stable",
+            Verdict::Cycle => "cycle",
+            Verdict::Diverges => "diverges",
+        }
+    }
+}
+
+/// One run.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Run {
+    pub stiffness: f64,
+    pub rate_hz: f64,
+    pub verdict: Verdict,
+    /// Largest distance from rest in the last second, m.
+    pub swing_m: f64,
+    /// Most energy that the loop had given beyond what it got, J.
+    pub generated_j: f64,
+    /// How many times stiffer the body is than the device bears.
+    pub stiffer: f64,
+}
+
+/// Releases the handle of `haptic` in `hand` on a spring, with the `measures`.
+pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> Run {
+    let Some(mut control) = spring(haptic, stiffness) else {
+        let (verdict, nan) = (Verdict::Diverges, f64::NAN);
+        return Run {
+            stiffness,
+            rate_hz: haptic.rate_hz,
+            verdict,
+            swing_m: nan,
+            generated_j: nan,
+            stiffer: nan,
+        };
+    };
+    control.measures = measures;
+    let mut device = Simulated::new(haptic, hand);
+    device.device_from_stylus.translation.vector = Vector3::new(START_M, 0.0, 0.0);
+    device.hand(&Isometry3::identity());
+    let (period_s, mut swings_m) = (haptic.period_s(), [0.0f64; 2]);
+    let ticks = ((SPAN_S + RAMP_S) / period_s) as u64;
+    for tick in 0..ticks {
+        let now_s = tick as f64 * period_s;
+        // Held fast until the force has ramped up.
+        if now_s <= RAMP_S {
+            device.device_from_stylus.translation.vector = Vector3::new(START_M, 0.0, 0.0);
+            device.velocity = [Vector3::zeros(); 2];
+        }
+        let reading = device.read(now_s);
+        let push = control.tick(reading.as_ref(), now_s);
+        device.push(&push, now_s);
+        let away = device.device_from_stylus.translation.vector.norm();
+        if away.is_nan() || away >= 100.0 * START_M {
+            swings_m = [START_M, f64::INFINITY];
+            break;
+        }
+        let left_s = SPAN_S + RAMP_S - now_s;
+        if left_s < 2.0 {
+            let second = usize::from(left_s < 1.0);
+            swings_m[second] = swings_m[second].max(away);
+        }
+    }
+    let [before_m, swing_m] = swings_m;
+    let verdict = match swing_m {
+        swing if swing <= 0.02 * START_M || swing < 0.95 * before_m => Verdict::Stable,
+        swing if swing <= 2.0 * START_M => Verdict::Cycle,
+        _ => Verdict::Diverges,
+    };
+    let felt = control.felt;
+    let generated_j = felt.observer.deepest;
+    Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: felt.stiffer }
+}
+
+/// The largest stiffness that is stable, N/m, to 1 %; `None` where even 1 MN/m is.
+pub fn boundary(haptic: &Haptic, hand: Hand, measures: Measures) -> Option<f64> {
+    let is_stable = |stiffness| run(haptic, hand, stiffness, measures).verdict == Verdict::Stable;
+    let (mut low, mut high) = (1.0, 1e6);
+    if is_stable(high) {
+        return None;
+    }
+    while high > 1.01 * low {
+        let middle = f64::sqrt(low * high);
+        if is_stable(middle) { low = middle } else { high = middle }
+    }
+    Some(low)
+}
+
+/// One control element on a spring in every direction, held at rest by a stylus in the origin.
+fn spring(haptic: &Haptic, stiffness: f64) -> Option<Control> {
+    let matrix = DMatrix::from_fn(FIELDS, FIELDS, |i, j| if i == j && i < 3 { stiffness } else { 0.0 });
+    let rest = ControlRest { name: "spring".into(), origin: Vector3::zeros(), nodes: 1 };
+    let body = Elastic::new("linear", &matrix, &[rest]).ok()?;
+    let mut control = Control::new(haptic.clone(), vec![body], 0.0);
+    let held = Held {
+        grip: 1,
+        body: 0,
+        element: 0,
+        room_from_body: Similarity3::identity(),
+        stylus_from_element: Matrix4::identity(),
+        mean: Rotation3::identity(),
+    };
+    control.take(&Grasp { held: Some(held), poses: vec![ControlPose::REST], room_from_hand: None });
+    Some(control)
+}

@@ -1,0 +1,198 @@
+//! The loop's thread: device, tick and clock, at a kilohertz or faster whatever the frame rate.
+//!
+//! In: the frame's [`Grasp`], of which the newest is taken. Out: [`Report`], of which the frame reads the newest. Both go
+//! through triple buffers; a tick waits for nobody.
+
+use super::device::{Device, Push};
+use super::grasp::{Grasp, device_from_stylus};
+use super::tick::{Control, Felt};
+use crate::track::device::now_s;
+use spin_sleep::SpinSleeper;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use triple_buffer::{Input, Output, triple_buffer};
+
+/// Loops that run in this process now: none where nothing asks for one.
+pub fn running() -> usize {
+    RUNNING.load(Ordering::SeqCst)
+}
+
+static RUNNING: AtomicUsize = AtomicUsize::new(0);
+
+/// How a loop did since its start.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Clockwork {
+    pub ticks: u64,
+    /// Ticks that began more than half a period after they were due.
+    pub late: u64,
+    /// Ticks that were left out, for the next was due already.
+    pub missed: u64,
+    /// Work of a tick between its reading of the device and its push, both not counted, s.
+    pub work_p50_s: f64,
+    pub work_p99_s: f64,
+    pub work_most_s: f64,
+    /// How much after its time a tick began, s.
+    pub late_p50_s: f64,
+    pub late_p99_s: f64,
+}
+
+/// What the frame reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    pub felt: Felt,
+    pub clockwork: Clockwork,
+}
+
+/// A running loop; it ends, with no force left, when this is dropped.
+pub struct Loop {
+    pub device: String,
+    grasp: Input<Grasp>,
+    report: Output<Report>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Loop {
+    /// Starts the thread.
+    pub fn start(control: Control, device: Box<dyn Device>) -> std::io::Result<Loop> {
+        let (grasp, newest) = triple_buffer(&Grasp::default());
+        let (told, report) = triple_buffer(&Report::default());
+        let stop = Arc::new(AtomicBool::new(false));
+        let (described, stopped) = (device.describe(), stop.clone());
+        RUNNING.fetch_add(1, Ordering::SeqCst);
+        let work = move || {
+            run(control, device, newest, told, &stopped);
+            RUNNING.fetch_sub(1, Ordering::SeqCst);
+        };
+        let thread = std::thread::Builder::new().name("haptics".into()).spawn(work).inspect_err(|_| {
+            RUNNING.fetch_sub(1, Ordering::SeqCst);
+        })?;
+        Ok(Loop { device: described, grasp, report, stop, thread: Some(thread) })
+    }
+
+    /// Hands a frame's news over. `write` gets one of three buffers with what it held before: write all of it.
+    pub fn tell(&mut self, write: impl FnOnce(&mut Grasp)) {
+        write(self.grasp.input_buffer_mut());
+        self.grasp.publish();
+    }
+
+    /// The newest report.
+    pub fn report(&mut self) -> &Report {
+        self.report.read()
+    }
+}
+
+impl Drop for Loop {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::SeqCst);
+        if let Some(thread) = self.thread.take() {
+            // A panic in it was told by it.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn run(
+    mut control: Control,
+    mut device: Box<dyn Device>,
+    mut grasp: Output<Grasp>,
+    mut told: Input<Report>,
+    stop: &AtomicBool,
+) {
+    let period = Duration::from_secs_f64(control.haptic.period_s());
+    let sleeper = SpinSleeper::default();
+    let (mut work, mut late) = (Histogram::new(), Histogram::new());
+    let mut clockwork = Clockwork::default();
+    let mut due = Instant::now();
+    // Percentiles some thirty times a second.
+    let summary = (control.haptic.rate_hz / 30.0).max(1.0) as u64;
+    while !stop.load(Ordering::Relaxed) {
+        due += period;
+        sleeper.sleep_until(due);
+        let behind = due.elapsed();
+        clockwork.ticks += 1;
+        clockwork.late += u64::from(behind > period / 2);
+        late.add(behind);
+        if behind > period {
+            let skipped = (behind.as_nanos() / period.as_nanos()) as u32;
+            clockwork.missed += u64::from(skipped);
+            due += period * skipped;
+        }
+
+        let news = grasp.update();
+        if news {
+            let hand = grasp.output_buffer().room_from_hand;
+            if let Some(hand) = hand {
+                device.hand(&device_from_stylus(&control.haptic, &hand));
+            }
+        }
+        let now = now_s();
+        let reading = device.read(now);
+        let started = Instant::now();
+        if news {
+            control.take(grasp.output_buffer());
+        }
+        let push = control.tick(reading.as_ref(), now);
+        work.add(started.elapsed());
+        device.push(&push, now);
+
+        if clockwork.ticks.is_multiple_of(summary) {
+            (clockwork.work_p50_s, clockwork.work_p99_s) = (work.quantile_s(0.5), work.quantile_s(0.99));
+            clockwork.work_most_s = work.most.as_secs_f64();
+            (clockwork.late_p50_s, clockwork.late_p99_s) = (late.quantile_s(0.5), late.quantile_s(0.99));
+        }
+        told.write(Report { felt: control.felt, clockwork });
+    }
+    device.push(&Push::NONE, now_s());
+}
+
+/// Durations in classes of 1/8 octave: quantiles to 9 %, without memory of its own for each.
+struct Histogram {
+    counts: [u64; 8 * 34],
+    total: u64,
+    most: Duration,
+}
+
+impl Histogram {
+    fn new() -> Histogram {
+        Histogram { counts: [0; 8 * 34], total: 0, most: Duration::ZERO }
+    }
+
+    fn add(&mut self, duration: Duration) {
+        let class = (8.0 * (duration.as_nanos().max(1) as f64).log2()) as usize;
+        self.counts[class.min(8 * 34 - 1)] += 1;
+        self.total += 1;
+        self.most = self.most.max(duration);
+    }
+
+    /// Upper end of the class in which the quantile lies, s.
+    fn quantile_s(&self, part: f64) -> f64 {
+        let rank = (part * self.total as f64) as u64;
+        let mut below = 0;
+        let found = self.counts.iter().position(|count| {
+            below += count;
+            below > rank
+        });
+        found.map_or(0.0, |class| 1e-9 * ((class + 1) as f64 / 8.0).exp2())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_numbers_to_a_class() {
+        let mut histogram = Histogram::new();
+        for i in 1..=1000 {
+            histogram.add(Duration::from_nanos(i * 10));
+        }
+        for (part, expected) in [(0.5, 5e-6), (0.99, 9.9e-6)] {
+            let found = histogram.quantile_s(part);
+            assert!(found >= expected && found < 1.1 * expected, "{found} for {expected}");
+        }
+        assert_eq!(Histogram::new().quantile_s(0.5), 0.0);
+    }
+}

@@ -1,0 +1,338 @@
+//! One tick of the force loop: the device's newest pose in, the push on the hand out.
+//!
+//! Pose → held element, moved by the coupling → energy and slope → push, times a gain that ramps; a brake where energy
+//! was generated; then the limits. Whatever is wrong with the pose, the force goes to zero within
+//! [`FADE_S`]. A tick takes no lock and allocates nothing.
+
+use super::device::{Push, Reading};
+use super::elastic::Elastic;
+use super::grasp::{Grasp, Held, room_from_stylus};
+use super::passivity::{Coupling, MARGIN, Observer, handle_stiffness, largest_stiffness};
+use crate::stage::{Haptic, ROOM_LIMIT_M};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
+
+/// A new hold reaches its whole force in this time, s.
+pub const RAMP_S: f64 = 0.25;
+/// A force that ends is gone after this time, s.
+pub const FADE_S: f64 = 0.05;
+/// A device that says nothing for so long is lost, s.
+pub const STALE_S: f64 = 0.02;
+/// The force changes by the device's whole limit in no less than this time, s.
+pub const SLEW_S: f64 = 0.005;
+/// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
+pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
+/// The coupling is made anew after a turn of the handle or the body by so much, rad.
+const TURNED: f64 = 0.1;
+/// Time constant of the velocity for the virtual damper, s.
+const VELOCITY_S: f64 = 0.005;
+
+/// Which measures are taken; a stage takes all, the table of stability leaves some out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Measures {
+    /// Force and slew limits.
+    pub limits: bool,
+    /// The coupling to bodies that are too stiff.
+    pub coupling: bool,
+    /// The observer's brake.
+    pub brake: bool,
+}
+
+impl Measures {
+    pub const ALL: Measures = Measures { limits: true, coupling: true, brake: true };
+    pub const NONE: Measures = Measures { limits: false, coupling: false, brake: false };
+}
+
+/// Why there was no force at a tick, counted in ticks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults {
+    /// No device, no news for [`STALE_S`], or it says that it is not tracked.
+    pub lost: u64,
+    /// Not a number, outside the room, or no rotation.
+    pub absurd: u64,
+    /// Faster than [`MOST_SPEED`].
+    pub jumps: u64,
+    /// A reading older than the last: not taken.
+    pub backward: u64,
+    /// The mean rotation was kept: the force is that of another frame.
+    pub undefined: u64,
+}
+
+/// What the loop knows after a tick, for the frame to show.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Felt {
+    /// In the room; `None` while the device is lost.
+    pub room_from_stylus: Option<Isometry3<f64>>,
+    pub buttons: [bool; 2],
+    /// On the hand, in the device's frame.
+    pub push: Push,
+    /// 0 no force, 1 all of it.
+    pub gain: f64,
+    /// How many times stiffer the body is than the device bears, in its stiffest direction; up to 1 all is felt as it is.
+    pub stiffer: f64,
+    /// The body's strain energy, J.
+    pub strain_energy: f64,
+    /// What the hand would get back if it went to rest slowly, J; less where the force is at its limit.
+    pub stored_energy: f64,
+    pub observer: Observer,
+    pub faults: Faults,
+}
+
+/// The loop without its clock: the same on a device and in a test.
+pub struct Control {
+    pub haptic: Haptic,
+    pub measures: Measures,
+    pub felt: Felt,
+    latency_s: f64,
+    bodies: Vec<Elastic>,
+    held: Option<Held>,
+    coupling: Coupling,
+    /// Rotations of handle and body when the coupling was made.
+    coupled_at: Option<[UnitQuaternion<f64>; 2]>,
+    /// The body's push through the coupling, before gain and limits.
+    coupled: Vector6<f64>,
+    /// The force that ends, and how much of it is left.
+    fading: (Push, f64),
+    last: Option<Reading>,
+    last_s: Option<f64>,
+    velocity: [Vector3<f64>; 2],
+}
+
+impl Control {
+    /// `bodies` in the order that [`Held::body`] counts; `latency_s` as the device has it.
+    pub fn new(haptic: Haptic, bodies: Vec<Elastic>, latency_s: f64) -> Control {
+        Control {
+            haptic,
+            measures: Measures::ALL,
+            felt: Felt::default(),
+            latency_s,
+            bodies,
+            held: None,
+            coupling: Coupling::default(),
+            coupled_at: None,
+            coupled: Vector6::zeros(),
+            fading: (Push::NONE, 0.0),
+            last: None,
+            last_s: None,
+            velocity: [Vector3::zeros(); 2],
+        }
+    }
+
+    /// Takes a frame's news.
+    pub fn take(&mut self, grasp: &Grasp) {
+        let known =
+            |held: &Held| self.bodies.get(held.body).is_some_and(|body| held.element < body.elements());
+        let held = grasp.held.filter(known);
+        let is_new = held.map(|held| held.grip) != self.held.map(|held| held.grip);
+        if is_new {
+            self.end();
+        }
+        self.held = held;
+        let Some(held) = held else { return };
+        let body = &mut self.bodies[held.body];
+        let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
+        body.set(held.element, &grasp.poses);
+        // Another branch of the mean rotation, or one that was lost: the frame knows better.
+        if is_new || body.mean().angle_to(&held.mean) > 0.5 {
+            body.set_mean(held.mean);
+            if !is_new {
+                self.end();
+            }
+        }
+        let body = &mut self.bodies[held.body];
+        let Some(pose) = pose.filter(|pose| pose.is_finite()) else { return };
+        // What another hand did to the body since the last frame came from there.
+        let energy = body.respond(&pose).energy;
+        if !is_new {
+            let gained = energy - self.felt.strain_energy;
+            self.felt.observer.credit(gained * self.felt.gain * held.energy_scale(&self.haptic));
+        }
+        self.felt.strain_energy = energy;
+    }
+
+    /// The push from now until the next tick.
+    pub fn tick(&mut self, reading: Option<&Reading>, now_s: f64) -> Push {
+        let dt = self.last_s.map_or(0.0, |last_s| (now_s - last_s).clamp(0.0, 0.1));
+        self.last_s = Some(now_s);
+        let moved = self.admit(reading, now_s, dt);
+        let wanted = match (moved, self.held) {
+            (true, Some(held)) => self.pull(&held, dt),
+            _ => None,
+        };
+        let wanted = match wanted {
+            Some(wanted) => wanted,
+            None => {
+                self.end();
+                Push::NONE
+            }
+        };
+        self.fading.1 = (self.fading.1 - dt / FADE_S).max(0.0);
+        let push = self.limited(wanted.plus(&self.fading.0.scaled(self.fading.1)), dt);
+        self.felt.push = push;
+        push
+    }
+
+    /// The hold ends: what there is of force fades, the next one starts at nothing.
+    fn end(&mut self) {
+        if self.felt.gain > 0.0 {
+            self.fading = (self.felt.push, 1.0);
+            self.felt.gain = 0.0;
+        }
+        self.felt.observer.energy = 0.0;
+        self.coupled_at = None;
+    }
+
+    /// Takes the device's reading if it can be used. False: there is no force at this tick.
+    fn admit(&mut self, reading: Option<&Reading>, now_s: f64, dt: f64) -> bool {
+        let faults = &mut self.felt.faults;
+        let newest = match (reading, &self.last) {
+            (Some(new), Some(last)) if new.arrived_s < last.arrived_s => {
+                faults.backward += 1;
+                Some(last)
+            }
+            (new, _) => new,
+        };
+        let Some(new) = newest.copied().filter(|new| new.tracked && now_s - new.arrived_s <= STALE_S) else {
+            faults.lost += 1;
+            self.felt.room_from_stylus = None;
+            self.felt.buttons = [false; 2];
+            // A clock that went back for good would never be believed again.
+            self.last = None;
+            return false;
+        };
+        self.felt.buttons = new.buttons;
+        if !is_sane(&new.device_from_stylus) {
+            faults.absurd += 1;
+            self.last = None;
+            return false;
+        }
+        let room = room_from_stylus(&self.haptic, &new.device_from_stylus);
+        self.felt.room_from_stylus = Some(room);
+        let Some(last) = self.last.replace(new) else {
+            self.velocity = [Vector3::zeros(); 2];
+            return true;
+        };
+        let dx = new.device_from_stylus.translation.vector - last.device_from_stylus.translation.vector;
+        let turn =
+            (new.device_from_stylus.rotation * last.device_from_stylus.rotation.inverse()).scaled_axis();
+        // A silent device may have moved for as long as it was silent.
+        let time = (new.arrived_s - last.arrived_s).max(dt).max(self.haptic.period_s());
+        if dx.norm() > MOST_SPEED[0] * time || turn.norm() > MOST_SPEED[1] * time {
+            faults.jumps += 1;
+            self.velocity = [Vector3::zeros(); 2];
+            return false;
+        }
+        let damping = [self.haptic.damping, self.haptic.rotational_damping];
+        self.felt.observer.moved(&self.felt.push, &dx, &turn, damping, time);
+        if dt > 0.0 {
+            let share = dt / (dt + VELOCITY_S);
+            for (velocity, step) in self.velocity.iter_mut().zip([dx, turn]) {
+                *velocity += (step / dt - *velocity) * share;
+            }
+        }
+        true
+    }
+
+    /// What the body and the dampers want of the device; `None` where it is no number.
+    fn pull(&mut self, held: &Held, dt: f64) -> Option<Push> {
+        let handle = self.last?.device_from_stylus;
+        self.couple(held, &handle)?;
+        let haptic = &self.haptic;
+        let offset = self.coupling.compliance * self.coupled;
+        let mut hold = handle;
+        hold.translation.vector += offset.fixed_rows::<3>(0);
+        hold.rotation =
+            UnitQuaternion::from_scaled_axis(offset.fixed_rows::<3>(3).into_owned()) * hold.rotation;
+        let body = self.bodies.get_mut(held.body)?;
+        let reach = held.reach(&room_from_stylus(haptic, &hold), &body.origin());
+        let response = body.respond(&reach.pose);
+        self.felt.faults.undefined += u64::from(response.rotation_undefined);
+        let push = held.push(haptic, &reach, &response);
+        if !push.is_finite() || !response.energy.is_finite() {
+            self.felt.faults.absurd += 1;
+            return None;
+        }
+        let stored = response.energy * held.energy_scale(haptic)
+            + 0.5 * self.coupled.dot(&(self.coupling.compliance * self.coupled));
+        let coupled = self.coupled + self.coupling.step * (push.stacked() - self.coupled);
+        // Limited before the gain, or a bent body would ramp up to the limit at once; and before the coupling, which
+        // gives way no further than the device can push.
+        self.coupled = self.fitting(Push::unstacked(&coupled)).stacked();
+        let haptic = &self.haptic;
+        let gain = (self.felt.gain + dt / RAMP_S).min(1.0);
+        self.felt.observer.credit((gain - self.felt.gain) * stored);
+        (self.felt.gain, self.felt.strain_energy, self.felt.stored_energy) = (gain, response.energy, stored);
+        let mut wanted = Push::unstacked(&self.coupled).scaled(gain);
+        let [v, w] = &self.velocity;
+        wanted.force -= v * haptic.virtual_damping * gain;
+        if self.measures.brake {
+            let brake = self.felt.observer.brake(v, w, haptic.mass, haptic.inertia, haptic.period_s());
+            wanted = wanted.plus(&brake);
+        }
+        Some(wanted)
+    }
+
+    /// Makes the coupling for a new hold, and anew where handle or body have turned: its directions are theirs.
+    fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
+        let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
+        let mean = UnitQuaternion::from_rotation_matrix(&body.mean());
+        if let Some([last, last_mean]) = &self.coupled_at {
+            if last.angle_to(&handle.rotation).max(last_mean.angle_to(&mean)) < TURNED {
+                return Some(());
+            }
+        } else {
+            self.coupled.fill(0.0);
+        }
+        self.coupled_at = Some([handle.rotation, mean]);
+        if !self.measures.coupling {
+            self.coupling = Coupling::default();
+            return Some(());
+        }
+        let reach = held.reach(&room_from_stylus(haptic, handle), &body.origin());
+        let lever = held.lever(haptic, &reach, &body.mean());
+        let stiffness = handle_stiffness(&body.held_block(), &lever) * held.energy_scale(haptic);
+        // Per unit of friction.
+        let b = haptic.virtual_damping / haptic.damping.max(1e-9);
+        let bearable = MARGIN * largest_stiffness(1.0, b, haptic.period_s(), self.latency_s);
+        let damping = [haptic.damping, haptic.rotational_damping];
+        self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bearable);
+        self.felt.stiffer = self.coupling.stiffer;
+        Some(())
+    }
+
+    /// Not more than the device can, in the same direction.
+    fn fitting(&self, mut push: Push) -> Push {
+        let (force, torque) = (self.haptic.max_force_n, self.haptic.max_torque_nm);
+        if torque <= 0.0 {
+            push.torque = Vector3::zeros();
+        }
+        if !self.measures.limits {
+            return push;
+        }
+        push.scaled(part(push.force.norm(), force).min(part(push.torque.norm(), torque)))
+    }
+
+    /// Within the limits, and not faster than [`SLEW_S`] allows.
+    fn limited(&self, push: Push, dt: f64) -> Push {
+        let push = self.fitting(if push.is_finite() { push } else { Push::NONE });
+        if !self.measures.limits {
+            return push;
+        }
+        let last = &self.felt.push;
+        let step = Push { force: push.force - last.force, torque: push.torque - last.torque };
+        let (force, torque) = (self.haptic.max_force_n, self.haptic.max_torque_nm);
+        let time = dt.max(self.haptic.period_s()) / SLEW_S;
+        last.plus(
+            &step.scaled(part(step.force.norm(), force * time).min(part(step.torque.norm(), torque * time))),
+        )
+    }
+}
+
+/// By what a length must be multiplied not to exceed `most`.
+fn part(length: f64, most: f64) -> f64 {
+    if length > most { most / length } else { 1.0 }
+}
+
+fn is_sane(pose: &Isometry3<f64>) -> bool {
+    let is_near = pose.translation.vector.iter().all(|x| x.abs() <= ROOM_LIMIT_M);
+    is_near && (pose.rotation.coords.norm() - 1.0).abs() <= 0.01
+}

@@ -1,0 +1,77 @@
+//! A VRPN force device: sensor 0 and two buttons in, a force field out.
+//!
+//! VRPN knows no torque. The force goes as a field without slope about the place that the device told last, so that a
+//! server which evaluates it itself pushes with just that force until the next one; it ends with the field's radius
+//! when the device has moved far from where it was seen. Bytes by `track::vrpn`, tried against our own server alone.
+
+use super::device::{Device, Push, Reading};
+use crate::track::device::{DeviceState, Link, Source};
+use crate::track::vrpn::{Address, Client, ForceField, ForceSender, Transport};
+use nalgebra::Isometry3;
+
+/// A device that moves further than this before it hears of a new force stops pushing, m.
+const RADIUS_M: f32 = 0.1;
+
+pub struct VrpnDevice {
+    client: Client,
+    sender: ForceSender,
+    last: Option<Isometry3<f64>>,
+    resting: bool,
+}
+
+impl VrpnDevice {
+    /// `Phantom0@host`, or as VRPN names devices otherwise.
+    pub fn open(name: &str) -> Result<VrpnDevice, String> {
+        let address = Address::parse(name).map_err(|error| error.to_string())?;
+        let client = Client::open(address, Transport::Tcp);
+        Ok(VrpnDevice { sender: client.force_sender(), client, last: None, resting: true })
+    }
+}
+
+/// Sensor 0 and buttons 0 and 1 of what a client heard; `None` without a connection, or before the first pose.
+fn reading(state: &DeviceState) -> Option<Reading> {
+    if state.link != Link::Up {
+        return None;
+    }
+    let pose = state.sensors.get(&0)?;
+    let pressed = |button: i32| state.buttons.get(&button).is_some_and(|button| button.value);
+    Some(Reading {
+        device_from_stylus: pose.value,
+        buttons: [pressed(0), pressed(1)],
+        arrived_s: pose.arrived_s,
+        tracked: pose.quality > 0.0,
+    })
+}
+
+impl Device for VrpnDevice {
+    fn describe(&self) -> String {
+        self.client.describe()
+    }
+
+    fn read(&mut self, _now_s: f64) -> Option<Reading> {
+        let reading = reading(self.client.latest());
+        self.last = reading.map(|reading| reading.device_from_stylus);
+        reading
+    }
+
+    fn push(&mut self, push: &Push, _now_s: f64) {
+        let is_none = *push == Push::NONE;
+        // Nothing more is said of no force than that, once.
+        if is_none && self.resting {
+            return;
+        }
+        let origin = self.last.map_or([0.0; 3], |pose| pose.translation.vector.cast::<f32>().into());
+        let field = ForceField {
+            origin,
+            force: push.force.cast::<f32>().into(),
+            radius: if is_none { 0.0 } else { RADIUS_M },
+            ..ForceField::default()
+        };
+        self.resting = self.sender.set(field) && is_none;
+    }
+
+    /// Two ways through a network's stack and a server's loop of a kilohertz.
+    fn latency_s(&self) -> f64 {
+        1e-3
+    }
+}

@@ -1,0 +1,117 @@
+//! Tests of the loader: what is refused, where, and with what advice.
+
+use super::super::BUILT_IN;
+use super::*;
+
+/// The workbench with one piece of its text replaced.
+fn workbench_with(from: &str, to: &str) -> Result<Stage, StageError> {
+    let text = BUILT_IN[0].1;
+    assert!(text.contains(from), "`{from}` is not in the file");
+    parse(&text.replacen(from, to, 1), Path::new("bench.toml"))
+}
+
+fn refusal(from: &str, to: &str) -> String {
+    workbench_with(from, to).unwrap_err().to_string()
+}
+
+fn line_of(needle: &str) -> usize {
+    BUILT_IN[0].1.lines().position(|line| line.contains(needle)).unwrap() + 1
+}
+
+const WALL_LEFT: &str = "lower_left = [-0.80, 0.90, 0.00]";
+const WALL_UP: &str = "upper_left = [-0.80, 2.18, 0.00]";
+
+#[test]
+fn a_mirrored_screen_is_named_with_the_corners_to_swap() {
+    let text = BUILT_IN[0].1.replace("[-0.80, 0.90, 0.00]      # the", "[0.80, 0.90, 0.00]  # the");
+    let text = text.replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [-0.80, 0.90, 0.00]");
+    let text = text.replace(WALL_UP, "upper_left = [0.80, 2.18, 0.00]");
+    // The table's upper edge is the wall's lower: put it back.
+    let text = text.replace("upper_left = [0.80, 0.90, 0.00]", "upper_left = [-0.80, 0.90, 0.00]");
+    let error = parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
+    let line = line_of("name = \"wall\"") - 1;
+    assert!(error.starts_with(&format!("bench.toml:{line}: screen `wall` is mirrored")), "{error}");
+    assert!(error.contains("Swap the left corners with the right ones"), "{error}");
+    assert!(error.contains("lower_left = [-0.8000, 0.9000, 0.0000], lower_right = [0.8000,"), "{error}");
+}
+
+#[test]
+fn an_upside_down_mirrored_screen_is_told_from_one_that_is_left_to_right() {
+    let text = BUILT_IN[0].1.replace(WALL_UP, "upper_left = [-0.80, 0.90, 0.00]");
+    let text = text.replace(WALL_LEFT, "lower_left = [-0.80, 2.18, 0.00]");
+    let text = text.replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.80, 2.18, 0.00]");
+    let error = parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
+    assert!(
+        error.contains("`wall` is mirrored") && error.contains("Swap lower_left with upper_left"),
+        "{error}"
+    );
+    assert!(error.contains("upper_left = [-0.8000, 2.1800, 0.0000]"), "{error}");
+}
+
+#[test]
+fn skewed_and_degenerate_screens_are_named_with_the_remedy() {
+    let error = refusal(WALL_UP, "upper_left = [-0.75, 2.18, 0.00]");
+    assert!(error.contains("screen `wall` is no rectangle") && error.contains("87.76°"), "{error}");
+    assert!(error.contains("upper_left [-0.8000, 2.1810, 0.0000]"), "{error}");
+    assert!(
+        workbench_with(WALL_UP, "upper_left = [-0.7995, 2.18, 0.00]").is_ok(),
+        "half a millimetre is no skew"
+    );
+    for corner in ["[-0.80, 0.90, 0.00]", "[0.80, 0.90, 0.00]", "[2.0, 0.90, 0.00]", "[-800.0, 900.0, 0.0]"] {
+        let error = refusal(WALL_UP, &format!("upper_left = {corner}"));
+        assert!(error.contains("screen `wall` is ") && error.contains("three different corners"), "{error}");
+    }
+}
+
+#[test]
+fn numbers_outside_the_human_and_the_physical_range_are_refused() {
+    assert!(refusal("ipd = 0.064", "ipd = 0.64").contains("0.045 to 0.080"));
+    assert!(refusal("ipd = 0.064", "ipd = -0.064").contains("ipd is -0.064 m"));
+    assert!(refusal("ipd = 0.064", "ipd = nan").contains("0.045 to 0.080"));
+    assert!(refusal("ipd = 0.064", "ipd = 0").contains("only with stereo = \"mono\""));
+    assert!(refusal("[1280, 1024]", "[0, 1024]").contains("`table` has 0 × 1024 pixels"));
+    assert!(refusal("[1280, 1024]", "[1280, 102400]").contains("between 1 and 16384"));
+    assert!(refusal("radius = 0.35", "radius = -1").contains("the workspace's radius is -1"));
+    assert!(
+        refusal(WALL_UP, "upper_left = [-0.8, inf, 0.0]").contains("y of upper_left of screen `wall` is inf")
+    );
+    assert!(refusal("[0.0, 1.70, 1.50]", "[0.0, nan, 1.5]").contains("y of the viewer's position is NaN"));
+    assert!(refusal("half_size = 0.80", "half_size = 0").contains("half_size is 0"));
+}
+
+#[test]
+fn a_mono_stage_needs_no_distance_between_the_eyes() {
+    let desktop = BUILT_IN[3].1.replace("ipd = 0.064", "ipd = 0");
+    assert_eq!(parse(&desktop, Path::new("d.toml")).unwrap().viewer.ipd_m, 0.0);
+}
+
+#[test]
+fn names_counts_and_directions_are_checked() {
+    let error = refusal("name = \"wall\"", "name = \"table\"");
+    let first = line_of("name = \"table\"") - 1;
+    assert!(error.contains(&format!("named `table` (the first stands in line {first})")), "{error}");
+    assert!(refusal("name = \"wall\"", "name = \"../wall\"").contains("cannot name a screen"));
+    assert!(refusal("name = \"workbench\"", "name = \"\"").contains("cannot name a stage"));
+    assert!(refusal("target = [0.0, 1.20, 0.50]", "target = [0.0, 1.70, 1.50]").contains("looks nowhere"));
+    assert!(refusal("ipd = 0.064", "direction = [0, 0, -1]").contains("keep one"));
+    assert!(
+        refusal("[0.0, 1.70, 1.50]", "[0.0, 0.905, 1.50]").contains("plane of screen `table` (5.0 mm away)")
+    );
+    let head = BUILT_IN[0].1.split("[[screen]]").next().unwrap();
+    assert!(parse(head, Path::new("a.toml")).unwrap_err().to_string().contains("no screen"));
+}
+
+#[test]
+fn unknown_keys_name_the_line_and_the_nearest_key() {
+    let error = refusal("upper_left", "uper_left");
+    assert!(error.contains("did you mean `upper_left`?"), "{error}");
+    let error = refusal("stereo = \"separate\"", "stereo = \"side-by-side\"");
+    assert!(error.contains("did you mean `side_by_side`?"), "{error}");
+}
+
+#[test]
+fn without_a_direction_the_viewer_looks_at_the_workspace() {
+    let stage = workbench_with("target = [0.0, 1.20, 0.50]", "").unwrap();
+    let gaze = stage.viewer.room_from_head.rotation * -Vector3::z();
+    assert!(gaze.cross(&(Vector3::new(0.0, 1.15, 0.55) - Vector3::new(0.0, 1.70, 1.50))).norm() < 1e-12);
+}

@@ -1,0 +1,246 @@
+//! Force-feedback devices of a stage: which, how it moves a stylus, and what it can bear. Data only; no socket here.
+//!
+//! In: the tables `[haptic.NAME]` of a stage file. Out: [`Haptic`], each number within its range.
+
+use super::fault::Fault;
+use nalgebra::{Isometry3, Vector3};
+
+/// One table `[haptic.NAME]` of a stage file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Haptic {
+    pub name: String,
+    pub device: HapticDevice,
+    /// Name of the stylus that the device moves.
+    pub stylus: String,
+    /// Ticks of the force loop per second.
+    pub rate_hz: f64,
+    /// The force never exceeds this, N.
+    pub max_force_n: f64,
+    /// N·m; 0: a device that has no torque.
+    pub max_torque_nm: f64,
+    /// Newtons in the hand for a newton of the body.
+    pub force: f64,
+    /// Metres of the stylus in the room for a metre of the device.
+    pub motion: f64,
+    /// The device's own viscous friction, N·s/m and N·m·s/rad: it alone eats what sampling generates.
+    pub damping: f64,
+    pub rotational_damping: f64,
+    /// What a hand feels of the device's own mass, kg and kg·m².
+    pub mass: f64,
+    pub inertia: f64,
+    /// Friction that the loop adds, N·s/m.
+    pub virtual_damping: f64,
+    pub room_from_device: Isometry3<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HapticDevice {
+    /// A mass on a spring that the stylus' tracker, or the mouse, pulls.
+    Simulated,
+    /// A VRPN force device: `Phantom0@host`.
+    Vrpn(String),
+    /// Haply's Inverse Service at `host:port`.
+    Haply(String),
+}
+
+impl Haptic {
+    /// A simulated device like a small desktop arm.
+    pub fn simulated(name: &str) -> Haptic {
+        Haptic {
+            name: name.to_owned(),
+            device: HapticDevice::Simulated,
+            stylus: name.to_owned(),
+            rate_hz: 1000.0,
+            max_force_n: 8.0,
+            max_torque_nm: 0.4,
+            force: 1.0,
+            motion: 1.0,
+            damping: 1.0,
+            rotational_damping: 2e-3,
+            mass: 0.1,
+            inertia: 1e-4,
+            virtual_damping: 0.0,
+            room_from_device: Isometry3::identity(),
+        }
+    }
+
+    /// Seconds of a tick.
+    pub fn period_s(&self) -> f64 {
+        1.0 / self.rate_hz
+    }
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct HapticFile {
+    device: String,
+    stylus: Option<String>,
+    rate: Option<f64>,
+    max_force: Option<f64>,
+    max_torque: Option<f64>,
+    force: Option<f64>,
+    motion: Option<f64>,
+    damping: Option<f64>,
+    rotational_damping: Option<f64>,
+    mass: Option<f64>,
+    inertia: Option<f64>,
+    virtual_damping: Option<f64>,
+    #[serde(default)]
+    room_from_device: MountFile,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MountFile {
+    #[serde(default)]
+    position: [f64; 3],
+    /// Rotation vector, rad.
+    #[serde(default)]
+    rotation: [f64; 3],
+}
+
+/// Checks one table.
+pub(super) fn check(name: &str, file: &HapticFile) -> Result<Haptic, Fault> {
+    let fault = |message: String| Fault::Haptic { name: name.to_owned(), message };
+    let device = device(&file.device).map_err(fault)?;
+    let usual = Haptic::simulated(name);
+    let is_simulated = device == HapticDevice::Simulated;
+    let max_force = match file.max_force {
+        None if !is_simulated => {
+            let message = "max_force is missing: give what the device can push with for long, N".to_owned();
+            return Err(fault(message));
+        }
+        max_force => max_force.unwrap_or(usual.max_force_n),
+    };
+    let range = |key: &str, value: f64, unit: &str, min: f64, max: f64| {
+        let message = || format!("{key} is {value}: it must be a number{unit} between {min} and {max}");
+        if (min..=max).contains(&value) { Ok(value) } else { Err(fault(message())) }
+    };
+    let MountFile { position, rotation } = file.room_from_device;
+    for value in position.into_iter().chain(rotation) {
+        range("a number of room_from_device", value, "", -1000.0, 1000.0)?;
+    }
+    // Neither VRPN nor the Inverse3 knows torque.
+    let torque = file.max_torque.unwrap_or(if is_simulated { usual.max_torque_nm } else { 0.0 });
+    if torque > 0.0 && !is_simulated {
+        return Err(fault(format!(
+            "max_torque is {torque}, but \"{}\" has no torque: remove it",
+            file.device
+        )));
+    }
+    let haptic = Haptic {
+        name: name.to_owned(),
+        device,
+        stylus: file.stylus.clone().unwrap_or_else(|| name.to_owned()),
+        rate_hz: range("rate", file.rate.unwrap_or(usual.rate_hz), " of Hz", 100.0, 20_000.0)?,
+        max_force_n: range("max_force", max_force, " of N", 0.1, 100.0)?,
+        max_torque_nm: range("max_torque", torque, " of N·m", 0.0, 10.0)?,
+        force: range("force", file.force.unwrap_or(usual.force), "", 1e-6, 1e6)?,
+        motion: range("motion", file.motion.unwrap_or(usual.motion), "", 1e-3, 1e3)?,
+        damping: range("damping", file.damping.unwrap_or(usual.damping), " of N·s/m", 1e-3, 1e3)?,
+        rotational_damping: range(
+            "rotational_damping",
+            file.rotational_damping.unwrap_or(usual.rotational_damping),
+            " of N·m·s/rad",
+            1e-6,
+            10.0,
+        )?,
+        mass: range("mass", file.mass.unwrap_or(usual.mass), " of kg", 1e-3, 10.0)?,
+        inertia: range("inertia", file.inertia.unwrap_or(usual.inertia), " of kg·m²", 1e-7, 1.0)?,
+        virtual_damping: range(
+            "virtual_damping",
+            file.virtual_damping.unwrap_or(0.0),
+            " of N·s/m",
+            0.0,
+            1e3,
+        )?,
+        room_from_device: Isometry3::new(Vector3::from(position), Vector3::from(rotation)),
+    };
+    if haptic.virtual_damping >= haptic.damping {
+        return Err(fault(format!(
+            "virtual_damping {} is not below the device's own damping {}: nothing would be left for the body",
+            haptic.virtual_damping, haptic.damping
+        )));
+    }
+    Ok(haptic)
+}
+
+fn device(text: &str) -> Result<HapticDevice, String> {
+    let wrong = || {
+        Err(format!(
+            "device is \"{text}\": write \"simulated\", \"vrpn://host/Phantom0\" or \"haply://localhost:10001\""
+        ))
+    };
+    let is_place = |place: &str| {
+        !place.is_empty()
+            && place.len() <= 256
+            && place.chars().all(|c| c.is_ascii_alphanumeric() || "-_.:[]".contains(c))
+    };
+    if text == "simulated" {
+        return Ok(HapticDevice::Simulated);
+    }
+    if let Some((host, name)) = text.strip_prefix("vrpn://").and_then(|rest| rest.split_once('/')) {
+        return if is_place(host) && is_place(name) {
+            Ok(HapticDevice::Vrpn(format!("{name}@{host}")))
+        } else {
+            wrong()
+        };
+    }
+    match text.strip_prefix("haply://") {
+        Some(place) if is_place(place) => Ok(HapticDevice::Haply(place.to_owned())),
+        _ => wrong(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::{BUILT_IN, Stage};
+    use std::path::Path;
+
+    fn stage(table: &str) -> Result<Stage, String> {
+        let text = format!("{}\n[haptic.right]\n{table}\n", BUILT_IN[0].1);
+        Stage::parse(&text, Path::new("bench.toml")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn devices_are_read_with_their_limits() {
+        assert_eq!(stage("device = \"simulated\"").unwrap().haptics, [Haptic::simulated("right")]);
+        let found = stage(
+            "device = \"vrpn://10.0.0.5:4000/Phantom0\"\nmax_force = 3.3\nmotion = 2.0\nstylus = \"pen\"\n\
+             room_from_device = { position = [0.0, 0.9, 0.4] }",
+        );
+        let found = found.unwrap().haptics.remove(0);
+        assert_eq!(found.device, HapticDevice::Vrpn("Phantom0@10.0.0.5:4000".into()));
+        assert_eq!((found.max_force_n, found.max_torque_nm, found.motion), (3.3, 0.0, 2.0));
+        assert_eq!((found.stylus.as_str(), found.room_from_device.translation.y), ("pen", 0.9));
+        let found = stage("device = \"haply://localhost\"\nmax_force = 5").unwrap().haptics.remove(0);
+        assert_eq!(found.device, HapticDevice::Haply("localhost".into()));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_the_remedy() {
+        for (table, expected) in [
+            ("device = \"phantom\"", "write \"simulated\""),
+            ("device = \"vrpn://host\"", "vrpn://host/Phantom0"),
+            ("device = \"haply://a b\"", "haply://localhost:10001"),
+            ("device = \"haply://localhost\"", "max_force is missing"),
+            ("device = \"simulated\"\nmax_force = nan", "max_force is NaN"),
+            ("device = \"simulated\"\nrate = 10", "rate is 10: it must be a number of Hz between 100"),
+            ("device = \"haply://h\"\nmax_force = 5\nmax_torque = 1", "has no torque: remove it"),
+            ("device = \"simulated\"\nvirtual_damping = 1.0", "not below the device's own damping"),
+            ("device = \"simulated\"\nmax_forse = 1.0", "did you mean `max_force`?"),
+            (
+                "device = \"simulated\"\nroom_from_device = { position = [inf, 0, 0] }",
+                "room_from_device is inf",
+            ),
+        ] {
+            let error = stage(table).unwrap_err();
+            assert!(error.contains(expected), "{table}: {error}");
+        }
+        let line = BUILT_IN[0].1.lines().count() + 2;
+        assert!(
+            stage("device = \"x\"").unwrap_err().starts_with(&format!("bench.toml:{line}: haptic `right`"))
+        );
+    }
+}

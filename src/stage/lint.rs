@@ -1,0 +1,347 @@
+//! What display walls get wrong in silence: findings about a stage that loads, or nearly does.
+//!
+//! In: a [`Stage`], and the monitors of its desktop where they are known. Out: [`Lint`]s with their numbers: how edges
+//! meet, shapes of pixels, sides and eyes, windows on their monitors.
+
+use super::meet::{Meeting, meetings};
+use super::{Eye, MIN_EYE_DISTANCE_M, Monitor, Screen, Stage, Stereo, Window};
+use nalgebra::Point3;
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// Pictures will be wrong.
+    Error,
+    /// They may not be what was meant.
+    Warning,
+    /// Worth knowing.
+    Note,
+}
+
+/// One finding and what it is about.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lint {
+    pub level: Level,
+    /// As `screen.wall`, `window.left`, `viewer`.
+    pub entity: String,
+    pub message: String,
+}
+
+/// Pixels this much wider than high, or higher than wide, are told.
+const PIXEL_RATIO: f64 = 0.01;
+/// Most adults' pupils lie within this distance, m (N. A. Dodgson, "Variation and extrema of human interpupillary
+/// distance", 2004: 5 % lie below, 5 % above).
+const USUAL_IPD_M: std::ops::RangeInclusive<f64> = 0.055..=0.070;
+/// Edges that meet better than a tape measures are told as closed, m.
+const CLOSED_M: f64 = 0.0005;
+/// Corners off a rectangle by more than this are told, m.
+const SKEW_M: f64 = 0.0005;
+/// A screen seen under a smaller angle to its plane shows next to nothing, radians.
+const GRAZING: f64 = 0.087;
+
+/// All findings about `stage`, but for those that the loader tells. Windows are judged where `monitors` are known.
+pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Lint> {
+    let mut found = Vec::new();
+    for screen in &stage.screens {
+        screens(stage, screen, &mut found);
+    }
+    for meeting in meetings(&stage.screens) {
+        found.push(seam(stage, &meeting));
+    }
+    viewer(stage, &mut found);
+    eyes(stage, &mut found);
+    windows(stage, monitors, &mut found);
+    found
+}
+
+fn push(found: &mut Vec<Lint>, level: Level, entity: impl Into<String>, message: String) {
+    found.push(Lint { level, entity: entity.into(), message });
+}
+
+fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
+    let entity = format!("screen.{}", screen.name);
+    let [width_m, height_m] = screen.pixel_size_m();
+    let ratio = width_m / height_m;
+    if (ratio - 1.0).abs() > PIXEL_RATIO {
+        let [w, h] = screen.pixels;
+        push(
+            found,
+            Level::Warning,
+            &entity,
+            format!(
+                "pixels are {:.3} × {:.3} mm ({ratio:.3} times as wide as high): {w} × {h} square ones on this width \
+                 would be {:.4} m high; right where the projector really stretches them, else measure again",
+                width_m * 1e3,
+                height_m * 1e3,
+                screen.width_m() * f64::from(h) / f64::from(w)
+            ),
+        );
+    }
+    let across = screen.lower_right - screen.lower_left;
+    let upward = screen.upper_left - screen.lower_left;
+    let off_m = (across.dot(&upward) / across.norm()).abs();
+    // What is worse is refused by the loader.
+    if off_m > SKEW_M && off_m <= super::fault::MAX_SKEW * upward.norm() {
+        let advice = "the projection takes the lower edge and the height as they are";
+        push(
+            found,
+            Level::Note,
+            &entity,
+            format!("upper_left is {:.1} mm off a rectangle: {advice}", off_m * 1e3),
+        );
+    }
+    let eye = Point3::from(stage.viewer.room_from_head.translation.vector);
+    let distance_m = screen.distance_m(&eye);
+    let away = screen.point([0.0, 0.0]) - eye;
+    let angle = (distance_m / away.norm()).clamp(-1.0, 1.0).asin();
+    if distance_m > MIN_EYE_DISTANCE_M && angle < GRAZING {
+        push(
+            found,
+            Level::Warning,
+            &entity,
+            format!("the viewer sees it under {:.1}° to its plane: next to nothing", angle.to_degrees()),
+        );
+    }
+}
+
+fn seam(stage: &Stage, meeting: &Meeting) -> Lint {
+    let [a, b] = [0, 1].map(|k| {
+        let (screen, edge) = meeting.edges[k];
+        format!("{} edge of {}", edge.name(), stage.screens[screen].name)
+    });
+    // Added to, -0.0 is told as 0.0.
+    let mm = |m: f64| (m * 1e4).round() / 10.0 + 0.0;
+    let [first, second] = meeting.gap_m;
+    let worst_m = first.abs().max(second.abs());
+    let along_m = meeting.along_m[0].abs().max(meeting.along_m[1].abs());
+    let along = match along_m > CLOSED_M {
+        true => format!(
+            ", and their ends are {:.1} and {:.1} mm off along it",
+            mm(meeting.along_m[0]),
+            mm(meeting.along_m[1])
+        ),
+        false => String::new(),
+    };
+    let opens = match (first - second).abs() > CLOSED_M {
+        true => format!(" ({:.1} mm at one end, {:.1} at the other)", mm(first), mm(second)),
+        false => String::new(),
+    };
+    let (level, what) = if worst_m <= CLOSED_M {
+        (Level::Note, format!("meet within {:.1} mm", mm(worst_m)))
+    } else if meeting.is_overlap {
+        (Level::Warning, format!("overlap by {:.1} mm{opens}", mm(worst_m)))
+    } else {
+        (Level::Warning, format!("leave a gap of {:.1} mm{opens}", mm(worst_m)))
+    };
+    let level = if along_m > CLOSED_M { Level::Warning } else { level };
+    let names = meeting.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
+    Lint {
+        level,
+        entity: format!("seam.{}-{}", names[0], names[1]),
+        message: format!("{a} and {b} {what}{along}"),
+    }
+}
+
+fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
+    let ipd_m = stage.viewer.ipd_m;
+    if ipd_m > 0.0 && !USUAL_IPD_M.contains(&ipd_m) && super::fault::IPD_M.contains(&ipd_m) {
+        push(
+            found,
+            Level::Note,
+            "viewer.ipd",
+            format!(
+                "eyes {:.1} mm apart are rare: nine of ten people have {:.0} to {:.0} mm",
+                ipd_m * 1e3,
+                USUAL_IPD_M.start() * 1e3,
+                USUAL_IPD_M.end() * 1e3
+            ),
+        );
+    }
+    let eye = Point3::from(stage.viewer.room_from_head.translation.vector);
+    let to_glass = stage.screens.iter().map(|screen| (screen.point([0.0, 0.0]) - eye).norm());
+    let nearest_m = to_glass.fold(f64::INFINITY, f64::min);
+    if nearest_m > 10.0 {
+        push(
+            found,
+            Level::Warning,
+            "viewer.position",
+            format!("the nearest screen is {nearest_m:.1} m away: are all numbers metres?"),
+        );
+    }
+    let centre = stage.workspace.centre;
+    let is_shown = |screen: &Screen| {
+        screen.view(&eye, 0.01).is_ok_and(|view| {
+            let clip = view.clip_from_room * centre.cast::<f32>().to_homogeneous();
+            clip.w > 0.0 && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w
+        })
+    };
+    if !stage.screens.iter().any(is_shown) {
+        let place = format!("({:.3}, {:.3}, {:.3})", centre.x, centre.y, centre.z);
+        push(
+            found,
+            Level::Warning,
+            "workspace.centre",
+            format!("{place} is on no screen as the viewer stands: bodies placed there may not be seen"),
+        );
+    }
+    if stage.tracking.head.is_none() {
+        push(
+            found,
+            Level::Note,
+            "viewer.head",
+            "no sensor: the head stays where the file has it, unless the keyboard moves it".to_owned(),
+        );
+    }
+}
+
+/// Which eye's tiles stand where: both or neither, and the left one left of the right one or above it.
+fn eyes(stage: &Stage, found: &mut Vec<Lint>) {
+    if stage.swap_eyes {
+        push(found, Level::Note, "swap_eyes", "each eye is shown what the other should see".to_owned());
+    }
+    let layout = stage.layout();
+    let mut orders: Vec<(String, bool)> = Vec::new();
+    for (index, screen) in stage.screens.iter().enumerate() {
+        let tiles = layout.iter().flat_map(|window| window.tiles.iter().map(move |tile| (window, tile)));
+        let mine: Vec<_> = tiles.filter(|(_, tile)| tile.screen == index).collect();
+        let entity = format!("screen.{}", screen.name);
+        if mine.is_empty() {
+            push(found, Level::Warning, &entity, "no window shows it".to_owned());
+            continue;
+        }
+        let sees = |eye: Eye| mine.iter().any(|(_, tile)| tile.stereo.eyes().contains(&eye));
+        for (eye, other) in [(Eye::Left, Eye::Right), (Eye::Right, Eye::Left)] {
+            if sees(eye) && !sees(other) {
+                push(
+                    found,
+                    Level::Warning,
+                    &entity,
+                    format!("its windows show it to the {} eye alone", eye.name()),
+                );
+            }
+        }
+        let place = |kind: Stereo| {
+            let (window, tile) = mine.iter().find(|(_, tile)| tile.stereo == kind)?;
+            let at = if window.monitor.is_some() { None } else { window.at }?;
+            let shown_to = if tile.swap_eyes { kind.swapped() } else { kind };
+            Some((shown_to, [at[0] + tile.rect[0] as i32, at[1] + tile.rect[1] as i32]))
+        };
+        if let (Some(first), Some(second)) = (place(Stereo::Left), place(Stereo::Right)) {
+            let [left, right] =
+                if first.0 == Stereo::Left { [first.1, second.1] } else { [second.1, first.1] };
+            if left != right {
+                orders.push((screen.name.clone(), left < right));
+            }
+        }
+    }
+    if let Some((screen, _)) = orders.iter().find(|(_, is_left_first)| !is_left_first) {
+        let others = orders.iter().filter(|(_, is_left_first)| *is_left_first).count();
+        push(
+            found,
+            Level::Warning,
+            format!("screen.{screen}"),
+            format!(
+                "the left eye's window stands right of the right eye's{}: are the eyes swapped?",
+                if others > 0 {
+                    format!(", unlike those of {others} other screen(s)")
+                } else {
+                    String::new()
+                }
+            ),
+        );
+    }
+}
+
+fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
+    for window in &stage.windows {
+        for tile in &window.tiles {
+            tile_lints(stage, window, tile, found);
+        }
+    }
+    if monitors.is_empty() {
+        return;
+    }
+    let places: Vec<_> = stage.windows.iter().map(|window| (window, window.on_desktop(monitors))).collect();
+    for (i, (window, place)) in places.iter().enumerate() {
+        let entity = format!("window.{}", window.name);
+        if let (Some(id), None) = (&window.monitor, place) {
+            let names: Vec<String> = monitors.iter().map(|monitor| format!("`{}`", monitor.name)).collect();
+            push(
+                found,
+                Level::Error,
+                &entity,
+                format!("there is no monitor {id}; there are {}", names.join(", ")),
+            );
+        }
+        let Some((at, size)) = *place else { continue };
+        let area = i64::from(size[0]) * i64::from(size[1]);
+        let on_monitors: i64 =
+            monitors.iter().map(|monitor| common(at, size, monitor.at, monitor.size)).sum();
+        if on_monitors < area {
+            let level = if on_monitors == 0 { Level::Error } else { Level::Warning };
+            let share = 100.0 * (area - on_monitors) as f64 / area as f64;
+            push(
+                found,
+                level,
+                &entity,
+                format!(
+                    "{share:.0} % of its {} × {} pixels at ({}, {}) lie on no monitor",
+                    size[0], size[1], at[0], at[1]
+                ),
+            );
+        }
+        for (other, place) in &places[..i] {
+            let shared = place.map_or(0, |(other_at, other_size)| common(at, size, other_at, other_size));
+            if shared > 0 {
+                push(
+                    found,
+                    Level::Warning,
+                    &entity,
+                    format!("{shared} of its pixels lie under or over window `{}`", other.name),
+                );
+            }
+        }
+    }
+}
+
+fn tile_lints(stage: &Stage, window: &Window, tile: &super::Tile, found: &mut Vec<Lint>) {
+    let entity = format!("window.{}", window.name);
+    let screen = &stage.screens[tile.screen];
+    let [.., width, height] = tile.rect;
+    let wanted = tile.stereo.window_size([tile.crop[2], tile.crop[3]]);
+    let is_scaled = !window.fills && [width, height] != wanted;
+    let is_woven = matches!(tile.stereo, Stereo::Rows | Stereo::Columns | Stereo::Checkerboard);
+    if is_scaled {
+        push(
+            found,
+            if is_woven { Level::Warning } else { Level::Note },
+            &entity,
+            format!(
+                "screen {} is drawn with {width} × {height} pixels; its own are {} × {} in this kind of stereo",
+                screen.name, wanted[0], wanted[1]
+            ),
+        );
+    }
+    let packed = [[1920, 2205], [1280, 1470]];
+    if tile.stereo == Stereo::FramePacking && !packed.contains(&[width, height]) {
+        push(
+            found,
+            Level::Warning,
+            &entity,
+            format!("frame packing takes 1920 × 2205 or 1280 × 1470 pixels, not {width} × {height}"),
+        );
+    }
+}
+
+/// Pixels that two rectangles share.
+fn common(at: [i32; 2], size: [u32; 2], other_at: [i32; 2], other_size: [u32; 2]) -> i64 {
+    let along = |axis: usize| {
+        let end = |start: i32, length: u32| i64::from(start) + i64::from(length);
+        let low = i64::from(at[axis].max(other_at[axis]));
+        (end(at[axis], size[axis]).min(end(other_at[axis], other_size[axis])) - low).max(0)
+    };
+    along(0) * along(1)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,178 @@
+//! How screens meet: pairs of edges that run beside each other, with what lies between them.
+//!
+//! In: screens. Out: [`Meeting`]s, of which each tells gap or overlap across the edges, and how far their ends are off
+//! along them.
+
+use super::Screen;
+use nalgebra::{Point3, Vector3};
+
+/// An edge of a screen as its viewer names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edge {
+    Lower,
+    Right,
+    Upper,
+    Left,
+}
+
+/// Two edges that run beside each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Meeting {
+    /// Index of the screen, and which of its edges; the lower index first.
+    pub edges: [(usize, Edge); 2],
+    /// Distance of the second edge from the first, m, at both ends of the part that they have in common, measured
+    /// perpendicular to the first.
+    pub gap_m: [f64; 2],
+    /// The second edge lies within the first screen's picture, or the first within the second's: both show the same
+    /// place twice. Otherwise something is hidden between them.
+    pub is_overlap: bool,
+    /// How far the second edge's ends lie beyond the first's, m, along the first; negative: short of them.
+    pub along_m: [f64; 2],
+}
+
+/// Edges further apart than this part of the longer one do not meet.
+const NEAR: f64 = 0.08;
+/// Cosine of the largest angle between edges that meet: 5°.
+const PARALLEL: f64 = 0.9962;
+
+impl Edge {
+    const ALL: [Edge; 4] = [Edge::Lower, Edge::Right, Edge::Upper, Edge::Left];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lower => "lower",
+            Self::Right => "right",
+            Self::Upper => "upper",
+            Self::Left => "left",
+        }
+    }
+
+    fn ends(self, screen: &Screen) -> [Point3<f64>; 2] {
+        let (ll, lr, ul, ur) =
+            (screen.lower_left, screen.lower_right, screen.upper_left, screen.upper_right());
+        match self {
+            Self::Lower => [ll, lr],
+            Self::Right => [lr, ur],
+            Self::Upper => [ul, ur],
+            Self::Left => [ll, ul],
+        }
+    }
+
+    /// Unit vector in the screen, from the picture out over this edge.
+    fn outwards(self, screen: &Screen) -> Vector3<f64> {
+        let [right, up, _] = screen.axes();
+        match self {
+            Self::Lower => -up,
+            Self::Right => right,
+            Self::Upper => up,
+            Self::Left => -right,
+        }
+    }
+}
+
+/// All pairs of edges of different screens that run beside each other for at least half the shorter one's length. Of
+/// each edge only the nearest partner on another screen is told.
+pub fn meetings(screens: &[Screen]) -> Vec<Meeting> {
+    let mut found = Vec::new();
+    for (i, a) in screens.iter().enumerate() {
+        for (j, b) in screens.iter().enumerate().skip(i + 1) {
+            let pairs = Edge::ALL.into_iter().flat_map(|edge| Edge::ALL.map(|other| (edge, other)));
+            let near = pairs.filter_map(|(edge, other)| meeting(a, edge, b, other, [i, j]));
+            let worst = |meeting: &Meeting| meeting.gap_m[0].max(meeting.gap_m[1]);
+            found.extend(near.min_by(|x, y| worst(x).total_cmp(&worst(y))));
+        }
+    }
+    found
+}
+
+fn meeting(a: &Screen, edge: Edge, b: &Screen, other: Edge, screens: [usize; 2]) -> Option<Meeting> {
+    let [start, end] = edge.ends(a);
+    let [mut from, mut to] = other.ends(b);
+    let length_m = (end - start).norm();
+    let other_m = (to - from).norm();
+    let along = (end - start) / length_m;
+    let turn = along.dot(&(to - from)) / other_m;
+    if turn.abs() < PARALLEL {
+        return None;
+    }
+    if turn < 0.0 {
+        std::mem::swap(&mut from, &mut to);
+    }
+    let [low, high] = [(from - start).dot(&along), (to - start).dot(&along)];
+    let (first, last) = (low.max(0.0), high.min(length_m));
+    if last - first < 0.5 * length_m.min(other_m) {
+        return None;
+    }
+    // The second edge's point at a place along the first, and its way from there.
+    let across = |place_m: f64| {
+        let share = (place_m - low) / (high - low);
+        from + (to - from) * share - (start + along * place_m)
+    };
+    let ways = [across(first), across(last)];
+    let gap_m = ways.map(|way| way.norm());
+    if gap_m[0].max(gap_m[1]) > NEAR * length_m.max(other_m) {
+        return None;
+    }
+    let way = (ways[0] + ways[1]) / 2.0;
+    let is_overlap = way.dot(&edge.outwards(a)) < -1e-9 && way.dot(&other.outwards(b)) > 1e-9;
+    let along_m = [-low, high - length_m];
+    Some(Meeting { edges: [(screens[0], edge), (screens[1], other)], gap_m, is_overlap, along_m })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::Stage;
+
+    /// The workbench with its wall moved.
+    fn moved(by: [f64; 3]) -> Meeting {
+        let mut stage = Stage::find("workbench").unwrap();
+        let wall = &mut stage.screens[1];
+        for corner in [&mut wall.lower_left, &mut wall.lower_right, &mut wall.upper_left] {
+            *corner += Vector3::from(by);
+        }
+        let [meeting] = &meetings(&stage.screens)[..] else { panic!("one seam") };
+        meeting.clone()
+    }
+
+    #[test]
+    fn the_built_in_stages_meet_as_often_as_they_should() {
+        let count = |name: &str| meetings(&Stage::find(name).unwrap().screens).len();
+        let counts =
+            ["workbench", "cyberstage", "cave3", "cave6", "powerwall", "lbench", "desktop"].map(count);
+        assert_eq!(counts, [1, 5, 3, 12, 4, 1, 0]);
+    }
+
+    #[test]
+    fn edges_are_named_and_gaps_told_from_overlaps() {
+        let closed = moved([0.0, 0.0, 0.0]);
+        assert_eq!(closed.edges, [(0, Edge::Upper), (1, Edge::Lower)]);
+        assert_eq!((closed.gap_m, closed.is_overlap, closed.along_m), ([0.0; 2], false, [0.0; 2]));
+        let above = moved([0.0, 0.014, 0.0]);
+        assert!(above.gap_m.iter().all(|gap| (gap - 0.014).abs() < 1e-12) && !above.is_overlap);
+        // The wall reaches below the table's top, before its far edge.
+        let through = moved([0.0, -0.003, 0.004]);
+        assert!(through.gap_m.iter().all(|gap| (gap - 0.005).abs() < 1e-12) && through.is_overlap);
+        let aside = moved([0.006, 0.0, 0.0]);
+        assert!((aside.along_m[0] + 0.006).abs() < 1e-12 && (aside.along_m[1] - 0.006).abs() < 1e-12);
+        assert!(aside.gap_m.iter().all(|gap| *gap < 1e-12));
+    }
+
+    #[test]
+    fn a_turned_wall_opens_like_scissors() {
+        let mut stage = Stage::find("workbench").unwrap();
+        stage.screens[1].lower_right.z -= 0.010;
+        let meeting = &meetings(&stage.screens)[0];
+        assert!(meeting.gap_m[0] < 1e-9 && (meeting.gap_m[1] - 0.010).abs() < 1e-6, "{meeting:?}");
+    }
+
+    #[test]
+    fn the_lbench_gapes_by_14_mm() {
+        let stage = Stage::find("lbench").unwrap();
+        let meeting = &meetings(&stage.screens)[0];
+        assert_eq!(meeting.edges, [(0, Edge::Lower), (1, Edge::Upper)]);
+        // 14.0 mm upwards and 1.6 mm to the viewer, from the angles and the middles of the screens.
+        assert!((meeting.gap_m[0] - 0.014_088).abs() < 2e-6, "{meeting:?}");
+        assert!(!meeting.is_overlap);
+    }
+}

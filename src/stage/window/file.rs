@@ -1,0 +1,166 @@
+//! The tables `[[window]]` and `[[monitor]]` of a stage file, as they stand there, and their checks.
+
+use super::{Border, Monitor, MonitorId, Tile, Window};
+use crate::config;
+use crate::stage::fault::{Fault, MAX_PIXELS};
+use crate::stage::{Screen, Stereo};
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WindowFile {
+    name: Option<String>,
+    monitor: Option<MonitorId>,
+    at: Option<[i32; 2]>,
+    size: Option<[u32; 2]>,
+    #[serde(default)]
+    border: Border,
+    screen: Option<String>,
+    stereo: Option<Stereo>,
+    #[serde(default)]
+    swap_eyes: bool,
+    crop: Option<[u32; 4]>,
+    overscan: Option<[u32; 4]>,
+    #[serde(default, rename = "tile")]
+    tiles: Vec<TileFile>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TileFile {
+    screen: String,
+    rect: [u32; 4],
+    stereo: Option<Stereo>,
+    #[serde(default)]
+    swap_eyes: bool,
+    crop: Option<[u32; 4]>,
+    overscan: Option<[u32; 4]>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MonitorFile {
+    name: String,
+    at: [i32; 2],
+    size: [u32; 2],
+}
+
+pub fn monitor(file: MonitorFile) -> Result<Monitor, Fault> {
+    let MonitorFile { name, at, size } = file;
+    match is_size(size) {
+        true => Ok(Monitor { name, at, size }),
+        false => Err(Fault::Monitor { name, width: size[0], height: size[1] }),
+    }
+}
+
+/// Window `number`, counted from 1, of a stage with these screens and this kind of stereo.
+pub fn window(file: WindowFile, number: usize, screens: &[Screen], usual: Stereo) -> Result<Window, Fault> {
+    let name = file.name.clone().unwrap_or_else(|| format!("window {number}"));
+    read(file, &name, screens, usual).map_err(|message| Fault::Window { window: name, message })
+}
+
+fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Result<Window, String> {
+    let usual = file.stereo.unwrap_or(usual);
+    let fills = file.monitor.is_some() && file.size.is_none() && file.tiles.is_empty();
+    let tiles = if file.tiles.is_empty() {
+        let screen = file
+            .screen
+            .as_deref()
+            .ok_or("which screen does it show? Give `screen`, or [[window.tile]] tables")?;
+        let mut tile = tile(screens, screen, file.stereo, usual, file.crop, file.overscan)?;
+        let size = file.size.unwrap_or(tile.stereo.window_size([tile.crop[2], tile.crop[3]]));
+        tile.rect = [0, 0, size[0], size[1]];
+        tile.swap_eyes = file.swap_eyes;
+        vec![tile]
+    } else {
+        if file.screen.is_some() || file.crop.is_some() || file.overscan.is_some() {
+            return Err(
+                "`screen`, `crop` and `overscan` belong into its tiles, as it has [[window.tile]]".into()
+            );
+        }
+        let of = |part: &TileFile| {
+            let rect = part.rect;
+            let made = tile(screens, &part.screen, part.stereo, usual, part.crop, part.overscan)?;
+            Ok(Tile { rect, swap_eyes: part.swap_eyes != file.swap_eyes, ..made })
+        };
+        file.tiles.iter().map(of).collect::<Result<Vec<_>, String>>()?
+    };
+    let edge = |axis: usize| {
+        tiles.iter().map(|tile| tile.rect[axis].saturating_add(tile.rect[axis + 2])).max().unwrap_or(0)
+    };
+    let size @ [width, height] = file.size.unwrap_or([edge(0), edge(1)]);
+    if !is_size(size) {
+        return Err(format!("it has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}"));
+    }
+    for (i, tile) in tiles.iter().enumerate() {
+        let [x, y, w, h] = tile.rect;
+        let fits = |start: u32, length: u32, limit: u32| {
+            length > 0 && u64::from(start) + u64::from(length) <= u64::from(limit)
+        };
+        if !(fits(x, w, width) && fits(y, h, height)) {
+            return Err(format!(
+                "tile {} has {w} × {h} pixels at ({x}, {y}), which is not within the window's {width} × {height}",
+                i + 1
+            ));
+        }
+        if let Some(other) = tiles[..i].iter().position(|other| overlap(&other.rect, &tile.rect)) {
+            return Err(format!("its tiles {} and {} overlap", other + 1, i + 1));
+        }
+    }
+    let WindowFile { monitor, at, border, .. } = file;
+    Ok(Window { name: name.to_owned(), monitor, at, size, fills, border, tiles })
+}
+
+fn tile(
+    screens: &[Screen],
+    name: &str,
+    stereo: Option<Stereo>,
+    usual: Stereo,
+    crop: Option<[u32; 4]>,
+    overscan: Option<[u32; 4]>,
+) -> Result<Tile, String> {
+    let names = screens.iter().map(|screen| screen.name.as_str());
+    let screen = screens
+        .iter()
+        .position(|screen| screen.name == name)
+        .ok_or_else(|| config::unknown_name("screen", name, names))?;
+    let pixels @ [width, height] = screens[screen].pixels;
+    let stereo = stereo.unwrap_or(usual);
+    if stereo == Stereo::Separate {
+        return Err(format!(
+            "which eye sees `{name}` here? Give stereo = \"left\" in one and \"right\" in the other of two windows or \
+             tiles, or a kind of stereo that holds both"
+        ));
+    }
+    let crop @ [x, y, w, h] = crop.unwrap_or([0, 0, width, height]);
+    let is_within = |start: u32, length: u32, limit: u32| {
+        length > 0 && u64::from(start) + u64::from(length) <= u64::from(limit)
+    };
+    if !(is_within(x, w, width) && is_within(y, h, height)) {
+        return Err(format!(
+            "crop {crop:?} (x, y, width, height) is not within the {width} × {height} pixels of screen `{name}`"
+        ));
+    }
+    let overscan = overscan.unwrap_or([0; 4]);
+    let tile = Tile { rect: [0, 0, w, h], screen, stereo, swap_eyes: false, crop, overscan };
+    if tile.visible(&screens[screen], [w, h]).is_none() {
+        return Err(format!(
+            "overscan {overscan:?} (left, right, top, bottom) hides all that is shown of the {} × {} pixels of screen \
+             `{name}`",
+            pixels[0], pixels[1]
+        ));
+    }
+    Ok(tile)
+}
+
+fn is_size(size: [u32; 2]) -> bool {
+    size.iter().all(|side| (1..=MAX_PIXELS).contains(side))
+}
+
+/// Whether two rectangles (x, y, width, height) share a pixel.
+fn overlap(a: &[u32; 4], b: &[u32; 4]) -> bool {
+    let along = |axis: usize| {
+        let end = |rect: &[u32; 4]| u64::from(rect[axis]) + u64::from(rect[axis + 2]);
+        u64::from(a[axis]) < end(b) && u64::from(b[axis]) < end(a)
+    };
+    along(0) && along(1)
+}
