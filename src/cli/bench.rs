@@ -1,5 +1,6 @@
 //! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
 
+use super::device;
 use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
 use super::playback::{Playback, Source};
@@ -8,7 +9,7 @@ use super::world::{StepTimes, World};
 use super::{bench_haptics, precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Precomputed};
-use crate::scene::Scene;
+use crate::scene::{Scene, Storage};
 use crate::stage::Stage;
 use anyhow::Context;
 use rayon::prelude::*;
@@ -24,7 +25,14 @@ use std::time::Instant;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
-    pub scene: PathBuf,
+    #[arg(required_unless_present = "sizes")]
+    pub scene: Option<PathBuf>,
+    /// Instead of a scene: made-up bodies of so many surface nodes, deformed on the CPU and on the device
+    #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme", "json"])]
+    pub sizes: Vec<usize>,
+    /// How the columns of --sizes are stored: f32, f16 or int16
+    #[arg(long, default_value = "f32", value_parser = super::storage)]
+    pub storage: Storage,
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
@@ -40,13 +48,19 @@ pub struct Args {
     /// Write the tables between the marks of this Markdown file
     #[arg(long)]
     pub readme: Option<PathBuf>,
+    #[command(flatten)]
+    pub device: device::Args,
 }
 
 /// Size of the paper's largest model.
 const PAPER_NODES: usize = 10_000;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
+    let Some(scene) = &args.scene else {
+        let stage = Stage::find(args.stage.as_deref().unwrap_or("cyberstage")).map_err(Failure::request)?;
+        return super::sizes::run(&args.sizes, args.storage, &stage, args.frames, args.device);
+    };
+    let scene = super::plan::settled(Scene::load(scene)?, false)?;
     let show = || render::Show::new(&scene, args.stage.as_deref(), None, args.replay.as_deref());
     let stage = show()?.world.stage;
     let offline = session::precompute(&scene, true)?;
@@ -56,7 +70,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for samples in [4, 1] {
         let render::Show { mut world, mut replay, .. } = show()?;
         let script = render::script(&scene, None)?;
-        let mut targets = Targets::new(&world, None, samples, 1.0)?;
+        let mut targets = Targets::new(&mut world, None, samples, 1.0, args.device)?;
         let device = targets.gpu.describe();
         let count = args.frames.max(2);
         let mut playback = Playback::new(Source::new(script.as_ref(), replay.as_mut())?, count);
@@ -90,7 +104,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// Ticks of the force loop beside frames of the scene.
 fn beside_frames(scene: &Scene, mut world: World) -> Result<(String, Table), Failure> {
     let script = render::script(scene, None)?;
-    let mut targets = Targets::new(&world, None, 1, 1.0)?;
+    let mut targets = Targets::new(&mut world, None, 1, 1.0, device::Args::default())?;
     let started = Instant::now();
     bench_haptics::table(|| {
         if let Some(script) = &script {

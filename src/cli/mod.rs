@@ -11,6 +11,7 @@ mod check;
 mod check_stage;
 mod convert;
 mod deform;
+mod device;
 mod failure;
 mod feel;
 mod inspect;
@@ -31,6 +32,7 @@ mod render;
 mod room;
 mod serve;
 mod session;
+mod sizes;
 mod stability;
 mod stage_view;
 mod statics;
@@ -125,6 +127,16 @@ fn samples(text: &str) -> Result<u32, String> {
         "1" => Ok(1),
         "4" => Ok(4),
         _ => Err("samples a pixel are 1 or 4".into()),
+    }
+}
+
+fn storage(text: &str) -> Result<crate::scene::Storage, String> {
+    use crate::scene::Storage;
+    match text {
+        "f32" => Ok(Storage::F32),
+        "f16" => Ok(Storage::F16),
+        "int16" => Ok(Storage::Int16),
+        _ => Err("columns are stored as f32, f16 or int16".into()),
     }
 }
 

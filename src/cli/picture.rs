@@ -1,5 +1,6 @@
 //! A world on a graphics device: buffers per body, uploaded once a frame, drawn for every screen and eye.
 
+use super::device::{self, Choice};
 use super::overlay::{FrameTimes, History, Panel, Readings};
 use super::panes;
 use super::world::{StepTimes, World};
@@ -14,21 +15,37 @@ use std::time::Instant;
 /// The buffers of all bodies of a world.
 pub struct Bodies {
     buffers: Vec<BodyBuffers>,
+    /// Where each body deforms.
+    pub choices: Vec<Choice>,
 }
 
 impl Bodies {
-    pub fn new(gpu: &Gpu, world: &World) -> Result<Bodies, RenderError> {
-        let make = |body: &super::world::PlacedBody| {
-            BodyBuffers::new(gpu, body.deformer.triangles(), &body.colours())
-        };
-        Ok(Bodies { buffers: world.bodies.iter().map(make).collect::<Result<_, _>>()? })
+    /// Each body deforms where it is asked to, or is faster; which is told.
+    pub fn new(gpu: &Gpu, world: &mut World, asked: device::Args) -> Result<Bodies, RenderError> {
+        let mut bodies = Bodies { buffers: Vec::new(), choices: Vec::new() };
+        for body in &mut world.bodies {
+            let (buffers, choice) = device::buffers(gpu, body, asked.deform)?;
+            eprintln!("body.{}: {}", body.deformer.body, choice.describe());
+            bodies.buffers.push(buffers);
+            bodies.choices.push(choice);
+        }
+        Ok(bodies)
+    }
+
+    /// Where the bodies deform, for the overlay.
+    pub fn deformation(&self) -> String {
+        let of = |choice: &Choice| choice.describe();
+        self.choices.iter().map(of).collect::<Vec<_>>().join("; ")
     }
 
     /// Uploads what changed; returns the time it took, s.
     pub fn upload(&mut self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
         let started = Instant::now();
         for (buffers, body) in self.buffers.iter_mut().zip(&mut world.bodies) {
-            if std::mem::take(&mut body.moved) {
+            let moved = std::mem::take(&mut body.moved);
+            if moved && buffers.is_deformed_here() {
+                buffers.deform(gpu, &device::coefficients(body))?;
+            } else if moved {
                 buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
             }
             if std::mem::take(&mut body.recolour) {
@@ -95,14 +112,16 @@ impl Targets {
     /// Targets of `scale` times the screens' own pixels: one per screen and eye, or with both eyes joined as `stereo`
     /// says.
     pub fn new(
-        world: &World,
+        world: &mut World,
         stereo: Option<Stereo>,
         samples: u32,
         scale: f64,
+        asked: device::Args,
     ) -> Result<Targets, RenderError> {
         let gpu = Gpu::headless()?;
-        let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
-        let bodies = Bodies::new(&gpu, world)?;
+        let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
+        asked.multiview.apply(&gpu, &mut renderer)?;
+        let bodies = Bodies::new(&gpu, world, asked)?;
         let painter = TilePainter::new(COLOR_FORMAT);
         let mut pictures = Vec::new();
         for (window, name) in windows(&world.stage, stereo) {
@@ -162,12 +181,13 @@ impl Targets {
                 contents: &contents,
             })
             .collect();
+        let deformation = self.bodies.deformation();
         let encode = match &mut self.panel {
             None => self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?,
             Some((overlay, history)) => {
                 let readings = Readings {
                     device: self.gpu.describe(),
-                    deformation: "deformed on the CPU".to_owned(),
+                    deformation: deformation.clone(),
                     source: "offscreen; present is the drawing".to_owned(),
                     warnings: world.warnings.iter().map(|text| (0.0, text.clone())).collect(),
                     ..Readings::of(world)

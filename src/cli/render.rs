@@ -1,5 +1,6 @@
 //! `greenstage render`: the scripted scene as offscreen pictures.
 
+use super::device;
 use super::failure::Failure;
 use super::picture::{DrawTimes, Targets};
 use super::playback::{Playback, Source};
@@ -59,6 +60,8 @@ pub struct Args {
     /// With the overlay on the screen that the viewer looks at
     #[arg(long)]
     pub overlay: bool,
+    #[command(flatten)]
+    pub device: device::Args,
 }
 
 /// Width of one picture on the contact sheet.
@@ -161,7 +164,8 @@ pub fn pictures(
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))
         .map_err(Failure::Request)?;
-    let mut targets = Targets::new(world, args.stereo, args.samples, args.scale)?;
+    let device = args.device.for_session(args.replay.is_some() || recorder.is_some())?;
+    let mut targets = Targets::new(world, args.stereo, args.samples, args.scale, device)?;
     if args.overlay {
         targets = targets.with_overlay();
     }

@@ -1,5 +1,6 @@
 //! `greenstage stage-view`: the room from outside, in a window of its own or as a picture.
 
+use super::device;
 use super::failure::Failure;
 use super::picture::{Bodies, contents};
 use super::render;
@@ -116,8 +117,8 @@ struct Outside {
 
 impl WindowApp for Outside {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
-        if let Seen::Scene(world, _) = &self.seen {
-            self.bodies = Some(Bodies::new(gpu, world)?);
+        if let Seen::Scene(world, _) = &mut self.seen {
+            self.bodies = Some(Bodies::new(gpu, world, device::Args::default())?);
         }
         self.started = Instant::now();
         Ok(())
@@ -235,7 +236,7 @@ fn picture(args: &Args, mut seen: Seen, camera: Camera, path: &Path) -> Result<(
             renderer.draw(&gpu, &[target.picture(&viewports)], &room.contents(FrameContents::default()))?;
         }
         Seen::Scene(world, _) => {
-            let mut bodies = Bodies::new(&gpu, world)?;
+            let mut bodies = Bodies::new(&gpu, world, device::Args::default())?;
             bodies.upload(&gpu, world)?;
             let instances = bodies.instances(world);
             let contents = room.contents(contents(world, &instances));

@@ -1,6 +1,7 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
 use super::aids::{Aids, Staged};
+use super::device;
 use super::failure::Failure;
 use super::feel::{self, Feel};
 use super::keys;
@@ -70,6 +71,8 @@ pub struct Args {
     /// Where the pictures go when there is no display
     #[arg(long, default_value = "out/demo")]
     pub offscreen: PathBuf,
+    #[command(flatten)]
+    pub device: device::Args,
 }
 
 impl Args {
@@ -89,6 +92,7 @@ impl Args {
             overlay: false,
             seconds: None,
             offscreen: "out/demo".into(),
+            device: device::Args::default(),
         }
     }
 }
@@ -147,6 +151,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
+        device: args.device.for_session(args.record.is_some() || args.replay.is_some())?,
         rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
@@ -202,6 +207,7 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         scale: args.scale.unwrap_or(1.0),
         stereo: None,
         overlay: args.overlay,
+        device: args.device,
     }
 }
 
@@ -236,6 +242,7 @@ struct Viewer {
     /// How often the script has begun anew.
     round: u32,
     limit_s: Option<f64>,
+    device: device::Args,
     /// What follows head and hands, where the stage names something.
     rig: Option<Rig>,
 }
@@ -243,7 +250,7 @@ struct Viewer {
 impl WindowApp for Viewer {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
         eprintln!("{}: drawing on {}", self.world.stage.name, gpu.describe());
-        self.bodies = Some(Bodies::new(gpu, &self.world)?);
+        self.bodies = Some(Bodies::new(gpu, &mut self.world, self.device)?);
         (self.started, self.last) = (Instant::now(), Instant::now());
         Ok(())
     }
@@ -312,6 +319,9 @@ impl WindowApp for Viewer {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
+        if self.frames == 0 {
+            self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+        }
         match self.advance(step_s) {
             Ok(Flow::Continue) => {}
             Ok(Flow::Quit) => return Ok(Flow::Quit),
@@ -338,6 +348,7 @@ impl WindowApp for Viewer {
                 swapped: self.swapped,
                 room_from_head: self.world.room_from_head,
             };
+            let deformation = bodies.deformation();
             let source = match (&self.replay, &self.script) {
                 (Some(_), _) => "moved by a recording",
                 (None, Some(_)) => "moved by the script",
@@ -347,7 +358,7 @@ impl WindowApp for Viewer {
             let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
                 device: gpu.describe(),
-                deformation: "deformed on the CPU".to_owned(),
+                deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
                 sensors: SensorReading::of(&reports),

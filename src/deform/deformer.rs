@@ -1,11 +1,13 @@
 //! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
 
+use super::partial::PartialSum;
 use super::{
     Coefficients, Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, SumStats,
     Superposition, SurfaceDisplacements, Wrench, find_model, not_online, unwrapped, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -36,6 +38,8 @@ pub struct Deformer {
     model: Box<dyn DeformationModel>,
     stiffness: Option<DMatrix<f64>>,
     sum: Superposition,
+    /// Where the graphics device deforms the surface: the part that the CPU sums.
+    partial: Option<PartialSum>,
     /// Memory of [`vertex_normals`].
     normal_sums: Vec<[f32; 4]>,
     evaluated: bool,
@@ -74,6 +78,7 @@ impl Deformer {
             stiffness: file.stiffness(body),
             coefficients: Coefficients::at_rest(controls.len()),
             sum: Superposition::new(controls.len()),
+            partial: None,
             normal_sums: Vec::new(),
             evaluated: false,
             controls,
@@ -122,15 +127,44 @@ impl Deformer {
         changed
     }
 
+    /// Columns of all control elements, as they are stored.
+    pub fn columns(&self) -> Columns<'_> {
+        columns(&self.file, &self.body, &self.controls)
+    }
+
+    /// From now on displacements and positions are summed at these surface nodes only, and normals not at all: the
+    /// graphics device makes the whole surface from the coefficients.
+    pub fn sum_only_at(&mut self, nodes: Vec<u32>) {
+        self.partial = Some(PartialSum::new(nodes, &self.columns().elements, self.positions.len()));
+        self.deform();
+    }
+
+    /// Positions of all nodes: summed for this call where only a part of them is kept up to date.
+    pub fn whole_positions(&self) -> Cow<'_, [[f32; 3]]> {
+        if self.partial.is_none() {
+            return Cow::Borrowed(&self.positions);
+        }
+        let mut positions = vec![[0.0; 3]; self.positions.len()];
+        Superposition::new(self.controls.len()).update(&self.columns(), &self.coefficients.c, &mut positions);
+        for (position, rest) in positions.as_flattened_mut().iter_mut().zip(self.rest().as_flattened()) {
+            *position += rest;
+        }
+        Cow::Owned(positions)
+    }
+
     /// Second half: coefficients → displacements, positions, normals.
     pub fn deform(&mut self) -> SumStats {
         let started = Instant::now();
         let (file, body) = (&self.file, &self.body);
-        let columns = Columns {
-            elements: self.controls.iter().map(|control| file.basis(body, &control.name)).collect(),
-        };
-        let stats = self.sum.update(&columns, &self.coefficients.c, &mut self.displacements.u);
         self.displacements.body_from_surface = self.coefficients.body_from_surface;
+        if let Some(partial) = &mut self.partial {
+            let (u, positions) = (&mut self.displacements.u, &mut self.positions);
+            let stats = partial.update(&self.coefficients.c, file.rest(body), u, positions);
+            self.times = FrameTimes { deform_s: started.elapsed().as_secs_f64(), normals_s: 0.0 };
+            return stats;
+        }
+        let columns = columns(file, body, &self.controls);
+        let stats = self.sum.update(&columns, &self.coefficients.c, &mut self.displacements.u);
         let rest = file.rest(body).as_flattened();
         let u = self.displacements.u.as_flattened();
         for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(rest.iter().zip(u)) {
@@ -175,4 +209,8 @@ impl Deformer {
         let stiffness = self.stiffness.as_ref()?;
         Some(wrenches(stiffness, &self.coefficients.c, self.coefficients.body_from_surface.rotation))
     }
+}
+
+fn columns<'a>(file: &'a GreenFile, body: &str, controls: &[ControlRest]) -> Columns<'a> {
+    Columns { elements: controls.iter().map(|control| file.basis(body, &control.name)).collect() }
 }

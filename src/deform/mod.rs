@@ -8,6 +8,7 @@ mod force;
 mod guard;
 mod linear;
 mod normals;
+mod partial;
 mod pose;
 mod rotation;
 mod screw;

@@ -147,6 +147,15 @@ impl Gpu {
         Ok(start.elapsed())
     }
 
+    /// Submits what was uploaded and waits until all is done.
+    ///
+    /// # Errors
+    /// As [`Gpu::wait`].
+    pub fn finish(&self) -> Result<Duration, RenderError> {
+        self.queue.submit([]);
+        self.wait()
+    }
+
     /// Hands over the error the device reported since the last check, if any.
     pub(super) fn check(&self) -> Result<(), RenderError> {
         match self.reported.lock().unwrap_or_else(PoisonError::into_inner).take() {

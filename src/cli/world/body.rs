@@ -109,6 +109,13 @@ impl PlacedBody {
         }
     }
 
+    /// Surface nodes that picking looks at: those of all control elements.
+    pub fn pickable(&self) -> Vec<u32> {
+        let of = |c: usize| self.deformer.control_nodes(c).iter().copied();
+        let nodes: std::collections::BTreeSet<u32> = (0..self.controls.len()).flat_map(of).collect();
+        nodes.into_iter().collect()
+    }
+
     /// The matrix in the room of control element `c` at `pose`.
     pub fn room_from_element(&self, c: usize, pose: &ControlPose) -> Matrix4<f64> {
         let origin = Point3::from(self.deformer.controls[c].origin);
@@ -122,11 +129,12 @@ impl PlacedBody {
         Some(ControlPose { translation, matrix })
     }
 
-    /// The whole surface as a thing to be hit; `shape` is [`PlacedBody::whole_shape`].
-    pub fn whole<'a>(&'a self, shape: &'a PickShape) -> PickTarget<'a> {
+    /// The whole surface as a thing to be hit; `shape` is [`PlacedBody::whole_shape`], `positions` are the deformer's
+    /// `whole_positions`.
+    pub fn whole<'a>(&self, shape: &'a PickShape, positions: &'a [[f32; 3]]) -> PickTarget<'a> {
         PickTarget {
             shape,
-            positions: bytemuck::cast_slice(&self.deformer.positions),
+            positions: bytemuck::cast_slice(positions),
             ball_radius_m: 0.0,
             room_from_body: self.room_from_surface(),
         }

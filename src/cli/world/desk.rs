@@ -101,9 +101,15 @@ impl World {
     pub fn pointed_body(&self, i: usize) -> Option<usize> {
         let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;
         let ray = PickRay::from_stylus(stylus)?;
+        let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.whole_positions()).collect();
         let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
-        let targets: Vec<_> =
-            self.bodies.iter().zip(&shapes).map(|(body, shape)| body.whole(shape)).collect();
+        let targets: Vec<_> = self
+            .bodies
+            .iter()
+            .zip(&shapes)
+            .zip(&positions)
+            .map(|((body, shape), positions)| body.whole(shape, positions))
+            .collect();
         let hit = self.graph.get(self.fields.styli[i].hit).as_ref();
         let touched = hit.and_then(|hit| self.fields.targets.get(hit.target)).map(|&(body, _)| body);
         touched.or_else(|| pick(&ray, &targets).map(|hit| hit.target))

@@ -84,7 +84,7 @@ pub trait WindowApp {
 /// The open windows with their device and renderer.
 pub struct Windows {
     pub gpu: Gpu,
-    renderer: Renderer,
+    pub renderer: Renderer,
     painter: TilePainter,
     surfaces: Vec<WindowSurface>,
 }

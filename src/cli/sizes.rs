@@ -1,0 +1,297 @@
+//! `greenstage bench --sizes`: frames by the size of the model, with bodies deformed on the CPU and on the device.
+//!
+//! A made-up tube of so many surface nodes with 24 columns, drawn for both eyes on every screen of a stage: no offline
+//! stage is needed, and every size fits. All coefficients change in every frame.
+
+use super::device::{self, DeformOn};
+use super::failure::Failure;
+use super::table::{Table, bytes, seconds};
+use crate::deform::{Columns, Superposition, vertex_normals};
+use crate::green::{Basis, FIELDS, Stored};
+use crate::render::{
+    BodyBuffers, BodyInstance, COLOR_FORMAT, EyePair, FrameContents, Gpu, Renderer, View, Viewport,
+};
+use crate::scene::Storage;
+use crate::stage::{Eye, Stage};
+use nalgebra::Point3;
+use std::f32::consts::TAU;
+use std::time::Instant;
+
+/// Control elements, of twelve columns each.
+const ELEMENTS: usize = 2;
+const NEAR_M: f64 = 0.05;
+
+/// An open tube along x, 1 m long, of about so many nodes, and its stored columns.
+struct Tube {
+    rest: Vec<[f32; 3]>,
+    triangles: Vec<[u32; 3]>,
+    stored: Vec<Stored>,
+    storage: Storage,
+}
+
+impl Tube {
+    fn new(nodes: usize, storage: Storage) -> Tube {
+        let around = ((nodes as f64 / 1.6).sqrt() as usize).max(3);
+        let along = nodes.div_ceil(around).max(2);
+        let place = |i: usize| {
+            let (sin, cos) = (TAU * (i % around) as f32 / around as f32).sin_cos();
+            [(i / around) as f32 / (along - 1) as f32 - 0.5, 0.1 * cos, 0.1 * sin]
+        };
+        let rest: Vec<[f32; 3]> = (0..around * along).map(place).collect();
+        let cell = |i: usize| {
+            let next = i / around * around + (i + 1) % around;
+            [[i, i + around, next], [next, i + around, next + around]].map(|t| t.map(|node| node as u32))
+        };
+        let triangles = (0..around * (along - 1)).flat_map(cell).collect();
+        let column = |e: usize, k: usize| -> Vec<f64> {
+            let share = |x: f64| if e == 0 { 0.5 - x } else { 0.5 + x };
+            let number = |x: [f64; 3], axis: usize| match k {
+                0..3 if axis == k => share(x[0]),
+                3.. if axis == (k - 3) / 3 => share(x[0]) * x[(k - 3) % 3],
+                _ => 0.0,
+            };
+            rest.iter().flat_map(|x| [0, 1, 2].map(|axis| number(x.map(f64::from), axis))).collect()
+        };
+        let stored = (0..ELEMENTS)
+            .map(|e| Stored::new(storage, &(0..FIELDS).map(|k| column(e, k)).collect::<Vec<_>>()))
+            .collect();
+        Tube { rest, triangles, stored, storage }
+    }
+}
+
+/// Numbers of a stored element, aligned to their type.
+enum Numbers {
+    F32(Vec<f32>),
+    F16(Vec<u16>),
+    Int16(Vec<i16>),
+}
+
+impl Numbers {
+    fn new(storage: Storage, stored: &Stored) -> Numbers {
+        match storage {
+            Storage::F32 => Numbers::F32(bytemuck::pod_collect_to_vec(&stored.bytes)),
+            Storage::F16 => Numbers::F16(bytemuck::pod_collect_to_vec(&stored.bytes)),
+            Storage::Int16 => Numbers::Int16(bytemuck::pod_collect_to_vec(&stored.bytes)),
+        }
+    }
+
+    fn basis<'a>(&'a self, scales: &'a [f32]) -> Basis<'a> {
+        match self {
+            Numbers::F32(values) => Basis::F32(values),
+            Numbers::F16(bits) => Basis::F16 { bits, scales },
+            Numbers::Int16(values) => Basis::Int16 { values, scales },
+        }
+    }
+}
+
+/// Time of the parts of one frame, s.
+#[derive(Clone, Copy, Default)]
+struct Parts {
+    deform_s: f64,
+    normals_s: f64,
+    upload_s: f64,
+    draw_s: f64,
+}
+
+/// Measures all sizes, where the bodies may deform, and prints a table.
+pub fn run(
+    sizes: &[usize],
+    storage: Storage,
+    stage: &Stage,
+    frames: usize,
+    asked: device::Args,
+) -> Result<(), Failure> {
+    let mut gpu = Gpu::headless()?;
+    let has_clock = gpu.start_clock()?;
+    let heading = [
+        "nodes",
+        "deformed on",
+        "deform",
+        "normals",
+        "upload",
+        "draw",
+        "frame",
+        "frames/s",
+        "drawn",
+        "culled",
+        "buffers",
+    ];
+    let mut table = Table::new(&heading);
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4)?;
+    asked.multiview.apply(&gpu, &mut renderer)?;
+    let views = views(stage);
+    let pairs: Vec<EyePair> = stage
+        .screens
+        .iter()
+        .map(|screen| EyePair::readable(&gpu, &renderer, screen.pixels))
+        .collect::<Result<_, _>>()?;
+    let [shared, alone] = renderer.attachment_bytes();
+    for &size in sizes {
+        let tube = Tube::new(size, storage);
+        for on_device in [false, true] {
+            let unwanted = if on_device { DeformOn::Cpu } else { DeformOn::Gpu };
+            if asked.deform == unwanted {
+                continue;
+            }
+            let before = gpu.made.buffer_bytes();
+            let mut bench = Bench::new(&gpu, &tube, on_device)?;
+            let memory = gpu.made.buffer_bytes() - before;
+            let mut parts = Vec::new();
+            for frame in 0..=frames {
+                let time = bench.frame(&gpu, &mut renderer, stage, &pairs, &views, frame)?;
+                parts.extend((frame > 0).then_some(time));
+            }
+            let median = |pick: fn(&Parts) -> f64| {
+                let mut sorted: Vec<f64> = parts.iter().map(pick).collect();
+                sorted.sort_by(f64::total_cmp);
+                sorted[sorted.len() / 2]
+            };
+            let whole = median(|p| p.deform_s + p.normals_s + p.upload_s + p.draw_s);
+            table.row(&[
+                &tube.rest.len().to_string(),
+                if on_device { "device" } else { "CPU" },
+                &seconds(median(|p| p.deform_s)),
+                &seconds(median(|p| p.normals_s)),
+                &seconds(median(|p| p.upload_s)),
+                &seconds(median(|p| p.draw_s)),
+                &seconds(whole),
+                &format!("{:.1}", 1.0 / whole),
+                &renderer.counts.drawn.to_string(),
+                &renderer.counts.culled.to_string(),
+                &bytes(memory as f64),
+            ]);
+        }
+    }
+    let passes = if renderer.multiview { "one pass for both eyes" } else { "a pass for each eye" };
+    let clock = if has_clock { "times on the device by its own clock" } else { "the device has no clock" };
+    super::print(&format!(
+        "{}, {} pictures, {passes}, {} columns of {storage:?}, on {}; {clock}\ndepth and samples: {}, {} if every \
+         target had its own\n\n{}\n",
+        stage.name,
+        2 * stage.screens.len(),
+        ELEMENTS * FIELDS,
+        gpu.describe(),
+        bytes(shared as f64),
+        bytes(alone as f64),
+        table.text()
+    ))
+}
+
+/// Both eyes' views of every screen.
+fn views(stage: &Stage) -> Vec<[Option<View>; 2]> {
+    let view = |screen: usize, eye: Eye| {
+        let place = stage.viewer.eye_in_room(&stage.viewer.room_from_head, eye);
+        let view = stage.screens[screen].view(&place, NEAR_M).ok()?;
+        Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room })
+    };
+    (0..stage.screens.len()).map(|screen| [Eye::Left, Eye::Right].map(|eye| view(screen, eye))).collect()
+}
+
+/// One body, and what deforms it.
+struct Bench<'a> {
+    tube: &'a Tube,
+    numbers: Vec<Numbers>,
+    buffers: BodyBuffers,
+    sum: Superposition,
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+    scratch: Vec<[f32; 4]>,
+    u: Vec<[f32; 3]>,
+}
+
+impl<'a> Bench<'a> {
+    fn new(gpu: &Gpu, tube: &'a Tube, on_device: bool) -> Result<Bench<'a>, Failure> {
+        let colors = vec![[96, 142, 186, 0]; tube.rest.len()];
+        let numbers: Vec<Numbers> =
+            tube.stored.iter().map(|stored| Numbers::new(tube.storage, stored)).collect();
+        let elements: Vec<_> = numbers
+            .iter()
+            .zip(&tube.stored)
+            .map(|(numbers, stored)| device::on_device(&numbers.basis(&stored.scales)))
+            .collect();
+        let buffers = if on_device {
+            BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &elements)?
+        } else {
+            BodyBuffers::new(gpu, &tube.triangles, &colors)?
+        };
+        let nodes = tube.rest.len();
+        Ok(Bench {
+            tube,
+            numbers,
+            buffers,
+            sum: Superposition::new(ELEMENTS),
+            positions: tube.rest.clone(),
+            normals: vec![[0.0; 3]; nodes],
+            scratch: Vec::new(),
+            u: vec![[0.0; 3]; nodes],
+        })
+    }
+
+    fn frame(
+        &mut self,
+        gpu: &Gpu,
+        renderer: &mut Renderer,
+        stage: &Stage,
+        pairs: &[EyePair],
+        views: &[[Option<View>; 2]],
+        frame: usize,
+    ) -> Result<Parts, Failure> {
+        let c: Vec<[f64; FIELDS]> = (0..ELEMENTS)
+            .map(|e| std::array::from_fn(|k| 0.1 * ((frame * 5 + 3 * k + e) as f64 * 0.3).sin()))
+            .collect();
+        let mut parts = Parts::default();
+        gpu.read_clock()?;
+        if self.buffers.is_deformed_here() {
+            let started = Instant::now();
+            let flat: Vec<f32> = c.as_flattened().iter().map(|c| *c as f32).collect();
+            self.buffers.deform(gpu, &flat)?;
+            gpu.finish()?;
+            parts.deform_s = started.elapsed().as_secs_f64();
+            // Both passes are done: the clock tells how the time splits.
+            let spans = gpu.read_clock()?;
+            if let Some((_, normals_s)) = spans.iter().find(|(name, _)| *name == "normals") {
+                parts.normals_s = normals_s.min(parts.deform_s);
+                parts.deform_s -= parts.normals_s;
+            }
+        } else {
+            self.deform_on_cpu(&c, &mut parts);
+            let started = Instant::now();
+            self.buffers.upload(gpu, &self.positions, &self.normals)?;
+            gpu.finish()?;
+            parts.upload_s = started.elapsed().as_secs_f64();
+        }
+        let (low, high) = (Point3::new(-0.5, -0.1, -0.1), Point3::new(0.5, 0.1, 0.1));
+        let place = stage.workspace.room_from_body(low, high).map(|place| place.to_homogeneous().cast());
+        let room_from_body = place.unwrap_or_else(nalgebra::Matrix4::identity);
+        let bodies = [BodyInstance { buffers: &self.buffers, room_from_body }];
+        let contents = FrameContents { bodies: &bodies, ..Default::default() };
+        let viewports: Vec<[Viewport; 2]> = pairs
+            .iter()
+            .zip(views)
+            .map(|(pair, views)| views.map(|view| Viewport::full(pair.size, view)[0]))
+            .collect();
+        let pictures: Vec<_> =
+            pairs.iter().zip(&viewports).flat_map(|(pair, viewports)| pair.pictures(viewports)).collect();
+        let started = Instant::now();
+        renderer.draw(gpu, &pictures, &contents)?;
+        gpu.wait()?;
+        parts.draw_s = started.elapsed().as_secs_f64();
+        Ok(parts)
+    }
+
+    fn deform_on_cpu(&mut self, c: &[[f64; FIELDS]], parts: &mut Parts) {
+        let started = Instant::now();
+        let bases = self.numbers.iter().zip(&self.tube.stored);
+        let columns =
+            Columns { elements: bases.map(|(numbers, stored)| numbers.basis(&stored.scales)).collect() };
+        self.sum.update(&columns, c, &mut self.u);
+        let moved = self.tube.rest.as_flattened().iter().zip(self.u.as_flattened());
+        for (x, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(moved) {
+            *x = rest + u;
+        }
+        parts.deform_s = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        vertex_normals(&self.positions, &self.tube.triangles, &mut self.scratch, &mut self.normals);
+        parts.normals_s = started.elapsed().as_secs_f64();
+    }
+}

@@ -1,0 +1,78 @@
+//! A surface summed at a few of its nodes: all that picking needs where the graphics device deforms the whole.
+
+use super::{Columns, SumStats, Superposition};
+use crate::green::{Basis, FIELDS};
+
+/// The columns of some nodes, read once, and their sum.
+pub(super) struct PartialSum {
+    nodes: Vec<u32>,
+    /// Per control element, twelve columns of these nodes.
+    columns: Vec<Vec<f32>>,
+    sum: Superposition,
+    u: Vec<[f32; 3]>,
+}
+
+impl PartialSum {
+    /// For `nodes` of a surface of `all` nodes.
+    pub(super) fn new(nodes: Vec<u32>, elements: &[Basis<'_>], all: usize) -> PartialSum {
+        let gathered = |basis: &Basis<'_>| {
+            let of =
+                |k: usize, node: u32| [0, 1, 2].map(|axis| basis.value(all, k, 3 * node as usize + axis));
+            (0..FIELDS).flat_map(|k| nodes.iter().flat_map(move |&node| of(k, node))).collect()
+        };
+        let columns = elements.iter().map(gathered).collect();
+        let u = vec![[0.0; 3]; nodes.len()];
+        PartialSum { nodes, columns, sum: Superposition::new(elements.len()), u }
+    }
+
+    /// Writes the displacements of its nodes into `u` of the whole surface, and where they come to into `positions`.
+    pub(super) fn update(
+        &mut self,
+        c: &[[f64; FIELDS]],
+        rest: &[[f32; 3]],
+        u: &mut [[f32; 3]],
+        positions: &mut [[f32; 3]],
+    ) -> SumStats {
+        let columns = Columns { elements: self.columns.iter().map(|values| Basis::F32(values)).collect() };
+        let stats = self.sum.update(&columns, c, &mut self.u);
+        for (&node, moved) in self.nodes.iter().zip(&self.u) {
+            let node = node as usize;
+            u[node] = *moved;
+            positions[node] = [0, 1, 2].map(|axis| rest[node][axis] + moved[axis]);
+        }
+        stats
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chosen_nodes_come_to_where_the_whole_sum_brings_them() {
+        const NODES: usize = 40;
+        let values =
+            |e: i16| -> Vec<i16> { (0..FIELDS as i16 * 120).map(|i| (i * 37 + e) % 1009 - 500).collect() };
+        let (data, scales) = ([values(1), values(2)], [1e-3; FIELDS]);
+        let elements: Vec<Basis> =
+            data.iter().map(|values| Basis::Int16 { values, scales: &scales }).collect();
+        let c: Vec<[f64; FIELDS]> =
+            (0..2).map(|e| std::array::from_fn(|k| 0.1 * (k + e) as f64 - 0.4)).collect();
+        let mut whole = vec![[0.0; 3]; NODES];
+        Superposition::new(2).update(&Columns { elements: elements.clone() }, &c, &mut whole);
+        let rest = vec![[1.0; 3]; NODES];
+        let (mut u, mut positions) = (vec![[0.0; 3]; NODES], rest.clone());
+        let nodes = vec![0, 3, 17, 39];
+        PartialSum::new(nodes.clone(), &elements, NODES).update(&c, &rest, &mut u, &mut positions);
+        for node in 0..NODES {
+            let chosen = nodes.contains(&(node as u32));
+            for axis in 0..3 {
+                let moved = if chosen { whole[node][axis] } else { 0.0 };
+                assert!(
+                    (u[node][axis] - moved).abs() < 1e-6
+                        && (positions[node][axis] - 1.0 - moved).abs() < 1e-6
+                );
+            }
+        }
+    }
+}
