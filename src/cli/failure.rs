@@ -2,6 +2,7 @@
 
 use crate::config::ConfigError;
 use crate::green::GreenError;
+use crate::render::RenderError;
 use crate::scene::SceneError;
 use std::fmt;
 
@@ -72,6 +73,15 @@ impl From<SceneError> for Failure {
 impl From<GreenError> for Failure {
     fn from(error: GreenError) -> Failure {
         if error.is_request() { Failure::request(error) } else { Failure::work(error) }
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Failure {
+        match error {
+            RenderError::PictureSize { .. } | RenderError::BufferSize { .. } => Failure::request(error),
+            _ => Failure::work(error),
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use super::world::World;
 use crate::interact::{Action, Axis, Freedom, Mode};
 use crate::render::window::Key;
+use crate::track::mouse::BINDINGS;
 
 /// The scene grows by this factor a line of the wheel.
 const SCALE_PER_LINE: f64 = 1.1;
@@ -35,4 +36,10 @@ pub fn scale(lines: f32) -> Action {
     let lines = f64::from(lines);
     let lines = if lines.is_finite() { lines.clamp(-MOST_LINES, MOST_LINES) } else { 0.0 };
     Action::ScaleScene(SCALE_PER_LINE.powf(lines))
+}
+
+/// What mouse and keys do, for `--help` and the start of a session.
+pub fn bindings() -> String {
+    let rows: Vec<String> = BINDINGS.iter().map(|(input, what)| format!("  {input:<36} {what}")).collect();
+    format!("Mouse and keyboard:\n{}", rows.join("\n"))
 }

@@ -15,11 +15,11 @@ use super::table::seconds;
 use super::world::{StepTimes, World};
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
-use crate::render::{Gpu, RenderError, Tile};
+use crate::render::{Gpu, Tile};
 use crate::scene::Scene;
 use crate::stage::Window;
 use crate::track::device::now_s;
-use crate::track::mouse::{BINDINGS, Button as MouseButton};
+use crate::track::mouse::Button as MouseButton;
 use crate::track::{Mouse, MouseInput, Rig, Script, TrackerState};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -29,7 +29,7 @@ use std::time::Instant;
 /// The stage's trackers move head and styli; until one of them speaks, the scene's script does, where it has one, until
 /// you press a mouse button or a key; then mouse and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
 #[derive(Debug, clap::Args)]
-#[command(after_help = bindings())]
+#[command(after_help = keys::bindings())]
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
@@ -97,11 +97,6 @@ impl Args {
     }
 }
 
-fn bindings() -> String {
-    let rows: Vec<String> = BINDINGS.iter().map(|(input, what)| format!("  {input:<36} {what}")).collect();
-    format!("Mouse and keyboard:\n{}", rows.join("\n"))
-}
-
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
@@ -115,7 +110,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
         return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
     }
-    super::print(&format!("{}\n", bindings()))?;
+    super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
     let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
     let world = show.world;
@@ -447,14 +442,5 @@ impl Viewer {
         let of =
             |(window, size): (&Window, &[u32; 2])| panes::tiles(&mut self.world, window, *size, self.swapped);
         self.layout.iter().zip(&self.sizes).map(of).collect()
-    }
-}
-
-impl From<RenderError> for Failure {
-    fn from(error: RenderError) -> Failure {
-        match error {
-            RenderError::PictureSize { .. } | RenderError::BufferSize { .. } => Failure::request(error),
-            _ => Failure::work(error),
-        }
     }
 }

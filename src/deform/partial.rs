@@ -51,8 +51,9 @@ mod tests {
     #[test]
     fn the_chosen_nodes_come_to_where_the_whole_sum_brings_them() {
         const NODES: usize = 40;
-        let values =
-            |e: i16| -> Vec<i16> { (0..FIELDS as i16 * 120).map(|i| (i * 37 + e) % 1009 - 500).collect() };
+        let values = |e: i32| -> Vec<i16> {
+            (0..FIELDS as i32 * 120).map(|i| ((i * 37 + e) % 1009 - 500) as i16).collect()
+        };
         let (data, scales) = ([values(1), values(2)], [1e-3; FIELDS]);
         let elements: Vec<Basis> =
             data.iter().map(|values| Basis::Int16 { values, scales: &scales }).collect();
