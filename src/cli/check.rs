@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// One line each, the most severe first: errors (it is refused), warnings (it is solved or shown, but may not be what
 /// was meant), notes (what was repaired, what is worth knowing). Exit status 2 where there is an error. `precompute`
 /// runs a scene's checks first. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
-/// monitors of the running display (without one, of the file's [[monitor]] tables).
+/// monitors of the running display (without one, of the file's `monitor` tables).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene or stage file (TOML), or the name of a built-in stage

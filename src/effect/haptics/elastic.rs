@@ -174,7 +174,7 @@ impl Elastic {
     }
 
     /// c_e = (R̄ᵀ(o_e + T_e - t̄) - o_e, R̄ᵀ M_e - 1). With the net torque τ of S c about the deformed places, which turns
-    /// to nothing as c does, and y = H⁻¹ τ, the motion of R̄ adds -w R̄[y]× to ∂V/∂M and -w R̄[y]× (C - C̄)/ℓ² to ∂V/∂T.
+    /// to nothing as c does, and y = H⁻¹ τ, the motion of R̄ adds -w R̄\[y\]× to ∂V/∂M and -w R̄\[y\]× (C - C̄)/ℓ² to ∂V/∂T.
     fn respond_rotated(&mut self) -> Response {
         let h_inverse = self.follow_mean();
         let (rotation, inverse) = (*self.mean.matrix(), self.mean.matrix().transpose());
@@ -264,7 +264,7 @@ fn parts(g: &[f64]) -> (Vector3<f64>, Matrix3<f64>) {
     (Vector3::new(g[0], g[1], g[2]), Matrix3::from_row_slice(&g[3..FIELDS]))
 }
 
-/// Of X the vector a with a · ω = X : [ω]×; the moment of Σ f_i r_j.
+/// Of X the vector a with a · ω = X : \[ω\]×; the moment of Σ f_i r_j.
 pub fn axial(x: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(x[(2, 1)] - x[(1, 2)], x[(0, 2)] - x[(2, 0)], x[(1, 0)] - x[(0, 1)])
 }

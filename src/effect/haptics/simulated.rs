@@ -1,7 +1,7 @@
 //! A device that is not there: a mass with friction on the spring of a hand, for tests and for a desk without one.
 //!
 //! m x'' = f - b x' - k_h (x - x_h) - b_h x' and the same for the rotation, between two ticks in steps of
-//! at most [`STEP_S`] under the constant force of the loop, as motors hold it; m contains the hand's own mass.
+//! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass.
 
 use super::device::{Device, Push, Reading};
 use crate::stage::Haptic;

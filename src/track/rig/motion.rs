@@ -44,7 +44,7 @@ impl Motion {
         (self.pose, self.time_s) = (pose, time_s);
     }
 
-    /// The pose at `time_s`, at most [`FARTHEST_S`] after the last one and never before it.
+    /// The pose at `time_s`, at most `FARTHEST_S` after the last one and never before it.
     pub fn at(&self, time_s: f64) -> Isometry3<f64> {
         let Some([along, turning]) = self.speeds else {
             return self.pose;
