@@ -6,6 +6,7 @@ use super::failure::Failure;
 use super::progress::Bars;
 use super::session;
 use crate::deform::ControlPose;
+use crate::fem::nearest_rotation;
 use crate::green::{self, GreenFile};
 use crate::report::measure::RANK;
 use crate::report::plan::{Choice, choose};
@@ -102,8 +103,7 @@ fn measure(scene: &Scene, name: &str, key: String, quiet: bool) -> Result<Table,
 
 /// The largest angle between the rotations of two control elements, rad.
 pub fn largest_turn(poses: &[ControlPose]) -> f64 {
-    let rotations: Vec<Rotation3<f64>> =
-        poses.iter().map(|pose| Rotation3::from_matrix(&pose.matrix)).collect();
+    let rotations: Vec<Rotation3<f64>> = poses.iter().map(|pose| nearest_rotation(&pose.matrix)).collect();
     let pairs =
         rotations.iter().enumerate().flat_map(|(i, a)| rotations[..i].iter().map(move |b| a.angle_to(b)));
     pairs.fold(0.0, f64::max)

@@ -8,8 +8,8 @@
 //! with [axial(A)] = A (Sifakis and Barbič, FEM Simulation of 3D Deformable Solids, SIGGRAPH 2012 courses, section 3.4;
 //! McAdams et al., ACM Trans. Graph. 30(4), 2011, for dR). R is the proper rotation also where F is turned inside out.
 
-use super::Lame;
 use super::hyperelastic::{Law, Tangent};
+use super::{Lame, nearest_rotation};
 use nalgebra::{Matrix3, Vector3};
 
 pub const COROTATIONAL: Law = Law {
@@ -23,29 +23,21 @@ pub const COROTATIONAL: Law = Law {
 /// Least sum of two principal stretches with which the tangent is computed: where one vanishes, dR is not defined.
 const LEAST: f64 = 1e-6;
 
-/// R.
-fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
-    let svd = f.svd(true, true);
-    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
-    let sign = (u * vt).determinant().signum();
-    u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * vt
-}
-
 fn energy(h: &Matrix3<f64>, lame: Lame) -> f64 {
     let f = Matrix3::identity() + h;
-    let r = rotation(&f);
+    let r = nearest_rotation(&f).into_inner();
     lame.mu * (f - r).norm_squared() + 0.5 * lame.lambda * (r.dot(&f) - 3.0).powi(2)
 }
 
 fn stress(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
     let f = Matrix3::identity() + h;
-    let r = rotation(&f);
+    let r = nearest_rotation(&f).into_inner();
     (f - r) * (2.0 * lame.mu) + r * (lame.lambda * (r.dot(&f) - 3.0))
 }
 
 fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
     let f = Matrix3::identity() + h;
-    let r = rotation(&f);
+    let r = nearest_rotation(&f).into_inner();
     let s = r.transpose() * f;
     let s = (s + s.transpose()) * 0.5;
     let sums = (Matrix3::from_diagonal_element(s.trace()) - s).symmetric_eigen();
