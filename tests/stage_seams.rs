@@ -56,7 +56,7 @@ fn a_point_on_a_seam_lands_on_one_physical_place_from_1000_head_poses() {
     for (name, _) in BUILT_IN {
         let stage = Stage::find(name).unwrap();
         let seams = stage.seams();
-        seams_seen += seams.iter().filter(|seam| seam.gap_m < 1e-9).count();
+        seams_seen += seams.iter().filter(|seam| seam.widest_m() < 1e-9).count();
         if seams.is_empty() {
             continue;
         }
@@ -65,9 +65,9 @@ fn a_point_on_a_seam_lands_on_one_physical_place_from_1000_head_poses() {
             let head = head(&stage, &mut random);
             let part = random.unit();
             for eye in [Eye::Left, Eye::Right].map(|eye| stage.viewer.eye_in_room(&head, eye)) {
-                for seam in seams.iter().filter(|seam| seam.gap_m < 1e-9) {
+                for seam in seams.iter().filter(|seam| seam.widest_m() < 1e-9) {
                     let point = seam.ends[0] + (seam.ends[1] - seam.ends[0]) * part;
-                    let shown = seam.screens.map(|i| {
+                    let shown = seam.edges.map(|(i, _)| {
                         let screen = &stage.screens[i];
                         shown_at(screen, &screen.view(&eye, 0.05).unwrap(), &point)
                     });

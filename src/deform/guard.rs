@@ -55,7 +55,7 @@ impl PoseGuard {
         let Some(polar) = polar else {
             return (*last, vec![PoseFault::NotFinite]);
         };
-        let (rotation, mirrored) = (turn(&polar), polar.sign < 0.0);
+        let (rotation, mirrored) = (polar.turn(), polar.sign < 0.0);
         let mut faults = Vec::new();
         if mirrored {
             faults.push(PoseFault::Mirrored);
@@ -65,7 +65,7 @@ impl PoseGuard {
             faults.push(PoseFault::Stretch);
         }
         // The last pose went through here, so its polar factor is defined.
-        let turned = Polar::of(&last.matrix).map_or(UnitQuaternion::identity(), |polar| turn(&polar));
+        let turned = Polar::of(&last.matrix).map_or(UnitQuaternion::identity(), |polar| polar.turn());
         let angle = turned.angle_to(&rotation);
         if angle > JUMP {
             faults.push(PoseFault::Jump);
@@ -82,11 +82,6 @@ impl PoseGuard {
         let translation = last.translation.lerp(&pose.translation, share);
         (ControlPose { translation, matrix: step.to_rotation_matrix() * stretch }, faults)
     }
-}
-
-/// R as a quaternion.
-fn turn(polar: &Polar) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_rotation_matrix(&polar.rotation())
 }
 
 /// S with its eigenvalues clamped to [`STRETCH`], and whether one had to be.
@@ -181,7 +176,7 @@ mod tests {
         let far = turned(170f64.to_radians());
         let (mut last, faults) = guard.admit(&ControlPose::REST, &far);
         assert_eq!(faults, [PoseFault::Jump]);
-        let angle = |pose: &ControlPose| turn(&Polar::of(&pose.matrix).unwrap()).angle();
+        let angle = |pose: &ControlPose| Polar::of(&pose.matrix).unwrap().turn().angle();
         assert!((angle(&last) - CATCH_UP).abs() < 1e-9);
         let mut followed = || {
             last = guard.admit(&last, &far).0;

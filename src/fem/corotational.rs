@@ -9,7 +9,7 @@
 //! McAdams et al., ACM Trans. Graph. 30(4), 2011, for dR). R is the proper rotation also where F is turned inside out.
 
 use super::hyperelastic::{Law, Tangent};
-use super::{Lame, nearest_rotation};
+use super::{Lame, Polar};
 use nalgebra::{Matrix3, Vector3};
 
 pub const COROTATIONAL: Law = Law {
@@ -23,21 +23,26 @@ pub const COROTATIONAL: Law = Law {
 /// Least sum of two principal stretches with which the tangent is computed: where one vanishes, dR is not defined.
 const LEAST: f64 = 1e-6;
 
+/// R.
+fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
+    Polar::of(f).map_or_else(Matrix3::identity, |polar| polar.rotation().into_inner())
+}
+
 fn energy(h: &Matrix3<f64>, lame: Lame) -> f64 {
     let f = Matrix3::identity() + h;
-    let r = nearest_rotation(&f).into_inner();
+    let r = rotation(&f);
     lame.mu * (f - r).norm_squared() + 0.5 * lame.lambda * (r.dot(&f) - 3.0).powi(2)
 }
 
 fn stress(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
     let f = Matrix3::identity() + h;
-    let r = nearest_rotation(&f).into_inner();
+    let r = rotation(&f);
     (f - r) * (2.0 * lame.mu) + r * (lame.lambda * (r.dot(&f) - 3.0))
 }
 
 fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
     let f = Matrix3::identity() + h;
-    let r = nearest_rotation(&f).into_inner();
+    let r = rotation(&f);
     let s = r.transpose() * f;
     let s = (s + s.transpose()) * 0.5;
     let sums = (Matrix3::from_diagonal_element(s.trace()) - s).symmetric_eigen();

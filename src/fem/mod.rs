@@ -25,7 +25,7 @@ pub use hyperelastic::{Hyperelastic, Law, Tangent};
 pub use material::Lame;
 pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
-pub use polar::{Polar, nearest_rotation};
+pub use polar::{Polar, nearest_turn};
 pub use stiffness::StiffnessMatrix;
 pub use stvk::STVK;
 

@@ -7,7 +7,7 @@
 //! R is the proper rotation nearest to A (W. Kabsch, Acta Cryst. A32, 1976, 922-923), also where A mirrors, and at half
 //! a turn, where iterations that start from a rotation find no way. It is unique where σ₂ + det(U Vᵀ) σ₃ > 0.
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// The parts of A.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +34,12 @@ impl Polar {
         is_finite.then_some(Polar { u, sigma, vt, sign })
     }
 
+    /// R as a quaternion, whose angle is right at half a turn and at none, where the arc cosine of R's trace may be no
+    /// number.
+    pub fn turn(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_rotation_matrix(&self.rotation())
+    }
+
     /// R.
     pub fn rotation(&self) -> Rotation3<f64> {
         self.with_signs([1.0, 1.0, self.sign])
@@ -50,9 +56,9 @@ impl Polar {
     }
 }
 
-/// The proper rotation nearest to A; none where A is not finite.
-pub fn nearest_rotation(a: &Matrix3<f64>) -> Rotation3<f64> {
-    Polar::of(a).map_or_else(Rotation3::identity, |polar| polar.rotation())
+/// The proper rotation nearest to A; the identity where A is not finite.
+pub fn nearest_turn(a: &Matrix3<f64>) -> UnitQuaternion<f64> {
+    Polar::of(a).map_or_else(UnitQuaternion::identity, |polar| polar.turn())
 }
 
 #[cfg(test)]
@@ -92,8 +98,9 @@ mod tests {
                     assert_proper(&rotation, &what);
                     assert!((rotation.matrix() - exact.matrix()).amax() < 1e-13, "{what}: {rotation}");
                     assert!((polar.stretch() - s).amax() < 1e-13, "{what}");
-                    assert!((rotation.angle() - angle).abs() < 1e-7, "{what}: {}", rotation.angle());
-                    assert_eq!(nearest_rotation(&(exact.matrix() * s)), rotation);
+                    let turn = nearest_turn(&(exact.matrix() * s));
+                    assert!((turn.angle() - angle).abs() < 1e-13, "{what}: {}", turn.angle());
+                    assert!((turn.to_rotation_matrix().matrix() - exact.matrix()).amax() < 1e-13, "{what}");
                 }
             }
         }
@@ -104,8 +111,8 @@ mod tests {
     fn half_a_turn_that_is_exact_is_kept_exactly() {
         for signs in [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
             let half_turn = Matrix3::from_diagonal(&Vector3::from(signs));
-            assert_eq!(*nearest_rotation(&half_turn).matrix(), half_turn);
-            assert_eq!(nearest_rotation(&half_turn).angle(), PI);
+            assert_eq!(*Polar::of(&half_turn).unwrap().rotation().matrix(), half_turn);
+            assert_eq!(nearest_turn(&half_turn).angle(), PI);
         }
     }
 
@@ -126,11 +133,11 @@ mod tests {
                     assert_eq!(polar.sign, least.signum(), "{what}");
                 }
                 let line = exact.matrix() * Matrix3::from_diagonal(&Vector3::new(1.0, least, least));
-                assert_proper(&nearest_rotation(&line), &what);
-                assert_proper(&nearest_rotation(&(flat * 1e-30)), &what);
+                assert_proper(&Polar::of(&line).unwrap().rotation(), &what);
+                assert_proper(&Polar::of(&(flat * 1e-30)).unwrap().rotation(), &what);
             }
         }
-        assert_proper(&nearest_rotation(&Matrix3::zeros()), "nothing");
+        assert_proper(&Polar::of(&Matrix3::zeros()).unwrap().rotation(), "nothing");
     }
 
     #[test]
@@ -138,7 +145,7 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY] {
             let mut a = Matrix3::identity();
             a[(1, 2)] = bad;
-            assert_eq!((Polar::of(&a), nearest_rotation(&a)), (None, Rotation3::identity()));
+            assert_eq!((Polar::of(&a), nearest_turn(&a)), (None, UnitQuaternion::identity()));
         }
     }
 }

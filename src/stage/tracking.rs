@@ -6,6 +6,7 @@
 mod address;
 mod fault;
 mod file;
+pub mod vrpn;
 
 pub use fault::TrackingFault;
 pub(super) use file::{SensorFile, StylusFile, TrackerFile, check};
@@ -37,28 +38,11 @@ pub struct Tracker {
 /// What is spoken, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrackerKind {
-    Vrpn {
-        device: String,
-        host: String,
-        port: u16,
-        /// Poses may come by UDP; false, as `tcp://` in the address asks: all by the one TCP connection.
-        udp: bool,
-        transport: Transport,
-    },
-    Dtrack {
-        listen: SocketAddr,
-    },
-    Osc {
-        listen: SocketAddr,
-        euler: EulerOrder,
-    },
-    Fastrak {
-        device: PathBuf,
-        baud: u32,
-    },
-    Gamepad {
-        device: PathBuf,
-    },
+    Vrpn { address: vrpn::Address, transport: Transport },
+    Dtrack { listen: SocketAddr },
+    Osc { listen: SocketAddr, euler: EulerOrder },
+    Fastrak { device: PathBuf, baud: u32 },
+    Gamepad { device: PathBuf },
 }
 
 /// How a VRPN client reaches its server.
@@ -186,10 +170,9 @@ impl TrackerFrame {
 impl std::fmt::Display for TrackerKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            TrackerKind::Vrpn { device, host, port, udp, transport } => {
-                let tcp = if *udp { "" } else { "tcp://" };
+            TrackerKind::Vrpn { address, transport } => {
                 let lob = if *transport == Transport::Lob { " (lob)" } else { "" };
-                write!(f, "vrpn {device}@{tcp}{host}:{port}{lob}")
+                write!(f, "vrpn {address}{lob}")
             }
             TrackerKind::Dtrack { listen } => write!(f, "dtrack on {listen}"),
             TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),
