@@ -87,7 +87,7 @@ fn host_and_port(place: &str) -> (&str, Option<&str>) {
     let (host, rest) = place.split_at(host_bytes);
     match rest {
         "" => (host, None),
-        rest => (host, Some(rest.strip_prefix(':').unwrap_or(rest))),
+        rest => (host, Some(rest.strip_prefix(':').unwrap_or(""))),
     }
 }
 
