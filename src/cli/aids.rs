@@ -88,16 +88,22 @@ impl Aids {
                 }
             }
             2 => {
-                if let (Some(outside), Some(kept)) = (self.outside.get_mut(window), self.kept.get_mut(window))
+                if !self.leave_room(window)
+                    && let (Some(outside), Some(kept)) = (self.outside.get_mut(window), self.kept.get(window))
                 {
-                    match outside.take() {
-                        Some(orbit) => *kept = Some(Orbit::new(orbit.camera)),
-                        None => *outside = kept.or_else(|| Some(Orbit::new(Camera::of(stage)))),
-                    }
+                    *outside = kept.or_else(|| Some(Orbit::new(Camera::of(stage))));
                 }
             }
-            _ => self.pattern = !self.pattern,
+            // In a window that shows the room, the key calls for what cannot be seen there.
+            _ => self.pattern = self.leave_room(window) || !self.pattern,
         }
+    }
+
+    /// Back to the window's screens; false where it shows them already.
+    fn leave_room(&mut self, window: usize) -> bool {
+        let Some(orbit) = self.outside.get_mut(window).and_then(Option::take) else { return false };
+        self.kept[window] = Some(Orbit::new(orbit.camera));
+        true
     }
 
     /// Draws a frame: `tiles` and `contents` as they are without aids. `readings` is asked when an overlay is shown.
@@ -181,5 +187,32 @@ impl Aids {
             }
         }
         tiles
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_shows_in_its_window_what_it_calls_up() {
+        let stage = Stage::find("workbench").unwrap();
+        let layout = stage.layout();
+        let mut aids = Aids::new(&stage, layout.len());
+        let mut press = |key: u8, window: usize| {
+            let key = Key::Function(key);
+            assert!(aids.input(&Input::Key { window, key, pressed: true }, &stage, &layout));
+            assert!(aids.input(&Input::Key { window, key, pressed: false }, &stage, &layout));
+            (aids.outside.iter().map(Option::is_some).collect::<Vec<_>>(), aids.pattern)
+        };
+        assert_eq!(press(2, 1), (vec![false, true, false, false], false));
+        assert_eq!(press(3, 0), (vec![false, true, false, false], true), "an operator's window keeps the room");
+        assert_eq!(press(3, 1), (vec![false; 4], true), "over the room, the pattern is called");
+        assert_eq!(press(3, 1), (vec![false; 4], false));
+        assert_eq!(press(3, 1), (vec![false; 4], true));
+        assert_eq!(press(2, 1), (vec![false, true, false, false], true), "over the pattern, the room");
+        assert_eq!(press(2, 1), (vec![false; 4], true));
+        assert_eq!(press(1, 2), (vec![false; 4], true));
+        assert_eq!(aids.panels, [false, true], "both eyes of the screen");
     }
 }
