@@ -162,7 +162,7 @@ fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Resul
                 buffers.deform(gpu, &coefficients(body))?;
             } else {
                 body.deformer.deform();
-                buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
+                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
             }
             gpu.finish()?;
             if round > 0 {

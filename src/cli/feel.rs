@@ -208,7 +208,7 @@ impl Link {
             element,
             room_from_body: body.room_from_body,
             stylus_from_element: hold.stylus_from_element,
-            mean: body.deformer.displacements.body_from_surface.rotation.to_rotation_matrix(),
+            mean: body.deformer.body_from_surface().rotation.to_rotation_matrix(),
         })
     }
 

@@ -46,7 +46,7 @@ impl Bodies {
             if moved && buffers.is_deformed_here() {
                 buffers.deform(gpu, &device::coefficients(body))?;
             } else if moved {
-                buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
+                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
             }
             if std::mem::take(&mut body.recolour) {
                 buffers.set_colors(gpu, &body.colours())?;

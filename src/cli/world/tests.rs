@@ -8,6 +8,7 @@ use crate::track::StylusState;
 use nalgebra::{Translation3, Vector3};
 use std::path::Path;
 
+mod elsewhere;
 mod tracked;
 
 const SCENE: &str = r#"
