@@ -239,18 +239,24 @@ fn small(image: &RgbaImage) -> RgbaImage {
 }
 
 /// Frames from left to right, in each one column per eye; a column shows the screens from the highest to the lowest,
-/// so that a wall stands on the table before it.
+/// so that a wall stands on the table before it. Each row is as high as its highest picture.
 fn contact_sheet(frames: &[Vec<RgbaImage>], from_top: &[usize]) -> RgbaImage {
     let screens = from_top.len();
     let pictures = frames.iter().map(Vec::len).max().unwrap_or(0);
     let eyes = pictures.checked_div(screens).unwrap_or(0).max(1);
-    let size = |pick: fn(&RgbaImage) -> u32| frames.iter().flatten().map(pick).max().unwrap_or(1);
-    let (width, height) = (size(RgbaImage::width), size(RgbaImage::height));
+    let width = frames.iter().flatten().map(RgbaImage::width).max().unwrap_or(1);
+    let heights: Vec<u32> = from_top
+        .iter()
+        .map(|&screen| {
+            let row = frames.iter().flat_map(|frame| frame.iter().skip(screen * eyes).take(eyes));
+            row.map(RgbaImage::height).max().unwrap_or(0) + 1
+        })
+        .collect();
     let frame_width = eyes as u32 * (width + SHEET_GAP) + 2 * SHEET_GAP;
     let background = image::Rgba([24, 26, 30, 255]);
     let mut sheet = RgbaImage::from_pixel(
         frames.len() as u32 * frame_width + SHEET_GAP,
-        screens as u32 * (height + 1) + 2 * SHEET_GAP,
+        heights.iter().sum::<u32>() + 2 * SHEET_GAP,
         background,
     );
     for (f, frame) in frames.iter().enumerate() {
@@ -258,7 +264,7 @@ fn contact_sheet(frames: &[Vec<RgbaImage>], from_top: &[usize]) -> RgbaImage {
             let (screen, eye) = (p / eyes, p % eyes);
             let x = 2 * SHEET_GAP + f as u32 * frame_width + eye as u32 * (width + SHEET_GAP);
             let row = from_top.iter().position(|&s| s == screen).unwrap_or(screen);
-            let y = SHEET_GAP + row as u32 * (height + 1);
+            let y = SHEET_GAP + heights.iter().take(row).sum::<u32>();
             imageops::replace(&mut sheet, image, i64::from(x), i64::from(y));
         }
     }
