@@ -18,7 +18,7 @@ pub struct Grasp {
     pub room_from_hand: Option<Isometry3<f64>>,
 }
 
-/// A stylus' hold on one control element.
+/// A handle's hold on one control element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
     /// Number of the grab: another number is another hold.
@@ -27,42 +27,42 @@ pub struct Held {
     pub body: usize,
     pub element: usize,
     pub room_from_body: Similarity3<f64>,
-    /// stylus(grab)⁻¹ · room_from_element(grab): room_from_element = room_from_stylus · this.
-    pub stylus_from_element: Matrix4<f64>,
+    /// handle(grab)⁻¹ · room_from_element(grab): room_from_element = room_from_handle · this.
+    pub handle_from_element: Matrix4<f64>,
     /// Rotation of the whole body in the frame, where the loop starts to follow it.
     pub mean: Rotation3<f64>,
 }
 
-/// The stylus in the room of a device's handle: translations times `motion`.
-pub fn room_from_stylus(haptic: &Haptic, device_from_stylus: &Isometry3<f64>) -> Isometry3<f64> {
-    let mut scaled = *device_from_stylus;
+/// A device's handle in the room: translations times `motion`.
+pub fn room_from_handle(haptic: &Haptic, device_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
+    let mut scaled = *device_from_handle;
     scaled.translation.vector *= haptic.motion;
     haptic.room_from_device * scaled
 }
 
-/// The handle of a stylus in the room; the inverse of [`room_from_stylus`].
-pub fn device_from_stylus(haptic: &Haptic, room_from_stylus: &Isometry3<f64>) -> Isometry3<f64> {
-    let mut pose = haptic.room_from_device.inv_mul(room_from_stylus);
+/// What the device tells of a handle in the room; the inverse of [`room_from_handle`].
+pub fn device_from_handle(haptic: &Haptic, room_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
+    let mut pose = haptic.room_from_device.inv_mul(room_from_handle);
     pose.translation.vector /= haptic.motion;
     pose
 }
 
-/// The held element with the stylus at a place.
+/// The held element with the handle at a place.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     /// Its pose in the body.
     pub pose: ControlPose,
-    /// From the stylus' origin to the element's, in the room, m.
+    /// From the handle's origin to the element's, in the room, m.
     pub arm: Vector3<f64>,
 }
 
 impl Held {
-    /// Where the element is while the stylus is at `room_from_stylus`.
-    pub fn reach(&self, room_from_stylus: &Isometry3<f64>, origin: &Vector3<f64>) -> Reach {
-        let element = self.stylus_from_element;
-        let matrix = room_from_stylus.rotation.to_rotation_matrix() * element.fixed_view::<3, 3>(0, 0);
-        let arm = room_from_stylus.rotation * element.fixed_view::<3, 1>(0, 3).into_owned();
-        let place = room_from_stylus.translation.vector + arm;
+    /// Where the element is while the handle is at `room_from_handle`.
+    pub fn reach(&self, room_from_handle: &Isometry3<f64>, origin: &Vector3<f64>) -> Reach {
+        let element = self.handle_from_element;
+        let matrix = room_from_handle.rotation.to_rotation_matrix() * element.fixed_view::<3, 3>(0, 0);
+        let arm = room_from_handle.rotation * element.fixed_view::<3, 1>(0, 3).into_owned();
+        let place = room_from_handle.translation.vector + arm;
         let body = &self.room_from_body;
         let turn = body.isometry.rotation.to_rotation_matrix().matrix().transpose() / body.scaling();
         let translation = turn * (place - body.isometry.translation.vector) - origin;

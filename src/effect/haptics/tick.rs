@@ -6,7 +6,7 @@
 
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held, room_from_stylus};
+use super::grasp::{Grasp, Held, room_from_handle};
 use super::passivity::{Coupling, MARGIN, Observer, handle_stiffness, largest_stiffness};
 use crate::stage::{Haptic, ROOM_LIMIT_M};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
@@ -62,7 +62,7 @@ pub struct Faults {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Felt {
     /// In the room; `None` while the device is lost.
-    pub room_from_stylus: Option<Isometry3<f64>>,
+    pub room_from_handle: Option<Isometry3<f64>>,
     pub buttons: [bool; 2],
     /// On the hand, in the device's frame.
     pub push: Push,
@@ -194,27 +194,27 @@ impl Control {
         };
         let Some(new) = newest.copied().filter(|new| new.tracked && now_s - new.arrived_s <= STALE_S) else {
             faults.lost += 1;
-            self.felt.room_from_stylus = None;
+            self.felt.room_from_handle = None;
             self.felt.buttons = [false; 2];
             // A clock that went back for good would never be believed again.
             self.last = None;
             return false;
         };
         self.felt.buttons = new.buttons;
-        if !is_sane(&new.device_from_stylus) {
+        if !is_sane(&new.device_from_handle) {
             faults.absurd += 1;
             self.last = None;
             return false;
         }
-        let room = room_from_stylus(&self.haptic, &new.device_from_stylus);
-        self.felt.room_from_stylus = Some(room);
+        let room = room_from_handle(&self.haptic, &new.device_from_handle);
+        self.felt.room_from_handle = Some(room);
         let Some(last) = self.last.replace(new) else {
             self.velocity = [Vector3::zeros(); 2];
             return true;
         };
-        let dx = new.device_from_stylus.translation.vector - last.device_from_stylus.translation.vector;
+        let dx = new.device_from_handle.translation.vector - last.device_from_handle.translation.vector;
         let turn =
-            (new.device_from_stylus.rotation * last.device_from_stylus.rotation.inverse()).scaled_axis();
+            (new.device_from_handle.rotation * last.device_from_handle.rotation.inverse()).scaled_axis();
         // A silent device may have moved for as long as it was silent.
         let time = (new.arrived_s - last.arrived_s).max(dt).max(self.haptic.period_s());
         if dx.norm() > MOST_SPEED[0] * time || turn.norm() > MOST_SPEED[1] * time {
@@ -235,7 +235,7 @@ impl Control {
 
     /// What the body and the dampers want of the device; `None` where it is no number.
     fn pull(&mut self, held: &Held, dt: f64) -> Option<Push> {
-        let handle = self.last?.device_from_stylus;
+        let handle = self.last?.device_from_handle;
         self.couple(held, &handle)?;
         let haptic = &self.haptic;
         let offset = self.coupling.compliance * self.coupled;
@@ -244,7 +244,7 @@ impl Control {
         hold.rotation =
             UnitQuaternion::from_scaled_axis(offset.fixed_rows::<3>(3).into_owned()) * hold.rotation;
         let body = self.bodies.get_mut(held.body)?;
-        let reach = held.reach(&room_from_stylus(haptic, &hold), &body.origin());
+        let reach = held.reach(&room_from_handle(haptic, &hold), &body.origin());
         let response = body.respond(&reach.pose);
         self.felt.faults.undefined += u64::from(response.rotation_undefined);
         let push = held.push(haptic, &reach, &response);
@@ -288,7 +288,7 @@ impl Control {
             self.coupling = Coupling::default();
             return Some(());
         }
-        let reach = held.reach(&room_from_stylus(haptic, handle), &body.origin());
+        let reach = held.reach(&room_from_handle(haptic, handle), &body.origin());
         let lever = held.lever(haptic, &reach, &body.mean());
         let stiffness = handle_stiffness(&body.held_block(), &lever) * held.energy_scale(haptic);
         // Per unit of friction.
