@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use crate::deform::{ControlPose, ControlRest};
-use crate::effect::haptics::{Control, Elastic, Grasp, Hand, Held, Loop, News, Reading, Simulated};
+use crate::effect::haptics::{Control, Elastic, Grasp, Hand, Held, Loop, News, Reading, Simulated, Way};
 use crate::green::FIELDS;
 use crate::report::table::{Table, seconds};
 use crate::stage::Haptic;
@@ -60,7 +60,7 @@ fn control(model: &str, elements: usize) -> Option<Control> {
         body: 0,
         element: 1,
         room_from_body: Similarity3::identity(),
-        handle_from_element: Matrix4::new_translation(&controls[1].origin),
+        way: Way::Rigid(Matrix4::new_translation(&controls[1].origin)),
         mean: Rotation3::identity(),
     };
     let poses = vec![ControlPose::REST; elements];

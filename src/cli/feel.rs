@@ -5,10 +5,11 @@
 //! device, there is no [`Feel`], no loop and no call in the frame.
 
 use super::failure::Failure;
+use super::overlay::HapticReading;
 use super::world::World;
 use crate::effect::find_effect;
 use crate::effect::haptics::{
-    Control, Device, Elastic, Felt, Hand, Haply, Held, Loop, Sensed, Simulated, VrpnDevice,
+    Control, Device, Elastic, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated, VrpnDevice, Way,
 };
 use crate::green::GreenFile;
 use crate::interact::Mode;
@@ -16,7 +17,7 @@ use crate::report::table::seconds;
 use crate::scene::Scene;
 use crate::stage::{Haptic, HapticDevice, Stage};
 use crate::track::{TrackerState, usable};
-use nalgebra::{Isometry3, Matrix4};
+use nalgebra::Isometry3;
 
 pub struct Feel {
     links: Vec<Link>,
@@ -37,13 +38,27 @@ struct Link {
     warned: bool,
 }
 
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 struct Hold {
     place: (usize, usize),
-    handle_from_element: Matrix4<f64>,
+    way: Way,
 }
 
-/// A hold whose matrix is off by more than this since it began is another one.
+impl Hold {
+    fn goes_on(&self, last: &Hold) -> bool {
+        let is_same = match (&self.way, &last.way) {
+            (Way::Rigid(now), Way::Rigid(then)) => (now - then).norm() < SAME_HOLD,
+            (Way::Carried { carrying: now, .. }, Way::Carried { carrying: then, .. }) => {
+                now.begun() == then.begun()
+            }
+            _ => false,
+        };
+        is_same && self.place == last.place
+    }
+}
+
+/// A hold whose matrix is off by more than this since it began is another one; an element that is off by more does not
+/// follow.
 const SAME_HOLD: f64 = 1e-3;
 
 /// A frame of the world, felt where something is to be felt.
@@ -125,6 +140,21 @@ impl Feel {
         }
     }
 
+    /// What the overlay shows of each.
+    pub fn readings(&mut self) -> Vec<HapticReading> {
+        let of = |link: &mut Link| {
+            let Report { felt, clockwork } = *link.running.report();
+            HapticReading {
+                name: link.haptic.name.clone(),
+                felt,
+                clockwork,
+                max_force_n: link.haptic.max_force_n,
+                holds: link.hold.is_some(),
+            }
+        };
+        self.links.iter_mut().map(of).collect()
+    }
+
     /// How the loops did, a line for each.
     pub fn summary(&mut self) -> String {
         let line = |link: &mut Link| {
@@ -171,14 +201,16 @@ impl Link {
         }
     }
 
-    /// What this link's stylus holds freely and alone; `None` for all else, whose force is not known.
+    /// What this link's stylus holds; `None` too where the element does not go where the hand wants it, beyond the limits
+    /// of a pose.
     fn held(&mut self, world: &World) -> Option<Held> {
         let now = self.holds_now(world);
-        let goes_on = now.zip(self.hold).is_some_and(|(now, last)| {
-            now.place == last.place && (now.handle_from_element - last.handle_from_element).norm() < SAME_HOLD
-        });
+        let goes_on = now.zip(self.hold).is_some_and(|(now, last)| now.goes_on(&last));
         if !goes_on {
             self.grips += u64::from(now.is_some());
+        }
+        // The other hand of a hold moves; what one hand holds freely stays as it was taken.
+        if !goes_on || matches!(now, Some(Hold { way: Way::Carried { .. }, .. })) {
             self.hold = now;
         }
         let hold = self.hold?;
@@ -189,30 +221,33 @@ impl Link {
             body: self.bodies.iter().position(|body| *body == b)?,
             element,
             room_from_body: body.room_from_body,
-            handle_from_element: hold.handle_from_element,
+            way: hold.way,
             mean: body.deformer.displacements.body_from_surface.rotation.to_rotation_matrix(),
         })
     }
 
     fn holds_now(&self, world: &World) -> Option<Hold> {
-        let grasp = world.graph.get(world.fields.hands);
-        let hands = &grasp.hands;
+        let hands = &world.graph.get(world.fields.hands).hands;
         let target = hands.grip(self.stylus)?.target;
         let holders =
             (0..world.fields.styli.len()).filter(|&i| hands.grip(i).is_some_and(|g| g.target == target));
         let stylus = world.graph.get(world.fields.styli.get(self.stylus)?.stylus).as_ref()?;
         let place = *world.fields.targets.get(target)?;
-        let is_free = hands.mode == Mode::FREE && holders.count() == 1 && !stylus.second;
-        if !is_free || !self.bodies.contains(&place.0) {
+        if !self.bodies.contains(&place.0) {
             return None;
         }
+        let handle_from_stylus = self.haptic.sensor_from_body;
         let (body, pose) = (&world.bodies[place.0], hands.room_from_stylus(self.stylus)?);
-        let room_from_handle = pose * self.haptic.sensor_from_body.inverse();
-        let room_from_element = body.room_from_element(place.1, body.deformer.poses.get(place.1)?);
-        Some(Hold {
-            place,
-            handle_from_element: room_from_handle.inverse().to_homogeneous() * room_from_element,
-        })
+        let shown = body.room_from_element(place.1, body.deformer.poses.get(place.1)?);
+        let way = if hands.mode == Mode::FREE && holders.count() == 1 && !stylus.second {
+            let handle_from_room = handle_from_stylus * pose.inverse();
+            Way::Rigid(handle_from_room.to_homogeneous() * shown)
+        } else {
+            let carrying = hands.carrying(self.stylus)?;
+            let is_followed = (carrying.now()? - shown).norm() < SAME_HOLD;
+            is_followed.then_some(Way::Carried { carrying, handle_from_stylus })?
+        };
+        Some(Hold { place, way })
     }
 
     /// Says once that a body is too stiff to be felt as it is.

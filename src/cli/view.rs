@@ -352,12 +352,15 @@ impl WindowApp for Viewer {
             };
             let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
             let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
+            let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
+            let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
                 device: gpu.describe(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
                 sensors: SensorReading::of(&reports),
+                haptics,
                 ..Readings::of(&self.world)
             };
             let contents = contents(&self.world, &instances);

@@ -6,11 +6,12 @@ use crate::cli::{session, track};
 use crate::effect::haptics::grasp::device_from_handle;
 use crate::effect::haptics::thread::running;
 use crate::green;
+use crate::interact::{Action, Axis, Freedom};
 use crate::stage::{BUILT_IN, rotation_towards};
 use crate::track::StylusState;
 use crate::track::device::{DeviceState, Link as Line, Source, now_s};
 use crate::track::vrpn::Server;
-use nalgebra::{Translation3, Vector3};
+use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector6};
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -210,4 +211,119 @@ fn a_haply_device_is_a_stylus_without_a_loop() {
     drop(rig);
     let forces = server.join().unwrap();
     assert!(!forces.is_empty() && forces.iter().all(|force| *force == 0.0), "{forces:?}");
+}
+
+/// What the hands do in one case: the mode, whether a second hand holds the other edge, whether the first one scales.
+struct Case {
+    name: &'static str,
+    mode: Mode,
+    two: bool,
+    scales: bool,
+}
+
+fn cases() -> Vec<Case> {
+    let only = |freedom| Mode { freedom, axis: None };
+    let case = |name, mode, two, scales| Case { name, mode, two, scales };
+    vec![
+        case("free", Mode::FREE, false, false),
+        case("translate", only(Freedom::Translate), false, false),
+        case("rotate", only(Freedom::Rotate), false, false),
+        case("along and about y", Mode::FREE.along(Axis::Y), false, false),
+        case("along its own x", only(Freedom::Translate).along(Axis::X).along(Axis::X), false, false),
+        case("about z", only(Freedom::Rotate).along(Axis::Z), false, false),
+        case("two hands", Mode::FREE, true, false),
+        case("two hands along y", Mode::FREE.along(Axis::Y), true, false),
+        case("scaled", Mode::FREE, false, true),
+    ]
+}
+
+/// Hands beside the block's end at `z` of the workspace's radius, moved and turned by `by`.
+fn hand(world: &World, z: f64, by: f64, pressed: bool) -> StylusState {
+    let workspace = world.stage.workspace;
+    let place =
+        workspace.centre + Vector3::new(1.5 - 0.3 * by, 0.2 * by, z * (1.0 + by)) * workspace.radius_m;
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, 0.3, 0.5) * by * z.signum());
+    let rotation = turn * rotation_towards(&-Vector3::x(), 0.0).unwrap();
+    let room_from_stylus = Isometry3::from_parts(Translation3::from(place.coords), rotation).cast();
+    StylusState { room_from_stylus, pressed, ..Default::default() }
+}
+
+/// The push against differences of the energy of the body that the picture shows, the world stepped with the hand a
+/// little aside: through pick, hold, mode, guard and model.
+#[test]
+fn in_every_mode_and_with_two_hands_the_push_is_the_slope_of_the_energy_that_is_shown() {
+    let _alone = LOOPS.lock();
+    for Case { name, mode, two, scales } in cases() {
+        let (scene, file, mut world) = session("\"haptics\"", DEVICE);
+        let mut feel = Feel::start(&scene, &file, &world).unwrap().unwrap();
+        let link = &mut feel.links[0];
+        let mut time_s = 0.0;
+        let mut go = |world: &mut World, styli: &[StylusState]| {
+            time_s += 0.5;
+            world.step(&TrackerState { head: None, styli: styli.to_vec(), time_s });
+        };
+        let styli = |world: &World, by: f64, pressed: bool| -> Vec<StylusState> {
+            let zs = if two { &[0.3, -0.3][..] } else { &[0.3] };
+            zs.iter().map(|&z| hand(world, z, by, pressed)).collect()
+        };
+        for (by, pressed) in [(0.0, false), (0.0, true)] {
+            let now = styli(&world, by, pressed);
+            go(&mut world, &now);
+        }
+        // Bent first, so that there is a force whatever the mode lets through after it.
+        let bent = styli(&world, 0.3, true);
+        go(&mut world, &bent);
+        world.act(Action::SetMode(mode));
+        let mut now = styli(&world, 0.3, true);
+        now[0].second = scales;
+        go(&mut world, &now);
+        let mut now = styli(&world, 0.5, true);
+        now[0].second = scales;
+        go(&mut world, &now);
+
+        let held = link.held(&world).unwrap_or_else(|| panic!("{name}: nothing is felt"));
+        let body = &world.bodies[0];
+        let controls = &body.deformer.controls;
+        let mut elastic = Elastic::new("rotation", &file.stiffness("block").unwrap(), controls).unwrap();
+        elastic.set(held.element, &body.deformer.poses);
+        elastic.set_mean(held.mean);
+        let handle = world.graph.get(world.fields.hands).hands.room_from_stylus(0).unwrap();
+        let reach = held.reach(&handle, &controls[held.element].origin).unwrap();
+        let shown = body.deformer.poses[held.element];
+        assert!((reach.pose.translation - shown.translation).norm() < 1e-9, "{name}");
+        assert!((reach.pose.matrix - shown.matrix).norm() < 1e-9, "{name}");
+        let push = held.push(&link.haptic, &reach, &elastic.respond(&reach.pose)).unwrap().stacked();
+        let scale = held.energy_scale(&link.haptic);
+        const H: f64 = 1e-3;
+        let slope = Vector6::from_fn(|k, _| {
+            let mut energy = |by: f64| {
+                let mut motion = Vector6::zeros();
+                motion[k] = by;
+                let turn = UnitQuaternion::from_scaled_axis(motion.fixed_rows::<3>(3).into_owned());
+                let place = handle.translation.vector + motion.fixed_rows::<3>(0);
+                let moved = Isometry3::from_parts(Translation3::from(place), turn * handle.rotation);
+                let mut there = now.clone();
+                there[0].room_from_stylus = moved.cast();
+                go(&mut world, &there);
+                world.bodies[0].deformer.wrenches().unwrap().1 * scale
+            };
+            (energy(H) - energy(-H)) / (2.0 * H)
+        });
+        // Differences over 1 mm and mrad of poses in single precision.
+        let [off, size] = [0, 3]
+            .map(|k| {
+                let part = |v: &Vector6<f64>| v.fixed_rows::<3>(k).norm();
+                [part(&(push + slope)), part(&slope)]
+            })
+            .into_iter()
+            .fold([0.0, 0.0], |sum, [off, size]| [sum[0] + off, sum[1] + size]);
+        println!("{name}: off by {:.1e} of {size:.2}", off / size);
+        assert!(size > 1e-2 && off < 5e-4 * size, "{name}: {push} is not minus {slope}");
+        // The other hand moves: the same hold.
+        if two {
+            now[1] = hand(&world, -0.3, 0.52, true);
+            go(&mut world, &now);
+            assert_eq!(link.held(&world).unwrap().grip, held.grip);
+        }
+    }
 }

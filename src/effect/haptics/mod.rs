@@ -21,7 +21,7 @@ pub mod vrpn;
 
 pub use device::{Device, News, Push, Reading};
 pub use elastic::{Elastic, Response};
-pub use grasp::{Grasp, Held};
+pub use grasp::{Grasp, Held, Way};
 pub use haply::Haply;
 pub use sensed::Sensed;
 pub use simulated::{Hand, Simulated};

@@ -26,6 +26,8 @@ static RUNNING: AtomicUsize = AtomicUsize::new(0);
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clockwork {
     pub ticks: u64,
+    /// Ticks in the last whole second; 0 before the first.
+    pub rate_hz: f64,
     /// Ticks that began more than half a period after they were due.
     pub late: u64,
     /// Ticks that were left out, for the next was due already.
@@ -114,6 +116,7 @@ fn run(
     let sleeper = SpinSleeper::default();
     let (mut work, mut late) = (Histogram::new(), Histogram::new());
     let mut clockwork = Clockwork::default();
+    let mut second = (Instant::now(), 0);
     let mut due = Instant::now();
     // Percentiles some thirty times a second.
     let summary = (control.haptic.rate_hz / 30.0).max(1.0) as u64;
@@ -149,6 +152,11 @@ fn run(
         read.write(reading);
 
         if clockwork.ticks.is_multiple_of(summary) {
+            let (since, ticks) = second;
+            if since.elapsed() >= Duration::from_secs(1) {
+                clockwork.rate_hz = (clockwork.ticks - ticks) as f64 / since.elapsed().as_secs_f64();
+                second = (Instant::now(), clockwork.ticks);
+            }
             (clockwork.work_p50_s, clockwork.work_p99_s) = (work.quantile_s(0.5), work.quantile_s(0.99));
             clockwork.work_most_s = work.most.as_secs_f64();
             (clockwork.late_p50_s, clockwork.late_p99_s) = (late.quantile_s(0.5), late.quantile_s(0.99));
