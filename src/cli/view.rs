@@ -108,11 +108,18 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
         let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
-        return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
+        return render::pictures(
+            &render::Args::of_view(args, frames),
+            &mut show,
+            script.as_ref(),
+            recorder.as_mut(),
+        );
     }
     super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
-    let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
+    let is_live = show.replay.is_none();
+    let mut feel = if is_live { Feel::start(&scene, &show.file, &show.world)? } else { None };
+    let rig = if is_live { super::track::start(&show.world.stage, feel.as_mut())? } else { None };
     let world = show.world;
     let layout = world.stage.layout();
     let is_usual = world.stage.windows.is_empty();
@@ -123,7 +130,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         aids.panels[world.stage.faced_screen()] = true;
     }
     let swapped = world.stage.swap_eyes;
-    let feel = if show.replay.is_none() { Feel::start(&scene, &show.file, &world)? } else { None };
     let mut app = Viewer {
         feel,
         aids,
@@ -187,25 +193,6 @@ fn check(
     super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
 }
 
-/// The same view as `greenstage render` would make it.
-fn offscreen(args: &Args, frames: usize) -> render::Args {
-    render::Args {
-        scene: args.scene.clone(),
-        stage: args.stage.clone(),
-        output: args.offscreen.clone(),
-        frames,
-        script: args.script.clone(),
-        replay: args.replay.clone(),
-        record: args.record.clone(),
-        green: args.green.clone(),
-        samples: args.samples,
-        scale: args.scale.unwrap_or(1.0),
-        stereo: None,
-        overlay: args.overlay,
-        device: args.device,
-    }
-}
-
 struct Viewer {
     world: World,
     /// Force-feedback devices, where the stage has some and a body asks for it.
@@ -228,7 +215,7 @@ struct Viewer {
     aids: Aids,
     /// Of the frame before, for the overlay.
     times: FrameTimes,
-    /// The world's, with their seconds since the start.
+    /// The world's, with their seconds since the start: a script's own time begins anew with every round.
     warnings: Vec<(f64, String)>,
     bodies: Option<Bodies>,
     started: Instant,
@@ -352,12 +339,15 @@ impl WindowApp for Viewer {
             };
             let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
             let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
+            let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
+            let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
-                device: gpu.describe(),
+                device: gpu.adapter_name.clone(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
                 sensors: SensorReading::of(&reports),
+                haptics,
                 ..Readings::of(&self.world)
             };
             let contents = contents(&self.world, &instances);
@@ -435,7 +425,7 @@ impl Viewer {
     fn note_warnings(&mut self) {
         let time_s = self.started.elapsed().as_secs_f64();
         let new = self.world.warnings.iter().skip(self.warnings.len());
-        self.warnings.extend(new.map(|text| (time_s, text.clone())));
+        self.warnings.extend(new.map(|(_, text)| (time_s, text.clone())));
     }
 
     fn tiles(&mut self, windows: &Windows) -> Vec<Vec<Tile>> {

@@ -9,8 +9,9 @@ mod file;
 pub mod vrpn;
 
 pub use fault::TrackingFault;
-pub(super) use file::{SensorFile, StylusFile, TrackerFile, check};
+pub(super) use file::{MountFile, SensorFile, StylusFile, TrackerFile, check, isometry};
 
+use super::haptic::HapticDevice;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, UnitQuaternion};
 use std::net::SocketAddr;
@@ -38,11 +39,26 @@ pub struct Tracker {
 /// What is spoken, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrackerKind {
-    Vrpn { address: vrpn::Address, transport: Transport },
-    Dtrack { listen: SocketAddr },
-    Osc { listen: SocketAddr, euler: EulerOrder },
-    Fastrak { device: PathBuf, baud: u32 },
-    Gamepad { device: PathBuf },
+    Vrpn {
+        address: vrpn::Address,
+        transport: Transport,
+    },
+    Dtrack {
+        listen: SocketAddr,
+    },
+    Osc {
+        listen: SocketAddr,
+        euler: EulerOrder,
+    },
+    Fastrak {
+        device: PathBuf,
+        baud: u32,
+    },
+    Gamepad {
+        device: PathBuf,
+    },
+    /// Of a table `[haptic.NAME]`: whoever gives it forces says what it measures.
+    Haptic(HapticDevice),
 }
 
 /// How a VRPN client reaches its server.
@@ -178,6 +194,7 @@ impl std::fmt::Display for TrackerKind {
             TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),
             TrackerKind::Fastrak { device, baud } => write!(f, "fastrak {} at {baud} baud", device.display()),
             TrackerKind::Gamepad { device } => write!(f, "gamepad {}", device.display()),
+            TrackerKind::Haptic(device) => write!(f, "force device, {device}"),
         }
     }
 }

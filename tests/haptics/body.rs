@@ -3,7 +3,7 @@
 use crate::{bent, deformer, elastic, hold, stylus};
 use greenstage::deform::ControlPose;
 use greenstage::effect::haptics::Elastic;
-use greenstage::effect::haptics::grasp::{device_from_stylus, room_from_stylus};
+use greenstage::effect::haptics::grasp::{device_from_handle, room_from_handle};
 use greenstage::stage::Haptic;
 use nalgebra::{Isometry3, Rotation3, Translation3, Vector3};
 
@@ -54,11 +54,11 @@ fn the_push_is_minus_the_slope_of_the_energy() {
             loops.set_mean(held.mean);
             let origin = body.controls[1].origin;
             let push_at = |handle: &Isometry3<f64>, loops: &mut Elastic| {
-                let room = room_from_stylus(&haptic, handle);
-                let reach = held.reach(&room, &origin);
-                (held.push(&haptic, &reach, &loops.respond(&reach.pose)), reach.pose)
+                let room = room_from_handle(&haptic, handle);
+                let reach = held.reach(&room, &origin).unwrap();
+                (held.push(&haptic, &reach, &loops.respond(&reach.pose)).unwrap(), reach.pose)
             };
-            let handle = device_from_stylus(&haptic, &stylus());
+            let handle = device_from_handle(&haptic, &stylus());
             let (push, pose) = push_at(&handle, &mut loops);
             assert!((pose.matrix - poses[1].matrix).norm() < 1e-12, "the hold begins where the element is");
             let mut energy_at = |motion: &Isometry3<f64>| {
