@@ -227,13 +227,18 @@ impl Deformer {
         self.model.set_turn(e, turn);
     }
 
+    /// u of surface node `i`: the sum of its columns, in the surface's frame, m.
+    pub fn linear_part(&self, i: usize) -> Vector3<f64> {
+        match &self.partial {
+            None => Vector3::from(self.u[i]).cast::<f64>(),
+            Some(_) => self.columns().displacement(self.u.len(), i, &self.summed.c),
+        }
+    }
+
     /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.
     pub fn displacement(&self, i: usize) -> Vector3<f64> {
         let rest = Vector3::from(self.rest()[i]).cast::<f64>();
-        let u = match &self.partial {
-            None => Vector3::from(self.u[i]).cast::<f64>(),
-            Some(_) => self.columns().displacement(self.u.len(), i, &self.summed.c),
-        };
+        let u = self.linear_part(i);
         let motion = self.body_from_surface();
         // R (X + u) + t - X, written so that a small u keeps its digits beside a large X.
         let turned = motion.rotation * rest - rest;

@@ -14,6 +14,7 @@ mod rotation;
 mod screw;
 mod statics;
 mod superposition;
+mod turn;
 
 pub use deformer::{Deformer, FrameTimes};
 pub use force::{Wrench, wrenches};
@@ -25,6 +26,7 @@ pub use rotation::{Rotation, mean_rotation, unwrapped};
 pub use screw::Screw;
 pub use statics::{Settled, Statics, StaticsError};
 pub use superposition::{Columns, Superposition};
+pub use turn::local_turn;
 
 use crate::fem::Law;
 use crate::green::{FIELDS, Needs};

@@ -11,7 +11,7 @@ pub use panel::Panel;
 use super::plan;
 use super::world::flow::StylusFields;
 use super::world::{Mood, PlacedBody, World};
-use crate::deform::{ControlPose, Wrench};
+use crate::deform::{ControlPose, Wrench, local_turn};
 use crate::effect::haptics::{Clockwork, Felt};
 use crate::track::Signal;
 use crate::track::rig::TrackerReport;
@@ -20,6 +20,8 @@ use std::collections::VecDeque;
 /// Steps of a frame in their order, as the overlay names them.
 pub const STEPS: [&str; 8] =
     ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
+/// Triangles of a body whose turns are looked at.
+const PIECES: usize = 256;
 /// Frames that are kept.
 const FRAMES: usize = 120;
 
@@ -119,7 +121,7 @@ pub struct BodyReading {
     pub model: String,
     pub effects: Vec<String>,
     pub controls: Vec<ControlReading>,
-    /// Largest turn of two control elements against each other, rad.
+    /// As its limits have it, rad.
     pub turn: f64,
     pub limits: TurnLimits,
     /// Strain energy, J, where the handle stiffness is there.
@@ -134,28 +136,34 @@ pub struct ControlReading {
     pub wrench: Option<Wrench>,
 }
 
-/// Up to where a model is good, and up to where it is fair, rad.
+/// Up to which turn a model is good, and up to which it is fair, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurnLimits {
     pub good: f64,
     pub fair: f64,
-    /// For this very body, by the plan of its accuracy; else by the table of [`TurnLimits::of_model`].
+    /// For this very body, by the plan of its accuracy, between two control elements ([`plan::largest_turn`]). Else of
+    /// any piece of the surface ([`local_turn`]), by the table of [`TurnLimits::of_model`].
     pub is_measured: bool,
 }
 
 impl TurnLimits {
     /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, against
-    /// St. Venant-Kirchhoff statics on the same mesh: linear 10° and 30°, rotation 30° and 90°. The error grows with
-    /// the square of the angle.
+    /// St. Venant-Kirchhoff statics on the same mesh: linear, held at one end, 10° and 30°; rotation, which takes the
+    /// mean of both ends' turns out and leaves half of it either way, 15° and 45°. The error grows with the square of
+    /// the angle.
     pub fn of_model(model: &str) -> Self {
-        let [good, fair] = if model == "rotation" { [30.0, 90.0] } else { [10.0, 30.0] };
+        let [good, fair] = if model == "rotation" { [15.0, 45.0] } else { [10.0, 30.0] };
         Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
     }
 
-    fn of_body(body: &PlacedBody) -> Self {
+    /// The turn of a body, and its limits.
+    fn of_body(body: &PlacedBody) -> (f64, Self) {
         match body.range {
-            Some(range) => Self { good: range, fair: range, is_measured: true },
-            None => Self::of_model(&body.model),
+            Some(range) => {
+                let limits = Self { good: range, fair: range, is_measured: true };
+                (plan::largest_turn(&body.deformer.poses), limits)
+            }
+            None => (local_turn(&body.deformer, PIECES), Self::of_model(&body.model)),
         }
     }
 }
@@ -218,6 +226,7 @@ fn body_reading(body: &PlacedBody) -> BodyReading {
         None => (vec![None; deformer.controls.len()], None),
     };
     let controls = deformer.controls.iter().zip(&deformer.poses).zip(&body.controls).zip(wrenches);
+    let (turn, limits) = TurnLimits::of_body(body);
     BodyReading {
         name: deformer.body.clone(),
         model: body.model.clone(),
@@ -230,8 +239,8 @@ fn body_reading(body: &PlacedBody) -> BodyReading {
                 wrench,
             })
             .collect(),
-        turn: plan::largest_turn(&deformer.poses),
-        limits: TurnLimits::of_body(body),
+        turn,
+        limits,
         energy,
     }
 }

@@ -142,6 +142,14 @@ fn the_history_keeps_the_last_120_frames() {
 
 #[test]
 fn a_measured_range_goes_before_the_models_table() {
-    let [linear, rotation] = ["linear", "rotation"].map(TurnLimits::of_model);
-    assert!(linear.good < linear.fair && linear.fair < rotation.fair && !linear.is_measured);
+    let mut world = crate::cli::world::tests::world("overlay-range");
+    let body = &mut world.bodies[0];
+    let aside = ControlPose { translation: Vector3::new(0.0, 0.5, 0.0), ..ControlPose::REST };
+    body.deformer.evaluate(&[ControlPose::REST, aside]);
+    let (turn, limits) = TurnLimits::of_body(body);
+    assert_eq!(limits, TurnLimits::of_model("rotation"));
+    assert!(turn > 0.1 && limits.good < limits.fair && !limits.is_measured, "the middle turns: {turn}");
+    body.range = Some(0.7);
+    let (turn, limits) = TurnLimits::of_body(body);
+    assert_eq!((turn, limits), (0.0, TurnLimits { good: 0.7, fair: 0.7, is_measured: true }));
 }
