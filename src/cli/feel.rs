@@ -41,7 +41,7 @@ struct Link {
 #[derive(Clone, Copy, PartialEq)]
 struct Hold {
     place: (usize, usize),
-    stylus_from_element: Matrix4<f64>,
+    handle_from_element: Matrix4<f64>,
 }
 
 /// A device that is gone for so long lets go of what it holds, s. Its force is gone long before.
@@ -169,13 +169,13 @@ impl Link {
         };
         let was_pulled = self.room_from_hand.is_some();
         self.room_from_hand = usable(&stylus.room_from_stylus).or(self.room_from_hand);
-        if let Some(pose) = felt.room_from_stylus.filter(|_| was_pulled) {
+        if let Some(pose) = felt.room_from_handle.filter(|_| was_pulled) {
             stylus.room_from_stylus = pose.cast();
         }
     }
 
     fn move_stylus(&mut self, felt: &Felt, state: &mut TrackerState) {
-        if let Some(pose) = felt.room_from_stylus {
+        if let Some(pose) = felt.room_from_handle {
             self.seen = Some((state.time_s, pose, felt.buttons));
         }
         let Some((seen_s, pose, [pressed, second])) = self.seen else { return };
@@ -193,7 +193,7 @@ impl Link {
     fn held(&mut self, world: &World) -> Option<Held> {
         let now = self.holds_now(world);
         let goes_on = now.zip(self.hold).is_some_and(|(now, last)| {
-            now.place == last.place && (now.stylus_from_element - last.stylus_from_element).norm() < SAME_HOLD
+            now.place == last.place && (now.handle_from_element - last.handle_from_element).norm() < SAME_HOLD
         });
         if !goes_on {
             self.grips += u64::from(now.is_some());
@@ -207,7 +207,7 @@ impl Link {
             body: self.bodies.iter().position(|body| *body == b)?,
             element,
             room_from_body: body.room_from_body,
-            stylus_from_element: hold.stylus_from_element,
+            handle_from_element: hold.handle_from_element,
             mean: body.deformer.displacements.body_from_surface.rotation.to_rotation_matrix(),
         })
     }
@@ -226,7 +226,7 @@ impl Link {
         }
         let (body, pose) = (&world.bodies[place.0], hands.room_from_stylus(self.stylus)?);
         let room_from_element = body.room_from_element(place.1, body.deformer.poses.get(place.1)?);
-        Some(Hold { place, stylus_from_element: pose.inverse().to_homogeneous() * room_from_element })
+        Some(Hold { place, handle_from_element: pose.inverse().to_homogeneous() * room_from_element })
     }
 
     /// Says once that a body is too stiff to be felt as it is.
@@ -315,7 +315,7 @@ mod tests {
                     std::thread::sleep(Duration::from_millis(5));
                 }
             };
-        follow(&mut world, 0.0, false, &|felt, _| felt.room_from_stylus.is_some());
+        follow(&mut world, 0.0, false, &|felt, _| felt.room_from_handle.is_some());
         follow(&mut world, 0.0, true, &|felt, _| felt.gain == 1.0);
         let felt = follow(&mut world, 0.3, true, &|felt, _| felt.push.force.norm() > 0.1);
         assert!(felt.push.force.y < 0.0, "it pulls back down: {felt:?}");

@@ -1,8 +1,8 @@
 //! What the frame tells the loop: which element is held and how, and where the others are.
 
+use super::coupling::Lever;
 use super::device::Push;
 use super::elastic::{Response, axial};
-use super::passivity::Lever;
 use crate::deform::ControlPose;
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Similarity3, Vector3};
@@ -27,22 +27,22 @@ pub struct Held {
     pub body: usize,
     pub element: usize,
     pub room_from_body: Similarity3<f64>,
-    /// stylus(grab)⁻¹ · room_from_element(grab): room_from_element = room_from_stylus · this.
-    pub stylus_from_element: Matrix4<f64>,
+    /// stylus(grab)⁻¹ · room_from_element(grab): room_from_element = room_from_handle · this.
+    pub handle_from_element: Matrix4<f64>,
     /// Rotation of the whole body in the frame, where the loop starts to follow it.
     pub mean: Rotation3<f64>,
 }
 
 /// The stylus in the room of a device's handle: translations times `motion`.
-pub fn room_from_stylus(haptic: &Haptic, device_from_stylus: &Isometry3<f64>) -> Isometry3<f64> {
-    let mut scaled = *device_from_stylus;
+pub fn room_from_handle(haptic: &Haptic, device_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
+    let mut scaled = *device_from_handle;
     scaled.translation.vector *= haptic.motion;
     haptic.room_from_device * scaled
 }
 
-/// The handle of a stylus in the room; the inverse of [`room_from_stylus`].
-pub fn device_from_stylus(haptic: &Haptic, room_from_stylus: &Isometry3<f64>) -> Isometry3<f64> {
-    let mut pose = haptic.room_from_device.inv_mul(room_from_stylus);
+/// The handle of a stylus in the room; the inverse of [`room_from_handle`].
+pub fn device_from_handle(haptic: &Haptic, room_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
+    let mut pose = haptic.room_from_device.inv_mul(room_from_handle);
     pose.translation.vector /= haptic.motion;
     pose
 }
@@ -57,12 +57,12 @@ pub struct Reach {
 }
 
 impl Held {
-    /// Where the element is while the stylus is at `room_from_stylus`.
-    pub fn reach(&self, room_from_stylus: &Isometry3<f64>, origin: &Vector3<f64>) -> Reach {
-        let element = self.stylus_from_element;
-        let matrix = room_from_stylus.rotation.to_rotation_matrix() * element.fixed_view::<3, 3>(0, 0);
-        let arm = room_from_stylus.rotation * element.fixed_view::<3, 1>(0, 3).into_owned();
-        let place = room_from_stylus.translation.vector + arm;
+    /// Where the element is while the stylus is at `room_from_handle`.
+    pub fn reach(&self, room_from_handle: &Isometry3<f64>, origin: &Vector3<f64>) -> Reach {
+        let element = self.handle_from_element;
+        let matrix = room_from_handle.rotation.to_rotation_matrix() * element.fixed_view::<3, 3>(0, 0);
+        let arm = room_from_handle.rotation * element.fixed_view::<3, 1>(0, 3).into_owned();
+        let place = room_from_handle.translation.vector + arm;
         let body = &self.room_from_body;
         let turn = body.isometry.rotation.to_rotation_matrix().matrix().transpose() / body.scaling();
         let translation = turn * (place - body.isometry.translation.vector) - origin;

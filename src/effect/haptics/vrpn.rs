@@ -36,9 +36,10 @@ fn reading(state: &DeviceState) -> Option<Reading> {
     let pose = state.sensors.get(&0)?;
     let pressed = |button: i32| state.buttons.get(&button).is_some_and(|button| button.value);
     Some(Reading {
-        device_from_stylus: pose.value,
+        device_from_handle: pose.value,
         buttons: [pressed(0), pressed(1)],
         arrived_s: pose.arrived_s,
+        measured_s: pose.measured_s,
         tracked: pose.quality > 0.0,
     })
 }
@@ -50,7 +51,7 @@ impl Device for VrpnDevice {
 
     fn read(&mut self, _now_s: f64) -> Option<Reading> {
         let reading = reading(self.client.latest());
-        self.last = reading.map(|reading| reading.device_from_stylus);
+        self.last = reading.map(|reading| reading.device_from_handle);
         reading
     }
 
@@ -70,7 +71,11 @@ impl Device for VrpnDevice {
         self.resting = self.sender.set(field) && is_none;
     }
 
-    /// Two ways through a network's stack and a server's loop of a kilohertz.
+    fn malformed(&mut self) -> u64 {
+        self.client.latest().counters.malformed
+    }
+
+    /// Two ways through a network's stack and the wait for a tick; the server's own loop shows in the spacing of its reports.
     fn latency_s(&self) -> f64 {
         1e-3
     }
