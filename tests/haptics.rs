@@ -11,7 +11,8 @@ use greenstage::effect::haptics::grasp::device_from_handle;
 use greenstage::effect::haptics::stability::{self, Verdict, boundary};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, STALE_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Report, Simulated, thread,
+    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Report, Simulated, Way,
+    thread,
 };
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
@@ -74,7 +75,7 @@ fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64
         body: 0,
         element: 1,
         room_from_body,
-        handle_from_element: stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element,
+        way: Way::Rigid(stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element),
         mean: body.displacements.body_from_surface.rotation.to_rotation_matrix(),
     }
 }
@@ -129,8 +130,8 @@ fn the_push_is_minus_the_slope_of_the_energy() {
             let origin = body.controls[1].origin;
             let push_at = |handle: &Isometry3<f64>, loops: &mut Elastic| {
                 let room = greenstage::effect::haptics::grasp::room_from_handle(&haptic, handle);
-                let reach = held.reach(&room, &origin);
-                (held.push(&haptic, &reach, &loops.respond(&reach.pose)), reach.pose)
+                let reach = held.reach(&room, &origin).unwrap();
+                (held.push(&haptic, &reach, &loops.respond(&reach.pose)).unwrap(), reach.pose)
             };
             let handle = device_from_handle(&haptic, &stylus());
             let (push, pose) = push_at(&handle, &mut loops);

@@ -5,7 +5,9 @@
 
 use greenstage::deform::{ControlPose, ControlRest};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
-use greenstage::effect::haptics::{Control, Device, Elastic, Grasp, Hand, Held, Push, Reading, Simulated};
+use greenstage::effect::haptics::{
+    Control, Device, Elastic, Grasp, Hand, Held, News, Push, Reading, Simulated, Way,
+};
 use greenstage::stage::{Haptic, HapticDevice};
 use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
@@ -32,7 +34,7 @@ impl Rig {
             body: 0,
             element: 1,
             room_from_body: Similarity3::identity(),
-            handle_from_element: Matrix4::identity(),
+            way: Way::Rigid(Matrix4::identity()),
             mean: Rotation3::identity(),
         };
         let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST; 2], room_from_hand: None };
@@ -68,6 +70,7 @@ impl Rig {
             arrived_s,
             measured_s: None,
             tracked: true,
+            news: News::default(),
         }
     }
 
@@ -121,7 +124,7 @@ fn a_bent_body_that_is_taken_is_no_reserve() {
 }
 
 /// Round a circle off centre, at the limit all the way and on a body far stiffer in one direction than in another, a hand
-/// gets nothing; by a push cut to its limit it would get 1.5 mJ each time.
+/// gets nothing; by a push cut to its limit it would get 26 mJ each time.
 #[test]
 fn a_circle_at_the_limit_gives_nothing() {
     let haptic = Haptic { max_force_n: 3.0, ..Haptic::simulated("right") };

@@ -10,31 +10,13 @@
 //! least of a sum over the hold is a function of the handle's place alone, so that its slope does no work in a
 //! circle; a push that is cut to its limit does, where a body is stiffer in one direction than in another.
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector6};
+use nalgebra::{Isometry3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector6};
 
-/// How the hand's motion (v, ω) at the handle moves the held element: dT = a·v + b·ω, dM = \[c ω\]× M.
-#[derive(Clone, Copy, Debug)]
-pub struct Lever {
-    pub translation_from_v: Matrix3<f64>,
-    pub translation_from_w: Matrix3<f64>,
-    pub turn_from_w: Matrix3<f64>,
-    pub matrix: Matrix3<f64>,
-}
+/// How the handle's motion (v, ω), m and rad of the device, moves the twelve coefficients of the held element.
+pub type Jacobian = SMatrix<f64, 12, 6>;
 
 /// The stiffness at the handle, 6 × 6 in N/m, N and N·m: Jᵀ S J of the held element's block of S.
-pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, lever: &Lever) -> Matrix6<f64> {
-    let column = |k: usize| {
-        let mut motion = Vector6::<f64>::zeros();
-        motion[k] = 1.0;
-        let (v, w) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
-        let dt = lever.translation_from_v * v + lever.translation_from_w * w;
-        let dm = (lever.turn_from_w * w).cross_matrix() * lever.matrix;
-        SMatrix::<f64, 12, 1>::from_fn(|i, _| if i < 3 { dt[i] } else { dm[((i - 3) / 3, (i - 3) % 3)] })
-    };
-    let mut jacobian = SMatrix::<f64, 12, 6>::zeros();
-    for k in 0..6 {
-        jacobian.set_column(k, &column(k));
-    }
+pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, jacobian: &Jacobian) -> Matrix6<f64> {
     jacobian.transpose() * block * jacobian
 }
 
@@ -79,13 +61,23 @@ pub struct Give {
     radius: f64,
     /// It went as far as it was let: the push is not yet that of its place.
     pub is_on_the_way: bool,
+    /// The body pulls harder than the device can.
+    pub is_limited: bool,
 }
 
 /// Beside the handle, with no push yet.
 impl Default for Give {
     fn default() -> Give {
         let none = Vector6::zeros();
-        Give { offset: none, push: none, energy: 0.0, moved: none, radius: RADIUS_M, is_on_the_way: false }
+        Give {
+            offset: none,
+            push: none,
+            energy: 0.0,
+            moved: none,
+            radius: RADIUS_M,
+            is_on_the_way: false,
+            is_limited: false,
+        }
     }
 }
 
@@ -159,7 +151,8 @@ impl Coupling {
         }
         let energy = 0.5 * push_now.dot(&given) + slip * y.norm_squared() - push.dot(&moved)
             + 0.5 * moved.dot(&(self.stiffness * moved));
-        Give { offset: last.offset + moved, push: push_now, energy, moved, radius, is_on_the_way }
+        let (offset, is_limited) = (last.offset + moved, slip > 0.0);
+        Give { offset, push: push_now, energy, moved, radius, is_on_the_way, is_limited }
     }
 
     /// (1 + s W)⁻¹ y with the least s ≥ 0 that keeps it within 1, y and the stiffness W in units of the limits: the push,

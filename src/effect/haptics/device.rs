@@ -1,5 +1,6 @@
 //! A force-feedback device: where its handle is, in; the force and torque on it, out.
 
+use crate::track::Flow;
 use nalgebra::{Isometry3, Vector3, Vector6};
 
 /// What a device measured last, in its own frame.
@@ -14,6 +15,14 @@ pub struct Reading {
     pub measured_s: Option<f64>,
     /// False where the device says that it does not know where it is.
     pub tracked: bool,
+    pub news: News,
+}
+
+/// How many poses came so far, and how steadily; a device without a wire does not count them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct News {
+    pub count: u64,
+    pub flow: Flow,
 }
 
 impl Reading {

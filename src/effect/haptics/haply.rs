@@ -6,8 +6,8 @@
 //! writes triple buffers. Written from the service's public documentation (version 3.1) and tried against a server of our
 //! own alone. What comes is bounded and strictly read; a service that vanishes is tried again.
 
-use super::device::{Device, Push, Reading};
-use crate::track::device::now_s;
+use super::device::{Device, News, Push, Reading};
+use crate::track::device::{DeviceState, Stamp, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
@@ -139,13 +139,14 @@ impl Link {
     /// One command for each state, until the connection or this side ends; says why.
     fn converse(&mut self, socket: &mut WebSocket<TcpStream>) -> String {
         let (mut heard_s, mut id) = (now_s(), None);
+        let mut heard = DeviceState::default();
         while !self.shared.stop.load(Relaxed) {
             match socket.read() {
                 Ok(Message::Text(text)) => {
                     heard_s = now_s();
                     match parse(&text, heard_s) {
                         Ok(state) => {
-                            self.reading.write(state.reading);
+                            self.reading.write(state.reading.map(|reading| counted(&mut heard, reading)));
                             id = state.id.or(id);
                         }
                         Err(_) => {
@@ -181,6 +182,14 @@ impl Link {
         }
         "ended".to_owned()
     }
+}
+
+/// A reading with what is known of those before it.
+fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
+    let stamp = Stamp { arrived_s: reading.arrived_s, measured_s: None };
+    heard.take_pose_at(stamp, 0, reading.device_from_handle, 1.0);
+    let news = heard.sensors.get(&0).map(|pose| News { count: pose.count, flow: pose.flow });
+    Reading { news: news.unwrap_or_default(), ..reading }
 }
 
 /// What one message of the service says.
@@ -272,6 +281,7 @@ pub fn parse(text: &str, arrived_s: f64) -> Result<State, String> {
         arrived_s,
         measured_s: None,
         tracked: true,
+        news: News::default(),
     });
     Ok(State { id: Some(arm.device_id), reading })
 }

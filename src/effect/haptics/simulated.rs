@@ -3,7 +3,7 @@
 //! m x'' = f - b x' - k_h (x - x_h) - b_h x' and the same for the rotation, between two ticks in steps of
 //! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass.
 
-use super::device::{Device, Push, Reading};
+use super::device::{Device, News, Push, Reading};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -161,6 +161,7 @@ impl Device for Simulated {
             arrived_s: now_s,
             measured_s: None,
             tracked,
+            news: News::default(),
         })
     }
 
@@ -176,5 +177,26 @@ impl Device for Simulated {
         }
         self.target = *device_from_hand;
         self.script = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The loop has run for a while when the frame first tells where the hand is.
+    #[test]
+    fn a_hand_finds_the_handle_where_it_is() {
+        let mut device = Simulated::new(&Haptic::simulated("right"), Hand::FINGERS);
+        device.read(0.0);
+        device.read(0.5);
+        let hand = Isometry3::translation(0.3, 1.0, -0.2);
+        device.hand(&hand);
+        let reading = device.read(0.501).unwrap();
+        assert!((reading.device_from_handle.translation.vector - hand.translation.vector).norm() < 1e-12);
+        assert!(device.energy() < 1e-12, "it is not flung there: {} J", device.energy());
+        device.hand(&Isometry3::translation(0.31, 1.0, -0.2));
+        device.read(0.502);
+        assert!((device.device_from_handle.translation.x - 0.3).abs() < 1e-3, "nor does it jump later");
     }
 }

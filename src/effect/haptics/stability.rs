@@ -6,7 +6,7 @@
 
 use super::device::Device;
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held};
+use super::grasp::{Grasp, Held, Way};
 use super::simulated::{Hand, Simulated};
 use super::tick::{Control, Measures, RAMP_S};
 use crate::deform::{ControlPose, ControlRest};
@@ -148,7 +148,7 @@ fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)> {
         body: 0,
         element: 0,
         room_from_body: Similarity3::identity(),
-        handle_from_element: Matrix4::identity(),
+        way: Way::Rigid(Matrix4::identity()),
         mean: Rotation3::identity(),
     };
     Some((control, Grasp { held: Some(held), poses: vec![ControlPose::REST], room_from_hand: None }))

@@ -77,6 +77,8 @@ pub struct Felt {
     pub push: Push,
     /// 0 no force, 1 all of it.
     pub gain: f64,
+    /// The body pulls harder than the device can.
+    pub limited: bool,
     /// How many times stiffer the body is than the device bears, in its stiffest direction; up to 1 all is felt as it is.
     pub stiffer: f64,
     /// The largest stiffness that the device bears, N/m.
@@ -100,6 +102,8 @@ pub struct Control {
     latency_s: f64,
     bodies: Vec<Elastic>,
     held: Option<Held>,
+    /// Where the coupling had the hold in the room at the last tick.
+    hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
     /// Rotations of handle and body, and the device's lag, when the coupling was made.
     coupled_at: Option<([UnitQuaternion<f64>; 2], f64)>,
@@ -132,6 +136,7 @@ impl Control {
             latency_s,
             bodies,
             held: None,
+            hold_at: None,
             coupling: Coupling::default(),
             coupled_at: None,
             give: Give::default(),
@@ -157,12 +162,17 @@ impl Control {
         let is_new = held.map(|held| held.grip) != self.held.map(|held| held.grip);
         if is_new {
             self.end();
+            self.hold_at = None;
         }
         self.held = held;
         let Some(held) = held else { return };
         let body = &mut self.bodies[held.body];
         let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
         body.set(held.element, &grasp.poses);
+        // The other hand of this hold moved the element too.
+        let reach = |at: Isometry3<f64>| held.reach(&at, &body.origin());
+        let moved = self.hold_at.filter(|_| !is_new).and_then(reach).map(|reach| reach.pose);
+        let pose = moved.or(pose);
         // Another branch of the mean rotation, or one that was lost: the frame knows better.
         if is_new || body.mean().angle_to(&held.mean) > 0.5 {
             body.set_mean(held.mean);
@@ -221,6 +231,7 @@ impl Control {
             self.felt.gain = 0.0;
         }
         self.felt.observer.energy = 0.0;
+        self.felt.limited = false;
         self.coupled_at = None;
         self.stored = None;
     }
@@ -289,9 +300,11 @@ impl Control {
         let (mut stored, mut torque, mut is_unsettled, mut energy) = (f64::NAN, Vector3::zeros(), false, 0.0);
         // Once, but where the hold is far from where it must be.
         for _ in 0..MOST_STEPS {
-            let reach = held.reach(&room_from_handle(haptic, &self.give.hold(&handle)), &body.origin());
+            let hold = room_from_handle(haptic, &self.give.hold(&handle));
+            let reach = held.reach(&hold, &body.origin())?;
+            self.hold_at = Some(hold);
             let response = body.respond(&reach.pose);
-            let mut push = held.push(haptic, &reach, &response);
+            let mut push = held.push(haptic, &reach, &response)?;
             torque = push.torque;
             if haptic.max_torque_nm <= 0.0 {
                 push.torque = Vector3::zeros();
@@ -310,6 +323,7 @@ impl Control {
                 break;
             }
         }
+        self.felt.limited = self.give.is_limited;
         self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
         let gain = (self.felt.gain + dt / RAMP_S).min(1.0);
@@ -358,9 +372,9 @@ impl Control {
         }
         self.coupled_at = Some(([handle.rotation, mean], period_s));
         self.stored = None;
-        let reach = held.reach(&room_from_handle(haptic, handle), &body.origin());
-        let lever = held.lever(haptic, &reach, &body.mean());
-        let stiffness = handle_stiffness(&body.held_block(), &lever) * held.energy_scale(haptic);
+        let reach = held.reach(&room_from_handle(haptic, handle), &body.origin())?;
+        let jacobian = held.jacobian(haptic, &reach, &body.mean())?;
+        let stiffness = handle_stiffness(&body.held_block(), &jacobian) * held.energy_scale(haptic);
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, period_s, self.latency_s);

@@ -4,7 +4,7 @@
 //! server which evaluates it itself pushes with just that force until the next one; it ends with the field's radius
 //! when the device has moved far from where it was seen. Bytes by `track::vrpn`, tried against our own server alone.
 
-use super::device::{Device, Push, Reading};
+use super::device::{Device, News, Push, Reading};
 use crate::track::device::{DeviceState, Link, Source};
 use crate::track::vrpn::{Address, Client, ForceField, ForceSender, Transport};
 use nalgebra::Isometry3;
@@ -41,6 +41,7 @@ fn reading(state: &DeviceState) -> Option<Reading> {
         arrived_s: pose.arrived_s,
         measured_s: pose.measured_s,
         tracked: pose.quality > 0.0,
+        news: News { count: pose.count, flow: pose.flow },
     })
 }
 
