@@ -247,10 +247,16 @@ mod tests {
         let limits = Limits { force: 3.0, torque: 0.2 };
         let mut coupling = Coupling::new(&stiffness, [1.0, 2e-3], true, 800.0, Some(limits));
         assert!(coupling.stiffer > 1.0);
-        // V = ½ hᵀ K h: one step from anywhere is the answer.
+        // V = ½ hᵀ K h; one step is the answer once it is near.
         let mut at = |x: &Vector6<f64>| {
-            let give = coupling.settle(&(-stiffness * x), &Give::default());
-            (give, 0.5 * x.dot(&(stiffness * x)) + give.energy)
+            let mut give = Give::default();
+            loop {
+                let hold = x + give.offset;
+                give = coupling.settle(&(-stiffness * hold), &give);
+                if !give.is_on_the_way {
+                    return (give, 0.5 * hold.dot(&(stiffness * hold)) + give.energy);
+                }
+            }
         };
         let (mut least, mut most) = (f64::MAX, 0.0f64);
         for far in [0.001, 0.01, 0.1] {
