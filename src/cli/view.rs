@@ -98,6 +98,7 @@ impl Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    let device = args.device.for_session(args.record.is_some() || args.replay.is_some())?;
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
@@ -110,7 +111,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
         return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
     }
-    super::print(&format!("{}\n", keys::bindings()))?;
+    if show.replay.is_none() {
+        super::print(&format!("{}\n", keys::bindings()))?;
+    }
     // A recording has its own head and hands.
     let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
     let world = show.world;
@@ -146,7 +149,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
-        device: args.device.for_session(args.record.is_some() || args.replay.is_some())?,
+        device,
         rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
