@@ -23,7 +23,7 @@ use std::time::Instant;
 /// In the window dragging turns, the wheel zooms, Escape or closing it quits.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML), or a stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file
+    /// Scene file (TOML), or a stage: a built-in one (workbench, cyberstage, cave6, …), or a stage file
     pub scene_or_stage: PathBuf,
     /// Stage on which a scene is shown; default: the scene's
     #[arg(long)]
