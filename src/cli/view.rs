@@ -115,18 +115,19 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         super::print(&format!("{}\n", keys::bindings()))?;
     }
     // A recording has its own head and hands.
-    let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
+    let is_live = show.replay.is_none();
+    let mut feel = if is_live { Feel::start(&scene, &show.file, &show.world)? } else { None };
+    let rig = if is_live { super::track::start(&show.world.stage, feel.as_mut())? } else { None };
     let world = show.world;
     let layout = world.stage.layout();
     let is_usual = world.stage.windows.is_empty();
     let scale = args.scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
-    let mut aids = Aids::new(&world.stage, layout.len());
+    let mut aids = Aids::new(&world.stage, &layout);
     if args.overlay {
         aids.panels[world.stage.faced_screen()] = true;
     }
     let swapped = world.stage.swap_eyes;
-    let feel = if show.replay.is_none() { Feel::start(&scene, &show.file, &world)? } else { None };
     let mut app = Viewer {
         feel,
         aids,
@@ -262,7 +263,8 @@ impl WindowApp for Viewer {
         }
         let takes_over = match input {
             Input::Button { pressed, .. } => pressed,
-            Input::Key { key, pressed, .. } => pressed && !matches!(key, Key::Function(_)),
+            Input::Key { key: Key::Function(_) | Key::Shift | Key::Control | Key::Alt, .. } => false,
+            Input::Key { pressed, .. } => pressed,
             _ => false,
         };
         if takes_over && self.script.take().is_some() {
@@ -354,12 +356,15 @@ impl WindowApp for Viewer {
             };
             let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
             let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
+            let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
+            let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
                 device: gpu.describe(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
                 sensors: SensorReading::of(&reports),
+                haptics,
                 ..Readings::of(&self.world)
             };
             let contents = contents(&self.world, &instances);
