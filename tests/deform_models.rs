@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{block_scene, case_poses, folder, scene, shared};
+use common::{block_scene, case_poses, csv_rows, folder, scene, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Deformer};
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
@@ -39,8 +39,8 @@ fn deformed(file: &Arc<GreenFile>, model: &str, poses: &[(&str, ControlPose)]) -
 
 /// Where surface node `i` is drawn, about the body's centre.
 fn drawn(deformer: &Deformer, i: usize) -> Vector3<f64> {
-    let x = Point3::from(Vector3::from(deformer.positions[i]).cast::<f64>());
-    (deformer.displacements.body_from_surface * x).coords
+    let x = Point3::from(Vector3::from(deformer.positions()[i]).cast::<f64>());
+    (deformer.body_from_surface() * x).coords
 }
 
 fn rest(deformer: &Deformer, i: usize) -> Vector3<f64> {
@@ -76,7 +76,7 @@ fn rigid_motion_of_all_control_elements_is_rigid_motion_of_the_body() {
         let error = |model: &str| {
             let body = deformed(&file, model, &poses);
             let off = |i| (drawn(&body, i) - turn * rest(&body, i) - shift).norm();
-            (0..body.positions.len()).map(off).fold(0.0, f64::max) / length(&body)
+            (0..body.node_count()).map(off).fold(0.0, f64::max) / length(&body)
         };
         let (linear, rotation) = (error("linear"), error("rotation"));
         println!(
@@ -106,7 +106,7 @@ fn wall(tube: &Deformer, inner: f64, outer: f64) -> (f64, f64) {
         let degrees = x.z.atan2(x.y).to_degrees().rem_euclid(360.0).round() as i64 % 360;
         ((x.x * 1e4).round() as i64, degrees)
     };
-    let nodes = 0..tube.positions.len();
+    let nodes = 0..tube.node_count();
     let on = |radius: f64| -> BTreeMap<(i64, i64), usize> {
         let is_on = |i: &usize| (rest(tube, *i).yz().norm() - radius).abs() < 1e-5;
         nodes.clone().filter(is_on).map(|i| (key(&rest(tube, i)), i)).collect()
@@ -154,20 +154,16 @@ fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
     let text =
         std::fs::read_to_string(&path).unwrap().replace("\"stvk\"", "\"linear\"").replace("\"haptics\"", "");
     let file = green_file(case, &Scene::parse(&text, &path).unwrap());
-    let expected = std::fs::read_to_string(case_folder.join("expected.csv")).unwrap();
-    let mut exact: BTreeMap<(&str, u64), Vector3<f64>> = BTreeMap::new();
-    for line in expected.lines().skip(1) {
-        let fields: Vec<&str> = line.split(',').collect();
-        let u = Vector3::from_fn(|axis, _| fields[2 + axis].parse().unwrap());
-        exact.insert((fields[0], fields[1].parse().unwrap()), u);
-    }
+    let exact: BTreeMap<String, Vec<f64>> =
+        csv_rows(&case_folder.join("expected.csv"), 2).into_iter().collect();
     let of = |(pose, named): &(String, BTreeMap<String, ControlPose>)| {
         let control: Vec<(&str, ControlPose)> =
             named.iter().map(|(name, pose)| (name.as_str(), *pose)).collect();
         let error = ["linear", "rotation"].map(|model| {
             let body = deformed(&file, model, &control);
             let square = |(i, tag): (usize, &u64)| {
-                (body.displacement(i) - exact[&(pose.as_str(), *tag)]).norm_squared()
+                let exact = Vector3::from_column_slice(&exact[&format!("{pose},{tag}")]);
+                (body.displacement(i) - exact).norm_squared()
             };
             let sum: f64 = body.tags().iter().enumerate().map(square).sum();
             (sum / body.tags().len() as f64).sqrt() / length(&body)
