@@ -175,6 +175,7 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         samples: args.samples,
         scale: args.scale.unwrap_or(1.0),
         stereo: None,
+        windows: false,
         overlay: args.overlay,
         device: args.device,
     }
@@ -202,7 +203,7 @@ struct Viewer {
     aids: Aids,
     /// Of the frame before, for the overlay.
     times: FrameTimes,
-    /// The world's, with their seconds since the start.
+    /// The world's, with their seconds since the start: a script's own time begins anew with every round.
     warnings: Vec<(f64, String)>,
     bodies: Option<Bodies>,
     started: Instant,
@@ -329,7 +330,7 @@ impl WindowApp for Viewer {
             let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
             let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
-                device: gpu.describe(),
+                device: gpu.adapter_name.clone(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
@@ -412,7 +413,7 @@ impl Viewer {
     fn note_warnings(&mut self) {
         let time_s = self.started.elapsed().as_secs_f64();
         let new = self.world.warnings.iter().skip(self.warnings.len());
-        self.warnings.extend(new.map(|text| (time_s, text.clone())));
+        self.warnings.extend(new.map(|(_, text)| (time_s, text.clone())));
     }
 
     fn tiles(&mut self, windows: &Windows) -> Vec<Vec<Tile>> {
