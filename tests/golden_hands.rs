@@ -17,7 +17,7 @@ use std::path::Path;
 const LEAST: f64 = 0.985;
 
 /// Three clicks of the second button go to the mode along and about the body's x; then the right hand pulls along x and
-/// moves up, where the element does not follow. The other hand points at the left end.
+/// up, where the element does not follow. The other hand points at the left end.
 fn script(clicks: u32) -> String {
     let start = "position = [0.75, 0.85, 0.9], target = [0.9, 0.05, 0.05]";
     let mut text = format!(
@@ -33,7 +33,7 @@ fn script(clicks: u32) -> String {
     }
     text + &format!(
         "[[key]]\ntime = 1.5\nstylus.right = {{ {start} }}\n\
-         [[key]]\ntime = 2.5\nstylus.right = {{ position = [1.0, 1.2, 0.9], direction = [0.15, -0.8, -0.85] }}\n"
+         [[key]]\ntime = 2.5\nstylus.right = {{ position = [0.35, 0.75, 0.9], direction = [0.6, -0.2, -0.75] }}\n"
     )
 }
 
