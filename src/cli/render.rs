@@ -7,6 +7,7 @@ use super::playback::{Playback, Source};
 use super::recording::{Origin, Recorder, Replay};
 use super::session;
 use super::table::seconds;
+use super::view;
 use super::world::World;
 use crate::green::GreenFile;
 use crate::scene::Scene;
@@ -66,6 +67,28 @@ pub struct Args {
     pub overlay: bool,
     #[command(flatten)]
     pub device: device::Args,
+}
+
+impl Args {
+    /// The same as `greenstage view` would show, without a display.
+    pub fn of_view(args: &view::Args, frames: usize) -> Args {
+        Args {
+            scene: args.scene.clone(),
+            stage: args.stage.clone(),
+            output: args.offscreen.clone(),
+            frames,
+            script: args.script.clone(),
+            replay: args.replay.clone(),
+            record: args.record.clone(),
+            green: args.green.clone(),
+            samples: args.samples,
+            scale: args.scale.unwrap_or(1.0),
+            stereo: None,
+            windows: false,
+            overlay: args.overlay,
+            device: args.device,
+        }
+    }
 }
 
 /// Width of one picture on the contact sheet.

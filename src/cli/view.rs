@@ -107,7 +107,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
         let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
-        return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
+        return render::pictures(
+            &render::Args::of_view(args, frames),
+            &mut show,
+            script.as_ref(),
+            recorder.as_mut(),
+        );
     }
     super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
@@ -159,26 +164,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     super::print(&app.feel.as_mut().map(Feel::summary).unwrap_or_default())?;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
     render::report(app.replay.as_ref(), app.recorder.as_ref())
-}
-
-/// The same view as `greenstage render` would make it.
-fn offscreen(args: &Args, frames: usize) -> render::Args {
-    render::Args {
-        scene: args.scene.clone(),
-        stage: args.stage.clone(),
-        output: args.offscreen.clone(),
-        frames,
-        script: args.script.clone(),
-        replay: args.replay.clone(),
-        record: args.record.clone(),
-        green: args.green.clone(),
-        samples: args.samples,
-        scale: args.scale.unwrap_or(1.0),
-        stereo: None,
-        windows: false,
-        overlay: args.overlay,
-        device: args.device,
-    }
 }
 
 struct Viewer {
