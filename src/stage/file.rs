@@ -153,7 +153,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
         Ok(tracking) => tracking,
         Err((offset, fault)) => {
             faults.push(offset, fault.into());
-            Default::default()
+            tracking::Tracking { head: head.map(|name| name.get_ref().clone()), ..Default::default() }
         }
     };
     let haptics = file.haptic.iter().filter_map(|(name, found)| {
