@@ -5,9 +5,11 @@
 
 mod render_common;
 
-use greenstage::render::{Ball, COLOR_FORMAT, FrameContents, Gpu, Line, Look, Quad, Renderer, View};
+use greenstage::render::{
+    Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Line, Look, Quad, Renderer, View,
+};
 use image::RgbaImage;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use render_common::{draw_full, off_axis, require_gpu};
 
 const SIZE: [u32; 2] = [100, 80];
@@ -40,14 +42,20 @@ fn line(from: [f32; 3], to: [f32; 3], width_px: f32) -> Line {
 }
 
 #[test]
-fn pipelines_are_made_with_the_first_line_and_the_first_quad() {
+fn pipelines_are_made_with_the_first_thing_that_they_draw() {
     let Some(gpu) = require_gpu() else { return };
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
     drawn(&gpu, &mut renderer, before(), &FrameContents::default());
-    assert_eq!(renderer.made(), (false, false));
+    assert_eq!(renderer.made(), ["background"]);
     let lines = [line([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], 2.0)];
     drawn(&gpu, &mut renderer, before(), &FrameContents { lines: &lines, ..Default::default() });
-    assert_eq!(renderer.made(), (false, true));
+    assert_eq!(renderer.made(), ["background", "lines"]);
+    let arrow = Arrow { from: Point3::origin(), along: Vector3::x(), radius_m: 0.1, color: [1.0; 3] };
+    drawn(&gpu, &mut renderer, before(), &FrameContents { arrows: &[arrow], ..Default::default() });
+    assert_eq!(renderer.made(), ["background", "solid", "lines"]);
+    let grid = Some(Grid::new(Point3::origin(), [1.0, 1.0], 0.1));
+    drawn(&gpu, &mut renderer, before(), &FrameContents { grid, ..Default::default() });
+    assert_eq!(renderer.made(), ["background", "solid", "grid", "lines"]);
 }
 
 /// The light of a line adds up to its width, near and far, level and slanting, with one and with four samples a pixel.

@@ -7,25 +7,49 @@ use std::num::NonZeroU32;
 /// Both layers of a target, in one pass.
 pub(super) const BOTH_EYES: Option<NonZeroU32> = NonZeroU32::new(0b11);
 
-/// One pipeline per drawing pass, for one format and sample count.
+/// One pipeline per drawing pass, for one format and sample count; none before there is something for it to draw.
+#[derive(Default)]
 pub(super) struct Pipelines {
-    pub(super) body: wgpu::RenderPipeline,
-    pub(super) solid: wgpu::RenderPipeline,
-    pub(super) background: wgpu::RenderPipeline,
-    pub(super) grid: wgpu::RenderPipeline,
+    pub(super) background: Option<wgpu::RenderPipeline>,
+    pub(super) body: Option<wgpu::RenderPipeline>,
+    pub(super) solid: Option<wgpu::RenderPipeline>,
+    pub(super) grid: Option<wgpu::RenderPipeline>,
+}
+
+/// What a frame has beside its background.
+pub(super) struct Listed {
+    pub(super) bodies: bool,
+    pub(super) solids: bool,
+    pub(super) grid: bool,
 }
 
 impl Pipelines {
-    pub(super) fn new(gpu: &Gpu, made_for: &MadeFor<'_>) -> Self {
-        let pipeline = |label, parts: &[&str], buffers: &[Option<wgpu::VertexBufferLayout<'_>>], surface| {
-            pipeline(gpu, made_for, &Pass { label, parts, buffers, surface })
+    /// Makes what a frame needs and is not there.
+    pub(super) fn complete(&mut self, gpu: &Gpu, made_for: &MadeFor<'_>, listed: &Listed) {
+        let make = |slot: &mut Option<wgpu::RenderPipeline>, pass: Pass<'_>| {
+            slot.get_or_insert_with(|| pipeline(gpu, made_for, &pass));
         };
-        Self {
-            body: pipeline("body", &shader::BODY, &body::vertex_layout(), Surface::Opaque),
-            solid: pipeline("solid", &shader::SOLID, &solid::vertex_layout(), Surface::Opaque),
-            background: pipeline("background", &shader::BACKGROUND, &[], Surface::Background),
-            grid: pipeline("grid", &shader::GRID, &[], Surface::Translucent),
+        let (parts, surface) = (&shader::BACKGROUND, Surface::Background);
+        make(&mut self.background, Pass { label: "background", parts, buffers: &[], surface });
+        if listed.bodies {
+            let (parts, buffers, surface) = (&shader::BODY, &body::vertex_layout(), Surface::Opaque);
+            make(&mut self.body, Pass { label: "body", parts, buffers, surface });
         }
+        if listed.solids {
+            let (parts, buffers, surface) = (&shader::SOLID, &solid::vertex_layout(), Surface::Opaque);
+            make(&mut self.solid, Pass { label: "solid", parts, buffers, surface });
+        }
+        if listed.grid {
+            let (parts, surface) = (&shader::GRID, Surface::Translucent);
+            make(&mut self.grid, Pass { label: "grid", parts, buffers: &[], surface });
+        }
+    }
+
+    /// What is there.
+    pub(super) fn made(&self) -> impl Iterator<Item = &'static str> {
+        let Self { background, body, solid, grid } = self;
+        let passes = [("background", background), ("body", body), ("solid", solid), ("grid", grid)];
+        passes.into_iter().filter_map(|(pass, pipeline)| pipeline.as_ref().map(|_| pass))
     }
 }
 

@@ -8,10 +8,10 @@
 
 use super::body::BodyBuffers;
 use super::instanced::{InstancedPass, MadeFor};
-use super::pipelines::{BOTH_EYES, Pipelines, group_layout};
+use super::pipelines::{BOTH_EYES, Listed, Pipelines, group_layout};
 use super::solid::{self, SolidMeshes};
 use super::uniforms::{FrameUniform, Instance, ViewUniform};
-use super::{Attachments, Bounds, FrameContents, Gpu, Picture, RenderError, View};
+use super::{Attachments, BodyInstance, Bounds, FrameContents, Gpu, Picture, RenderError, View};
 use nalgebra::Matrix4;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -32,11 +32,11 @@ pub struct Renderer {
     pub culling: bool,
     /// What the last frame drew.
     pub counts: DrawCounts,
-    one_eye: Pipelines,
-    both_eyes: Option<Pipelines>,
+    /// For pictures of one eye, and for those of both.
+    pipelines: [Pipelines; 2],
     quads: InstancedPass,
     lines: InstancedPass,
-    solids: SolidMeshes,
+    solids: Option<SolidMeshes>,
     group_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
     uniforms: Uniforms,
@@ -102,18 +102,16 @@ impl Renderer {
             bind_group_layouts: &[Some(&group_layout)],
             immediate_size: 0,
         });
-        let made_for = MadeFor { layout: &layout, format, samples, both_eyes: false };
         let renderer = Self {
             format,
             samples,
             multiview: gpu.can_multiview(samples) && !gpu.is_software,
             culling: true,
             counts: DrawCounts::default(),
-            one_eye: Pipelines::new(gpu, &made_for),
-            both_eyes: None,
+            pipelines: Default::default(),
             quads: InstancedPass::default(),
             lines: InstancedPass::default(),
-            solids: SolidMeshes::new(gpu)?,
+            solids: None,
             uniforms: Uniforms::new(gpu, &group_layout, 8)?,
             group_layout,
             layout,
@@ -170,6 +168,9 @@ impl Renderer {
         for picture in pictures {
             picture.check(self.samples)?;
         }
+        let solid_counts = self.list_instances(contents);
+        let solids = solid_counts.iter().any(|&count| count > 0);
+        let listed = Listed { bodies: !contents.bodies.is_empty(), solids, grid: contents.grid.is_some() };
         let is_pair = |picture: &Picture<'_>| picture.attachments.layers > 1;
         let (format, samples) = (self.format, self.samples);
         let made_for = |both_eyes| MadeFor { layout: &self.layout, format, samples, both_eyes };
@@ -178,22 +179,22 @@ impl Renderer {
             .filter(|both_eyes| pictures.iter().any(|picture| is_pair(picture) == *both_eyes))
             .map(made_for)
             .collect();
-        if let (None, Some(both)) = (&self.both_eyes, kinds.iter().find(|kind| kind.both_eyes)) {
-            self.both_eyes = Some(Pipelines::new(gpu, both));
-        }
         self.quads.upload(gpu, &kinds, contents.quads)?;
         self.lines.upload(gpu, &kinds, contents.lines)?;
+        for kind in &kinds {
+            self.pipelines[usize::from(kind.both_eyes)].complete(gpu, kind, &listed);
+        }
+        if solids && self.solids.is_none() {
+            self.solids = Some(SolidMeshes::new(gpu)?);
+        }
+        self.write_instances(gpu)?;
         let shots = self.write_views(gpu, pictures)?;
-        let solid_counts = self.write_instances(gpu, contents)?;
         gpu.queue.write_buffer(&self.uniforms.frame, 0, bytemuck::bytes_of(&FrameUniform::new(contents)));
 
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut counts = DrawCounts::default();
         for (picture, shots) in pictures.iter().zip(shots) {
-            let pipelines = match &self.both_eyes {
-                Some(both) if is_pair(picture) => both,
-                _ => &self.one_eye,
-            };
+            let pipelines = &self.pipelines[usize::from(is_pair(picture))];
             let mut pass = begin_pass(gpu, &mut encoder, picture);
             counts.passes += 1;
             for shot in shots {
@@ -210,10 +211,12 @@ impl Renderer {
                     solid_counts,
                     &mut counts,
                 );
-                pass.set_pipeline(&pipelines.background);
-                pass.draw(0..3, 0..1);
-                if contents.grid.is_some() {
-                    pass.set_pipeline(&pipelines.grid);
+                if let Some(background) = &pipelines.background {
+                    pass.set_pipeline(background);
+                    pass.draw(0..3, 0..1);
+                }
+                if let Some(grid) = pipelines.grid.as_ref().filter(|_| listed.grid) {
+                    pass.set_pipeline(grid);
                     pass.draw(0..4, 0..1);
                 }
                 self.quads.draw(&mut pass, is_pair(picture));
@@ -228,9 +231,11 @@ impl Renderer {
         Ok(start.elapsed())
     }
 
-    /// Whether the pipelines of (quads, lines) are there: only once some were drawn.
-    pub fn made(&self) -> (bool, bool) {
-        (self.quads.is_made(), self.lines.is_made())
+    /// The passes whose pipelines are there: only once there was something for them to draw.
+    pub fn made(&self) -> Vec<&'static str> {
+        let strips = [("quads", self.quads.is_made()), ("lines", self.lines.is_made())];
+        let strips = strips.into_iter().filter_map(|(pass, is_made)| is_made.then_some(pass));
+        self.pipelines.iter().flat_map(Pipelines::made).chain(strips).collect()
     }
 
     fn instances_from(&self, first: usize) -> wgpu::BufferSlice<'_> {
@@ -245,7 +250,8 @@ impl Renderer {
         contents: &FrameContents<'_>,
         counts: &mut DrawCounts,
     ) {
-        pass.set_pipeline(&pipelines.body);
+        let Some(pipeline) = &pipelines.body else { return };
+        pass.set_pipeline(pipeline);
         for (k, body) in contents.bodies.iter().enumerate() {
             let BodyBuffers { indices, positions, normals, colors, patches, .. } = body.buffers;
             let clip_from_body = shot.clip_from_shape(&body.room_from_body);
@@ -288,10 +294,11 @@ impl Renderer {
         solid_counts: [u32; 4],
         counts: &mut DrawCounts,
     ) {
-        pass.set_pipeline(&pipelines.solid);
-        pass.set_index_buffer(self.solids.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.set_vertex_buffer(0, self.solids.vertices.slice(..));
-        let meshes = self.solids.ranges.iter().zip(&self.solids.bounds);
+        let Some((pipeline, solids)) = pipelines.solid.as_ref().zip(self.solids.as_ref()) else { return };
+        pass.set_pipeline(pipeline);
+        pass.set_index_buffer(solids.indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.set_vertex_buffer(0, solids.vertices.slice(..));
+        let meshes = solids.ranges.iter().zip(&solids.bounds);
         for ((range, bounds), count) in meshes.zip(solid_counts) {
             for instance in first..first + count as usize {
                 let room_from_shape = Matrix4::from(self.instance_list[instance].room_from_shape);
@@ -346,23 +353,24 @@ impl Renderer {
         Ok(shots)
     }
 
-    /// Uploads the instances: bodies in their order, then the solids; returns how many solids of each shape.
-    fn write_instances(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<[u32; 4], RenderError> {
-        let list = &mut self.instance_list;
-        list.clear();
-        list.extend(
-            contents
-                .bodies
-                .iter()
-                .map(|body| Instance { room_from_shape: body.room_from_body.into(), color: [0.0; 4] }),
-        );
-        let counts = solid::instances(contents, list);
-        let bytes: &[u8] = bytemuck::cast_slice(list);
+    /// Lists the instances: bodies in their order, then the solids; returns how many solids of each shape.
+    fn list_instances(&mut self, contents: &FrameContents<'_>) -> [u32; 4] {
+        let of_body = |body: &BodyInstance<'_>| Instance {
+            room_from_shape: body.room_from_body.into(),
+            color: [0.0; 4],
+        };
+        self.instance_list.clear();
+        self.instance_list.extend(contents.bodies.iter().map(of_body));
+        solid::instances(contents, &mut self.instance_list)
+    }
+
+    fn write_instances(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
+        let bytes: &[u8] = bytemuck::cast_slice(&self.instance_list);
         if bytes.len() as u64 > self.instances.size() {
-            self.instances = instance_buffer(gpu, list.len().next_power_of_two())?;
+            self.instances = instance_buffer(gpu, self.instance_list.len().next_power_of_two())?;
         }
         gpu.queue.write_buffer(&self.instances, 0, bytes);
-        Ok(counts)
+        Ok(())
     }
 }
 
