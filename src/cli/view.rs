@@ -5,7 +5,7 @@ use super::device;
 use super::failure::Failure;
 use super::feel::{self, Feel};
 use super::keys;
-use super::overlay::{FrameTimes, Readings, SensorReading};
+use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::playback::{Playback, SCRIPT_STEPS, Source};
@@ -331,6 +331,7 @@ impl WindowApp for Viewer {
         let tiles = self.tiles(windows);
         self.note_warnings();
         if self.aids.has_panel() {
+            self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
             self.aids.history.push(FrameTimes { whole_s: step_s, ..self.times });
         }
         if let Some(bodies) = &mut self.bodies {
@@ -361,10 +362,8 @@ impl WindowApp for Viewer {
             };
             let contents = contents(&self.world, &instances);
             let drawn = self.aids.draw(windows, &staged, tiles, &contents, readings)?;
-            let [acquire_s, encode_s, present_s] =
-                [drawn.acquire, drawn.encode, drawn.present].map(|time| time.as_secs_f64());
-            self.times.steps =
-                [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, acquire_s, present_s];
+            let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
+            self.times.steps = [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, present_s];
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
