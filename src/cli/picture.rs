@@ -177,6 +177,7 @@ impl Targets {
                 texture: &image.view,
                 size: image.size,
                 desktop: [0, 0],
+                monitors: &[],
                 tiles,
                 contents: &contents,
             })

@@ -316,6 +316,10 @@ impl WindowApp for Viewer {
         self.last = Instant::now();
         if self.frames == 0 {
             self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+            if let Some(warning) = panes::unplaced(&self.layout).filter(|_| !windows.knows_places) {
+                eprintln!("warning: {warning}");
+                self.world.warnings.push(warning);
+            }
         }
         match self.advance(step_s) {
             Ok(Flow::Continue) => {}

@@ -9,6 +9,7 @@ mod file;
 mod haptic;
 mod lint;
 mod meet;
+mod overlap;
 mod screen;
 mod stereo;
 mod summary;

@@ -144,6 +144,7 @@ impl Windows {
                 texture: &frame.view,
                 size: surface.size,
                 desktop: surface.place,
+                monitors: &surface.monitors,
                 canvas: &mut surface.canvas,
                 tiles,
                 contents: contents(*window),

@@ -2,6 +2,7 @@
 
 use super::super::target::check_size;
 use super::super::{Canvas, Gpu, RenderError};
+use super::monitor::{Monitor, described};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use wgpu::{CurrentSurfaceTexture, TextureFormat};
@@ -14,6 +15,8 @@ pub(super) struct WindowSurface {
     pub(super) size: [u32; 2],
     /// The window's top left pixel on the desktop; the origin where the window system does not tell.
     pub(super) place: [i32; 2],
+    /// Those of the desktop; none where the window system does not tell the window's place.
+    pub(super) monitors: Vec<Monitor>,
     asked: Instant,
     pub(super) canvas: Canvas,
     surface: wgpu::Surface<'static>,
@@ -85,14 +88,19 @@ impl WindowSurface {
         let canvas = Canvas::default();
         let (place, asked) = ([0, 0], Instant::now());
         let (is_current, frame) = (false, None);
-        let mut surface = Self { size, place, asked, canvas, surface, config, is_current, frame, window };
+        let monitors = Vec::new();
+        let mut surface =
+            Self { size, place, monitors, asked, canvas, surface, config, is_current, frame, window };
         surface.find_place();
         surface
     }
 
     /// Asks the window system where the window stands; Wayland does not tell.
     pub(super) fn find_place(&mut self) {
-        self.place = self.window.inner_position().map_or([0, 0], Into::into);
+        (self.place, self.monitors) = match self.window.inner_position() {
+            Ok(place) => (place.into(), self.window.available_monitors().map(|m| described(&m)).collect()),
+            Err(_) => ([0, 0], Vec::new()),
+        };
         self.asked = Instant::now();
     }
 
