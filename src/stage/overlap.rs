@@ -4,6 +4,7 @@
 //! are `meet`'s.
 
 use super::Screen;
+use nalgebra::Point3;
 
 /// What two screens of one plane both cover.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +32,8 @@ pub fn overlaps(screens: &[Screen], least_m: f64) -> Vec<Overlap> {
             let Some(size_m) = size_m(a, b).filter(|size| size.iter().all(|side| *side > least_m)) else {
                 continue;
             };
-            let is_corner = |corner| corners(a).iter().any(|other| (other - corner).norm() <= least_m);
+            let is_corner =
+                |corner: Point3<f64>| corners(a).iter().any(|other| (other - corner).norm() <= least_m);
             let is_same = corners(b).into_iter().all(is_corner);
             found.push(Overlap { screens: [i, j], size_m, is_same });
         }
@@ -39,7 +41,7 @@ pub fn overlaps(screens: &[Screen], least_m: f64) -> Vec<Overlap> {
     found
 }
 
-fn corners(screen: &Screen) -> [nalgebra::Point3<f64>; 4] {
+fn corners(screen: &Screen) -> [Point3<f64>; 4] {
     [screen.lower_left, screen.lower_right, screen.upper_right(), screen.upper_left]
 }
 
