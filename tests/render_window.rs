@@ -23,6 +23,7 @@ struct TwoScreens {
     sizes: Vec<[u32; 2]>,
     inputs: Vec<Input>,
     display: Display,
+    settings: u32,
 }
 
 /// Where the cursor is sent to in the first window, as a share of its size.
@@ -72,7 +73,7 @@ impl WindowApp for TwoScreens {
         self.frames += 1;
         if self.frames == 6 {
             // As a projector that calls itself 160 mm wide would: three times as many pixels to the inch.
-            self.display.set_resources("Xft.dpi:\t288\n");
+            self.display.set_dpi(self.settings, 288);
             self.display.move_cursor([10 + 160, 20 + 64]);
         }
         let done = self.frames >= 12 && self.has_cursor() && Instant::now() >= self.end;
@@ -101,6 +102,7 @@ fn opens_two_windows() {
         size: [width, 256],
         ..WindowSpec::default()
     };
+    let display = Display::connect(&std::env::var("DISPLAY").unwrap());
     let specs = [spec("mono", 10, 320), spec("interlaced", 340, 640)];
     let mut app = TwoScreens {
         mesh: bent_tube(20, 16),
@@ -110,7 +112,8 @@ fn opens_two_windows() {
         times: WindowTimes::default(),
         sizes: vec![],
         inputs: vec![],
-        display: Display::connect(&std::env::var("DISPLAY").unwrap()),
+        settings: display.manage_settings(),
+        display,
     };
     run(&specs, WindowOptions { samples: 4, vsync: true }, &mut app).unwrap();
     println!("{} frames, the last one {:?}", app.frames, app.times);

@@ -6,7 +6,9 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
-use x11rb::protocol::xproto::{AtomEnum, ConfigureWindowAux, ConnectionExt, ImageFormat, PropMode, Window};
+use x11rb::protocol::xproto::{
+    AtomEnum, ConfigureWindowAux, ConnectionExt, CreateWindowAux, ImageFormat, PropMode, Window, WindowClass,
+};
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
@@ -80,7 +82,7 @@ impl Display {
     /// Every window that has a title, sorted by it. Those that go away meanwhile are left out.
     pub fn windows(&self) -> Vec<Placed> {
         let tree = self.connection.query_tree(self.root).unwrap().reply().unwrap();
-        let title = self.connection.intern_atom(false, b"_NET_WM_NAME").unwrap().reply().unwrap().atom;
+        let title = self.atom(b"_NET_WM_NAME");
         let of = |&id: &Window| {
             let named = self.connection.get_property(false, id, title, AtomEnum::ANY, 0, 1024).unwrap();
             let place = self.connection.get_geometry(id).unwrap().reply().ok()?;
@@ -102,13 +104,36 @@ impl Display {
         self.connection.warp_pointer(x11rb::NONE, self.root, 0, 0, 0, 0, x, y).unwrap().check().unwrap();
     }
 
-    /// What `xrdb` would set for all programs of the display.
-    pub fn set_resources(&self, text: &str) {
-        let atoms = [AtomEnum::RESOURCE_MANAGER, AtomEnum::STRING];
-        let [resources, string] = atoms.map(u32::from);
-        let mode = PropMode::REPLACE;
-        let set = self.connection.change_property8(mode, self.root, resources, string, text.as_bytes());
+    /// Plays the daemon that tells all programs the settings of the desktop (XSETTINGS), to begin with 96 dots per inch.
+    pub fn manage_settings(&self) -> Window {
+        let (connection, id) = (&self.connection, self.connection.generate_id().unwrap());
+        let nothing = CreateWindowAux::new();
+        let class = WindowClass::INPUT_ONLY;
+        connection
+            .create_window(0, id, self.root, 0, 0, 1, 1, 0, class, 0, &nothing)
+            .unwrap()
+            .check()
+            .unwrap();
+        self.set_dpi(id, 96);
+        let role = self.atom(b"_XSETTINGS_S0");
+        connection.set_selection_owner(id, role, x11rb::CURRENT_TIME).unwrap().check().unwrap();
+        id
+    }
+
+    pub fn set_dpi(&self, settings: Window, dpi: u32) {
+        // Byte order, serial number, one setting: an integer, its name's length and name, serial number, 1024 · dpi.
+        let name = b"Xft/DPI\0";
+        let mut bytes = vec![0; 4];
+        bytes.extend([dpi, 1].into_iter().flat_map(u32::to_le_bytes));
+        bytes.extend([0, 0, 7, 0].iter().chain(name));
+        bytes.extend([dpi, 1024 * dpi].into_iter().flat_map(u32::to_le_bytes));
+        let property = self.atom(b"_XSETTINGS_SETTINGS");
+        let set = self.connection.change_property8(PropMode::REPLACE, settings, property, property, &bytes);
         set.unwrap().check().unwrap();
+    }
+
+    fn atom(&self, name: &[u8]) -> u32 {
+        self.connection.intern_atom(false, name).unwrap().reply().unwrap().atom
     }
 
     /// What is seen in a rectangle of the screen: x, y, width, height.

@@ -79,7 +79,7 @@ fn no_usual_window_lies_over_another() {
         layout.into_iter().map(|window| (window.name, window.at.unwrap()[1])).collect()
     };
     let cave = tops("cave3");
-    assert!(cave.contains(&("floor left".to_owned(), 1800)), "{cave:?}");
+    assert!(cave.contains(&("floor left and right".to_owned(), 1800)), "{cave:?}");
     for (name, _) in super::super::BUILT_IN {
         let layout = Stage::find(name).unwrap().usual_layout();
         for (i, a) in layout.iter().enumerate() {
