@@ -112,7 +112,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
-    let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
+    let is_live = show.replay.is_none();
+    let mut feel = if is_live { Feel::start(&scene, &show.file, &show.world)? } else { None };
+    let rig = if is_live { super::track::start(&show.world.stage, feel.as_mut())? } else { None };
     let world = show.world;
     let layout = world.stage.layout();
     let is_usual = world.stage.windows.is_empty();
@@ -123,7 +125,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         aids.panels[world.stage.faced_screen()] = true;
     }
     let swapped = world.stage.swap_eyes;
-    let feel = if show.replay.is_none() { Feel::start(&scene, &show.file, &world)? } else { None };
     let mut app = Viewer {
         feel,
         aids,
@@ -201,6 +202,7 @@ fn offscreen(args: &Args, frames: usize) -> render::Args {
         samples: args.samples,
         scale: args.scale.unwrap_or(1.0),
         stereo: None,
+        windows: false,
         overlay: args.overlay,
         device: args.device,
     }
@@ -228,7 +230,7 @@ struct Viewer {
     aids: Aids,
     /// Of the frame before, for the overlay.
     times: FrameTimes,
-    /// The world's, with their seconds since the start.
+    /// The world's, with their seconds since the start: a script's own time begins anew with every round.
     warnings: Vec<(f64, String)>,
     bodies: Option<Bodies>,
     started: Instant,
@@ -295,16 +297,7 @@ impl WindowApp for Viewer {
                     self.world.act(action);
                 }
                 let mut typed = [0; 4];
-                let name = match key {
-                    Key::Char(c) => c.encode_utf8(&mut typed),
-                    Key::Left => "ArrowLeft",
-                    Key::Right => "ArrowRight",
-                    Key::Up => "ArrowUp",
-                    Key::Down => "ArrowDown",
-                    Key::Control => "Control",
-                    Key::Shift => "Shift",
-                    _ => return,
-                };
+                let Some(name) = keys::name(key, &mut typed) else { return };
                 self.mouse.handle(MouseInput::Key { name, pressed });
             }
             Input::Focus { focused: false, .. } => self.mouse.handle(MouseInput::FocusLost),
@@ -317,9 +310,8 @@ impl WindowApp for Viewer {
         self.last = Instant::now();
         if self.frames == 0 {
             self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
-            if let Some(warning) = panes::unplaced(&self.layout).filter(|_| !windows.knows_places) {
-                eprintln!("warning: {warning}");
-                self.world.warnings.push(warning);
+            if !windows.knows_places {
+                panes::unplaced(&self.layout).into_iter().for_each(|warning| self.world.warn(warning));
             }
         }
         match self.advance(step_s) {
@@ -357,12 +349,15 @@ impl WindowApp for Viewer {
             };
             let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
             let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
+            let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
+            let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
-                device: gpu.describe(),
+                device: gpu.adapter_name.clone(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
                 sensors: SensorReading::of(&reports),
+                haptics,
                 ..Readings::of(&self.world)
             };
             let contents = contents(&self.world, &instances);
@@ -438,7 +433,7 @@ impl Viewer {
     fn note_warnings(&mut self) {
         let time_s = self.started.elapsed().as_secs_f64();
         let new = self.world.warnings.iter().skip(self.warnings.len());
-        self.warnings.extend(new.map(|text| (time_s, text.clone())));
+        self.warnings.extend(new.map(|(_, text)| (time_s, text.clone())));
     }
 
     fn tiles(&mut self, windows: &Windows) -> Vec<Vec<Tile>> {

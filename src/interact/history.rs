@@ -45,6 +45,11 @@ impl<T: Clone> History<T> {
         Some(entry)
     }
 
+    /// How many entries can be undone, and how many done again.
+    pub fn depth(&self) -> [usize; 2] {
+        [self.done.len(), self.undone.len()]
+    }
+
     pub fn clear(&mut self) {
         (self.done, self.undone) = (VecDeque::new(), Vec::new());
     }

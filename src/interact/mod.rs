@@ -7,6 +7,7 @@
 
 mod action;
 mod carry;
+mod carrying;
 mod curve;
 mod ease;
 mod hands;
@@ -19,6 +20,7 @@ mod reach;
 
 pub use action::Action;
 pub use carry::{HandMotion, carry};
+pub use carrying::Carrying;
 pub use curve::{ForceArrow, bend, force_arrow};
 pub use ease::{EASE_S, Ease, between, towards_rest};
 pub use hands::{Asked, CLICK_S, Drag, Element, Grip, Hands};

@@ -152,9 +152,12 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let monitors = monitors.collect();
     let head = file.viewer.get_ref().head.as_ref();
     let mut keep = |offset: usize, fault: TrackingFault| faults.push(offset, fault.into());
-    let tracking = tracking::check(file.tracker, file.sensor, file.stylus, head, &mut keep);
+    let mut tracking = tracking::check(file.tracker, file.sensor, file.stylus, head, &mut keep);
     let haptics = file.haptic.iter().filter_map(|(name, found)| {
-        let checked = check_name("haptic device", name).and_then(|()| haptic::check(name, found.get_ref()));
+        let checked = check_name("haptic device", name).and_then(|()| {
+            let haptic = haptic::check(name, found.get_ref())?;
+            haptic::sense(&haptic, &mut tracking).map(|()| haptic)
+        });
         faults.keep(found.span().start, checked)
     });
     let haptics = haptics.collect();

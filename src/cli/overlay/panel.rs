@@ -1,13 +1,14 @@
 //! The overlay painted: rows of letters of one width on dark translucent plates.
 
+use super::rows::{hand_rows, haptic_rows};
 use super::{BodyReading, ControlReading, History, Readings, STEPS, SensorReading};
 use crate::cli::writing::{DARK, INK, QUIET};
 use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
 
-const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
-const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
-const BAD: Color32 = Color32::from_rgb(240, 86, 70);
+pub(super) const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
+pub(super) const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
+pub(super) const BAD: Color32 = Color32::from_rgb(240, 86, 70);
 const RULE: Color32 = Color32::from_rgb(54, 62, 74);
 /// Of [`STEPS`], and of what no step tells.
 const COLOURS: [Color32; 9] = [
@@ -22,7 +23,7 @@ const COLOURS: [Color32; 9] = [
     Color32::from_rgb(60, 68, 82),
 ];
 /// Letters in a row of a column.
-const LETTERS: usize = 40;
+pub(super) const LETTERS: usize = 40;
 /// Rows of warnings.
 const WARNINGS: usize = 4;
 
@@ -36,9 +37,9 @@ pub struct Panel<'a> {
 }
 
 /// A piece of a row in its colour.
-type Words = Vec<(String, Color32)>;
+pub(super) type Words = Vec<(String, Color32)>;
 
-enum Row {
+pub(super) enum Row {
     Words(Words),
     /// Steps of the last frames, stacked.
     Bars,
@@ -64,7 +65,7 @@ impl Row {
     }
 }
 
-fn words(text: impl Into<String>, ink: Color32) -> Row {
+pub(super) fn words(text: impl Into<String>, ink: Color32) -> Row {
     Row::Words(vec![(text.into(), ink)])
 }
 
@@ -79,10 +80,15 @@ impl Panel<'_> {
         let warnings = self.warnings(((inside.width() / letter) as usize).saturating_sub(2));
         let strip = warnings.len() as f32 * line + if warnings.is_empty() { 0.0 } else { 2.0 * margin };
         let most = inside.height() - strip;
-        self.column(inside.min, width, most, self.frame_rows());
+        let height = self.column(inside.min, width, most, self.frame_rows());
         let bodies = self.readings.bodies.iter().flat_map(body_rows).collect::<Vec<_>>();
         if !bodies.is_empty() {
-            self.column(pos2(inside.max.x - width, inside.min.y), width, most, bodies);
+            // Below each other where the picture is too narrow for both.
+            let (corner, most) = match 2.0 * width + margin > inside.width() {
+                true => (inside.min + vec2(0.0, height + margin), most - height - margin),
+                false => (pos2(inside.max.x - width, inside.min.y), most),
+            };
+            self.column(corner, width, most, bodies);
         }
         if !warnings.is_empty() {
             let top = inside.max.y - strip + margin;
@@ -102,8 +108,8 @@ impl Panel<'_> {
         ten.size().x / 10.0
     }
 
-    /// Rows on a plate; those that do not fit into `most` pixels are counted.
-    fn column(&self, corner: Pos2, width: f32, most: f32, mut rows: Vec<Row>) {
+    /// Rows on a plate, whose height it returns; rows that do not fit into `most` pixels are counted.
+    fn column(&self, corner: Pos2, width: f32, most: f32, mut rows: Vec<Row>) -> f32 {
         let size = self.letter_height();
         let line = (1.3 * size).round();
         let pad = (0.5 * size).round();
@@ -124,6 +130,7 @@ impl Panel<'_> {
             self.row(row, rect, size);
             top += row.lines() * line;
         }
+        plate.height()
     }
 
     fn row(&self, row: &Row, rect: Rect, size: f32) {
@@ -220,6 +227,12 @@ impl Panel<'_> {
             rows.push(words(format!("{:<14}{:>9}{:>9}", "sensor", "rate", "age"), QUIET));
             rows.extend(readings.sensors.iter().map(sensor_row));
         }
+        for haptic in &readings.haptics {
+            rows.push(Row::Gap);
+            rows.extend(haptic_rows(haptic));
+        }
+        rows.push(Row::Gap);
+        rows.extend(hand_rows(readings));
         rows.push(Row::Gap);
         rows.push(words("F1 closes   F2 room   F3 test pattern", QUIET));
         rows
@@ -340,7 +353,7 @@ fn control_rows(control: &ControlReading) -> Vec<Row> {
 }
 
 /// A number in so many letters; where it does not fit, in powers of ten. No minus before zero.
-fn fixed(value: f64, letters: usize, digits: usize) -> String {
+pub(super) fn fixed(value: f64, letters: usize, digits: usize) -> String {
     let text = format!("{value:>letters$.digits$}");
     let is_zero = text.chars().all(|c| matches!(c, ' ' | '-' | '0' | '.'));
     match text {
@@ -351,7 +364,7 @@ fn fixed(value: f64, letters: usize, digits: usize) -> String {
 }
 
 /// The first `letters` letters, with a sign where some are missing.
-fn clipped(text: &str, letters: usize) -> String {
+pub(super) fn clipped(text: &str, letters: usize) -> String {
     if text.chars().count() <= letters {
         return text.to_owned();
     }

@@ -97,11 +97,16 @@ impl World {
         self.graph.get(self.fields.hands).hands.mode
     }
 
+    /// How much can be undone, and how much done again.
+    pub fn undo_depth(&self) -> [usize; 2] {
+        self.desk.history.depth()
+    }
+
     /// The body that stylus `i` points at, anywhere on its surface.
     pub fn pointed_body(&self, i: usize) -> Option<usize> {
         let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;
         let ray = PickRay::from_stylus(stylus)?;
-        let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.whole_positions()).collect();
+        let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.positions()).collect();
         let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
         let targets: Vec<_> = self
             .bodies

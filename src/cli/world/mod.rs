@@ -47,8 +47,8 @@ pub struct World {
     pub arrows: Vec<Arrow>,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
-    /// What is wrong, each said once.
-    pub warnings: Vec<String>,
+    /// What is wrong, each said once; with the tracker's time at which it was, s.
+    pub warnings: Vec<(f64, String)>,
     pub graph: Graph<Bodies>,
     pub fields: Fields,
     pub desk: Desk,
@@ -72,8 +72,7 @@ impl World {
     pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
         let bodies = body::place(scene, file, session::deformers(scene, file)?, &stage);
         let room_from_head = stage.viewer.room_from_head;
-        let radius_m = stage.workspace.radius_m;
-        let (graph, fields) = flow::graph(scene, room_from_head, radius_m).map_err(Failure::request)?;
+        let (graph, fields) = flow::graph(scene, &stage).map_err(Failure::request)?;
         let mut world = World {
             desk: Desk::new(&stage.workspace, bodies.len(), fields.targets.len()),
             stage,
@@ -127,19 +126,26 @@ impl World {
         }
         self.graph.evaluate(&mut self.bodies);
         self.times = StepTimes::default();
+        let mut warnings = Vec::new();
         for body in &mut self.bodies {
             self.times.deform_s += body.times.deform_s;
             self.times.normals_s += body.times.normals_s;
-            for warning in body.warnings.drain(..) {
-                if !self.warnings.contains(&warning) {
-                    eprintln!("note: {warning}");
-                    self.warnings.push(warning);
-                }
-            }
+            warnings.append(&mut body.warnings);
+        }
+        for warning in warnings {
+            self.warn(warning);
         }
         self.room_from_head = self.graph.get(self.fields.head).0;
         self.follow_hands(*self.graph.get(self.fields.time));
         self.show_hands();
+    }
+
+    /// Tells it once, and the overlay.
+    pub fn warn(&mut self, warning: String) {
+        if self.warnings.iter().all(|(_, told)| *told != warning) {
+            eprintln!("note: {warning}");
+            self.warnings.push((*self.graph.get(self.fields.time), warning));
+        }
     }
 
     /// Styli as they are drawn, what they feel, and the colours of what they point at.
@@ -202,9 +208,7 @@ impl World {
             Err(unseen) => {
                 let key = format!("{screen} {eye:?} {:?}", std::mem::discriminant(&unseen));
                 if self.told.insert(key) {
-                    let warning = format!("{} eye: {unseen}", eye.name());
-                    eprintln!("note: {warning}");
-                    self.warnings.push(warning);
+                    self.warn(format!("{} eye: {unseen}", eye.name()));
                 }
                 None
             }
@@ -223,4 +227,4 @@ impl World {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

@@ -31,7 +31,7 @@ impl World {
             numbers(&mut rigid.translation.vector.iter().chain(rigid.rotation.coords.iter()));
         }
         for body in &self.bodies {
-            hasher.update(bytemuck::cast_slice(&body.deformer.positions));
+            hasher.update(bytemuck::cast_slice(body.deformer.positions().as_ref()));
         }
         hasher.finalize().to_hex().to_string()
     }
