@@ -7,6 +7,7 @@ use super::playback::{Playback, Source};
 use super::recording::{Origin, Recorder, Replay};
 use super::session;
 use super::table::seconds;
+use super::view;
 use super::world::World;
 use crate::green::GreenFile;
 use crate::scene::Scene;
@@ -50,7 +51,7 @@ pub struct Args {
     /// Samples a pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = super::samples)]
     pub samples: u32,
-    /// Size of the pictures against the screens' own pixels, 0.01 to 8
+    /// Size of the pictures against the screens' own pixels, 0.01 to 4
     #[arg(long, default_value_t = 1.0, value_parser = super::scale)]
     pub scale: f64,
     /// Both eyes in one picture as a display wants them (`greenstage manual stages` lists the kinds), or one eye's;
@@ -68,11 +69,34 @@ pub struct Args {
     pub device: device::Args,
 }
 
+impl Args {
+    /// The same as `greenstage view` would show, without a display.
+    pub fn of_view(args: &view::Args, frames: usize) -> Args {
+        Args {
+            scene: args.scene.clone(),
+            stage: args.stage.clone(),
+            output: args.offscreen.clone(),
+            frames,
+            script: args.script.clone(),
+            replay: args.replay.clone(),
+            record: args.record.clone(),
+            green: args.green.clone(),
+            samples: args.samples,
+            scale: args.scale.unwrap_or(1.0),
+            stereo: None,
+            windows: false,
+            overlay: args.overlay,
+            device: args.device,
+        }
+    }
+}
+
 /// Width of one picture on the contact sheet.
 const SHEET_PICTURE: u32 = 400;
 const SHEET_GAP: u32 = 8;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    args.device.for_session(args.replay.is_some() || args.record.is_some())?;
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;

@@ -8,10 +8,9 @@ use super::keys;
 use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
 use super::panes;
 use super::picture::{Bodies, contents};
-use super::playback::{Playback, SCRIPT_STEPS, Source};
+use super::playback;
 use super::recording::{Frame, Recorder, Replay};
 use super::render::{self, Show};
-use super::table::seconds;
 use super::world::{StepTimes, World};
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
@@ -98,21 +97,29 @@ impl Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    let device = args.device.for_session(args.record.is_some() || args.replay.is_some())?;
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;
     if args.check {
-        return check(&mut show, script.as_ref(), recorder.as_mut());
+        return playback::check(&mut show, script.as_ref(), recorder.as_mut());
     }
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
         let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
-        return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
+        return render::pictures(
+            &render::Args::of_view(args, frames),
+            &mut show,
+            script.as_ref(),
+            recorder.as_mut(),
+        );
     }
-    super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
     let is_live = show.replay.is_none();
+    if is_live {
+        super::print(&format!("{}\n", keys::bindings()))?;
+    }
     let mut feel = if is_live { Feel::start(&scene, &show.file, &show.world)? } else { None };
     let rig = if is_live { super::track::start(&show.world.stage, feel.as_mut())? } else { None };
     let world = show.world;
@@ -147,7 +154,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
-        device: args.device.for_session(args.record.is_some() || args.replay.is_some())?,
+        device,
         rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
@@ -160,52 +167,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     super::print(&app.feel.as_mut().map(Feel::summary).unwrap_or_default())?;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
     render::report(app.replay.as_ref(), app.recorder.as_ref())
-}
-
-/// The script or the recording without windows and devices: every frame's state against the recorded one, and what
-/// the mechanics took.
-fn check(
-    show: &mut Show,
-    script: Option<&Script>,
-    mut recorder: Option<&mut Recorder>,
-) -> Result<(), Failure> {
-    let source = Source::new(script, show.replay.as_mut())?;
-    let frames = match &source {
-        Source::Rest => 1,
-        Source::Script(_) => SCRIPT_STEPS,
-        Source::Replay(_, length) => *length as usize,
-    };
-    let mut playback = Playback::new(source, frames);
-    playback.recorder = recorder.as_deref_mut();
-    let mut times = Vec::new();
-    for frame in 0..frames {
-        let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
-        times.push(interact_s + deform_s + normals_s);
-    }
-    render::report(show.replay.as_ref(), recorder.as_deref())?;
-    times.sort_by(f64::total_cmp);
-    let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
-    super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
-}
-
-/// The same view as `greenstage render` would make it.
-fn offscreen(args: &Args, frames: usize) -> render::Args {
-    render::Args {
-        scene: args.scene.clone(),
-        stage: args.stage.clone(),
-        output: args.offscreen.clone(),
-        frames,
-        script: args.script.clone(),
-        replay: args.replay.clone(),
-        record: args.record.clone(),
-        green: args.green.clone(),
-        samples: args.samples,
-        scale: args.scale.unwrap_or(1.0),
-        stereo: None,
-        windows: false,
-        overlay: args.overlay,
-        device: args.device,
-    }
 }
 
 struct Viewer {
@@ -334,12 +295,15 @@ impl WindowApp for Viewer {
         if let Some(bodies) = &mut self.bodies {
             let upload_s = bodies.upload(&windows.gpu, &mut self.world)?;
             let instances = bodies.instances(&self.world);
+            let reports = self.rig.as_mut().filter(|_| self.aids.wants_reports());
+            let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
             let staged = Staged {
                 stage: &self.world.stage,
                 layout: &self.layout,
                 sizes: &self.sizes,
                 swapped: self.swapped,
                 room_from_head: self.world.room_from_head,
+                reports: &reports,
             };
             let deformation = bodies.deformation();
             let source = match (&self.replay, &self.script) {
@@ -347,8 +311,6 @@ impl WindowApp for Viewer {
                 (None, Some(_)) => "moved by the script",
                 (None, None) => "moved by mouse and keyboard",
             };
-            let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
-            let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
             let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
             let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {

@@ -3,7 +3,7 @@
 //! skewed corners, other units, swapped eyes.
 
 use super::fault::{Fault, IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
-use super::haptic::{self, HapticFile};
+use super::haptic::{self, Haptic, HapticFile};
 use super::tracking::{self, SensorFile, StylusFile, TrackerFile, TrackingFault};
 use super::window::{self, MonitorFile, Window, WindowFile};
 use super::{Grid, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Stage, Stereo, Viewer, Workspace};
@@ -158,9 +158,15 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
             let haptic = haptic::check(name, found.get_ref())?;
             haptic::sense(&haptic, &mut tracking).map(|()| haptic)
         });
-        faults.keep(found.span().start, checked)
+        let start = found.span().start;
+        Some((start, faults.keep(start, checked)?))
     });
-    let haptics = haptics.collect();
+    let haptics: Vec<(usize, Haptic)> = haptics.collect();
+    for (i, (start, haptic)) in haptics.iter().enumerate() {
+        let others = haptics[..i].iter().map(|(_, other)| other);
+        faults.keep(*start, haptic::check_stylus(haptic, others, &tracking));
+    }
+    let haptics = haptics.into_iter().map(|(_, haptic)| haptic).collect();
     let StageFile { name, description, stereo, swap_eyes, .. } = file;
     let stage = match (viewer, workspace) {
         (Some(viewer), Some(workspace)) if !screens.is_empty() => Some(Stage {

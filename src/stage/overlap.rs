@@ -1,7 +1,7 @@
 //! Screens that lie in one plane and cover part of it twice.
 //!
 //! In: screens. Out: [`Overlap`]s, with the size of what two of them both cover. Screens that only run beside each other
-//! are `meet`'s.
+//! are seams.
 
 use super::Screen;
 use nalgebra::Point3;
