@@ -17,9 +17,10 @@ pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
     Some(match (key, control) {
         (Key::Char('z'), true) => Action::Undo,
         (Key::Char('y'), true) => Action::Redo,
-        (_, true) => return None,
+        // Ctrl may still be down from undo and redo.
         (Key::Backspace, _) => Action::SnapBack,
         (Key::Home, _) => Action::ResetNavigation,
+        (_, true) => return None,
         (Key::Char('f'), _) => only(Freedom::Free),
         (Key::Char('t'), _) => only(Freedom::Translate),
         (Key::Char('g'), _) => only(Freedom::Rotate),
@@ -42,4 +43,18 @@ pub fn scale(lines: f32) -> Action {
 pub fn bindings() -> String {
     let rows: Vec<String> = BINDINGS.iter().map(|(input, what)| format!("  {input:<36} {what}")).collect();
     format!("Mouse and keyboard:\n{}", rows.join("\n"))
+}
+
+/// What [`crate::track::Mouse`] calls a key, where it knows it; a letter is written into `typed`.
+pub fn name(key: Key, typed: &mut [u8; 4]) -> Option<&str> {
+    Some(match key {
+        Key::Char(c) => c.encode_utf8(typed),
+        Key::Left => "ArrowLeft",
+        Key::Right => "ArrowRight",
+        Key::Up => "ArrowUp",
+        Key::Down => "ArrowDown",
+        Key::Control => "Control",
+        Key::Shift => "Shift",
+        _ => return None,
+    })
 }

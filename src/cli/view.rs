@@ -5,13 +5,12 @@ use super::device;
 use super::failure::Failure;
 use super::feel::{self, Feel};
 use super::keys;
-use super::overlay::{FrameTimes, Readings, SensorReading};
+use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
 use super::panes;
 use super::picture::{Bodies, contents};
-use super::playback::{Playback, SCRIPT_STEPS, Source};
+use super::playback;
 use super::recording::{Frame, Recorder, Replay};
 use super::render::{self, Show};
-use super::table::seconds;
 use super::world::{StepTimes, World};
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
@@ -98,12 +97,13 @@ impl Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    let device = args.device.for_session(args.record.is_some() || args.replay.is_some())?;
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;
     if args.check {
-        return check(&mut show, script.as_ref(), recorder.as_mut());
+        return playback::check(&mut show, script.as_ref(), recorder.as_mut());
     }
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
@@ -115,9 +115,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             recorder.as_mut(),
         );
     }
-    super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
     let is_live = show.replay.is_none();
+    if is_live {
+        super::print(&format!("{}\n", keys::bindings()))?;
+    }
     let mut feel = if is_live { Feel::start(&scene, &show.file, &show.world)? } else { None };
     let rig = if is_live { super::track::start(&show.world.stage, feel.as_mut())? } else { None };
     let world = show.world;
@@ -152,7 +154,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
-        device: args.device.for_session(args.record.is_some() || args.replay.is_some())?,
+        device,
         rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
@@ -165,32 +167,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     super::print(&app.feel.as_mut().map(Feel::summary).unwrap_or_default())?;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
     render::report(app.replay.as_ref(), app.recorder.as_ref())
-}
-
-/// The script or the recording without windows and devices: every frame's state against the recorded one, and what
-/// the mechanics took.
-fn check(
-    show: &mut Show,
-    script: Option<&Script>,
-    mut recorder: Option<&mut Recorder>,
-) -> Result<(), Failure> {
-    let source = Source::new(script, show.replay.as_mut())?;
-    let frames = match &source {
-        Source::Rest => 1,
-        Source::Script(_) => SCRIPT_STEPS,
-        Source::Replay(_, length) => *length as usize,
-    };
-    let mut playback = Playback::new(source, frames);
-    playback.recorder = recorder.as_deref_mut();
-    let mut times = Vec::new();
-    for frame in 0..frames {
-        let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
-        times.push(interact_s + deform_s + normals_s);
-    }
-    render::report(show.replay.as_ref(), recorder.as_deref())?;
-    times.sort_by(f64::total_cmp);
-    let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
-    super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
 }
 
 struct Viewer {
@@ -282,16 +258,7 @@ impl WindowApp for Viewer {
                     self.world.act(action);
                 }
                 let mut typed = [0; 4];
-                let name = match key {
-                    Key::Char(c) => c.encode_utf8(&mut typed),
-                    Key::Left => "ArrowLeft",
-                    Key::Right => "ArrowRight",
-                    Key::Up => "ArrowUp",
-                    Key::Down => "ArrowDown",
-                    Key::Control => "Control",
-                    Key::Shift => "Shift",
-                    _ => return,
-                };
+                let Some(name) = keys::name(key, &mut typed) else { return };
                 self.mouse.handle(MouseInput::Key { name, pressed });
             }
             Input::Focus { focused: false, .. } => self.mouse.handle(MouseInput::FocusLost),
@@ -304,6 +271,9 @@ impl WindowApp for Viewer {
         self.last = Instant::now();
         if self.frames == 0 {
             self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+            if !windows.knows_places {
+                panes::unplaced(&self.layout).into_iter().for_each(|warning| self.world.warn(warning));
+            }
         }
         match self.advance(step_s) {
             Ok(Flow::Continue) => {}
@@ -319,17 +289,21 @@ impl WindowApp for Viewer {
         let tiles = self.tiles(windows);
         self.note_warnings();
         if self.aids.has_panel() {
+            self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
             self.aids.history.push(FrameTimes { whole_s: step_s, ..self.times });
         }
         if let Some(bodies) = &mut self.bodies {
             let upload_s = bodies.upload(&windows.gpu, &mut self.world)?;
             let instances = bodies.instances(&self.world);
+            let reports = self.rig.as_mut().filter(|_| self.aids.wants_reports());
+            let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
             let staged = Staged {
                 stage: &self.world.stage,
                 layout: &self.layout,
                 sizes: &self.sizes,
                 swapped: self.swapped,
                 room_from_head: self.world.room_from_head,
+                reports: &reports,
             };
             let deformation = bodies.deformation();
             let source = match (&self.replay, &self.script) {
@@ -337,8 +311,6 @@ impl WindowApp for Viewer {
                 (None, Some(_)) => "moved by the script",
                 (None, None) => "moved by mouse and keyboard",
             };
-            let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
-            let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
             let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
             let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
@@ -352,10 +324,8 @@ impl WindowApp for Viewer {
             };
             let contents = contents(&self.world, &instances);
             let drawn = self.aids.draw(windows, &staged, tiles, &contents, readings)?;
-            let [acquire_s, encode_s, present_s] =
-                [drawn.acquire, drawn.encode, drawn.present].map(|time| time.as_secs_f64());
-            self.times.steps =
-                [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, acquire_s, present_s];
+            let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
+            self.times.steps = [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, present_s];
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);

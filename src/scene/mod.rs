@@ -121,6 +121,9 @@ pub enum Element {
 }
 
 impl Element {
+    /// From the least accurate on.
+    pub const ALL: [Element; 3] = [Element::Tet4, Element::Tet4Anp, Element::Tet10];
+
     /// As scenes name it.
     pub fn name(self) -> &'static str {
         match self {
@@ -203,6 +206,16 @@ pub enum Grab {
     Fixed,
     /// Can be taken by a stylus.
     Dragger,
+}
+
+impl Grab {
+    /// As scene files write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Grab::Fixed => "fixed",
+            Grab::Dragger => "dragger",
+        }
+    }
 }
 
 /// room_from_body: x ↦ position + scale · R(rotation) · x.

@@ -8,8 +8,9 @@ mod fault;
 mod file;
 mod haptic;
 mod lint;
-mod meet;
+mod overlap;
 mod screen;
+mod seam;
 mod stereo;
 mod summary;
 pub mod tracking;
@@ -20,8 +21,8 @@ pub use file::Survey;
 pub use haptic::{Haptic, HapticDevice};
 pub use lint::{Level, Lint, lint};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
+pub use seam::{Edge, Seam};
 pub use stereo::Stereo;
-pub use summary::Seam;
 pub use tracking::Tracking;
 pub use window::{Border, Monitor, MonitorId, Tile, Visible, Window};
 
@@ -141,8 +142,7 @@ impl Stage {
 
     /// Names of the styli in the order of their tracker's state; where none is tracked, those of the hands.
     pub fn stylus_names(&self) -> Vec<&str> {
-        let tracked = &self.tracking.styli;
-        if tracked.is_empty() { vec!["right", "left"] } else { tracked.keys().map(String::as_str).collect() }
+        self.tracking.stylus_names()
     }
 
     /// The eyes for which each screen is drawn, in the order of drawing.

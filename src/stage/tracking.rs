@@ -6,6 +6,7 @@
 mod address;
 mod fault;
 mod file;
+pub mod vrpn;
 
 pub use fault::TrackingFault;
 pub(super) use file::{MountFile, SensorFile, StylusFile, TrackerFile, check, isometry};
@@ -28,6 +29,17 @@ pub struct Tracking {
     pub head: Option<String>,
 }
 
+impl Tracking {
+    /// Names of the styli in the order of their tracker's state; where none is tracked, those of the hands.
+    pub fn stylus_names(&self) -> Vec<&str> {
+        if self.styli.is_empty() {
+            vec!["right", "left"]
+        } else {
+            self.styli.keys().map(String::as_str).collect()
+        }
+    }
+}
+
 /// A source of poses, buttons and valuators, and how its frame lies in the room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracker {
@@ -39,11 +51,7 @@ pub struct Tracker {
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrackerKind {
     Vrpn {
-        device: String,
-        host: String,
-        port: u16,
-        /// Poses may come by UDP; false, as `tcp://` in the address asks: all by the one TCP connection.
-        udp: bool,
+        address: vrpn::Address,
         transport: Transport,
     },
     Dtrack {
@@ -189,10 +197,9 @@ impl TrackerFrame {
 impl std::fmt::Display for TrackerKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            TrackerKind::Vrpn { device, host, port, udp, transport } => {
-                let tcp = if *udp { "" } else { "tcp://" };
+            TrackerKind::Vrpn { address, transport } => {
                 let lob = if *transport == Transport::Lob { " (lob)" } else { "" };
-                write!(f, "vrpn {device}@{tcp}{host}:{port}{lob}")
+                write!(f, "vrpn {address}{lob}")
             }
             TrackerKind::Dtrack { listen } => write!(f, "dtrack on {listen}"),
             TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),

@@ -12,6 +12,8 @@ mod interpolate;
 pub mod mouse;
 mod open;
 pub mod osc;
+#[cfg(test)]
+pub(crate) mod puppet;
 pub mod rig;
 pub mod script;
 pub mod udp;
