@@ -22,6 +22,8 @@ pub const STEPS: [&str; 8] =
     ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
 /// Triangles of a body whose turns are looked at.
 const PIECES: usize = 256;
+/// Which of [`STEPS`] waits for the images of the frame after.
+pub const ACQUIRE: usize = 6;
 /// Frames that are kept.
 const FRAMES: usize = 120;
 
