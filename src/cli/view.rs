@@ -5,7 +5,7 @@ use super::device;
 use super::failure::Failure;
 use super::feel::{self, Feel};
 use super::keys;
-use super::overlay::{FrameTimes, Readings, SensorReading};
+use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::playback;
@@ -258,16 +258,7 @@ impl WindowApp for Viewer {
                     self.world.act(action);
                 }
                 let mut typed = [0; 4];
-                let name = match key {
-                    Key::Char(c) => c.encode_utf8(&mut typed),
-                    Key::Left => "ArrowLeft",
-                    Key::Right => "ArrowRight",
-                    Key::Up => "ArrowUp",
-                    Key::Down => "ArrowDown",
-                    Key::Control => "Control",
-                    Key::Shift => "Shift",
-                    _ => return,
-                };
+                let Some(name) = keys::name(key, &mut typed) else { return };
                 self.mouse.handle(MouseInput::Key { name, pressed });
             }
             Input::Focus { focused: false, .. } => self.mouse.handle(MouseInput::FocusLost),
@@ -280,6 +271,9 @@ impl WindowApp for Viewer {
         self.last = Instant::now();
         if self.frames == 0 {
             self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+            if !windows.knows_places {
+                panes::unplaced(&self.layout).into_iter().for_each(|warning| self.world.warn(warning));
+            }
         }
         match self.advance(step_s) {
             Ok(Flow::Continue) => {}
@@ -295,6 +289,7 @@ impl WindowApp for Viewer {
         let tiles = self.tiles(windows);
         self.note_warnings();
         if self.aids.has_panel() {
+            self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
             self.aids.history.push(FrameTimes { whole_s: step_s, ..self.times });
         }
         if let Some(bodies) = &mut self.bodies {
@@ -329,10 +324,8 @@ impl WindowApp for Viewer {
             };
             let contents = contents(&self.world, &instances);
             let drawn = self.aids.draw(windows, &staged, tiles, &contents, readings)?;
-            let [acquire_s, encode_s, present_s] =
-                [drawn.acquire, drawn.encode, drawn.present].map(|time| time.as_secs_f64());
-            self.times.steps =
-                [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, acquire_s, present_s];
+            let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
+            self.times.steps = [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, present_s];
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);

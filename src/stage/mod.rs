@@ -8,6 +8,7 @@ mod fault;
 mod file;
 mod haptic;
 mod lint;
+mod overlap;
 mod screen;
 mod seam;
 mod stereo;
