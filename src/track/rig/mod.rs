@@ -40,6 +40,9 @@ struct Running {
     name: String,
     source: Box<dyn Source>,
     link: Link,
+    reconnects: u64,
+    /// It was not there, or was there anew, since the last state was asked for.
+    was_away: bool,
 }
 
 struct Followed {
@@ -54,7 +57,7 @@ struct Hand {
     sensor: usize,
     grab: Option<(usize, i32)>,
     second: Option<(usize, i32)>,
-    /// After a loss a button counts again once it was seen released.
+    /// After the loss of the stylus or of a connection a button counts again once it was seen released.
     must_release: bool,
 }
 
@@ -106,7 +109,13 @@ impl Rig {
                 .trackers
                 .keys()
                 .zip(sources)
-                .map(|(name, source)| Running { name: name.clone(), source, link: Link::Waiting })
+                .map(|(name, source)| Running {
+                    name: name.clone(),
+                    source,
+                    link: Link::Waiting,
+                    reconnects: 0,
+                    was_away: true,
+                })
                 .collect(),
             sensors: sensors.collect(),
             head: tracking.head.as_deref().and_then(sensor_of),
@@ -118,10 +127,11 @@ impl Rig {
     /// Head and styli at `now_s` (the clock of [`now_s`]), predicted as each sensor's `predict` says.
     ///
     /// The head is `None` until its sensor was seen: the stage's static viewer holds. A stylus that is lost has its last
-    /// pose, [`Signal::Lost`], and no button pressed; after it is back, a button counts once it was seen released.
+    /// pose, [`Signal::Lost`], and no button pressed; after it is back, a button counts once it was seen released. So
+    /// does one whose tracker was gone.
     pub fn state(&mut self, now_s: f64) -> TrackerState {
         self.update(now_s);
-        let head = self.head.and_then(|head| self.sensors[head].pose).map(|pose| pose.cast());
+        let head = self.head().map(|pose| pose.cast());
         let mut styli = Vec::with_capacity(self.styli.len());
         for hand in &mut self.styli {
             let followed = &self.sensors[hand.sensor];
@@ -129,10 +139,10 @@ impl Rig {
             let trackers = &mut self.trackers;
             let [grab, second] =
                 [hand.grab, hand.second].map(|button| button.is_some_and(|id| is_pressed(trackers, id)));
-            hand.must_release |= matches!(signal, Signal::Lost { .. });
-            if hand.must_release {
-                hand.must_release = grab || second || matches!(signal, Signal::Lost { .. });
-            }
+            let is_away =
+                [hand.grab, hand.second].iter().flatten().any(|(tracker, _)| trackers[*tracker].was_away);
+            let is_lost = is_away || matches!(signal, Signal::Lost { .. });
+            hand.must_release = is_lost || hand.must_release && (grab || second);
             styli.push(StylusState {
                 room_from_stylus: followed.pose.unwrap_or_else(Isometry3::identity).cast(),
                 pressed: grab && !hand.must_release,
@@ -141,7 +151,13 @@ impl Rig {
                 from_eye: false,
             });
         }
+        self.trackers.iter_mut().for_each(|running| running.was_away = !is_there(&running.link));
         TrackerState { head, styli, time_s: now_s }
+    }
+
+    /// Where the head was when the state was last asked for; `None` if it is not tracked.
+    pub fn head(&self) -> Option<Isometry3<f64>> {
+        self.sensors[self.head?].pose
     }
 
     /// Whether any stylus is seen, now or until a moment ago.
@@ -179,6 +195,8 @@ impl Rig {
                     followed.follower.take(reading);
                 }
             }
+            running.was_away |= !is_there(&state.link) || state.counters.reconnects != running.reconnects;
+            running.reconnects = state.counters.reconnects;
             if state.link != running.link {
                 let what = match &state.link {
                     Link::Down(why) => Some(format!("gone: {why}; it is tried again")),
@@ -220,11 +238,14 @@ fn push(notices: &mut Vec<String>, notice: String) {
     }
 }
 
-/// A button of a tracker that is gone counts as released.
+fn is_there(link: &Link) -> bool {
+    matches!(link, Link::Up | Link::Quiet)
+}
+
+/// A button of a tracker that is not there counts as released.
 fn is_pressed(trackers: &mut [Running], (tracker, button): (usize, i32)) -> bool {
     let state = trackers[tracker].source.latest();
-    let is_down = matches!(state.link, Link::Down(_));
-    !is_down && state.buttons.get(&button).is_some_and(|reading| reading.value)
+    is_there(&state.link) && state.buttons.get(&button).is_some_and(|reading| reading.value)
 }
 
 #[cfg(test)]

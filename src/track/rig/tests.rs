@@ -57,6 +57,7 @@ impl Puppet {
 
 fn rig() -> (Rig, Puppet, Puppet) {
     let (a, pad) = (Puppet::default(), Puppet::default());
+    [&a, &pad].iter().for_each(|puppet| puppet.link(Link::Up));
     let rig = Rig::with_sources(&tracking(), vec![Box::new(a.clone()), Box::new(pad.clone())], 0.0);
     (rig, a, pad)
 }
@@ -122,4 +123,51 @@ fn a_button_of_a_tracker_that_is_gone_is_released() {
     rig.state(0.16);
     let notices = rig.take_notices();
     assert_eq!(notices, ["tracker pad (puppet) is gone: unplugged; it is tried again"]);
+}
+
+#[test]
+fn a_button_that_a_returned_tracker_says_is_down_counts_once_it_was_seen_released() {
+    let (mut rig, a, pad) = rig();
+    a.pose(1, 0.0, 0.0);
+    pad.button(false);
+    rig.state(0.0);
+    pad.button(true);
+    assert!(rig.state(0.01).styli[0].pressed);
+    // It goes, and comes back with what it said last.
+    for (link, now_s) in
+        [(Link::Down("gone".into()), 0.02), (Link::Waiting, 0.03), (Link::Up, 0.04), (Link::Up, 0.05)]
+    {
+        pad.link(link.clone());
+        assert!(!rig.state(now_s).styli[0].pressed, "{link:?} at {now_s} s");
+    }
+    pad.button(false);
+    rig.state(0.06);
+    pad.button(true);
+    assert!(rig.state(0.07).styli[0].pressed);
+    // Away and back between two frames.
+    pad.0.lock().unwrap().counters.reconnects += 1;
+    assert!(!rig.state(0.08).styli[0].pressed && !rig.state(0.09).styli[0].pressed);
+    // It is silent, as a button box is while nobody presses: what is held is held.
+    pad.button(false);
+    rig.state(0.10);
+    pad.button(true);
+    pad.link(Link::Quiet);
+    assert!(rig.state(0.11).styli[0].pressed);
+}
+
+#[test]
+fn a_dead_sensor_without_a_name_is_not_called_live() {
+    let (mut rig, a, _pad) = rig();
+    a.pose(5, 0.0, 0.0);
+    a.pose(5, 0.01, 0.0);
+    let mut of_5 = |now_s: f64| {
+        let report = rig.report(now_s);
+        let sensor = report[0].sensors.iter().find(|sensor| sensor.id == 5).unwrap();
+        (sensor.signal, sensor.faults.drop_outs)
+    };
+    assert_eq!(of_5(0.1), (Signal::Live, 0));
+    assert!(matches!(of_5(1.01), (Signal::Held { age_s }, 1) if (age_s - 1.0).abs() < 1e-9));
+    assert!(matches!(of_5(3.0), (Signal::Lost { .. }, 1)));
+    a.pose(5, 3.1, 0.0);
+    assert_eq!(of_5(3.11), (Signal::Live, 1));
 }

@@ -196,7 +196,8 @@ fn nonsense_holds_the_last_pose() {
         let rotation = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(bad, 0.0, 0.0, 0.0));
         let value = Isometry3::from_parts(hand.translation, rotation);
         let flow = Default::default();
-        let wrong = Reading { value, arrived_s: time_s, measured_s: None, quality: 1.0, count, flow };
+        let before = None;
+        let wrong = Reading { value, arrived_s: time_s, before, measured_s: None, quality: 1.0, count, flow };
         device.sensors.insert(0, wrong);
     });
     assert!(frames[PRESS + 1..].iter().all(|frame| frame.held));
