@@ -12,6 +12,7 @@ mod interpolate;
 pub mod mouse;
 mod open;
 pub mod osc;
+mod pace;
 pub mod rig;
 pub mod script;
 pub mod udp;

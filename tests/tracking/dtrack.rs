@@ -77,6 +77,30 @@ fn a_body_that_is_not_tracked_keeps_its_pose_and_an_old_frame_is_dropped() {
     assert_eq!(state.sensors[&0].count, 2, "the controller began anew");
 }
 
+/// What body 0's place says that was taken, of frames `fr N` with body 0 at x = 1, 2, … mm.
+fn taken(frames: &[i64]) -> Vec<usize> {
+    let (mut parser, mut state) = (Dtrack::default(), DeviceState::default());
+    let mut taken = Vec::new();
+    for (i, frame) in frames.iter().enumerate() {
+        let before = state.sensors.get(&0).map_or(0, |reading| reading.count);
+        let text = format!("fr {frame}\n6d 1 [0 1.0][{}.0 0 0 0 0 0][1 0 0 0 1 0 0 0 1]\n", i + 1);
+        assert!(parser.parse(text.as_bytes(), &mut state));
+        if state.sensors[&0].count > before {
+            taken.push(i);
+        }
+    }
+    taken
+}
+
+#[test]
+fn a_controller_that_begins_anew_is_heard_whenever_it_does() {
+    assert_eq!(taken(&[500, 1, 2, 3]), [0, 1, 2, 3], "after 500 frames");
+    assert_eq!(taken(&[10, 1, 2, 3, 4, 5]), [0, 3, 4, 5], "after ten");
+    assert_eq!(taken(&[0, 0, 0, 0, 0]), [0, 3, 4], "one that does not count");
+    assert_eq!(taken(&[10, 9, 11, 10, 12, 12, 13]), [0, 2, 4, 6], "overtaken and doubled frames");
+    assert_eq!(taken(&[i64::MAX, i64::MIN, 0]), [0, 1, 2]);
+}
+
 #[test]
 fn lines_that_are_not_as_they_should_be_are_counted() {
     let unit = "[1 0 0 0 1 0 0 0 1]";

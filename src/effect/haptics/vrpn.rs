@@ -13,8 +13,9 @@ use nalgebra::Isometry3;
 const RADIUS_M: f32 = 0.1;
 
 pub struct VrpnDevice {
-    client: Client,
+    /// Dropped before the client, whose connection it needs to say that the device is to push no more.
     sender: ForceSender,
+    client: Client,
     last: Option<Isometry3<f64>>,
     resting: bool,
 }
