@@ -16,6 +16,7 @@ mod failure;
 mod feel;
 mod inspect;
 mod keys;
+mod lines;
 mod manual;
 mod overlay;
 mod pack;

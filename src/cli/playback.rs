@@ -68,7 +68,9 @@ impl<'a> Playback<'a> {
                 }
             }
             Source::Replay(replay, length) => {
-                let until = length.saturating_sub(1) * frame as u64 / (self.frames as u64 - 1).max(1);
+                // A single picture is of the end.
+                let (last, pictures) = (length.saturating_sub(1), self.frames as u64 - 1);
+                let until = (last * frame as u64).checked_div(pictures).unwrap_or(last);
                 while self.done <= until {
                     let Some(frame) = replay.next_frame()? else { break };
                     replay.play(world, frame);

@@ -158,7 +158,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let rate = f64::from(app.frames) / lasted_s;
     super::print(&app.feel.as_mut().map(Feel::summary).unwrap_or_default())?;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
-    render::report(app.replay.as_ref(), app.recorder.as_ref())
+    render::report(app.replay.as_ref(), app.recorder.as_mut())
 }
 
 /// The script or the recording without windows and devices: every frame's state against the recorded one, and what
@@ -181,7 +181,7 @@ fn check(
         let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
         times.push(interact_s + deform_s + normals_s);
     }
-    render::report(show.replay.as_ref(), recorder.as_deref())?;
+    render::report(show.replay.as_ref(), recorder.as_deref_mut())?;
     times.sort_by(f64::total_cmp);
     let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
     super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
@@ -347,7 +347,7 @@ impl WindowApp for Viewer {
             let source = match (&self.replay, &self.script) {
                 (Some(_), _) => "moved by a recording",
                 (None, Some(_)) => "moved by the script",
-                (None, None) => "moved by mouse and keyboard",
+                (None, None) => super::track::mover(self.rig.as_ref()),
             };
             let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
             let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
@@ -379,6 +379,9 @@ impl Viewer {
             let is_over = self.replay_until(self.started.elapsed().as_secs_f64())?;
             return Ok(if is_over { Flow::Quit } else { Flow::Continue });
         }
+        if let Some(rig) = &mut self.rig {
+            self.mouse.tracked_head = rig.state(now_s()).head.map(|head| head.cast());
+        }
         let mut state = self.state(step_s);
         if let Some(rig) = &mut self.rig {
             state = super::track::merge(rig, state);
@@ -388,7 +391,7 @@ impl Viewer {
         }
         feel::step(self.feel.as_mut(), &mut self.world, &mut state);
         if let Some(recorder) = &mut self.recorder {
-            recorder.frame(&self.world, &state)?;
+            recorder.frame(&mut self.world, &state)?;
         }
         Ok(Flow::Continue)
     }

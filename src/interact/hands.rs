@@ -109,6 +109,9 @@ struct Hold {
     /// Of length 1.
     #[serde(with = "crate::field::numbers::option")]
     axis: Option<Vector3<f64>>,
+    /// From what the first hand holds to what the second holds, see [`carry`].
+    #[serde(with = "crate::field::numbers::option")]
+    line: Option<Vector3<f64>>,
     then: Vec<Then>,
 }
 
@@ -305,13 +308,17 @@ impl Hands {
                 let scale = scale_ln.clamp(-MOST_SCALE_LN, MOST_SCALE_LN).exp();
                 hold.room_from_element * Matrix4::new_scaling(scale)
             }
-            None => self.carried(hold)?,
+            None => {
+                let (carried, line) = self.carried(hold)?;
+                self.holds.get_mut(&target)?.line = line;
+                carried
+            }
         };
         Some(Drag { target, room_from_element })
     }
 
-    /// The element where the hands have carried it since the hold began.
-    fn carried(&self, hold: &Hold) -> Option<Matrix4<f64>> {
+    /// The element where the hands have carried it since the hold began, and the hold's line now.
+    fn carried(&self, hold: &Hold) -> Option<(Matrix4<f64>, Option<Vector3<f64>>)> {
         let motion = |then: &Then| {
             Some(HandMotion {
                 room_from_hand_then: then.room_from_hand,
@@ -323,7 +330,9 @@ impl Hands {
         let held: Vector3<f64> = hold.then.iter().map(|then| then.held.coords).sum();
         let held = Point3::from(held / hold.then.len() as f64);
         let axis = hold.axis.map(Unit::new_unchecked);
-        Some(hold.mode.take(&carry(&motions)?, &hold.room_from_element, &held, axis))
+        let mut line = hold.line;
+        let motion = carry(&motions, &mut line)?;
+        Some((hold.mode.take(&motion, &hold.room_from_element, &held, axis), line))
     }
 
     /// How far a hand went along the ray that it had then, m.
@@ -345,6 +354,7 @@ impl Hands {
             mode: self.mode,
             scaled_by,
             room_from_element: element.room_from_element,
+            line: None,
             axis: self
                 .mode
                 .axis_in_room(&element.room_from_body, &element.room_from_element)

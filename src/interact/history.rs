@@ -44,10 +44,6 @@ impl<T: Clone> History<T> {
         self.done.push_back(entry.clone());
         Some(entry)
     }
-
-    pub fn clear(&mut self) {
-        (self.done, self.undone) = (VecDeque::new(), Vec::new());
-    }
 }
 
 #[cfg(test)]

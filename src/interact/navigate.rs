@@ -36,6 +36,8 @@ pub struct Navigation {
     /// The hands as they were when this part of the navigation began, and the scene then.
     hands: Vec<MovingHand>,
     scene_then: Similarity3<f64>,
+    /// Between two of them, see [`carry`].
+    line: Option<Vector3<f64>>,
     /// Under way back to where the stage has it.
     reset: Option<(Ease, Similarity3<f64>)>,
 }
@@ -49,6 +51,7 @@ impl Navigation {
             radius_m,
             hands: Vec::new(),
             scene_then: Similarity3::identity(),
+            line: None,
             reset: None,
         }
     }
@@ -64,7 +67,7 @@ impl Navigation {
         }
         let numbers = |hands: &[MovingHand]| hands.iter().map(|hand| hand.number).collect::<Vec<_>>();
         if numbers(hands) != numbers(&self.hands) {
-            (self.hands, self.scene_then) = (hands.to_vec(), self.room_from_scene);
+            (self.hands, self.scene_then, self.line) = (hands.to_vec(), self.room_from_scene, None);
             return self.room_from_scene != before;
         }
         let motion = |(then, now): (&MovingHand, &MovingHand)| HandMotion {
@@ -73,7 +76,7 @@ impl Navigation {
             held_then: then.room_from_hand.translation.vector.into(),
         };
         let motions: Vec<HandMotion> = self.hands.iter().zip(hands).map(motion).collect();
-        if let Some(motion) = carry(&motions) {
+        if let Some(motion) = carry(&motions, &mut self.line) {
             self.reset = None;
             self.put(motion * self.scene_then);
         }
@@ -88,6 +91,11 @@ impl Navigation {
         self.reset = None;
         self.put(about * scaling * about.inverse() * self.room_from_scene);
         self.hands.clear();
+    }
+
+    /// Where the stage has the scene, and nobody moves it.
+    pub fn is_at_rest(&self) -> bool {
+        self.room_from_scene == Similarity3::identity() && self.reset.is_none() && self.hands.is_empty()
     }
 
     /// Starts back to where the stage has the scene.
@@ -116,6 +124,11 @@ pub struct Aside {
 }
 
 impl Aside {
+    /// Neither aside nor on the way.
+    pub fn is_at_home(&self) -> bool {
+        *self == Aside::default()
+    }
+
     /// Starts to the place aside, or back; `room_from_body` is where the body is now.
     pub fn toggle(&mut self, time_s: f64, room_from_body: &Similarity3<f64>) {
         self.is_aside = !self.is_aside;

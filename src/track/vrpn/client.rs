@@ -5,8 +5,8 @@
 
 use super::address::{Address, Transport, encode_lob};
 use super::codec::{self, Framer, Header};
+use super::ear::Ear;
 use super::force::ForceSender;
-use super::listener::Listener;
 use super::payload::{ForceField, Kind, Payload};
 use crate::track::device::{DeviceState, Link, Source, now_s};
 use crate::track::pace::{NEWS_S, Pace};
@@ -63,13 +63,6 @@ pub(super) struct Control {
     ear: Mutex<Ear>,
 }
 
-struct Ear {
-    listener: Listener,
-    input: triple_buffer::Input<DeviceState>,
-    published_s: f64,
-    is_waiting: bool,
-}
-
 /// Most bytes taken from the stream at once.
 const MOST_BYTES: usize = 16 << 10;
 /// Between two looks where there is nothing to wait for.
@@ -88,12 +81,7 @@ impl Client {
 
     pub fn with_timing(address: Address, transport: Transport, timing: Timing) -> Client {
         let (input, output) = triple_buffer::triple_buffer(&DeviceState::default());
-        let ear = Mutex::new(Ear {
-            listener: Listener::new(&address.device),
-            input,
-            published_s: 0.0,
-            is_waiting: false,
-        });
+        let ear = Mutex::new(Ear::new(&address.device, input));
         let control = Arc::new(Control { stop: AtomicBool::new(false), stream: Mutex::new(None), ear });
         let connection = Connection { address: address.clone(), transport, timing, control: control.clone() };
         let thread = match Builder::new().name("vrpn".into()).spawn(move || connection.run()) {
@@ -160,38 +148,6 @@ impl Control {
     fn hang_up(&self) {
         if let Some(stream) = lock(&self.stream).take() {
             let _ = stream.shutdown(Shutdown::Both);
-        }
-    }
-}
-
-impl Ear {
-    fn publish(&mut self) {
-        self.input.write(self.listener.state.clone());
-        (self.published_s, self.is_waiting) = (now_s(), false);
-    }
-
-    /// Publishes if there is news, and if that was not done a moment ago; true: it is to be asked again soon.
-    fn publish_news(&mut self, is_news: bool) -> bool {
-        self.is_waiting |= is_news;
-        if self.is_waiting && now_s() - self.published_s >= NEWS_S {
-            self.publish();
-        }
-        self.is_waiting
-    }
-
-    /// The source worked since `began_s`: how long it waits, if it has used up its share.
-    fn throttle(&mut self, pace: &mut Pace, began_s: f64) -> Option<Duration> {
-        let wait_s = pace.worked(began_s, now_s())?;
-        self.listener.state.counters.throttled += 1;
-        self.publish();
-        Some(Duration::from_secs_f64(wait_s))
-    }
-
-    /// Publishes how the connection is, if that changed.
-    fn set_link(&mut self, link: Link) {
-        if self.listener.state.link != link {
-            self.listener.state.link = link;
-            self.publish();
         }
     }
 }
