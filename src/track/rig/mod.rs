@@ -41,8 +41,8 @@ struct Running {
     source: Box<dyn Source>,
     link: Link,
     reconnects: u64,
-    /// It was not there, or was there anew, since the last state was asked for.
-    was_away: bool,
+    /// Since when it has been there; `None`: it is not.
+    there_since_s: Option<f64>,
 }
 
 struct Followed {
@@ -61,6 +61,8 @@ struct Hand {
     must_release: bool,
 }
 
+/// A tracker that is there (again) tells within this time which buttons are down, s: they were not pressed now.
+const GREETING_S: f64 = 0.1;
 /// More notices than anyone reads are not kept.
 const MOST_NOTICES: usize = 64;
 
@@ -114,7 +116,7 @@ impl Rig {
                     source,
                     link: Link::Waiting,
                     reconnects: 0,
-                    was_away: true,
+                    there_since_s: None,
                 })
                 .collect(),
             sensors: sensors.collect(),
@@ -139,9 +141,11 @@ impl Rig {
             let trackers = &mut self.trackers;
             let [grab, second] =
                 [hand.grab, hand.second].map(|button| button.is_some_and(|id| is_pressed(trackers, id)));
-            let is_away =
-                [hand.grab, hand.second].iter().flatten().any(|(tracker, _)| trackers[*tracker].was_away);
-            let is_lost = is_away || matches!(signal, Signal::Lost { .. });
+            let of_hand =
+                || [hand.grab, hand.second].into_iter().flatten().map(|(tracker, _)| &trackers[tracker]);
+            let greets =
+                |running: &Running| running.there_since_s.is_none_or(|since_s| now_s - since_s < GREETING_S);
+            let is_lost = matches!(signal, Signal::Lost { .. }) || of_hand().any(greets);
             hand.must_release = is_lost || hand.must_release && (grab || second);
             styli.push(StylusState {
                 room_from_stylus: followed.pose.unwrap_or_else(Isometry3::identity).cast(),
@@ -151,7 +155,6 @@ impl Rig {
                 from_eye: false,
             });
         }
-        self.trackers.iter_mut().for_each(|running| running.was_away = !is_there(&running.link));
         TrackerState { head, styli, time_s: now_s }
     }
 
@@ -195,8 +198,10 @@ impl Rig {
                     followed.follower.take(reading);
                 }
             }
-            running.was_away |= !is_there(&state.link) || state.counters.reconnects != running.reconnects;
+            let is_anew = state.counters.reconnects != running.reconnects;
             running.reconnects = state.counters.reconnects;
+            let since_s = running.there_since_s.filter(|_| !is_anew).unwrap_or(now_s);
+            running.there_since_s = is_there(&state.link).then_some(since_s);
             if state.link != running.link {
                 let what = match &state.link {
                     Link::Down(why) => Some(format!("gone: {why}; it is tried again")),
