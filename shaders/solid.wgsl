@@ -26,7 +26,10 @@ fn vertex(
     var out: Varyings;
     out.clip = views[eye].clip_from_room * position_in_room;
     out.position = position_in_room.xyz;
-    out.normal = (room_from_solid * vec4<f32>(normal, 0.0)).xyz;
+    // The inverse transpose of columns at right angles to each other, which a stretched solid's are.
+    out.normal = room_from_solid[0].xyz * (normal.x / dot(room_from_solid[0], room_from_solid[0]))
+        + room_from_solid[1].xyz * (normal.y / dot(room_from_solid[1], room_from_solid[1]))
+        + room_from_solid[2].xyz * (normal.z / dot(room_from_solid[2], room_from_solid[2]));
     out.color = mix(vec4<f32>(linear_from_srgb(base_color.rgb), 0.0), instance_color, base_color.a);
     return out;
 }

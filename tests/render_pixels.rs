@@ -97,6 +97,25 @@ fn ray_and_hit_point_land_on_their_projected_pixels() {
 
 /// A point in front of the screen is crossed: the left eye sees it farther right. Behind the screen it is the reverse,
 /// and in the screen both eyes see it at the same place.
+/// An arrow's slender head is lit as its shaft is, not as if it were seen from its tip: its sides lie at an angle of
+/// atan(2.6/8) = 18° to the axis, so from the side the middle of both faces the eye.
+#[test]
+fn the_sides_of_a_stretched_cone_face_sideways() {
+    let Some(gpu) = require_gpu() else { return };
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
+    let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], -0.3, Point3::new(0.0, 1.0, 0.9));
+    let (from, along) = (Point3::new(-0.3, 1.0, -0.3), Vector3::new(0.6, 0.0, 0.0));
+    let arrows = [Arrow { from, along, radius_m: 0.02, color: [0.4; 3] }];
+    let contents = FrameContents { arrows: &arrows, look: black_room(), ..FrameContents::default() };
+    let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
+    let brightness = |share: f32| {
+        let [x, y] = pixel_of(&view, SIZE, from + along * share);
+        f32::from(image.get_pixel(x as u32, y as u32).0[0])
+    };
+    let (shaft, head) = (brightness(0.4), brightness(0.85));
+    assert!(shaft > 60.0 && (head / shaft - 1.0).abs() < 0.1, "shaft {shaft}, head {head}");
+}
+
 #[test]
 fn parallax_has_the_sign_and_size_of_stereo() {
     let Some(gpu) = require_gpu() else { return };
@@ -200,7 +219,7 @@ fn side_by_side_equals_two_separate_pictures() {
             let [left, right] = eyes();
             let [width, height] = SIZE;
             let wide = [2 * width, height];
-            let viewports = Viewport::side_by_side(wide, Some(left), Some(right));
+            let viewports = side_by_side(wide, Some(left), Some(right));
             let both = draw(&gpu, &mut renderer, wide, &viewports, contents);
             for (k, view) in [left, right].into_iter().enumerate() {
                 let alone = draw_full(&gpu, &mut renderer, SIZE, view, contents);
@@ -244,7 +263,7 @@ fn an_absent_or_useless_view_is_black_and_its_neighbour_is_not() {
     with_scene(&gpu, |contents| {
         let broken = View { clip_from_room: Matrix4::from_element(f32::NAN), ..eyes()[0] };
         for absent in [None, Some(broken)] {
-            let viewports = Viewport::side_by_side(SIZE, absent, Some(eyes()[1]));
+            let viewports = side_by_side(SIZE, absent, Some(eyes()[1]));
             let image = draw(&gpu, &mut renderer, SIZE, &viewports, contents);
             for (x, _, pixel) in image.enumerate_pixels() {
                 let is_black = pixel.0 == [0, 0, 0, 255];

@@ -20,9 +20,11 @@ pub struct Aids {
     pub pattern: bool,
     /// Steps of the frames since an overlay was called up.
     pub history: History,
-    /// Per window: where the room is looked at from, instead of its screens.
+    /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
+    leader: Vec<usize>,
+    /// Per leader: where the room is looked at from, instead of its screens.
     outside: Vec<Option<Orbit>>,
-    /// The last of each window, for the next time.
+    /// The last of each leader, for the next time.
     kept: Vec<Option<Orbit>>,
     overlay: Option<Overlay>,
 }
@@ -37,13 +39,18 @@ pub struct Staged<'a> {
 }
 
 impl Aids {
-    pub fn new(stage: &Stage, windows: usize) -> Self {
+    pub fn new(stage: &Stage, layout: &[Window]) -> Self {
+        let is_shared = |a: &Window, b: &Window| {
+            a.tiles.iter().any(|tile| b.tiles.iter().any(|other| other.screen == tile.screen))
+        };
+        let leader = |window: &Window| layout.iter().position(|first| is_shared(first, window)).unwrap_or(0);
         Self {
             panels: vec![false; stage.screens.len()],
             pattern: false,
             history: History::default(),
-            outside: vec![None; windows],
-            kept: vec![None; windows],
+            leader: layout.iter().map(leader).collect(),
+            outside: vec![None; layout.len()],
+            kept: vec![None; layout.len()],
             overlay: None,
         }
     }
@@ -62,11 +69,11 @@ impl Aids {
                 true
             }
             Input::Cursor { window, .. } | Input::Button { window, .. } | Input::Wheel { window, .. } => {
-                let orbit = self.outside.get_mut(window).and_then(Option::as_mut);
-                orbit.is_some_and(|orbit| {
-                    orbit.handle(input);
-                    true
-                })
+                let leader = self.leader[window];
+                let Some(orbit) = &mut self.outside[leader] else { return false };
+                orbit.handle(input);
+                // What was pressed over the scene is let go there too.
+                !matches!(input, Input::Button { pressed: false, .. })
             }
             Input::Focus { .. } => {
                 self.outside.iter_mut().flatten().for_each(|orbit| orbit.handle(input));
@@ -79,25 +86,34 @@ impl Aids {
     fn toggle(&mut self, number: u8, window: usize, stage: &Stage, layout: &[Window]) {
         match number {
             1 => {
-                let screens = layout.get(window).into_iter().flat_map(|window| &window.tiles);
-                let screens: Vec<usize> = screens.map(|tile| tile.screen).collect();
-                let show = !screens.iter().any(|&screen| self.panels[screen]);
-                screens.into_iter().for_each(|screen| self.panels[screen] = show);
+                let screens: Vec<usize> = layout[window].tiles.iter().map(|tile| tile.screen).collect();
+                let shown = screens.iter().any(|&screen| self.panels[screen]);
+                screens.iter().for_each(|&screen| self.panels[screen] = false);
+                let faced = Some(stage.faced_screen()).filter(|faced| screens.contains(faced));
+                if let Some(screen) = faced.or(screens.first().copied()).filter(|_| !shown) {
+                    self.panels[screen] = true;
+                }
                 if !self.has_panel() {
                     self.history = History::default();
                 }
             }
             2 => {
-                if let (Some(outside), Some(kept)) = (self.outside.get_mut(window), self.kept.get_mut(window))
-                {
-                    match outside.take() {
-                        Some(orbit) => *kept = Some(Orbit::new(orbit.camera)),
-                        None => *outside = kept.or_else(|| Some(Orbit::new(Camera::of(stage)))),
-                    }
+                if !self.leave_room(window) {
+                    let leader = self.leader[window];
+                    self.outside[leader] = self.kept[leader].or_else(|| Some(Orbit::new(Camera::of(stage))));
                 }
             }
-            _ => self.pattern = !self.pattern,
+            // In a window that shows the room, the key calls for what cannot be seen there.
+            _ => self.pattern = self.leave_room(window) || !self.pattern,
         }
+    }
+
+    /// Back to the window's screens; false where it shows them already.
+    fn leave_room(&mut self, window: usize) -> bool {
+        let leader = self.leader[window];
+        let Some(orbit) = self.outside[leader].take() else { return false };
+        self.kept[leader] = Some(Orbit::new(orbit.camera));
+        true
     }
 
     /// Draws a frame: `tiles` and `contents` as they are without aids. `readings` is asked when an overlay is shown.
@@ -117,7 +133,7 @@ impl Aids {
             return windows.draw(&tiles, |_| contents, None);
         }
         let tiles = self.tiles(staged, tiles);
-        let Self { outside, overlay, panels, pattern, history, .. } = self;
+        let Self { leader, outside, overlay, panels, pattern, history, .. } = self;
         let of = |orbit: &Option<Orbit>| {
             let camera = orbit.as_ref()?.camera;
             Some((camera, Room::new(staged.stage, &staged.room_from_head, &camera.eye())))
@@ -139,7 +155,7 @@ impl Aids {
             };
             let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
             let screen = &staged.stage.screens[part.screen];
-            let room = rooms[picture.window].as_ref();
+            let room = rooms[leader[picture.window]].as_ref();
             if let Some((camera, room)) = room {
                 let view = camera.view(panes::aspect(screen, &part.visible));
                 let sheet = overlay.lay_out(picture.texture_size, |painter| {
@@ -166,7 +182,7 @@ impl Aids {
             }
             Ok(())
         };
-        windows.draw(&tiles, |window| outer[window].as_ref().unwrap_or(contents), Some(&mut paint))
+        windows.draw(&tiles, |window| outer[leader[window]].as_ref().unwrap_or(contents), Some(&mut paint))
     }
 
     /// Windows that look at the room show it to both eyes, those with the pattern nothing below it.
@@ -174,12 +190,73 @@ impl Aids {
         for (index, (tiles, (window, size))) in
             tiles.iter_mut().zip(staged.layout.iter().zip(staged.sizes)).enumerate()
         {
-            if let Some(Some(orbit)) = self.outside.get(index) {
+            if let Some(orbit) = &self.outside[self.leader[index]] {
                 *tiles = panes::flat_tiles(staged.stage, window, *size, |aspect| orbit.camera.view(aspect));
             } else if self.pattern {
                 *tiles = panes::flat_tiles(staged.stage, window, *size, |_| None);
             }
         }
         tiles
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_shows_in_its_window_what_it_calls_up() {
+        let stage = Stage::find("workbench").unwrap();
+        let layout = stage.layout();
+        let mut aids = Aids::new(&stage, &layout);
+        let mut press = |key: u8, window: usize| {
+            let key = Key::Function(key);
+            assert!(aids.input(&Input::Key { window, key, pressed: true }, &stage, &layout));
+            assert!(aids.input(&Input::Key { window, key, pressed: false }, &stage, &layout));
+            let seen = (0..4).map(|window| aids.outside[aids.leader[window]].is_some()).collect::<Vec<_>>();
+            (seen, aids.pattern, aids.panels.clone())
+        };
+        let (table, no_room, no_panel) = (vec![true, true, false, false], vec![false; 4], vec![false; 2]);
+        assert_eq!(press(2, 1), (table.clone(), false, no_panel.clone()), "both eyes' windows");
+        assert_eq!(
+            press(3, 2),
+            (table.clone(), true, no_panel.clone()),
+            "an operator's window keeps the room"
+        );
+        assert_eq!(
+            press(3, 0),
+            (no_room.clone(), true, no_panel.clone()),
+            "over the room, the pattern is called"
+        );
+        assert_eq!(press(3, 1), (no_room.clone(), false, no_panel.clone()));
+        assert_eq!(press(3, 1), (no_room.clone(), true, no_panel.clone()));
+        assert_eq!(press(2, 0), (table, true, no_panel.clone()), "over the pattern, the room");
+        assert_eq!(press(2, 1), (no_room.clone(), true, no_panel));
+        assert_eq!(press(1, 2), (no_room, true, vec![false, true]));
+    }
+
+    #[test]
+    fn a_window_of_many_screens_shows_one_overlay() {
+        let stage = Stage::find("lbench").unwrap();
+        let layout = stage.layout();
+        let mut aids = Aids::new(&stage, &layout);
+        aids.toggle(1, 0, &stage, &layout);
+        assert_eq!(aids.panels.iter().filter(|&&shown| shown).count(), 1);
+        assert!(aids.panels[stage.faced_screen()], "where the viewer looks");
+        aids.toggle(1, 0, &stage, &layout);
+        assert!(!aids.has_panel());
+    }
+
+    #[test]
+    fn a_button_pressed_over_the_scene_is_let_go_though_the_room_came_between() {
+        use crate::render::window::Button;
+        let stage = Stage::find("desktop").unwrap();
+        let layout = stage.layout();
+        let mut aids = Aids::new(&stage, &layout);
+        let button = |pressed| Input::Button { window: 0, button: Button::Left, pressed };
+        assert!(!aids.input(&button(true), &stage, &layout));
+        aids.toggle(2, 0, &stage, &layout);
+        assert!(!aids.input(&button(false), &stage, &layout), "the scene hears of it");
+        assert!(aids.input(&button(true), &stage, &layout), "a drag turns the room");
     }
 }

@@ -41,7 +41,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let layout = stage.layout();
     let specs = panes::specs(&stage, &layout, args.scale);
-    let mut aids = Aids::new(&stage, layout.len());
+    let mut aids = Aids::new(&stage, &layout);
     aids.pattern = true;
     let swapped = stage.swap_eyes;
     let mut app = Shown { stage, layout, aids, swapped, started: Instant::now(), limit_s: args.seconds };

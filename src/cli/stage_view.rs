@@ -23,7 +23,7 @@ use std::time::Instant;
 /// In the window dragging turns, the wheel zooms, Escape or closing it quits.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML), or a stage: workbench, workbench-one-sided, cyberstage, desktop, or a stage file
+    /// Scene file (TOML), or a stage: a built-in one (workbench, cyberstage, cave6, …), or a stage file
     pub scene_or_stage: PathBuf,
     /// Stage on which a scene is shown; default: the scene's
     #[arg(long)]
@@ -52,17 +52,17 @@ pub struct Args {
 }
 
 fn place(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
-    <[f64; 3]>::try_from(numbers)
-        .ok()
+    let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| <[f64; 3]>::try_from(numbers).ok())
         .filter(|place| place.iter().all(|x| x.abs() <= 1000.0))
         .ok_or("three numbers of metres up to 1000, as 2.5,1.8,3".into())
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
-    let sides: Vec<u32> = text.split('x').filter_map(|word| word.parse().ok()).collect();
-    <[u32; 2]>::try_from(sides)
-        .ok()
+    let sides: Option<Vec<u32>> = text.split('x').map(|word| word.trim().parse().ok()).collect();
+    sides
+        .and_then(|sides| <[u32; 2]>::try_from(sides).ok())
         .filter(|sides| sides.iter().all(|side| (16..=16384).contains(side)))
         .ok_or("width and height in pixels from 16 to 16384, as 1280x960".into())
 }
@@ -263,5 +263,22 @@ fn play(world: &mut World, script: Option<&Script>, time_s: f64) {
     for k in 0..=steps as u32 {
         let state = script.sample(&world.stage, end_s * f64::from(k) / steps);
         world.step(&state);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_that_is_no_number_is_refused_wherever_it_stands() {
+        assert_eq!(place("2.5, 1.8,3"), Ok([2.5, 1.8, 3.0]));
+        assert_eq!(size("1280x960"), Ok([1280, 960]));
+        for wrong in ["1,abc,2,3", "1,2", "1,2,3,4", "1,2,inf", "1,,2,3", ""] {
+            assert!(place(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["1280xfoox960", "1280", "x1280x960", "8x960", "1280x960x2", "-1280x960"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
     }
 }

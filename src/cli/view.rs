@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let is_usual = world.stage.windows.is_empty();
     let scale = args.scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 });
     let specs = panes::specs(&world.stage, &layout, scale);
-    let mut aids = Aids::new(&world.stage, layout.len());
+    let mut aids = Aids::new(&world.stage, &layout);
     if args.overlay {
         aids.panels[world.stage.faced_screen()] = true;
     }
@@ -259,7 +259,8 @@ impl WindowApp for Viewer {
         }
         let takes_over = match input {
             Input::Button { pressed, .. } => pressed,
-            Input::Key { key, pressed, .. } => pressed && !matches!(key, Key::Function(_)),
+            Input::Key { key: Key::Function(_) | Key::Shift | Key::Control | Key::Alt, .. } => false,
+            Input::Key { pressed, .. } => pressed,
             _ => false,
         };
         if takes_over && self.script.take().is_some() {

@@ -25,13 +25,6 @@ impl Viewport {
     pub fn full([width, height]: [u32; 2], view: Option<View>) -> [Self; 1] {
         [Self { rect: [0, 0, width, height], view }]
     }
-
-    /// Left eye in the left half, right eye in the right half of a double-wide target; of an odd width the last
-    /// column stays black.
-    pub fn side_by_side([width, height]: [u32; 2], left: Option<View>, right: Option<View>) -> [Self; 2] {
-        let half = width / 2;
-        [Self { rect: [0, 0, half, height], view: left }, Self { rect: [half, 0, half, height], view: right }]
-    }
 }
 
 /// A body's buffers at a place in the room.

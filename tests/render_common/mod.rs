@@ -151,3 +151,12 @@ pub fn draw(
     renderer.draw(gpu, &[offscreen.picture(viewports)], contents).unwrap();
     offscreen.read(gpu).unwrap().0
 }
+
+/// Left eye in the left half, right eye in the right half of a double-wide target.
+pub fn side_by_side([width, height]: [u32; 2], left: Option<View>, right: Option<View>) -> [Viewport; 2] {
+    let half = width / 2;
+    [
+        Viewport { rect: [0, 0, half, height], view: left },
+        Viewport { rect: [half, 0, half, height], view: right },
+    ]
+}
