@@ -35,19 +35,17 @@ impl HandMotion {
 /// Two hands that hold the places p and q: the scale is |q'-p'|/|q-p|, the rotation takes the direction of q-p to that
 /// of q'-p' the shortest way after a turn about it by the mean twist of the hands, and the middle goes to the middle.
 /// Where p and q (nearly) coincide there is no such line: the rotation is halfway between the hands' and nothing is
-/// scaled. Where p' and q' meet later, the line is the last one that was long enough, which `line` keeps from frame to
-/// frame (`None` at the grab).
-pub fn carry(hands: &[HandMotion], line: &mut Option<Vector3<f64>>) -> Option<Similarity3<f64>> {
+/// scaled. Where p' and q' meet later, q'-p' is `last`, the [`held_line`] of the frame before (`None` at the grab).
+pub fn carry(hands: &[HandMotion], last: Option<Vector3<f64>>) -> Option<Similarity3<f64>> {
     let (first, second) = match hands {
         [] => return None,
         [one] => return Some(Similarity3::from_isometry(one.rigid(), 1.0)),
         [first, second, ..] => (first, second),
     };
-    let (then, now) = (second.held_then - first.held_then, second.held_now() - first.held_now());
+    let then = second.held_then - first.held_then;
     let (rotation, scale) = match Unit::try_new(then, APART_M) {
         Some(from) => {
-            let now = if now.norm() > APART_M { now } else { line.unwrap_or(then) };
-            *line = Some(now);
+            let now = held_line(hands, last).unwrap_or(then);
             let to = Unit::new_normalize(now);
             let swing = swing(&from, &to);
             let twists = [first, second].map(|hand| twist(&(swing.inverse() * hand.rigid().rotation), &from));
@@ -59,6 +57,12 @@ pub fn carry(hands: &[HandMotion], line: &mut Option<Vector3<f64>>) -> Option<Si
     let middle_now = nalgebra::center(&first.held_now(), &second.held_now());
     let shift = middle_now.coords - rotation * middle_then.coords * scale;
     Some(Similarity3::from_parts(Translation3::from(shift), rotation, scale))
+}
+
+/// From what the first hand holds to what the second holds, now, or `last` where the two have met.
+pub fn held_line(hands: &[HandMotion], last: Option<Vector3<f64>>) -> Option<Vector3<f64>> {
+    let [first, second, ..] = hands else { return None };
+    Some(second.held_now() - first.held_now()).filter(|line| line.norm() > APART_M).or(last)
 }
 
 /// The shortest rotation from one direction to another, (1 + a·b, a × b) made a unit quaternion; half a turn about any
@@ -89,26 +93,24 @@ mod tests {
     #[test]
     fn one_hand_is_its_own_rigid_motion_and_two_that_agree_are_the_same() {
         let motion = Isometry3::new(Vector3::new(0.1, -0.4, 0.2), Vector3::new(0.5, -1.2, 0.7));
-        let one = carry(&[hand([1.0, 2.0, 3.0], motion)], &mut None).unwrap();
-        let two = carry(&[hand([1.0, 2.0, 3.0], motion), hand([0.5, 2.5, 3.0], motion)], &mut None).unwrap();
+        let one = carry(&[hand([1.0, 2.0, 3.0], motion)], None).unwrap();
+        let two = carry(&[hand([1.0, 2.0, 3.0], motion), hand([0.5, 2.5, 3.0], motion)], None).unwrap();
         for similarity in [one, two] {
             assert!((similarity.to_homogeneous() - motion.to_homogeneous()).norm() < 1e-12, "{similarity}");
         }
-        assert_eq!(carry(&[], &mut None), None);
+        assert_eq!(carry(&[], None), None);
     }
 
     #[test]
     fn hands_that_part_stretch_and_hands_that_twist_turn_by_the_mean() {
         let apart = |x: f64| Isometry3::translation(x, 0.0, 0.0);
         let motion =
-            carry(&[hand([-0.2, 0.0, 0.0], apart(-0.1)), hand([0.2, 0.0, 0.0], apart(0.3))], &mut None)
-                .unwrap();
+            carry(&[hand([-0.2, 0.0, 0.0], apart(-0.1)), hand([0.2, 0.0, 0.0], apart(0.3))], None).unwrap();
         assert!((motion.scaling() - 2.0).abs() < 1e-12 && motion.isometry.rotation.angle() < 1e-7);
         assert!((motion * Point3::new(0.2, 0.0, 0.0) - Point3::new(0.5, 0.0, 0.0)).norm() < 1e-12);
         let turned = |angle: f64| Isometry3::rotation(Vector3::x() * angle);
         let motion =
-            carry(&[hand([-0.2, 0.0, 0.0], turned(0.2)), hand([0.2, 0.0, 0.0], turned(0.6))], &mut None)
-                .unwrap();
+            carry(&[hand([-0.2, 0.0, 0.0], turned(0.2)), hand([0.2, 0.0, 0.0], turned(0.6))], None).unwrap();
         assert!((motion.isometry.rotation.scaled_axis() - Vector3::x() * 0.4).norm() < 1e-9);
     }
 
@@ -123,7 +125,7 @@ mod tests {
                 )
             };
             let hands = [hand([0.3, 0.1, 0.0], move_by(1.0)), hand([-0.4, 0.2, 0.5], move_by(2.3))];
-            let motion = carry(&hands, &mut None).unwrap();
+            let motion = carry(&hands, None).unwrap();
             for hand in &hands {
                 let miss = (motion * hand.held_then - hand.held_now()).norm();
                 assert!(miss < 1e-9, "{i}: {miss}");
@@ -135,7 +137,7 @@ mod tests {
     fn hands_at_one_place_and_hands_that_change_sides_stay_finite() {
         let still = Isometry3::identity();
         let turned = Isometry3::rotation(Vector3::y() * 0.5);
-        let same = carry(&[hand([0.1, 0.0, 0.0], still), hand([0.1, 0.0, 0.0], turned)], &mut None).unwrap();
+        let same = carry(&[hand([0.1, 0.0, 0.0], still), hand([0.1, 0.0, 0.0], turned)], None).unwrap();
         assert!(
             (same.scaling() - 1.0).abs() < 1e-15 && (same.isometry.rotation.angle() - 0.25).abs() < 1e-12
         );
@@ -144,7 +146,7 @@ mod tests {
                 hand([-0.2, 0.0, 0.0], Isometry3::translation(0.4, 0.0, 0.0)),
                 hand([0.2, 0.0, 0.0], Isometry3::translation(-0.4, 0.0, 0.0)),
             ],
-            &mut None,
+            None,
         )
         .unwrap();
         assert!((swapped * Point3::new(-0.2, 0.0, 0.0) - Point3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
@@ -166,7 +168,8 @@ mod tests {
                 hand([-0.1, 0.0, 0.0], to(0.1 - half * cos, -half * sin)),
                 hand([0.1, 0.0, 0.0], to(-0.1 + half * cos, half * sin)),
             ];
-            let motion = carry(&hands, &mut line).unwrap();
+            let motion = carry(&hands, line).unwrap();
+            line = held_line(&hands, line);
             assert!(motion.isometry.rotation.angle() < 1e-6, "{gap}: {motion}");
             if let Some(last) = last {
                 let step = (motion.scaling() - last.scaling()).abs();

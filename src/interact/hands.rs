@@ -5,7 +5,7 @@
 //! from the last one, so that nothing drifts; whenever hands, mode or scaling change, the hold starts anew from where
 //! the element is, so that nothing jumps.
 
-use super::carry::{HandMotion, carry};
+use super::carry::{HandMotion, carry, held_line};
 use super::{Hit, Mode, MovingHand};
 use crate::track::{HeldPose, Signal, StylusState};
 use nalgebra::{Isometry3, Matrix4, Point3, Similarity3, Unit, Vector3};
@@ -109,7 +109,7 @@ struct Hold {
     /// Of length 1.
     #[serde(with = "crate::field::numbers::option")]
     axis: Option<Vector3<f64>>,
-    /// From what the first hand holds to what the second holds, see [`carry`].
+    /// See [`held_line`].
     #[serde(with = "crate::field::numbers::option")]
     line: Option<Vector3<f64>>,
     then: Vec<Then>,
@@ -330,9 +330,9 @@ impl Hands {
         let held: Vector3<f64> = hold.then.iter().map(|then| then.held.coords).sum();
         let held = Point3::from(held / hold.then.len() as f64);
         let axis = hold.axis.map(Unit::new_unchecked);
-        let mut line = hold.line;
-        let motion = carry(&motions, &mut line)?;
-        Some((hold.mode.take(&motion, &hold.room_from_element, &held, axis), line))
+        let motion = carry(&motions, hold.line)?;
+        let carried = hold.mode.take(&motion, &hold.room_from_element, &held, axis);
+        Some((carried, held_line(&motions, hold.line)))
     }
 
     /// How far a hand went along the ray that it had then, m.

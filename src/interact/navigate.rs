@@ -4,7 +4,7 @@
 //! and the place at the border of the workspace of each body that is set aside. The bodies' own poses know nothing
 //! of it.
 
-use super::carry::{HandMotion, carry};
+use super::carry::{HandMotion, carry, held_line};
 use super::ease::{Ease, between};
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ pub struct Navigation {
     /// The hands as they were when this part of the navigation began, and the scene then.
     hands: Vec<MovingHand>,
     scene_then: Similarity3<f64>,
-    /// Between two of them, see [`carry`].
+    /// See [`held_line`].
     line: Option<Vector3<f64>>,
     /// Under way back to where the stage has it.
     reset: Option<(Ease, Similarity3<f64>)>,
@@ -76,7 +76,9 @@ impl Navigation {
             held_then: then.room_from_hand.translation.vector.into(),
         };
         let motions: Vec<HandMotion> = self.hands.iter().zip(hands).map(motion).collect();
-        if let Some(motion) = carry(&motions, &mut self.line) {
+        let motion = carry(&motions, self.line);
+        self.line = held_line(&motions, self.line);
+        if let Some(motion) = motion {
             self.reset = None;
             self.put(motion * self.scene_then);
         }
