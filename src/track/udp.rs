@@ -59,7 +59,9 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
             }
             Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => {}
             // A refused answer to nothing we sent, an interface that went down: the socket stays, and no error spins.
-            Err(_) => drop(publisher.pause(0.05)),
+            Err(_) => {
+                publisher.pause(0.05);
+            }
         }
         silence.judge(&mut publisher, heard_s.map_or(0.0, |heard_s| began_s - heard_s));
         let waited = std::mem::replace(&mut is_waiting, publisher.publish_news(is_news));
