@@ -239,7 +239,8 @@ impl Rig {
 
 fn push(notices: &mut Vec<String>, notice: String) {
     if notices.len() < MOST_NOTICES {
-        notices.push(notice);
+        // Whatever a device or a peer said, a terminal is not commanded by it.
+        notices.push(notice.replace(char::is_control, "?"));
     }
 }
 
