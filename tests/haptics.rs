@@ -7,11 +7,11 @@ mod common;
 
 use common::{coarse_demo, folder};
 use greenstage::deform::{ControlPose, ControlPoses, Deformer};
-use greenstage::effect::haptics::grasp::device_from_stylus;
+use greenstage::effect::haptics::grasp::device_from_handle;
 use greenstage::effect::haptics::stability::{self, Verdict, boundary};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, STALE_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Simulated, thread,
+    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Simulated, Way, thread,
 };
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
@@ -74,7 +74,7 @@ fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64
         body: 0,
         element: 1,
         room_from_body,
-        stylus_from_element: stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element,
+        way: Way::Rigid(stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element),
         mean: body.displacements.body_from_surface.rotation.to_rotation_matrix(),
     }
 }
@@ -128,11 +128,11 @@ fn the_push_is_minus_the_slope_of_the_energy() {
             loops.set_mean(held.mean);
             let origin = body.controls[1].origin;
             let push_at = |handle: &Isometry3<f64>, loops: &mut Elastic| {
-                let room = greenstage::effect::haptics::grasp::room_from_stylus(&haptic, handle);
-                let reach = held.reach(&room, &origin);
-                (held.push(&haptic, &reach, &loops.respond(&reach.pose)), reach.pose)
+                let room = greenstage::effect::haptics::grasp::room_from_handle(&haptic, handle);
+                let reach = held.reach(&room, &origin).unwrap();
+                (held.push(&haptic, &reach, &loops.respond(&reach.pose)).unwrap(), reach.pose)
             };
-            let handle = device_from_stylus(&haptic, &stylus());
+            let handle = device_from_handle(&haptic, &stylus());
             let (push, pose) = push_at(&handle, &mut loops);
             assert!((pose.matrix - poses[1].matrix).norm() < 1e-12, "the hold begins where the element is");
             let mut energy_at = |motion: &Isometry3<f64>| {
@@ -228,15 +228,15 @@ impl Bench {
         let poses = vec![ControlPose::REST; 2];
         let mut control = Control::new(haptic.clone(), vec![elastic(model)], 0.0);
         let mut device = Simulated::new(&haptic, FIST);
-        device.device_from_stylus = device_from_stylus(&haptic, &stylus());
-        device.hand(&device.device_from_stylus.clone());
+        device.device_from_handle = device_from_handle(&haptic, &stylus());
+        device.hand(&device.device_from_handle.clone());
         let held = hold(&body, 1, &poses, &stylus());
         control.take(&Grasp { held: Some(held), poses, room_from_hand: None });
         Bench { control, device, time_s: 1.0 }
     }
 
     fn pull_to(&mut self, motion: Vector3<f64>) {
-        let mut target = device_from_stylus(&self.control.haptic, &stylus());
+        let mut target = device_from_handle(&self.control.haptic, &stylus());
         target.translation.vector += motion;
         self.device.hand(&target);
     }
@@ -266,11 +266,11 @@ fn a_hand_that_pulls_is_pulled_back_to_rest() {
         let mut bench = Bench::new(Haptic::simulated("right"), model);
         bench.run(2.0 * RAMP_S);
         assert!(bench.control.felt.push.force.norm() < 1e-6);
-        let rest = bench.device.device_from_stylus.translation.vector;
+        let rest = bench.device.device_from_handle.translation.vector;
         for direction in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(-1.0, 0.5, 0.2)] {
             bench.pull_to(direction * 0.02);
             bench.run(1.0);
-            let moved = bench.device.device_from_stylus.translation.vector - rest;
+            let moved = bench.device.device_from_handle.translation.vector - rest;
             let push = bench.control.felt.push;
             assert!(moved.dot(&direction) > 0.0 && push.force.dot(&moved) < 0.0, "{push:?} against {moved}");
             // At rest the hand's spring and the body balance.
@@ -279,7 +279,7 @@ fn a_hand_that_pulls_is_pulled_back_to_rest() {
         }
         bench.pull_to(Vector3::zeros());
         bench.run(2.0);
-        let left = (bench.device.device_from_stylus.translation.vector - rest).norm();
+        let left = (bench.device.device_from_handle.translation.vector - rest).norm();
         assert!(
             left < 1e-5 && bench.control.felt.push.force.norm() < 1e-2,
             "{left} {:?}",
@@ -330,15 +330,15 @@ fn whatever_the_device_says_the_force_goes_to_zero_and_comes_back_slowly() {
         ("not tracked", |r| r.map(|r| Reading { tracked: false, ..r })),
         ("stale", |r| r.map(|r| Reading { arrived_s: 1.2, ..r })),
         ("not a number", |r| {
-            r.map(|r| Reading { device_from_stylus: Isometry3::translation(f64::NAN, 0.0, 0.0), ..r })
+            r.map(|r| Reading { device_from_handle: Isometry3::translation(f64::NAN, 0.0, 0.0), ..r })
         }),
         ("out of the world", |r| {
-            r.map(|r| Reading { device_from_stylus: Isometry3::translation(0.0, 1e30, 0.0), ..r })
+            r.map(|r| Reading { device_from_handle: Isometry3::translation(0.0, 1e30, 0.0), ..r })
         }),
         ("no rotation", |r| {
             let none = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(0.0, 0.0, 0.0, 0.0));
             let pose = Isometry3::from_parts(Translation3::identity(), none);
-            r.map(|r| Reading { device_from_stylus: pose, ..r })
+            r.map(|r| Reading { device_from_handle: pose, ..r })
         }),
     ];
     for (what, lie) in lies {
@@ -368,7 +368,7 @@ fn a_jump_by_half_a_turn_fades_and_ramps_instead_of_kicking() {
     let half = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
     let flip = |r: Option<Reading>| {
         r.map(|mut r| {
-            r.device_from_stylus.rotation = half * r.device_from_stylus.rotation;
+            r.device_from_handle.rotation = half * r.device_from_handle.rotation;
             r
         })
     };
@@ -392,7 +392,7 @@ fn a_clock_that_goes_back_is_not_followed() {
     // A packet from the past among good ones: far away, and a tenth of a second old.
     let push = bench.tick_with(|r| {
         r.map(|r| Reading {
-            device_from_stylus: Isometry3::translation(1.0, 0.0, 0.0),
+            device_from_handle: Isometry3::translation(1.0, 0.0, 0.0),
             arrived_s: r.arrived_s - 0.1,
             ..r
         })
@@ -428,7 +428,7 @@ fn the_thread_ticks_tells_and_ends() {
     let body = deformer("rotation");
     let poses = vec![ControlPose::REST; 2];
     let mut device = Simulated::new(&haptic, Hand::FINGERS);
-    device.device_from_stylus = device_from_stylus(&haptic, &stylus());
+    device.device_from_handle = device_from_handle(&haptic, &stylus());
     let control = Control::new(haptic.clone(), vec![elastic("rotation")], 0.0);
     assert_eq!(thread::running(), 0);
     let mut running = Loop::start(control, Box::new(device)).unwrap();

@@ -97,7 +97,7 @@ fn a_haply_service_is_felt_vanishes_and_returns() {
     let push = Push { force: Vector3::new(1.25, 0.0, 0.0), torque: Vector3::x() };
     let reading = wait(&mut device, &push, "the first state", |reading| reading.is_some()).unwrap();
     assert_eq!((reading.buttons, reading.tracked), ([true, false], true));
-    assert_eq!(reading.device_from_stylus.translation.vector.y, 0.1);
+    assert_eq!(reading.device_from_handle.translation.vector.y, 0.1);
     assert_eq!(device.malformed(), 2);
     device.push(&push, now_s());
     wait(&mut device, &push, "it vanishes", |reading| reading.is_none());
@@ -205,7 +205,7 @@ fn a_vrpn_force_device_is_read_and_pushed() {
     let reading = wait(&mut device, &push, "a pose with its button", |reading| {
         reading.is_some_and(|reading| reading.buttons == [true, false] && reading.tracked)
     });
-    assert_eq!(reading.unwrap().device_from_stylus.translation.vector.y, 0.2);
+    assert_eq!(reading.unwrap().device_from_handle.translation.vector.y, 0.2);
     device.push(&push, now_s());
     hear(&heard, "the field", |force| *force == [0.0, -1.5, 0.5]);
     device.push(&Push::NONE, now_s());

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use crate::deform::{ControlPose, ControlRest};
-use crate::effect::haptics::{Control, Elastic, Grasp, Hand, Held, Loop, Reading, Simulated};
+use crate::effect::haptics::{Control, Elastic, Grasp, Hand, Held, Loop, News, Reading, Simulated, Way};
 use crate::green::FIELDS;
 use crate::report::table::{Table, seconds};
 use crate::stage::Haptic;
@@ -60,7 +60,7 @@ fn control(model: &str, elements: usize) -> Option<Control> {
         body: 0,
         element: 1,
         room_from_body: Similarity3::identity(),
-        stylus_from_element: Matrix4::new_translation(&controls[1].origin),
+        way: Way::Rigid(Matrix4::new_translation(&controls[1].origin)),
         mean: Rotation3::identity(),
     };
     let poses = vec![ControlPose::REST; elements];
@@ -75,8 +75,9 @@ fn alone(control: &mut Control) -> [f64; 2] {
         let now_s = 1e-3 * f64::from(tick);
         let phase = 6.0 * now_s;
         let motion = Vector3::new(phase.sin(), phase.cos() - 1.0, (2.0 * phase).sin());
-        let device_from_stylus = Isometry3::new(motion * 0.01, motion * 0.02);
-        let reading = Reading { device_from_stylus, buttons: [true, false], arrived_s: now_s, tracked: true };
+        let device_from_handle = Isometry3::new(motion * 0.01, motion * 0.02);
+        let (buttons, news) = ([true, false], News::default());
+        let reading = Reading { device_from_handle, buttons, arrived_s: now_s, tracked: true, news };
         let started = Instant::now();
         std::hint::black_box(control.tick(Some(&reading), now_s));
         times.push(started.elapsed().as_secs_f64());

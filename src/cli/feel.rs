@@ -1,21 +1,23 @@
 //! The force loops of a session: one for each device of the stage, if a body lists an effect that gives forces.
 //!
-//! Before a frame a device moves its stylus; after it the loop is told what that stylus holds. Where no body asks for it,
-//! or the stage has no device, there is no [`Feel`], no thread and no call in the frame.
+//! A real device is a tracker of the stage, and its loop that tracker's source; a simulated one moves its stylus before a
+//! frame. After the frame the loop is told what the stylus holds. Where no body asks for it, or the stage has no
+//! device, there is no [`Feel`], no loop and no call in the frame.
 
 use super::failure::Failure;
+use super::overlay::HapticReading;
 use super::world::World;
 use crate::effect::find_effect;
 use crate::effect::haptics::{
-    Control, Device, Elastic, Felt, Hand, Haply, Held, Loop, Simulated, VrpnDevice,
+    Control, Device, Elastic, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated, VrpnDevice, Way,
 };
 use crate::green::GreenFile;
 use crate::interact::Mode;
 use crate::report::table::seconds;
 use crate::scene::Scene;
 use crate::stage::{Haptic, HapticDevice, Stage};
-use crate::track::{Signal, StylusState, TrackerState, usable};
-use nalgebra::{Isometry3, Matrix4};
+use crate::track::{TrackerState, usable};
+use nalgebra::Isometry3;
 
 pub struct Feel {
     links: Vec<Link>,
@@ -33,20 +35,30 @@ struct Link {
     grips: u64,
     /// Where the tracker, or the mouse, has the hand of a simulated device.
     room_from_hand: Option<Isometry3<f64>>,
-    /// When the device was last seen, s, and how.
-    seen: Option<(f64, Isometry3<f64>, [bool; 2])>,
     warned: bool,
 }
 
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 struct Hold {
     place: (usize, usize),
-    stylus_from_element: Matrix4<f64>,
+    way: Way,
 }
 
-/// A device that is gone for so long lets go of what it holds, s. Its force is gone long before.
-const LOST_S: f64 = 2.0;
-/// A hold whose matrix is off by more than this since it began is another one.
+impl Hold {
+    fn goes_on(&self, last: &Hold) -> bool {
+        let is_same = match (&self.way, &last.way) {
+            (Way::Rigid(now), Way::Rigid(then)) => (now - then).norm() < SAME_HOLD,
+            (Way::Carried { carrying: now, .. }, Way::Carried { carrying: then, .. }) => {
+                now.begun() == then.begun()
+            }
+            _ => false,
+        };
+        is_same && self.place == last.place
+    }
+}
+
+/// A hold whose matrix is off by more than this since it began is another one; an element that is off by more does not
+/// follow.
 const SAME_HOLD: f64 = 1e-3;
 
 /// A frame of the world, felt where something is to be felt.
@@ -93,7 +105,6 @@ impl Feel {
                 hold: None,
                 grips: 0,
                 room_from_hand: None,
-                seen: None,
                 warned: false,
             })
         };
@@ -101,14 +112,16 @@ impl Feel {
         Ok(Some(Feel { links }))
     }
 
-    /// Puts the devices in the place of their styli.
+    /// What the device of this name measures, as a tracker's source; once.
+    pub fn source(&mut self, name: &str) -> Option<Sensed> {
+        self.links.iter_mut().find(|link| link.haptic.name == name)?.running.source()
+    }
+
+    /// Puts simulated devices in the place of their styli.
     pub fn move_styli(&mut self, state: &mut TrackerState) {
-        for link in &mut self.links {
+        for link in self.links.iter_mut().filter(|link| link.haptic.device == HapticDevice::Simulated) {
             let felt = link.running.report().felt;
-            match link.haptic.device {
-                HapticDevice::Simulated => link.drag_along(&felt, state),
-                _ => link.move_stylus(&felt, state),
-            }
+            link.drag_along(&felt, state);
         }
     }
 
@@ -127,6 +140,21 @@ impl Feel {
         }
     }
 
+    /// What the overlay shows of each.
+    pub fn readings(&mut self) -> Vec<HapticReading> {
+        let of = |link: &mut Link| {
+            let Report { felt, clockwork } = *link.running.report();
+            HapticReading {
+                name: link.haptic.name.clone(),
+                felt,
+                clockwork,
+                max_force_n: link.haptic.max_force_n,
+                holds: link.hold.is_some(),
+            }
+        };
+        self.links.iter_mut().map(of).collect()
+    }
+
     /// How the loops did, a line for each.
     pub fn summary(&mut self) -> String {
         let line = |link: &mut Link| {
@@ -141,17 +169,16 @@ impl Feel {
     }
 }
 
-/// Where the stage tracks styli, the number of that name; else that of the hand: right, left.
 fn stylus_number(haptic: &Haptic, stage: &Stage) -> Result<usize, Failure> {
-    let tracked: Vec<&str> = stage.tracking.styli.keys().map(String::as_str).collect();
-    let known = if tracked.is_empty() { vec!["right", "left"] } else { tracked };
+    let known = stage.stylus_names();
     known.iter().position(|name| *name == haptic.stylus).ok_or_else(|| {
         let message = crate::config::unknown_name("stylus", &haptic.stylus, known.iter().copied());
         Failure::wrong(format!("haptic.{}.stylus: {message}", haptic.name))
     })
 }
 
-fn open(haptic: &Haptic) -> Result<Box<dyn Device>, Failure> {
+/// Opens the device that a stage names.
+pub fn open(haptic: &Haptic) -> Result<Box<dyn Device>, Failure> {
     let wrong = |message: String| Failure::wrong(format!("haptic.{}: {message}", haptic.name));
     Ok(match &haptic.device {
         HapticDevice::Simulated => Box::new(Simulated::new(haptic, Hand::FINGERS)),
@@ -169,34 +196,21 @@ impl Link {
         };
         let was_pulled = self.room_from_hand.is_some();
         self.room_from_hand = usable(&stylus.room_from_stylus).or(self.room_from_hand);
-        if let Some(pose) = felt.room_from_stylus.filter(|_| was_pulled) {
+        if let Some(pose) = felt.room_from_handle.filter(|_| was_pulled) {
             stylus.room_from_stylus = pose.cast();
         }
     }
 
-    fn move_stylus(&mut self, felt: &Felt, state: &mut TrackerState) {
-        if let Some(pose) = felt.room_from_stylus {
-            self.seen = Some((state.time_s, pose, felt.buttons));
-        }
-        let Some((seen_s, pose, [pressed, second])) = self.seen else { return };
-        let signal = match state.time_s - seen_s {
-            age_s if age_s <= 0.0 => Signal::Live,
-            age_s if age_s < LOST_S => Signal::Held { age_s },
-            age_s => Signal::Lost { age_s },
-        };
-        state.styli.resize_with(state.styli.len().max(self.stylus + 1), StylusState::default);
-        state.styli[self.stylus] =
-            StylusState { room_from_stylus: pose.cast(), pressed, second, signal, from_eye: false };
-    }
-
-    /// What this link's stylus holds freely and alone; `None` for all else, whose force is not known.
+    /// What this link's stylus holds; `None` too where the element does not go where the hand wants it, beyond the limits
+    /// of a pose.
     fn held(&mut self, world: &World) -> Option<Held> {
         let now = self.holds_now(world);
-        let goes_on = now.zip(self.hold).is_some_and(|(now, last)| {
-            now.place == last.place && (now.stylus_from_element - last.stylus_from_element).norm() < SAME_HOLD
-        });
+        let goes_on = now.zip(self.hold).is_some_and(|(now, last)| now.goes_on(&last));
         if !goes_on {
             self.grips += u64::from(now.is_some());
+        }
+        // The other hand of a hold moves; what one hand holds freely stays as it was taken.
+        if !goes_on || matches!(now, Some(Hold { way: Way::Carried { .. }, .. })) {
             self.hold = now;
         }
         let hold = self.hold?;
@@ -207,26 +221,33 @@ impl Link {
             body: self.bodies.iter().position(|body| *body == b)?,
             element,
             room_from_body: body.room_from_body,
-            stylus_from_element: hold.stylus_from_element,
+            way: hold.way,
             mean: body.deformer.displacements.body_from_surface.rotation.to_rotation_matrix(),
         })
     }
 
     fn holds_now(&self, world: &World) -> Option<Hold> {
-        let grasp = world.graph.get(world.fields.hands);
-        let hands = &grasp.hands;
+        let hands = &world.graph.get(world.fields.hands).hands;
         let target = hands.grip(self.stylus)?.target;
         let holders =
             (0..world.fields.styli.len()).filter(|&i| hands.grip(i).is_some_and(|g| g.target == target));
         let stylus = world.graph.get(world.fields.styli.get(self.stylus)?.stylus).as_ref()?;
         let place = *world.fields.targets.get(target)?;
-        let is_free = hands.mode == Mode::FREE && holders.count() == 1 && !stylus.second;
-        if !is_free || !self.bodies.contains(&place.0) {
+        if !self.bodies.contains(&place.0) {
             return None;
         }
+        let handle_from_stylus = self.haptic.sensor_from_body;
         let (body, pose) = (&world.bodies[place.0], hands.room_from_stylus(self.stylus)?);
-        let room_from_element = body.room_from_element(place.1, body.deformer.poses.get(place.1)?);
-        Some(Hold { place, stylus_from_element: pose.inverse().to_homogeneous() * room_from_element })
+        let shown = body.room_from_element(place.1, body.deformer.poses.get(place.1)?);
+        let way = if hands.mode == Mode::FREE && holders.count() == 1 && !stylus.second {
+            let handle_from_room = handle_from_stylus * pose.inverse();
+            Way::Rigid(handle_from_room.to_homogeneous() * shown)
+        } else {
+            let carrying = hands.carrying(self.stylus)?;
+            let is_followed = (carrying.now()? - shown).norm() < SAME_HOLD;
+            is_followed.then_some(Way::Carried { carrying, handle_from_stylus })?
+        };
+        Some(Hold { place, way })
     }
 
     /// Says once that a body is too stiff to be felt as it is.
@@ -249,79 +270,4 @@ impl Link {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::session;
-    use super::*;
-    use crate::effect::haptics::thread::running;
-    use crate::green;
-    use crate::stage::{BUILT_IN, rotation_towards};
-    use nalgebra::{Translation3, Vector3};
-    use std::path::Path;
-    use std::sync::Arc;
-    use std::time::{Duration, Instant};
-
-    /// A block in the workbench, with or without the effect, with or without a device.
-    fn session(effects: &str, device: &str) -> (Scene, Arc<GreenFile>, World) {
-        let text = format!(
-            "[body.block]\ngenerate = {{ block = {{ size = [2.0, 1.0, 1.0], cells = [4, 2, 2] }} }}\n\
-             material = {{ young = 100.0, poisson = 0.3 }}\nmodel = \"rotation\"\neffects = [{effects}]\n\
-             [body.block.control.fixed]\nnodes = {{ group = \"xmin\" }}\ngrab = \"fixed\"\n\
-             [body.block.control.end]\nnodes = {{ group = \"xmax\" }}\ngrab = \"dragger\"\n"
-        );
-        let scene = Scene::parse(&text, Path::new("scene.toml")).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scene.green");
-        green::write(&path, &session::precompute(&scene, true).unwrap()).unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
-        let stage = Stage::parse(&format!("{}\n{device}", BUILT_IN[0].1), Path::new("stage.toml")).unwrap();
-        let world = World::new(&scene, &file, stage).unwrap();
-        (scene, file, world)
-    }
-
-    const DEVICE: &str = "[haptic.right]\ndevice = \"simulated\"\n";
-
-    /// In one test, as the loops of the process are counted: no thread unless a body asks and the stage has a device; and
-    /// with both the stylus feels what it holds, stays behind the hand, and feels nothing after it lets go.
-    #[test]
-    fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
-        for (effects, device) in [("", ""), ("", DEVICE), ("\"haptics\"", "")] {
-            let (scene, file, world) = session(effects, device);
-            assert!(Feel::start(&scene, &file, &world).unwrap().is_none(), "{effects} {device}");
-            assert_eq!(running(), 0, "{effects} {device}");
-        }
-        let (scene, file, mut world) = session("\"haptics\"", DEVICE);
-        let mut feel = Feel::start(&scene, &file, &world).unwrap().unwrap();
-        assert_eq!(running(), 1);
-        let workspace = world.stage.workspace;
-        let started = Instant::now();
-        let mut follow =
-            |world: &mut World, y: f64, pressed: bool, until: &dyn Fn(&Felt, &TrackerState) -> bool| {
-                let deadline = Instant::now() + Duration::from_secs(30);
-                loop {
-                    let place = |x: f64| workspace.centre + Vector3::new(x, y, 0.1) * workspace.radius_m;
-                    let rotation = rotation_towards(&(place(0.0) - place(1.5)), 0.0).unwrap();
-                    let pose = Isometry3::from_parts(Translation3::from(place(1.5).coords), rotation).cast();
-                    let stylus = StylusState { room_from_stylus: pose, pressed, ..Default::default() };
-                    let time_s = started.elapsed().as_secs_f64();
-                    let mut state = TrackerState { head: None, styli: vec![stylus], time_s };
-                    feel.move_styli(&mut state);
-                    world.step(&state);
-                    feel.tell(world);
-                    let felt = feel.links[0].running.report().felt;
-                    if until(&felt, &state) {
-                        return felt;
-                    }
-                    assert!(Instant::now() < deadline, "{felt:?} {state:?}");
-                    std::thread::sleep(Duration::from_millis(5));
-                }
-            };
-        follow(&mut world, 0.0, false, &|felt, _| felt.room_from_stylus.is_some());
-        follow(&mut world, 0.0, true, &|felt, _| felt.gain == 1.0);
-        let felt = follow(&mut world, 0.3, true, &|felt, _| felt.push.force.norm() > 0.1);
-        assert!(felt.push.force.y < 0.0, "it pulls back down: {felt:?}");
-        assert!(world.bodies[0].deformer.poses[1].translation.y > 0.0, "the picture shows what is felt");
-        follow(&mut world, 0.3, false, &|felt, _| felt.push.force.norm() == 0.0);
-        drop(feel);
-        assert_eq!(running(), 0);
-    }
-}
+mod tests;

@@ -8,7 +8,6 @@ use crate::green::{GreenError, GreenFile};
 use crate::mesh::{self, Surface, quality, stuffing, surface_check, surface_files, trouble};
 use crate::scene::Scene;
 use crate::stage::Stage;
-use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -271,7 +270,8 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
         return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
     }
     let scene = session::online_part(&plan::known(Scene::load(path)?)?)?;
-    let (graph, _) = flow::graph(&scene, Isometry3::identity(), 1.0).map_err(Failure::request)?;
+    let stage = super::render::stage(&scene, None)?;
+    let (graph, _) = flow::graph(&scene, &stage).map_err(Failure::request)?;
     super::print(&match format {
         GraphFormat::Text => graph.text(),
         GraphFormat::Dot => graph.dot(),

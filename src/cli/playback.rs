@@ -2,6 +2,8 @@
 
 use super::failure::Failure;
 use super::recording::{Recorder, Replay};
+use super::render::{self, Show};
+use super::table::seconds;
 use super::world::{StepTimes, World};
 use crate::track::Script;
 
@@ -81,4 +83,30 @@ impl<'a> Playback<'a> {
         }
         Ok(times)
     }
+}
+
+/// The script or the recording without windows and devices: every frame's state against the recorded one, and what
+/// the mechanics took.
+pub fn check(
+    show: &mut Show,
+    script: Option<&Script>,
+    mut recorder: Option<&mut Recorder>,
+) -> Result<(), Failure> {
+    let source = Source::new(script, show.replay.as_mut())?;
+    let frames = match &source {
+        Source::Rest => 1,
+        Source::Script(_) => SCRIPT_STEPS,
+        Source::Replay(_, length) => *length as usize,
+    };
+    let mut playback = Playback::new(source, frames);
+    playback.recorder = recorder.as_deref_mut();
+    let mut times = Vec::new();
+    for frame in 0..frames {
+        let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
+        times.push(interact_s + deform_s + normals_s);
+    }
+    render::report(show.replay.as_ref(), recorder.as_deref_mut())?;
+    times.sort_by(f64::total_cmp);
+    let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
+    super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
 }

@@ -1,12 +1,14 @@
 //! `greenstage track`: what every sensor, button and valuator of a stage says, live.
 
 use super::failure::Failure;
+use super::feel::{self, Feel};
 use super::serve::{self, Service};
 use super::table::Table;
+use crate::effect::haptics::Sensed;
 use crate::stage::Stage;
-use crate::track::device::{Link, now_s};
+use crate::track::device::{Link, Source, now_s};
 use crate::track::rig::{Rig, SensorReport, TrackerReport};
-use crate::track::{OpenError, Signal, TrackerState};
+use crate::track::{OpenError, Signal, TrackerState, open};
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -95,11 +97,25 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// The running trackers of a stage.
 pub fn rig(stage: &str) -> Result<Rig, Failure> {
     let stage = Stage::find(stage).map_err(Failure::request)?;
-    Rig::start(&stage.tracking)?.ok_or_else(|| {
+    start(&stage, None)?.ok_or_else(|| {
         Failure::wrong(format!(
             "stage {} names no tracker: add a [tracker.NAME] table to its file (`greenstage manual tracking`)",
             stage.name
         ))
+    })
+}
+
+/// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
+pub fn start(stage: &Stage, mut feel: Option<&mut Feel>) -> Result<Option<Rig>, Failure> {
+    Rig::start(&stage.tracking, |name, kind| {
+        let haptic = stage.haptics.iter().find(|haptic| haptic.tracker() == name);
+        match haptic {
+            Some(haptic) => match feel.as_mut().and_then(|feel| feel.source(&haptic.name)) {
+                Some(felt) => Ok(Box::new(felt) as Box<dyn Source>),
+                None => Ok(Box::new(Sensed::alone(feel::open(haptic)?))),
+            },
+            None => Ok(open(name, kind)?),
+        }
     })
 }
 

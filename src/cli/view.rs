@@ -8,10 +8,9 @@ use super::keys;
 use super::overlay::{FrameTimes, Readings, SensorReading};
 use super::panes;
 use super::picture::{Bodies, contents};
-use super::playback::{Playback, SCRIPT_STEPS, Source};
+use super::playback;
 use super::recording::{Frame, Recorder, Replay};
 use super::render::{self, Show};
-use super::table::seconds;
 use super::world::{StepTimes, World};
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
@@ -103,7 +102,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;
     if args.check {
-        return check(&mut show, script.as_ref(), recorder.as_mut());
+        return playback::check(&mut show, script.as_ref(), recorder.as_mut());
     }
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
@@ -112,7 +111,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
-    let rig = if show.replay.is_none() { Rig::start(&show.world.stage.tracking)? } else { None };
+    let is_live = show.replay.is_none();
+    let mut feel = if is_live { Feel::start(&scene, &show.file, &show.world)? } else { None };
+    let rig = if is_live { super::track::start(&show.world.stage, feel.as_mut())? } else { None };
     let world = show.world;
     let layout = world.stage.layout();
     let is_usual = world.stage.windows.is_empty();
@@ -123,7 +124,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         aids.panels[world.stage.faced_screen()] = true;
     }
     let swapped = world.stage.swap_eyes;
-    let feel = if show.replay.is_none() { Feel::start(&scene, &show.file, &world)? } else { None };
     let mut app = Viewer {
         feel,
         aids,
@@ -159,32 +159,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     super::print(&app.feel.as_mut().map(Feel::summary).unwrap_or_default())?;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
     render::report(app.replay.as_ref(), app.recorder.as_mut())
-}
-
-/// The script or the recording without windows and devices: every frame's state against the recorded one, and what
-/// the mechanics took.
-fn check(
-    show: &mut Show,
-    script: Option<&Script>,
-    mut recorder: Option<&mut Recorder>,
-) -> Result<(), Failure> {
-    let source = Source::new(script, show.replay.as_mut())?;
-    let frames = match &source {
-        Source::Rest => 1,
-        Source::Script(_) => SCRIPT_STEPS,
-        Source::Replay(_, length) => *length as usize,
-    };
-    let mut playback = Playback::new(source, frames);
-    playback.recorder = recorder.as_deref_mut();
-    let mut times = Vec::new();
-    for frame in 0..frames {
-        let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
-        times.push(interact_s + deform_s + normals_s);
-    }
-    render::report(show.replay.as_ref(), recorder.as_deref_mut())?;
-    times.sort_by(f64::total_cmp);
-    let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
-    super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
 }
 
 /// The same view as `greenstage render` would make it.
@@ -352,12 +326,15 @@ impl WindowApp for Viewer {
             };
             let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
             let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
+            let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
+            let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
                 device: gpu.describe(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
                 sensors: SensorReading::of(&reports),
+                haptics,
                 ..Readings::of(&self.world)
             };
             let contents = contents(&self.world, &instances);

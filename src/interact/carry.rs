@@ -28,6 +28,12 @@ impl HandMotion {
     fn held_now(&self) -> Point3<f64> {
         self.rigid() * self.held_then
     }
+
+    /// How far the hand went along the ray that it had then, m.
+    pub fn push(&self) -> f64 {
+        let way = self.room_from_hand_now.translation.vector - self.room_from_hand_then.translation.vector;
+        way.dot(&(self.room_from_hand_then.rotation * -Vector3::z()))
+    }
 }
 
 /// The motion of what is held by these hands since the grab; `None` without a hand. More than two do not count.

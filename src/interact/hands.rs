@@ -5,8 +5,8 @@
 //! from the last one, so that nothing drifts; whenever hands, mode or scaling change, the hold starts anew from where
 //! the element is, so that nothing jumps.
 
-use super::carry::{HandMotion, carry, held_line};
-use super::{Hit, Mode, MovingHand};
+use super::carry::HandMotion;
+use super::{Carrying, Hit, Mode, MovingHand};
 use crate::track::{HeldPose, Signal, StylusState};
 use nalgebra::{Isometry3, Matrix4, Point3, Similarity3, Unit, Vector3};
 use serde::{Deserialize, Serialize};
@@ -16,8 +16,6 @@ use std::collections::{BTreeMap, BTreeSet};
 pub const CLICK_S: f64 = 0.35;
 /// A click moves the hand along its ray by less than this part of the workspace's radius.
 const CLICK_PUSH: f64 = 0.05;
-/// The logarithm of a scale beyond any that a body admits.
-const MOST_SCALE_LN: f64 = 6.0;
 
 /// All hands, and what they hold. At most two hold the same element; a third grabs nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -109,7 +107,7 @@ struct Hold {
     /// Of length 1.
     #[serde(with = "crate::field::numbers::option")]
     axis: Option<Vector3<f64>>,
-    /// See [`held_line`].
+    /// See [`held_line`](super::held_line).
     #[serde(with = "crate::field::numbers::option")]
     line: Option<Vector3<f64>>,
     then: Vec<Then>,
@@ -135,7 +133,7 @@ impl Hands {
     /// are shown now, where they are known.
     ///
     /// At the press of the button the element of the hit is taken hold of; while the button is down it follows, see
-    /// [`carry`] and [`Mode::take`]; on release it stays where it is: the last [`Drag`] stands. A press beside
+    /// [`carry`](super::carry()) and [`Mode::take`]; on release it stays where it is: the last [`Drag`] stands. A press beside
     /// everything grabs nothing until the next press. A pose that is not usable counts as the last usable one; a press
     /// that comes with it waits for one that is. A stylus that is lost lets go and must be pressed anew.
     ///
@@ -276,8 +274,8 @@ impl Hands {
     /// A click of the second button: the next mode, from where the element was before the little that was scaled.
     fn click(&mut self, i: usize, target: usize, element: &impl Fn(usize) -> Option<Element>) {
         let Some(hold) = self.holds.get(&target).filter(|hold| hold.scaled_by == Some(i)) else { return };
-        let pushed = hold.then.iter().find(|then| then.hand == i).and_then(|then| self.push(then));
-        let is_click = pushed.is_some_and(|pushed| pushed.abs() < CLICK_PUSH * self.radius_m);
+        let motion = hold.then.iter().find(|then| then.hand == i).and_then(|then| self.motion(then));
+        let is_click = motion.is_some_and(|motion| motion.push().abs() < CLICK_PUSH * self.radius_m);
         if let Some(element) = element(target).filter(|_| is_click) {
             let before = Element { room_from_element: hold.room_from_element, ..element };
             let hands = hold.then.iter().map(|then| then.hand).collect();
@@ -300,46 +298,40 @@ impl Hands {
             let hold = self.hold(hands, scaled_by, &element(target)?)?;
             self.holds.insert(target, hold);
         }
-        let hold = self.holds.get(&target)?;
-        let scaling = hold.then.iter().find(|then| Some(then.hand) == hold.scaled_by);
-        let room_from_element = match scaling {
-            Some(then) => {
-                let scale_ln = self.push(then)? / self.radius_m;
-                let scale = scale_ln.clamp(-MOST_SCALE_LN, MOST_SCALE_LN).exp();
-                hold.room_from_element * Matrix4::new_scaling(scale)
-            }
-            None => {
-                let (carried, line) = self.carried(hold)?;
-                self.holds.get_mut(&target)?.line = line;
-                carried
-            }
-        };
-        Some(Drag { target, room_from_element })
+        let carrying = self.carrying_of(self.holds.get(&target)?, 0)?;
+        self.holds.get_mut(&target)?.line = carrying.line_now();
+        Some(Drag { target, room_from_element: carrying.now()? })
     }
 
-    /// The element where the hands have carried it since the hold began, and the hold's line now.
-    fn carried(&self, hold: &Hold) -> Option<(Matrix4<f64>, Option<Vector3<f64>>)> {
-        let motion = |then: &Then| {
-            Some(HandMotion {
-                room_from_hand_then: then.room_from_hand,
-                room_from_hand_now: self.room_from_stylus(then.hand)?,
-                held_then: then.held,
-            })
-        };
-        let motions: Vec<HandMotion> = hold.then.iter().map(motion).collect::<Option<_>>()?;
-        let held: Vector3<f64> = hold.then.iter().map(|then| then.held.coords).sum();
-        let held = Point3::from(held / hold.then.len() as f64);
-        let axis = hold.axis.map(Unit::new_unchecked);
-        let motion = carry(&motions, hold.line)?;
-        let carried = hold.mode.take(&motion, &hold.room_from_element, &held, axis);
-        Some((carried, held_line(&motions, hold.line)))
+    /// How hand `i` carries what it holds, the other hand of the hold where it is now.
+    pub fn carrying(&self, i: usize) -> Option<Carrying> {
+        let hold = self.holds.get(&self.grip(i)?.target)?;
+        let mine = hold.then.iter().position(|then| then.hand == i)?;
+        self.carrying_of(hold, mine)
     }
 
-    /// How far a hand went along the ray that it had then, m.
-    fn push(&self, then: &Then) -> Option<f64> {
-        let way =
-            self.room_from_stylus(then.hand)?.translation.vector - then.room_from_hand.translation.vector;
-        Some(way.dot(&(then.room_from_hand.rotation * -Vector3::z())))
+    fn carrying_of(&self, hold: &Hold, mine: usize) -> Option<Carrying> {
+        let first = self.motion(hold.then.first()?)?;
+        let second = hold.then.get(1).map(|then| self.motion(then));
+        Some(Carrying {
+            mode: hold.mode,
+            room_from_element: hold.room_from_element,
+            axis: hold.axis.map(Unit::new_unchecked),
+            line: hold.line,
+            motions: [first, second.unwrap_or(Some(first))?],
+            hands: hold.then.len().min(2),
+            mine,
+            scaled_by: hold.scaled_by.and_then(|by| hold.then.iter().position(|then| then.hand == by)),
+            radius_m: self.radius_m,
+        })
+    }
+
+    fn motion(&self, then: &Then) -> Option<HandMotion> {
+        Some(HandMotion {
+            room_from_hand_then: then.room_from_hand,
+            room_from_hand_now: self.room_from_stylus(then.hand)?,
+            held_then: then.held,
+        })
     }
 
     /// A hold that begins now.

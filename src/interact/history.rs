@@ -44,6 +44,11 @@ impl<T: Clone> History<T> {
         self.done.push_back(entry.clone());
         Some(entry)
     }
+
+    /// How many entries can be undone, and how many done again.
+    pub fn depth(&self) -> [usize; 2] {
+        [self.done.len(), self.undone.len()]
+    }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 
 mod action;
 mod carry;
+mod carrying;
 mod curve;
 mod ease;
 mod hands;
@@ -18,7 +19,8 @@ mod pose;
 mod reach;
 
 pub use action::Action;
-pub use carry::{HandMotion, carry};
+pub use carry::{HandMotion, carry, held_line};
+pub use carrying::Carrying;
 pub use curve::{ForceArrow, bend, force_arrow};
 pub use ease::{EASE_S, Ease, between, towards_rest};
 pub use hands::{Asked, CLICK_S, Drag, Element, Grip, Hands};

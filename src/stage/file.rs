@@ -149,7 +149,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     });
     let monitors = monitors.collect();
     let head = file.viewer.get_ref().head.as_ref();
-    let tracking = match tracking::check(file.tracker, file.sensor, file.stylus, head) {
+    let mut tracking = match tracking::check(file.tracker, file.sensor, file.stylus, head) {
         Ok(tracking) => tracking,
         Err((offset, fault)) => {
             faults.push(offset, fault.into());
@@ -157,7 +157,10 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
         }
     };
     let haptics = file.haptic.iter().filter_map(|(name, found)| {
-        let checked = check_name("haptic device", name).and_then(|()| haptic::check(name, found.get_ref()));
+        let checked = check_name("haptic device", name).and_then(|()| {
+            let haptic = haptic::check(name, found.get_ref())?;
+            haptic::sense(&haptic, &mut tracking).map(|()| haptic)
+        });
         faults.keep(found.span().start, checked)
     });
     let haptics = haptics.collect();

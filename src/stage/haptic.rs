@@ -3,7 +3,11 @@
 //! In: the tables `[haptic.NAME]` of a stage file. Out: [`Haptic`], each number within its range.
 
 use super::fault::Fault;
-use nalgebra::{Isometry3, Vector3};
+use super::tracking::{
+    ButtonId, LostPolicy, MountFile, Sensor, Stylus, Tracker, TrackerFrame, TrackerKind, Tracking, isometry,
+};
+use nalgebra::{Isometry3, Similarity3};
+use std::fmt;
 
 /// One table `[haptic.NAME]` of a stage file.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +35,8 @@ pub struct Haptic {
     /// Friction that the loop adds, N·s/m.
     pub virtual_damping: f64,
     pub room_from_device: Isometry3<f64>,
+    /// From the handle that the device tells to the stylus, whose ray is its -z axis.
+    pub sensor_from_body: Isometry3<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,7 +67,13 @@ impl Haptic {
             inertia: 1e-4,
             virtual_damping: 0.0,
             room_from_device: Isometry3::identity(),
+            sensor_from_body: Isometry3::identity(),
         }
+    }
+
+    /// Its name among the trackers and the sensors.
+    pub fn tracker(&self) -> String {
+        format!("haptic.{}", self.name)
     }
 
     /// Seconds of a tick.
@@ -87,16 +99,8 @@ pub(super) struct HapticFile {
     virtual_damping: Option<f64>,
     #[serde(default)]
     room_from_device: MountFile,
-}
-
-#[derive(Default, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-struct MountFile {
     #[serde(default)]
-    position: [f64; 3],
-    /// Rotation vector, rad.
-    #[serde(default)]
-    rotation: [f64; 3],
+    sensor_from_body: MountFile,
 }
 
 /// Checks one table.
@@ -116,10 +120,7 @@ pub(super) fn check(name: &str, file: &HapticFile) -> Result<Haptic, Fault> {
         let message = || format!("{key} is {value}: it must be a number{unit} between {min} and {max}");
         if (min..=max).contains(&value) { Ok(value) } else { Err(fault(message())) }
     };
-    let MountFile { position, rotation } = file.room_from_device;
-    for value in position.into_iter().chain(rotation) {
-        range("a number of room_from_device", value, "", -1000.0, 1000.0)?;
-    }
+    let mount = |key: &str, mount: &MountFile| isometry(&format!("{key} of haptic `{name}`"), mount);
     // Neither VRPN nor the Inverse3 knows torque.
     let torque = file.max_torque.unwrap_or(if is_simulated { usual.max_torque_nm } else { 0.0 });
     if torque > 0.0 && !is_simulated {
@@ -154,7 +155,8 @@ pub(super) fn check(name: &str, file: &HapticFile) -> Result<Haptic, Fault> {
             0.0,
             1e3,
         )?,
-        room_from_device: Isometry3::new(Vector3::from(position), Vector3::from(rotation)),
+        room_from_device: mount("room_from_device", &file.room_from_device)?,
+        sensor_from_body: mount("sensor_from_body", &file.sensor_from_body)?,
     };
     if haptic.virtual_damping >= haptic.damping {
         return Err(fault(format!(
@@ -163,6 +165,51 @@ pub(super) fn check(name: &str, file: &HapticFile) -> Result<Haptic, Fault> {
         )));
     }
     Ok(haptic)
+}
+
+/// A real device is a tracker: sensor 0 is its handle, buttons 0 and 1 grab and do the second thing. A simulated one is
+/// moved by the stylus instead.
+pub(super) fn sense(haptic: &Haptic, tracking: &mut Tracking) -> Result<(), Fault> {
+    if haptic.device == HapticDevice::Simulated {
+        return Ok(());
+    }
+    let Haptic { name, stylus, .. } = haptic;
+    if let Some(other) = tracking.styli.get(stylus) {
+        let message = format!(
+            "stylus `{stylus}` follows sensor `{}` already: remove [stylus.{stylus}], or give the device a stylus of its \
+             own by the key `stylus`",
+            other.sensor
+        );
+        return Err(Fault::Haptic { name: name.clone(), message });
+    }
+    let tracker = haptic.tracker();
+    let room_from_tracker = Similarity3::from_isometry(haptic.room_from_device, haptic.motion);
+    let frame = TrackerFrame { mirror: None, room_from_tracker };
+    let button = |button| Some(ButtonId { tracker: tracker.clone(), button });
+    let followed = Stylus { sensor: tracker.clone(), grab: button(0), second: button(1) };
+    let sensor = Sensor {
+        tracker: tracker.clone(),
+        id: 0,
+        sensor_from_body: haptic.sensor_from_body,
+        filter: None,
+        predict_s: 0.0,
+        lost: LostPolicy::default(),
+    };
+    let kind = TrackerKind::Haptic(haptic.device.clone());
+    tracking.trackers.insert(tracker.clone(), Tracker { kind, frame });
+    tracking.sensors.insert(tracker, sensor);
+    tracking.styli.insert(stylus.clone(), followed);
+    Ok(())
+}
+
+impl fmt::Display for HapticDevice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            HapticDevice::Simulated => f.write_str("simulated"),
+            HapticDevice::Vrpn(name) => write!(f, "vrpn {name}"),
+            HapticDevice::Haply(place) => write!(f, "haply {place}"),
+        }
+    }
 }
 
 fn device(text: &str) -> Result<HapticDevice, String> {
@@ -196,6 +243,7 @@ fn device(text: &str) -> Result<HapticDevice, String> {
 mod tests {
     use super::*;
     use crate::stage::{BUILT_IN, Stage};
+    use nalgebra::Vector3;
     use std::path::Path;
 
     fn stage(table: &str) -> Result<Stage, String> {
@@ -219,6 +267,40 @@ mod tests {
     }
 
     #[test]
+    fn a_real_device_is_a_tracker_with_its_stylus_and_a_simulated_one_is_not() {
+        let real = "device = \"haply://localhost\"\nmax_force = 5\nmotion = 2.0\nstylus = \"pen\"\n\
+                    room_from_device = { position = [0.0, 0.9, 0.4], axes = [[0, 0, -1], [0, 1, 0], [1, 0, 0]] }\n\
+                    sensor_from_body = { position = [0.0, 0.0, -0.1] }";
+        let stage_of = stage;
+        let stage = stage_of(real).unwrap();
+        let tracking = &stage.tracking;
+        assert_eq!(
+            tracking.trackers["haptic.right"].kind,
+            TrackerKind::Haptic(stage.haptics[0].device.clone())
+        );
+        let stylus = &tracking.styli["pen"];
+        assert_eq!((stylus.sensor.as_str(), stylus.grab.as_ref().unwrap().button), ("haptic.right", 0));
+        // The handle 10 cm along the device's x lies 20 cm along -z of the room; its tip 10 cm further along its ray.
+        let handle = Isometry3::translation(0.1, 0.0, 0.0);
+        let room = tracking.trackers["haptic.right"].frame.room_from_sensor(&handle);
+        let tip = room * tracking.sensors["haptic.right"].sensor_from_body;
+        assert!((room.translation.vector - Vector3::new(0.0, 0.9, 0.2)).norm() < 1e-12, "{room}");
+        assert!((tip.translation.vector - Vector3::new(-0.1, 0.9, 0.2)).norm() < 1e-12, "{tip}");
+        assert_eq!(stage.stylus_names(), ["pen"]);
+        assert!(stage.to_string().contains("tracker haptic.right: force device, haply localhost"), "{stage}");
+        let simulated = stage_of("device = \"simulated\"").unwrap();
+        assert_eq!(simulated.tracking, Tracking::default());
+        assert_eq!(simulated.stylus_names(), ["right", "left"]);
+        let twice =
+            format!("{real}\n[haptic.other]\ndevice = \"haply://h\"\nmax_force = 5\nstylus = \"pen\"");
+        let error = stage_of(&twice).unwrap_err();
+        assert!(
+            error.contains("haptic `other`: stylus `pen` follows sensor `haptic.right` already"),
+            "{error}"
+        );
+    }
+
+    #[test]
     fn what_cannot_be_is_refused_with_the_remedy() {
         for (table, expected) in [
             ("device = \"phantom\"", "write \"simulated\""),
@@ -232,7 +314,7 @@ mod tests {
             ("device = \"simulated\"\nmax_forse = 1.0", "did you mean `max_force`?"),
             (
                 "device = \"simulated\"\nroom_from_device = { position = [inf, 0, 0] }",
-                "room_from_device is inf",
+                "room_from_device of haptic `right` is inf",
             ),
         ] {
             let error = stage(table).unwrap_err();

@@ -47,7 +47,7 @@ pub struct Stage {
     pub windows: Vec<Window>,
     /// What the file says of the desktop, for checks where there is no display.
     pub monitors: Vec<Monitor>,
-    /// What follows head and hands; empty where nothing does.
+    /// What follows head and hands, force-feedback devices among it; empty where nothing does.
     pub tracking: Tracking,
     /// Force-feedback devices; mostly none.
     pub haptics: Vec<Haptic>,
@@ -137,6 +137,12 @@ impl Stage {
         let turned = |screen: &Screen| -screen.axes()[2].dot(&forward);
         let best = |(_, a): &(usize, &Screen), (_, b): &(usize, &Screen)| turned(a).total_cmp(&turned(b));
         self.screens.iter().enumerate().max_by(best).map_or(0, |(index, _)| index)
+    }
+
+    /// Names of the styli in the order of their tracker's state; where none is tracked, those of the hands.
+    pub fn stylus_names(&self) -> Vec<&str> {
+        let tracked = &self.tracking.styli;
+        if tracked.is_empty() { vec!["right", "left"] } else { tracked.keys().map(String::as_str).collect() }
     }
 
     /// The eyes for which each screen is drawn, in the order of drawing.

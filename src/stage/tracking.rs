@@ -8,8 +8,9 @@ mod fault;
 mod file;
 
 pub use fault::TrackingFault;
-pub(super) use file::{SensorFile, StylusFile, TrackerFile, check};
+pub(super) use file::{MountFile, SensorFile, StylusFile, TrackerFile, check, isometry};
 
+use super::haptic::HapticDevice;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, UnitQuaternion};
 use std::net::SocketAddr;
@@ -59,6 +60,8 @@ pub enum TrackerKind {
     Gamepad {
         device: PathBuf,
     },
+    /// Of a table `[haptic.NAME]`: whoever gives it forces says what it measures.
+    Haptic(HapticDevice),
 }
 
 /// How a VRPN client reaches its server.
@@ -195,6 +198,7 @@ impl std::fmt::Display for TrackerKind {
             TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),
             TrackerKind::Fastrak { device, baud } => write!(f, "fastrak {} at {baud} baud", device.display()),
             TrackerKind::Gamepad { device } => write!(f, "gamepad {}", device.display()),
+            TrackerKind::Haptic(device) => write!(f, "force device, {device}"),
         }
     }
 }

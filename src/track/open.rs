@@ -33,5 +33,9 @@ pub fn open(tracker: &str, kind: &TrackerKind) -> Result<Box<dyn Source>, OpenEr
         }
         TrackerKind::Fastrak { device, baud } => Box::new(fastrak::open(tracker, device, *baud)?),
         TrackerKind::Gamepad { device } => Box::new(gamepad::open(tracker, device)?),
+        TrackerKind::Haptic(_) => {
+            let why = "a force device is opened by whoever gives it forces".to_owned();
+            return Err(OpenError::Unsupported { tracker: tracker.to_owned(), why });
+        }
     })
 }

@@ -4,12 +4,15 @@
 //! aligned letters at the left and right edge and a strip at the bottom ([`Panel`]); the middle stays free.
 
 mod panel;
+mod rows;
 
 pub use panel::Panel;
 
 use super::plan;
+use super::world::flow::StylusFields;
 use super::world::{Mood, PlacedBody, World};
 use crate::deform::{ControlPose, Wrench};
+use crate::effect::haptics::{Clockwork, Felt};
 use crate::track::Signal;
 use crate::track::rig::TrackerReport;
 use std::collections::VecDeque;
@@ -62,6 +65,13 @@ pub struct Readings {
     /// Who moves head and styli where no tracker does.
     pub source: String,
     pub sensors: Vec<SensorReading>,
+    /// Where the stage has force devices and a body is felt.
+    pub haptics: Vec<HapticReading>,
+    /// How held elements move.
+    pub mode: String,
+    pub hands: Vec<HandReading>,
+    /// How much can be undone, and how much done again.
+    pub undo: [usize; 2],
     pub bodies: Vec<BodyReading>,
     /// When, in seconds since the start, and what; newest last.
     pub warnings: Vec<(f64, String)>,
@@ -73,6 +83,33 @@ pub struct SensorReading {
     pub rate_hz: f64,
     pub age_s: f64,
     pub signal: Signal,
+}
+
+/// A force device and its loop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HapticReading {
+    pub name: String,
+    pub felt: Felt,
+    pub clockwork: Clockwork,
+    pub max_force_n: f64,
+    /// Its stylus holds something that is felt.
+    pub holds: bool,
+}
+
+/// A stylus, as the stage names it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HandReading {
+    pub name: String,
+    pub does: HandDoes,
+}
+
+/// Body and control element as `tube.right`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HandDoes {
+    Holds(String),
+    PointsAt(String),
+    Nothing,
+    Lost,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -138,8 +175,37 @@ impl Readings {
     /// All that a world tells; device and trackers are for others to add.
     pub fn of(world: &World) -> Self {
         let bodies = world.bodies.iter().map(body_reading).collect();
-        Self { stage: world.stage.name.clone(), bodies, ..Self::default() }
+        Self {
+            stage: world.stage.name.clone(),
+            mode: world.mode().name(),
+            hands: hands(world),
+            undo: world.undo_depth(),
+            bodies,
+            ..Self::default()
+        }
     }
+}
+
+fn hands(world: &World) -> Vec<HandReading> {
+    let hands = &world.graph.get(world.fields.hands).hands;
+    let name = |target: usize| {
+        let (b, c) = *world.fields.targets.get(target)?;
+        let deformer = &world.bodies[b].deformer;
+        Some(format!("{}.{}", deformer.body, deformer.controls[c].name))
+    };
+    let of = |(i, fields): (usize, &StylusFields)| {
+        let stylus = world.graph.get(fields.stylus).as_ref()?;
+        let hit = world.graph.get(fields.hit).as_ref();
+        let held = hands.grip(i).and_then(|grip| name(grip.target));
+        let does = match (held, hit.and_then(|hit| name(hit.target))) {
+            _ if matches!(stylus.signal, Signal::Lost { .. }) => HandDoes::Lost,
+            (Some(held), _) => HandDoes::Holds(held),
+            (None, Some(hit)) => HandDoes::PointsAt(hit),
+            (None, None) => HandDoes::Nothing,
+        };
+        Some(HandReading { name: world.fields.stylus_name(i), does })
+    };
+    world.fields.styli.iter().enumerate().filter_map(of).collect()
 }
 
 fn body_reading(body: &PlacedBody) -> BodyReading {

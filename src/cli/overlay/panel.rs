@@ -1,13 +1,14 @@
 //! The overlay painted: rows of letters of one width on dark translucent plates.
 
+use super::rows::{hand_rows, haptic_rows};
 use super::{BodyReading, ControlReading, History, Readings, STEPS, SensorReading};
 use crate::cli::writing::{DARK, INK, QUIET};
 use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
 
-const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
-const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
-const BAD: Color32 = Color32::from_rgb(240, 86, 70);
+pub(super) const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
+pub(super) const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
+pub(super) const BAD: Color32 = Color32::from_rgb(240, 86, 70);
 const RULE: Color32 = Color32::from_rgb(54, 62, 74);
 /// Of [`STEPS`], and of what no step tells.
 const COLOURS: [Color32; 9] = [
@@ -22,7 +23,7 @@ const COLOURS: [Color32; 9] = [
     Color32::from_rgb(60, 68, 82),
 ];
 /// Letters in a row of a column.
-const LETTERS: usize = 40;
+pub(super) const LETTERS: usize = 40;
 /// Rows of warnings.
 const WARNINGS: usize = 4;
 
@@ -36,9 +37,9 @@ pub struct Panel<'a> {
 }
 
 /// A piece of a row in its colour.
-type Words = Vec<(String, Color32)>;
+pub(super) type Words = Vec<(String, Color32)>;
 
-enum Row {
+pub(super) enum Row {
     Words(Words),
     /// Steps of the last frames, stacked.
     Bars,
@@ -64,7 +65,7 @@ impl Row {
     }
 }
 
-fn words(text: impl Into<String>, ink: Color32) -> Row {
+pub(super) fn words(text: impl Into<String>, ink: Color32) -> Row {
     Row::Words(vec![(text.into(), ink)])
 }
 
@@ -220,6 +221,12 @@ impl Panel<'_> {
             rows.push(words(format!("{:<14}{:>9}{:>9}", "sensor", "rate", "age"), QUIET));
             rows.extend(readings.sensors.iter().map(sensor_row));
         }
+        for haptic in &readings.haptics {
+            rows.push(Row::Gap);
+            rows.extend(haptic_rows(haptic));
+        }
+        rows.push(Row::Gap);
+        rows.extend(hand_rows(readings));
         rows.push(Row::Gap);
         rows.push(words("F1 closes   F2 room   F3 test pattern", QUIET));
         rows
@@ -340,7 +347,7 @@ fn control_rows(control: &ControlReading) -> Vec<Row> {
 }
 
 /// A number in so many letters; where it does not fit, in powers of ten. No minus before zero.
-fn fixed(value: f64, letters: usize, digits: usize) -> String {
+pub(super) fn fixed(value: f64, letters: usize, digits: usize) -> String {
     let text = format!("{value:>letters$.digits$}");
     let is_zero = text.chars().all(|c| matches!(c, ' ' | '-' | '0' | '.'));
     match text {
@@ -351,7 +358,7 @@ fn fixed(value: f64, letters: usize, digits: usize) -> String {
 }
 
 /// The first `letters` letters, with a sign where some are missing.
-fn clipped(text: &str, letters: usize) -> String {
+pub(super) fn clipped(text: &str, letters: usize) -> String {
     if text.chars().count() <= letters {
         return text.to_owned();
     }

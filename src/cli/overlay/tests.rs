@@ -1,6 +1,7 @@
 //! The overlay as a picture, from readings that never change.
 
 use super::*;
+use crate::effect::haptics::Push;
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, RenderError, Renderer, Viewport};
 use image::RgbImage;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -30,6 +31,37 @@ fn readings(turn: f64) -> Readings {
             sensor("wand", 0.31, Signal::Held { age_s: 0.31 }),
             sensor("other", 62.0, Signal::Lost { age_s: 62.0 }),
         ],
+        haptics: vec![HapticReading {
+            name: "pen".into(),
+            felt: Felt {
+                room_from_handle: Some(nalgebra::Isometry3::identity()),
+                push: Push { force: Vector3::new(0.0, -3.0, 1.0) * turn, torque: Vector3::zeros() },
+                gain: 1.0,
+                limited: true,
+                stiffer: 3.25,
+                ..Felt::default()
+            },
+            clockwork: Clockwork {
+                ticks: 61_234,
+                rate_hz: 999.8,
+                late: 12,
+                missed: 3,
+                work_p50_s: 1.1e-6,
+                work_p99_s: 2.4e-6,
+                ..Clockwork::default()
+            },
+            max_force_n: 3.3,
+            holds: true,
+        }],
+        mode: "translate along the body's x".into(),
+        hands: [
+            ("pen", HandDoes::Holds("tube.right".into())),
+            ("wand", HandDoes::PointsAt("tube.left".into())),
+            ("other", HandDoes::Lost),
+        ]
+        .map(|(name, does)| HandReading { name: name.into(), does })
+        .to_vec(),
+        undo: [4, 1],
         bodies: vec![BodyReading {
             name: "tube".into(),
             model: "linear".into(),

@@ -134,6 +134,11 @@ impl World {
         (0..self.fields.styli.len()).filter_map(seen).min().map(|(_, i)| i)
     }
 
+    /// How much can be undone, and how much done again.
+    pub fn undo_depth(&self) -> [usize; 2] {
+        self.desk.history.depth()
+    }
+
     /// The body that stylus `i` points at, anywhere on its surface.
     pub fn pointed_body(&self, i: usize) -> Option<usize> {
         let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;

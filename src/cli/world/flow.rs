@@ -21,6 +21,7 @@ use crate::deform::{Coefficients, ControlPose};
 use crate::field::{Each, Field, FieldError, Graph, Value};
 use crate::interact::{Asked, Element, Hands, Hit};
 use crate::scene::{Body, Grab, Scene};
+use crate::stage::Stage;
 use crate::track::{StylusState, usable};
 use nalgebra::{Isometry3, Similarity3};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,8 @@ pub type Bodies = Vec<PlacedBody>;
 
 /// The fields of a world by what they are.
 pub struct Fields {
+    /// Of the styli that the stage knows.
+    names: Vec<String>,
     pub tracked_head: Field<Tracked>,
     pub time: Field<f64>,
     pub head: Field<Pose>,
@@ -120,13 +123,10 @@ impl Value for Coefficients {
     const TYPE: &'static str = "coefficients";
 }
 
-/// The graph of a scene, with a head that stands there as long as none is tracked, and one stylus; `radius_m` is the
-/// workspace's.
-pub fn graph(
-    scene: &Scene,
-    head: Isometry3<f64>,
-    radius_m: f64,
-) -> Result<(Graph<Bodies>, Fields), FieldError> {
+/// The graph of a scene on its stage, with a head that stands where the viewer's does as long as none is tracked, and
+/// one stylus.
+pub fn graph(scene: &Scene, stage: &Stage) -> Result<(Graph<Bodies>, Fields), FieldError> {
+    let (head, radius_m) = (stage.viewer.room_from_head, stage.workspace.radius_m);
     let mut graph = Graph::default();
     let time = graph.field("tracker.time", 0.0)?;
     let tracked_head = graph.field("tracker.head", Tracked::default())?;
@@ -137,6 +137,7 @@ pub fn graph(
     })?;
     let hands = Grasp { hands: Hands::new(radius_m), asked: Asked::default() };
     let mut fields = Fields {
+        names: stage.stylus_names().into_iter().map(str::to_owned).collect(),
         tracked_head,
         time,
         head: room_from_head,
@@ -204,14 +205,22 @@ fn body_fields(
 }
 
 impl Fields {
+    /// As the stage names it; one that it does not know, such as the mouse's beside tracked ones, by its number.
+    pub fn stylus_name(&self, number: usize) -> String {
+        let by_number = || {
+            let mut name = (number + 1).to_string();
+            while self.names.contains(&name) {
+                name.push('\'');
+            }
+            name
+        };
+        self.names.get(number).cloned().unwrap_or_else(by_number)
+    }
+
     /// One more stylus, at which the hands look from now on.
     pub fn add_stylus(&mut self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
         let number = self.styli.len();
-        let name = match number {
-            0 => "right".to_owned(),
-            1 => "left".to_owned(),
-            n => (n + 1).to_string(),
-        };
+        let name = self.stylus_name(number);
         let stylus = graph.field(format!("stylus.{name}"), None)?;
         let hit = graph.field(format!("hit.{name}"), None)?;
         let last = graph.previous(self.hands)?;

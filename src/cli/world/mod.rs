@@ -72,8 +72,7 @@ impl World {
     pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
         let bodies = body::place(scene, file, session::deformers(scene, file)?, &stage);
         let room_from_head = stage.viewer.room_from_head;
-        let radius_m = stage.workspace.radius_m;
-        let (graph, fields) = flow::graph(scene, room_from_head, radius_m).map_err(Failure::request)?;
+        let (graph, fields) = flow::graph(scene, &stage).map_err(Failure::request)?;
         let mut world = World {
             desk: Desk::new(&stage.workspace, bodies.len(), fields.targets.len()),
             stage,

@@ -1,17 +1,28 @@
 //! A force-feedback device: where its handle is, in; the force and torque on it, out.
 
+use crate::track::Flow;
 use nalgebra::{Isometry3, Vector3, Vector6};
 
 /// What a device measured last, in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    pub device_from_stylus: Isometry3<f64>,
+    pub device_from_handle: Isometry3<f64>,
     /// The one that grabs, and the second.
     pub buttons: [bool; 2],
     /// When it arrived, seconds of this program's clock.
     pub arrived_s: f64,
     /// False where the device says that it does not know where it is.
     pub tracked: bool,
+    pub news: News,
+}
+
+/// How many poses came so far, and how steadily; a device without a wire does not count them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct News {
+    pub count: u64,
+    pub flow: Flow,
+    /// The last tracked one before it, and when it arrived.
+    pub before: Option<(Isometry3<f64>, f64)>,
 }
 
 /// What the device pushes the hand with, about its handle's origin, in the device's frame.

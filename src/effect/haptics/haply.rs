@@ -6,8 +6,8 @@
 //! writes triple buffers. Written from the service's public documentation (version 3.1) and tried against a server of our
 //! own alone. What comes is bounded and strictly read; a service that vanishes is tried again.
 
-use super::device::{Device, Push, Reading};
-use crate::track::device::now_s;
+use super::device::{Device, News, Push, Reading};
+use crate::track::device::{DeviceState, Stamp, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
@@ -136,13 +136,14 @@ impl Link {
     /// One command for each state, until the connection or this side ends; says why.
     fn converse(&mut self, socket: &mut WebSocket<TcpStream>) -> String {
         let (mut heard_s, mut id) = (now_s(), None);
+        let mut heard = DeviceState::default();
         while !self.shared.stop.load(Relaxed) {
             match socket.read() {
                 Ok(Message::Text(text)) => {
                     heard_s = now_s();
                     match parse(&text, heard_s) {
                         Ok(state) => {
-                            self.reading.write(state.reading);
+                            self.reading.write(state.reading.map(|reading| counted(&mut heard, reading)));
                             id = state.id.or(id);
                         }
                         Err(_) => {
@@ -178,6 +179,15 @@ impl Link {
         }
         "ended".to_owned()
     }
+}
+
+/// A reading with what is known of those before it.
+fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
+    let stamp = Stamp { arrived_s: reading.arrived_s, measured_s: None };
+    heard.take_pose_at(stamp, 0, reading.device_from_handle, 1.0);
+    let news =
+        heard.sensors.get(&0).map(|pose| News { count: pose.count, flow: pose.flow, before: pose.before });
+    Reading { news: news.unwrap_or_default(), ..reading }
 }
 
 /// What one message of the service says.
@@ -264,10 +274,11 @@ pub fn parse(text: &str, arrived_s: f64) -> Result<State, String> {
     let rotation = rotation.transpose()?.unwrap_or_else(UnitQuaternion::identity);
     let place = arm.state.and_then(|state| state.cursor_position);
     let reading = place.map(|Xyz { x, y, z }| Reading {
-        device_from_stylus: Isometry3::from_parts(Translation3::new(x, y, z), rotation),
+        device_from_handle: Isometry3::from_parts(Translation3::new(x, y, z), rotation),
         buttons,
         arrived_s,
         tracked: true,
+        news: News::default(),
     });
     Ok(State { id: Some(arm.device_id), reading })
 }
@@ -300,8 +311,8 @@ mod tests {
             (state.id.as_deref(), reading.buttons, reading.arrived_s),
             (Some("0A1B"), [true, false], 7.0)
         );
-        assert_eq!(reading.device_from_stylus.translation.vector, Vector3::new(0.01, -0.12, 0.2));
-        assert!((reading.device_from_stylus.rotation.angle() - 2.0 * 0.8f64.acos()).abs() < 1e-12);
+        assert_eq!(reading.device_from_handle.translation.vector, Vector3::new(0.01, -0.12, 0.2));
+        assert!((reading.device_from_handle.rotation.angle() - 2.0 * 0.8f64.acos()).abs() < 1e-12);
         assert_eq!(parse("{}", 0.0).unwrap(), State { id: None, reading: None });
     }
 

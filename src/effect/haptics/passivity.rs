@@ -12,7 +12,7 @@
 //! other directions are felt as they are.
 
 use super::device::Push;
-use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
+use nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
 
 /// Of the stiffness that is passive in theory so much is used: a loop's ticks are not all of one length.
 pub const MARGIN: f64 = 0.8;
@@ -22,29 +22,11 @@ pub fn largest_stiffness(damping: f64, virtual_damping: f64, period_s: f64, late
     ((damping - virtual_damping.abs()) / (0.5 * period_s + latency_s)).max(0.0)
 }
 
-/// How the hand's motion (v, ω) at the handle moves the held element: dT = a·v + b·ω, dM = \[c ω\]× M.
-#[derive(Clone, Copy, Debug)]
-pub struct Lever {
-    pub translation_from_v: Matrix3<f64>,
-    pub translation_from_w: Matrix3<f64>,
-    pub turn_from_w: Matrix3<f64>,
-    pub matrix: Matrix3<f64>,
-}
+/// How the handle's motion (v, ω), m and rad of the device, moves the twelve coefficients of the held element.
+pub type Jacobian = SMatrix<f64, 12, 6>;
 
 /// The stiffness at the handle, 6 × 6 in N/m, N and N·m: Jᵀ S J of the held element's block of S.
-pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, lever: &Lever) -> Matrix6<f64> {
-    let column = |k: usize| {
-        let mut motion = Vector6::<f64>::zeros();
-        motion[k] = 1.0;
-        let (v, w) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
-        let dt = lever.translation_from_v * v + lever.translation_from_w * w;
-        let dm = (lever.turn_from_w * w).cross_matrix() * lever.matrix;
-        SMatrix::<f64, 12, 1>::from_fn(|i, _| if i < 3 { dt[i] } else { dm[((i - 3) / 3, (i - 3) % 3)] })
-    };
-    let mut jacobian = SMatrix::<f64, 12, 6>::zeros();
-    for k in 0..6 {
-        jacobian.set_column(k, &column(k));
-    }
+pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, jacobian: &Jacobian) -> Matrix6<f64> {
     jacobian.transpose() * block * jacobian
 }
 

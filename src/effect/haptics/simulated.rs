@@ -3,7 +3,7 @@
 //! m x'' = f - b x' - k_h (x - x_h) - b_h x' and the same for the rotation, between two ticks in steps of
 //! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass.
 
-use super::device::{Device, Push, Reading};
+use super::device::{Device, News, Push, Reading};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -41,7 +41,7 @@ impl Hand {
 pub type Script = Box<dyn Fn(f64) -> Isometry3<f64> + Send>;
 
 pub struct Simulated {
-    pub device_from_stylus: Isometry3<f64>,
+    pub device_from_handle: Isometry3<f64>,
     /// m/s and rad/s.
     pub velocity: [Vector3<f64>; 2],
     pub hand: Hand,
@@ -64,7 +64,7 @@ pub struct Simulated {
 impl Simulated {
     pub fn new(haptic: &Haptic, hand: Hand) -> Simulated {
         Simulated {
-            device_from_stylus: Isometry3::identity(),
+            device_from_handle: Isometry3::identity(),
             velocity: [Vector3::zeros(); 2],
             hand,
             buttons: [false; 2],
@@ -86,7 +86,7 @@ impl Simulated {
         let pose = script(0.0);
         Simulated {
             script: Some(script),
-            device_from_stylus: pose,
+            device_from_handle: pose,
             target: pose,
             ..Simulated::new(haptic, hand)
         }
@@ -95,7 +95,7 @@ impl Simulated {
     /// Kinetic energy of handle and hand, and what is in the hand's spring, J.
     pub fn energy(&self) -> f64 {
         let [v, w] = &self.velocity;
-        let off = self.device_from_stylus.translation.vector - self.target.translation.vector;
+        let off = self.device_from_handle.translation.vector - self.target.translation.vector;
         0.5 * ((self.mass + self.hand.mass) * v.norm_squared()
             + self.inertia * w.norm_squared()
             + self.hand.stiffness * off.norm_squared())
@@ -121,7 +121,7 @@ impl Simulated {
         let (b, push) = (self.damping[0], self.push.force);
         let pull = |x: &Vector3<f64>, v: &Vector3<f64>| (target - x) * hand.stiffness - v * hand.damping;
         let acceleration = |x: &Vector3<f64>, v: &Vector3<f64>| (push + pull(x, v) - v * b) / mass;
-        let (x, v) = (self.device_from_stylus.translation.vector, self.velocity[0]);
+        let (x, v) = (self.device_from_handle.translation.vector, self.velocity[0]);
         let (k1, a1) = (v, acceleration(&x, &v));
         let (k2, a2) = (v + a1 * (h / 2.0), acceleration(&(x + k1 * (h / 2.0)), &(v + a1 * (h / 2.0))));
         let (k3, a3) = (v + a2 * (h / 2.0), acceleration(&(x + k2 * (h / 2.0)), &(v + a2 * (h / 2.0))));
@@ -132,7 +132,7 @@ impl Simulated {
         self.hand_work += 0.5 * (pull(&x, &v) + pull(&new_x, &new_v)).dot(&(new_x - x));
         self.velocity[0] = new_v;
 
-        let rotation = self.device_from_stylus.rotation;
+        let rotation = self.device_from_handle.rotation;
         let off = (self.target.rotation * rotation.inverse()).scaled_axis();
         let w = self.velocity[1];
         let turn = off * hand.rotational_stiffness - w * hand.rotational_damping;
@@ -141,7 +141,7 @@ impl Simulated {
         self.velocity[1] = w;
         let mut rotation = UnitQuaternion::from_scaled_axis(w * h) * rotation;
         rotation.renormalize();
-        self.device_from_stylus = Isometry3::from_parts(Translation3::from(new_x), rotation);
+        self.device_from_handle = Isometry3::from_parts(Translation3::from(new_x), rotation);
     }
 }
 
@@ -152,8 +152,9 @@ impl Device for Simulated {
 
     fn read(&mut self, now_s: f64) -> Option<Reading> {
         self.advance(now_s);
-        let Simulated { device_from_stylus, buttons, tracked, .. } = *self;
-        self.present.then_some(Reading { device_from_stylus, buttons, arrived_s: now_s, tracked })
+        let Simulated { device_from_handle, buttons, tracked, .. } = *self;
+        let news = News::default();
+        self.present.then_some(Reading { device_from_handle, buttons, arrived_s: now_s, tracked, news })
     }
 
     fn push(&mut self, push: &Push, _now_s: f64) {
@@ -163,7 +164,7 @@ impl Device for Simulated {
     fn hand(&mut self, device_from_hand: &Isometry3<f64>) {
         // A hand that takes the handle for the first time finds it where it is.
         if self.time_s.is_none() {
-            self.device_from_stylus = *device_from_hand;
+            self.device_from_handle = *device_from_hand;
         }
         self.target = *device_from_hand;
         self.script = None;

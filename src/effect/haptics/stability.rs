@@ -6,7 +6,7 @@
 
 use super::device::Device;
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held};
+use super::grasp::{Grasp, Held, Way};
 use super::simulated::{Hand, Simulated};
 use super::tick::{Control, Measures, RAMP_S};
 use crate::deform::{ControlPose, ControlRest};
@@ -73,7 +73,7 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
     };
     control.measures = measures;
     let mut device = Simulated::new(haptic, hand);
-    device.device_from_stylus.translation.vector = Vector3::new(START_M, 0.0, 0.0);
+    device.device_from_handle.translation.vector = Vector3::new(START_M, 0.0, 0.0);
     device.hand(&Isometry3::identity());
     let (period_s, mut swings_m) = (haptic.period_s(), [0.0f64; 2]);
     let ticks = ((SPAN_S + RAMP_S) / period_s) as u64;
@@ -81,13 +81,13 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
         let now_s = tick as f64 * period_s;
         // Held fast until the force has ramped up.
         if now_s <= RAMP_S {
-            device.device_from_stylus.translation.vector = Vector3::new(START_M, 0.0, 0.0);
+            device.device_from_handle.translation.vector = Vector3::new(START_M, 0.0, 0.0);
             device.velocity = [Vector3::zeros(); 2];
         }
         let reading = device.read(now_s);
         let push = control.tick(reading.as_ref(), now_s);
         device.push(&push, now_s);
-        let away = device.device_from_stylus.translation.vector.norm();
+        let away = device.device_from_handle.translation.vector.norm();
         if away.is_nan() || away >= 100.0 * START_M {
             swings_m = [START_M, f64::INFINITY];
             break;
@@ -134,7 +134,7 @@ fn spring(haptic: &Haptic, stiffness: f64) -> Option<Control> {
         body: 0,
         element: 0,
         room_from_body: Similarity3::identity(),
-        stylus_from_element: Matrix4::identity(),
+        way: Way::Rigid(Matrix4::identity()),
         mean: Rotation3::identity(),
     };
     control.take(&Grasp { held: Some(held), poses: vec![ControlPose::REST], room_from_hand: None });

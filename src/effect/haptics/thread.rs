@@ -3,8 +3,9 @@
 //! In: the frame's [`Grasp`], of which the newest is taken. Out: [`Report`], of which the frame reads the newest. Both go
 //! through triple buffers; a tick waits for nobody.
 
-use super::device::{Device, Push};
-use super::grasp::{Grasp, device_from_stylus};
+use super::device::{Device, Push, Reading};
+use super::grasp::{Grasp, device_from_handle};
+use super::sensed::Sensed;
 use super::tick::{Control, Felt};
 use crate::track::device::now_s;
 use spin_sleep::SpinSleeper;
@@ -25,6 +26,8 @@ static RUNNING: AtomicUsize = AtomicUsize::new(0);
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clockwork {
     pub ticks: u64,
+    /// Ticks in the last whole second; 0 before the first.
+    pub rate_hz: f64,
     /// Ticks that began more than half a period after they were due.
     pub late: u64,
     /// Ticks that were left out, for the next was due already.
@@ -50,6 +53,7 @@ pub struct Loop {
     pub device: String,
     grasp: Input<Grasp>,
     report: Output<Report>,
+    readings: Option<Output<Option<Reading>>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -59,23 +63,29 @@ impl Loop {
     pub fn start(control: Control, device: Box<dyn Device>) -> std::io::Result<Loop> {
         let (grasp, newest) = triple_buffer(&Grasp::default());
         let (told, report) = triple_buffer(&Report::default());
+        let (read, readings) = triple_buffer(&None);
         let stop = Arc::new(AtomicBool::new(false));
         let (described, stopped) = (device.describe(), stop.clone());
         RUNNING.fetch_add(1, Ordering::SeqCst);
         let work = move || {
-            run(control, device, newest, told, &stopped);
+            run(control, device, newest, told, read, &stopped);
             RUNNING.fetch_sub(1, Ordering::SeqCst);
         };
         let thread = std::thread::Builder::new().name("haptics".into()).spawn(work).inspect_err(|_| {
             RUNNING.fetch_sub(1, Ordering::SeqCst);
         })?;
-        Ok(Loop { device: described, grasp, report, stop, thread: Some(thread) })
+        Ok(Loop { device: described, grasp, report, readings: Some(readings), stop, thread: Some(thread) })
     }
 
     /// Hands a frame's news over. `write` gets one of three buffers with what it held before: write all of it.
     pub fn tell(&mut self, write: impl FnOnce(&mut Grasp)) {
         write(self.grasp.input_buffer_mut());
         self.grasp.publish();
+    }
+
+    /// What the device measures, as a source of poses; there is one.
+    pub fn source(&mut self) -> Option<Sensed> {
+        Some(Sensed::of_loop(self.device.clone(), self.readings.take()?))
     }
 
     /// The newest report.
@@ -99,12 +109,14 @@ fn run(
     mut device: Box<dyn Device>,
     mut grasp: Output<Grasp>,
     mut told: Input<Report>,
+    mut read: Input<Option<Reading>>,
     stop: &AtomicBool,
 ) {
     let period = Duration::from_secs_f64(control.haptic.period_s());
     let sleeper = SpinSleeper::default();
     let (mut work, mut late) = (Histogram::new(), Histogram::new());
     let mut clockwork = Clockwork::default();
+    let mut second = (Instant::now(), 0);
     let mut due = Instant::now();
     // Percentiles some thirty times a second.
     let summary = (control.haptic.rate_hz / 30.0).max(1.0) as u64;
@@ -125,7 +137,7 @@ fn run(
         if news {
             let hand = grasp.output_buffer().room_from_hand;
             if let Some(hand) = hand {
-                device.hand(&device_from_stylus(&control.haptic, &hand));
+                device.hand(&device_from_handle(&control.haptic, &hand));
             }
         }
         let now = now_s();
@@ -137,8 +149,14 @@ fn run(
         let push = control.tick(reading.as_ref(), now);
         work.add(started.elapsed());
         device.push(&push, now);
+        read.write(reading);
 
         if clockwork.ticks.is_multiple_of(summary) {
+            let (since, ticks) = second;
+            if since.elapsed() >= Duration::from_secs(1) {
+                clockwork.rate_hz = (clockwork.ticks - ticks) as f64 / since.elapsed().as_secs_f64();
+                second = (Instant::now(), clockwork.ticks);
+            }
             (clockwork.work_p50_s, clockwork.work_p99_s) = (work.quantile_s(0.5), work.quantile_s(0.99));
             clockwork.work_most_s = work.most.as_secs_f64();
             (clockwork.late_p50_s, clockwork.late_p99_s) = (late.quantile_s(0.5), late.quantile_s(0.99));

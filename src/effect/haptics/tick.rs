@@ -6,7 +6,7 @@
 
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held, room_from_stylus};
+use super::grasp::{Grasp, Held, room_from_handle};
 use super::passivity::{Coupling, MARGIN, Observer, handle_stiffness, largest_stiffness};
 use crate::stage::{Haptic, ROOM_LIMIT_M};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
@@ -62,12 +62,14 @@ pub struct Faults {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Felt {
     /// In the room; `None` while the device is lost.
-    pub room_from_stylus: Option<Isometry3<f64>>,
+    pub room_from_handle: Option<Isometry3<f64>>,
     pub buttons: [bool; 2],
     /// On the hand, in the device's frame.
     pub push: Push,
     /// 0 no force, 1 all of it.
     pub gain: f64,
+    /// The body pulls harder than the device can.
+    pub limited: bool,
     /// How many times stiffer the body is than the device bears, in its stiffest direction; up to 1 all is felt as it is.
     pub stiffer: f64,
     /// The body's strain energy, J.
@@ -86,6 +88,8 @@ pub struct Control {
     latency_s: f64,
     bodies: Vec<Elastic>,
     held: Option<Held>,
+    /// Where the coupling had the hold in the room at the last tick.
+    hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
     /// Rotations of handle and body when the coupling was made.
     coupled_at: Option<[UnitQuaternion<f64>; 2]>,
@@ -108,6 +112,7 @@ impl Control {
             latency_s,
             bodies,
             held: None,
+            hold_at: None,
             coupling: Coupling::default(),
             coupled_at: None,
             coupled: Vector6::zeros(),
@@ -126,12 +131,17 @@ impl Control {
         let is_new = held.map(|held| held.grip) != self.held.map(|held| held.grip);
         if is_new {
             self.end();
+            self.hold_at = None;
         }
         self.held = held;
         let Some(held) = held else { return };
         let body = &mut self.bodies[held.body];
         let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
         body.set(held.element, &grasp.poses);
+        // The other hand of this hold moved the element too.
+        let reach = |at: Isometry3<f64>| held.reach(&at, &body.origin());
+        let moved = self.hold_at.filter(|_| !is_new).and_then(reach).map(|reach| reach.pose);
+        let pose = moved.or(pose);
         // Another branch of the mean rotation, or one that was lost: the frame knows better.
         if is_new || body.mean().angle_to(&held.mean) > 0.5 {
             body.set_mean(held.mean);
@@ -179,6 +189,7 @@ impl Control {
             self.felt.gain = 0.0;
         }
         self.felt.observer.energy = 0.0;
+        self.felt.limited = false;
         self.coupled_at = None;
     }
 
@@ -194,27 +205,27 @@ impl Control {
         };
         let Some(new) = newest.copied().filter(|new| new.tracked && now_s - new.arrived_s <= STALE_S) else {
             faults.lost += 1;
-            self.felt.room_from_stylus = None;
+            self.felt.room_from_handle = None;
             self.felt.buttons = [false; 2];
             // A clock that went back for good would never be believed again.
             self.last = None;
             return false;
         };
         self.felt.buttons = new.buttons;
-        if !is_sane(&new.device_from_stylus) {
+        if !is_sane(&new.device_from_handle) {
             faults.absurd += 1;
             self.last = None;
             return false;
         }
-        let room = room_from_stylus(&self.haptic, &new.device_from_stylus);
-        self.felt.room_from_stylus = Some(room);
+        let room = room_from_handle(&self.haptic, &new.device_from_handle);
+        self.felt.room_from_handle = Some(room);
         let Some(last) = self.last.replace(new) else {
             self.velocity = [Vector3::zeros(); 2];
             return true;
         };
-        let dx = new.device_from_stylus.translation.vector - last.device_from_stylus.translation.vector;
+        let dx = new.device_from_handle.translation.vector - last.device_from_handle.translation.vector;
         let turn =
-            (new.device_from_stylus.rotation * last.device_from_stylus.rotation.inverse()).scaled_axis();
+            (new.device_from_handle.rotation * last.device_from_handle.rotation.inverse()).scaled_axis();
         // A silent device may have moved for as long as it was silent.
         let time = (new.arrived_s - last.arrived_s).max(dt).max(self.haptic.period_s());
         if dx.norm() > MOST_SPEED[0] * time || turn.norm() > MOST_SPEED[1] * time {
@@ -235,7 +246,7 @@ impl Control {
 
     /// What the body and the dampers want of the device; `None` where it is no number.
     fn pull(&mut self, held: &Held, dt: f64) -> Option<Push> {
-        let handle = self.last?.device_from_stylus;
+        let handle = self.last?.device_from_handle;
         self.couple(held, &handle)?;
         let haptic = &self.haptic;
         let offset = self.coupling.compliance * self.coupled;
@@ -244,10 +255,11 @@ impl Control {
         hold.rotation =
             UnitQuaternion::from_scaled_axis(offset.fixed_rows::<3>(3).into_owned()) * hold.rotation;
         let body = self.bodies.get_mut(held.body)?;
-        let reach = held.reach(&room_from_stylus(haptic, &hold), &body.origin());
+        let reach = held.reach(&room_from_handle(haptic, &hold), &body.origin())?;
+        self.hold_at = Some(reach.room_from_handle);
         let response = body.respond(&reach.pose);
         self.felt.faults.undefined += u64::from(response.rotation_undefined);
-        let push = held.push(haptic, &reach, &response);
+        let push = held.push(haptic, &reach, &response)?;
         if !push.is_finite() || !response.energy.is_finite() {
             self.felt.faults.absurd += 1;
             return None;
@@ -257,7 +269,9 @@ impl Control {
         let coupled = self.coupled + self.coupling.step * (push.stacked() - self.coupled);
         // Limited before the gain, or a bent body would ramp up to the limit at once; and before the coupling, which
         // gives way no further than the device can push.
-        self.coupled = self.fitting(Push::unstacked(&coupled)).stacked();
+        let coupled = Push::unstacked(&coupled);
+        self.felt.limited = self.is_too_much(&coupled);
+        self.coupled = self.fitting(coupled).stacked();
         let haptic = &self.haptic;
         let gain = (self.felt.gain + dt / RAMP_S).min(1.0);
         self.felt.observer.credit((gain - self.felt.gain) * stored);
@@ -288,9 +302,9 @@ impl Control {
             self.coupling = Coupling::default();
             return Some(());
         }
-        let reach = held.reach(&room_from_stylus(haptic, handle), &body.origin());
-        let lever = held.lever(haptic, &reach, &body.mean());
-        let stiffness = handle_stiffness(&body.held_block(), &lever) * held.energy_scale(haptic);
+        let reach = held.reach(&room_from_handle(haptic, handle), &body.origin())?;
+        let jacobian = held.jacobian(haptic, &reach, &body.mean())?;
+        let stiffness = handle_stiffness(&body.held_block(), &jacobian) * held.energy_scale(haptic);
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, haptic.period_s(), self.latency_s);
@@ -298,6 +312,11 @@ impl Control {
         self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bearable);
         self.felt.stiffer = self.coupling.stiffer;
         Some(())
+    }
+
+    fn is_too_much(&self, push: &Push) -> bool {
+        let Haptic { max_force_n, max_torque_nm, .. } = self.haptic;
+        push.force.norm() > max_force_n || max_torque_nm > 0.0 && push.torque.norm() > max_torque_nm
     }
 
     /// Not more than the device can, in the same direction.

@@ -4,7 +4,7 @@
 //! server which evaluates it itself pushes with just that force until the next one; it ends with the field's radius
 //! when the device has moved far from where it was seen. Bytes by `track::vrpn`, tried against our own server alone.
 
-use super::device::{Device, Push, Reading};
+use super::device::{Device, News, Push, Reading};
 use crate::track::device::{DeviceState, Link, Source};
 use crate::track::vrpn::{Address, Client, ForceField, ForceSender, Transport};
 use nalgebra::Isometry3;
@@ -37,10 +37,11 @@ fn reading(state: &DeviceState) -> Option<Reading> {
     let pose = state.sensors.get(&0)?;
     let pressed = |button: i32| state.buttons.get(&button).is_some_and(|button| button.value);
     Some(Reading {
-        device_from_stylus: pose.value,
+        device_from_handle: pose.value,
         buttons: [pressed(0), pressed(1)],
         arrived_s: pose.arrived_s,
         tracked: pose.quality > 0.0,
+        news: News { count: pose.count, flow: pose.flow, before: pose.before },
     })
 }
 
@@ -51,7 +52,7 @@ impl Device for VrpnDevice {
 
     fn read(&mut self, _now_s: f64) -> Option<Reading> {
         let reading = reading(self.client.latest());
-        self.last = reading.map(|reading| reading.device_from_stylus);
+        self.last = reading.map(|reading| reading.device_from_handle);
         reading
     }
 

@@ -39,7 +39,7 @@ struct FrameFile {
 
 #[derive(Default, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-struct MountFile {
+pub struct MountFile {
     position: Option<[f64; 3]>,
     rotation: Option<[f64; 3]>,
     axes: Option<[[f64; 3]; 3]>,
@@ -290,7 +290,7 @@ fn range(what: &str, value: f64, unit: &'static str, min: f64, max: f64) -> Resu
     }
 }
 
-fn isometry(what: &str, file: &MountFile) -> Result<Isometry3<f64>, TrackingFault> {
+pub fn isometry(what: &str, file: &MountFile) -> Result<Isometry3<f64>, TrackingFault> {
     let numbers = |key: &str, numbers: [f64; 3], unit, limit: f64| -> Result<Vector3<f64>, TrackingFault> {
         for value in numbers {
             range(&format!("`{key}` in {what}"), value, unit, -limit, limit)?;

@@ -20,10 +20,9 @@ pub use one_euro::PoseFilter;
 pub use report::{ChannelReport, SensorReport, TrackerReport};
 
 use super::device::{DeviceState, Link, Source, now_s};
-use super::open::{OpenError, open};
 use super::{Signal, StylusState, TrackerState};
 use crate::stage::Tracking;
-use crate::stage::tracking::ButtonId;
+use crate::stage::tracking::{ButtonId, TrackerKind};
 use nalgebra::Isometry3;
 
 /// Running trackers. Dropped, its sources stop.
@@ -67,8 +66,12 @@ const GREETING_S: f64 = 0.1;
 const MOST_NOTICES: usize = 64;
 
 impl Rig {
-    /// Opens all sources that a stage names; `None`, without a thread or a socket, if it names none.
-    pub fn start(tracking: &Tracking) -> Result<Option<Rig>, OpenError> {
+    /// Opens all sources that a stage names, each by `open` ([`super::open()`], where it has no force device); `None`,
+    /// without a thread or a socket, if it names none.
+    pub fn start<E>(
+        tracking: &Tracking,
+        mut open: impl FnMut(&str, &TrackerKind) -> Result<Box<dyn Source>, E>,
+    ) -> Result<Option<Rig>, E> {
         if tracking.trackers.is_empty() {
             return Ok(None);
         }
@@ -76,7 +79,7 @@ impl Rig {
             .trackers
             .iter()
             .map(|(name, tracker)| open(name, &tracker.kind))
-            .collect::<Result<Vec<_>, _>>()?;
+            .collect::<Result<Vec<_>, E>>()?;
         Ok(Some(Rig::with_sources(tracking, sources, now_s())))
     }
 

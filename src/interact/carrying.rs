@@ -1,0 +1,65 @@
+//! How hands carry one element, as a function of the pose of one of them: what is held is held by a mechanism.
+//!
+//! In: a hold, that is mode, hands and element when it began and the hands now. Out: the element's matrix, wherever that
+//! hand may be. The force on the hand is minus the slope of the body's energy along this function.
+
+use super::carry::{HandMotion, carry, held_line};
+use super::mode::Mode;
+use nalgebra::{Isometry3, Matrix4, Point3, Unit, Vector3};
+
+/// The logarithm of a scale beyond any that a body admits.
+const MOST_SCALE_LN: f64 = 6.0;
+
+/// A hold of one hand or two, seen from one of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carrying {
+    pub mode: Mode,
+    /// When the hold began.
+    pub room_from_element: Matrix4<f64>,
+    pub axis: Option<Unit<Vector3<f64>>>,
+    /// The [`held_line`] of the frame before.
+    pub line: Option<Vector3<f64>>,
+    /// With one hand both are the same.
+    pub motions: [HandMotion; 2],
+    /// 1 or 2.
+    pub hands: usize,
+    /// Whose hold it is.
+    pub mine: usize,
+    /// The one that scales by its second button, by e for `radius_m` along its ray; the element does not follow then.
+    pub scaled_by: Option<usize>,
+    pub radius_m: f64,
+}
+
+impl Carrying {
+    /// The element's matrix in the room.
+    pub fn now(&self) -> Option<Matrix4<f64>> {
+        let motions = self.motions.get(..self.hands)?;
+        if let Some(scaling) = self.scaled_by {
+            let scale_ln = motions.get(scaling)?.push() / self.radius_m;
+            let scale = scale_ln.clamp(-MOST_SCALE_LN, MOST_SCALE_LN).exp();
+            return Some(self.room_from_element * Matrix4::new_scaling(scale));
+        }
+        let held: Vector3<f64> = motions.iter().map(|motion| motion.held_then.coords).sum();
+        let held = Point3::from(held / motions.len() as f64);
+        Some(self.mode.take(&carry(motions, self.line)?, &self.room_from_element, &held, self.axis))
+    }
+
+    /// The [`held_line`] for the next frame.
+    pub fn line_now(&self) -> Option<Vector3<f64>> {
+        held_line(self.motions.get(..self.hands)?, self.line)
+    }
+
+    /// The same with this hand elsewhere.
+    pub fn at(&self, room_from_hand: &Isometry3<f64>) -> Option<Matrix4<f64>> {
+        let mut moved = *self;
+        moved.motions.get_mut(self.mine)?.room_from_hand_now = *room_from_hand;
+        moved.now()
+    }
+
+    /// As it began: the same as long as the hold lasts.
+    pub fn begun(&self) -> Carrying {
+        let then =
+            |motion: HandMotion| HandMotion { room_from_hand_now: motion.room_from_hand_then, ..motion };
+        Carrying { motions: self.motions.map(then), line: None, ..*self }
+    }
+}
