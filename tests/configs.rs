@@ -133,8 +133,8 @@ fn scenes() {
 }
 
 fn in_body(tube: &Deformer) -> Vec<Point3<f64>> {
-    let motion = tube.displacements.body_from_surface;
-    tube.positions.iter().map(|x| motion * Point3::from(Vector3::from(*x).cast::<f64>())).collect()
+    let motion = tube.body_from_surface();
+    tube.positions().iter().map(|x| motion * Point3::from(Vector3::from(*x).cast::<f64>())).collect()
 }
 
 /// Runs the script at 60 Hz, as the window does: ray, hit, hands, pose, deformation. Returns the frames in which the
@@ -147,15 +147,15 @@ fn follow(tube: &mut Deformer, right: usize, stage: &Stage, script: &Script) -> 
         });
     let room_from_body = stage.workspace.room_from_body(low, high).unwrap();
     let surface =
-        Surface { triangles: tube.triangles().to_vec(), nodes: (0..tube.positions.len() as u32).collect() };
+        Surface { triangles: tube.triangles().to_vec(), nodes: (0..tube.node_count() as u32).collect() };
     let shape = PickShape::new(&surface, tube.control_nodes(right));
     let origin = Point3::from(tube.controls[right].origin);
     let mut hands = Hands::new(stage.workspace.radius_m);
     let mut frames = 0;
     for frame in 0..=240 {
         let stylus = script.sample(stage, f64::from(frame) / 60.0).styli[0];
-        let motion = tube.displacements.body_from_surface;
-        let positions: Vec<Vector3<f32>> = tube.positions.iter().map(|x| Vector3::from(*x)).collect();
+        let motion = tube.body_from_surface();
+        let positions: Vec<Vector3<f32>> = tube.positions().iter().map(|x| Vector3::from(*x)).collect();
         let target = PickTarget {
             shape: &shape,
             positions: &positions,

@@ -39,8 +39,8 @@ fn deformed(file: &Arc<GreenFile>, model: &str, poses: &[(&str, ControlPose)]) -
 
 /// Where surface node `i` is drawn, about the body's centre.
 fn drawn(deformer: &Deformer, i: usize) -> Vector3<f64> {
-    let x = Point3::from(Vector3::from(deformer.positions[i]).cast::<f64>());
-    (deformer.displacements.body_from_surface * x).coords
+    let x = Point3::from(Vector3::from(deformer.positions()[i]).cast::<f64>());
+    (deformer.body_from_surface() * x).coords
 }
 
 fn rest(deformer: &Deformer, i: usize) -> Vector3<f64> {
@@ -76,7 +76,7 @@ fn rigid_motion_of_all_control_elements_is_rigid_motion_of_the_body() {
         let error = |model: &str| {
             let body = deformed(&file, model, &poses);
             let off = |i| (drawn(&body, i) - turn * rest(&body, i) - shift).norm();
-            (0..body.positions.len()).map(off).fold(0.0, f64::max) / length(&body)
+            (0..body.node_count()).map(off).fold(0.0, f64::max) / length(&body)
         };
         let (linear, rotation) = (error("linear"), error("rotation"));
         println!(
@@ -106,7 +106,7 @@ fn wall(tube: &Deformer, inner: f64, outer: f64) -> (f64, f64) {
         let degrees = x.z.atan2(x.y).to_degrees().rem_euclid(360.0).round() as i64 % 360;
         ((x.x * 1e4).round() as i64, degrees)
     };
-    let nodes = 0..tube.positions.len();
+    let nodes = 0..tube.node_count();
     let on = |radius: f64| -> BTreeMap<(i64, i64), usize> {
         let is_on = |i: &usize| (rest(tube, *i).yz().norm() - radius).abs() < 1e-5;
         nodes.clone().filter(is_on).map(|i| (key(&rest(tube, i)), i)).collect()

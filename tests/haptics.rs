@@ -75,7 +75,7 @@ fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64
         element: 1,
         room_from_body,
         way: Way::Rigid(stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element),
-        mean: body.displacements.body_from_surface.rotation.to_rotation_matrix(),
+        mean: body.body_from_surface().rotation.to_rotation_matrix(),
     }
 }
 

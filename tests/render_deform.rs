@@ -6,9 +6,12 @@ mod render_common;
 
 use greenstage::deform::{Columns, Superposition, vertex_normals};
 use greenstage::green::{Basis, FIELDS, Stored, half_to_single};
-use greenstage::render::{BodyBuffers, ColumnData, Gpu, RenderError};
+use greenstage::render::{
+    BodyBuffers, BodyInstance, COLOR_FORMAT, ColumnData, FrameContents, Gpu, RenderError, Renderer,
+};
 use greenstage::scene::Storage;
-use render_common::require_gpu;
+use nalgebra::{Matrix4, Point3, Rotation3, Vector3};
+use render_common::{draw_full, off_axis, require_gpu};
 use std::f32::consts::TAU;
 
 /// An open tube of length 1 m about the origin, and a last vertex in no triangle.
@@ -245,4 +248,39 @@ fn passes_tell_their_time() {
         assert_eq!(names, ["deform", "normals"]);
         assert!(spans.iter().all(|(_, time)| *time >= 0.0 && *time < 10.0), "{spans:?}");
     }
+}
+
+/// A body in patches from random heads, bent at random: leaving out what a view cannot see changes no pixel.
+#[test]
+fn patches_that_are_left_out_would_not_have_been_seen() {
+    let Some(gpu) = require_gpu() else { return };
+    let tube = tube(47, 60);
+    let data: Vec<Data> = columns(&tube, 2).iter().map(|of| Data::new(Storage::Int16, of)).collect();
+    let mut body = body(&gpu, &tube, &data);
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
+    let (mut drawn, mut culled, mut lit) = (0, 0, 0);
+    for round in 0..24_u8 {
+        body.deform(&gpu, &flat(&pose(2, round.into()))).unwrap();
+        let number = |k: f32| (f32::from(round) * 1.7 + k * 2.3).sin();
+        let place = Vector3::new(number(1.0), number(2.0), 0.6 * number(3.0));
+        let turn = Rotation3::from_scaled_axis(Vector3::new(number(4.0), number(5.0), number(6.0)) * 3.0);
+        let room_from_body = Matrix4::new_translation(&place) * turn.to_homogeneous();
+        let bodies = [BodyInstance { buffers: &body, room_from_body }];
+        let contents = FrameContents { bodies: &bodies, ..Default::default() };
+        let eye = Point3::new(number(7.0), number(8.0), 1.4 + 0.5 * number(9.0));
+        let view = off_axis(Point3::origin(), [0.8, 0.64], 0.0, eye);
+        let mut picture = |culling| {
+            renderer.culling = culling;
+            let picture = draw_full(&gpu, &mut renderer, [160, 128], view, &contents);
+            (picture, renderer.counts)
+        };
+        let ((with, counts), (without, all)) = (picture(true), picture(false));
+        assert!(with == without, "round {round}: {counts:?}");
+        assert_eq!((all.drawn, all.culled), (counts.drawn + counts.culled, 0));
+        assert!(all.drawn > 16, "it is in patches: {all:?}");
+        (drawn, culled) = (drawn + counts.drawn, culled + counts.culled);
+        lit += without.pixels().filter(|pixel| pixel.0[2] > 60).count();
+    }
+    println!("{drawn} drawn, {culled} left out, {lit} pixels of the body");
+    assert!(drawn > 50 && culled > 300 && lit > 1000, "{drawn}, {culled}, {lit}");
 }

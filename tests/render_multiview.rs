@@ -38,8 +38,8 @@ fn draw_pair(
     ([0, 1].map(|eye| pair.read(gpu, eye).unwrap()), pair.is_one_pass())
 }
 
-/// On a software device there is but a fine body in the dark: lavapipe 22.3 draws blocks of pixels that one triangle
-/// covers for the second eye into the first eye's layer, which is why it is not asked to outside of this test.
+/// On a software device there is but a body within the picture, in the dark: lavapipe 22.3 draws a triangle that the
+/// picture's edge cuts into the first eye's layer alone, which is why it is not asked to outside of this test.
 #[test]
 fn one_pass_for_both_eyes_draws_what_two_passes_draw() {
     let Some(gpu) = require_gpu() else { return };

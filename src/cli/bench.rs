@@ -2,13 +2,14 @@
 
 use super::device;
 use super::failure::Failure;
-use super::picture::{DrawTimes, Targets};
+use super::picture::{DrawTimes, Pictures, Targets};
 use super::playback::{Playback, Source};
 use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
 use super::{bench_haptics, precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Precomputed};
+use crate::render::DrawCounts;
 use crate::scene::{Scene, Storage};
 use crate::stage::Stage;
 use anyhow::Context;
@@ -28,7 +29,7 @@ pub struct Args {
     #[arg(required_unless_present = "sizes")]
     pub scene: Option<PathBuf>,
     /// Instead of a scene: made-up bodies of so many surface nodes, deformed on the CPU and on the device
-    #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme", "json"])]
+    #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme"])]
     pub sizes: Vec<usize>,
     /// How the columns of --sizes are stored: f32, f16 or int16
     #[arg(long, default_value = "f32", value_parser = super::storage)]
@@ -58,7 +59,7 @@ const PAPER_NODES: usize = 10_000;
 pub fn run(args: &Args) -> Result<(), Failure> {
     let Some(scene) = &args.scene else {
         let stage = Stage::find(args.stage.as_deref().unwrap_or("cyberstage")).map_err(Failure::request)?;
-        return super::sizes::run(&args.sizes, args.storage, &stage, args.frames, args.device);
+        return super::sizes::run(args, &stage);
     };
     let scene = super::plan::settled(Scene::load(scene)?, false)?;
     let show = || render::Show::new(&scene, args.stage.as_deref(), None, args.replay.as_deref());
@@ -70,22 +71,30 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for samples in [4, 1] {
         let render::Show { mut world, mut replay, .. } = show()?;
         let script = render::script(&scene, None)?;
-        let mut targets = Targets::new(&mut world, None, samples, 1.0, args.device)?;
-        let device = targets.gpu.describe();
+        let mut targets = Targets::new(&mut world, Pictures::Eyes, samples, 1.0, args.device)?;
         let count = args.frames.max(2);
         let mut playback = Playback::new(Source::new(script.as_ref(), replay.as_mut())?, count);
         let mut frames = Vec::new();
+        let mut counts = Vec::new();
         for frame in 0..count {
             let step = playback.step_to(&mut world, frame)?;
             let draw = targets.draw(&mut world)?;
             let (_, read_s) = targets.read()?;
             frames.push((step, draw, read_s));
+            counts.push(targets.draw_counts());
         }
         replay.map_or(Ok(String::new()), |replay| replay.report())?;
         // The first frame also compiles and allocates.
-        drawn.push(Drawn::new(samples, device, &stage, &frames[1..]));
+        let mut measured = Drawn::new(samples, targets.gpu.describe(), &stage, &frames[1..]);
+        let mean = |of: fn(&DrawCounts) -> usize| {
+            counts[1..].iter().map(|c| of(c) as f64).sum::<f64>() / (count - 1) as f64
+        };
+        measured.shapes = [mean(|c| c.drawn), mean(|c| c.culled)];
+        let names = world.bodies.iter().map(|body| body.deformer.body.clone());
+        measured.bodies = names.zip(targets.bodies.choices).collect();
+        drawn.push(measured);
     }
-    let ticks = beside_frames(&scene, show()?.world)?;
+    let ticks = beside_frames(&scene, show()?.world, args.device)?;
     let tables =
         [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn), ticks];
     if let Some(path) = &args.readme {
@@ -102,9 +111,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Ticks of the force loop beside frames of the scene.
-fn beside_frames(scene: &Scene, mut world: World) -> Result<(String, Table), Failure> {
+fn beside_frames(scene: &Scene, mut world: World, device: device::Args) -> Result<(String, Table), Failure> {
     let script = render::script(scene, None)?;
-    let mut targets = Targets::new(&mut world, None, 1, 1.0, device::Args::default())?;
+    let mut targets = Targets::new(&mut world, Pictures::Eyes, 1, 1.0, device)?;
     let started = Instant::now();
     bench_haptics::table(|| {
         if let Some(script) = &script {
@@ -126,6 +135,10 @@ struct Drawn {
     /// Name of the step and its median time.
     steps: Vec<(&'static str, f64)>,
     frame_s: f64,
+    /// Bodies' patches and solids that a frame draws, and leaves out since no eye of the pass can see them: means.
+    shapes: [f64; 2],
+    /// Where each body deforms.
+    bodies: Vec<(String, device::Choice)>,
 }
 
 impl Drawn {
@@ -149,7 +162,9 @@ impl Drawn {
         let frame_s = median(frames.iter().map(whole));
         let read = ("read-back (offscreen only, not counted)", of(|f| f.2));
         let (screens, pictures) = (stage.screens.len(), render::pictures_name(stage));
-        Drawn { samples, device, screens, pictures, steps: [steps, vec![read]].concat(), frame_s }
+        let steps = [steps, vec![read]].concat();
+        let (shapes, bodies) = ([0.0; 2], Vec::new());
+        Drawn { samples, device, screens, pictures, steps, frame_s, shapes, bodies }
     }
 
     fn pairs_per_second(&self) -> f64 {
@@ -263,7 +278,7 @@ fn repeat(mut work: impl FnMut()) -> f64 {
     median(times.into_iter())
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
+pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
@@ -320,6 +335,12 @@ fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
     table.rows.push(std::iter::once("frame".to_owned()).chain(whole).collect());
     let pairs = drawn.iter().map(|d| format!("{:.1}", d.pairs_per_second()));
     table.rows.push(std::iter::once(format!("{} per second", first.pictures)).chain(pairs).collect());
+    let shapes = drawn.iter().map(|d| format!("{:.1}, {:.1}", d.shapes[0], d.shapes[1]));
+    table.rows.push(std::iter::once("shapes drawn, left out".to_owned()).chain(shapes).collect());
+    for (i, (name, _)) in first.bodies.iter().enumerate() {
+        let choices = drawn.iter().map(|d| d.bodies[i].1.brief());
+        table.rows.push(std::iter::once(format!("body.{name}")).chain(choices).collect());
+    }
     (format!("Frames: {stage}, {} screen(s), on {}", first.screens, first.device), table)
 }
 
@@ -341,8 +362,11 @@ fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &[Loop], dr
         .map(|d| {
             let steps: serde_json::Map<String, Value> =
                 d.steps.iter().map(|(name, time)| ((*name).to_owned(), json!(time))).collect();
+            let deformation: serde_json::Map<String, Value> =
+                d.bodies.iter().map(|(name, choice)| (name.clone(), choice.json())).collect();
             json!({ "samples": d.samples, "device": d.device, "screens": d.screens, "steps_s": steps,
-                "frame_s": d.frame_s, "stereo_pairs_per_s": d.pairs_per_second() })
+                "frame_s": d.frame_s, "stereo_pairs_per_s": d.pairs_per_second(),
+                "shapes_drawn": d.shapes[0], "shapes_culled": d.shapes[1], "deformation": deformation })
         })
         .collect();
     json!({ "offline": bodies, "peak_memory_bytes": peak_memory, "loops": rows,
@@ -366,3 +390,6 @@ pub fn write_between_marks(path: &Path, name: &str, text: &str) -> Result<(), Fa
     let new = format!("{}{text}{}", &old[..begin + first.len()], &old[end..]);
     std::fs::write(path, new).with_context(|| path.display().to_string()).map_err(Failure::Work)
 }
+
+#[cfg(test)]
+mod tests;

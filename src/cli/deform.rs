@@ -131,7 +131,7 @@ fn surface_result(asked: &Asked<'_>, body: &mut Deformer) -> Deformed {
     Deformed {
         pose: asked.pose.to_owned(),
         body: body.body.clone(),
-        displacement: (0..body.positions.len()).map(|i| body.displacement(i)).collect(),
+        displacement: (0..body.node_count()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches(),
     }
 }

@@ -6,6 +6,7 @@ use super::world::PlacedBody;
 use crate::green::Basis;
 use crate::render::{BodyBuffers, ColumnData, Gpu, RenderError, Renderer};
 use crate::report::table::seconds;
+use serde_json::{Value, json};
 use std::time::Instant;
 
 /// The options of every command that draws.
@@ -69,24 +70,91 @@ impl Multiview {
 }
 
 /// Where a body deforms, and why.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     pub on_device: bool,
-    /// Time of one deformation on the CPU, its upload included, and on the device, s; None where not measured.
-    pub measured_s: Option<[f64; 2]>,
-    /// Why there was no choice.
-    pub because: &'static str,
+    pub why: Why,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Why {
+    Asked,
+    /// The graphics device is software: it computes on the CPU itself, and worse.
+    Software,
+    /// The columns are more than the graphics device binds at once.
+    TooLarge,
+    /// Time of one deformation on the CPU, its upload included, and on the device, s.
+    Measured {
+        cpu_s: f64,
+        device_s: f64,
+    },
 }
 
 impl Choice {
+    /// The faster; the CPU where they are equal.
+    pub fn by_time(cpu_s: f64, device_s: f64) -> Choice {
+        Choice { on_device: device_s < cpu_s, why: Why::Measured { cpu_s, device_s } }
+    }
+
+    /// For logs and tables.
     pub fn describe(&self) -> String {
         let place = if self.on_device { "on the graphics device" } else { "on the CPU" };
-        match self.measured_s {
-            Some([cpu, gpu]) => {
-                format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu), seconds(gpu))
+        match self.why {
+            Why::Asked => format!("deforms {place}, as asked for"),
+            Why::Software => format!("deforms {place}, since the graphics device is software"),
+            Why::TooLarge => {
+                format!("deforms {place}, since it is more than the graphics device binds at once")
             }
-            None => format!("deforms {place}, {}", self.because),
+            Why::Measured { cpu_s, device_s } => {
+                format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))
+            }
         }
+    }
+
+    /// In the 40 letters that the overlay has for it; the chosen place first.
+    pub fn brief(&self) -> String {
+        let ms = |s: f64| match 1e3 * s {
+            ms if ms < 9.995 => format!("{ms:.2}"),
+            ms if ms < 99.95 => format!("{ms:.1}"),
+            ms => format!("{ms:.0}"),
+        };
+        let place = if self.on_device { "device" } else { "CPU" };
+        match self.why {
+            Why::Asked => format!("deforms on {place}, as asked for"),
+            Why::Software => format!("deforms on {place}: the device is software"),
+            Why::TooLarge => format!("deforms on {place}: too large for device"),
+            Why::Measured { cpu_s, device_s } => match self.on_device {
+                true => format!("deforms on device {} ms, CPU {} ms", ms(device_s), ms(cpu_s)),
+                false => format!("deforms on CPU {} ms, device {} ms", ms(cpu_s), ms(device_s)),
+            },
+        }
+    }
+
+    pub fn json(&self) -> Value {
+        let on = if self.on_device { "device" } else { "cpu" };
+        match self.why {
+            Why::Asked => json!({ "on": on, "why": "asked" }),
+            Why::Software => json!({ "on": on, "why": "software" }),
+            Why::TooLarge => json!({ "on": on, "why": "too large" }),
+            Why::Measured { cpu_s, device_s } => {
+                json!({ "on": on, "why": "measured", "cpu_s": cpu_s, "device_s": device_s })
+            }
+        }
+    }
+}
+
+/// Where the bodies of a scene deform, in the overlay's 40 letters.
+pub fn brief(choices: &[Choice]) -> String {
+    match choices {
+        [] => String::new(),
+        [choice] => choice.brief(),
+        several => match several.iter().filter(|choice| choice.on_device).count() {
+            0 => format!("{} bodies deform on CPU", several.len()),
+            on_device if on_device == several.len() => format!("{on_device} bodies deform on device"),
+            on_device => {
+                format!("bodies deform: {on_device} on device, {} on CPU", several.len() - on_device)
+            }
+        },
     }
 }
 
@@ -97,21 +165,17 @@ pub fn buffers(
     asked: DeformOn,
 ) -> Result<(BodyBuffers, Choice), RenderError> {
     let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.triangles(), &body.colours());
-    let fixed = |on_device, because| Choice { on_device, measured_s: None, because };
+    let fixed = |on_device, why| Choice { on_device, why };
     let (mut buffers, choice) = match asked {
-        DeformOn::Cpu => (plain(body)?, fixed(false, "as asked for")),
-        DeformOn::Auto if gpu.is_software => {
-            (plain(body)?, fixed(false, "since the graphics device is software"))
-        }
-        DeformOn::Gpu => (with_columns(gpu, body)?, fixed(true, "as asked for")),
+        DeformOn::Cpu => (plain(body)?, fixed(false, Why::Asked)),
+        DeformOn::Auto if gpu.is_software => (plain(body)?, fixed(false, Why::Software)),
+        DeformOn::Gpu => (with_columns(gpu, body)?, fixed(true, Why::Asked)),
         DeformOn::Auto => match with_columns(gpu, body) {
-            Err(RenderError::BufferSize { .. }) => {
-                (plain(body)?, fixed(false, "since it is more than the graphics device binds at once"))
-            }
+            Err(RenderError::BufferSize { .. }) => (plain(body)?, fixed(false, Why::TooLarge)),
             made => {
                 let mut made = made?;
                 let [cpu, device] = measure(gpu, body, &mut made)?;
-                let choice = Choice { on_device: device < cpu, measured_s: Some([cpu, device]), because: "" };
+                let choice = Choice::by_time(cpu, device);
                 (if choice.on_device { made } else { plain(body)? }, choice)
             }
         },
@@ -162,7 +226,7 @@ fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Resul
                 buffers.deform(gpu, &coefficients(body))?;
             } else {
                 body.deformer.deform();
-                buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
+                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
             }
             gpu.finish()?;
             if round > 0 {
@@ -177,3 +241,6 @@ fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Resul
         times[TIMED / 2]
     }))
 }
+
+#[cfg(test)]
+mod tests;

@@ -222,7 +222,7 @@ impl Link {
             element,
             room_from_body: body.room_from_body,
             way: hold.way,
-            mean: body.deformer.displacements.body_from_surface.rotation.to_rotation_matrix(),
+            mean: body.deformer.body_from_surface().rotation.to_rotation_matrix(),
         })
     }
 

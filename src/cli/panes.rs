@@ -31,7 +31,7 @@ pub fn specs(stage: &Stage, windows: &[Window], scale: f64) -> Vec<WindowSpec> {
             MonitorId::Number(number) => MonitorChoice::Number(number),
             MonitorId::Name(name) => MonitorChoice::Name(name),
         }),
-        position: window.at.map(|at| at.map(|pixel| (f64::from(pixel) * scale).round() as i32)),
+        position: window.at.map(|at| moved(at, scale)),
         size: scaled(window.size, scale),
         fills: window.fills && scale == 1.0,
         decorated: window.border == Border::Decorated,
@@ -39,6 +39,11 @@ pub fn specs(stage: &Stage, windows: &[Window], scale: f64) -> Vec<WindowSpec> {
         unmanaged: window.border == Border::Unmanaged,
     };
     windows.iter().map(spec).collect()
+}
+
+/// A place on the desktop, at `scale` times its coordinates.
+pub fn moved(at: [i32; 2], scale: f64) -> [i32; 2] {
+    at.map(|pixel| (f64::from(pixel) * scale).round() as i32)
 }
 
 pub fn scaled(size: [u32; 2], scale: f64) -> [u32; 2] {

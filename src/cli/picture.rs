@@ -5,11 +5,12 @@ use super::overlay::{FrameTimes, History, Panel, Readings};
 use super::panes;
 use super::world::{StepTimes, World};
 use crate::render::{
-    BodyBuffers, BodyInstance, COLOR_FORMAT, Canvas, EyePicture, FrameContents, Gpu, Overlay, Readable,
-    RenderError, Renderer, Target, Tile, TilePainter,
+    BodyBuffers, BodyInstance, COLOR_FORMAT, Canvas, DrawCounts, EyePicture, FrameContents, Gpu, Overlay,
+    Readable, RenderError, Renderer, Target, Tile, TilePainter,
 };
 use crate::stage::{Stage, Stereo, Window};
 use image::RgbaImage;
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// The buffers of all bodies of a world.
@@ -34,8 +35,7 @@ impl Bodies {
 
     /// Where the bodies deform, for the overlay.
     pub fn deformation(&self) -> String {
-        let of = |choice: &Choice| choice.describe();
-        self.choices.iter().map(of).collect::<Vec<_>>().join("; ")
+        device::brief(&self.choices)
     }
 
     /// Uploads what changed; returns the time it took, s.
@@ -46,7 +46,7 @@ impl Bodies {
             if moved && buffers.is_deformed_here() {
                 buffers.deform(gpu, &device::coefficients(body))?;
             } else if moved {
-                buffers.upload(gpu, &body.deformer.positions, &body.deformer.normals)?;
+                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
             }
             if std::mem::take(&mut body.recolour) {
                 buffers.set_colors(gpu, &body.colours())?;
@@ -82,17 +82,30 @@ pub struct Targets {
     pub gpu: Gpu,
     renderer: Renderer,
     painter: TilePainter,
-    bodies: Bodies,
+    pub bodies: Bodies,
     pictures: Vec<OneTarget>,
     swapped: bool,
     /// Shown on the screen that the viewer looks at, where it is asked for.
     panel: Option<(Overlay, History)>,
 }
 
+/// Which pictures are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pictures {
+    /// One per screen and eye.
+    Eyes,
+    /// One per screen, both eyes joined so.
+    Joined(Stereo),
+    /// One per window, as it would be presented.
+    Windows,
+}
+
 /// The picture that a window would show.
 struct OneTarget {
     window: Window,
     name: String,
+    /// Its top left pixel on the desktop.
+    desktop: [i32; 2],
     canvas: Canvas,
     image: Readable,
 }
@@ -109,11 +122,10 @@ pub struct DrawTimes {
 }
 
 impl Targets {
-    /// Targets of `scale` times the screens' own pixels: one per screen and eye, or with both eyes joined as `stereo`
-    /// says.
+    /// Targets of `scale` times the screens' own pixels, or the windows'.
     pub fn new(
         world: &mut World,
-        stereo: Option<Stereo>,
+        asked_for: Pictures,
         samples: u32,
         scale: f64,
         asked: device::Args,
@@ -124,15 +136,21 @@ impl Targets {
         let bodies = Bodies::new(&gpu, world, asked)?;
         let painter = TilePainter::new(COLOR_FORMAT);
         let mut pictures = Vec::new();
-        for (window, name) in windows(&world.stage, stereo) {
-            let size = if let [tile] = window.tiles.as_slice() {
-                // Whole pixels of the screen first, so that both halves of a window come out alike.
-                tile.stereo.window_size(panes::scaled(world.stage.screens[tile.screen].pixels, scale))
-            } else {
-                panes::scaled(window.size, scale)
+        for (window, name) in windows(&world.stage, asked_for) {
+            let (desktop, size) = match (asked_for, window.tiles.as_slice()) {
+                // Whole pixels of the screen first, so that both halves of a picture come out alike.
+                (Pictures::Eyes | Pictures::Joined(_), [tile]) => {
+                    let pixels = panes::scaled(world.stage.screens[tile.screen].pixels, scale);
+                    ([0, 0], tile.stereo.window_size(pixels))
+                }
+                _ => {
+                    let place = window.on_desktop(&world.stage.monitors);
+                    let (at, size) = place.unwrap_or(([0, 0], window.size));
+                    (panes::moved(at, scale), panes::scaled(size, scale))
+                }
             };
             let image = Readable::new(&gpu, size)?;
-            pictures.push(OneTarget { window, name, canvas: Canvas::default(), image });
+            pictures.push(OneTarget { window, name, desktop, canvas: Canvas::default(), image });
         }
         Ok(Targets {
             gpu,
@@ -140,7 +158,7 @@ impl Targets {
             painter,
             bodies,
             pictures,
-            swapped: stereo.is_some() && world.stage.swap_eyes,
+            swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
             panel: None,
         })
     }
@@ -148,6 +166,16 @@ impl Targets {
     /// With the overlay on the screen that the viewer looks at.
     pub fn with_overlay(self) -> Targets {
         Targets { panel: Some((Overlay::new(COLOR_FORMAT), History::default())), ..self }
+    }
+
+    /// Pictures of a frame.
+    pub fn count(&self) -> usize {
+        self.pictures.len()
+    }
+
+    /// What the last frame drew and left out.
+    pub fn draw_counts(&self) -> DrawCounts {
+        self.renderer.counts
     }
 
     /// Draws the world into all targets with one upload and one submission, and waits for the device.
@@ -171,12 +199,12 @@ impl Targets {
             .iter_mut()
             .zip(&tiles)
             .enumerate()
-            .map(|(window, (OneTarget { canvas, image, .. }, tiles))| Target {
+            .map(|(window, (OneTarget { canvas, image, desktop, .. }, tiles))| Target {
                 window,
                 canvas,
                 texture: &image.view,
                 size: image.size,
-                desktop: [0, 0],
+                desktop: *desktop,
                 tiles,
                 contents: &contents,
             })
@@ -186,10 +214,10 @@ impl Targets {
             None => self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?,
             Some((overlay, history)) => {
                 let readings = Readings {
-                    device: self.gpu.describe(),
+                    device: self.gpu.adapter_name.clone(),
                     deformation: deformation.clone(),
                     source: "offscreen; present is the drawing".to_owned(),
-                    warnings: world.warnings.iter().map(|text| (0.0, text.clone())).collect(),
+                    warnings: world.warnings.clone(),
                     ..Readings::of(world)
                 };
                 let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
@@ -229,8 +257,17 @@ impl Targets {
     }
 }
 
-/// The pictures to be made, by name: SCREEN-EYE, or SCREEN-STEREO where both eyes are in one.
-fn windows(stage: &Stage, stereo: Option<Stereo>) -> Vec<(Window, String)> {
+/// The pictures to be made, by name: SCREEN-EYE, or SCREEN-STEREO where both eyes are in one, or the window's own name.
+fn windows(stage: &Stage, pictures: Pictures) -> Vec<(Window, String)> {
+    let stereo = match pictures {
+        Pictures::Eyes => None,
+        Pictures::Joined(stereo) => Some(stereo),
+        Pictures::Windows => {
+            let layout = stage.layout();
+            let names = file_names(layout.iter().map(|window| window.name.as_str()));
+            return layout.into_iter().zip(names).collect();
+        }
+    };
     let usual = match stage.stereo.eyes() {
         [_] => stage.stereo,
         _ => Stereo::Separate,
@@ -246,4 +283,29 @@ fn windows(stage: &Stage, stereo: Option<Stereo>) -> Vec<(Window, String)> {
         (window, name)
     };
     stage.usual_layout().into_iter().map(named).collect()
+}
+
+/// Names of windows as names of files: letters, digits and `-`; one that was there before gets a number.
+fn file_names<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let mut unique = |name: &str| {
+        let plain: String = name.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
+        let numbered = (2..).map(|number| format!("{plain}-{number}"));
+        let free = std::iter::once(plain.clone()).chain(numbered).find(|name| !taken.contains(name));
+        let free = free.unwrap_or(plain);
+        taken.insert(free.clone());
+        free
+    };
+    names.map(&mut unique).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_of_one_name_make_two_files_in_the_folder() {
+        let names = file_names(["wall left", "../a/b", "wall left", "wall-left", "é"].into_iter());
+        assert_eq!(names, ["wall-left", "---a-b", "wall-left-2", "wall-left-3", "é"]);
+    }
 }

@@ -2,11 +2,12 @@
 
 use super::device;
 use super::failure::Failure;
-use super::picture::{DrawTimes, Targets};
+use super::picture::{DrawTimes, Pictures, Targets};
 use super::playback::{Playback, Source};
 use super::recording::{Origin, Recorder, Replay};
 use super::session;
 use super::table::seconds;
+use super::view;
 use super::world::World;
 use crate::green::GreenFile;
 use crate::scene::Scene;
@@ -57,11 +58,37 @@ pub struct Args {
     /// default: a picture per eye
     #[arg(long, value_parser = Stereo::named)]
     pub stereo: Option<Stereo>,
+    /// A picture per window in place of one per screen and eye: as `view` presents it, with the stage file's windows,
+    /// crops and stereo
+    #[arg(long, conflicts_with = "stereo")]
+    pub windows: bool,
     /// With the overlay on the screen that the viewer looks at
     #[arg(long)]
     pub overlay: bool,
     #[command(flatten)]
     pub device: device::Args,
+}
+
+impl Args {
+    /// The same as `greenstage view` would show, without a display.
+    pub fn of_view(args: &view::Args, frames: usize) -> Args {
+        Args {
+            scene: args.scene.clone(),
+            stage: args.stage.clone(),
+            output: args.offscreen.clone(),
+            frames,
+            script: args.script.clone(),
+            replay: args.replay.clone(),
+            record: args.record.clone(),
+            green: args.green.clone(),
+            samples: args.samples,
+            scale: args.scale.unwrap_or(1.0),
+            stereo: None,
+            windows: false,
+            overlay: args.overlay,
+            device: args.device,
+        }
+    }
 }
 
 /// Width of one picture on the contact sheet.
@@ -166,7 +193,12 @@ pub fn pictures(
         .with_context(|| format!("cannot make the folder {}", folder.display()))
         .map_err(Failure::Request)?;
     let device = args.device.for_session(args.replay.is_some() || recorder.is_some())?;
-    let mut targets = Targets::new(world, args.stereo, args.samples, args.scale, device)?;
+    let asked_for = match args.stereo {
+        _ if args.windows => Pictures::Windows,
+        Some(stereo) => Pictures::Joined(stereo),
+        None => Pictures::Eyes,
+    };
+    let mut targets = Targets::new(world, asked_for, args.samples, args.scale, device)?;
     if args.overlay {
         targets = targets.with_overlay();
     }
@@ -195,16 +227,19 @@ pub fn pictures(
     }
     bar.finish_and_clear();
     let path = folder.join("contact-sheet.png");
-    save(&contact_sheet(&sheet, &world.stage.screens_from_top()), &path)?;
-    let pairs = (args.frames * world.stage.screens.len()) as f64;
+    let screens = world.stage.screens.len();
+    // Windows lie as they are listed.
+    let (count_of_frame, name, from_top) = match asked_for {
+        Pictures::Windows => (targets.count(), "windows", (0..targets.count()).collect()),
+        _ => (screens, pictures_name(&world.stage), world.stage.screens_from_top()),
+    };
+    save(&contact_sheet(&sheet, &from_top), &path)?;
     super::print(&format!(
         "{count} pictures in {} (all steps, PNG files too: {})\n\
-         drawing {:.1} {}/s, a frame of {} screen(s) {}; its mechanics {}\ncontact sheet {}\n",
+         drawing {:.1} {name}/s, a frame of {screens} screen(s) {}; its mechanics {}\ncontact sheet {}\n",
         folder.display(),
         seconds(started.elapsed().as_secs_f64()),
-        pairs / drawn_s,
-        pictures_name(&world.stage),
-        world.stage.screens.len(),
+        (args.frames * count_of_frame) as f64 / drawn_s,
         seconds(drawn_s / args.frames as f64),
         seconds(mechanics_s / args.frames as f64),
         path.display()
@@ -228,18 +263,24 @@ fn small(image: &RgbaImage) -> RgbaImage {
 }
 
 /// Frames from left to right, in each one column per eye; a column shows the screens from the highest to the lowest,
-/// so that a wall stands on the table before it.
+/// so that a wall stands on the table before it. Each row is as high as its highest picture.
 fn contact_sheet(frames: &[Vec<RgbaImage>], from_top: &[usize]) -> RgbaImage {
     let screens = from_top.len();
     let pictures = frames.iter().map(Vec::len).max().unwrap_or(0);
     let eyes = pictures.checked_div(screens).unwrap_or(0).max(1);
-    let size = |pick: fn(&RgbaImage) -> u32| frames.iter().flatten().map(pick).max().unwrap_or(1);
-    let (width, height) = (size(RgbaImage::width), size(RgbaImage::height));
+    let width = frames.iter().flatten().map(RgbaImage::width).max().unwrap_or(1);
+    let heights: Vec<u32> = from_top
+        .iter()
+        .map(|&screen| {
+            let row = frames.iter().flat_map(|frame| frame.iter().skip(screen * eyes).take(eyes));
+            row.map(RgbaImage::height).max().unwrap_or(0) + 1
+        })
+        .collect();
     let frame_width = eyes as u32 * (width + SHEET_GAP) + 2 * SHEET_GAP;
     let background = image::Rgba([24, 26, 30, 255]);
     let mut sheet = RgbaImage::from_pixel(
         frames.len() as u32 * frame_width + SHEET_GAP,
-        screens as u32 * (height + 1) + 2 * SHEET_GAP,
+        heights.iter().sum::<u32>() + 2 * SHEET_GAP,
         background,
     );
     for (f, frame) in frames.iter().enumerate() {
@@ -247,7 +288,7 @@ fn contact_sheet(frames: &[Vec<RgbaImage>], from_top: &[usize]) -> RgbaImage {
             let (screen, eye) = (p / eyes, p % eyes);
             let x = 2 * SHEET_GAP + f as u32 * frame_width + eye as u32 * (width + SHEET_GAP);
             let row = from_top.iter().position(|&s| s == screen).unwrap_or(screen);
-            let y = SHEET_GAP + row as u32 * (height + 1);
+            let y = SHEET_GAP + heights.iter().take(row).sum::<u32>();
             imageops::replace(&mut sheet, image, i64::from(x), i64::from(y));
         }
     }

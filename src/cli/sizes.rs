@@ -3,17 +3,20 @@
 //! A made-up tube of so many surface nodes with 24 columns, drawn for both eyes on every screen of a stage: no offline
 //! stage is needed, and every size fits. All coefficients change in every frame.
 
+use super::bench;
 use super::device::{self, DeformOn};
 use super::failure::Failure;
 use super::table::{Table, bytes, seconds};
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Stored};
 use crate::render::{
-    BodyBuffers, BodyInstance, COLOR_FORMAT, EyePair, FrameContents, Gpu, Renderer, View, Viewport,
+    BodyBuffers, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Renderer, View,
+    Viewport,
 };
 use crate::scene::Storage;
 use crate::stage::{Eye, Stage};
 use nalgebra::Point3;
+use serde_json::{Value, json};
 use std::f32::consts::TAU;
 use std::time::Instant;
 
@@ -93,16 +96,85 @@ struct Parts {
     draw_s: f64,
 }
 
-/// Measures all sizes, where the bodies may deform, and prints a table.
-pub fn run(
-    sizes: &[usize],
+/// What was measured of one size in one place.
+struct Row {
+    nodes: usize,
+    on_device: bool,
+    /// Medians, each of its own.
+    parts: Parts,
+    /// Median of the sum.
+    frame_s: f64,
+    counts: DrawCounts,
+    buffer_bytes: u64,
+}
+
+/// What all rows have in common.
+struct Header<'a> {
+    stage: &'a Stage,
     storage: Storage,
-    stage: &Stage,
-    frames: usize,
-    asked: device::Args,
-) -> Result<(), Failure> {
+    device: String,
+    has_clock: bool,
+    one_pass: bool,
+    /// Bytes of depth and samples, and if every target had its own.
+    attachments: [u64; 2],
+}
+
+/// Measures all sizes, where the bodies may deform, and prints a table, or the same as JSON.
+pub fn run(args: &bench::Args, stage: &Stage) -> Result<(), Failure> {
     let mut gpu = Gpu::headless()?;
     let has_clock = gpu.start_clock()?;
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4)?;
+    args.device.multiview.apply(&gpu, &mut renderer)?;
+    let views = views(stage);
+    let pairs: Vec<EyePair> = stage
+        .screens
+        .iter()
+        .map(|screen| EyePair::readable(&gpu, &renderer, screen.pixels))
+        .collect::<Result<_, _>>()?;
+    let header = Header {
+        stage,
+        storage: args.storage,
+        device: gpu.describe(),
+        has_clock,
+        one_pass: renderer.multiview,
+        attachments: renderer.attachment_bytes(),
+    };
+    let mut rows = Vec::new();
+    for &size in &args.sizes {
+        let tube = Tube::new(size, args.storage);
+        for on_device in [false, true] {
+            let unwanted = if on_device { DeformOn::Cpu } else { DeformOn::Gpu };
+            if args.device.deform == unwanted {
+                continue;
+            }
+            let before = gpu.made.buffer_bytes();
+            let mut bench = Bench::new(&gpu, &tube, on_device)?;
+            let buffer_bytes = gpu.made.buffer_bytes() - before;
+            let mut frames = Vec::new();
+            for frame in 0..=args.frames {
+                let time = bench.frame(&gpu, &mut renderer, stage, &pairs, &views, frame)?;
+                frames.extend((frame > 0).then_some(time));
+            }
+            let median = |pick: fn(&Parts) -> f64| bench::median(frames.iter().map(pick));
+            let parts = Parts {
+                deform_s: median(|p| p.deform_s),
+                normals_s: median(|p| p.normals_s),
+                upload_s: median(|p| p.upload_s),
+                draw_s: median(|p| p.draw_s),
+            };
+            let frame_s = median(|p| p.deform_s + p.normals_s + p.upload_s + p.draw_s);
+            let (nodes, counts) = (tube.rest.len(), renderer.counts);
+            rows.push(Row { nodes, on_device, parts, frame_s, counts, buffer_bytes });
+        }
+    }
+    if args.json {
+        super::print(&format!("{:#}\n", as_json(&header, &rows)))
+    } else {
+        super::print(&as_text(&header, &rows))
+    }
+}
+
+fn as_text(header: &Header<'_>, rows: &[Row]) -> String {
     let heading = [
         "nodes",
         "deformed on",
@@ -117,64 +189,50 @@ pub fn run(
         "buffers",
     ];
     let mut table = Table::new(&heading);
-    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4)?;
-    asked.multiview.apply(&gpu, &mut renderer)?;
-    let views = views(stage);
-    let pairs: Vec<EyePair> = stage
-        .screens
-        .iter()
-        .map(|screen| EyePair::readable(&gpu, &renderer, screen.pixels))
-        .collect::<Result<_, _>>()?;
-    let [shared, alone] = renderer.attachment_bytes();
-    for &size in sizes {
-        let tube = Tube::new(size, storage);
-        for on_device in [false, true] {
-            let unwanted = if on_device { DeformOn::Cpu } else { DeformOn::Gpu };
-            if asked.deform == unwanted {
-                continue;
-            }
-            let before = gpu.made.buffer_bytes();
-            let mut bench = Bench::new(&gpu, &tube, on_device)?;
-            let memory = gpu.made.buffer_bytes() - before;
-            let mut parts = Vec::new();
-            for frame in 0..=frames {
-                let time = bench.frame(&gpu, &mut renderer, stage, &pairs, &views, frame)?;
-                parts.extend((frame > 0).then_some(time));
-            }
-            let median = |pick: fn(&Parts) -> f64| {
-                let mut sorted: Vec<f64> = parts.iter().map(pick).collect();
-                sorted.sort_by(f64::total_cmp);
-                sorted[sorted.len() / 2]
-            };
-            let whole = median(|p| p.deform_s + p.normals_s + p.upload_s + p.draw_s);
-            table.row(&[
-                &tube.rest.len().to_string(),
-                if on_device { "device" } else { "CPU" },
-                &seconds(median(|p| p.deform_s)),
-                &seconds(median(|p| p.normals_s)),
-                &seconds(median(|p| p.upload_s)),
-                &seconds(median(|p| p.draw_s)),
-                &seconds(whole),
-                &format!("{:.1}", 1.0 / whole),
-                &renderer.counts.drawn.to_string(),
-                &renderer.counts.culled.to_string(),
-                &bytes(memory as f64),
-            ]);
-        }
+    for Row { nodes, on_device, parts, frame_s, counts, buffer_bytes } in rows {
+        table.row(&[
+            &nodes.to_string(),
+            if *on_device { "device" } else { "CPU" },
+            &seconds(parts.deform_s),
+            &seconds(parts.normals_s),
+            &seconds(parts.upload_s),
+            &seconds(parts.draw_s),
+            &seconds(*frame_s),
+            &format!("{:.1}", 1.0 / frame_s),
+            &counts.drawn.to_string(),
+            &counts.culled.to_string(),
+            &bytes(*buffer_bytes as f64),
+        ]);
     }
-    let passes = if renderer.multiview { "one pass for both eyes" } else { "a pass for each eye" };
-    let clock = if has_clock { "times on the device by its own clock" } else { "the device has no clock" };
-    super::print(&format!(
-        "{}, {} pictures, {passes}, {} columns of {storage:?}, on {}; {clock}\ndepth and samples: {}, {} if every \
-         target had its own\n\n{}\n",
+    let Header { stage, storage, device, has_clock, one_pass, attachments: [shared, alone] } = header;
+    let passes = if *one_pass { "one pass for both eyes" } else { "a pass for each eye" };
+    let clock = if *has_clock { "times on the device by its own clock" } else { "the device has no clock" };
+    format!(
+        "{}, {} pictures, {passes}, {} columns of {storage:?}, on {device}; {clock}\ndepth and samples: {}, {} if \
+         every target had its own\n\n{}\n",
         stage.name,
         2 * stage.screens.len(),
         ELEMENTS * FIELDS,
-        gpu.describe(),
-        bytes(shared as f64),
-        bytes(alone as f64),
+        bytes(*shared as f64),
+        bytes(*alone as f64),
         table.text()
-    ))
+    )
+}
+
+fn as_json(header: &Header<'_>, rows: &[Row]) -> Value {
+    let Header { stage, storage, device, has_clock, one_pass, attachments: [shared, alone] } = header;
+    let row = |row: &Row| {
+        let Row { nodes, on_device, parts, frame_s, counts, buffer_bytes } = row;
+        json!({ "nodes": nodes, "deformed_on": if *on_device { "device" } else { "cpu" },
+            "steps_s": { "deform": parts.deform_s, "normals": parts.normals_s, "upload": parts.upload_s,
+                "draw": parts.draw_s },
+            "frame_s": frame_s, "frames_per_s": 1.0 / frame_s, "shapes_drawn": counts.drawn,
+            "shapes_culled": counts.culled, "passes": counts.passes, "buffer_bytes": buffer_bytes })
+    };
+    json!({ "stage": stage.name, "pictures": 2 * stage.screens.len(), "one_pass_for_both_eyes": one_pass,
+        "columns": ELEMENTS * FIELDS, "storage": storage, "device": device, "device_has_clock": has_clock,
+        "attachment_bytes": shared, "attachment_bytes_unshared": alone, "processor": bench::processor(),
+        "version": env!("CARGO_PKG_VERSION"), "sizes": rows.iter().map(row).collect::<Vec<_>>() })
 }
 
 /// Both eyes' views of every screen.

@@ -107,7 +107,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Err(reason) = window::find_display() {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
         let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
-        return render::pictures(&offscreen(args, frames), &mut show, script.as_ref(), recorder.as_mut());
+        return render::pictures(
+            &render::Args::of_view(args, frames),
+            &mut show,
+            script.as_ref(),
+            recorder.as_mut(),
+        );
     }
     super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
@@ -161,25 +166,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     render::report(app.replay.as_ref(), app.recorder.as_mut())
 }
 
-/// The same view as `greenstage render` would make it.
-fn offscreen(args: &Args, frames: usize) -> render::Args {
-    render::Args {
-        scene: args.scene.clone(),
-        stage: args.stage.clone(),
-        output: args.offscreen.clone(),
-        frames,
-        script: args.script.clone(),
-        replay: args.replay.clone(),
-        record: args.record.clone(),
-        green: args.green.clone(),
-        samples: args.samples,
-        scale: args.scale.unwrap_or(1.0),
-        stereo: None,
-        overlay: args.overlay,
-        device: args.device,
-    }
-}
-
 struct Viewer {
     world: World,
     /// Force-feedback devices, where the stage has some and a body asks for it.
@@ -202,7 +188,7 @@ struct Viewer {
     aids: Aids,
     /// Of the frame before, for the overlay.
     times: FrameTimes,
-    /// The world's, with their seconds since the start.
+    /// The world's, with their seconds since the start: a script's own time begins anew with every round.
     warnings: Vec<(f64, String)>,
     bodies: Option<Bodies>,
     started: Instant,
@@ -329,7 +315,7 @@ impl WindowApp for Viewer {
             let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
             let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
-                device: gpu.describe(),
+                device: gpu.adapter_name.clone(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
@@ -415,7 +401,7 @@ impl Viewer {
     fn note_warnings(&mut self) {
         let time_s = self.started.elapsed().as_secs_f64();
         let new = self.world.warnings.iter().skip(self.warnings.len());
-        self.warnings.extend(new.map(|text| (time_s, text.clone())));
+        self.warnings.extend(new.map(|(_, text)| (time_s, text.clone())));
     }
 
     fn tiles(&mut self, windows: &Windows) -> Vec<Vec<Tile>> {

@@ -1,12 +1,15 @@
 //! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
+//!
+//! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to
+//! date, and what is asked of the others is summed for the one who asks.
 
 use super::partial::PartialSum;
 use super::{
     Coefficients, Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, SumStats,
-    Superposition, SurfaceDisplacements, Wrench, find_model, not_online, unwrapped, vertex_normals, wrenches,
+    Superposition, Wrench, find_model, not_online, unwrapped, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
-use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -29,12 +32,13 @@ pub struct Deformer {
     pub poses: ControlPoses,
     /// What the model made of the poses.
     pub coefficients: Coefficients,
-    pub displacements: SurfaceDisplacements,
-    /// X + u of the surface nodes, about `centre`, before `displacements.body_from_surface`.
-    pub positions: Vec<[f32; 3]>,
-    /// Unit normals in the same frame.
-    pub normals: Vec<[f32; 3]>,
     pub times: FrameTimes,
+    /// Those that the surface was last summed for.
+    summed: Coefficients,
+    /// Displacements of the surface nodes, X + u and unit normals; NaN where the CPU keeps nothing up to date.
+    u: Vec<[f32; 3]>,
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
     stiffness: Option<DMatrix<f64>>,
     sum: Superposition,
@@ -70,13 +74,14 @@ impl Deformer {
             body: body.to_owned(),
             centre: Vector3::from(meta.centre),
             poses: vec![ControlPose::REST; controls.len()],
-            displacements: SurfaceDisplacements::zeros(nodes),
+            u: vec![[0.0; 3]; nodes],
             positions: vec![[0.0; 3]; nodes],
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
             model: make(&controls),
             stiffness: file.stiffness(body),
             coefficients: Coefficients::at_rest(controls.len()),
+            summed: Coefficients::at_rest(controls.len()),
             sum: Superposition::new(controls.len()),
             partial: None,
             normal_sums: Vec::new(),
@@ -132,42 +137,70 @@ impl Deformer {
         columns(&self.file, &self.body, &self.controls)
     }
 
-    /// From now on displacements and positions are summed at these surface nodes only, and normals not at all: the
-    /// graphics device makes the whole surface from the coefficients.
+    /// From now on the CPU sums these surface nodes only, and no normals: the graphics device makes the whole surface
+    /// from the coefficients.
     pub fn sum_only_at(&mut self, nodes: Vec<u32>) {
         self.partial = Some(PartialSum::new(nodes, &self.columns().elements, self.positions.len()));
+        for values in [&mut self.u, &mut self.positions, &mut self.normals] {
+            values.fill([f32::NAN; 3]);
+        }
         self.deform();
     }
 
-    /// Positions of all nodes: summed for this call where only a part of them is kept up to date.
-    pub fn whole_positions(&self) -> Cow<'_, [[f32; 3]]> {
+    /// Nodes of the surface.
+    pub fn node_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// X + u of all surface nodes, about `centre`, before [`Deformer::body_from_surface`]: summed for this call where
+    /// the graphics device deforms the surface.
+    pub fn positions(&self) -> Cow<'_, [[f32; 3]]> {
         if self.partial.is_none() {
             return Cow::Borrowed(&self.positions);
         }
         let mut positions = vec![[0.0; 3]; self.positions.len()];
-        Superposition::new(self.controls.len()).update(&self.columns(), &self.coefficients.c, &mut positions);
+        Superposition::new(self.controls.len()).update(&self.columns(), &self.summed.c, &mut positions);
         for (position, rest) in positions.as_flattened_mut().iter_mut().zip(self.rest().as_flattened()) {
             *position += rest;
         }
         Cow::Owned(positions)
     }
 
+    /// The same without work: NaN but for the nodes of [`Deformer::sum_only_at`] where that was called.
+    pub fn kept_positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
+    /// Unit normals of all surface nodes in the frame of the positions, made as these are.
+    pub fn normals(&self) -> Cow<'_, [[f32; 3]]> {
+        if self.partial.is_none() {
+            return Cow::Borrowed(&self.normals);
+        }
+        let mut normals = vec![[0.0; 3]; self.normals.len()];
+        vertex_normals(&self.positions(), self.triangles(), &mut Vec::new(), &mut normals);
+        Cow::Owned(normals)
+    }
+
+    /// Rigid motion that the model took out of the poses, of the surface as it was last summed: the point X of the body
+    /// comes to body_from_surface · (X + u).
+    pub fn body_from_surface(&self) -> &Isometry3<f64> {
+        &self.summed.body_from_surface
+    }
+
     /// Second half: coefficients → displacements, positions, normals.
     pub fn deform(&mut self) -> SumStats {
         let started = Instant::now();
         let (file, body) = (&self.file, &self.body);
-        self.displacements.body_from_surface = self.coefficients.body_from_surface;
+        self.summed.clone_from(&self.coefficients);
+        let c = &self.summed.c;
         if let Some(partial) = &mut self.partial {
-            let (u, positions) = (&mut self.displacements.u, &mut self.positions);
-            let stats = partial.update(&self.coefficients.c, file.rest(body), u, positions);
+            let stats = partial.update(c, file.rest(body), &mut self.u, &mut self.positions);
             self.times = FrameTimes { deform_s: started.elapsed().as_secs_f64(), normals_s: 0.0 };
             return stats;
         }
-        let columns = columns(file, body, &self.controls);
-        let stats = self.sum.update(&columns, &self.coefficients.c, &mut self.displacements.u);
-        let rest = file.rest(body).as_flattened();
-        let u = self.displacements.u.as_flattened();
-        for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(rest.iter().zip(u)) {
+        let stats = self.sum.update(&columns(file, body, &self.controls), c, &mut self.u);
+        let moved = file.rest(body).as_flattened().iter().zip(self.u.as_flattened());
+        for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(moved) {
             *position = rest + u;
         }
         self.times.deform_s = started.elapsed().as_secs_f64();
@@ -197,8 +230,11 @@ impl Deformer {
     /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.
     pub fn displacement(&self, i: usize) -> Vector3<f64> {
         let rest = Vector3::from(self.rest()[i]).cast::<f64>();
-        let u = Vector3::from(self.displacements.u[i]).cast::<f64>();
-        let motion = &self.displacements.body_from_surface;
+        let u = match &self.partial {
+            None => Vector3::from(self.u[i]).cast::<f64>(),
+            Some(_) => self.columns().displacement(self.u.len(), i, &self.summed.c),
+        };
+        let motion = self.body_from_surface();
         // R (X + u) + t - X, written so that a small u keeps its digits beside a large X.
         let turned = motion.rotation * rest - rest;
         turned + motion.rotation * u + motion.translation.vector

@@ -5,11 +5,23 @@
 
 use super::SumStats;
 use crate::green::{Basis, FIELDS, half_to_single};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// The basis columns of a body, per control element.
 pub struct Columns<'a> {
     pub elements: Vec<Basis<'a>>,
+}
+
+impl Columns<'_> {
+    /// u of node `i` alone, of `nodes`: for coefficients `c`, 12 a control element.
+    pub fn displacement(&self, nodes: usize, i: usize, c: &[[f64; FIELDS]]) -> Vector3<f64> {
+        let terms =
+            self.elements.iter().zip(c).flat_map(|(basis, c)| (0..FIELDS).map(move |k| (basis, k, c[k])));
+        terms.fold(Vector3::zeros(), |sum, (basis, k, c)| {
+            sum + Vector3::from_fn(|axis, _| c * f64::from(basis.value(nodes, k, 3 * i + axis)))
+        })
+    }
 }
 
 /// A coefficient, times the column's scale, and the column.

@@ -5,6 +5,7 @@
 use super::bounds::Bounds;
 use super::columns::ColumnData;
 use super::deform::DeformPass;
+use super::patches::{self, Patch, Reach};
 use super::uniforms::{INSTANCE_ATTRIBUTES, Instance};
 use super::{Gpu, RenderError};
 use wgpu::BufferUsages;
@@ -17,8 +18,8 @@ pub struct BodyBuffers {
     pub(super) positions: wgpu::Buffer,
     pub(super) normals: wgpu::Buffer,
     pub(super) colors: wgpu::Buffer,
-    /// Around the deformed surface, in the body's frame.
-    pub(super) bounds: Bounds,
+    /// One where the CPU deforms the body.
+    pub(super) patches: Vec<Patch>,
     /// How the device deforms the body; None where the CPU does.
     pub(super) deform: Option<DeformPass>,
 }
@@ -61,8 +62,19 @@ impl BodyBuffers {
         let mut body = Self::with_buffers(gpu, triangles, colors, |what| gpu.storage(what, bytes, usage))?;
         let mut pass = DeformPass::new(gpu, triangles, rest, elements, [&body.positions, &body.normals])?;
         pass.rest(gpu)?;
+        let (ordered, lengths) = patches::split(triangles, rest);
+        gpu.queue.write_buffer(&body.indices, 0, bytemuck::cast_slice(&ordered));
+        pass.reaches = patches::reaches(&ordered, &lengths, rest, elements);
+        let ends = lengths.iter().scan(0, |end, length| {
+            *end += 3 * *length as u32;
+            Some(*end)
+        });
+        let patch = |((end, length), reach): ((u32, &usize), &Reach)| Patch {
+            indices: end - 3 * *length as u32..end,
+            bounds: reach.bounds(&[]),
+        };
+        body.patches = ends.zip(&lengths).zip(&pass.reaches).map(patch).collect();
         body.deform = Some(pass);
-        body.bounds = Bounds::of(rest);
         Ok(body)
     }
 
@@ -90,7 +102,7 @@ impl BodyBuffers {
             positions: moving("positions")?,
             normals: moving("normals")?,
             colors: gpu.buffer("vertex colours", vertices as u64 * 4, vertex)?,
-            bounds: Bounds::of(&[]),
+            patches: vec![Patch { indices: 0..3 * triangles.len() as u32, bounds: Bounds::of(&[]) }],
             deform: None,
         };
         gpu.queue.write_buffer(&body.indices, 0, bytemuck::cast_slice(triangles));
@@ -143,7 +155,8 @@ impl BodyBuffers {
         normals: &[[f32; 3]],
     ) -> Result<(), RenderError> {
         self.write(gpu, "positions", &self.positions, positions)?;
-        self.bounds = Bounds::of(positions);
+        let bounds = Bounds::of(positions);
+        self.patches.iter_mut().for_each(|patch| patch.bounds = bounds);
         self.write(gpu, "normals", &self.normals, normals)
     }
 

@@ -1,7 +1,7 @@
 //! Basis columns on the device: as they are stored, in chunks of nodes.
 //!
 //! In: borrowed columns in one of three storages; out: a buffer per chunk in which column after column of the chunk's
-//! nodes lies, each padded to four numbers, and how far each column moves any node.
+//! nodes lies, each padded to four numbers, and between which displacements a column moves some nodes.
 
 use super::{Gpu, RenderError, shader};
 use std::ops::Range;
@@ -36,7 +36,7 @@ impl ColumnData<'_> {
         }
     }
 
-    fn numbers(&self) -> usize {
+    pub(super) fn numbers(&self) -> usize {
         match self {
             ColumnData::F32(values) => values.len(),
             ColumnData::F16 { bits, .. } => bits.len(),
@@ -74,17 +74,18 @@ impl ColumnData<'_> {
         }
     }
 
-    /// Largest |number| of a column along each axis, not scaled.
-    pub(super) fn largest(&self, column: usize, nodes: usize) -> [f32; 3] {
-        let part = column * 3 * nodes..(column + 1) * 3 * nodes;
-        match self {
-            ColumnData::F32(values) => largest(&values[part], f32::abs),
-            // Without their sign, halves are ordered as their bits are.
+    /// Least and largest displacement of some nodes, of `all`, along each axis, m per unit of the column's coefficient.
+    pub(super) fn extent(&self, column: usize, nodes: &[u32], all: usize) -> [[f32; 3]; 2] {
+        let part = column * 3 * all..(column + 1) * 3 * all;
+        let [a, b] = match self {
+            ColumnData::F32(values) => extent(&values[part], nodes, |x| x),
             ColumnData::F16 { bits, .. } => {
-                largest(&bits[part], |bits| bits & 0x7fff).map(|bits| half::f16::from_bits(bits).to_f32())
+                extent(&bits[part], nodes, |bits| half::f16::from_bits(bits).to_f32())
             }
-            ColumnData::Int16 { values, .. } => largest(&values[part], i16::unsigned_abs).map(f32::from),
-        }
+            ColumnData::Int16 { values, .. } => extent(&values[part], nodes, f32::from),
+        };
+        let [a, b] = [a, b].map(|end| end.map(|x| x * self.scale(column)));
+        [[0, 1, 2].map(|axis| a[axis].min(b[axis])), [0, 1, 2].map(|axis| a[axis].max(b[axis]))]
     }
 
     /// Numbers `part` of one column, as they lie in memory.
@@ -97,15 +98,16 @@ impl ColumnData<'_> {
     }
 }
 
-fn largest<T: Copy, M: PartialOrd + Copy + Default>(column: &[T], size: impl Fn(T) -> M) -> [M; 3] {
-    let mut most = [M::default(); 3];
-    for node in column.chunks_exact(3) {
-        for (most, &number) in most.iter_mut().zip(node) {
-            let size = size(number);
-            *most = if size > *most { size } else { *most };
+fn extent<T: Copy>(column: &[T], nodes: &[u32], number: impl Fn(T) -> f32) -> [[f32; 3]; 2] {
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for &node in nodes {
+        for axis in 0..3 {
+            let x = number(column[3 * node as usize + axis]);
+            low[axis] = if x < low[axis] { x } else { low[axis] };
+            high[axis] = if x > high[axis] { x } else { high[axis] };
         }
     }
-    most
+    [low, high]
 }
 
 /// All columns of the elements for the nodes of one chunk, in one buffer.
@@ -154,17 +156,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_largest_displacement_of_a_column_is_found_in_every_storage() {
+    fn the_extent_of_a_column_at_some_nodes_is_found_in_every_storage() {
         let values = [0.0_f32, 9.0, 0.0, 0.5, -2.0, 0.25, -0.75, 1.0, 0.0];
         let halves: Vec<u16> = values.iter().map(|x| half::f16::from_f32(*x).to_bits()).collect();
         let integers: Vec<i16> = values.iter().map(|x| (*x * 100.0) as i16).collect();
-        let scales = [1.0; 3];
-        assert_eq!(ColumnData::F32(&values).largest(1, 1), [0.5, 2.0, 0.25]);
-        assert_eq!(ColumnData::F16 { bits: &halves, scales: &scales }.largest(2, 1), [0.75, 1.0, 0.0]);
-        assert_eq!(
-            ColumnData::Int16 { values: &integers, scales: &scales }.largest(0, 3),
-            [75.0, 900.0, 25.0]
-        );
+        let scales = [2.0; 3];
+        assert_eq!(ColumnData::F32(&values).extent(1, &[0], 1), [[0.5, -2.0, 0.25]; 2]);
+        let expected = [[-0.75, -2.0, 0.0], [0.5, 1.0, 0.25]];
+        assert_eq!(ColumnData::F32(&values).extent(0, &[1, 2], 3), expected);
+        let doubled = expected.map(|end| end.map(|x| 2.0 * x));
+        assert_eq!(ColumnData::F16 { bits: &halves, scales: &scales }.extent(0, &[1, 2], 3), doubled);
+        let hundreds = doubled.map(|end| end.map(|x| 100.0 * x));
+        assert_eq!(ColumnData::Int16 { values: &integers, scales: &scales }.extent(0, &[2, 1], 3), hundreds);
     }
 
     #[test]

@@ -6,11 +6,10 @@
 //! Twins on the CPU: `deform::Superposition`, `deform::vertex_normals`.
 
 use super::body::BodyBuffers;
-use super::bounds::Bounds;
 use super::chunk::{Chunk, ComputePass, most_items, ranges};
 use super::columns::{self, ColumnData};
+use super::patches::Reach;
 use super::{Gpu, RenderError, normals};
-use nalgebra::Vector3;
 use wgpu::BufferUsages;
 
 /// Four columns and their weights: `Terms` of `shaders/deform.wgsl`.
@@ -29,18 +28,12 @@ pub(super) struct DeformPass {
     sum: ComputePass,
     normals: ComputePass,
     terms: wgpu::Buffer,
-    columns: Vec<Column>,
-    /// Around the rest surface.
-    rest: Bounds,
+    /// Of each column.
+    scales: Vec<f32>,
     /// The coefficients summed last.
     last: Vec<f32>,
-}
-
-/// What the CPU knows of a column.
-struct Column {
-    scale: f32,
-    /// Largest displacement along each axis, m per unit of the coefficient.
-    reach: Vector3<f32>,
+    /// Of each patch of the body.
+    pub(super) reaches: Vec<Reach>,
 }
 
 impl DeformPass {
@@ -53,13 +46,9 @@ impl DeformPass {
         [positions, normals]: [&wgpu::Buffer; 2],
     ) -> Result<DeformPass, RenderError> {
         let nodes = rest.len();
-        let mut known = Vec::new();
+        let mut scales = Vec::new();
         for element in elements {
-            for column in 0..element.count(nodes)? {
-                let scale = element.scale(column);
-                let reach = Vector3::from(element.largest(column, nodes)) * scale;
-                known.push(Column { scale, reach });
-            }
+            scales.extend((0..element.count(nodes)?).map(|column| element.scale(column)));
         }
         let first = elements.first().copied().unwrap_or(ColumnData::F32(&[]));
         let same =
@@ -70,11 +59,11 @@ impl DeformPass {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let rest_buffer = gpu.storage("rest surface", positions.size(), usage)?;
         gpu.queue.write_buffer(&rest_buffer, 0, bytemuck::cast_slice(rest));
-        let most_terms = HEADER + known.len().div_ceil(4).max(1) * size_of::<Terms>();
+        let most_terms = HEADER + scales.len().div_ceil(4).max(1) * size_of::<Terms>();
         let terms = gpu.storage("coefficients", most_terms as u64, usage)?;
 
         let mut sum = ComputePass::new(gpu, "deform", &first.shader());
-        let bytes_per_node = 3 * first.width() * known.len().max(1);
+        let bytes_per_node = 3 * first.width() * scales.len().max(1);
         let most_nodes = (gpu.storage_limit as usize / bytes_per_node).min(most_items(gpu) / 3 * 4);
         // Four nodes are three passes of four numbers: every chunk starts at a whole one.
         for chunk in ranges(nodes, most_nodes, 4) {
@@ -85,12 +74,12 @@ impl DeformPass {
         }
         let normals = normals::pass(gpu, triangles, nodes, positions, normals)?;
         gpu.check()?;
-        Ok(DeformPass { sum, normals, terms, columns: known, rest: Bounds::of(rest), last: Vec::new() })
+        Ok(DeformPass { sum, normals, terms, scales, last: Vec::new(), reaches: Vec::new() })
     }
 
     /// Whether the coefficients differ from the last ones; then the passes are encoded and submitted.
     fn run(&mut self, gpu: &Gpu, coefficients: &[f32]) -> Result<bool, RenderError> {
-        let (found, expected) = (coefficients.len(), self.columns.len());
+        let (found, expected) = (coefficients.len(), self.scales.len());
         if found != expected {
             return Err(RenderError::CoefficientCount { found, expected });
         }
@@ -110,15 +99,15 @@ impl DeformPass {
     /// Puts the body at rest, whatever it was before.
     pub(super) fn rest(&mut self, gpu: &Gpu) -> Result<bool, RenderError> {
         self.last.clear();
-        self.run(gpu, &vec![0.0; self.columns.len()])
+        self.run(gpu, &vec![0.0; self.scales.len()])
     }
 
     /// The buffer `sum` of the shader: columns without a coefficient are left out, which is why they cost nothing.
     fn packed(&self) -> Vec<u8> {
         let used: Vec<(u32, f32)> = (0..)
-            .zip(self.columns.iter().zip(&self.last))
+            .zip(self.scales.iter().zip(&self.last))
             .filter(|(_, (_, c))| **c != 0.0)
-            .map(|(k, (column, c))| (k, c * column.scale))
+            .map(|(k, (scale, c))| (k, c * scale))
             .collect();
         let passes = used.chunks(4).map(|four| {
             let mut terms = Terms::default();
@@ -131,12 +120,6 @@ impl DeformPass {
         bytes[..4].copy_from_slice(&(used.len().div_ceil(4) as u32).to_ne_bytes());
         passes.for_each(|terms| bytes.extend_from_slice(bytemuck::bytes_of(&terms)));
         bytes
-    }
-
-    /// A box around the deformed surface, known without it: no node goes farther than Σ |cₖ| max |u⁽ᵏ⁾|.
-    fn bounds(&self) -> Bounds {
-        let reach = self.columns.iter().zip(&self.last).map(|(column, c)| column.reach * c.abs()).sum();
-        self.rest.grown(reach)
     }
 
     /// Dispatches of each of the two passes: one where the device binds the whole body at once.
@@ -157,7 +140,9 @@ impl BodyBuffers {
         };
         let is_new = pass.run(gpu, coefficients)?;
         if is_new {
-            self.bounds = pass.bounds();
+            for (patch, reach) in self.patches.iter_mut().zip(&pass.reaches) {
+                patch.bounds = reach.bounds(&pass.last);
+            }
         }
         Ok(is_new)
     }

@@ -27,6 +27,7 @@ mod normals;
 mod offscreen;
 mod overlay;
 mod pair;
+mod patches;
 mod pipelines;
 mod quads;
 mod renderer;

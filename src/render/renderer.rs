@@ -13,6 +13,7 @@ use super::solid::{self, SolidMeshes};
 use super::uniforms::{FrameUniform, Instance, ViewUniform};
 use super::{Attachments, Bounds, FrameContents, Gpu, Picture, RenderError, View};
 use nalgebra::Matrix4;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
@@ -23,7 +24,9 @@ pub struct Renderer {
     /// 1 or 4 samples a pixel.
     pub samples: u32,
     /// Draw both eyes of a screen in one pass, where the caller has two pictures of one size. From the start, whether
-    /// a hardware device can: lavapipe 22.3 draws parts of the second eye's picture into the first eye's layer.
+    /// a hardware device can: under lavapipe of Mesa 22.3 a triangle that the picture's edge cuts loses its view, and
+    /// is drawn into the first eye's layer with view_index 0. One triangle without buffers, depth or multisampling
+    /// shows that: it is right as long as all its corners lie within the picture.
     pub multiview: bool,
     /// Leave out what no eye of a pass can see; from the start, true.
     pub culling: bool,
@@ -45,7 +48,8 @@ pub struct Renderer {
     attachments: Mutex<Vec<Weak<Attachments>>>,
 }
 
-/// Bodies and solids over all passes of a frame; both eyes in one pass count once.
+/// Patches of bodies, and solids, over all passes of a frame; both eyes in one pass count once. A body that the CPU
+/// deforms is one patch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DrawCounts {
     pub passes: usize,
@@ -72,9 +76,14 @@ struct Shot {
 }
 
 impl Shot {
-    fn can_see(&self, room_from_shape: &Matrix4<f32>, bounds: &Bounds) -> bool {
-        self.clip_from_room.iter().flatten().any(|clip| bounds.is_visible(&(clip * room_from_shape)))
+    /// For each of its views.
+    fn clip_from_shape(&self, room_from_shape: &Matrix4<f32>) -> [Option<Matrix4<f32>>; 2] {
+        self.clip_from_room.map(|clip_from_room| Some(clip_from_room? * room_from_shape))
     }
+}
+
+fn is_seen(bounds: &Bounds, clip_from_shape: &[Option<Matrix4<f32>>; 2]) -> bool {
+    clip_from_shape.iter().flatten().any(|clip| bounds.is_visible(clip))
 }
 
 impl Renderer {
@@ -238,19 +247,34 @@ impl Renderer {
     ) {
         pass.set_pipeline(&pipelines.body);
         for (k, body) in contents.bodies.iter().enumerate() {
-            let BodyBuffers { indices, positions, normals, colors, triangle_count, bounds, .. } =
-                body.buffers;
-            if self.culling && !shot.can_see(&body.room_from_body, bounds) {
-                counts.culled += 1;
-                continue;
-            }
-            counts.drawn += 1;
+            let BodyBuffers { indices, positions, normals, colors, patches, .. } = body.buffers;
+            let clip_from_body = shot.clip_from_shape(&body.room_from_body);
+            let draw = |pass: &mut wgpu::RenderPass<'_>, run: Range<u32>| {
+                if !run.is_empty() {
+                    pass.draw_indexed(run, 0, 0..1);
+                }
+            };
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
             pass.set_vertex_buffer(0, positions.slice(..));
             pass.set_vertex_buffer(1, normals.slice(..));
             pass.set_vertex_buffer(2, colors.slice(..));
             pass.set_vertex_buffer(3, self.instances_from(k));
-            pass.draw_indexed(0..*triangle_count as u32 * 3, 0, 0..1);
+            // Neighbours in the index buffer in one draw.
+            let mut run = 0..0;
+            for patch in patches {
+                if self.culling && !is_seen(&patch.bounds, &clip_from_body) {
+                    counts.culled += 1;
+                    continue;
+                }
+                counts.drawn += 1;
+                if run.end == patch.indices.start {
+                    run.end = patch.indices.end;
+                    continue;
+                }
+                draw(pass, run);
+                run = patch.indices.clone();
+            }
+            draw(pass, run);
         }
     }
 
@@ -271,7 +295,7 @@ impl Renderer {
         for ((range, bounds), count) in meshes.zip(solid_counts) {
             for instance in first..first + count as usize {
                 let room_from_shape = Matrix4::from(self.instance_list[instance].room_from_shape);
-                if self.culling && !shot.can_see(&room_from_shape, bounds) {
+                if self.culling && !is_seen(bounds, &shot.clip_from_shape(&room_from_shape)) {
                     counts.culled += 1;
                     continue;
                 }

@@ -47,7 +47,8 @@ impl History {
     }
 
     fn mean(&self, of: impl Fn(&FrameTimes) -> f64) -> f64 {
-        self.frames.iter().map(of).sum::<f64>() / self.frames.len().max(1) as f64
+        // A sum of nothing is -0.
+        self.frames.iter().map(of).fold(0.0, std::ops::Add::add) / self.frames.len().max(1) as f64
     }
 
     fn worst_s(&self) -> f64 {

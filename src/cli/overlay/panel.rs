@@ -80,10 +80,15 @@ impl Panel<'_> {
         let warnings = self.warnings(((inside.width() / letter) as usize).saturating_sub(2));
         let strip = warnings.len() as f32 * line + if warnings.is_empty() { 0.0 } else { 2.0 * margin };
         let most = inside.height() - strip;
-        self.column(inside.min, width, most, self.frame_rows());
+        let height = self.column(inside.min, width, most, self.frame_rows());
         let bodies = self.readings.bodies.iter().flat_map(body_rows).collect::<Vec<_>>();
         if !bodies.is_empty() {
-            self.column(pos2(inside.max.x - width, inside.min.y), width, most, bodies);
+            // Below each other where the picture is too narrow for both.
+            let (corner, most) = match 2.0 * width + margin > inside.width() {
+                true => (inside.min + vec2(0.0, height + margin), most - height - margin),
+                false => (pos2(inside.max.x - width, inside.min.y), most),
+            };
+            self.column(corner, width, most, bodies);
         }
         if !warnings.is_empty() {
             let top = inside.max.y - strip + margin;
@@ -103,8 +108,8 @@ impl Panel<'_> {
         ten.size().x / 10.0
     }
 
-    /// Rows on a plate; those that do not fit into `most` pixels are counted.
-    fn column(&self, corner: Pos2, width: f32, most: f32, mut rows: Vec<Row>) {
+    /// Rows on a plate, whose height it returns; rows that do not fit into `most` pixels are counted.
+    fn column(&self, corner: Pos2, width: f32, most: f32, mut rows: Vec<Row>) -> f32 {
         let size = self.letter_height();
         let line = (1.3 * size).round();
         let pad = (0.5 * size).round();
@@ -125,6 +130,7 @@ impl Panel<'_> {
             self.row(row, rect, size);
             top += row.lines() * line;
         }
+        plate.height()
     }
 
     fn row(&self, row: &Row, rect: Rect, size: f32) {

@@ -191,7 +191,7 @@ fn check(world: &World, taken: &Isometry3<f64>, now: &Isometry3<f64>) {
     for &vertex in deformer.control_nodes(1) {
         let rest = Point3::from(Vector3::from(deformer.rest()[vertex as usize]).cast::<f64>());
         let expected = motion * (room_from_rest * rest);
-        let stands = Point3::from(Vector3::from(deformer.positions[vertex as usize]).cast::<f64>());
+        let stands = Point3::from(Vector3::from(deformer.positions()[vertex as usize]).cast::<f64>());
         let stands = room_from_surface * stands;
         furthest = furthest.max((expected - stands).norm());
     }

@@ -98,7 +98,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
 impl PlacedBody {
     /// From the frame in which the deformed surface stands.
     pub fn room_from_surface(&self) -> Similarity3<f64> {
-        self.room_from_body * self.deformer.displacements.body_from_surface
+        self.room_from_body * *self.deformer.body_from_surface()
     }
 
     /// Control element `c` as a thing to be hit; `near`: where a ray passes within a hand's aim.
@@ -106,7 +106,7 @@ impl PlacedBody {
         let control = &self.controls[c];
         PickTarget {
             shape: if near { &control.near } else { &control.shape },
-            positions: bytemuck::cast_slice(&self.deformer.positions),
+            positions: bytemuck::cast_slice(self.deformer.kept_positions()),
             ball_radius_m: (self.passing_m / self.room_from_body.scaling()) as f32,
             room_from_body: self.room_from_surface(),
         }
@@ -132,8 +132,8 @@ impl PlacedBody {
         Some(ControlPose { translation, matrix })
     }
 
-    /// The whole surface as a thing to be hit; `shape` is [`PlacedBody::whole_shape`], `positions` are the deformer's
-    /// `whole_positions`.
+    /// The whole surface as a thing to be hit; `shape` is [`PlacedBody::whole_shape`], `positions` are those of
+    /// the deformer.
     pub fn whole<'a>(&self, shape: &'a PickShape, positions: &'a [[f32; 3]]) -> PickTarget<'a> {
         PickTarget {
             shape,
@@ -176,7 +176,7 @@ impl PlacedBody {
     /// sRGB and mark per vertex: a quiet blue body, grey elements that are fixed, orange ones that can be taken,
     /// brighter under the ray and green in the hand.
     pub fn colours(&self) -> Vec<[u8; 4]> {
-        let mut colours = vec![[96, 142, 186, 0]; self.deformer.positions.len()];
+        let mut colours = vec![[96, 142, 186, 0]; self.deformer.node_count()];
         for (c, control) in self.controls.iter().enumerate() {
             let [r, g, b] = match (control.grab, control.mood) {
                 (Grab::Fixed, _) => [128, 130, 136],
@@ -195,7 +195,7 @@ impl PlacedBody {
 fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Vec<PlacedControl> {
     let surface = Surface {
         triangles: deformer.triangles().to_vec(),
-        nodes: (0..deformer.positions.len() as u32).collect(),
+        nodes: (0..deformer.node_count() as u32).collect(),
     };
     grabs
         .enumerate()

@@ -143,7 +143,7 @@ impl World {
     pub fn pointed_body(&self, i: usize) -> Option<usize> {
         let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;
         let ray = PickRay::from_stylus(stylus)?;
-        let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.whole_positions()).collect();
+        let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.positions()).collect();
         let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
         let targets: Vec<_> = self
             .bodies

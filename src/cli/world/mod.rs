@@ -47,8 +47,8 @@ pub struct World {
     pub arrows: Vec<Arrow>,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
-    /// What is wrong, each said once.
-    pub warnings: Vec<String>,
+    /// What is wrong, each said once; with the tracker's time at which it was, s.
+    pub warnings: Vec<(f64, String)>,
     pub graph: Graph<Bodies>,
     pub fields: Fields,
     pub desk: Desk,
@@ -126,19 +126,25 @@ impl World {
         }
         self.graph.evaluate(&mut self.bodies);
         self.times = StepTimes::default();
+        let mut warnings = Vec::new();
         for body in &mut self.bodies {
             self.times.deform_s += body.times.deform_s;
             self.times.normals_s += body.times.normals_s;
-            for warning in body.warnings.drain(..) {
-                if !self.warnings.contains(&warning) {
-                    eprintln!("note: {warning}");
-                    self.warnings.push(warning);
-                }
-            }
+            warnings.append(&mut body.warnings);
+        }
+        for warning in warnings {
+            self.warn(warning);
         }
         self.room_from_head = self.graph.get(self.fields.head).0;
         self.follow_hands(*self.graph.get(self.fields.time));
         self.show_hands();
+    }
+
+    fn warn(&mut self, warning: String) {
+        if self.warnings.iter().all(|(_, told)| *told != warning) {
+            eprintln!("note: {warning}");
+            self.warnings.push((*self.graph.get(self.fields.time), warning));
+        }
     }
 
     /// Styli as they are drawn, what they feel, and the colours of what they point at.
@@ -201,9 +207,7 @@ impl World {
             Err(unseen) => {
                 let key = format!("{screen} {eye:?} {:?}", std::mem::discriminant(&unseen));
                 if self.told.insert(key) {
-                    let warning = format!("{} eye: {unseen}", eye.name());
-                    eprintln!("note: {warning}");
-                    self.warnings.push(warning);
+                    self.warn(format!("{} eye: {unseen}", eye.name()));
                 }
                 None
             }
@@ -222,4 +226,4 @@ impl World {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

@@ -34,7 +34,7 @@ impl World {
         for body in &mut self.bodies {
             let hash = match body.positions_hash {
                 Some((deformations, hash)) if deformations == body.deformations => hash,
-                _ => blake3::hash(bytemuck::cast_slice(&body.deformer.positions)),
+                _ => blake3::hash(bytemuck::cast_slice(body.deformer.positions().as_ref())),
             };
             body.positions_hash = Some((body.deformations, hash));
             hasher.update(hash.as_bytes());

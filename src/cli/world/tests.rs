@@ -8,6 +8,7 @@ use crate::track::StylusState;
 use nalgebra::{Translation3, Vector3};
 use std::path::Path;
 
+mod elsewhere;
 mod tracked;
 
 const SCENE: &str = r#"
@@ -23,7 +24,7 @@ nodes = { group = "xmax" }
 grab = "dragger"
 "#;
 
-fn world(name: &str) -> World {
+pub fn world(name: &str) -> World {
     let folder = std::env::temp_dir().join(format!("greenstage-world-{name}-{}", std::process::id()));
     let scene = Scene::parse(SCENE, Path::new("scene.toml")).unwrap();
     let path = folder.join("scene.green");

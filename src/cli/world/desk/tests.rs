@@ -126,7 +126,7 @@ fn two_hands_bend_a_body_symmetrically() {
     assert!((mirror * right.translation - left.translation).norm() < 1e-6, "{left:?} {right:?}");
     assert!((mirror * right.matrix * mirror - left.matrix).norm() < 1e-6);
     assert!(right.translation.norm() > 0.1 && right.matrix[(1, 0)] > 0.3);
-    assert!(world.bodies[0].deformer.displacements.body_from_surface.rotation.angle() < 1e-6);
+    assert!(world.bodies[0].deformer.body_from_surface().rotation.angle() < 1e-6);
     assert!(world.styli.iter().all(|stylus| stylus.pressed && stylus.bend.is_none()));
 }
 
@@ -184,20 +184,20 @@ fn undo_and_redo_bring_back_every_bit() {
     // Back to where it is grabbed, and a turn beyond half a turn.
     world.act(Action::Undo);
     carry_right(&mut world, 0.0, [0.1, 0.0, 0.0], [3.6, 0.0, 0.0]);
-    let (twisted, shown) = (poses(&world), world.bodies[0].deformer.positions.clone());
+    let (twisted, shown) = (poses(&world), world.bodies[0].deformer.positions().into_owned());
     assert_ne!(first, rest);
     world.act(Action::Undo);
     step(&mut world, 0.1, &[]);
     assert_eq!(poses(&world), rest);
     let left_over = |world: &World| {
         let body = &world.bodies[0].deformer;
-        (0..body.positions.len()).map(|i| body.displacement(i).norm()).fold(0.0, f64::max)
+        (0..body.node_count()).map(|i| body.displacement(i).norm()).fold(0.0, f64::max)
     };
     assert!(left_over(&world) < 1e-6, "no turn is left in it: {}", left_over(&world));
     world.act(Action::Redo);
     step(&mut world, 0.2, &[]);
     assert_eq!(poses(&world), twisted);
-    assert_eq!(world.bodies[0].deformer.positions, shown, "twisted the same way round");
+    assert_eq!(*world.bodies[0].deformer.positions(), shown, "twisted the same way round");
     world.act(Action::Redo);
     step(&mut world, 0.3, &[]);
     assert_eq!(poses(&world), twisted, "nothing more to do again");
@@ -244,7 +244,7 @@ fn snapping_back_ends_exactly_at_rest_at_any_frame_rate() {
         step(&mut world, 1.5, &[]);
         assert_eq!(poses(&world), [ControlPose::REST; 2]);
         let body = &world.bodies[0].deformer;
-        let away = (0..body.positions.len()).map(|i| body.displacement(i).norm()).fold(0.0, f64::max);
+        let away = (0..body.node_count()).map(|i| body.displacement(i).norm()).fold(0.0, f64::max);
         assert!(away < 1e-6, "{away} m off at {rate} frames/s");
         world.act(Action::Undo);
         step(&mut world, 1.6, &[]);

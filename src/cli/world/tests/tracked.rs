@@ -87,7 +87,7 @@ fn play(
 fn check(world: &World, last: Option<&Frame>) -> Frame {
     let body = &world.bodies[0];
     assert!(
-        body.deformer.positions.iter().flatten().all(|x| x.is_finite()),
+        body.deformer.positions().iter().flatten().all(|x| x.is_finite()),
         "a picture of what is not finite"
     );
     let pose = body.deformer.poses[1];

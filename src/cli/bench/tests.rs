@@ -1,0 +1,27 @@
+//! What `bench` of a scene tells beside times: where bodies deform, by which measure, and what was drawn.
+
+use super::*;
+use device::Choice;
+
+#[test]
+fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
+    let drawn = Drawn {
+        samples: 4,
+        device: "a device".into(),
+        screens: 4,
+        pictures: "stereo pairs",
+        steps: vec![("deform", 1e-3)],
+        frame_s: 0.02,
+        shapes: [10.25, 54.0],
+        bodies: vec![("tube".into(), Choice::by_time(2e-3, 5e-4))],
+    };
+    let json = as_json(&[], None, &[], std::slice::from_ref(&drawn));
+    let frame = &json["frames"][0];
+    assert_eq!((&frame["shapes_drawn"], &frame["shapes_culled"]), (&json!(10.25), &json!(54.0)));
+    let told = json!({ "on": "device", "why": "measured", "cpu_s": 2e-3, "device_s": 5e-4 });
+    assert_eq!(frame["deformation"]["tube"], told);
+    let (title, table) = frame_table("cyberstage", &[drawn]);
+    let text = table.text();
+    println!("{title}\n{text}");
+    assert!(text.contains("10.2, 54.0") && text.contains("deforms on device 0.50 ms, CPU 2.00 ms"), "{text}");
+}
