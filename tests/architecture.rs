@@ -19,10 +19,10 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("solve", &["fem", "config"]),
     ("green", &["scene", "mesh", "fem", "solve", "config"]),
     ("deform", &["field", "green", "scene", "mesh", "fem", "solve", "config"]),
+    ("interact", &["mesh", "field", "track", "stage", "config"]),
     ("effect", &["deform", "track", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "config"]),
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
-    ("interact", &["mesh", "field", "track", "stage", "config"]),
     (
         "cli",
         &[

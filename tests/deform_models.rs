@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{block_scene, case_poses, folder, scene, shared};
+use common::{block_scene, case_poses, csv_rows, folder, scene, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Deformer};
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
@@ -154,20 +154,16 @@ fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
     let text =
         std::fs::read_to_string(&path).unwrap().replace("\"stvk\"", "\"linear\"").replace("\"haptics\"", "");
     let file = green_file(case, &Scene::parse(&text, &path).unwrap());
-    let expected = std::fs::read_to_string(case_folder.join("expected.csv")).unwrap();
-    let mut exact: BTreeMap<(&str, u64), Vector3<f64>> = BTreeMap::new();
-    for line in expected.lines().skip(1) {
-        let fields: Vec<&str> = line.split(',').collect();
-        let u = Vector3::from_fn(|axis, _| fields[2 + axis].parse().unwrap());
-        exact.insert((fields[0], fields[1].parse().unwrap()), u);
-    }
+    let exact: BTreeMap<String, Vec<f64>> =
+        csv_rows(&case_folder.join("expected.csv"), 2).into_iter().collect();
     let of = |(pose, named): &(String, BTreeMap<String, ControlPose>)| {
         let control: Vec<(&str, ControlPose)> =
             named.iter().map(|(name, pose)| (name.as_str(), *pose)).collect();
         let error = ["linear", "rotation"].map(|model| {
             let body = deformed(&file, model, &control);
             let square = |(i, tag): (usize, &u64)| {
-                (body.displacement(i) - exact[&(pose.as_str(), *tag)]).norm_squared()
+                let exact = Vector3::from_column_slice(&exact[&format!("{pose},{tag}")]);
+                (body.displacement(i) - exact).norm_squared()
             };
             let sum: f64 = body.tags().iter().enumerate().map(square).sum();
             (sum / body.tags().len() as f64).sqrt() / length(&body)

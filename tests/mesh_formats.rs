@@ -7,6 +7,7 @@
 mod small;
 
 use greenstage::mesh::{Block, Loaded, TetMesh, block, formats::WRITERS, load, parse, save};
+use nalgebra::Vector3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -20,6 +21,10 @@ fn read(name: &str, bytes: &[u8]) -> Result<Loaded, String> {
 fn edited(text: &str, from: &str, to: &str) -> Vec<u8> {
     assert!(text.contains(from), "{from}");
     text.replacen(from, to, 1).into_bytes()
+}
+
+fn positions() -> Vec<Vector3<f64>> {
+    small::NODES.map(Vector3::from).to_vec()
 }
 
 #[track_caller]
@@ -36,7 +41,7 @@ fn all_variants_of_all_formats_say_the_same() {
     for (name, bytes) in small::all() {
         let loaded = read(&name, &bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         let mesh = loaded.mesh;
-        assert_eq!(mesh.nodes, small::nodes(), "{name}");
+        assert_eq!(mesh.nodes, positions(), "{name}");
         assert_eq!(mesh.tets, [[0, 1, 2, 3], [1, 2, 3, 4]], "{name}");
         assert_eq!(mesh.regions, [3, 7], "{name}");
         assert_eq!(loaded.notices, [] as [&str; 0], "{name}");
@@ -53,7 +58,7 @@ fn tetgen_is_read_by_either_name_and_names_the_file_at_fault() {
     std::fs::write(path("a.ele"), tets).unwrap();
     let one = load(&path("a.node")).unwrap();
     assert_eq!(one, load(&path("a.ele")).unwrap());
-    assert_eq!((one.mesh.nodes, one.mesh.regions), (small::nodes(), vec![3, 7]));
+    assert_eq!((one.mesh.nodes, one.mesh.regions), (positions(), vec![3, 7]));
     assert_eq!(one.mesh.tags, [0, 1, 2, 3, 4]);
 
     let message = |name: &str| load(&path(name)).unwrap_err().to_string();
@@ -151,9 +156,22 @@ fn malformed_vtu_names_the_place() {
     let lz4 = lz4.replace("\"ascii\"", "\"binary\"");
     let message = read("m.vtu", lz4.as_bytes()).unwrap_err();
     assert!(message.contains("vtkLZ4DataCompressor` is not read: save with zlib"), "{message}");
-    let bomb = small::vtu_bomb();
+    let bomb = vtu_bomb();
     let message = read("m.vtu", &bomb).unwrap_err();
     assert!(message.contains("more than 64 times the file's bytes"), "{message}");
+}
+
+/// A file whose first array is said to hold, and does hold, far more than the file's own bytes.
+fn vtu_bomb() -> Vec<u8> {
+    let array = |kind: &str, rest: &str, _: &str| {
+        let block = small::deflated(&vec![0; 1 << 20]);
+        let head: Vec<u8> =
+            [1, 1 << 20, 0, block.len()].iter().flat_map(|n| (*n as u32).to_le_bytes()).collect();
+        let text = small::base64(&head) + &small::base64(&block);
+        format!("<DataArray type=\"{kind}\" {rest} format=\"binary\">{text}</DataArray>\n")
+    };
+    let attributes = "byte_order=\"LittleEndian\" compressor=\"vtkZLibDataCompressor\"";
+    (small::vtu_head(attributes, array) + "</VTKFile>\n").into_bytes()
 }
 
 #[test]
@@ -254,7 +272,7 @@ fn any_mesh() -> impl Strategy<Value = TetMesh> {
     (shape, regions, groups, 1u64..99).prop_map(|((cells, exponent, shifts), regions, groups, first)| {
         let mut mesh = block(&Block { size: cells.map(f64::from), cells }).expect("1 to 3 cells of size 1");
         for (node, shift) in mesh.nodes.iter_mut().zip(shifts.chunks(3)) {
-            *node = (*node + nalgebra::Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
+            *node = (*node + Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
         }
         mesh.tags = (first..).step_by(3).take(mesh.nodes.len()).collect();
         mesh.regions = regions.into_iter().take(mesh.tets.len()).collect();

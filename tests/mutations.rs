@@ -6,22 +6,22 @@
 //! them alone. What fails is written to a file, which the failure names.
 #![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
+#[path = "mutations/caught.rs"]
+mod caught;
 mod common;
 #[path = "mutations/memory.rs"]
 mod memory;
-#[allow(dead_code, reason = "it is another test's too")]
 #[path = "mesh_formats/small.rs"]
 mod meshes;
 #[path = "mutations/mutate.rs"]
 mod mutate;
 #[path = "mutations/readers.rs"]
 mod readers;
-#[allow(dead_code, reason = "it is another test's too")]
 #[path = "surface_files/small.rs"]
 mod surfaces;
 
+use caught::{caught, quietly};
 use readers::{Reader, readers};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -74,22 +74,16 @@ fn input(readers: &[Reader], number: u64) -> (usize, &str, Vec<u8>) {
 /// Reads one input: whether it was accepted, in which time, s, and with how many bytes at the peak; or the panic.
 fn run(reader: &Reader, name: &str, bytes: &[u8]) -> Result<(bool, f64, usize), String> {
     let started = Instant::now();
-    let result = catch_unwind(AssertUnwindSafe(|| {
+    let result = caught(|| {
         let (read, peak) = memory::peak_of(|| (reader.read)(Path::new(name), bytes));
         let accepted = read.is_some();
         if let Some(then) = read {
             then();
         }
         (accepted, peak)
-    }));
+    });
     let time = started.elapsed().as_secs_f64();
-    match result {
-        Ok((accepted, peak)) => Ok((accepted, time, peak)),
-        Err(panic) => {
-            let text = panic.downcast_ref::<String>().cloned();
-            Err(text.or(panic.downcast_ref::<&str>().map(|text| (*text).to_owned())).unwrap_or_default())
-        }
-    }
+    result.map(|(accepted, peak)| (accepted, time, peak))
 }
 
 /// [`run`] with its limits; the error says which was passed.
@@ -185,11 +179,9 @@ fn no_damaged_file_makes_a_reader_panic_hang_or_take_memory() {
         return;
     }
     let count = asked("GREENSTAGE_MUTATIONS").unwrap_or(FEW);
-    let usual = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| {}));
     let (started, done) = (Instant::now(), AtomicBool::new(false));
     let now: [[AtomicU64; 2]; THREADS] = Default::default();
-    let results: Vec<(Vec<Tally>, Vec<String>)> = std::thread::scope(|scope| {
+    let results: Vec<(Vec<Tally>, Vec<String>)> = quietly(|scope| {
         let (readers, now, done) = (&readers, &now, &done);
         scope.spawn(move || watch(readers, now, started, done));
         let share = |thread: usize| {
@@ -201,7 +193,6 @@ fn no_damaged_file_makes_a_reader_panic_hang_or_take_memory() {
         done.store(true, Relaxed);
         results
     });
-    std::panic::set_hook(usual);
 
     let seconds = started.elapsed().as_secs_f64();
     println!("| reader | inputs | accepted | slowest, ms | its number | most memory / file | its number |");

@@ -5,16 +5,17 @@
 //! a few places by random numbers that follow from n. `GREENSTAGE_MUTATIONS` says how many there are.
 #![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
+#[path = "mutations/caught.rs"]
+mod caught;
 #[path = "packets/ears.rs"]
 mod ears;
 #[path = "mutations/memory.rs"]
 mod memory;
-#[allow(dead_code, reason = "it is another test's too")]
 #[path = "mutations/mutate.rs"]
 mod mutate;
 
+use caught::{caught, quietly};
 use ears::{Ear, ears};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 /// Packets without `GREENSTAGE_MUTATIONS`: a few seconds.
@@ -62,13 +63,9 @@ fn packet(ears: &[Ear], number: u64) -> (usize, Vec<u8>) {
 /// One packet: whether something of it was taken, the time, the bytes at the peak, the channels kept; or the fault.
 fn hear(ear: &mut Ear, bytes: &[u8]) -> Result<(bool, f64, usize, usize), String> {
     let started = Instant::now();
-    let heard = catch_unwind(AssertUnwindSafe(|| memory::peak_of(|| (ear.hear)(bytes))));
+    let heard = caught(|| memory::peak_of(|| (ear.hear)(bytes)));
     let seconds = started.elapsed().as_secs_f64();
-    let ((taken, channels), most) = heard.map_err(|panic| {
-        let text = panic.downcast_ref::<String>().cloned();
-        let text = text.or(panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-        format!("panics: {}", text.unwrap_or_default())
-    })?;
+    let ((taken, channels), most) = heard.map_err(|panic| format!("panics: {panic}"))?;
     if most > MOST_AT_ONCE {
         return Err(format!("takes {most} bytes of memory"));
     }
@@ -133,15 +130,12 @@ fn resident() -> Option<u64> {
 #[test]
 fn no_damaged_packet_makes_a_parser_panic_hang_or_grow() {
     let count = std::env::var("GREENSTAGE_MUTATIONS").ok().map_or(FEW, |text| text.parse().unwrap());
-    let usual = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| {}));
-    work(0, FEW / 10);
+    quietly(|_| work(0, FEW / 10));
     let (before, started) = (resident(), Instant::now());
-    let outcomes: Vec<Outcome> = std::thread::scope(|scope| {
+    let outcomes: Vec<Outcome> = quietly(|scope| {
         let threads: Vec<_> = (0..THREADS).map(|first| scope.spawn(move || work(first, count))).collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).collect()
     });
-    std::panic::set_hook(usual);
     let seconds = started.elapsed().as_secs_f64();
     let after = resident();
 

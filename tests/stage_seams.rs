@@ -1,31 +1,20 @@
 //! A point on an edge that two screens share is shown at the same physical place by both, for both eyes, from
 //! any head pose; and a point on a screen is shown where it is.
 
+use greenstage::report::measure::poses::Random;
 use greenstage::stage::{BUILT_IN, Eye, EyeView, Screen, Stage};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-/// Numbers in 0..1 that are the same on every run (Steele and Vigna's SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn vector(&mut self, half: [f64; 3]) -> Vector3<f64> {
-        Vector3::from(half.map(|h| h * (2.0 * self.unit() - 1.0)))
-    }
+/// Each coordinate up to `half` either way.
+fn vector(random: &mut Random, half: [f64; 3]) -> Vector3<f64> {
+    Vector3::from(half.map(|h| h * (2.0 * random.number() - 1.0)))
 }
 
 /// A head anywhere within 0.8 m of the viewer's start, turned any way, no eye nearer than 0.1 m to a screen.
 fn head(stage: &Stage, random: &mut Random) -> Isometry3<f64> {
     loop {
-        let place = stage.viewer.room_from_head.translation.vector + random.vector([0.8, 0.5, 0.8]);
-        let turn = UnitQuaternion::from_scaled_axis(random.vector([3.0, 3.0, 3.0]));
+        let place = stage.viewer.room_from_head.translation.vector + vector(random, [0.8, 0.5, 0.8]);
+        let turn = UnitQuaternion::from_scaled_axis(vector(random, [3.0, 3.0, 3.0]));
         let head = Isometry3::from_parts(Translation3::from(place), turn);
         let is_before = |screen: &Screen| {
             [Eye::Left, Eye::Right]
@@ -56,18 +45,18 @@ fn a_point_on_a_seam_lands_on_one_physical_place_from_1000_head_poses() {
     for (name, _) in BUILT_IN {
         let stage = Stage::find(name).unwrap();
         let seams = stage.seams();
-        seams_seen += seams.iter().filter(|seam| seam.gap_m < 1e-9).count();
+        seams_seen += seams.iter().filter(|seam| seam.widest_m() < 1e-9).count();
         if seams.is_empty() {
             continue;
         }
         let mut worst_m: f64 = 0.0;
         for _ in 0..1000 {
             let head = head(&stage, &mut random);
-            let part = random.unit();
+            let part = random.number();
             for eye in [Eye::Left, Eye::Right].map(|eye| stage.viewer.eye_in_room(&head, eye)) {
-                for seam in seams.iter().filter(|seam| seam.gap_m < 1e-9) {
+                for seam in seams.iter().filter(|seam| seam.widest_m() < 1e-9) {
                     let point = seam.ends[0] + (seam.ends[1] - seam.ends[0]) * part;
-                    let shown = seam.screens.map(|i| {
+                    let shown = seam.edges.map(|(i, _)| {
                         let screen = &stage.screens[i];
                         shown_at(screen, &screen.view(&eye, 0.05).unwrap(), &point)
                     });
@@ -96,7 +85,7 @@ fn a_point_on_a_screen_is_shown_at_its_own_place() {
         for _ in 0..1000 {
             let head = head(&stage, &mut random);
             for screen in &stage.screens {
-                let point = screen.point([2.0 * random.unit() - 1.0, 2.0 * random.unit() - 1.0]);
+                let point = screen.point([2.0 * random.number() - 1.0, 2.0 * random.number() - 1.0]);
                 let view = screen.view(&stage.viewer.eye_in_room(&head, Eye::Right), 0.05).unwrap();
                 let error_m = (shown_at(screen, &view, &point) - point).norm();
                 assert!(error_m < 1e-5, "{name}, {}: {error_m} m", screen.name);
@@ -113,8 +102,8 @@ fn any_point_is_shown_where_the_line_of_sight_meets_the_glass() {
         let head = head(&stage, &mut random);
         let eye = stage.viewer.eye_in_room(&head, Eye::Left);
         for screen in &stage.screens {
-            let on_glass = screen.point([2.0 * random.unit() - 1.0, 2.0 * random.unit() - 1.0]);
-            let point = eye + (on_glass - eye) * (0.3 + 3.0 * random.unit());
+            let on_glass = screen.point([2.0 * random.number() - 1.0, 2.0 * random.number() - 1.0]);
+            let point = eye + (on_glass - eye) * (0.3 + 3.0 * random.number());
             let view = screen.view(&eye, 0.05).unwrap();
             let error_m = (shown_at(screen, &view, &point) - on_glass).norm();
             assert!(error_m < 3e-5, "{}: {error_m} m", screen.name);

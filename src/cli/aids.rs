@@ -11,6 +11,7 @@ use super::room::{Camera, Orbit, Room, write_names};
 use crate::render::window::{Input, Key, WindowTimes, Windows};
 use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Sheet, Tile};
 use crate::stage::{Stage, Window};
+use crate::track::rig::TrackerReport;
 use nalgebra::Isometry3;
 
 /// The aids of all windows of a stage.
@@ -36,6 +37,8 @@ pub struct Staged<'a> {
     pub sizes: &'a [[u32; 2]],
     pub swapped: bool,
     pub room_from_head: Isometry3<f64>,
+    /// What the trackers say, where somebody wants to see it.
+    pub reports: &'a [TrackerReport],
 }
 
 impl Aids {
@@ -57,6 +60,11 @@ impl Aids {
 
     pub fn has_panel(&self) -> bool {
         self.panels.contains(&true)
+    }
+
+    /// Whether what the trackers say is shown anywhere.
+    pub fn wants_reports(&self) -> bool {
+        self.has_panel() || self.outside.iter().any(Option::is_some)
     }
 
     /// Takes an input that is meant for the aids; false leaves it to the scene.
@@ -136,7 +144,9 @@ impl Aids {
         let Self { leader, outside, overlay, panels, pattern, history, .. } = self;
         let of = |orbit: &Option<Orbit>| {
             let camera = orbit.as_ref()?.camera;
-            Some((camera, Room::new(staged.stage, &staged.room_from_head, &camera.eye())))
+            let mut room = Room::new(staged.stage, &staged.room_from_head, &camera.eye());
+            room.add_sensors(staged.reports);
+            Some((camera, room))
         };
         let rooms: Vec<Option<(Camera, Room)>> = outside.iter().map(of).collect();
         let outer: Vec<Option<FrameContents<'_>>> =

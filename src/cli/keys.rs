@@ -17,9 +17,10 @@ pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
     Some(match (key, control) {
         (Key::Char('z'), true) => Action::Undo,
         (Key::Char('y'), true) => Action::Redo,
-        (_, true) => return None,
+        // Ctrl may still be down from undo and redo.
         (Key::Backspace, _) => Action::SnapBack,
         (Key::Home, _) => Action::ResetNavigation,
+        (_, true) => return None,
         (Key::Char('f'), _) => only(Freedom::Free),
         (Key::Char('t'), _) => only(Freedom::Translate),
         (Key::Char('g'), _) => only(Freedom::Rotate),

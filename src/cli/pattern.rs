@@ -81,6 +81,7 @@ impl WindowApp for Shown {
             sizes: &sizes,
             swapped: self.swapped,
             room_from_head: self.stage.viewer.room_from_head,
+            reports: &[],
         };
         let tiles = vec![Vec::new(); sizes.len()];
         self.aids.draw(windows, &staged, tiles, &FrameContents::default(), |_| Readings::default())?;

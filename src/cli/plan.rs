@@ -6,12 +6,12 @@ use super::failure::Failure;
 use super::progress::Bars;
 use super::session;
 use crate::deform::ControlPose;
+use crate::fem::nearest_turn;
 use crate::green::{self, GreenFile};
-use crate::report::measure::RANK;
 use crate::report::plan::{Choice, choose};
 use crate::report::{self, Limits, Request, Row, Setting};
-use crate::scene::{Demand, Method, Scene, Solver, Storage};
-use nalgebra::Rotation3;
+use crate::scene::{Demand, Element, Method, Scene, Solver, Storage};
+use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 
 /// What is kept of the measuring.
@@ -102,8 +102,7 @@ fn measure(scene: &Scene, name: &str, key: String, quiet: bool) -> Result<Table,
 
 /// The largest angle between the rotations of two control elements, rad.
 pub fn largest_turn(poses: &[ControlPose]) -> f64 {
-    let rotations: Vec<Rotation3<f64>> =
-        poses.iter().map(|pose| Rotation3::from_matrix(&pose.matrix)).collect();
+    let rotations: Vec<UnitQuaternion<f64>> = poses.iter().map(|pose| nearest_turn(&pose.matrix)).collect();
     let pairs =
         rotations.iter().enumerate().flat_map(|(i, a)| rotations[..i].iter().map(move |b| a.angle_to(b)));
     pairs.fold(0.0, f64::max)
@@ -119,7 +118,7 @@ fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {
     let body = &mut scene.body[name];
     body.refine = *refine;
     body.model = model.clone();
-    if let Some((known, _)) = RANK.into_iter().find(|(known, _)| known.name() == element) {
+    if let Some(known) = Element::ALL.into_iter().find(|known| known.name() == element) {
         body.element = known;
     }
     if let Some(known) = Storage::ALL.into_iter().find(|known| known.name() == storage) {

@@ -6,21 +6,25 @@ use super::picture::{Bodies, contents};
 use super::render;
 use super::room::{Camera, Orbit, Room, write_names};
 use super::session;
-use super::world::World;
+use super::world::{World, shape};
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
 use crate::render::{
-    COLOR_FORMAT, EyePicture, FrameContents, Gpu, Offscreen, Overlay, Renderer, Show, Tile, Viewport,
+    COLOR_FORMAT, EyePicture, FrameContents, Gpu, Offscreen, Overlay, Renderer, Show, StylusShape, Tile,
+    Viewport,
 };
 use crate::scene::Scene;
 use crate::stage::Stage;
-use crate::track::Script;
+use crate::track::device::now_s;
+use crate::track::rig::TrackerReport;
+use crate::track::{Rig, Script, Signal, StylusState, TrackerState, usable};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The room from outside: screens, eyes and what they see, head, stylus, bodies, trackers
 ///
-/// In the window dragging turns, the wheel zooms, Escape or closing it quits.
+/// In a window the stage's trackers move head and styli, and every sensor that they speak of is shown where the
+/// calibration puts it; until one of them speaks, the scene's script does. Dragging turns, the wheel zooms, Escape or closing it quits.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML), or a stage: a built-in one (workbench, cyberstage, cave6, …), or a stage file
@@ -79,8 +83,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// The room in a window, live: the scene's script moves head and stylus.
+/// The room in a window, live: the stage's trackers move head and styli, else the scene's script.
 fn show(args: &Args, seen: Seen, camera: Camera) -> Result<(), Failure> {
+    let rig = super::track::start(seen.stage(), None)?;
     let spec = WindowSpec {
         title: format!("greenstage – {} – room", seen.stage().name),
         monitor: None,
@@ -92,6 +97,7 @@ fn show(args: &Args, seen: Seen, camera: Camera) -> Result<(), Failure> {
         unmanaged: false,
     };
     let mut app = Outside {
+        rig,
         seen,
         bodies: None,
         orbit: Orbit::new(camera),
@@ -105,6 +111,7 @@ fn show(args: &Args, seen: Seen, camera: Camera) -> Result<(), Failure> {
 }
 
 struct Outside {
+    rig: Option<Rig>,
     seen: Seen,
     bodies: Option<Bodies>,
     orbit: Orbit,
@@ -130,22 +137,21 @@ impl WindowApp for Outside {
 
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         let time_s = self.started.elapsed().as_secs_f64();
-        if let Seen::Scene(world, script) = &mut self.seen {
-            step(world, script.as_ref(), time_s, &mut self.round);
-            if let Some(bodies) = &mut self.bodies {
-                bodies.upload(&windows.gpu, world)?;
-            }
+        let reports = self.seen.step(self.rig.as_mut(), time_s, &mut self.round);
+        if let (Seen::Scene(world, _), Some(bodies)) = (&mut self.seen, &mut self.bodies) {
+            bodies.upload(&windows.gpu, world)?;
         }
-        let room = self.seen.room(&self.orbit.camera);
-        let world = match &self.seen {
-            Seen::Scene(world, _) => Some(world),
-            Seen::Stage(_) => None,
-        };
-        let instances = match (&self.bodies, world) {
-            (Some(bodies), Some(world)) => bodies.instances(world),
+        let mut room = self.seen.room(&self.orbit.camera);
+        room.add_sensors(&reports);
+        let styli = self.seen.styli();
+        let instances = match (&self.bodies, &self.seen) {
+            (Some(bodies), Seen::Scene(world, _)) => bodies.instances(world),
             _ => Vec::new(),
         };
-        let inner = world.map_or_else(FrameContents::default, |world| contents(world, &instances));
+        let inner = match &self.seen {
+            Seen::Scene(world, _) => contents(world, &instances),
+            Seen::Stage(..) => FrameContents { styli: &styli, ..FrameContents::default() },
+        };
         let contents = room.contents(inner);
         let size = windows.sizes().next().unwrap_or([0, 0]);
         let view = self.orbit.camera.view(f64::from(size[0]) / f64::from(size[1].max(1)));
@@ -165,25 +171,20 @@ impl WindowApp for Outside {
     }
 }
 
-/// One moment of a script that begins anew a second after its end; without one, everything at rest.
-fn step(world: &mut World, script: Option<&Script>, time_s: f64, round: &mut u32) {
-    let Some(script) = script else {
-        world.step(&Default::default());
-        return;
-    };
+/// One moment of a script that begins anew a second after its end.
+fn scripted(world: &mut World, script: &Script, time_s: f64, round: &mut u32) -> TrackerState {
     let round_s = script.duration_s + 1.0;
     let now = (time_s / round_s) as u32;
     if std::mem::replace(round, now) != now {
         world.act(Action::Reset);
     }
-    let state = script.sample(&world.stage, time_s % round_s);
-    world.step(&state);
+    script.sample(&world.stage, time_s % round_s)
 }
 
-/// A scene on its stage, or a stage alone.
+/// A scene on its stage, or a stage alone with who is in it.
 enum Seen {
     Scene(Box<World>, Option<Script>),
-    Stage(Box<Stage>),
+    Stage(Box<Stage>, TrackerState),
 }
 
 impl Seen {
@@ -196,7 +197,7 @@ impl Seen {
                 return Err(Failure::wrong(text));
             }
             let stage = Stage::find(&path.display().to_string()).map_err(Failure::request)?;
-            return Ok(Seen::Stage(Box::new(stage)));
+            return Ok(Seen::Stage(Box::new(stage), TrackerState::default()));
         }
         let scene = super::plan::settled(Scene::load(path)?, false)?;
         let stage = render::stage(&scene, args.stage.as_deref())?;
@@ -208,14 +209,53 @@ impl Seen {
     fn stage(&self) -> &Stage {
         match self {
             Seen::Scene(world, _) => &world.stage,
-            Seen::Stage(stage) => stage,
+            Seen::Stage(stage, _) => stage,
         }
+    }
+
+    /// Moves everything to what the trackers say now, as long as none has spoken to what the script does; tells of all
+    /// sensors.
+    fn step(&mut self, rig: Option<&mut Rig>, time_s: f64, round: &mut u32) -> Vec<TrackerReport> {
+        let mut state = match self {
+            Seen::Scene(world, Some(script)) => scripted(world, script, time_s, round),
+            _ => TrackerState { time_s, ..TrackerState::default() },
+        };
+        let mut reports = Vec::new();
+        if let Some(rig) = rig {
+            state = super::track::merge(rig, state);
+            reports = rig.report(now_s());
+            if let Seen::Scene(world, script) = self
+                && rig.is_speaking()
+                && script.take().is_some()
+            {
+                world.act(Action::LetGo);
+            }
+        }
+        match self {
+            Seen::Scene(world, _) => {
+                world.step(&state);
+            }
+            Seen::Stage(_, last) => *last = state,
+        }
+        reports
+    }
+
+    /// The styli of a stage without a scene, their rays as long as they are where nothing is hit.
+    fn styli(&self) -> Vec<StylusShape> {
+        let Seen::Stage(stage, state) = self else { return Vec::new() };
+        let seen = state.styli.iter().filter(|stylus| !matches!(stylus.signal, Signal::Lost { .. }));
+        let shape = |stylus: &StylusState| {
+            Some(shape(stylus, usable(&stylus.room_from_stylus)?, None, None, &stage.workspace))
+        };
+        seen.filter_map(shape).collect()
     }
 
     fn room(&self, camera: &Camera) -> Room {
         let room_from_head = match self {
             Seen::Scene(world, _) => world.room_from_head,
-            Seen::Stage(stage) => stage.viewer.room_from_head,
+            Seen::Stage(stage, state) => {
+                state.head.as_ref().and_then(usable).unwrap_or(stage.viewer.room_from_head)
+            }
         };
         Room::new(self.stage(), &room_from_head, &camera.eye())
     }
@@ -232,7 +272,7 @@ fn picture(args: &Args, mut seen: Seen, camera: Camera, path: &Path) -> Result<(
     }
     let room = seen.room(&camera);
     match &mut seen {
-        Seen::Stage(_) => {
+        Seen::Stage(..) => {
             renderer.draw(&gpu, &[target.picture(&viewports)], &room.contents(FrameContents::default()))?;
         }
         Seen::Scene(world, _) => {
@@ -269,6 +309,10 @@ fn play(world: &mut World, script: Option<&Script>, time_s: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stage::BUILT_IN;
+    use crate::track::device::{DeviceState, Source};
+    use nalgebra::{Isometry3, Point3};
+    use std::sync::{Arc, Mutex};
 
     #[test]
     fn a_word_that_is_no_number_is_refused_wherever_it_stands() {
@@ -280,5 +324,70 @@ mod tests {
         for wrong in ["1280xfoox960", "1280", "x1280x960", "8x960", "1280x960x2", "-1280x960"] {
             assert!(size(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[derive(Clone, Default)]
+    struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
+
+    impl Source for Puppet {
+        fn describe(&self) -> String {
+            "puppet".into()
+        }
+
+        fn latest(&mut self) -> &DeviceState {
+            self.1 = self.0.lock().unwrap().clone();
+            &self.1
+        }
+    }
+
+    const TRACKING: &str = "
+[tracker.lab]
+dtrack = \"0\"
+room_from_tracker = { position = [0.0, 1.0, 0.0] }
+[sensor.head]
+tracker = \"lab\"
+id = 0
+[sensor.wand]
+tracker = \"lab\"
+id = 1
+[stylus.right]
+sensor = \"wand\"
+";
+
+    #[test]
+    fn an_installer_sees_head_stylus_and_every_sensor_where_the_calibration_puts_them() {
+        let text = BUILT_IN[0].1.replacen("[viewer]", "[viewer]\nhead = \"head\"", 1) + TRACKING;
+        let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
+        let puppet = Puppet::default();
+        let mut rig = Rig::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
+        let viewer = stage.viewer.room_from_head;
+        let mut seen = Seen::Stage(Box::new(stage), TrackerState::default());
+        let drawn = |seen: &mut Seen, rig: &mut Rig| {
+            let reports = seen.step(Some(rig), 0.0, &mut 0);
+            let mut room = seen.room(&Camera::of(seen.stage()));
+            room.add_sensors(&reports);
+            let said = |room: &Room, of: &str| {
+                room.labels.iter().find(|label| label.text.starts_with(of)).map(|label| label.place)
+            };
+            (seen.styli(), said(&room, "head"), said(&room, "wand"), said(&room, "7 of lab"), room)
+        };
+        let (styli, head, wand, seventh, room) = drawn(&mut seen, &mut rig);
+        assert!(styli.is_empty() && [head, wand, seventh] == [None; 3], "nobody has spoken");
+        let eyes = |room: &Room| room.balls.iter().filter(|ball| ball.radius_m == 0.016).count();
+        assert_eq!(eyes(&room), 2);
+        for (sensor, place) in [(0, [0.2, 0.6, 1.2]), (1, [0.3, 0.2, 0.5]), (7, [1.0, 0.0, 0.0])] {
+            let [x, y, z] = place;
+            puppet.0.lock().unwrap().take_pose(sensor, Isometry3::translation(x, y, z), None, 1.0);
+        }
+        let (styli, head, wand, seventh, _) = drawn(&mut seen, &mut rig);
+        let off = |found: Option<Point3<f64>>, x: f64, y: f64, z: f64| {
+            (found.unwrap() - Point3::new(x, y, z)).norm()
+        };
+        assert!(off(head, 0.2, 1.6, 1.2) < 1e-6 && off(wand, 0.3, 1.2, 0.5) < 1e-6);
+        assert!(off(seventh, 1.0, 1.0, 0.0) < 1e-6, "one that the stage does not name");
+        let tip = styli[0].room_from_stylus.fixed_view::<3, 1>(0, 3).into_owned();
+        assert!((tip - nalgebra::Vector3::new(0.3, 1.2, 0.5)).norm() < 1e-6, "{tip}");
+        let Seen::Stage(_, state) = &seen else { panic!("a stage") };
+        assert!(state.head.is_some_and(|head| (head.translation.vector.cast() - viewer.translation.vector).norm() > 0.1));
     }
 }

@@ -297,12 +297,15 @@ impl WindowApp for Viewer {
         if let Some(bodies) = &mut self.bodies {
             let upload_s = bodies.upload(&windows.gpu, &mut self.world)?;
             let instances = bodies.instances(&self.world);
+            let reports = self.rig.as_mut().filter(|_| self.aids.wants_reports());
+            let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
             let staged = Staged {
                 stage: &self.world.stage,
                 layout: &self.layout,
                 sizes: &self.sizes,
                 swapped: self.swapped,
                 room_from_head: self.world.room_from_head,
+                reports: &reports,
             };
             let deformation = bodies.deformation();
             let source = match (&self.replay, &self.script) {
@@ -310,8 +313,6 @@ impl WindowApp for Viewer {
                 (None, Some(_)) => "moved by the script",
                 (None, None) => super::track::mover(self.rig.as_ref()),
             };
-            let reports = self.rig.as_mut().filter(|_| self.aids.has_panel());
-            let reports = reports.map(|rig| rig.report(now_s())).unwrap_or_default();
             let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
             let haptics = haptics.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {

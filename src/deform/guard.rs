@@ -4,7 +4,8 @@
 //! and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
 
 use super::ControlPose;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use crate::fem::Polar;
+use nalgebra::{Matrix3, UnitQuaternion};
 
 /// Least and greatest stretch of a control element along any direction.
 pub const STRETCH: [f64; 2] = [0.05, 20.0];
@@ -50,20 +51,21 @@ impl PoseGuard {
         if pose == last {
             return (*pose, Vec::new());
         }
-        let parts = if pose.is_finite() { polar(&pose.matrix) } else { None };
-        let Some((rotation, stretch, mirrored)) = parts else {
+        let polar = if pose.is_finite() { Polar::of(&pose.matrix) } else { None };
+        let Some(polar) = polar else {
             return (*last, vec![PoseFault::NotFinite]);
         };
+        let (rotation, mirrored) = (polar.turn(), polar.sign < 0.0);
         let mut faults = Vec::new();
         if mirrored {
             faults.push(PoseFault::Mirrored);
         }
-        let (stretch, clamped) = clamp(&stretch);
+        let (stretch, clamped) = clamp(&polar.stretch());
         if clamped {
             faults.push(PoseFault::Stretch);
         }
         // The last pose went through here, so its polar factor is defined.
-        let turned = polar(&last.matrix).map_or(UnitQuaternion::identity(), |(rotation, ..)| rotation);
+        let turned = Polar::of(&last.matrix).map_or(UnitQuaternion::identity(), |polar| polar.turn());
         let angle = turned.angle_to(&rotation);
         if angle > JUMP {
             faults.push(PoseFault::Jump);
@@ -82,21 +84,6 @@ impl PoseGuard {
     }
 }
 
-/// M = R S with R a rotation: R as a quaternion, S symmetric, and whether M mirrored, in which case the smallest
-/// stretch is turned positive. `None` where the decomposition is not finite.
-fn polar(matrix: &Matrix3<f64>) -> Option<(UnitQuaternion<f64>, Matrix3<f64>, bool)> {
-    let svd = matrix.svd(true, true);
-    let (u, vt) = (svd.u?, svd.v_t?);
-    let mirrored = (u * vt).determinant() < 0.0;
-    let fix = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, if mirrored { -1.0 } else { 1.0 }));
-    let rotation = u * fix * vt;
-    let stretch = vt.transpose() * Matrix3::from_diagonal(&svd.singular_values) * vt;
-    let is_finite = rotation.iter().chain(stretch.iter()).all(|value| value.is_finite());
-    // Not `from_matrix`, whose iteration finds no way out of half a turn.
-    let rotation = Rotation3::from_matrix_unchecked(rotation);
-    is_finite.then(|| (UnitQuaternion::from_rotation_matrix(&rotation), stretch, mirrored))
-}
-
 /// S with its eigenvalues clamped to [`STRETCH`], and whether one had to be.
 fn clamp(stretch: &Matrix3<f64>) -> (Matrix3<f64>, bool) {
     let eigen = stretch.symmetric_eigen();
@@ -112,6 +99,7 @@ fn clamp(stretch: &Matrix3<f64>) -> (Matrix3<f64>, bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Rotation3, Vector3};
 
     fn turned(angle: f64) -> ControlPose {
         let matrix = *Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
@@ -188,7 +176,7 @@ mod tests {
         let far = turned(170f64.to_radians());
         let (mut last, faults) = guard.admit(&ControlPose::REST, &far);
         assert_eq!(faults, [PoseFault::Jump]);
-        let angle = |pose: &ControlPose| polar(&pose.matrix).unwrap().0.angle();
+        let angle = |pose: &ControlPose| Polar::of(&pose.matrix).unwrap().turn().angle();
         assert!((angle(&last) - CATCH_UP).abs() < 1e-9);
         let mut followed = || {
             last = guard.admit(&last, &far).0;

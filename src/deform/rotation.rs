@@ -6,6 +6,7 @@
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
 use super::{Coefficients, ControlPose, ControlRest, DeformationModel, Kind, ModelEntry};
+use crate::fem::Polar;
 use crate::green::Needs;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -75,7 +76,7 @@ impl DeformationModel for Rotation {
 pub fn unwrapped(last: Option<&[UnitQuaternion<f64>]>, poses: &[ControlPose]) -> Vec<UnitQuaternion<f64>> {
     let turn = |(e, pose): (usize, &ControlPose)| {
         let before = last.and_then(|last| last.get(e));
-        let rotation = polar(&pose.matrix).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
+        let rotation = nearest(&pose.matrix).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
         match (rotation, before) {
             (Some(now), Some(before)) if now.coords.dot(&before.coords) < 0.0 => {
                 UnitQuaternion::new_unchecked(-now.into_inner())
@@ -126,28 +127,21 @@ fn weights(controls: &[ControlRest]) -> Vec<f64> {
     controls.iter().map(|control| control.nodes as f64 / total.max(1.0)).collect()
 }
 
-/// The rotation nearest to A.
-pub(super) fn polar(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+/// The rotation nearest to A, or `None` where it is not defined.
+pub(super) fn nearest(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
     stationary(a).map(|[nearest, ..]| nearest)
 }
 
-/// The rotations at which tr(AᵀR) is stationary: U diag(1, 1, det UVᵀ) Vᵀ of A = U Σ Vᵀ, the nearest to A, and those
-/// with two of the signs turned. `None` where the nearest is not defined.
+/// The rotations at which tr(AᵀR) is stationary: the polar factor of A, which is the nearest to it, and those with two
+/// of its signs turned. `None` where the nearest is not defined.
 fn stationary(a: &Matrix3<f64>) -> Option<[Rotation3<f64>; 4]> {
-    if !a.iter().all(|value| value.is_finite()) {
-        return None;
-    }
-    let svd = a.svd(true, true);
-    let (u, vt) = (svd.u?, svd.v_t?);
-    let sign = (u * vt).determinant().signum();
-    let sigma = svd.singular_values;
+    let polar = Polar::of(a)?;
+    let Polar { sigma, sign, .. } = polar;
     if sigma[1] + sign * sigma[2] < DEFINED * sigma[0] || sigma[0] == 0.0 {
         return None;
     }
     let signs = [[1.0, 1.0, sign], [1.0, -1.0, -sign], [-1.0, 1.0, -sign], [-1.0, -1.0, sign]];
-    Some(signs.map(|signs| {
-        Rotation3::from_matrix_unchecked(u * Matrix3::from_diagonal(&Vector3::from(signs)) * vt)
-    }))
+    Some(signs.map(|signs| polar.with_signs(signs)))
 }
 
 #[cfg(test)]

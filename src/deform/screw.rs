@@ -11,7 +11,7 @@
 //! body, they do so on the whole way.
 
 use super::ControlPose;
-use super::rotation::polar;
+use super::rotation::nearest;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// A pose as a screw motion and a stretch; all zero at rest.
@@ -29,12 +29,12 @@ impl Screw {
     /// Where M is too flat to have a rotation, it is all stretch.
     pub fn of(pose: &ControlPose) -> Screw {
         let is_rotation = (pose.matrix.transpose() * pose.matrix - Matrix3::identity()).amax() < 1e-12;
-        let rotation = match polar(&pose.matrix) {
+        let rotation = match nearest(&pose.matrix) {
             // As it stands: the last bits decide which way half a turn goes.
             Some(_) if is_rotation && pose.matrix.determinant() > 0.0 => {
                 Rotation3::from_matrix_unchecked(pose.matrix)
             }
-            nearest => nearest.unwrap_or_else(Rotation3::identity),
+            rotation => rotation.unwrap_or_else(Rotation3::identity),
         };
         let turn = UnitQuaternion::from_rotation_matrix(&rotation).scaled_axis();
         // det V = 2 (1 - cos θ)/θ² is at least 4/π².

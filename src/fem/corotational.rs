@@ -8,8 +8,8 @@
 //! with [axial(A)] = A (Sifakis and Barbič, FEM Simulation of 3D Deformable Solids, SIGGRAPH 2012 courses, section 3.4;
 //! McAdams et al., ACM Trans. Graph. 30(4), 2011, for dR). R is the proper rotation also where F is turned inside out.
 
-use super::Lame;
 use super::hyperelastic::{Law, Tangent};
+use super::{Lame, Polar};
 use nalgebra::{Matrix3, Vector3};
 
 pub const COROTATIONAL: Law = Law {
@@ -25,10 +25,7 @@ const LEAST: f64 = 1e-6;
 
 /// R.
 fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
-    let svd = f.svd(true, true);
-    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
-    let sign = (u * vt).determinant().signum();
-    u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * vt
+    Polar::of(f).map_or_else(Matrix3::identity, |polar| polar.rotation().into_inner())
 }
 
 fn energy(h: &Matrix3<f64>, lame: Lame) -> f64 {

@@ -12,6 +12,7 @@ mod hyperelastic;
 mod material;
 mod neo_hookean;
 mod partition;
+mod polar;
 mod stiffness;
 mod stvk;
 pub mod tet10;
@@ -24,6 +25,7 @@ pub use hyperelastic::{Hyperelastic, Law, Tangent};
 pub use material::Lame;
 pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
+pub use polar::{Polar, nearest_turn};
 pub use stiffness::StiffnessMatrix;
 pub use stvk::STVK;
 

@@ -2,7 +2,7 @@
 
 use super::check::Finding;
 use super::{ControlElement, FIELDS, GreenError, Needs, Prepared};
-use crate::fem::{self, NodeFields, Partition, StiffnessMatrix};
+use crate::fem::{self, AssemblyError, Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::trouble::Severity;
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{Body, Element, Method, Scene, Storage};
@@ -103,6 +103,14 @@ pub fn solve(
     Ok(solution)
 }
 
+/// K of tetrahedra with the nodes of this element, and a material each.
+pub fn assemble(element: Element, mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
+    match element {
+        Element::Tet4 | Element::Tet10 => fem::assemble(mesh, lame),
+        Element::Tet4Anp => fem::assemble_anp(mesh, lame),
+    }
+}
+
 /// [`solve`] of a body that was prepared, as it is in `prepared`.
 pub fn solve_prepared(
     scene: &Scene,
@@ -122,11 +130,8 @@ pub fn solve_prepared(
 
     progress.begin("assembly", 0);
     let started = Instant::now();
-    let k = match body.element {
-        Element::Tet4 | Element::Tet10 => fem::assemble(&mesh, &lame),
-        Element::Tet4Anp => fem::assemble_anp(&mesh, &lame),
-    };
-    let k = k.map_err(|source| GreenError::Assembly { body: place.clone(), source })?;
+    let k = assemble(body.element, &mesh, &lame)
+        .map_err(|source| GreenError::Assembly { body: place.clone(), source })?;
     let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
     let a = partition.a(&k);
     times.assembly_s = started.elapsed().as_secs_f64();

@@ -14,7 +14,7 @@ mod prepare;
 mod storage;
 
 pub use crate::mesh::trouble::Severity;
-pub use basis::{Precomputed, Solution, StepTimes, precompute, refuse, solve, solve_prepared};
+pub use basis::{Precomputed, Solution, StepTimes, assemble, precompute, refuse, solve, solve_prepared};
 pub use check::Finding;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};

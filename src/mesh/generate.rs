@@ -37,6 +37,18 @@ pub struct Tube {
     pub control_length: f64,
 }
 
+/// For tests: a ring whose wall is one cell thick.
+#[cfg(test)]
+pub(crate) const RING: Tube = Tube {
+    inner_radius: 0.5,
+    outer_radius: 1.0,
+    length: 1.0,
+    radial: 1,
+    around: 8,
+    along: 4,
+    control_length: 0.25,
+};
+
 /// A block centred on the origin: Π(cells + 1) nodes, 5·Π cells tetrahedra.
 ///
 /// Its groups are the nodes of its six faces: "xmin", "xmax", "ymin", "ymax", "zmin", "zmax".

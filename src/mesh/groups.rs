@@ -76,7 +76,8 @@ impl ByLeast {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Block, Tube, block, quadratic, tube};
+    use crate::mesh::generate::RING;
+    use crate::mesh::{Block, block, quadratic, tube};
     use nalgebra::Vector3;
 
     /// The group's nodes are those for which `lies_in` holds.
@@ -99,16 +100,7 @@ mod tests {
     /// A wall of one layer: all its nodes are on the surface, whether a group means its skin or its thickness.
     #[test]
     fn skin_and_thickness_of_a_thin_wall_are_told_apart() {
-        let ring = Tube {
-            inner_radius: 0.5,
-            outer_radius: 1.0,
-            length: 1.0,
-            radial: 1,
-            around: 8,
-            along: 4,
-            control_length: 0.25,
-        };
-        let mesh = quadratic(tube(&ring).unwrap(), &|a, b| ring.curve(a, b));
+        let mesh = quadratic(tube(&RING).unwrap(), &|a, b| RING.curve(a, b));
         assert_group(&mesh, "left", |x| x.x < -0.25 + 1e-12);
         assert_group(&mesh, "inner", |x| x.yz().norm() < 0.5 + 1e-12);
         assert_group(&mesh, "outer", |x| x.yz().norm() > 1.0 - 1e-12);

@@ -117,7 +117,8 @@ pub fn least_jacobian(mesh: &TetMesh, tet: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Block, Surface, Tube, block, grow, quality, tube};
+    use crate::mesh::generate::RING;
+    use crate::mesh::{Block, Surface, block, grow, quality, tube};
 
     #[test]
     fn shapes_are_one_at_their_own_node_and_sum_to_one() {
@@ -147,19 +148,10 @@ mod tests {
 
     #[test]
     fn a_ring_is_rounder_with_curved_edges() {
-        let ring = Tube {
-            inner_radius: 0.5,
-            outer_radius: 1.0,
-            length: 1.0,
-            radial: 1,
-            around: 8,
-            along: 4,
-            control_length: 0.0,
-        };
-        let mesh = quadratic(tube(&ring).unwrap(), &|a, b| ring.curve(a, b));
+        let mesh = quadratic(tube(&RING).unwrap(), &|a, b| RING.curve(a, b));
         let exact = std::f64::consts::PI * 0.75;
         let error = |mesh: &TetMesh| (Surface::of(mesh).volume(mesh) - exact).abs() / exact;
-        assert!(error(&mesh) < 0.03 && error(&tube(&ring).unwrap()) > 0.09);
+        assert!(error(&mesh) < 0.03 && error(&tube(&RING).unwrap()) > 0.09);
         assert!((0..mesh.tets.len()).all(|tet| least_jacobian(&mesh, tet) > 0.3));
         assert_eq!(quality::components(&mesh).nodes[0].len(), mesh.nodes.len());
     }

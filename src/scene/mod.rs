@@ -121,6 +121,9 @@ pub enum Element {
 }
 
 impl Element {
+    /// From the least accurate on.
+    pub const ALL: [Element; 3] = [Element::Tet4, Element::Tet4Anp, Element::Tet10];
+
     /// As scenes name it.
     pub fn name(self) -> &'static str {
         match self {

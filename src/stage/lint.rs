@@ -3,8 +3,7 @@
 //! In: a [`Stage`], and the monitors of its desktop where they are known. Out: [`Lint`]s with their numbers: how edges
 //! meet, shapes of pixels, sides and eyes, windows on their monitors.
 
-use super::meet::{Meeting, meetings};
-use super::{Eye, MIN_EYE_DISTANCE_M, Monitor, Screen, Stage, Stereo, Window};
+use super::{Eye, MIN_EYE_DISTANCE_M, Monitor, Screen, Seam, Stage, Stereo, Window};
 use nalgebra::Point3;
 
 /// How bad a finding is.
@@ -33,7 +32,7 @@ const PIXEL_RATIO: f64 = 0.01;
 /// distance", 2004: 5 % lie below, 5 % above).
 const USUAL_IPD_M: std::ops::RangeInclusive<f64> = 0.055..=0.070;
 /// Edges that meet better than a tape measures are told as closed, m.
-const CLOSED_M: f64 = 0.0005;
+pub(super) const CLOSED_M: f64 = 0.0005;
 /// Corners off a rectangle by more than this are told, m.
 const SKEW_M: f64 = 0.0005;
 /// A place this much beyond a screen's edge, in half widths and heights, may still lie behind a bezel.
@@ -47,9 +46,7 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Lint> {
     for screen in &stage.screens {
         screens(stage, screen, &mut found);
     }
-    for meeting in meetings(&stage.screens) {
-        found.push(seam(stage, &meeting));
-    }
+    found.extend(stage.seams().iter().map(|of| seam(stage, of)));
     viewer(stage, &mut found);
     eyes(stage, &mut found);
     windows(stage, monitors, &mut found);
@@ -106,21 +103,21 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
     }
 }
 
-fn seam(stage: &Stage, meeting: &Meeting) -> Lint {
+fn seam(stage: &Stage, seam: &Seam) -> Lint {
     let [a, b] = [0, 1].map(|k| {
-        let (screen, edge) = meeting.edges[k];
+        let (screen, edge) = seam.edges[k];
         format!("{} edge of {}", edge.name(), stage.screens[screen].name)
     });
     // Added to, -0.0 is told as 0.0.
     let mm = |m: f64| (m * 1e4).round() / 10.0 + 0.0;
-    let [first, second] = meeting.gap_m;
-    let worst_m = first.abs().max(second.abs());
-    let along_m = meeting.along_m[0].abs().max(meeting.along_m[1].abs());
+    let [first, second] = seam.gap_m;
+    let worst_m = seam.widest_m();
+    let along_m = seam.along_m[0].abs().max(seam.along_m[1].abs());
     let along = match along_m > CLOSED_M {
         true => format!(
             ", and their ends are {:.1} and {:.1} mm off along it",
-            mm(meeting.along_m[0]),
-            mm(meeting.along_m[1])
+            mm(seam.along_m[0]),
+            mm(seam.along_m[1])
         ),
         false => String::new(),
     };
@@ -130,13 +127,13 @@ fn seam(stage: &Stage, meeting: &Meeting) -> Lint {
     };
     let (level, what) = if worst_m <= CLOSED_M {
         (Level::Note, format!("meet within {:.1} mm", mm(worst_m)))
-    } else if meeting.is_overlap {
+    } else if seam.is_overlap {
         (Level::Warning, format!("overlap by {:.1} mm{opens}", mm(worst_m)))
     } else {
         (Level::Warning, format!("leave a gap of {:.1} mm{opens}", mm(worst_m)))
     };
     let level = if along_m > CLOSED_M { Level::Warning } else { level };
-    let names = meeting.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
+    let names = seam.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
     Lint {
         level,
         entity: format!("seam.{}-{}", names[0], names[1]),

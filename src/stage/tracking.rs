@@ -6,6 +6,7 @@
 mod address;
 mod fault;
 mod file;
+pub mod vrpn;
 
 pub use fault::TrackingFault;
 pub(super) use file::{MountFile, SensorFile, StylusFile, TrackerFile, check, isometry};
@@ -39,11 +40,7 @@ pub struct Tracker {
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrackerKind {
     Vrpn {
-        device: String,
-        host: String,
-        port: u16,
-        /// Poses may come by UDP; false, as `tcp://` in the address asks: all by the one TCP connection.
-        udp: bool,
+        address: vrpn::Address,
         transport: Transport,
     },
     Dtrack {
@@ -189,10 +186,9 @@ impl TrackerFrame {
 impl std::fmt::Display for TrackerKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            TrackerKind::Vrpn { device, host, port, udp, transport } => {
-                let tcp = if *udp { "" } else { "tcp://" };
+            TrackerKind::Vrpn { address, transport } => {
                 let lob = if *transport == Transport::Lob { " (lob)" } else { "" };
-                write!(f, "vrpn {device}@{tcp}{host}:{port}{lob}")
+                write!(f, "vrpn {address}{lob}")
             }
             TrackerKind::Dtrack { listen } => write!(f, "dtrack on {listen}"),
             TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),

@@ -13,6 +13,8 @@ pub mod mouse;
 mod open;
 pub mod osc;
 mod pace;
+#[cfg(test)]
+pub(crate) mod puppet;
 pub mod rig;
 pub mod script;
 pub mod udp;

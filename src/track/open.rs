@@ -21,10 +21,7 @@ pub enum OpenError {
 /// Opens a source: one line per kind.
 pub fn open(tracker: &str, kind: &TrackerKind) -> Result<Box<dyn Source>, OpenError> {
     Ok(match kind {
-        TrackerKind::Vrpn { device, host, port, udp, transport } => {
-            let (device, host) = (device.clone(), host.clone());
-            Box::new(vrpn::Client::open(vrpn::Address { device, host, port: *port, udp: *udp }, *transport))
-        }
+        TrackerKind::Vrpn { address, transport } => Box::new(vrpn::Client::open(address.clone(), *transport)),
         TrackerKind::Dtrack { listen } => {
             Box::new(udp::listen(tracker, "dtrack", *listen, dtrack::Dtrack::default())?)
         }

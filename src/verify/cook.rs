@@ -37,7 +37,7 @@ fn shape(place: &Vector3<f64>, thickness: f64) -> Vector3<f64> {
     Vector3::new(48.0 * place.x, 44.0 * place.x + place.y * (44.0 - 28.0 * place.x), thickness * place.z)
 }
 
-fn plane_stress(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn plane_stress(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     const HALF: f64 = 0.5;
     let n = element.cells(size);
     let mut body = Body::new(element, [n, n, 1], |place| shape(place, HALF))?;
@@ -46,7 +46,7 @@ fn plane_stress(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
     measure(&body, element, Lame::from_young_poisson(1.0, 1.0 / 3.0), STRESS_VALUES, STRESS_KNOWN_TO)
 }
 
-fn plane_strain(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn plane_strain(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     let n = element.cells(size);
     let height = 48.0 / f64::from(n);
     let mut body = Body::kuhn(element, [n, n, 1], |place| shape(place, height))?;
@@ -65,13 +65,13 @@ fn clamp_and_load(body: &mut Body, shear: f64) {
 
 fn measure(
     body: &Body,
-    element: &Element,
+    element: Element,
     lame: Lame,
     reference: [f64; 2],
     known_to: f64,
 ) -> Result<Vec<Measure>, Fault> {
     let solution = body.solve(element, lame)?;
-    let bound = if element.order == 2 { Bound::error(WITHIN) } else { Bound::NONE };
+    let bound = if element.order() == 2 { Bound::error(WITHIN) } else { Bound::NONE };
     let vertical = |y: f64| Ok::<f64, Fault>(solution.displacement[body.node_at([1.0, y, 0.0])?].y);
     Ok(vec![
         solution.value("v(48, 52)", vertical(0.5)?, reference[0], known_to, bound),

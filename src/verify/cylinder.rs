@@ -60,7 +60,7 @@ impl Exact for Cylinder {
     }
 }
 
-fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     let n = element.cells(size);
     let height = (OUTER - INNER) / f64::from(n);
     let mut body = Body::kuhn(element, [n, 2 * n, 1], |place| {

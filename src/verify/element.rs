@@ -1,18 +1,7 @@
-//! The elements that are compared: a line each.
+//! What is known of the elements that are compared.
 
 use super::Bound;
-use crate::fem::{self, AssemblyError, Lame, StiffnessMatrix};
-use crate::mesh::TetMesh;
-
-/// One way to make K from tetrahedra.
-pub struct Element {
-    pub name: &'static str,
-    /// Degree of the displacement: 1 has nodes at corners, 2 between them too.
-    pub order: u32,
-    pub assemble: fn(&TetMesh, &[Lame]) -> Result<StiffnessMatrix, AssemblyError>,
-    /// Where its dilatation is taken.
-    pub dilatation: Dilatation,
-}
+use crate::scene::Element;
 
 /// The tr(ε) that λ multiplies.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,22 +12,32 @@ pub enum Dilatation {
     Nodal,
 }
 
-pub const ELEMENTS: &[Element] = &[
-    Element { name: "tet4", order: 1, assemble: fem::assemble, dilatation: Dilatation::Pointwise },
-    Element { name: "tet4_anp", order: 1, assemble: fem::assemble_anp, dilatation: Dilatation::Nodal },
-    Element { name: "tet10", order: 2, assemble: fem::assemble, dilatation: Dilatation::Pointwise },
-];
-
 impl Element {
+    /// Degree of the displacement: 1 has nodes at corners, 2 between them too.
+    pub fn order(self) -> u32 {
+        match self {
+            Element::Tet4 | Element::Tet4Anp => 1,
+            Element::Tet10 => 2,
+        }
+    }
+
+    /// Where its dilatation is taken.
+    pub fn dilatation(self) -> Dilatation {
+        match self {
+            Element::Tet4 | Element::Tet10 => Dilatation::Pointwise,
+            Element::Tet4Anp => Dilatation::Nodal,
+        }
+    }
+
     /// Cells for a problem's `size`: that many of quadratic elements, twice as many of linear ones, so that both have
     /// about as many nodes.
-    pub fn cells(&self, size: u32) -> u32 {
-        2 * size / self.order
+    pub fn cells(self, size: u32) -> u32 {
+        2 * size / self.order()
     }
 
     /// Whether it is the plain displacement element of its order, that any other program has too.
-    pub fn is_standard(&self) -> bool {
-        self.dilatation == Dilatation::Pointwise
+    pub fn is_standard(self) -> bool {
+        self.dilatation() == Dilatation::Pointwise
     }
 
     /// The least rates in L2 and in energy that theory promises where the solution is smooth, less 0.3: what a rate
@@ -48,11 +47,11 @@ impl Element {
     /// the same on meshes finer than any that can be afforded. Quadratic ones lose one order (Babuška and Suri,
     /// Numer. Math. 62, 1992, 439-463, on triangles) and keep h^p in energy, with a constant that grows as √λ. For mean
     /// pressures nothing is proven there.
-    pub fn promised(&self, poisson: f64) -> (Bound, Bound) {
+    pub fn promised(self, poisson: f64) -> (Bound, Bound) {
         const SHORT: f64 = 0.3;
-        let order = f64::from(self.order);
+        let order = f64::from(self.order());
         let is_near_half = poisson > 0.4;
-        if is_near_half && self.order == 1 {
+        if is_near_half && self.order() == 1 {
             return (Bound::NONE, Bound::NONE);
         }
         let l2 = if is_near_half { order } else { order + 1.0 };

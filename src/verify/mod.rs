@@ -1,6 +1,6 @@
 //! Problems with published or analytic answers, and how near the elements come to them.
 //!
-//! In: [`PROBLEMS`] and [`ELEMENTS`], a line each. Every problem is solved with every element on a sequence of uniformly
+//! In: [`PROBLEMS`] and [`Element::ALL`], a line each. Every problem is solved with every element on a sequence of uniformly
 //! refined meshes. Out: [`Row`]s, one for each quantity and element, with the error on every mesh, the fitted rate and
 //! whether it keeps what theory promises.
 //!
@@ -24,8 +24,8 @@ mod solution;
 mod torsion;
 mod twisted_beam;
 
+pub use crate::scene::Element;
 pub use body::Body;
-pub use element::{ELEMENTS, Element};
 pub use fit::rate;
 pub use kelvin::Kelvin;
 pub use solution::{Bound, Exact, Measure, Solution};
@@ -44,7 +44,7 @@ pub struct Problem {
     pub source: &'static str,
     /// Of the meshes from coarse to fine, see [`Element::cells`]; effort chooses how many are solved.
     pub sizes: [u32; 4],
-    pub solve: fn(&Element, u32) -> Result<Vec<Measure>, Fault>,
+    pub solve: fn(Element, u32) -> Result<Vec<Measure>, Fault>,
 }
 
 pub const PROBLEMS: &[Problem] = &[
@@ -141,11 +141,11 @@ pub fn run(problem: &Problem, effort: Effort) -> Result<Vec<Row>, VerifyError> {
         Effort::Fine => &problem.sizes[..],
     };
     let mut table = Table::default();
-    for element in ELEMENTS {
+    for element in Element::ALL {
         for &size in sizes {
             let measures = (problem.solve)(element, size).map_err(|fault| VerifyError {
                 problem: problem.name,
-                element: element.name,
+                element: element.name(),
                 size,
                 fault,
             })?;
@@ -164,10 +164,10 @@ struct Table {
 }
 
 impl Table {
-    fn add(&mut self, problem: &Problem, element: &Element, size: u32, measure: Measure) {
+    fn add(&mut self, problem: &Problem, element: Element, size: u32, measure: Measure) {
         let Measure { quantity, nodes, seconds, value, reference, error, known_to, bound } = measure;
         let level = Level { h: 1.0 / f64::from(element.cells(size)), nodes, value, error, seconds };
-        let same = |row: &Row| row.quantity == quantity && row.element == element.name;
+        let same = |row: &Row| row.quantity == quantity && row.element == element.name();
         match self.rows.iter_mut().find(|row| same(row)) {
             Some(row) => row.levels.push(level),
             None => {
@@ -175,7 +175,7 @@ impl Table {
                 let row = Row {
                     problem: problem.name.into(),
                     quantity,
-                    element: element.name.into(),
+                    element: element.name().into(),
                     reference,
                     levels: vec![level],
                     known_to,

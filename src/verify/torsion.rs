@@ -35,7 +35,7 @@ fn torsion_constant() -> f64 {
     (1.0 - 192.0 / PI.powi(5) * sum) / 3.0
 }
 
-fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     const TWIST: f64 = 1.0;
     const LENGTH: f64 = 0.25;
     let n = element.cells(size);
@@ -48,7 +48,7 @@ fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
     let lame = Lame::from_young_poisson(1.0, 0.3);
     let solution = body.solve(element, lame)?;
     let value = 2.0 * solution.energy / (lame.mu * TWIST * TWIST * LENGTH);
-    let bound = Bound::rate(if element.order == 2 { LEAST_QUADRATIC } else { LEAST_LINEAR });
+    let bound = Bound::rate(if element.order() == 2 { LEAST_QUADRATIC } else { LEAST_LINEAR });
     Ok(vec![solution.value("J/a⁴", value, torsion_constant(), 0.0, bound)])
 }
 

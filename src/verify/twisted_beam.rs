@@ -35,9 +35,9 @@ fn shape(place: &Vector3<f64>) -> Vector3<f64> {
         + Vector3::new(LENGTH * place.x, 0.0, 0.0)
 }
 
-fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     let n = element.cells(size);
-    let bound = if element.order == 2 { Bound::error(WITHIN) } else { Bound::NONE };
+    let bound = if element.order() == 2 { Bound::error(WITHIN) } else { Bound::NONE };
     let mut measures = Vec::new();
     for (quantity, axis, reference) in [("u_z for F_z", 2, ALONG_Z), ("u_y for F_y", 1, ALONG_Y)] {
         let mut body = Body::new(element, [12 * n, 2 * n, n], shape)?;

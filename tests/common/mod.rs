@@ -62,6 +62,16 @@ pub fn some_pose(seed: f64) -> ControlPose {
     pose
 }
 
+/// Rows of a CSV file with a heading: the first `keys` cells, and the numbers after them.
+pub fn csv_rows(path: &Path, keys: usize) -> Vec<(String, Vec<f64>)> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        (cells[..keys].join(","), cells[keys..].iter().map(|cell| cell.parse().unwrap()).collect())
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
 #[derive(serde::Deserialize)]
 struct PoseFile {
     pose: Vec<FilePose>,

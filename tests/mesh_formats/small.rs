@@ -2,16 +2,11 @@
 
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use nalgebra::Vector3;
 use std::io::Write;
 
-const NODES: [[f64; 3]; 5] =
+pub const NODES: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]];
 const TETS: [[u32; 4]; 2] = [[0, 1, 2, 3], [1, 2, 3, 4]];
-
-pub fn nodes() -> Vec<Vector3<f64>> {
-    NODES.map(Vector3::from).to_vec()
-}
 
 /// Every variant but TetGen's, which are two files.
 pub fn all() -> Vec<(String, Vec<u8>)> {
@@ -171,7 +166,7 @@ pub fn vtk_binary(version: u8) -> Vec<u8> {
 }
 
 /// All of a file but its end; `array` writes an array of a type, with attributes and values.
-fn vtu_head(attributes: &str, mut array: impl FnMut(&str, &str, &str) -> String) -> String {
+pub fn vtu_head(attributes: &str, mut array: impl FnMut(&str, &str, &str) -> String) -> String {
     let points = NODES.map(|x| format!("{} {} {}", x[0], x[1], x[2])).join("\n");
     let points = array("Float64", "Name=\"Points\" NumberOfComponents=\"3\"", &points);
     let connectivity = array("Int32", "Name=\"connectivity\"", "0 1 2 3\n1 2 3 4");
@@ -253,19 +248,6 @@ pub fn vtu(big: bool, wide: bool, zlib: bool, placing: Placing) -> Vec<u8> {
     out
 }
 
-/// A file whose first array is said to hold, and does hold, far more than the file's own bytes.
-pub fn vtu_bomb() -> Vec<u8> {
-    let array = |kind: &str, rest: &str, _: &str| {
-        let block = deflated(&vec![0; 1 << 20]);
-        let head: Vec<u8> =
-            [1, 1 << 20, 0, block.len()].iter().flat_map(|n| (*n as u32).to_le_bytes()).collect();
-        let text = base64(&head) + &base64(&block);
-        format!("<DataArray type=\"{kind}\" {rest} format=\"binary\">{text}</DataArray>\n")
-    };
-    let attributes = "byte_order=\"LittleEndian\" compressor=\"vtkZLibDataCompressor\"";
-    (vtu_head(attributes, array) + "</VTKFile>\n").into_bytes()
-}
-
 fn number(kind: &str, word: &str, big: bool) -> Vec<u8> {
     let mut bytes = match kind {
         "Float64" => word.parse::<f64>().unwrap().to_le_bytes().to_vec(),
@@ -281,13 +263,13 @@ fn number(kind: &str, word: &str, big: bool) -> Vec<u8> {
     bytes
 }
 
-fn deflated(bytes: &[u8]) -> Vec<u8> {
+pub fn deflated(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(bytes).unwrap();
     encoder.finish().unwrap()
 }
 
-fn base64(bytes: &[u8]) -> String {
+pub fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let quad = |three: &[u8]| {
         let bits = (0..3).fold(0, |bits, i| bits << 8 | u32::from(three.get(i).copied().unwrap_or(0)));

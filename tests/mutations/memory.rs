@@ -51,18 +51,14 @@ static ALLOCATOR: Counting = Counting;
 
 /// What `job` returns, and how many bytes more than before this thread had in use at its peak.
 pub fn peak_of<T>(job: impl FnOnce() -> T) -> (T, usize) {
-    let before = IN_USE.with(|cell| {
-        let [now, _] = cell.get();
-        cell.set([now, now]);
-        now
-    });
+    let before = in_use();
+    IN_USE.set([before; 2]);
     let result = job();
-    let [_, peak] = IN_USE.with(Cell::get);
+    let [_, peak] = IN_USE.get();
     (result, (peak - before).max(0) as usize)
 }
 
 /// Bytes that this thread has in use now, as far as it allocated them itself.
-#[allow(dead_code, reason = "another test uses it")]
 pub fn in_use() -> isize {
-    IN_USE.with(Cell::get)[0]
+    IN_USE.get()[0]
 }

@@ -1,18 +1,17 @@
 //! Random damage to a file's bytes: as a disk, an editor or a forger would do it.
 
-/// Steele, Lea and Flood's SplitMix64 (OOPSLA 2014): every seed gives a sequence of its own.
-pub struct Random(u64);
+use greenstage::report::measure::poses;
+
+/// The same numbers on every machine.
+pub struct Random(poses::Random);
 
 impl Random {
     pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0xd134_2543_de82_ef95))
+        Random(poses::Random(seed.wrapping_mul(0xd134_2543_de82_ef95)))
     }
 
     pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.bits()
     }
 
     /// Below `end`; 0 where that is 0.

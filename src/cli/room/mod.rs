@@ -10,6 +10,8 @@ pub use camera::{Camera, Orbit};
 use super::writing::{DARK, INK, LEFT, QUIET, RIGHT, write};
 use crate::render::{Ball, FrameContents, Grid, Line, Quad, View};
 use crate::stage::{Eye, Screen, Stage};
+use crate::track::Signal;
+use crate::track::rig::TrackerReport;
 use egui::{Align2, Color32, Painter, Rect, pos2, vec2};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::f64::consts::TAU;
@@ -25,6 +27,8 @@ const GLASSES: Colour = [0.75, 0.78, 0.82, 1.0];
 const AXES: [Colour; 3] = [[0.85, 0.10, 0.07, 1.0], [0.12, 0.60, 0.10, 1.0], [0.08, 0.25, 0.95, 1.0]];
 /// Without transparency, since the pieces of a circle overlap.
 const BALL: Colour = [0.20, 0.25, 0.31, 1.0];
+/// Length of a sensor's axes, m.
+const SENSOR_M: f64 = 0.08;
 /// Sides of the polygon that stands for a circle.
 const CIRCLE: u32 = 64;
 
@@ -86,11 +90,36 @@ impl Room {
         room.add_workspace(stage);
         room.add_sights(stage, room_from_head);
         room.add_head(stage, room_from_head, floor_m);
-        room.add_axes(&Isometry3::identity(), 0.08 * radius, "");
+        let length_m = 0.08 * radius;
+        room.add_axes(&Isometry3::identity(), length_m);
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            let mut end = Point3::origin();
+            end[axis] = 1.15 * length_m;
+            room.label(end, letter, QUIET, 0.85);
+        }
         for (name, tracker) in &stage.tracking.trackers {
-            room.add_axes(&tracker.frame.room_from_tracker.isometry, 0.08 * radius, name);
+            let room_from_tracker = tracker.frame.room_from_tracker.isometry;
+            room.add_axes(&room_from_tracker, length_m);
+            let origin = Point3::from(room_from_tracker.translation.vector);
+            room.label(origin, &format!("tracker {name}"), QUIET, 0.85);
         }
         room
+    }
+
+    /// Every sensor that was ever heard of, at its place, by the stage's name or its number.
+    pub fn add_sensors(&mut self, reports: &[TrackerReport]) {
+        for (tracker, sensor) in reports.iter().flat_map(|r| r.sensors.iter().map(move |s| (&r.name, s))) {
+            let Some(room_from_sensor) = sensor.in_room else { continue };
+            let name = sensor.name.clone().unwrap_or_else(|| format!("{} of {tracker}", sensor.id));
+            let (state, ink) = match sensor.signal {
+                Signal::Live => (String::new(), INK),
+                Signal::Held { age_s } => (format!(" held for {age_s:.1} s"), QUIET),
+                Signal::Lost { age_s } => (format!(" lost for {age_s:.0} s"), QUIET),
+            };
+            self.add_axes(&room_from_sensor, SENSOR_M);
+            let place = Point3::from(room_from_sensor.translation.vector);
+            self.label(place, &format!("{name}{state}"), ink, 0.85);
+        }
     }
 
     /// What is drawn, with the bodies and styli of `contents`; its floor becomes the room's.
@@ -212,20 +241,13 @@ impl Room {
         self.line(Point3::new(head.x, floor_m, head.z), head, FAINT, 1.0);
     }
 
-    /// The axes of a frame in red, green and blue, with its name at the origin.
-    fn add_axes(&mut self, room_from_frame: &Isometry3<f64>, length_m: f64, name: &str) {
+    /// The axes of a frame in red, green and blue, as long as that.
+    fn add_axes(&mut self, room_from_frame: &Isometry3<f64>, length_m: f64) {
         let origin = room_from_frame * Point3::origin();
-        for (axis, (colour, letter)) in AXES.into_iter().zip(["x", "y", "z"]).enumerate() {
+        for (axis, colour) in AXES.into_iter().enumerate() {
             let mut end = Point3::origin();
             end[axis] = length_m;
             self.line(origin, room_from_frame * end, colour, 2.0);
-            if name.is_empty() {
-                end[axis] *= 1.15;
-                self.label(room_from_frame * end, letter, QUIET, 0.85);
-            }
-        }
-        if !name.is_empty() {
-            self.label(origin, &format!("tracker {name}"), QUIET, 0.85);
         }
     }
 }

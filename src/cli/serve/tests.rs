@@ -6,12 +6,13 @@ use crate::cli::world::World;
 use crate::deform::ControlPose;
 use crate::green::{self, GreenFile};
 use crate::scene::Scene;
-use crate::track::device::{DeviceState, Link};
+use crate::track::device::Link;
+use crate::track::puppet::Puppet;
 use crate::track::vrpn::{Address, Client, Timing, Transport};
 use crate::track::{Signal, StylusState};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// The stylus of a lab: a wand whose sensor sits 10 cm behind its tip, in a tracker whose frame is not the room's.
 const TRACKING: &str = r#"
@@ -26,19 +27,6 @@ sensor_from_body = { position = [0.0, 0.0, -0.1], rotation = [0.0, 0.0, 0.25] }
 sensor = "wand"
 grab = { tracker = "lab", button = 2 }
 "#;
-
-#[derive(Clone, Default)]
-struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
-
-impl Source for Puppet {
-    fn describe(&self) -> String {
-        "puppet".into()
-    }
-    fn latest(&mut self) -> &DeviceState {
-        self.1.clone_from(&self.0.lock().unwrap());
-        &self.1
-    }
-}
 
 /// The demo's tube with 1,920 nodes instead of 10,080.
 fn demo(stage: Stage) -> World {
@@ -66,11 +54,10 @@ impl Lab {
         let sensor = self.tracker_from_room * room_from_stylus.cast::<f64>() * self.body_from_sensor;
         let deadline_s = now_s() + 30.0;
         loop {
-            {
-                let mut said = self.puppet.0.lock().unwrap();
-                said.take_pose(7, sensor, None, 1.0);
-                said.take_button(2, pressed, None);
-            }
+            self.puppet.say(|state| {
+                state.take_pose(7, sensor, None, 1.0);
+                state.take_button(2, pressed, None);
+            });
             let state = self.rig.state(now_s());
             let stylus = state.styli[0];
             let off = stylus.room_from_stylus.to_homogeneous() - room_from_stylus.to_homogeneous();

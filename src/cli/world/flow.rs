@@ -54,8 +54,6 @@ pub struct BodyFields {
     pub place: Field<BodyPlace>,
     /// Per control element. That of a fixed one can be set.
     pub poses: Vec<Field<ControlPose>>,
-    #[allow(dead_code, reason = "for the overlay")]
-    pub coefficients: Field<Coefficients>,
     pub surface: Field<Surface>,
 }
 
@@ -201,7 +199,7 @@ fn body_fields(
         body.times.normals_s = body.deformer.times.normals_s;
         Surface(body.deformations)
     })?;
-    Ok(BodyFields { place, poses, coefficients, surface })
+    Ok(BodyFields { place, poses, surface })
 }
 
 impl Fields {

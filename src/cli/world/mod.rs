@@ -15,6 +15,7 @@ pub use body::{Mood, PlacedBody};
 pub use desk::Desk;
 pub use flow::{Bodies, Fields};
 pub use force::HeldForce;
+pub use hand::shape;
 
 use super::failure::Failure;
 use super::session;

@@ -6,22 +6,25 @@ use crate::mesh::{TetMesh, quadratic};
 use crate::report::measure::Ladder;
 use crate::scene::{Element, Generate, Method, Scene, Solver, Storage};
 use crate::solve::Progress;
-use crate::verify;
 use nalgebra::Vector3;
 
 /// How large what is computed may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Unknowns of a solve, weighed by [`RANK`].
+    /// Unknowns of a solve; each of tet4_anp counts three times.
     pub largest: f64,
     pub refinements: u32,
     /// Rounds of the online race.
     pub rounds: usize,
 }
 
-/// The elements from the least accurate on, each with what one of its unknowns costs against one of tet4: rows of K of
-/// averaged pressures are longer.
-pub const RANK: [(Element, f64); 3] = [(Element::Tet4, 1.0), (Element::Tet4Anp, 3.0), (Element::Tet10, 1.0)];
+/// What one of its unknowns costs against one of tet4: rows of K of averaged pressures are longer.
+fn cost(element: Element) -> f64 {
+    match element {
+        Element::Tet4 | Element::Tet10 => 1.0,
+        Element::Tet4Anp => 3.0,
+    }
+}
 
 /// Tolerances of conjugate gradients that are tried.
 const TOLERANCES: [f64; 5] = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10];
@@ -71,18 +74,19 @@ impl Meshes {
         Ok(meshes)
     }
 
-    /// Unknowns that a solve has, weighed by its element.
-    fn weight(&self, refine: usize, element: Element, cost: f64) -> f64 {
-        let nodes = match element {
-            Element::Tet10 => self.ladder.levels[refine].nodes.len(),
-            Element::Tet4 | Element::Tet4Anp => self.linear[refine].nodes.len(),
-        };
-        3.0 * nodes as f64 * cost
+    /// Those with the element's nodes, by refinement.
+    fn of(&self, element: Element) -> &[TetMesh] {
+        match element {
+            Element::Tet4 | Element::Tet4Anp => &self.linear,
+            Element::Tet10 => &self.ladder.levels,
+        }
     }
 
     pub fn affords(&self, request: &Request<'_>, refine: usize, element: Element) -> bool {
-        let cost = RANK.iter().find(|(known, _)| *known == element).map_or(1.0, |(_, cost)| *cost);
-        refine < self.linear.len() && self.weight(refine, element, cost) <= request.limits.largest
+        let unknowns = |mesh: &TetMesh| 3.0 * mesh.nodes.len() as f64;
+        self.of(element)
+            .get(refine)
+            .is_some_and(|mesh| unknowns(mesh) * cost(element) <= request.limits.largest)
     }
 }
 
@@ -114,7 +118,7 @@ pub fn solve(
 ) -> Result<Vec<Candidate>, MeasureError> {
     let mut candidates = Vec::new();
     for refine in 0..meshes.linear.len() as u32 {
-        for (element, _) in RANK.into_iter().filter(|(e, _)| meshes.affords(request, refine as usize, *e)) {
+        for element in Element::ALL.into_iter().filter(|e| meshes.affords(request, refine as usize, *e)) {
             candidates.push(candidate(request, refine, element, Solver::default(), progress)?);
         }
     }
@@ -158,20 +162,7 @@ fn candidate(
 }
 
 /// The mesh of one element on one refinement, for the smooth problem.
-pub fn smooth_mesh(
-    meshes: &Meshes,
-    request: &Request<'_>,
-    element: &verify::Element,
-    refine: u32,
-) -> Option<TetMesh> {
-    let (own, _) = RANK.into_iter().find(|(known, _)| known.name() == element.name)?;
+pub fn smooth_mesh(meshes: &Meshes, request: &Request<'_>, element: Element, refine: u32) -> Option<TetMesh> {
     let refine = refine as usize;
-    if !meshes.affords(request, refine, own) {
-        return None;
-    }
-    Some(if element.order == 2 {
-        meshes.ladder.levels[refine].clone()
-    } else {
-        meshes.linear[refine].clone()
-    })
+    meshes.affords(request, refine, element).then(|| meshes.of(element)[refine].clone())
 }

@@ -104,6 +104,7 @@ impl Ladder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::generate::RING;
     use crate::mesh::refine::refine;
     use crate::mesh::{Block, Tube, block, tube};
 
@@ -136,15 +137,7 @@ mod tests {
     /// quadratic can follow of the circle.
     #[test]
     fn nodes_of_curved_meshes_keep_their_material_points() {
-        let ring = Tube {
-            inner_radius: 0.5,
-            outer_radius: 1.0,
-            length: 1.0,
-            radial: 1,
-            around: 12,
-            along: 4,
-            control_length: 0.0,
-        };
+        let ring = Tube { around: 12, ..RING };
         let curve = |a: &Vector3<f64>, b: &Vector3<f64>| ring.curve(a, b);
         let ladder = ladder(&tube(&ring).unwrap(), &curve);
         let raised = ladder.raise(0, &ladder.levels[0].nodes);

@@ -21,7 +21,7 @@ pub mod poses;
 mod rows;
 mod smooth;
 
-pub use candidates::{Limits, RANK};
+pub use candidates::Limits;
 pub use ladder::Ladder;
 pub use norms::Norms;
 

@@ -3,17 +3,21 @@
 use crate::deform::{ControlPose, ControlPoses};
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
-/// Random numbers that are the same everywhere (Steele, Lea and Flood's SplitMix64).
+/// Random numbers that are the same everywhere (Steele, Lea and Flood's SplitMix64, OOPSLA 2014): every seed gives a
+/// sequence of its own.
 pub struct Random(pub u64);
 
 impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
     /// In [0, 1).
     pub fn number(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Of length 1, every direction as likely.

@@ -7,12 +7,12 @@ use super::fields::{
 use super::frame::{Contender, quantile, race};
 use super::{MeasureError, Norms, Request};
 use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
-use crate::fem::{STVK, tet4};
+use crate::fem::{STVK, nearest_turn, tet4};
 use crate::green::{self, GreenFile, Precomputed};
 use crate::report::{Cost, Errors, ModelError, Row, Setting, Spread};
 use crate::scene::{Element, Solver, Storage};
 use crate::solve::Progress;
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
 /// What the settings are measured against.
@@ -160,7 +160,7 @@ fn largest_rotation(solution: &green::Solution, u: &[Vector3<f64>]) -> f64 {
         let Some(geometry) = tet4::geometry(solution.mesh.corners(tet)) else { return 0.0 };
         let nodes = solution.mesh.tets[tet];
         let h: Matrix3<f64> = (0..4).map(|a| u[nodes[a] as usize] * geometry.gradients[a].transpose()).sum();
-        Rotation3::from_matrix(&(Matrix3::identity() + h)).angle()
+        nearest_turn(&(Matrix3::identity() + h)).angle()
     };
     (0..solution.mesh.tets.len()).map(rotation).fold(0.0, f64::max)
 }

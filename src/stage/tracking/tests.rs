@@ -155,8 +155,8 @@ fn kinds_and_addresses_are_checked() {
         ("dtrack = \"5000\"", "fastrak = \"/dev/ttyS0\"\nbaud = 1", "baud is 1"),
         ("dtrack = \"5000\"", "vrpn = \"Tracker0\"", "names no device"),
         ("dtrack = \"5000\"", "vrpn = \"@host\"", "the device's name"),
-        ("dtrack = \"5000\"", "vrpn = \"T@ho st\"", "host or port"),
-        ("dtrack = \"5000\"", "vrpn = \"T@host:0\"", "host or port"),
+        ("dtrack = \"5000\"", "vrpn = \"T@ho st\"", "the host is no name"),
+        ("dtrack = \"5000\"", "vrpn = \"T@host:0\"", "the port is no number from 1"),
         ("dtrack = \"5000\"", "vrpn = \"tcp://host/T\"\ntransport = \"lob\"", "says lob"),
     ] {
         let error = refusal(from, to, "[tracker.art]");
@@ -165,7 +165,7 @@ fn kinds_and_addresses_are_checked() {
     for (at, shown) in [
         ("tcp://10.0.0.1:4000/T", "vrpn T@tcp://10.0.0.1:4000"),
         ("T@tcp://a-b.lab", "vrpn T@tcp://a-b.lab:3883"),
-        ("T@[::1]:99", "vrpn T@::1:99"),
+        ("T@[::1]:99", "vrpn T@[::1]:99"),
     ] {
         let tracking = parse(&format!("[tracker.t]\nvrpn = \"{at}\"\n"), "").unwrap();
         assert_eq!(tracking.trackers["t"].kind.to_string(), shown);

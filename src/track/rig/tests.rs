@@ -3,8 +3,8 @@
 use super::*;
 use crate::stage::Stage;
 use crate::track::device::Stamp;
+use crate::track::puppet::Puppet;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
 
 const KEYS: &str = r#"
 [tracker.a]
@@ -29,32 +29,19 @@ fn tracking() -> Tracking {
     Stage::parse(&format!("{text}{KEYS}"), Path::new("a.toml")).unwrap().tracking
 }
 
-#[derive(Clone, Default)]
-struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
-
-impl Source for Puppet {
-    fn describe(&self) -> String {
-        "puppet".into()
-    }
-    fn latest(&mut self) -> &DeviceState {
-        self.1.clone_from(&self.0.lock().unwrap());
-        &self.1
-    }
-}
-
 impl Puppet {
     fn pose(&self, id: i32, arrived_s: f64, x: f64) {
         let stamp = Stamp { arrived_s, measured_s: None };
-        self.0.lock().unwrap().take_pose_at(stamp, id, Isometry3::translation(x, 1.5, 0.0), 1.0);
+        self.say(|state| state.take_pose_at(stamp, id, Isometry3::translation(x, 1.5, 0.0), 1.0));
     }
     fn button(&self, pressed: bool) {
-        self.0.lock().unwrap().take_button(3, pressed, None);
+        self.say(|state| state.take_button(3, pressed, None));
     }
     fn reconnected(&self) {
-        self.0.lock().unwrap().counters.reconnects += 1;
+        self.say(|state| state.counters.reconnects += 1);
     }
     fn link(&self, link: Link) {
-        self.0.lock().unwrap().link = link;
+        self.say(|state| state.link = link);
     }
 }
 

@@ -3,7 +3,7 @@
 //! In: the device's name, as `Tracker0@host`. Out: its newest state, without a lock. One thread reads the TCP stream;
 //! a second one, while connected, the UDP port that was offered for trackers.
 
-use super::address::{Address, Transport, encode_lob};
+use super::address::{Address, Transport, encode_lob, resolve};
 use super::codec::{self, Framer, Header};
 use super::ear::Ear;
 use super::force::ForceSender;
@@ -184,7 +184,7 @@ impl Connection {
 
     fn connect(&self) -> Result<TcpStream, String> {
         let Address { host, port, .. } = &self.address;
-        let server = self.address.resolve().map_err(|error| format!("{host}: {error}"))?;
+        let server = resolve(&self.address).map_err(|error| format!("{host}: {error}"))?;
         match self.transport {
             Transport::Tcp => {
                 TcpStream::connect_timeout(&server, Duration::from_secs_f64(self.timing.connect_s))

@@ -10,18 +10,15 @@
 //!
 //! Verified against the recorded stream of a vrpn_server 07.38 (tests/vrpn.rs).
 
+use crate::stage::tracking::vrpn::LONGEST_NAME;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// The port on which servers listen, TCP and UDP.
-pub const PORT: u16 = 3883;
 pub const COOKIE_BYTES: usize = 24;
 pub const HEADER_BYTES: usize = 24;
 /// The longest payload that is accepted; no message of a tracker comes near it, those of other devices may.
 pub const MOST_PAYLOAD: usize = 64 << 10;
 /// The largest datagram that passes an Ethernet unbroken.
 pub const DATAGRAM_BYTES: usize = 1472;
-/// The longest name of a device or a message type, without its NUL.
-pub const LONGEST_NAME: usize = 100;
 
 /// Message types of the protocol itself; those of devices are 0 and above.
 pub const SENDER_DESCRIPTION: i32 = -1;

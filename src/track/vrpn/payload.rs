@@ -15,7 +15,7 @@
 //! | `vrpn_ForceDevice Force_Error` | i32 | the protocol's description |
 //! | `vrpn_ForceDevice Force_Field` | 3 × f32 origin, 3 × f32 force, 9 × f32 Jacobian row by row, f32 radius | the protocol's description |
 
-use super::codec::{Fault, LONGEST_NAME};
+use super::codec::Fault;
 use crate::track::device::MOST_CHANNELS;
 
 /// The message types that mean something here.
@@ -254,10 +254,4 @@ impl Reader<'_> {
     fn f64s<const N: usize>(&mut self) -> Option<[f64; N]> {
         self.bytes().map(|numbers| numbers.map(f64::from_be_bytes))
     }
-}
-
-/// Whether a device may bear this name: letters, digits and signs without `@`, blank or NUL, 100 bytes at most.
-pub fn is_device_name(name: &str) -> bool {
-    let is_fit = |c: char| !c.is_control() && !c.is_whitespace() && c != '@';
-    !name.is_empty() && name.len() <= LONGEST_NAME && name.chars().all(is_fit)
 }

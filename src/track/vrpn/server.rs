@@ -6,8 +6,9 @@
 
 use super::address::decode_lob;
 use super::codec::{Header, VERSION, Version};
-use super::payload::{Payload, is_device_name};
+use super::payload::Payload;
 use super::peer::{Gone, Peer};
+use crate::stage::tracking::vrpn::is_device_name;
 use crate::track::device::{DeviceState, Reading, Source, now_s};
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;

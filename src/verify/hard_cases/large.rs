@@ -1,7 +1,7 @@
 //! Case 26: a cube pressed further than its material bears. Newton's iteration finds turned elements and calls it done;
 //! here the least det F decides.
 
-use super::{Must, Outcome, Row, Rows};
+use super::{ENDS, Must, Outcome, Row, Rows};
 use crate::deform::{ControlPose, Kind, Settled, Statics, StaticsError, find_model};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
@@ -12,16 +12,10 @@ const CUBE: &str = r#"
 [body.b]
 generate = { block = { size = [1.0, 1.0, 1.0], cells = [4, 4, 4] } }
 material = { young = 1.0e6, poisson = 0.3 }
-[body.b.control.low]
-nodes = { group = "zmin" }
-grab = "fixed"
-[body.b.control.high]
-nodes = { group = "zmax" }
-grab = "dragger"
 "#;
 
 pub(super) fn rows() -> Rows {
-    let scene = Scene::parse(CUBE, Path::new("hard-cases.toml"))?;
+    let scene = Scene::parse(&format!("{CUBE}{ENDS}"), Path::new("hard-cases.toml"))?;
     let cases = [
         ("stvk", 0.8, Must::solve("residual", 1e-10)),
         ("stvk", 0.4, Must { outcome: Outcome::Refused, words: "least det F", ..Must::solve("", 0.0) }),

@@ -5,6 +5,7 @@ use crate::deform::{
     CATCH_UP, Columns, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseGuard, STRETCH,
     Superposition, SurfaceDisplacements, find_model,
 };
+use crate::fem::nearest_turn;
 use crate::green::{Basis, FIELDS, Solution};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 
@@ -150,7 +151,7 @@ fn turns() -> Rows {
         ..ControlPose::REST
     };
     let (admitted, faults) = guard.admit(&ControlPose::REST, &far);
-    let followed = Rotation3::from_matrix(&admitted.matrix).angle();
+    let followed = nearest_turn(&admitted.matrix).angle();
     let jump = row(
         23,
         "a jump by 165° in one frame",

@@ -12,6 +12,8 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
 
+mod snap;
+
 /// A block of 2 m × 1 m × 1 m, which fills 0.95 of the workspace: x ±0.95, y and z ±0.475 of its radius.
 fn world(name: &str, effects: &str) -> World {
     let text = format!(
@@ -221,50 +223,6 @@ fn undo_while_holding_takes_back_the_hold() {
         step(&mut world, 0.0, &[pressed(there)]);
         assert_eq!(poses(&world)[RIGHT], ControlPose::REST);
     }
-}
-
-#[test]
-fn snapping_back_ends_exactly_at_rest_at_any_frame_rate() {
-    let mut halfway = Vec::new();
-    for rate in [7.0, 30.0, 144.0] {
-        let mut world = world(&format!("snap-{rate}"), "");
-        carry_right(&mut world, 1.0, [0.1, 0.2, 0.0], [4.0, 0.0, 0.0]);
-        world.act(Action::SnapBack);
-        let mut time_s = 1.0;
-        while time_s + 1.0 / rate < 1.2 {
-            time_s += 1.0 / rate;
-            step(&mut world, time_s, &[]);
-        }
-        step(&mut world, 1.2, &[]);
-        let half = poses(&world)[RIGHT];
-        // Half of 4 rad, the way it was turned.
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::x() * 2.0).to_rotation_matrix();
-        assert!((half.matrix - turn.matrix()).norm() < 1e-5, "{}", half.matrix);
-        halfway.push(half);
-        step(&mut world, 1.5, &[]);
-        assert_eq!(poses(&world), [ControlPose::REST; 2]);
-        let body = &world.bodies[0].deformer;
-        let away = (0..body.node_count()).map(|i| body.displacement(i).norm()).fold(0.0, f64::max);
-        assert!(away < 1e-6, "{away} m off at {rate} frames/s");
-        world.act(Action::Undo);
-        step(&mut world, 1.6, &[]);
-        assert!(poses(&world)[RIGHT].translation.norm() > 0.1, "it is an entry of the history");
-    }
-    assert!(halfway.iter().all(|pose| (pose.matrix - halfway[0].matrix).norm() < 1e-12));
-}
-
-#[test]
-fn a_new_grab_ends_the_way_back() {
-    let mut world = world("snap-grab", "");
-    carry_right(&mut world, 1.0, [0.0, 0.1, 0.0], [0.0; 3]);
-    world.act(Action::SnapBack);
-    let start = right([0.0; 3], [0.0; 3]);
-    step(&mut world, 1.2, &[start]);
-    step(&mut world, 1.2, &[pressed(start)]);
-    let taken = poses(&world)[RIGHT];
-    assert!(taken.translation.y > 0.02 && taken.translation.y < 0.09);
-    step(&mut world, 2.0, &[pressed(start)]);
-    assert!((poses(&world)[RIGHT].translation - taken.translation).norm() < 1e-9, "it stays in the hand");
 }
 
 #[test]

@@ -3,11 +3,11 @@
 use super::super::Mood;
 use super::*;
 use crate::deform::{CATCH_UP, STRETCH};
-use crate::track::device::{DeviceState, Link, Reading, Source, Stamp};
+use crate::track::device::{DeviceState, Link, Reading, Stamp};
+use crate::track::puppet::Puppet;
 use crate::track::rig::Rig;
 use nalgebra::UnitQuaternion;
 use std::ops::Range;
-use std::sync::{Arc, Mutex};
 
 const KEYS: &str = r#"
 [tracker.t]
@@ -23,19 +23,6 @@ grab = { tracker = "t", button = 0 }
 /// From here on the button is pressed.
 const PRESS: usize = 30;
 const FRAMES: usize = 330;
-
-#[derive(Clone, Default)]
-struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
-
-impl Source for Puppet {
-    fn describe(&self) -> String {
-        "puppet".into()
-    }
-    fn latest(&mut self) -> &DeviceState {
-        self.1.clone_from(&self.0.lock().unwrap());
-        &self.1
-    }
-}
 
 /// The end of the block as it is in one frame.
 #[derive(Clone, Copy, Debug)]
@@ -68,15 +55,15 @@ fn play(
         let y = 0.2 * (2.0 * time_s).sin();
         let hand: Isometry3<f64> =
             state(&world, [1.5, y, 0.1], [0.0, y, 0.1], false).styli[0].room_from_stylus.cast();
-        let mut device = puppet.0.lock().unwrap();
-        if when.contains(&i) {
-            fault(time_s, &hand, &mut device);
-        } else {
-            device.take_pose_at(stamp(time_s, 1000.0 + time_s), 0, hand, 1.0);
-        }
-        device.link = Link::Up;
-        device.take_button(0, i >= PRESS, None);
-        drop(device);
+        puppet.say(|device| {
+            if when.contains(&i) {
+                fault(time_s, &hand, device);
+            } else {
+                device.take_pose_at(stamp(time_s, 1000.0 + time_s), 0, hand, 1.0);
+            }
+            device.link = Link::Up;
+            device.take_button(0, i >= PRESS, None);
+        });
         world.step(&rig.state(time_s));
         frames.push(check(&world, frames.last()));
     }

@@ -1,9 +1,9 @@
 //! How screens meet: pairs of edges that run beside each other, with what lies between them.
 //!
-//! In: screens. Out: [`Meeting`]s, of which each tells gap or overlap across the edges, and how far their ends are off
-//! along them.
+//! In: a [`Stage`]. Out: its [`Seam`]s, of which each tells gap or overlap across the edges, and how far their ends are
+//! off along them.
 
-use super::Screen;
+use super::{Screen, Stage};
 use nalgebra::{Point3, Vector3};
 
 /// An edge of a screen as its viewer names it.
@@ -17,11 +17,12 @@ pub enum Edge {
 
 /// Two edges that run beside each other.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Meeting {
-    /// Index of the screen, and which of its edges; the lower index first.
+pub struct Seam {
+    /// Index into [`Stage::screens`], and which edge of that screen; the lower index first.
     pub edges: [(usize, Edge); 2],
-    /// Distance of the second edge from the first, m, at both ends of the part that they have in common, measured
-    /// perpendicular to the first.
+    /// Ends of the part that both edges have in common, on the first, metres in the room.
+    pub ends: [Point3<f64>; 2],
+    /// Distance of the second edge from the first, m, at both `ends`, measured perpendicular to the first.
     pub gap_m: [f64; 2],
     /// The second edge lies within the first screen's picture, or the first within the second's: both show the same
     /// place twice. Otherwise something is hidden between them.
@@ -70,22 +71,30 @@ impl Edge {
     }
 }
 
-/// All pairs of edges of different screens that run beside each other for at least half the shorter one's length. Of
-/// each edge only the nearest partner on another screen is told.
-pub fn meetings(screens: &[Screen]) -> Vec<Meeting> {
-    let mut found = Vec::new();
-    for (i, a) in screens.iter().enumerate() {
-        for (j, b) in screens.iter().enumerate().skip(i + 1) {
-            let pairs = Edge::ALL.into_iter().flat_map(|edge| Edge::ALL.map(|other| (edge, other)));
-            let near = pairs.filter_map(|(edge, other)| meeting(a, edge, b, other, [i, j]));
-            let worst = |meeting: &Meeting| meeting.gap_m[0].max(meeting.gap_m[1]);
-            found.extend(near.min_by(|x, y| worst(x).total_cmp(&worst(y))));
-        }
+impl Seam {
+    /// The wider of the gaps at both ends, m.
+    pub fn widest_m(&self) -> f64 {
+        self.gap_m[0].max(self.gap_m[1])
     }
-    found
 }
 
-fn meeting(a: &Screen, edge: Edge, b: &Screen, other: Edge, screens: [usize; 2]) -> Option<Meeting> {
+impl Stage {
+    /// All pairs of edges of different screens that run beside each other, within 5° and 8 % of the longer one's length,
+    /// for at least half the shorter one's. Of two screens only the nearest pair is told.
+    pub fn seams(&self) -> Vec<Seam> {
+        let mut found = Vec::new();
+        for (i, a) in self.screens.iter().enumerate() {
+            for (j, b) in self.screens.iter().enumerate().skip(i + 1) {
+                let pairs = Edge::ALL.into_iter().flat_map(|edge| Edge::ALL.map(|other| (edge, other)));
+                let near = pairs.filter_map(|(edge, other)| seam(a, edge, b, other, [i, j]));
+                found.extend(near.min_by(|x, y| x.widest_m().total_cmp(&y.widest_m())));
+            }
+        }
+        found
+    }
+}
+
+fn seam(a: &Screen, edge: Edge, b: &Screen, other: Edge, screens: [usize; 2]) -> Option<Seam> {
     let [start, end] = edge.ends(a);
     let [mut from, mut to] = other.ends(b);
     let length_m = (end - start).norm();
@@ -115,32 +124,38 @@ fn meeting(a: &Screen, edge: Edge, b: &Screen, other: Edge, screens: [usize; 2])
     }
     let way = (ways[0] + ways[1]) / 2.0;
     let is_overlap = way.dot(&edge.outwards(a)) < -1e-9 && way.dot(&other.outwards(b)) > 1e-9;
-    let along_m = [-low, high - length_m];
-    Some(Meeting { edges: [(screens[0], edge), (screens[1], other)], gap_m, is_overlap, along_m })
+    Some(Seam {
+        edges: [(screens[0], edge), (screens[1], other)],
+        ends: [first, last].map(|place_m| start + along * place_m),
+        gap_m,
+        is_overlap,
+        along_m: [-low, high - length_m],
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stage::Stage;
 
     /// The workbench with its wall moved.
-    fn moved(by: [f64; 3]) -> Meeting {
+    fn moved(by: [f64; 3]) -> Seam {
         let mut stage = Stage::find("workbench").unwrap();
         let wall = &mut stage.screens[1];
         for corner in [&mut wall.lower_left, &mut wall.lower_right, &mut wall.upper_left] {
             *corner += Vector3::from(by);
         }
-        let [meeting] = &meetings(&stage.screens)[..] else { panic!("one seam") };
-        meeting.clone()
+        let [seam] = &stage.seams()[..] else { panic!("one seam") };
+        seam.clone()
     }
 
     #[test]
     fn the_built_in_stages_meet_as_often_as_they_should() {
-        let count = |name: &str| meetings(&Stage::find(name).unwrap().screens).len();
+        let count = |name: &str| Stage::find(name).unwrap().seams().len();
         let counts =
             ["workbench", "cyberstage", "cave3", "cave6", "powerwall", "lbench", "desktop"].map(count);
         assert_eq!(counts, [1, 5, 3, 12, 4, 1, 0]);
+        assert_eq!(count("workbench-one-sided"), 0);
+        assert!(Stage::find("cyberstage").unwrap().seams().iter().all(|seam| seam.widest_m() == 0.0));
     }
 
     #[test]
@@ -162,17 +177,17 @@ mod tests {
     fn a_turned_wall_opens_like_scissors() {
         let mut stage = Stage::find("workbench").unwrap();
         stage.screens[1].lower_right.z -= 0.010;
-        let meeting = &meetings(&stage.screens)[0];
-        assert!(meeting.gap_m[0] < 1e-9 && (meeting.gap_m[1] - 0.010).abs() < 1e-6, "{meeting:?}");
+        let seam = &stage.seams()[0];
+        assert!(seam.gap_m[0] < 1e-9 && (seam.gap_m[1] - 0.010).abs() < 1e-6, "{seam:?}");
     }
 
     #[test]
     fn the_lbench_gapes_by_14_mm() {
         let stage = Stage::find("lbench").unwrap();
-        let meeting = &meetings(&stage.screens)[0];
-        assert_eq!(meeting.edges, [(0, Edge::Lower), (1, Edge::Upper)]);
+        let seam = &stage.seams()[0];
+        assert_eq!(seam.edges, [(0, Edge::Lower), (1, Edge::Upper)]);
         // 14.0 mm upwards and 1.6 mm to the viewer, from the angles and the middles of the screens.
-        assert!((meeting.gap_m[0] - 0.014_088).abs() < 2e-6, "{meeting:?}");
-        assert!(!meeting.is_overlap);
+        assert!((seam.gap_m[0] - 0.014_088).abs() < 2e-6, "{seam:?}");
+        assert!(!seam.is_overlap);
     }
 }
