@@ -34,8 +34,13 @@ else
     need mesa-vulkan-drivers "no Vulkan driver: Mesa draws on a GPU it knows, and on the processor where there is none"
 fi
 
+# The tests of windows start an X server of their own.
+if [ "${1:-}" = test ]; then
+    command -v Xvfb >/dev/null 2>&1 || need xvfb "the tests of windows start an X server without a monitor"
+fi
+
 # Windows, where there is a display.
-if [ -n "${DISPLAY:-}" ]; then
+if [ -n "${DISPLAY:-}" ] || [ "${1:-}" = test ]; then
     has_library libxkbcommon-x11.so.0 || need libxkbcommon-x11-0 "keyboard input in X11 windows"
     has_library libXcursor.so.1 || need libxcursor1 "the cursor in X11 windows"
     has_library libXi.so.6 || need libxi6 "mouse input in X11 windows"

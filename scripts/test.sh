@@ -3,7 +3,8 @@
 # each step took. One profile (release) serves all, so dependencies are built once.
 set -eu
 cd "$(dirname "$0")/.."
-export GREENSTAGE_REQUIRE_GPU=1 CARGO_TERM_COLOR=never
+# No test may skip for want of a device or of an X server.
+export GREENSTAGE_REQUIRE_GPU=1 GREENSTAGE_REQUIRE_DISPLAY=1 CARGO_TERM_COLOR=never
 began=$(date +%s)
 step() { # name, command…
     name=$1

@@ -5,9 +5,9 @@ struct Composite {
     // Linear RGB of the result from that of the first and of the second picture.
     from_first: mat3x3<f32>,
     from_second: mat3x3<f32>,
-    // Pixel at the tile's top left: in its target, and on the desktop.
+    // Pixel at the tile's top left: in its target, and on its monitor.
     corner: vec2<i32>,
-    desktop: vec2<i32>,
+    panel: vec2<i32>,
     eye_size: vec2<i32>,
     // Where the second picture begins in the tile; the first begins at its corner.
     second: vec2<i32>,
@@ -32,7 +32,7 @@ fn covers(pixel: vec2<i32>) -> bool {
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(position.xy) - composite.corner;
     let in_second = pixel - composite.second;
-    let turn = (pixel + composite.desktop) & composite.turns;
+    let turn = (pixel + composite.panel) & composite.turns;
     let is_odd = ((turn.x + turn.y) & 1) == 1;
     let take_turns = any(composite.turns != vec2<i32>(0));
     var color = vec3<f32>(0.0);

@@ -57,8 +57,13 @@ pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     (line, before.len() - start + 1)
 }
 
-/// Adds "did you mean" to serde's `unknown field` and `unknown variant` messages.
+/// serde's messages as a user of TOML reads them: its names of types, and "did you mean" after an unknown key or value.
 fn explain(message: &str) -> String {
+    if let Some((found, expected)) =
+        message.rsplit_once(", expected ").filter(|_| message.starts_with("invalid"))
+    {
+        return format!("{found}, expected {}", kind(expected));
+    }
     let mut quoted = message.split('`').skip(1).step_by(2);
     let is_unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
     let Some(unknown) = quoted.next().filter(|_| is_unknown) else {
@@ -67,6 +72,19 @@ fn explain(message: &str) -> String {
     match nearest(unknown, quoted) {
         Some(known) => format!("{message}; did you mean `{known}`?"),
         None => message.to_owned(),
+    }
+}
+
+/// What TOML calls a type of Rust's.
+fn kind(expected: &str) -> &str {
+    match expected {
+        "f64" | "f32" => "a number",
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number from 0",
+        "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "a sequence" => "an array",
+        "a map" => "a table",
+        _ if expected.starts_with("struct ") => "a table",
+        _ => expected,
     }
 }
 
@@ -106,6 +124,20 @@ mod tests {
         let text = error.to_string();
         assert!(text.starts_with("a.toml:2:1: unknown field `poison`"), "{text}");
         assert!(text.ends_with("did you mean `poisson`?"), "{text}");
+    }
+
+    #[test]
+    fn another_type_is_told_in_the_words_of_toml() {
+        let told = |text: &str| parse::<Material>(text, Path::new("a.toml")).unwrap_err().to_string();
+        let text = told("young = \"5 MPa\"\npoisson = 0.3\n");
+        assert_eq!(text, "a.toml:1:9: invalid type: string \"5 MPa\", expected a number");
+        #[derive(Debug, serde::Deserialize)]
+        struct Body {
+            #[allow(dead_code, reason = "only parsed")]
+            material: Material,
+        }
+        let text = parse::<Body>("material = 3\n", Path::new("a.toml")).unwrap_err().to_string();
+        assert_eq!(text, "a.toml:1:12: invalid type: integer `3`, expected a table");
     }
 
     #[test]

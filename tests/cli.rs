@@ -392,7 +392,7 @@ fn check_lists_everything_without_solving() {
     assert!(fine.contains("0 errors, 0 warnings, 2 notes") && fine.contains("planar"), "{fine}");
     let scene = SCENE.replace("poisson = 0.3", "poisson = 0.49").replace("max = [-0.4,", "max = [0.6,");
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    refuse(&folder, &["check", "scene.toml"], &["scene.toml: 1 errors"]);
+    refuse(&folder, &["check", "scene.toml"], &["scene.toml: 1 error"]);
     let output = greenstage(&folder, &["check", "scene.toml"]);
     let lines: Vec<String> = text(&output.stdout).lines().map(str::to_owned).collect();
     assert!(lines[0].starts_with("error: body.block.control.low: overlaps control high"), "{lines:?}");

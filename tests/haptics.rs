@@ -13,7 +13,8 @@ use greenstage::effect::haptics::grasp::device_from_handle;
 use greenstage::effect::haptics::stability::{self, Verdict, boundary};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, STALE_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Simulated, Way, thread,
+    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Report, Simulated, Way,
+    thread,
 };
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
@@ -90,6 +91,7 @@ const FIST: Hand = Hand { rotational_stiffness: 10.0, rotational_damping: 0.05, 
 struct Bench {
     control: Control,
     device: Simulated,
+    grasp: Grasp,
     time_s: f64,
 }
 
@@ -102,8 +104,9 @@ impl Bench {
         device.device_from_handle = device_from_handle(&haptic, &stylus());
         device.hand(&device.device_from_handle.clone());
         let held = hold(&body, 1, &poses, &stylus());
-        control.take(&Grasp { held: Some(held), poses, room_from_hand: None });
-        Bench { control, device, time_s: 1.0 }
+        let grasp = Grasp { held: Some(held), poses, room_from_hand: None };
+        control.take(&grasp);
+        Bench { control, device, grasp, time_s: 1.0 }
     }
 
     fn pull_to(&mut self, motion: Vector3<f64>) {
@@ -114,7 +117,12 @@ impl Bench {
 
     /// One tick with the reading changed by `lie`.
     fn tick_with(&mut self, lie: impl FnOnce(Option<Reading>) -> Option<Reading>) -> Push {
+        // A frame, a hundred times a second.
+        let last_s = self.time_s;
         self.time_s += self.control.haptic.period_s();
+        if (self.time_s * 100.0).floor() > (last_s * 100.0).floor() {
+            self.control.take(&self.grasp);
+        }
         let reading = lie(self.device.read(self.time_s));
         let push = self.control.tick(reading.as_ref(), self.time_s);
         self.device.push(&push, self.time_s);
@@ -166,7 +174,8 @@ fn forces_ramp_up_when_a_bent_body_is_taken_and_down_when_it_is_let_go() {
     bench.run(1.0);
     let whole = bench.control.felt.push.force.norm();
     assert!(whole > 1.0, "{whole} N {:?}", bench.control.felt);
-    bench.control.take(&Grasp::default());
+    bench.grasp = Grasp::default();
+    bench.control.take(&bench.grasp);
     let fall = bench.run(0.2);
     assert!(largest_step(&fall) < 0.05 * whole + 1e-9, "{}", largest_step(&fall));
     let ticks = (FADE_S * 1000.0).round() as usize;
@@ -284,12 +293,11 @@ fn nothing_comes_out_that_was_not_put_in() {
         bench.run(0.5);
         let felt = bench.control.felt;
         assert!(felt.stored_energy > 1e-4 && felt.gain == 1.0);
-        assert!(felt.observer.energy >= felt.stored_energy, "{felt:?}");
         assert!(bench.device.hand_work >= felt.stored_energy, "{} J {felt:?}", bench.device.hand_work);
     }
     let felt = bench.control.felt;
     assert!(felt.stiffer > 1.0, "the tube is too stiff for 1 N·s/m at 1 kHz");
-    assert!(felt.observer.deepest == 0.0 && felt.observer.braked == 0.0, "{:?}", felt.observer);
+    assert!(felt.observer.deepest < 1e-6 && felt.observer.braked < 1e-6, "{:?}", felt.observer);
 }
 
 /// Real time is measured, never asserted: the loop runs, follows the frame's grasp, and stops with its owner.
@@ -298,30 +306,35 @@ fn the_thread_ticks_tells_and_ends() {
     let haptic = Haptic::simulated("right");
     let body = deformer("rotation");
     let poses = vec![ControlPose::REST; 2];
-    let mut device = Simulated::new(&haptic, Hand::FINGERS);
-    device.device_from_handle = device_from_handle(&haptic, &stylus());
+    let device = Simulated::new(&haptic, Hand::FINGERS);
     let control = Control::new(haptic.clone(), vec![elastic("rotation")], 0.0);
     assert_eq!(thread::running(), 0);
     let mut running = Loop::start(control, Box::new(device)).unwrap();
     assert_eq!(thread::running(), 1);
     let held = hold(&body, 1, &poses, &stylus());
-    let mut hand = stylus();
-    hand.translation.vector.y += 0.03;
-    running.tell(|grasp| {
-        grasp.held = Some(held);
-        grasp.poses.clone_from(&poses);
-        grasp.room_from_hand = Some(hand);
-    });
-    let started = Instant::now();
-    let mut report = *running.report();
-    while started.elapsed() < Duration::from_secs(20)
-        && (report.felt.gain < 1.0 || report.clockwork.ticks < 500)
-    {
-        std::thread::sleep(Duration::from_millis(5));
-        report = *running.report();
-    }
+    // The hand takes the handle where it is, and lifts it then.
+    let mut lift = |y: f64, until: &dyn Fn(&Report) -> bool| {
+        let mut hand = stylus();
+        hand.translation.vector.y += y;
+        let started = Instant::now();
+        loop {
+            running.tell(|grasp| {
+                grasp.held = Some(held);
+                grasp.poses.clone_from(&poses);
+                grasp.room_from_hand = Some(hand);
+            });
+            let report = *running.report();
+            if until(&report) {
+                return report;
+            }
+            assert!(started.elapsed() < Duration::from_secs(20), "{report:?}");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    let report = lift(0.0, &|report| report.felt.gain == 1.0 && report.clockwork.ticks >= 300);
+    assert!(report.felt.push.force.norm() < 0.5, "it was not flung there: {report:?}");
+    let report = lift(0.03, &|report| report.felt.push.force.y < -0.1);
     println!("{:?}", report.clockwork);
-    assert!(report.felt.gain == 1.0 && report.felt.push.force.y < -0.1, "{report:?}");
     drop(running);
     assert_eq!(thread::running(), 0);
 }

@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
+use std::process::Command;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 use tungstenite::{Message, WebSocket};
@@ -141,6 +142,26 @@ fn a_silent_loop_sends_no_force() {
     server.join().unwrap();
 }
 
+/// A service that only answers, and says something that cannot be read once in a while, is answered all the same.
+#[test]
+fn a_malformed_state_is_answered() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap().to_string();
+    let server = std::thread::spawn(move || {
+        let (stream, _) = listener.accept().unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut socket = tungstenite::accept(stream).unwrap();
+        for said in [state(0.0), "nonsense".into(), "{}".into(), "{\"inverse3\": 7}".into(), state(0.0)] {
+            socket.send(Message::text(said)).unwrap();
+            assert!(matches!(socket.read(), Ok(Message::Text(_))));
+        }
+    });
+    let mut device = Haply::open(&place).unwrap();
+    wait(&mut device, &Push::NONE, "a state", |reading| reading.is_some());
+    server.join().unwrap();
+    assert_eq!(device.malformed(), 2);
+}
+
 /// A VRPN server with one force device: poses out, force fields in.
 fn serve_vrpn(listener: &TcpListener, fields: &Sender<[f32; 3]>) -> std::io::Result<()> {
     let (mut stream, _) = listener.accept()?;
@@ -224,4 +245,23 @@ fn the_stage_in_the_manual_is_read() {
     let haptic = &stage.haptics[0];
     let usual = Haptic { room_from_device: haptic.room_from_device, ..Haptic::simulated("right") };
     assert_eq!((haptic, haptic.room_from_device.translation.y), (&usual, 0.9));
+}
+
+/// The tables of the closed loop are as the program prints them, and its judgement of them is good.
+#[test]
+fn the_tables_in_the_manual_are_those_of_verify_haptics() {
+    let manual = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/manual/haptics.md");
+    let copy = Path::new(env!("CARGO_TARGET_TMPDIR")).join("haptics.md");
+    std::fs::copy(&manual, &copy).unwrap();
+    let said = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+        .args(["verify", "haptics", "--readme"])
+        .arg(&copy)
+        .output()
+        .unwrap();
+    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    let [told, printed] = [&manual, &copy].map(|path| std::fs::read_to_string(path).unwrap());
+    assert!(
+        told == printed,
+        "`greenstage verify haptics --readme src/manual/haptics.md` writes other tables"
+    );
 }

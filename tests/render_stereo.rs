@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may unwrap")]
 
 mod render_common;
+use greenstage::render::window::Monitor;
 use greenstage::render::*;
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
@@ -46,6 +47,17 @@ impl Studio {
     }
 
     fn draw(&mut self, size: [u32; 2], desktop: [i32; 2], tiles: &[Tile], paint: Option<Paint>) -> RgbaImage {
+        self.draw_on(&[], size, desktop, tiles, paint)
+    }
+
+    fn draw_on(
+        &mut self,
+        monitors: &[Monitor],
+        size: [u32; 2],
+        desktop: [i32; 2],
+        tiles: &[Tile],
+        paint: Option<Paint>,
+    ) -> RgbaImage {
         let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 1.0, 0.0));
         let bodies = [BodyInstance { buffers: &self.body, room_from_body }];
         let contents = FrameContents { bodies: &bodies, ..FrameContents::default() };
@@ -57,6 +69,7 @@ impl Studio {
             texture: &image.view,
             size,
             desktop,
+            monitors,
             tiles,
             contents: &contents,
         };
@@ -107,6 +120,36 @@ fn the_device_joins_two_eyes_as_the_cpu_does() {
             }
         }
     }
+}
+
+/// A panel polarises rows that it counts from its own corner, wherever it stands on the desktop; a tile that reaches over
+/// its edge goes with the panel that shows most of it.
+#[test]
+fn interlaced_rows_count_from_the_corner_of_their_panel() {
+    let Some(mut studio) = Studio::new() else { return };
+    let [left, right] = eyes();
+    let [width, height] = SIZE;
+    let composite = Composite::interlaced(SIZE, [0, 1]);
+    let pictures = [left, right].map(|view| studio.one(SIZE, view));
+    let monitor = |at| Monitor { name: String::new(), at, size: [1000, 1000] };
+    let desk = [monitor([0, 0]), monitor([1000, 135]), monitor([2000, 134])];
+    for (at, panel) in [
+        ([10, 20], [0, 0]),
+        ([1010, 140], [1000, 135]),
+        ([1000, 134], [1000, 135]),
+        ([1950, 140], [2000, 134]),
+    ] {
+        let tile = two(composite, [left, right], [0, 0, width, height]);
+        let joined = studio.draw_on(&desk, SIZE, at, &[tile], None);
+        let on_panel = [at[0] - panel[0], at[1] - panel[1]];
+        let (worst, _) =
+            difference(&joined, &composite.compose([&pictures[0], &pictures[1]], SIZE, on_panel));
+        assert!(worst <= 1, "at {at:?}, on the panel at {panel:?}: {worst}/255");
+    }
+    let beyond =
+        studio.draw_on(&desk, SIZE, [0, -501], &[two(composite, [left, right], [0, 0, width, height])], None);
+    let (worst, _) = difference(&beyond, &composite.compose([&pictures[0], &pictures[1]], SIZE, [0, -501]));
+    assert!(worst <= 1, "on no panel, by the desktop: {worst}/255");
 }
 
 /// Two projectors on one card, as of a bench: above a pair that shares its rows, below one eye, and a border.
@@ -173,6 +216,7 @@ fn a_tile_beyond_its_target_is_refused() {
         texture: &image.view,
         size: SIZE,
         desktop: [0, 0],
+        monitors: &[],
         tiles: &tiles,
         contents: &FrameContents::default(),
     };

@@ -1,11 +1,17 @@
-//! Windows, where there is a display. A process has one event loop, so this file has one test;
-//! GREENSTAGE_WINDOW_SECONDS=20 keeps the windows open to look at them.
+//! Windows of one process. A process has one event loop, so the test that opens them runs in a process of its own,
+//! on a display of its own. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --release --test
+//! render_window -- --ignored
 
+#![allow(clippy::unwrap_used, reason = "a test fails by it")]
+
+mod display_common;
 mod render_common;
+use display_common::Display;
 use greenstage::render::window::*;
 use greenstage::render::*;
 use nalgebra::{Matrix4, Point3, Vector3};
 use render_common::*;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 struct TwoScreens {
@@ -16,6 +22,17 @@ struct TwoScreens {
     times: WindowTimes,
     sizes: Vec<[u32; 2]>,
     inputs: Vec<Input>,
+    display: Display,
+    settings: u32,
+}
+
+/// Where the cursor is sent to in the first window, as a share of its size.
+const CURSOR: [f32; 2] = [0.5, 0.25];
+
+impl TwoScreens {
+    fn has_cursor(&self) -> bool {
+        self.inputs.contains(&Input::Cursor { window: 0, position: CURSOR })
+    }
 }
 
 impl WindowApp for TwoScreens {
@@ -51,19 +68,33 @@ impl WindowApp for TwoScreens {
             [Tile { rect: [0, 0, width, height], show }]
         });
         let tiles: Vec<_> = tiles.collect();
+        assert!(windows.waited > Duration::ZERO, "a frame begins when its images are there");
         self.times = windows.draw(&tiles, |_| &contents, None)?;
         self.frames += 1;
-        let done = self.frames >= 12 && Instant::now() >= self.end;
+        if self.frames == 6 {
+            // As a projector that calls itself 160 mm wide would: three times as many pixels to the inch.
+            self.display.set_dpi(self.settings, 288);
+            self.display.move_cursor([10 + 160, 20 + 64]);
+        }
+        let done = self.frames >= 12 && self.has_cursor() && Instant::now() >= self.end;
         Ok(if done { Flow::Quit } else { Flow::Continue })
     }
 }
 
 #[test]
 fn two_windows_of_one_process_draw_and_quit() {
-    if let Err(reason) = find_display() {
-        eprintln!("SKIPPED: {reason}");
+    if require_gpu().is_none() {
         return;
     }
+    let Some(display) = Display::start([1024, 400]) else { return };
+    let mut inner = Command::new(std::env::current_exe().unwrap());
+    inner.args(["--ignored", "--exact", "opens_two_windows", "--nocapture"]);
+    assert!(display.run(&mut inner).0.wait().unwrap().success());
+}
+
+#[test]
+#[ignore = "opens windows: two_windows_of_one_process_draw_and_quit runs it on a display of its own"]
+fn opens_two_windows() {
     let seconds = std::env::var("GREENSTAGE_WINDOW_SECONDS").map_or(0.0, |s| s.parse().unwrap());
     let spec = |title: &str, x, width| WindowSpec {
         title: title.to_owned(),
@@ -71,6 +102,7 @@ fn two_windows_of_one_process_draw_and_quit() {
         size: [width, 256],
         ..WindowSpec::default()
     };
+    let display = Display::connect(&std::env::var("DISPLAY").unwrap());
     let specs = [spec("mono", 10, 320), spec("interlaced", 340, 640)];
     let mut app = TwoScreens {
         mesh: bent_tube(20, 16),
@@ -80,13 +112,13 @@ fn two_windows_of_one_process_draw_and_quit() {
         times: WindowTimes::default(),
         sizes: vec![],
         inputs: vec![],
+        settings: display.manage_settings(),
+        display,
     };
     run(&specs, WindowOptions { samples: 4, vsync: true }, &mut app).unwrap();
     println!("{} frames, the last one {:?}", app.frames, app.times);
-    if seconds == 0.0 {
-        assert_eq!(app.frames, 12);
-        assert!(app.times.encode > Duration::ZERO, "the last frame was drawn");
-    }
-    // A tiling window manager may choose other sizes, but none of zero.
-    assert!(app.sizes.iter().flatten().all(|&side| side > 0), "{:?}", app.sizes);
+    assert!(app.times.encode > Duration::ZERO, "the last frame was drawn");
+    // The cursor was moved after the scale: the windows would have grown before it was told.
+    assert!(app.has_cursor());
+    assert_eq!(app.sizes, [[320, 256], [640, 256]]);
 }

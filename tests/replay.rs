@@ -39,6 +39,19 @@ fn recorded(name: &str) -> (PathBuf, Vec<String>) {
     (folder, text.lines().map(str::to_owned).collect())
 }
 
+#[test]
+fn what_cannot_be_recorded_leaves_an_older_recording_alone() {
+    let (folder, lines) = recorded("replay-refused");
+    for command in [["view", "tube.toml", "--check"], ["render", "tube.toml", "-oout"]] {
+        let arguments = [&command[..], &["--record", "session.jsonl", "--deform", "gpu"]].concat();
+        let output = run(&folder, 2, &arguments);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains("leave --deform out"), "{said}");
+    }
+    let text = std::fs::read_to_string(folder.join("session.jsonl")).unwrap();
+    assert_eq!(text.lines().collect::<Vec<_>>(), lines);
+}
+
 fn write(folder: &Path, lines: &[String]) {
     std::fs::write(folder.join("session.jsonl"), lines.join("\n") + "\n").unwrap();
 }

@@ -51,7 +51,7 @@ fn all_that_is_wrong_with_a_stage_is_told_at_once() {
     assert_eq!(status, 2);
     let line = |needle: &str| 1 + text.lines().position(|line| line == needle).unwrap();
     for part in [
-        &format!("error: line {}: ipd is 0.09 m", line("[viewer]")),
+        &format!("error: bench.toml:{}: ipd is 0.09 m", line("[viewer]")),
         "screen `wall` is no rectangle: its edges meet at 87.76°",
         "window `window 2`: unknown screen \"floor\"",
         "100 % of its 1280 × 1024 pixels at (2000, 0) lie on no monitor",
@@ -67,4 +67,43 @@ fn all_that_is_wrong_with_a_stage_is_told_at_once() {
     let errors =
         value["findings"].as_array().unwrap().iter().filter(|finding| finding["severity"] == "error");
     assert_eq!((status, errors.count()), (2, 4));
+}
+
+#[test]
+fn a_misspelt_stage_is_answered_with_the_nearest() {
+    let place = folder("check-misspelt");
+    for command in ["check", "inspect"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .current_dir(&place)
+            .args([command, "worbench"])
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(
+            said.contains("no stage is named `worbench`; did you mean `workbench`?"),
+            "{command}: {said}"
+        );
+    }
+}
+
+/// Tables of trackers alone are a part of a stage, and a head whose sensors are refused is no head without one.
+#[test]
+fn faults_of_tracking_are_told_as_a_stage_s() {
+    let place = folder("check-tracking");
+    let tracking =
+        "[tracker.lab]\nvrpn = \"Tracker0@127.0.0.1\"\n[sensor.head]\ntracker = \"labb\"\nid = 0\n";
+    std::fs::write(place.join("part.toml"), tracking).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+        .current_dir(&place)
+        .args(["check", "part.toml"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("part.toml:1:1: missing field `name`"), "{said}");
+    let whole = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + tracking;
+    std::fs::write(place.join("whole.toml"), whole).unwrap();
+    let (status, said) = check(&["whole.toml"], &place);
+    assert!(status == 2 && said.contains("did you mean \"lab\"?"), "{said}");
+    assert!(!said.contains("no sensor"), "{said}");
 }

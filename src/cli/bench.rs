@@ -22,7 +22,8 @@ use std::time::Instant;
 /// Frame rate, and where a frame's time goes; offline and online
 ///
 /// Runs the offline stage anew, the two online loops at the paper's 10,000 nodes beside the memory bandwidth
-/// measured in the same run, and the scene's script offscreen on a stage.
+/// measured in the same run, and the scene's script offscreen on a stage;
+/// where a body lists the effect haptics also the ticks of its force loop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -43,6 +44,9 @@ pub struct Args {
     /// Frames to draw for each figure
     #[arg(long, default_value_t = 24, value_parser = super::frames)]
     pub frames: usize,
+    /// The force loop's ticks too, where no body lists the effect haptics
+    #[arg(long)]
+    pub haptics: bool,
     /// Results as JSON
     #[arg(long)]
     pub json: bool,
@@ -94,15 +98,20 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         measured.bodies = names.zip(targets.bodies.choices).collect();
         drawn.push(measured);
     }
-    let ticks = beside_frames(&scene, show()?.world, args.device)?;
-    let tables =
-        [offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn), ticks];
+    let resists = scene.body.values().flat_map(|body| &body.effects).any(|effect| effect == "haptics");
+    let world = (resists || args.haptics).then(|| Ok::<_, Failure>(show()?.world)).transpose()?;
+    let ticks = world.map(|world| beside_frames(&scene, world, args.device)).transpose()?.unwrap_or_default();
+    let mut tables =
+        vec![offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
+    if !ticks.is_empty() {
+        tables.push(bench_haptics::table(&ticks));
+    }
     if let Some(path) = &args.readme {
         write_between_marks(path, "bench", &markdown(&tables))?;
         super::print(&format!("{}: tables written\n", path.display()))?;
     }
     if args.json {
-        super::print(&format!("{:#}\n", as_json(&offline, peak_memory, &loops, &drawn)))
+        super::print(&format!("{:#}\n", as_json(&offline, peak_memory, &loops, &drawn, &ticks)))
     } else {
         let text: String =
             tables.iter().map(|(title, table)| format!("{title}\n\n{}\n", table.text())).collect();
@@ -111,11 +120,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Ticks of the force loop beside frames of the scene.
-fn beside_frames(scene: &Scene, mut world: World, device: device::Args) -> Result<(String, Table), Failure> {
+fn beside_frames(
+    scene: &Scene,
+    mut world: World,
+    device: device::Args,
+) -> Result<Vec<bench_haptics::Row>, Failure> {
     let script = render::script(scene, None)?;
     let mut targets = Targets::new(&mut world, Pictures::Eyes, 1, 1.0, device)?;
     let started = Instant::now();
-    bench_haptics::table(|| {
+    bench_haptics::measure(|| {
         if let Some(script) = &script {
             let time_s = started.elapsed().as_secs_f64() % script.duration_s;
             world.step(&script.sample(&world.stage, time_s));
@@ -344,7 +357,13 @@ fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
     (format!("Frames: {stage}, {} screen(s), on {}", first.screens, first.device), table)
 }
 
-fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &[Loop], drawn: &[Drawn]) -> Value {
+fn as_json(
+    offline: &[Precomputed],
+    peak_memory: Option<f64>,
+    loops: &[Loop],
+    drawn: &[Drawn],
+    ticks: &[bench_haptics::Row],
+) -> Value {
     let bodies: Vec<Value> = offline
         .iter()
         .map(|body| {
@@ -370,7 +389,7 @@ fn as_json(offline: &[Precomputed], peak_memory: Option<f64>, loops: &[Loop], dr
         })
         .collect();
     json!({ "offline": bodies, "peak_memory_bytes": peak_memory, "loops": rows,
-        "processor": processor(), "version": env!("CARGO_PKG_VERSION"), "frames": frames })
+        "processor": processor(), "version": env!("CARGO_PKG_VERSION"), "frames": frames, "haptic_ticks": ticks })
 }
 
 fn markdown(tables: &[(String, Table)]) -> String {

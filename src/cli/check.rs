@@ -56,29 +56,20 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         findings.push(Finding::new(Severity::Error, "stage", problem.to_string()));
     }
     findings.sort_by_key(|finding| finding.severity);
-    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
-    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
     let effects = effects(&scene);
     if args.json {
         let value = serde_json::json!({ "scene": args.scene, "findings": findings, "effects": effects });
         super::print(&format!("{value:#}\n"))?;
     } else {
         let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
-        let notes = count(Severity::Note);
         let mut table = Table::new(&["body", "effect", "", "file and memory"]);
         for cost in &effects {
             let listed = if cost.listed { "listed" } else { "not listed" };
             table.row(&[&cost.body, cost.effect, listed, &bytes(cost.bytes as f64)]);
         }
-        super::print(&format!(
-            "{lines}{errors} errors, {warnings} warnings, {notes} notes\n\n{}",
-            table.text()
-        ))?;
+        super::print(&format!("{lines}{}\n\n{}", check_stage::tally(&findings), table.text()))?;
     }
-    match errors {
-        0 => Ok(()),
-        _ => Err(Failure::wrong(format!("{}: {errors} errors", args.scene.display()))),
-    }
+    check_stage::verdict(&findings, &args.scene)
 }
 
 /// What one effect adds to one body's file and memory; `greenstage accuracy` measures its times too.

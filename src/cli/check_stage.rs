@@ -1,6 +1,7 @@
 //! `greenstage check STAGE`: all that can be found wrong with a stage, at once.
 
 use super::failure::Failure;
+use super::table::count;
 use crate::green::{Finding, Severity};
 use crate::render::window;
 use crate::stage::{Level, Monitor, Stage, Survey, lint};
@@ -11,7 +12,10 @@ pub fn run(name: &Path, json: bool) -> Result<(), Failure> {
     let Survey { stage, faults } = Stage::survey(&name.display().to_string()).map_err(Failure::request)?;
     let mut findings: Vec<Finding> = faults
         .into_iter()
-        .map(|fault| Finding::new(Severity::Error, &format!("line {}", fault.line), fault.fault.to_string()))
+        .map(|fault| {
+            let place = format!("{}:{}", name.display(), fault.line);
+            Finding::new(Severity::Error, &place, fault.fault.to_string())
+        })
         .collect();
     if let Some(stage) = stage {
         let (monitors, whose) = monitors(&stage);
@@ -28,20 +32,32 @@ pub fn run(name: &Path, json: bool) -> Result<(), Failure> {
         }));
     }
     findings.sort_by_key(|finding| finding.severity);
-    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
-    let errors = count(Severity::Error);
     if json {
         let value = serde_json::json!({ "stage": name, "findings": findings });
         super::print(&format!("{value:#}\n"))?;
     } else {
         let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
-        let (warnings, notes) = (count(Severity::Warning), count(Severity::Note));
-        super::print(&format!("{lines}{errors} errors, {warnings} warnings, {notes} notes\n"))?;
+        super::print(&format!("{lines}{}\n", tally(&findings)))?;
     }
-    match errors {
-        0 => Ok(()),
-        _ => Err(Failure::wrong(format!("{}: {errors} errors", name.display()))),
+    verdict(&findings, name)
+}
+
+/// "1 error, 0 warnings, 2 notes".
+pub fn tally(findings: &[Finding]) -> String {
+    [Severity::Error, Severity::Warning, Severity::Note].map(|severity| number(findings, severity)).join(", ")
+}
+
+/// A wrong request where a finding about the file is an error.
+pub fn verdict(findings: &[Finding], path: &Path) -> Result<(), Failure> {
+    if findings.iter().all(|finding| finding.severity != Severity::Error) {
+        return Ok(());
     }
+    Err(Failure::wrong(format!("{}: {}", path.display(), number(findings, Severity::Error))))
+}
+
+fn number(findings: &[Finding], severity: Severity) -> String {
+    let found = findings.iter().filter(|finding| finding.severity == severity).count();
+    count(found, &severity.to_string())
 }
 
 /// The monitors of the display, else those of the file, and whose they are; a stage without windows needs none.

@@ -1,6 +1,7 @@
 //! `greenstage convert`: a mesh from one format to another.
 
 use super::failure::Failure;
+use super::table::count;
 use crate::mesh::{self, formats};
 use std::path::PathBuf;
 
@@ -52,12 +53,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mesh = &loaded.mesh;
     let regions: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();
     super::print(&format!(
-        "{}: {} nodes, {} tetrahedra, {} region(s), {} node group(s)\n{}: written ({})\n",
+        "{}: {} nodes, {} tetrahedra, {}, {}\n{}: written ({})\n",
         args.input.display(),
         mesh.nodes.len(),
         mesh.tets.len(),
-        regions.len(),
-        mesh.groups.len(),
+        count(regions.len(), "region"),
+        count(mesh.groups.len(), "node group"),
         args.output.display(),
         writer.about,
     ))

@@ -23,8 +23,8 @@ use vtkio::model::{
 /// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
-/// field a pose), and OUT.forces.csv where the scene lists the effect haptics. A body of the model stvk is solved anew for
-/// every pose, over all nodes, with its forces.
+/// field a pose), and OUT.forces.csv where the scene lists the effect haptics. A body of a model of large
+/// strain (stvk, neo_hookean, corotational) is solved anew for every pose, over all nodes, with its forces.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)

@@ -5,11 +5,13 @@
 //! device, there is no [`Feel`], no loop and no call in the frame.
 
 use super::failure::Failure;
+use super::interrupt;
 use super::overlay::HapticReading;
 use super::world::World;
 use crate::effect::find_effect;
 use crate::effect::haptics::{
-    Control, Device, Elastic, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated, VrpnDevice, Way,
+    Control, Device, Elastic, Faults, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated, VrpnDevice,
+    Way,
 };
 use crate::green::GreenFile;
 use crate::interact::Mode;
@@ -18,6 +20,7 @@ use crate::scene::Scene;
 use crate::stage::{Haptic, HapticDevice, Stage};
 use crate::track::{TrackerState, usable};
 use nalgebra::Isometry3;
+use std::time::{Duration, Instant};
 
 pub struct Feel {
     links: Vec<Link>,
@@ -35,8 +38,19 @@ struct Link {
     grips: u64,
     /// Where the tracker, or the mouse, has the hand of a simulated device.
     room_from_hand: Option<Isometry3<f64>>,
-    warned: bool,
+    told: Told,
 }
+
+/// What was said of a device, once each, and since when it says nothing.
+struct Told {
+    stiff: bool,
+    slow: bool,
+    silent: bool,
+    heard: Instant,
+}
+
+/// A device that says nothing for so long is told of.
+const SILENT: Duration = Duration::from_secs(2);
 
 #[derive(Clone, Copy)]
 struct Hold {
@@ -105,10 +119,11 @@ impl Feel {
                 hold: None,
                 grips: 0,
                 room_from_hand: None,
-                warned: false,
+                told: Told { stiff: false, slow: false, silent: false, heard: Instant::now() },
             })
         };
         let links = world.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
+        interrupt::end_without_force().map_err(Failure::work)?;
         Ok(Some(Feel { links }))
     }
 
@@ -143,7 +158,7 @@ impl Feel {
     /// What the overlay shows of each.
     pub fn readings(&mut self) -> Vec<HapticReading> {
         let of = |link: &mut Link| {
-            let Report { felt, clockwork } = *link.running.report();
+            let Report { felt, clockwork, .. } = *link.running.report();
             HapticReading {
                 name: link.haptic.name.clone(),
                 felt,
@@ -158,12 +173,29 @@ impl Feel {
     /// How the loops did, a line for each.
     pub fn summary(&mut self) -> String {
         let line = |link: &mut Link| {
-            let clock = link.running.report().clockwork;
+            let Report { felt, clockwork: clock, malformed } = *link.running.report();
             let [p50, p99, late] = [clock.work_p50_s, clock.work_p99_s, clock.late_p99_s].map(seconds);
-            format!(
-                "haptic {}: {} ticks, {} late, {} left out; work p50 {p50}, p99 {p99}; late by p99 {late}\n",
-                link.haptic.name, clock.ticks, clock.late, clock.missed
-            )
+            let name = &link.haptic.name;
+            let told = format!(
+                "haptic {name}: {} ticks, {} late, {} left out; work p50 {p50}, p99 {p99}; late by p99 {late}\n",
+                clock.ticks, clock.late, clock.missed
+            );
+            let Faults { lost, absurd, jumps, backward, unattended, undefined } = felt.faults;
+            let faults = [
+                (lost, "without news of the device"),
+                (absurd, "with a pose that cannot be"),
+                (jumps, "with a jump"),
+                (backward, "with an older reading"),
+                (unattended, "without news of the frame"),
+                (undefined, "without a mean rotation"),
+                (malformed, "messages not understood"),
+            ];
+            let seen: Vec<String> = faults
+                .iter()
+                .filter(|(count, _)| *count > 0)
+                .map(|(count, what)| format!("{count} {what}"))
+                .collect();
+            if seen.is_empty() { told } else { format!("{told}haptic {name}: ticks {}\n", seen.join(", ")) }
         };
         self.links.iter_mut().map(line).collect()
     }
@@ -250,21 +282,39 @@ impl Link {
         Some(Hold { place, way })
     }
 
-    /// Says once that a body is too stiff to be felt as it is.
+    /// Says once each that a device is silent, that it reports slowly, and that a body is too stiff to be felt as it is.
     fn warn(&mut self, world: &World, held: Option<&Held>) {
         let felt = self.running.report().felt;
-        let Some(held) = held.filter(|_| !self.warned && felt.gain > 0.0 && felt.stiffer > 1.0) else {
+        let Haptic { name, rate_hz, damping, .. } = &self.haptic;
+        if felt.room_from_handle.is_some() {
+            self.told.heard = Instant::now();
+        } else if !self.told.silent && self.told.heard.elapsed() > SILENT {
+            self.told.silent = true;
+            eprintln!(
+                "warning: haptic {name}: {} has not said where it is for {} s: is it on, its service running, its address right?",
+                self.running.device,
+                SILENT.as_secs()
+            );
+        }
+        if felt.gain <= 0.0 {
             return;
-        };
-        self.warned = true;
+        }
+        if !self.told.slow && felt.spacing_s * rate_hz > 2.0 {
+            self.told.slow = true;
+            eprintln!(
+                "warning: haptic {name}: it reports {:.0} times a second, the loop runs at {rate_hz} Hz: no more than {:.0} N/m can \
+                 be felt (`greenstage manual haptics`)",
+                1.0 / felt.spacing_s,
+                felt.bearable
+            );
+        }
+        let Some(held) = held.filter(|_| !self.told.stiff && felt.stiffer > 1.0) else { return };
+        self.told.stiff = true;
         eprintln!(
-            "note: haptic {}: body.{} is up to {:.0} times stiffer than the device bears at {} Hz with {} N·s/m of friction; \
-             in those directions it is felt that much softer (`greenstage manual haptics`)",
-            self.haptic.name,
+            "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears at {rate_hz} Hz with {damping} N·s/m of \
+             friction; in those directions it is felt that much softer (`greenstage manual haptics`)",
             world.bodies[self.bodies[held.body]].deformer.body,
             felt.stiffer.ceil(),
-            self.haptic.rate_hz,
-            self.haptic.damping
         );
     }
 }

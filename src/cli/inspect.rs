@@ -1,7 +1,7 @@
 //! `greenstage inspect`: what is in a mesh, .green, scene or stage file.
 
 use super::failure::Failure;
-use super::table::{Table, bytes};
+use super::table::{Table, bytes, count};
 use super::world::flow;
 use super::{plan, session};
 use crate::green::{GreenError, GreenFile};
@@ -39,25 +39,22 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         "green" => green(&args.file)?,
         "toml" if is_stage(&args.file)? => stage(&args.file)?,
         "toml" => scene(&args.file)?,
-        "" if built_in(&args.file).is_some() => stage(&args.file)?,
+        "" if !args.file.exists() => stage(&args.file)?,
         _ if surface_files::is_surface_file(&args.file) => surface(&args.file)?,
         _ => mesh(&args.file)?,
     };
     if args.json { super::print(&format!("{value:#}\n")) } else { super::print(&text) }
 }
 
-/// The built-in stage of that name, where there is no file of the same name.
-fn built_in(name: &Path) -> Option<Stage> {
-    Some(name).filter(|name| !name.exists()).and_then(|name| Stage::find(name.to_str()?).ok())
-}
-
-/// A TOML file with `[[screen]]` tables describes a stage, any other a scene; or it is the name of a built-in stage.
+/// A TOML file with a stage's tables describes a stage, any other a scene; a name without extension, of which there is
+/// no file, is a built-in stage's.
 pub fn is_stage(path: &Path) -> Result<bool, Failure> {
-    if path.extension().is_none() && built_in(path).is_some() {
+    if path.extension().is_none() && !path.exists() {
         return Ok(true);
     }
     let table: toml::Table = crate::config::load(path)?;
-    Ok(table.contains_key("screen"))
+    let tables = ["screen", "viewer", "workspace", "window", "tracker", "sensor", "stylus", "haptic"];
+    Ok(tables.iter().any(|name| table.contains_key(*name)))
 }
 
 fn mesh(path: &Path) -> Result<(String, Value), Failure> {
@@ -66,14 +63,14 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     let report = quality::report(&loaded.mesh, &surface);
     let [low, high] = report.bounding_box;
     let mut text = format!(
-        "{}\n{} nodes, {} tetrahedra; surface {} nodes, {} triangles; {} piece(s)\n\
+        "{}\n{} nodes, {} tetrahedra; surface {} nodes, {} triangles; {}\n\
          box ({:.6}, {:.6}, {:.6}) to ({:.6}, {:.6}, {:.6})\nvolume {:.6e} m³, surface {:.6e} m²\n\n",
         path.display(),
         report.nodes,
         report.tetrahedra,
         report.surface_nodes,
         report.surface_triangles,
-        report.components,
+        count(report.components, "piece"),
         low[0],
         low[1],
         low[2],
@@ -86,8 +83,8 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     let mut regions = Table::new(&["region", "name", "tetrahedra", "volume m³"]);
     for (number, region) in &report.regions {
         let name = region.name.as_deref().unwrap_or("");
-        let (count, volume) = (region.tetrahedra.to_string(), format!("{:.6e}", region.volume));
-        regions.row(&[&number.to_string(), name, &count, &volume]);
+        let (tetrahedra, volume) = (region.tetrahedra.to_string(), format!("{:.6e}", region.volume));
+        regions.row(&[&number.to_string(), name, &tetrahedra, &volume]);
     }
     text.push_str(&regions.text());
     if !report.groups.is_empty() {
@@ -121,13 +118,13 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     let [low, high] = report.bounding_box;
     let cavities = report.shells.iter().filter(|shell| shell.is_cavity).count();
     let mut text = format!(
-        "{}\na surface of {} vertices and {} triangles ({} without area); {} shell(s), {cavities} of them cavities\n\
+        "{}\na surface of {} vertices and {} triangles ({} without area); {}, {cavities} of them cavities\n\
          box ({:.6}, {:.6}, {:.6}) to ({:.6}, {:.6}, {:.6})\nvolume {:.6e} m³, surface {:.6e} m²\n\n",
         path.display(),
         report.vertices,
         report.triangles,
         report.flat,
-        report.shells.len(),
+        count(report.shells.len(), "shell"),
         low[0],
         low[1],
         low[2],
@@ -249,7 +246,8 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
             let nodes = control.nodes.select(&loaded.mesh).map_err(|message| {
                 Failure::request(scene.invalid(&format!("body.{name}.control.{control_name}.nodes"), message))
             })?;
-            text.push_str(&format!("  control {control_name}: {} nodes, {:?}\n", nodes.len(), control.grab));
+            let grab = control.grab.name();
+            text.push_str(&format!("  control {control_name}: {} nodes, {grab}\n", nodes.len()));
         }
     }
     let path = session::green_path(&scene);
@@ -279,10 +277,8 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
 }
 
 fn stage(path: &Path) -> Result<(String, Value), Failure> {
-    let stage = match built_in(path) {
-        Some(stage) => stage,
-        None => Stage::load(path).map_err(Failure::request)?,
-    };
+    let found = if path.exists() { Stage::load(path) } else { Stage::find(&path.display().to_string()) };
+    let stage = found.map_err(Failure::request)?;
     let text = stage.to_string();
     Ok((text.clone(), json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() })))
 }

@@ -44,3 +44,17 @@ pub fn bindings() -> String {
     let rows: Vec<String> = BINDINGS.iter().map(|(input, what)| format!("  {input:<36} {what}")).collect();
     format!("Mouse and keyboard:\n{}", rows.join("\n"))
 }
+
+/// What [`crate::track::Mouse`] calls a key, where it knows it; a letter is written into `typed`.
+pub fn name(key: Key, typed: &mut [u8; 4]) -> Option<&str> {
+    Some(match key {
+        Key::Char(c) => c.encode_utf8(typed),
+        Key::Left => "ArrowLeft",
+        Key::Right => "ArrowRight",
+        Key::Up => "ArrowUp",
+        Key::Down => "ArrowDown",
+        Key::Control => "Control",
+        Key::Shift => "Shift",
+        _ => return None,
+    })
+}

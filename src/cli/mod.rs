@@ -15,6 +15,7 @@ mod device;
 mod failure;
 mod feel;
 mod inspect;
+mod interrupt;
 mod keys;
 mod lines;
 mod manual;

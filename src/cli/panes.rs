@@ -53,10 +53,7 @@ pub fn scaled(size: [u32; 2], scale: f64) -> [u32; 2] {
 /// What a window of `size` pixels shows; with `swapped` each eye gets what the other should. Tiles and eyes for which
 /// the window has become too small are left out.
 pub fn tiles(world: &mut World, window: &Window, size: [u32; 2], swapped: bool) -> Vec<Tile> {
-    shown(window, size, &mut |tile, eye_size, eye| {
-        let swapped = swapped != tile.swap_eyes;
-        viewport(world, tile, eye_size, if swapped { eye.other() } else { eye })
-    })
+    shown(window, size, &mut |tile, eye_size, eye| viewport(world, tile, eye_size, seen(tile, eye, swapped)))
 }
 
 /// A window that shows both eyes the same instead: `view` of a width to height as it is on the screen, or nothing.
@@ -122,8 +119,13 @@ pub fn part(
     let visible = tile.visible(&stage.screens[tile.screen], [width, height])?;
     let [x, y, width, height] = visible.rect.map(|pixels| pixels as f32);
     let rect = Rect::from_min_size(pos2(left as f32 + x, top as f32 + y), vec2(width, height));
-    let swapped = swapped != tile.swap_eyes;
-    Some(Part { screen: tile.screen, eye: if swapped { eye.other() } else { eye }, rect, visible })
+    Some(Part { screen: tile.screen, eye: seen(tile, eye, swapped), rect, visible })
+}
+
+/// Whose picture stands where `eye`'s does by the tile's kind of stereo: swapped by all windows and by the tile, it is
+/// where it was.
+fn seen(tile: &stage::Tile, eye: Eye, swapped: bool) -> Eye {
+    if swapped != tile.swap_eyes { eye.other() } else { eye }
 }
 
 /// A tile's rectangle in its window, how its eyes are joined, and their pictures' size; `None` without pixels.
@@ -144,11 +146,31 @@ fn viewport(world: &mut World, tile: &stage::Tile, eye_size: [u32; 2], eye: Eye)
     let Some(visible) = tile.visible(&world.stage.screens[tile.screen], eye_size) else {
         return Viewport { rect: [0, 0, width, height], view: None };
     };
-    let view = world.view(tile.screen, eye).map(|view| {
-        let clip_from_room = visible.clip_from_whole() * view.clip_from_room.cast::<f64>();
-        View { clip_from_room: clip_from_room.cast(), ..view }
-    });
-    Viewport { rect: visible.rect, view }
+    Viewport { rect: visible.rect, view: world.view(tile.screen, eye).map(|view| through(&visible, view)) }
+}
+
+/// The view of a whole screen cut to the part of it that is drawn.
+fn through(visible: &Visible, view: View) -> View {
+    let clip_from_room = visible.clip_from_whole() * view.clip_from_room.cast::<f64>();
+    View { clip_from_room: clip_from_room.cast(), ..view }
+}
+
+/// What a window system that neither places windows nor tells where they stand (Wayland) does to these, if anything.
+pub fn unplaced(windows: &[Window]) -> Option<String> {
+    let is_placed = windows.iter().any(|window| window.at.is_some() || window.monitor.is_some());
+    let is_woven =
+        |tile: &stage::Tile| matches!(tile.stereo, Stereo::Rows | Stereo::Columns | Stereo::Checkerboard);
+    let is_woven = windows.iter().flat_map(|window| &window.tiles).any(is_woven);
+    let what = match (is_placed, is_woven) {
+        (true, true) => "windows stand where it puts them, and interlaced eyes may be swapped",
+        (true, false) => "windows stand where it puts them",
+        (false, true) => "interlaced eyes may be swapped, by the place of the window",
+        (false, false) => return None,
+    };
+    Some(format!(
+        "Wayland places windows itself and does not tell where: {what}; on X11, or through Xwayland (unset \
+         WAYLAND_DISPLAY), they stand where the stage file says"
+    ))
 }
 
 /// The screen under the cursor and the place on it (x right, y up, -1 to 1), from a place in the window as a share of
@@ -206,5 +228,65 @@ mod tests {
         assert_eq!(cursor(Stereo::SideBySide, [0.875, 0.25]), [0.5, 0.5]);
         assert_eq!(cursor(Stereo::TopBottomHalf, [0.75, 0.625]), [0.5, 0.5]);
         assert_eq!(cursor(Stereo::Mono, [1.25, 0.5]), [1.5, 0.0], "a drag leaves the window");
+    }
+    /// Screen and eye of each picture, tile by tile.
+    fn eyes(stage: &Stage, swapped: bool) -> Vec<(String, Eye)> {
+        let window = &stage.layout()[0];
+        let mut eyes = Vec::new();
+        shown(window, window.size, &mut |tile, [width, height], eye| {
+            eyes.push((stage.screens[tile.screen].name.clone(), seen(tile, eye, swapped)));
+            Viewport { rect: [0, 0, width, height], view: None }
+        });
+        eyes
+    }
+
+    #[test]
+    fn a_projector_that_swaps_the_eyes_is_swapped_back_when_all_are() {
+        use Eye::{Left, Right};
+        let named = |eyes: [(&str, Eye); 4]| eyes.map(|(screen, eye)| (screen.to_owned(), eye));
+        let stage = Stage::find("lbench").unwrap();
+        let expected = [("front", Right), ("front", Left), ("table", Left), ("table", Right)];
+        assert_eq!(eyes(&stage, false), named(expected), "the upper half comes first");
+        let expected = [("front", Left), ("front", Right), ("table", Right), ("table", Left)];
+        assert_eq!(eyes(&stage, true), named(expected));
+    }
+
+    /// A tile that shows part of a screen of which some is hidden: every place of the screen is on the pixel that it
+    /// has on the whole one, moved by the crop.
+    #[test]
+    fn a_cropped_and_overscanned_tile_keeps_each_place_on_its_pixel() {
+        let stage = Stage::find("desktop").unwrap();
+        let screen = &stage.screens[0];
+        let [crop, overscan] = [[100, 50, 640, 400], [110, 0, 0, 360]];
+        let tile = stage::Tile { crop, overscan, ..stage::Tile::whole(&stage, 0, Stereo::Mono) };
+        let window = Window { size: [640, 400], tiles: vec![tile], ..stage.layout()[0].clone() };
+        let window = &Window {
+            tiles: vec![stage::Tile { rect: [0, 0, 640, 400], ..window.tiles[0].clone() }],
+            ..window
+        };
+        let eye = nalgebra::Point3::from(stage.viewer.room_from_head.translation.vector);
+        let seen = screen.view(&eye, 0.05).unwrap();
+        let view = View { clip_from_room: seen.clip_from_room, eye_in_room: seen.eye_in_room };
+        let visible = window.tiles[0].visible(screen, [640, 400]).unwrap();
+        // Ten columns at the left and ten rows at the bottom are hidden.
+        assert_eq!(visible.rect, [10, 0, 630, 390]);
+        let [columns, rows] = screen.pixels.map(f64::from);
+        for pixel in [[111.0, 51.0], [400.0, 200.0], [739.0, 438.0]] {
+            let place = screen.point([2.0 * pixel[0] / columns - 1.0, 1.0 - 2.0 * pixel[1] / rows]);
+            let clip = through(&visible, view).clip_from_room * place.cast::<f32>().to_homogeneous();
+            let [x, y, width, height] = visible.rect.map(|pixels| pixels as f32);
+            let drawn =
+                [x + (clip.x / clip.w + 1.0) / 2.0 * width, y + (1.0 - clip.y / clip.w) / 2.0 * height];
+            let expected = [pixel[0] as f32 - 100.0, pixel[1] as f32 - 50.0];
+            assert!((0..2).all(|k| (drawn[k] - expected[k]).abs() < 1e-3), "{drawn:?} is not {expected:?}");
+        }
+    }
+
+    #[test]
+    fn wayland_is_warned_of_where_it_matters() {
+        let warned = |name: &str| unplaced(&Stage::find(name).unwrap().layout()).unwrap_or_default();
+        assert_eq!(warned("desktop"), "");
+        assert!(warned("workbench").contains("stand where it puts them;"));
+        assert!(warned("powerwall").contains("and interlaced eyes may be swapped"));
     }
 }

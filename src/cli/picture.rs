@@ -4,11 +4,12 @@ use super::device::{self, Choice};
 use super::overlay::{FrameTimes, History, Panel, Readings};
 use super::panes;
 use super::world::{StepTimes, World};
+use crate::render::window::Monitor;
 use crate::render::{
     BodyBuffers, BodyInstance, COLOR_FORMAT, Canvas, DrawCounts, EyePicture, FrameContents, Gpu, Overlay,
     Readable, RenderError, Renderer, Target, Tile, TilePainter,
 };
-use crate::stage::{Stage, Stereo, Window};
+use crate::stage::{self, Stage, Stereo, Window};
 use image::RgbaImage;
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -84,6 +85,8 @@ pub struct Targets {
     painter: TilePainter,
     pub bodies: Bodies,
     pictures: Vec<OneTarget>,
+    /// Those of the stage file, where the pictures are of its windows.
+    monitors: Vec<Monitor>,
     swapped: bool,
     /// Shown on the screen that the viewer looks at, where it is asked for.
     panel: Option<(Overlay, History)>,
@@ -152,12 +155,22 @@ impl Targets {
             let image = Readable::new(&gpu, size)?;
             pictures.push(OneTarget { window, name, desktop, canvas: Canvas::default(), image });
         }
+        let monitor = |monitor: &stage::Monitor| Monitor {
+            name: monitor.name.clone(),
+            at: panes::moved(monitor.at, scale),
+            size: panes::scaled(monitor.size, scale),
+        };
+        let monitors = match asked_for {
+            Pictures::Windows => world.stage.monitors.iter().map(monitor).collect(),
+            Pictures::Eyes | Pictures::Joined(_) => Vec::new(),
+        };
         Ok(Targets {
             gpu,
             renderer,
             painter,
             bodies,
             pictures,
+            monitors,
             swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
             panel: None,
         })
@@ -205,6 +218,7 @@ impl Targets {
                 texture: &image.view,
                 size: image.size,
                 desktop: *desktop,
+                monitors: &self.monitors,
                 tiles,
                 contents: &contents,
             })

@@ -42,7 +42,7 @@ pub struct Playback<'a> {
 }
 
 /// Fine steps over a whole script, at least.
-pub const SCRIPT_STEPS: usize = 240;
+const SCRIPT_STEPS: usize = 240;
 
 impl<'a> Playback<'a> {
     pub fn new(source: Source<'a>, frames: usize) -> Playback<'a> {

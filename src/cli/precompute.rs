@@ -22,7 +22,7 @@ pub struct Args {
     /// Compute even if the file is fresh
     #[arg(long)]
     pub force: bool,
-    /// No progress bars and no step lines
+    /// No progress while it works; the closing table is printed all the same
     #[arg(short, long)]
     pub quiet: bool,
 }

@@ -51,7 +51,7 @@ pub struct Args {
     /// Samples a pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = super::samples)]
     pub samples: u32,
-    /// Size of the pictures against the screens' own pixels, 0.01 to 8
+    /// Size of the pictures against the screens' own pixels, 0.01 to 4
     #[arg(long, default_value_t = 1.0, value_parser = super::scale)]
     pub scale: f64,
     /// Both eyes in one picture as a display wants them (`greenstage manual stages` lists the kinds), or one eye's;
@@ -96,6 +96,7 @@ const SHEET_PICTURE: u32 = 400;
 const SHEET_GAP: u32 = 8;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    args.device.for_session(args.replay.is_some() || args.record.is_some())?;
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;

@@ -6,17 +6,19 @@ use crate::effect::haptics::stability::{RATES_HZ, Run, STIFFNESSES, boundary, ru
 use crate::effect::haptics::{Hand, Measures};
 use crate::report::table::Table;
 use crate::stage::Haptic;
+use rayon::prelude::*;
 use serde_json::json;
 
 /// Asks for this instead of problems.
 pub const NAME: &str = "haptics";
 
 /// What is tried: name, measures, hand.
-const SETTINGS: [(&str, Measures, Hand); 4] = [
+const SETTINGS: [(&str, Measures, Hand); 5] = [
     ("plain force, nobody holds the handle", Measures::NONE, Hand::NONE),
     ("plain force, a hand holds the handle", Measures::NONE, Hand::FINGERS),
     ("the observer's brake alone, nobody holds it", BRAKE, Hand::NONE),
     ("coupling, brake and limits, nobody holds it", Measures::ALL, Hand::NONE),
+    ("coupling, brake and limits, a hand holds it", Measures::ALL, Hand::FINGERS),
 ];
 
 const BRAKE: Measures = Measures { brake: true, ..Measures::NONE };
@@ -24,17 +26,18 @@ const BRAKE: Measures = Measures { brake: true, ..Measures::NONE };
 pub fn print(args: &Args) -> Result<(), Failure> {
     let (mut text, mut all) = (Vec::new(), Vec::new());
     for (name, measures, hand) in SETTINGS {
-        let runs: Vec<Vec<Run>> = STIFFNESSES
-            .iter()
-            .map(|&stiffness| {
-                RATES_HZ.map(|rate_hz| run(&device(rate_hz), hand, stiffness, measures)).to_vec()
-            })
-            .collect();
+        let row = |&stiffness: &f64| {
+            RATES_HZ.map(|rate_hz| run(&device(rate_hz), hand, stiffness, measures)).to_vec()
+        };
+        let runs: Vec<Vec<Run>> = STIFFNESSES.par_iter().map(row).collect();
         text.push((name.to_owned(), verdicts(&runs)));
         all.push(json!({ "setting": name, "runs": runs }));
     }
     let (boundaries, found) = boundaries();
-    text.push(("The largest stable stiffness, and K = 2 b / T of theory".to_owned(), boundaries));
+    text.push((
+        "The least stiffness that is not stable with the plain force, and K = 2 b / T of theory".to_owned(),
+        boundaries,
+    ));
     if args.json {
         super::print(&format!("{:#}\n", json!({ "settings": all, "boundaries": found })))?;
     } else {
@@ -54,13 +57,16 @@ fn device(rate_hz: f64) -> Haptic {
     Haptic { rate_hz, ..Haptic::simulated("table") }
 }
 
+/// Rounding, and what is at once eaten.
+const NOTHING_J: f64 = 1e-9;
+
 /// A row for each stiffness, a column for each rate: how it ended, and what the loop generated.
 fn verdicts(runs: &[Vec<Run>]) -> Table {
     let heading = RATES_HZ.map(|rate| format!("{rate} Hz"));
     let mut table = Table { rows: vec![std::iter::once("N/m".to_owned()).chain(heading).collect()] };
     for row in runs {
         let cell = |run: &Run| match run.verdict {
-            verdict if run.generated_j == 0.0 => verdict.name().to_owned(),
+            verdict if run.generated_j < NOTHING_J => verdict.name().to_owned(),
             verdict if run.generated_j.is_finite() => {
                 format!("{}, {} mJ", verdict.name(), significant(1e3 * run.generated_j))
             }
@@ -78,44 +84,29 @@ fn significant(value: f64) -> String {
 }
 
 fn boundaries() -> (Table, Vec<serde_json::Value>) {
-    let mut table = Table::new(&[
-        "rate",
-        "hand",
-        "theory, N/m",
-        "measured, N/m",
-        "with the brake alone",
-        "with all measures",
-    ]);
+    let mut table = Table::new(&["rate", "hand", "theory, N/m", "measured, N/m"]);
+    let hands = [("none", Hand::NONE), ("fingers", Hand::FINGERS)];
+    let all: Vec<_> = RATES_HZ.into_iter().flat_map(|rate| hands.map(|hand| (rate, hand))).collect();
+    let seek = |&(rate_hz, (name, hand)): &(f64, (&'static str, Hand))| {
+        let haptic = device(rate_hz);
+        let theory = 2.0 * (haptic.damping + hand.damping) * rate_hz;
+        (rate_hz, name, theory, boundary(&haptic, hand, Measures::NONE))
+    };
     let mut found = Vec::new();
-    for rate_hz in RATES_HZ {
-        for (name, hand) in [("none", Hand::NONE), ("fingers", Hand::FINGERS)] {
-            let haptic = device(rate_hz);
-            let theory = 2.0 * (haptic.damping + hand.damping) * rate_hz;
-            let limits =
-                [Measures::NONE, BRAKE, Measures::ALL].map(|measures| boundary(&haptic, hand, measures));
-            let cell = |limit: &Option<f64>| limit.map_or("above 1e6".to_owned(), |k| format!("{k:.0}"));
-            let [plain, brake, kept] = &limits;
-            table.row(&[
-                &format!("{rate_hz} Hz"),
-                name,
-                &format!("{theory:.0}"),
-                &cell(plain),
-                &cell(brake),
-                &cell(kept),
-            ]);
-            found.push(json!({ "rate_hz": rate_hz, "hand": name, "theory": theory, "plain": plain, "brake": brake, "all": kept }));
-        }
+    for (rate_hz, name, theory, plain) in all.par_iter().map(seek).collect::<Vec<_>>() {
+        let cell = plain.map_or("above 1e6".to_owned(), |k| format!("{k:.0}"));
+        table.row(&[&format!("{rate_hz} Hz"), name, &format!("{theory:.0}"), &cell]);
+        found.push(json!({ "rate_hz": rate_hz, "hand": name, "theory": theory, "plain": plain }));
     }
     (table, found)
 }
 
 /// With all measures nothing may be unstable, and the plain boundary must be the theory's.
 fn judge(all: &[serde_json::Value], boundaries: &[serde_json::Value]) -> Result<(), Failure> {
-    let kept = all.last().and_then(|setting| setting["runs"].as_array());
-    let is_kept = kept.is_some_and(|rows| {
-        rows.iter().flat_map(|row| row.as_array()).flatten().all(|run| run["verdict"] == "stable")
-    });
-    let is_theory = boundaries.iter().filter(|row| row["hand"] == "none").all(|row| {
+    let kept = SETTINGS.iter().zip(all).filter(|((_, measures, _), _)| *measures == Measures::ALL);
+    let rows = kept.filter_map(|(_, setting)| setting["runs"].as_array()).flatten();
+    let is_kept = rows.flat_map(|row| row.as_array()).flatten().all(|run| run["verdict"] == "stable");
+    let is_theory = boundaries.iter().all(|row| {
         let ratio = row["plain"].as_f64().unwrap_or(f64::NAN) / row["theory"].as_f64().unwrap_or(f64::NAN);
         (ratio - 1.0).abs() < 0.1
     });

@@ -5,7 +5,7 @@ use super::device;
 use super::failure::Failure;
 use super::feel::{self, Feel};
 use super::keys;
-use super::overlay::{FrameTimes, Readings, SensorReading};
+use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
 use super::panes;
 use super::picture::{Bodies, contents};
 use super::playback;
@@ -97,6 +97,7 @@ impl Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    let device = args.device.for_session(args.record.is_some() || args.replay.is_some())?;
     let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
@@ -114,9 +115,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             recorder.as_mut(),
         );
     }
-    super::print(&format!("{}\n", keys::bindings()))?;
     // A recording has its own head and hands.
     let is_live = show.replay.is_none();
+    if is_live {
+        super::print(&format!("{}\n", keys::bindings()))?;
+    }
     let mut feel = if is_live { Feel::start(&scene, &show.file, &show.world)? } else { None };
     let rig = if is_live { super::track::start(&show.world.stage, feel.as_mut())? } else { None };
     let world = show.world;
@@ -151,7 +154,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: 0,
         round: 0,
         limit_s: args.seconds,
-        device: args.device.for_session(args.record.is_some() || args.replay.is_some())?,
+        device,
         rig,
     };
     let options = WindowOptions { samples: args.samples, vsync: !args.no_vsync };
@@ -255,16 +258,7 @@ impl WindowApp for Viewer {
                     self.world.act(action);
                 }
                 let mut typed = [0; 4];
-                let name = match key {
-                    Key::Char(c) => c.encode_utf8(&mut typed),
-                    Key::Left => "ArrowLeft",
-                    Key::Right => "ArrowRight",
-                    Key::Up => "ArrowUp",
-                    Key::Down => "ArrowDown",
-                    Key::Control => "Control",
-                    Key::Shift => "Shift",
-                    _ => return,
-                };
+                let Some(name) = keys::name(key, &mut typed) else { return };
                 self.mouse.handle(MouseInput::Key { name, pressed });
             }
             Input::Focus { focused: false, .. } => self.mouse.handle(MouseInput::FocusLost),
@@ -277,6 +271,9 @@ impl WindowApp for Viewer {
         self.last = Instant::now();
         if self.frames == 0 {
             self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+            if !windows.knows_places {
+                panes::unplaced(&self.layout).into_iter().for_each(|warning| self.world.warn(warning));
+            }
         }
         match self.advance(step_s) {
             Ok(Flow::Continue) => {}
@@ -292,6 +289,7 @@ impl WindowApp for Viewer {
         let tiles = self.tiles(windows);
         self.note_warnings();
         if self.aids.has_panel() {
+            self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
             self.aids.history.push(FrameTimes { whole_s: step_s, ..self.times });
         }
         if let Some(bodies) = &mut self.bodies {
@@ -326,10 +324,8 @@ impl WindowApp for Viewer {
             };
             let contents = contents(&self.world, &instances);
             let drawn = self.aids.draw(windows, &staged, tiles, &contents, readings)?;
-            let [acquire_s, encode_s, present_s] =
-                [drawn.acquire, drawn.encode, drawn.present].map(|time| time.as_secs_f64());
-            self.times.steps =
-                [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, acquire_s, present_s];
+            let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
+            self.times.steps = [track_s, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, present_s];
         }
         self.frames += 1;
         let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);

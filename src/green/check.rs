@@ -4,7 +4,7 @@
 use super::ControlElement;
 use super::control::rank;
 use crate::fem::Lame;
-use crate::mesh::trouble::{self, Severity, place};
+use crate::mesh::trouble::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Element, Material};
 use nalgebra::Vector3;
@@ -38,10 +38,26 @@ const LOCKING: f64 = 0.45;
 /// Stiffness of a floating inclusion over that around it: above the first, digits are lost; above the second, all.
 const STIFF: [f64; 2] = [1e8, 1e12];
 
+/// Longest sides of bodies that hands bend.
+const USUAL_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
+
 /// What is wrong with the mesh itself; pieces are judged by [`support`].
 pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Finding> {
     let found = trouble::find(mesh).into_iter().filter(|trouble| trouble.severity < Severity::Note);
-    found.map(|trouble| Finding::new(trouble.severity, entity, trouble.message)).collect()
+    let found = found.map(|trouble| Finding::new(trouble.severity, entity, trouble.message));
+    found.chain(unit(entity, mesh)).collect()
+}
+
+/// A word about bodies of an unlikely size: pictures are fitted to the stage and hide a wrong unit.
+fn unit(entity: &str, mesh: &TetMesh) -> Option<Finding> {
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let side = (high - low).max();
+    let message = format!(
+        "its longest side is {} m, for coordinates are metres: pictures fit it into the stage all the same, but with \
+         another unit forces and energies are wrong (chapter meshes, Units)",
+        digits(side)
+    );
+    (!USUAL_M.contains(&side)).then(|| Finding::new(Severity::Note, entity, message))
 }
 
 /// Control elements that share nodes, and face-connected pieces that none holds at three points off one line.
@@ -161,4 +177,22 @@ fn floating_stiffness(mesh: &TetMesh, lame: &[Lame], controlled: &[bool], region
 fn offsets_from_centroid(mesh: &TetMesh, nodes: &[u32]) -> (Vector3<f64>, Vec<Vector3<f64>>) {
     let centre = quality::centroid(mesh, nodes).unwrap_or_default();
     (centre, nodes.iter().map(|&node| mesh.nodes[node as usize] - centre).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Block, block};
+
+    #[test]
+    fn a_body_of_unlikely_size_is_told_of() {
+        let told = |size: [f64; 3]| {
+            let body = block(&Block { size, cells: [1; 3] }).unwrap();
+            unit("body.part", &body).map(|finding| finding.message)
+        };
+        assert_eq!(told([0.2, 0.05, 0.02]), None);
+        let far_too_long = told([93.0, 20.0, 20.0]).unwrap();
+        assert!(far_too_long.starts_with("its longest side is 93.00 m"), "{far_too_long}");
+        assert!(told([2e-7; 3]).unwrap().contains("is 2.000e-7 m"));
+    }
 }

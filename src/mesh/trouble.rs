@@ -68,8 +68,10 @@ pub fn find(mesh: &TetMesh) -> Vec<Trouble> {
     }
     if extent < FAR * offset {
         let message = format!(
-            "the body of {extent:.3e} m lies {offset:.3e} m from its origin: its coordinates have only about {:.0} \
-             digits left for its shape; move it to the origin before it is meshed",
+            "the body of {} m lies {} m from its origin: its coordinates have only about {:.0} digits left for its \
+             shape; move it to the origin before it is meshed",
+            digits(extent),
+            digits(offset),
             (16.0 - (offset / extent).log10()).max(0.0)
         );
         say(Severity::Warning, message);
@@ -197,7 +199,19 @@ fn tetrahedra(mesh: &TetMesh, tets: &[u32]) -> String {
 
 /// A point, as messages write it.
 pub fn place(x: &Vector3<f64>) -> String {
-    format!("({:.4e}, {:.4e}, {:.4e}) m", x.x, x.y, x.z)
+    format!("({}, {}, {}) m", digits(x.x), digits(x.y), digits(x.z))
+}
+
+/// Four digits of a number, without an exponent where it can be read without.
+pub fn digits(x: f64) -> String {
+    match x.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e5).contains(&size) => {
+            let after_point = (3.0 - size.log10().floor()).max(0.0) as usize;
+            format!("{x:.after_point$}")
+        }
+        _ => format!("{x:.3e}"),
+    }
 }
 
 /// Pairs of tetrahedra that lie on the same side of the face they share: one of them was pushed through it, so the
@@ -269,6 +283,13 @@ mod tests {
         mesh.tets.extend(second.tets.iter().map(|tet| tet.map(|node| node + nodes)));
         mesh.regions.extend(&second.regions);
         mesh
+    }
+
+    #[test]
+    fn numbers_are_told_in_four_digits_without_exponent_where_it_goes() {
+        let told = [0.0, 0.54019, -8.37712, 10.0, 92.94, 12345.6, 0.0012346, 1.23456e-7, -3e9].map(digits);
+        let wanted = ["0", "0.5402", "-8.377", "10.00", "92.94", "12346", "0.001235", "1.235e-7", "-3.000e9"];
+        assert_eq!(told, wanted);
     }
 
     #[test]

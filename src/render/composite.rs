@@ -15,7 +15,7 @@ pub struct Composite {
     /// Where the second picture begins in the tile, from the top left; the first begins at its corner.
     pub second: [u32; 2],
     /// Columns and rows: 1 where the eyes take turns in that direction, the first eye at even pixels. Counted from the
-    /// desktop's corner, not the window's: a display polarises its own rows, wherever a window stands.
+    /// corner of the monitor, not of the window: a panel polarises its own rows, wherever a window stands.
     pub turns: [u32; 2],
     /// What the first picture adds to red, green and blue, row by row, in linear light; clipped to 0 to 1.
     pub from_first: Matrix,
@@ -91,13 +91,13 @@ impl Composite {
         Self { eye_size, second: [0, 0], turns: [0, 0], from_first: SAME, from_second: SAME }
     }
 
-    /// The tile of `size` pixels whose top left pixel is `desktop` on the desktop, from both eyes' pictures: what the
+    /// The tile of `size` pixels whose top left pixel is `panel` on its monitor, from both eyes' pictures: what the
     /// shader draws, on the CPU. A picture that is smaller than `eye_size` counts as black beyond its edge.
     pub fn compose(
         &self,
         [first, second]: [&RgbaImage; 2],
         [width, height]: [u32; 2],
-        desktop: [i32; 2],
+        panel: [i32; 2],
     ) -> RgbaImage {
         let take_turns = self.turns != [0, 0];
         let within = |picture: &RgbaImage, pixel: [i64; 2], matrix: &Matrix| -> [f32; 3] {
@@ -112,7 +112,7 @@ impl Composite {
         };
         RgbaImage::from_fn(width, height, |x, y| {
             let pixel = [x, y].map(i64::from);
-            let turn = |axis: usize| (pixel[axis] + i64::from(desktop[axis])) & i64::from(self.turns[axis]);
+            let turn = |axis: usize| (pixel[axis] + i64::from(panel[axis])) & i64::from(self.turns[axis]);
             let is_odd = (turn(0) + turn(1)) & 1 == 1;
             let mut colour = [0.0; 3];
             if !(take_turns && is_odd) {
@@ -147,7 +147,7 @@ struct CompositeUniform {
     from_first: [[f32; 4]; 3],
     from_second: [[f32; 4]; 3],
     corner: [i32; 2],
-    desktop: [i32; 2],
+    panel: [i32; 2],
     eye_size: [i32; 2],
     second: [i32; 2],
     turns: [i32; 2],
@@ -155,14 +155,14 @@ struct CompositeUniform {
 }
 
 impl CompositeUniform {
-    fn new(composite: &Composite, rect: [u32; 4], desktop: [i32; 2]) -> Self {
+    fn new(composite: &Composite, rect: [u32; 4], panel: [i32; 2]) -> Self {
         let columns = |m: &Matrix| [0, 1, 2].map(|column| [m[0][column], m[1][column], m[2][column], 0.0]);
         let signed = |pixels: [u32; 2]| pixels.map(|pixel| pixel as i32);
         Self {
             from_first: columns(&composite.from_first),
             from_second: columns(&composite.from_second),
             corner: signed([rect[0], rect[1]]),
-            desktop,
+            panel,
             eye_size: signed(composite.eye_size),
             second: signed(composite.second),
             turns: signed(composite.turns),
@@ -256,7 +256,7 @@ impl CompositePass {
         Ok(Inputs { uniform, group })
     }
 
-    /// Draws one tile, `rect` (x, y, width, height) of the pass's target; `desktop` is its top left pixel's place.
+    /// Draws one tile, `rect` (x, y, width, height) of the pass's target; `panel` is its top left pixel's place.
     pub(super) fn draw(
         &self,
         gpu: &Gpu,
@@ -264,9 +264,9 @@ impl CompositePass {
         inputs: &Inputs,
         composite: &Composite,
         rect: [u32; 4],
-        desktop: [i32; 2],
+        panel: [i32; 2],
     ) {
-        let uniform = CompositeUniform::new(composite, rect, desktop);
+        let uniform = CompositeUniform::new(composite, rect, panel);
         gpu.queue.write_buffer(&inputs.uniform, 0, bytemuck::bytes_of(&uniform));
         let [x, y, width, height] = rect;
         pass.set_pipeline(&self.pipeline);
@@ -291,7 +291,7 @@ mod tests {
         let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("no struct") };
         let offsets: Vec<usize> = members.iter().map(|member| member.offset as usize).collect();
         macro_rules! offsets { ($($field:ident),+) => { vec![$(offset_of!(CompositeUniform, $field)),+] }; }
-        assert_eq!(offsets, offsets!(from_first, from_second, corner, desktop, eye_size, second, turns));
+        assert_eq!(offsets, offsets!(from_first, from_second, corner, panel, eye_size, second, turns));
         assert_eq!(*span as usize, size_of::<CompositeUniform>());
     }
 
@@ -332,17 +332,17 @@ mod tests {
     }
 
     #[test]
-    fn the_eyes_take_turns_by_the_desktops_pixels() {
+    fn the_eyes_take_turns_by_the_panels_pixels() {
         let [red, blue] = [plain([255, 0, 0]), plain([0, 0, 255])];
         for turns in [[1, 0], [0, 1], [1, 1]] {
             let composite = Composite::interlaced([8, 8], turns);
-            for desktop in [[0, 0], [1, 0], [0, 1], [-3, 5], [7, -2]] {
-                let woven = composite.compose([&red, &blue], [8, 8], desktop);
+            for panel in [[0, 0], [1, 0], [0, 1], [-3, 5], [7, -2]] {
+                let woven = composite.compose([&red, &blue], [8, 8], panel);
                 for (x, y, pixel) in woven.enumerate_pixels() {
-                    let on_desktop = [x as i32 + desktop[0], y as i32 + desktop[1]];
-                    let sum = on_desktop[0] * turns[0] as i32 + on_desktop[1] * turns[1] as i32;
+                    let on_panel = [x as i32 + panel[0], y as i32 + panel[1]];
+                    let sum = on_panel[0] * turns[0] as i32 + on_panel[1] * turns[1] as i32;
                     let is_left = sum.rem_euclid(2) == 0;
-                    assert_eq!(pixel.0[0] == 255, is_left, "{turns:?} {desktop:?} ({x}, {y})");
+                    assert_eq!(pixel.0[0] == 255, is_left, "{turns:?} {panel:?} ({x}, {y})");
                 }
             }
         }

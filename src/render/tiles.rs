@@ -5,6 +5,7 @@
 //! may draw over each eye's picture: what it writes is then readable in every kind of stereo.
 
 use super::composite::{CompositePass, Inputs};
+use super::window::Monitor;
 use super::{Attachments, Composite, EyePair, FrameContents, Gpu, Picture, RenderError, Renderer, Viewport};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -52,8 +53,10 @@ pub struct Target<'a> {
     pub canvas: &'a mut Canvas,
     pub texture: &'a wgpu::TextureView,
     pub size: [u32; 2],
-    /// Its top left pixel on the desktop, by which interlaced eyes take turns.
+    /// Its top left pixel on the desktop.
     pub desktop: [i32; 2],
+    /// From whose corners interlaced eyes take turns; where none is known, from the desktop's.
+    pub monitors: &'a [Monitor],
     pub tiles: &'a [Tile],
     pub contents: &'a FrameContents<'a>,
 }
@@ -214,9 +217,8 @@ impl TilePainter {
             });
             for (tile, pair) in target.tiles.iter().zip(&target.canvas.pairs) {
                 if let (Show::Two(composite, _), Some(pair)) = (&tile.show, pair) {
-                    let desktop =
-                        [0, 1].map(|axis| target.desktop[axis].wrapping_add(tile.rect[axis] as i32));
-                    pass.draw(gpu, &mut render, &pair.inputs, composite, tile.rect, desktop);
+                    let corner = on_panel(target, tile.rect);
+                    pass.draw(gpu, &mut render, &pair.inputs, composite, tile.rect, corner);
                 }
             }
         }
@@ -242,6 +244,21 @@ impl Tile {
             Err(RenderError::ViewportOutside { rect, width, height })
         }
     }
+}
+
+/// Where a tile's top left pixel is on the monitor that shows most of it: a panel polarises its own rows.
+fn on_panel(target: &Target<'_>, rect: [u32; 4]) -> [i32; 2] {
+    let corner = [0, 1].map(|axis| target.desktop[axis].saturating_add_unsigned(rect[axis]));
+    let shown = |monitor: &&Monitor| -> i64 {
+        let along = |axis: usize| {
+            let end = |start: i32, length: u32| i64::from(start) + i64::from(length);
+            let last = end(corner[axis], rect[axis + 2]).min(end(monitor.at[axis], monitor.size[axis]));
+            (last - i64::from(corner[axis].max(monitor.at[axis]))).max(0)
+        };
+        along(0) * along(1)
+    };
+    let panel = target.monitors.iter().filter(|monitor| shown(monitor) > 0).max_by_key(shown);
+    panel.map_or(corner, |panel| [0, 1].map(|axis| corner[axis].wrapping_sub(panel.at[axis])))
 }
 
 /// A rectangle given in a tile, in the tile's target.

@@ -71,6 +71,11 @@ impl Table {
     }
 }
 
+/// "1 error", "2 errors".
+pub fn count(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 /// A time in the unit that suits it.
 pub fn seconds(s: f64) -> String {
     if s >= 0.9995 {

@@ -208,6 +208,16 @@ pub enum Grab {
     Dragger,
 }
 
+impl Grab {
+    /// As scene files write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Grab::Fixed => "fixed",
+            Grab::Dragger => "dragger",
+        }
+    }
+}
+
 /// room_from_body: x ↦ position + scale · R(rotation) · x.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]

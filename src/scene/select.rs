@@ -1,7 +1,8 @@
 //! Which nodes of a mesh a control element holds.
 
-use crate::config::nearest;
-use crate::mesh::{Surface, TetMesh, grow, trouble::place};
+use crate::config::unknown_name;
+use crate::mesh::trouble::{digits, place};
+use crate::mesh::{Surface, TetMesh, grow};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -130,12 +131,12 @@ fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
         return Ok(nodes.clone());
     }
     let known: Vec<&str> = mesh.groups.keys().map(String::as_str).collect();
-    let advice = match nearest(name, known.iter().copied()) {
-        Some(like) => format!("; did you mean \"{like}\"?"),
-        None if known.is_empty() => "; it has none: select by box, sphere, plane, grow or file".into(),
-        None => String::new(),
-    };
-    Err(format!("the mesh has no node group \"{name}\" (groups: {}){advice}", known.join(", ")))
+    if known.is_empty() {
+        return Err(format!(
+            "\"{name}\" is no node group: the mesh has none; select by box, sphere, plane, grow or file"
+        ));
+    }
+    Err(unknown_name("node group", name, known.into_iter()))
 }
 
 fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, String> {
@@ -144,8 +145,9 @@ fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, S
     };
     if distance > radius {
         return Err(format!(
-            "grow: from is {distance:.3e} m away from the nearest surface node (tag {}, {}), more than the radius of \
-             {radius} m: move from to the surface, or enlarge the radius",
+            "grow: from is {} m away from the nearest surface node (tag {}, {}), more than the radius of {radius} m: \
+             move from to the surface, or enlarge the radius",
+            digits(distance),
             mesh.tags[start as usize],
             place(&mesh.nodes[start as usize])
         ));
@@ -228,7 +230,7 @@ mod tests {
         let off = Nodes::Grow { from: [0.0, 0.0, 0.5], radius: 0.09 };
         let error = off.select(&mesh).unwrap_err();
         assert!(
-            error.contains("1.000e-1 m away from the nearest surface node (tag ") && error.contains("0.09 m")
+            error.contains("0.1000 m away from the nearest surface node (tag ") && error.contains("0.09 m")
         );
         assert!(Nodes::Grow { from, radius: 0.0 }.check().unwrap_err().contains("radius 0 above 0"));
         assert!(Nodes::Grow { from: [f64::NAN; 3], radius: 1.0 }.check().is_err());

@@ -45,7 +45,7 @@ pub enum Fault {
     NoDirection,
     #[error(
         "ipd is {ipd_m} m: the distance between human pupils is 0.045 to 0.080 m (mean 0.063){}",
-        if *ipd_m == 0.0 { "; 0 shows no depth and is allowed only with stereo = \"mono\"" } else { "" }
+        if *ipd_m == 0.0 { "; 0 shows no depth and is allowed only where stage and windows are \"mono\"" } else { "" }
     )]
     Ipd { ipd_m: f64 },
     #[error("screen `{screen}` has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}")]
@@ -83,8 +83,8 @@ pub enum Fault {
     Window { window: String, message: String },
     #[error("a second window is named `{window}`: rename one of them")]
     DuplicateWindow { window: String },
-    #[error("monitor `{name}` has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}")]
-    Monitor { name: String, width: u32, height: u32 },
+    #[error("monitor `{name}`: {message}")]
+    Monitor { name: String, message: String },
     #[error(transparent)]
     Tracking(#[from] TrackingFault),
     #[error("haptic `{name}`: {message}")]
@@ -93,6 +93,8 @@ pub enum Fault {
 
 /// wgpu's textures go no further on common devices.
 pub const MAX_PIXELS: u32 = 16384;
+/// Window systems count places in 16 bits.
+pub const PLACES: std::ops::RangeInclusive<i32> = -32768..=32767;
 pub const MIN_SIDE_M: f64 = 0.01;
 pub const MAX_SIDE_M: f64 = 100.0;
 /// Cosine of the angle between a screen's edges up to which it counts as rectangular: one millimetre of

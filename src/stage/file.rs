@@ -3,8 +3,8 @@
 //! skewed corners, other units, swapped eyes.
 
 use super::fault::{Fault, IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
-use super::haptic::{self, HapticFile};
-use super::tracking::{self, SensorFile, StylusFile, TrackerFile};
+use super::haptic::{self, Haptic, HapticFile};
+use super::tracking::{self, SensorFile, StylusFile, TrackerFile, TrackingFault};
 use super::window::{self, MonitorFile, Window, WindowFile};
 use super::{Grid, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Stage, Stereo, Viewer, Workspace};
 use crate::config;
@@ -136,34 +136,37 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let start = file.viewer.span().start;
     let centre = workspace.map(|workspace| workspace.centre);
     let viewer = faults.keep(start, viewer(file.viewer.get_ref(), centre));
-    faults.keep(start, check_ipd(file.viewer.get_ref().ipd, file.stereo));
     let grid = file.grid.as_ref().and_then(|found| faults.keep(found.span().start, grid(found.get_ref())));
     if file.screens.is_empty() {
         faults.push(0, Fault::NoScreen);
     }
     let screens = screens(file.screens, viewer.as_ref(), &mut faults);
     let windows = windows(file.windows, &screens, file.stereo, &mut faults);
+    let mut kinds = windows.iter().flat_map(|window| &window.tiles).map(|tile| tile.stereo);
+    let is_mono = file.stereo == Stereo::Mono && kinds.all(|kind| kind == Stereo::Mono);
+    faults.keep(start, check_ipd(file.viewer.get_ref().ipd, is_mono));
     let monitors = file.monitors.into_iter().filter_map(|found| {
         let start = found.span().start;
         faults.keep(start, window::monitor(found.into_inner()))
     });
     let monitors = monitors.collect();
     let head = file.viewer.get_ref().head.as_ref();
-    let mut tracking = match tracking::check(file.tracker, file.sensor, file.stylus, head) {
-        Ok(tracking) => tracking,
-        Err((offset, fault)) => {
-            faults.push(offset, fault.into());
-            Default::default()
-        }
-    };
+    let mut keep = |offset: usize, fault: TrackingFault| faults.push(offset, fault.into());
+    let mut tracking = tracking::check(file.tracker, file.sensor, file.stylus, head, &mut keep);
     let haptics = file.haptic.iter().filter_map(|(name, found)| {
         let checked = check_name("haptic device", name).and_then(|()| {
             let haptic = haptic::check(name, found.get_ref())?;
             haptic::sense(&haptic, &mut tracking).map(|()| haptic)
         });
-        faults.keep(found.span().start, checked)
+        let start = found.span().start;
+        Some((start, faults.keep(start, checked)?))
     });
-    let haptics = haptics.collect();
+    let haptics: Vec<(usize, Haptic)> = haptics.collect();
+    for (i, (start, haptic)) in haptics.iter().enumerate() {
+        let others = haptics[..i].iter().map(|(_, other)| other);
+        faults.keep(*start, haptic::check_stylus(haptic, others, &tracking));
+    }
+    let haptics = haptics.into_iter().map(|(_, haptic)| haptic).collect();
     let StageFile { name, description, stereo, swap_eyes, .. } = file;
     let stage = match (viewer, workspace) {
         (Some(viewer), Some(workspace)) if !screens.is_empty() => Some(Stage {
@@ -276,8 +279,8 @@ fn viewer(file: &ViewerFile, workspace: Option<Point3<f64>>) -> Result<Viewer, F
     Ok(Viewer { room_from_head, ipd_m: file.ipd })
 }
 
-fn check_ipd(ipd_m: f64, stereo: Stereo) -> Result<(), Fault> {
-    match IPD_M.contains(&ipd_m) || ipd_m == 0.0 && stereo == Stereo::Mono {
+fn check_ipd(ipd_m: f64, is_mono: bool) -> Result<(), Fault> {
+    match IPD_M.contains(&ipd_m) || ipd_m == 0.0 && is_mono {
         true => Ok(()),
         false => Err(Fault::Ipd { ipd_m }),
     }

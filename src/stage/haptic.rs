@@ -202,6 +202,27 @@ pub(super) fn sense(haptic: &Haptic, tracking: &mut Tracking) -> Result<(), Faul
     Ok(())
 }
 
+/// A stylus that there is, and that no other device moves or pushes.
+pub(super) fn check_stylus<'a>(
+    haptic: &Haptic,
+    mut others: impl Iterator<Item = &'a Haptic>,
+    tracking: &Tracking,
+) -> Result<(), Fault> {
+    let Haptic { name, stylus, .. } = haptic;
+    let fault = |message: String| Err(Fault::Haptic { name: name.clone(), message });
+    if let Some(other) = others.find(|other| other.stylus == *stylus) {
+        return fault(format!(
+            "stylus `{stylus}` is that of haptic `{}` already: give each device one of its own by the key `stylus`",
+            other.name
+        ));
+    }
+    let known = tracking.stylus_names();
+    if known.contains(&stylus.as_str()) {
+        return Ok(());
+    }
+    fault(crate::config::unknown_name("stylus", stylus, known.into_iter()))
+}
+
 impl fmt::Display for HapticDevice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -298,6 +319,24 @@ mod tests {
             error.contains("haptic `other`: stylus `pen` follows sensor `haptic.right` already"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_stylus_that_is_not_there_or_has_a_device_is_refused() {
+        let simulated = "device = \"simulated\"";
+        let error = stage(&format!("{simulated}\nstylus = \"rihgt\"")).unwrap_err();
+        assert!(
+            error.contains("haptic `right`: ") && error.contains("rihgt") && error.contains("right"),
+            "{error}"
+        );
+        let twice = format!("{simulated}\n[haptic.other]\n{simulated}\nstylus = \"right\"");
+        let error = stage(&twice).unwrap_err();
+        assert!(
+            error.contains("haptic `other`: stylus `right` is that of haptic `right` already"),
+            "{error}"
+        );
+        let both = format!("{simulated}\n[haptic.left]\n{simulated}");
+        assert_eq!(stage(&both).unwrap().haptics.len(), 2);
     }
 
     #[test]

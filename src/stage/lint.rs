@@ -3,6 +3,7 @@
 //! In: a [`Stage`], and the monitors of its desktop where they are known. Out: [`Lint`]s with their numbers: how edges
 //! meet, shapes of pixels, sides and eyes, windows on their monitors.
 
+use super::overlap::{Overlap, overlaps};
 use super::{Eye, MIN_EYE_DISTANCE_M, Monitor, Screen, Seam, Stage, Stereo, Window};
 use nalgebra::Point3;
 
@@ -46,9 +47,16 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Lint> {
     for screen in &stage.screens {
         screens(stage, screen, &mut found);
     }
-    found.extend(stage.seams().iter().map(|of| seam(stage, of)));
+    let overlaps = overlaps(&stage.screens, CLOSED_M);
+    for of in &stage.seams() {
+        let pair = of.edges.map(|(screen, _)| screen);
+        if !overlaps.iter().any(|overlap| overlap.screens == pair) {
+            found.push(seam(stage, of));
+        }
+    }
+    found.extend(overlaps.iter().map(|overlap| twice(stage, overlap)));
     viewer(stage, &mut found);
-    eyes(stage, &mut found);
+    eyes(stage, monitors, &mut found);
     windows(stage, monitors, &mut found);
     found
 }
@@ -141,6 +149,24 @@ fn seam(stage: &Stage, seam: &Seam) -> Lint {
     }
 }
 
+/// Two screens show part of one plane, or all of it, twice.
+fn twice(stage: &Stage, overlap: &Overlap) -> Lint {
+    let [a, b] = overlap.screens.map(|screen| stage.screens[screen].name.as_str());
+    let entity = format!("seam.{a}-{b}");
+    if overlap.is_same {
+        let remedy =
+            "measure again, or, where two projectors light one screen, give it once and a window for each";
+        let message = format!("screens {a} and {b} have the same corners: {remedy}");
+        return Lint { level: Level::Error, entity, message };
+    }
+    let [width_mm, height_mm] = overlap.size_m.map(|side| side * 1e3);
+    let message = format!(
+        "screens {a} and {b} lie in one plane and overlap by {width_mm:.1} × {height_mm:.1} mm, which both show: right \
+         only where the projectors blend their edges, else measure again"
+    );
+    Lint { level: Level::Warning, entity, message }
+}
+
 fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
     let ipd_m = stage.viewer.ipd_m;
     if ipd_m > 0.0 && !USUAL_IPD_M.contains(&ipd_m) && super::fault::IPD_M.contains(&ipd_m) {
@@ -194,7 +220,7 @@ fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
 }
 
 /// Which eye's tiles stand where: both or neither, and the left one left of the right one or above it.
-fn eyes(stage: &Stage, found: &mut Vec<Lint>) {
+fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
     if stage.swap_eyes {
         push(found, Level::Note, "swap_eyes", "each eye is shown what the other should see".to_owned());
     }
@@ -221,9 +247,10 @@ fn eyes(stage: &Stage, found: &mut Vec<Lint>) {
         }
         let place = |kind: Stereo| {
             let (window, tile) = mine.iter().find(|(_, tile)| tile.stereo == kind)?;
-            let at = if window.monitor.is_some() { None } else { window.at }?;
+            let (at, size) = window.on_desktop(monitors)?;
+            let rect = window.rect(tile, size);
             let shown_to = if tile.swap_eyes { kind.swapped() } else { kind };
-            Some((shown_to, [at[0] + tile.rect[0] as i32, at[1] + tile.rect[1] as i32]))
+            Some((shown_to, [0, 1].map(|axis| at[axis].saturating_add_unsigned(rect[axis]))))
         };
         if let (Some(first), Some(second)) = (place(Stereo::Left), place(Stereo::Right)) {
             let [left, right] =
@@ -274,11 +301,10 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
         }
         let Some((at, size)) = *place else { continue };
         let area = i64::from(size[0]) * i64::from(size[1]);
-        let on_monitors: i64 =
-            monitors.iter().map(|monitor| common(at, size, monitor.at, monitor.size)).sum();
-        if on_monitors < area {
-            let level = if on_monitors == 0 { Level::Error } else { Level::Warning };
-            let share = 100.0 * (area - on_monitors) as f64 / area as f64;
+        let hidden = uncovered(at, size, monitors);
+        if hidden > 0 {
+            let level = if hidden == area { Level::Error } else { Level::Warning };
+            let share = 100.0 * hidden as f64 / area as f64;
             push(
                 found,
                 level,
@@ -308,12 +334,10 @@ fn tile_lints(stage: &Stage, window: &Window, tile: &super::Tile, found: &mut Ve
     let screen = &stage.screens[tile.screen];
     let [.., width, height] = tile.rect;
     let wanted = tile.stereo.window_size([tile.crop[2], tile.crop[3]]);
-    let is_scaled = !window.fills && [width, height] != wanted;
-    let is_woven = matches!(tile.stereo, Stereo::Rows | Stereo::Columns | Stereo::Checkerboard);
-    if is_scaled {
+    if !window.fills && [width, height] != wanted {
         push(
             found,
-            if is_woven { Level::Warning } else { Level::Note },
+            Level::Note,
             &entity,
             format!(
                 "screen {} is drawn with {width} × {height} pixels; its own are {} × {} in this kind of stereo",
@@ -330,6 +354,32 @@ fn tile_lints(stage: &Stage, window: &Window, tile: &super::Tile, found: &mut Ve
             format!("frame packing takes 1920 × 2205 or 1280 × 1470 pixels, not {width} × {height}"),
         );
     }
+}
+
+/// Pixels of a rectangle that lie on no monitor; monitors may mirror each other.
+fn uncovered(at: [i32; 2], size: [u32; 2], monitors: &[Monitor]) -> i64 {
+    let span = |axis: usize, at: [i32; 2], size: [u32; 2]| {
+        let start = i64::from(at[axis]);
+        [start, start + i64::from(size[axis])]
+    };
+    // Lines along the edges of all monitors cut it into cells, each of which is on a monitor or is not.
+    let cuts = |axis: usize| {
+        let [low, high] = span(axis, at, size);
+        let edges = monitors.iter().flat_map(|monitor| span(axis, monitor.at, monitor.size));
+        let mut cuts: Vec<i64> = edges.map(|edge| edge.clamp(low, high)).chain([low, high]).collect();
+        cuts.sort_unstable();
+        cuts
+    };
+    let holds = |monitor: &Monitor, cell: [i64; 2]| {
+        (0..2).all(|axis| {
+            let [low, high] = span(axis, monitor.at, monitor.size);
+            (low..high).contains(&cell[axis])
+        })
+    };
+    let (columns, rows) = (cuts(0), cuts(1));
+    let cells = columns.windows(2).flat_map(|x| rows.windows(2).map(move |y| (x, y)));
+    let hidden = cells.filter(|(x, y)| !monitors.iter().any(|monitor| holds(monitor, [x[0], y[0]])));
+    hidden.map(|(x, y)| (x[1] - x[0]) * (y[1] - y[0])).sum()
 }
 
 /// Pixels that two rectangles share.

@@ -8,6 +8,7 @@ mod fault;
 mod file;
 mod haptic;
 mod lint;
+mod overlap;
 mod screen;
 mod seam;
 mod stereo;
@@ -141,8 +142,7 @@ impl Stage {
 
     /// Names of the styli in the order of their tracker's state; where none is tracked, those of the hands.
     pub fn stylus_names(&self) -> Vec<&str> {
-        let tracked = &self.tracking.styli;
-        if tracked.is_empty() { vec!["right", "left"] } else { tracked.keys().map(String::as_str).collect() }
+        self.tracking.stylus_names()
     }
 
     /// The eyes for which each screen is drawn, in the order of drawing.

@@ -29,6 +29,17 @@ pub struct Tracking {
     pub head: Option<String>,
 }
 
+impl Tracking {
+    /// Names of the styli in the order of their tracker's state; where none is tracked, those of the hands.
+    pub fn stylus_names(&self) -> Vec<&str> {
+        if self.styli.is_empty() {
+            vec!["right", "left"]
+        } else {
+            self.styli.keys().map(String::as_str).collect()
+        }
+    }
+}
+
 /// A source of poses, buttons and valuators, and how its frame lies in the room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracker {

@@ -190,17 +190,20 @@ impl Stage {
             _ => std::slice::from_ref(&self.stereo),
         };
         let several = self.screens.len() * kinds.len() > 1;
+        let height = |screen: usize| kinds[0].window_size(self.screens[screen].pixels)[1];
         let window = |screen: usize, column: usize, stereo: Stereo| {
             let tile = Tile::whole(self, screen, stereo);
-            let [.., width, height] = tile.rect;
-            let row = from_top.iter().position(|&other| other == screen).unwrap_or(0);
+            let [.., width, own_height] = tile.rect;
+            let above = from_top.iter().take_while(|&&other| other != screen);
+            let top = above.fold(0_u32, |sum, &other| sum.saturating_add(height(other)));
+            let at = [width.saturating_mul(column as u32), top];
             let eyes: Vec<&str> = stereo.eyes().iter().map(|eye| Eye::name(*eye)).collect();
             Window {
                 name: format!("{} {}", self.screens[screen].name, eyes.join(" and ")),
                 monitor: None,
                 fills: false,
-                at: several.then_some([(column as u32 * width) as i32, (row as u32 * height) as i32]),
-                size: [width, height],
+                at: several.then_some(at.map(|pixel| i32::try_from(pixel).unwrap_or(i32::MAX))),
+                size: [width, own_height],
                 border: Border::Decorated,
                 tiles: vec![tile],
             }

@@ -40,6 +40,8 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("W A S D, arrow keys", "move the head forward, left, back, right"),
     ("Q, E", "move the head down, up"),
     ("R", "put the head back"),
+    ("F1, F2, F3, F4", "overlay, room from outside, test pattern, eyes swapped; again: back"),
+    ("Escape", "quit"),
 ];
 
 /// One event, in no window system's terms.

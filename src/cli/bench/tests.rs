@@ -15,7 +15,7 @@ fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
         shapes: [10.25, 54.0],
         bodies: vec![("tube".into(), Choice::by_time(2e-3, 5e-4))],
     };
-    let json = as_json(&[], None, &[], std::slice::from_ref(&drawn));
+    let json = as_json(&[], None, &[], std::slice::from_ref(&drawn), &[]);
     let frame = &json["frames"][0];
     assert_eq!((&frame["shapes_drawn"], &frame["shapes_culled"]), (&json!(10.25), &json!(54.0)));
     let told = json!({ "on": "device", "why": "measured", "cpu_s": 2e-3, "device_s": 5e-4 });

@@ -20,6 +20,8 @@ use std::collections::VecDeque;
 /// Steps of a frame in their order, as the overlay names them.
 pub const STEPS: [&str; 8] =
     ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
+/// Which of [`STEPS`] waits for the images of the frame after.
+pub const ACQUIRE: usize = 6;
 /// Frames that are kept.
 const FRAMES: usize = 120;
 

@@ -141,7 +141,8 @@ impl World {
         self.show_hands();
     }
 
-    fn warn(&mut self, warning: String) {
+    /// Tells it once, and the overlay.
+    pub fn warn(&mut self, warning: String) {
         if self.warnings.iter().all(|(_, told)| *told != warning) {
             eprintln!("note: {warning}");
             self.warnings.push((*self.graph.get(self.fields.time), warning));

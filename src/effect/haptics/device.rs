@@ -11,6 +11,8 @@ pub struct Reading {
     pub buttons: [bool; 2],
     /// When it arrived, seconds of this program's clock.
     pub arrived_s: f64,
+    /// When the device says that it measured it, seconds of the device's clock.
+    pub measured_s: Option<f64>,
     /// False where the device says that it does not know where it is.
     pub tracked: bool,
     pub news: News,
@@ -23,6 +25,15 @@ pub struct News {
     pub flow: Flow,
     /// The last tracked one before it, and when it arrived.
     pub before: Option<(Isometry3<f64>, f64)>,
+}
+
+impl Reading {
+    /// Older by either clock.
+    pub fn is_before(&self, other: &Reading) -> bool {
+        let is_measured_before =
+            self.measured_s.zip(other.measured_s).is_some_and(|(own, other)| own < other);
+        self.arrived_s < other.arrived_s || is_measured_before
+    }
 }
 
 /// What the device pushes the hand with, about its handle's origin, in the device's frame.
@@ -75,6 +86,11 @@ pub trait Device: Send {
     /// Seconds from a measurement to the loop and from the loop to the motors, beside the tick itself.
     fn latency_s(&self) -> f64 {
         0.0
+    }
+
+    /// Messages that could not be read so far.
+    fn malformed(&mut self) -> u64 {
+        0
     }
 
     /// Where the user holds the handle, for a device that is simulated, in its own frame.

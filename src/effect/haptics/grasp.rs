@@ -1,8 +1,8 @@
 //! What the frame tells the loop: which element is held and how, and where the others are.
 
+use super::coupling::Jacobian;
 use super::device::Push;
 use super::elastic::{Response, axial};
-use super::passivity::Jacobian;
 use crate::deform::ControlPose;
 use crate::interact::Carrying;
 use crate::stage::Haptic;
@@ -131,7 +131,6 @@ impl Held {
 
     /// What the body pushes the hand with, in the device's frame: minus the slope of its energy, by virtual work. A newton
     /// of the body is `force` newtons in the hand; the torque is what belongs to that, so that no energy is made on the way.
-    /// A device without torque is spared its slopes where they cost something.
     pub fn push(&self, haptic: &Haptic, reach: &Reach, response: &Response) -> Option<Push> {
         let body = &self.room_from_body;
         let [force, torque] = match &self.way {
@@ -150,8 +149,7 @@ impl Held {
                 };
                 let three =
                     |first: usize| Some(Vector3::new(work(first)?, work(first + 1)?, work(first + 2)?));
-                let torque = if haptic.max_torque_nm > 0.0 { three(3)? } else { Vector3::zeros() };
-                [three(0)?, torque]
+                [three(0)?, three(3)?]
             }
         };
         let device_from_room = haptic.room_from_device.rotation.inverse();

@@ -56,11 +56,6 @@ impl Haply {
         let thread = std::thread::Builder::new().name("haply".into()).spawn(move || link.run())?;
         Ok(Haply { place, newest, command, shared, thread: Some(thread) })
     }
-
-    /// Messages that could not be read.
-    pub fn malformed(&self) -> u64 {
-        self.shared.malformed.load(Relaxed)
-    }
 }
 
 impl Device for Haply {
@@ -76,7 +71,11 @@ impl Device for Haply {
         self.command.write((*push, now_s));
     }
 
-    /// State and command wait for the service's turn: one of its ticks each at the most.
+    fn malformed(&mut self) -> u64 {
+        self.shared.malformed.load(Relaxed)
+    }
+
+    /// State and command wait for the service's turn and for a tick; how long its states last shows in their spacing.
     fn latency_s(&self) -> f64 {
         1e-3
     }
@@ -101,13 +100,17 @@ struct Link {
 
 impl Link {
     fn run(&mut self) {
+        let mut told = String::new();
         while !self.shared.stop.load(Relaxed) {
-            match self.connect() {
-                Ok(mut socket) => {
-                    let reason = self.converse(&mut socket);
-                    tracing::warn!("haply ws://{}: {reason}", self.place);
+            let reason = self.connect().map(|mut socket| self.converse(&mut socket));
+            // Once: it is tried every second.
+            match reason {
+                Ok(reason) => tracing::warn!("haply ws://{}: {reason}", self.place),
+                Err(reason) if reason != told => {
+                    tracing::warn!("haply ws://{}: {reason}; it is tried again", self.place);
+                    told = reason;
                 }
-                Err(reason) => tracing::debug!("haply ws://{}: {reason}", self.place),
+                Err(_) => {}
             }
             self.reading.write(None);
             let again_s = now_s() + RETRY_S;
@@ -148,9 +151,9 @@ impl Link {
                         }
                         Err(_) => {
                             self.shared.malformed.fetch_add(1, Relaxed);
-                            continue;
                         }
                     }
+                    // Whatever it said: it may say nothing more until it is answered.
                     if let Some(id) = &id {
                         let (push, at_s) = *self.commands.read();
                         let push = if now_s() - at_s <= COMMAND_S { push } else { Push::NONE };
@@ -277,6 +280,7 @@ pub fn parse(text: &str, arrived_s: f64) -> Result<State, String> {
         device_from_handle: Isometry3::from_parts(Translation3::new(x, y, z), rotation),
         buttons,
         arrived_s,
+        measured_s: None,
         tracked: true,
         news: News::default(),
     });

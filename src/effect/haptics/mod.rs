@@ -7,6 +7,7 @@
 //! [`Elastic`] is the body, [`Held`] the hold on it, [`Control`] a tick with all that keeps it safe, [`Loop`] the thread,
 //! [`Device`] what is held.
 
+pub mod coupling;
 pub mod device;
 pub mod elastic;
 pub mod grasp;

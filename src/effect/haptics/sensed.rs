@@ -31,13 +31,12 @@ impl Sensed {
     fn take(&mut self, reading: &Reading) {
         let state = &mut self.state;
         state.link = Link::Up;
-        let Reading { device_from_handle, buttons, arrived_s, tracked, news: News { count, flow, before } } =
-            *reading;
+        let Reading { device_from_handle, buttons, arrived_s, tracked, measured_s, news } = *reading;
+        let News { count, flow, before } = news;
         if state.sensors.get(&0).is_some_and(|last| last.count == count) {
             return;
         }
         let quality = if tracked { 1.0 } else { 0.0 };
-        let measured_s = None;
         state.sensors.insert(
             0,
             Sample { value: device_from_handle, arrived_s, before, measured_s, quality, count, flow },
@@ -99,6 +98,7 @@ mod tests {
             device_from_handle: Isometry3::translation(0.1 * count as f64, 0.0, 0.0),
             buttons: [pressed, false],
             arrived_s: 0.001 * count as f64,
+            measured_s: None,
             tracked: true,
             news: News { count, ..News::default() },
         };

@@ -59,6 +59,7 @@ pub struct Simulated {
     damping: [f64; 2],
     push: Push,
     time_s: Option<f64>,
+    has_hand: bool,
 }
 
 impl Simulated {
@@ -78,6 +79,7 @@ impl Simulated {
             damping: [haptic.damping, haptic.rotational_damping],
             push: Push::NONE,
             time_s: None,
+            has_hand: false,
         }
     }
 
@@ -153,8 +155,14 @@ impl Device for Simulated {
     fn read(&mut self, now_s: f64) -> Option<Reading> {
         self.advance(now_s);
         let Simulated { device_from_handle, buttons, tracked, .. } = *self;
-        let news = News::default();
-        self.present.then_some(Reading { device_from_handle, buttons, arrived_s: now_s, tracked, news })
+        self.present.then_some(Reading {
+            device_from_handle,
+            buttons,
+            arrived_s: now_s,
+            measured_s: None,
+            tracked,
+            news: News::default(),
+        })
     }
 
     fn push(&mut self, push: &Push, _now_s: f64) {
@@ -163,10 +171,32 @@ impl Device for Simulated {
 
     fn hand(&mut self, device_from_hand: &Isometry3<f64>) {
         // A hand that takes the handle for the first time finds it where it is.
-        if self.time_s.is_none() {
+        if !std::mem::replace(&mut self.has_hand, true) && self.script.is_none() {
             self.device_from_handle = *device_from_hand;
+            self.velocity = [Vector3::zeros(); 2];
         }
         self.target = *device_from_hand;
         self.script = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The loop has run for a while when the frame first tells where the hand is.
+    #[test]
+    fn a_hand_finds_the_handle_where_it_is() {
+        let mut device = Simulated::new(&Haptic::simulated("right"), Hand::FINGERS);
+        device.read(0.0);
+        device.read(0.5);
+        let hand = Isometry3::translation(0.3, 1.0, -0.2);
+        device.hand(&hand);
+        let reading = device.read(0.501).unwrap();
+        assert!((reading.device_from_handle.translation.vector - hand.translation.vector).norm() < 1e-12);
+        assert!(device.energy() < 1e-12, "it is not flung there: {} J", device.energy());
+        device.hand(&Isometry3::translation(0.31, 1.0, -0.2));
+        device.read(0.502);
+        assert!((device.device_from_handle.translation.x - 0.3).abs() < 1e-3, "nor does it jump later");
     }
 }

@@ -1,8 +1,8 @@
 //! The closed loop of a simulated device, a hand and a stiff body, by stiffness and rate: stable, a limit cycle, or worse.
 //!
 //! The body is one control element on a spring of K N/m in every direction; the handle starts [`START_M`] aside at rest.
-//! In: rates, stiffnesses, which hand, which measures. Out: rows for a table, and the boundary found by bisection beside
-//! the theory's K = 2b/T. Time is virtual: the same on every machine.
+//! In: rates, stiffnesses, which hand, which measures. Out: rows for a table, and the least stiffness that is not stable
+//! beside the theory's K = 2b/T. Time is virtual: the same on every machine.
 
 use super::device::Device;
 use super::elastic::Elastic;
@@ -18,6 +18,12 @@ use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Vector3};
 pub const START_M: f64 = 5e-3;
 /// How long each run lasts, s.
 const SPAN_S: f64 = 4.0;
+/// How often the loop hears of a frame, s.
+const FRAME_S: f64 = 1.0 / 60.0;
+/// Between two stiffnesses that the boundary is looked for at.
+const STEP: f64 = 1.05;
+/// Where it is looked for, N/m.
+const SCAN: [f64; 2] = [50.0, 1e6];
 
 pub const RATES_HZ: [f64; 5] = [250.0, 500.0, 1000.0, 2000.0, 4000.0];
 pub const STIFFNESSES: [f64; 7] = [20.0, 200.0, 1000.0, 2000.0, 5000.0, 20_000.0, 200_000.0];
@@ -60,7 +66,7 @@ pub struct Run {
 
 /// Releases the handle of `haptic` in `hand` on a spring, with the `measures`.
 pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> Run {
-    let Some(mut control) = spring(haptic, stiffness) else {
+    let Some((mut control, grasp)) = spring(haptic, stiffness) else {
         let (verdict, nan) = (Verdict::Diverges, f64::NAN);
         return Run {
             stiffness,
@@ -73,16 +79,19 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
     };
     control.measures = measures;
     let mut device = Simulated::new(haptic, hand);
-    device.device_from_handle.translation.vector = Vector3::new(START_M, 0.0, 0.0);
     device.hand(&Isometry3::identity());
     let (period_s, mut swings_m) = (haptic.period_s(), [0.0f64; 2]);
     let ticks = ((SPAN_S + RAMP_S) / period_s) as u64;
+    let frame = (FRAME_S / period_s).ceil() as u64;
     for tick in 0..ticks {
         let now_s = tick as f64 * period_s;
         // Held fast until the force has ramped up.
         if now_s <= RAMP_S {
             device.device_from_handle.translation.vector = Vector3::new(START_M, 0.0, 0.0);
             device.velocity = [Vector3::zeros(); 2];
+        }
+        if tick % frame == 0 {
+            control.take(&grasp);
         }
         let reading = device.read(now_s);
         let push = control.tick(reading.as_ref(), now_s);
@@ -109,26 +118,31 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
     Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: felt.stiffer }
 }
 
-/// The largest stiffness that is stable, N/m, to 1 %; `None` where even 1 MN/m is.
+/// The least stiffness that is not stable, N/m, to 1 %: sought upwards from 50 N/m in steps of 5 %, for above it some may be
+/// stable again. `None` where all are up to 1 MN/m.
 pub fn boundary(haptic: &Haptic, hand: Hand, measures: Measures) -> Option<f64> {
     let is_stable = |stiffness| run(haptic, hand, stiffness, measures).verdict == Verdict::Stable;
-    let (mut low, mut high) = (1.0, 1e6);
-    if is_stable(high) {
-        return None;
+    let [mut low, most] = SCAN;
+    let mut high = low;
+    while is_stable(high) {
+        if high >= most {
+            return None;
+        }
+        (low, high) = (high, high * STEP);
     }
     while high > 1.01 * low {
         let middle = f64::sqrt(low * high);
         if is_stable(middle) { low = middle } else { high = middle }
     }
-    Some(low)
+    Some(high)
 }
 
 /// One control element on a spring in every direction, held at rest by a stylus in the origin.
-fn spring(haptic: &Haptic, stiffness: f64) -> Option<Control> {
+fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)> {
     let matrix = DMatrix::from_fn(FIELDS, FIELDS, |i, j| if i == j && i < 3 { stiffness } else { 0.0 });
     let rest = ControlRest { name: "spring".into(), origin: Vector3::zeros(), nodes: 1 };
     let body = Elastic::new("linear", &matrix, &[rest]).ok()?;
-    let mut control = Control::new(haptic.clone(), vec![body], 0.0);
+    let control = Control::new(haptic.clone(), vec![body], 0.0);
     let held = Held {
         grip: 1,
         body: 0,
@@ -137,6 +151,5 @@ fn spring(haptic: &Haptic, stiffness: f64) -> Option<Control> {
         way: Way::Rigid(Matrix4::identity()),
         mean: Rotation3::identity(),
     };
-    control.take(&Grasp { held: Some(held), poses: vec![ControlPose::REST], room_from_hand: None });
-    Some(control)
+    Some((control, Grasp { held: Some(held), poses: vec![ControlPose::REST], room_from_hand: None }))
 }

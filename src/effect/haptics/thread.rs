@@ -22,7 +22,19 @@ pub fn running() -> usize {
 
 static RUNNING: AtomicUsize = AtomicUsize::new(0);
 
-/// How a loop did since its start.
+/// Ends all loops of the process with no force left, before it ends itself; waits `patience` for them. False: not all ended.
+pub fn stop_all(patience: Duration) -> bool {
+    STOPPED.store(true, Ordering::SeqCst);
+    let started = Instant::now();
+    while running() > 0 && started.elapsed() < patience {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    running() == 0
+}
+
+static STOPPED: AtomicBool = AtomicBool::new(false);
+
+/// How a loop did since its start; how punctually while something was held, for otherwise it sleeps more deeply.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clockwork {
     pub ticks: u64,
@@ -46,6 +58,8 @@ pub struct Clockwork {
 pub struct Report {
     pub felt: Felt,
     pub clockwork: Clockwork,
+    /// Messages of the device that could not be read.
+    pub malformed: u64,
 }
 
 /// A running loop; it ends, with no force left, when this is dropped.
@@ -113,24 +127,31 @@ fn run(
     stop: &AtomicBool,
 ) {
     let period = Duration::from_secs_f64(control.haptic.period_s());
-    let sleeper = SpinSleeper::default();
+    // What a plain sleep is late by is waited for awake: no longer than a quarter of the time.
+    let awake = (period / 4).min(Duration::from_micros(125));
+    let sleeper = SpinSleeper::new(awake.as_nanos() as u32);
     let (mut work, mut late) = (Histogram::new(), Histogram::new());
     let mut clockwork = Clockwork::default();
     let mut second = (Instant::now(), 0);
     let mut due = Instant::now();
     // Percentiles some thirty times a second.
     let summary = (control.haptic.rate_hz / 30.0).max(1.0) as u64;
-    while !stop.load(Ordering::Relaxed) {
+    let mut is_felt = false;
+    while !stop.load(Ordering::Relaxed) && !STOPPED.load(Ordering::Relaxed) {
         due += period;
-        sleeper.sleep_until(due);
+        if is_felt {
+            sleeper.sleep_until(due);
+        } else {
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        }
         let behind = due.elapsed();
+        let skipped = (behind.as_nanos() / period.as_nanos()) as u32;
+        due += period * skipped;
         clockwork.ticks += 1;
-        clockwork.late += u64::from(behind > period / 2);
-        late.add(behind);
-        if behind > period {
-            let skipped = (behind.as_nanos() / period.as_nanos()) as u32;
+        if is_felt {
+            clockwork.late += u64::from(behind > period / 2);
             clockwork.missed += u64::from(skipped);
-            due += period * skipped;
+            late.add(behind);
         }
 
         let news = grasp.update();
@@ -147,8 +168,11 @@ fn run(
             control.take(grasp.output_buffer());
         }
         let push = control.tick(reading.as_ref(), now);
-        work.add(started.elapsed());
+        if is_felt {
+            work.add(started.elapsed());
+        }
         device.push(&push, now);
+        is_felt = control.holds() && reading.is_some();
         read.write(reading);
 
         if clockwork.ticks.is_multiple_of(summary) {
@@ -161,7 +185,7 @@ fn run(
             clockwork.work_most_s = work.most.as_secs_f64();
             (clockwork.late_p50_s, clockwork.late_p99_s) = (late.quantile_s(0.5), late.quantile_s(0.99));
         }
-        told.write(Report { felt: control.felt, clockwork });
+        told.write(Report { felt: control.felt, clockwork, malformed: device.malformed() });
     }
     device.push(&Push::NONE, now_s());
 }

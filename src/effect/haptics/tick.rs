@@ -1,15 +1,16 @@
 //! One tick of the force loop: the device's newest pose in, the push on the hand out.
 //!
-//! Pose → held element, moved by the coupling → energy and slope → push, times a gain that ramps; a brake where energy
-//! was generated; then the limits. Whatever is wrong with the pose, the force goes to zero within
-//! [`FADE_S`]. A tick takes no lock and allocates nothing.
+//! Pose → held element, moved by the coupling → energy and slope → push within the limits, times a gain that ramps; a brake
+//! where energy was generated. Whatever is wrong with the pose, or if the frame says nothing more, the force goes to
+//! zero within [`FADE_S`]. A tick takes no lock and allocates nothing.
 
+use super::coupling::{Coupling, Give, Limits, handle_stiffness};
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, room_from_handle};
-use super::passivity::{Coupling, MARGIN, Observer, handle_stiffness, largest_stiffness};
-use crate::stage::{Haptic, ROOM_LIMIT_M};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
+use super::passivity::{MARGIN, Motion, Observer, Spacing, largest_stiffness};
+use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 /// A new hold reaches its whole force in this time, s.
 pub const RAMP_S: f64 = 0.25;
@@ -17,13 +18,19 @@ pub const RAMP_S: f64 = 0.25;
 pub const FADE_S: f64 = 0.05;
 /// A device that says nothing for so long is lost, s.
 pub const STALE_S: f64 = 0.02;
+/// A frame that says nothing for so long has lost its hold, s.
+pub const UNATTENDED_S: f64 = 0.2;
 /// The force changes by the device's whole limit in no less than this time, s. It catches what no hand does: at 5 ms it
 /// held a stiff body's force back, and from 2 kHz on the loop diverged.
 pub const SLEW_S: f64 = 0.001;
 /// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
 /// The coupling is made anew after a turn of the handle or the body by so much, rad.
-const TURNED: f64 = 0.1;
+pub const TURNED: f64 = 0.1;
+/// And when the time between reports has grown or shrunk by this factor.
+const SLOWER: f64 = 1.05;
+/// Steps towards the hold's place in one tick.
+const MOST_STEPS: usize = 4;
 /// Time constant of the velocity for the virtual damper, s.
 const VELOCITY_S: f64 = 0.005;
 
@@ -54,6 +61,8 @@ pub struct Faults {
     pub jumps: u64,
     /// A reading older than the last: not taken.
     pub backward: u64,
+    /// Something is held, but the frame has said nothing for [`UNATTENDED_S`].
+    pub unattended: u64,
     /// The mean rotation was kept: the force is that of another frame.
     pub undefined: u64,
 }
@@ -72,9 +81,14 @@ pub struct Felt {
     pub limited: bool,
     /// How many times stiffer the body is than the device bears, in its stiffest direction; up to 1 all is felt as it is.
     pub stiffer: f64,
+    /// The largest stiffness that the device bears, N/m.
+    pub bearable: f64,
+    /// Time between two reports of the device, s: [`Spacing::mean_s`].
+    pub spacing_s: f64,
     /// The body's strain energy, J.
     pub strain_energy: f64,
-    /// What the hand would get back if it went to rest slowly, J; less where the force is at its limit.
+    /// The energy whose slope the whole force is, J: of the body and its coupling in the hand's units, but where the force is at
+    /// its limit it grows only by force · way.
     pub stored_energy: f64,
     pub observer: Observer,
     pub faults: Faults,
@@ -91,12 +105,21 @@ pub struct Control {
     /// Where the coupling had the hold in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
-    /// Rotations of handle and body when the coupling was made.
-    coupled_at: Option<[UnitQuaternion<f64>; 2]>,
-    /// The body's push through the coupling, before gain and limits.
-    coupled: Vector6<f64>,
+    /// Rotations of handle and body, and the device's lag, when the coupling was made.
+    coupled_at: Option<([UnitQuaternion<f64>; 2], f64)>,
+    /// Where the coupling has the hold, and the push before gain.
+    give: Give,
+    /// Stored energy at the last reading; `None` where the next one belongs to another potential.
+    stored: Option<f64>,
+    /// The body's torque for a device that has none.
+    unfelt: Vector3<f64>,
     /// The force that ends, and how much of it is left.
     fading: (Push, f64),
+    /// News of the frame since the last tick, and when the last came, s.
+    news: bool,
+    news_s: f64,
+    motion: Option<Motion>,
+    spacing: Spacing,
     last: Option<Reading>,
     last_s: Option<f64>,
     velocity: [Vector3<f64>; 2],
@@ -105,6 +128,7 @@ pub struct Control {
 impl Control {
     /// `bodies` in the order that [`Held::body`] counts; `latency_s` as the device has it.
     pub fn new(haptic: Haptic, bodies: Vec<Elastic>, latency_s: f64) -> Control {
+        let spacing = Spacing::new(haptic.period_s());
         Control {
             haptic,
             measures: Measures::ALL,
@@ -115,8 +139,14 @@ impl Control {
             hold_at: None,
             coupling: Coupling::default(),
             coupled_at: None,
-            coupled: Vector6::zeros(),
+            give: Give::default(),
+            stored: None,
+            unfelt: Vector3::zeros(),
             fading: (Push::NONE, 0.0),
+            news: false,
+            news_s: 0.0,
+            motion: None,
+            spacing,
             last: None,
             last_s: None,
             velocity: [Vector3::zeros(); 2],
@@ -125,6 +155,7 @@ impl Control {
 
     /// Takes a frame's news.
     pub fn take(&mut self, grasp: &Grasp) {
+        self.news = true;
         let known =
             |held: &Held| self.bodies.get(held.body).is_some_and(|body| held.element < body.elements());
         let held = grasp.held.filter(known);
@@ -151,13 +182,17 @@ impl Control {
         }
         let body = &mut self.bodies[held.body];
         let Some(pose) = pose.filter(|pose| pose.is_finite()) else { return };
-        // What another hand did to the body since the last frame came from there.
+        // What another hand did to the body since the last frame: this one neither gave it nor can it take it.
         let energy = body.respond(&pose).energy;
-        if !is_new {
-            let gained = energy - self.felt.strain_energy;
-            self.felt.observer.credit(gained * self.felt.gain * held.energy_scale(&self.haptic));
+        if let Some(stored) = &mut self.stored {
+            *stored += (energy - self.felt.strain_energy) * held.energy_scale(&self.haptic);
         }
         self.felt.strain_energy = energy;
+    }
+
+    /// Whether there is something to feel.
+    pub fn holds(&self) -> bool {
+        self.held.is_some()
     }
 
     /// The push from now until the next tick.
@@ -165,8 +200,15 @@ impl Control {
         let dt = self.last_s.map_or(0.0, |last_s| (now_s - last_s).clamp(0.0, 0.1));
         self.last_s = Some(now_s);
         let moved = self.admit(reading, now_s, dt);
-        let wanted = match (moved, self.held) {
-            (true, Some(held)) => self.pull(&held, dt),
+        if std::mem::take(&mut self.news) {
+            self.news_s = now_s;
+        }
+        let is_attended = self.held.is_none() || now_s - self.news_s <= UNATTENDED_S;
+        self.felt.faults.unattended += u64::from(!is_attended);
+        // A real device knows sooner than the frame that it was let go.
+        let is_open = self.haptic.device != HapticDevice::Simulated && !self.felt.buttons[0];
+        let wanted = match self.held {
+            Some(held) if moved && is_attended && !is_open => self.pull(&held, dt),
             _ => None,
         };
         let wanted = match wanted {
@@ -191,13 +233,15 @@ impl Control {
         self.felt.observer.energy = 0.0;
         self.felt.limited = false;
         self.coupled_at = None;
+        self.stored = None;
     }
 
     /// Takes the device's reading if it can be used. False: there is no force at this tick.
     fn admit(&mut self, reading: Option<&Reading>, now_s: f64, dt: f64) -> bool {
         let faults = &mut self.felt.faults;
+        self.motion = None;
         let newest = match (reading, &self.last) {
-            (Some(new), Some(last)) if new.arrived_s < last.arrived_s => {
+            (Some(new), Some(last)) if new.is_before(last) => {
                 faults.backward += 1;
                 Some(last)
             }
@@ -212,6 +256,8 @@ impl Control {
             return false;
         };
         self.felt.buttons = new.buttons;
+        self.spacing.heard(new.arrived_s);
+        self.felt.spacing_s = self.spacing.mean_s;
         if !is_sane(&new.device_from_handle) {
             faults.absurd += 1;
             self.last = None;
@@ -233,12 +279,12 @@ impl Control {
             self.velocity = [Vector3::zeros(); 2];
             return false;
         }
-        let damping = [self.haptic.damping, self.haptic.rotational_damping];
-        self.felt.observer.moved(&self.felt.push, &dx, &turn, damping, time);
-        if dt > 0.0 {
-            let share = dt / (dt + VELOCITY_S);
+        self.motion = Some(Motion { dx, turn, time_s: time });
+        // Between two reports nothing is known of it.
+        if new.arrived_s > last.arrived_s {
+            let share = time / (time + VELOCITY_S);
             for (velocity, step) in self.velocity.iter_mut().zip([dx, turn]) {
-                *velocity += (step / dt - *velocity) * share;
+                *velocity += (step / time - *velocity) * share;
             }
         }
         true
@@ -249,74 +295,96 @@ impl Control {
         let handle = self.last?.device_from_handle;
         self.couple(held, &handle)?;
         let haptic = &self.haptic;
-        let offset = self.coupling.compliance * self.coupled;
-        let mut hold = handle;
-        hold.translation.vector += offset.fixed_rows::<3>(0);
-        hold.rotation =
-            UnitQuaternion::from_scaled_axis(offset.fixed_rows::<3>(3).into_owned()) * hold.rotation;
+        let scale = held.energy_scale(haptic);
         let body = self.bodies.get_mut(held.body)?;
-        let reach = held.reach(&room_from_handle(haptic, &hold), &body.origin())?;
-        self.hold_at = Some(reach.room_from_handle);
-        let response = body.respond(&reach.pose);
-        self.felt.faults.undefined += u64::from(response.rotation_undefined);
-        let push = held.push(haptic, &reach, &response)?;
-        if !push.is_finite() || !response.energy.is_finite() {
-            self.felt.faults.absurd += 1;
-            return None;
+        let (mut stored, mut torque, mut is_unsettled, mut energy) = (f64::NAN, Vector3::zeros(), false, 0.0);
+        // Once, but where the hold is far from where it must be.
+        for _ in 0..MOST_STEPS {
+            let hold = room_from_handle(haptic, &self.give.hold(&handle));
+            let reach = held.reach(&hold, &body.origin())?;
+            self.hold_at = Some(hold);
+            let response = body.respond(&reach.pose);
+            let mut push = held.push(haptic, &reach, &response)?;
+            torque = push.torque;
+            if haptic.max_torque_nm <= 0.0 {
+                push.torque = Vector3::zeros();
+            }
+            // Limited before the gain, or a bent body would ramp up to the limit at once.
+            self.give = self.coupling.settle(&push.stacked(), &self.give);
+            energy = response.energy;
+            stored = energy * scale + self.give.energy;
+            if !push.is_finite() || !stored.is_finite() {
+                self.felt.faults.absurd += 1;
+                return None;
+            }
+            self.felt.faults.undefined += u64::from(response.rotation_undefined);
+            is_unsettled = response.rotation_undefined || self.give.is_on_the_way;
+            if !self.give.is_on_the_way {
+                break;
+            }
         }
-        let stored = response.energy * held.energy_scale(haptic)
-            + 0.5 * self.coupled.dot(&(self.coupling.compliance * self.coupled));
-        let coupled = self.coupled + self.coupling.step * (push.stacked() - self.coupled);
-        // Limited before the gain, or a bent body would ramp up to the limit at once; and before the coupling, which
-        // gives way no further than the device can push.
-        let coupled = Push::unstacked(&coupled);
-        self.felt.limited = self.is_too_much(&coupled);
-        self.coupled = self.fitting(coupled).stacked();
+        self.felt.limited = self.give.is_limited;
+        self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
         let gain = (self.felt.gain + dt / RAMP_S).min(1.0);
-        self.felt.observer.credit((gain - self.felt.gain) * stored);
-        (self.felt.gain, self.felt.strain_energy, self.felt.stored_energy) = (gain, response.energy, stored);
-        let mut wanted = Push::unstacked(&self.coupled).scaled(gain);
+        (self.felt.gain, self.felt.strain_energy, self.felt.stored_energy) = (gain, energy, stored);
+        let mut wanted = Push::unstacked(&self.give.push).scaled(gain);
         let [v, w] = &self.velocity;
         wanted.force -= v * haptic.virtual_damping * gain;
         if self.measures.brake {
-            let brake = self.felt.observer.brake(v, w, haptic.mass, haptic.inertia, haptic.period_s());
+            let period_s = haptic.period_s().max(self.spacing.mean_s);
+            let brake = self.felt.observer.brake(v, w, haptic.mass, haptic.inertia, period_s);
             wanted = wanted.plus(&brake);
         }
         Some(wanted)
     }
 
-    /// Makes the coupling for a new hold, and anew where handle or body have turned: its directions are theirs.
+    /// Tells the observer what the handle's last motion did: the force that was given, less what fades of an earlier hold,
+    /// and the energy stored at its end. A device without torque is counted as if it had one, for the hand that turns it
+    /// changes the body by that much.
+    fn count(&mut self, stored: f64, torque: Vector3<f64>, is_unsettled: bool) {
+        let (gain, faded) = (self.felt.gain, self.fading.0.scaled(self.fading.1));
+        let mut given = self.felt.push.plus(&faded.scaled(-1.0));
+        if self.haptic.max_torque_nm <= 0.0 {
+            given.torque = (self.unfelt + torque) * (0.5 * gain);
+        }
+        self.unfelt = torque;
+        let before = std::mem::replace(&mut self.stored, (!is_unsettled).then_some(stored));
+        if let Some((before, motion)) = before.zip(self.motion) {
+            let damping = [self.haptic.damping, self.haptic.rotational_damping];
+            self.felt.observer.moved(&given, gain * (stored - before), &motion, damping);
+        }
+    }
+
+    /// Makes the coupling for a new hold, and anew where handle or body have turned, for its directions are theirs, or where
+    /// the device reports more slowly than before, or faster.
     fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
         let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
         let mean = UnitQuaternion::from_rotation_matrix(&body.mean());
-        if let Some([last, last_mean]) = &self.coupled_at {
-            if last.angle_to(&handle.rotation).max(last_mean.angle_to(&mean)) < TURNED {
+        let period_s = haptic.period_s().max(self.spacing.mean_s);
+        if let Some(([last, last_mean], last_s)) = &self.coupled_at {
+            let is_turned = last.angle_to(&handle.rotation).max(last_mean.angle_to(&mean)) >= TURNED;
+            if !is_turned && period_s < SLOWER * last_s && *last_s < SLOWER * period_s {
                 return Some(());
             }
         } else {
-            self.coupled.fill(0.0);
+            self.give = Give::default();
         }
-        self.coupled_at = Some([handle.rotation, mean]);
-        if !self.measures.coupling {
-            self.coupling = Coupling::default();
-            return Some(());
-        }
+        self.coupled_at = Some(([handle.rotation, mean], period_s));
+        self.stored = None;
         let reach = held.reach(&room_from_handle(haptic, handle), &body.origin())?;
         let jacobian = held.jacobian(haptic, &reach, &body.mean())?;
         let stiffness = handle_stiffness(&body.held_block(), &jacobian) * held.energy_scale(haptic);
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
-        let bearable = MARGIN * largest_stiffness(1.0, b, haptic.period_s(), self.latency_s);
+        let bearable = MARGIN * largest_stiffness(1.0, b, period_s, self.latency_s);
         let damping = [haptic.damping, haptic.rotational_damping];
-        self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bearable);
-        self.felt.stiffer = self.coupling.stiffer;
+        let limits = Limits { force: haptic.max_force_n, torque: haptic.max_torque_nm };
+        let limits = self.measures.limits.then_some(limits);
+        let bound = if self.measures.coupling { bearable } else { f64::INFINITY };
+        self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bound, limits);
+        (self.felt.stiffer, self.felt.bearable) = (self.coupling.stiffer, bearable * haptic.damping);
         Some(())
-    }
-
-    fn is_too_much(&self, push: &Push) -> bool {
-        let Haptic { max_force_n, max_torque_nm, .. } = self.haptic;
-        push.force.norm() > max_force_n || max_torque_nm > 0.0 && push.torque.norm() > max_torque_nm
     }
 
     /// Not more than the device can, in the same direction.

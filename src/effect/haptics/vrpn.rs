@@ -40,6 +40,7 @@ fn reading(state: &DeviceState) -> Option<Reading> {
         device_from_handle: pose.value,
         buttons: [pressed(0), pressed(1)],
         arrived_s: pose.arrived_s,
+        measured_s: pose.measured_s,
         tracked: pose.quality > 0.0,
         news: News { count: pose.count, flow: pose.flow, before: pose.before },
     })
@@ -72,7 +73,11 @@ impl Device for VrpnDevice {
         self.resting = self.sender.set(field) && is_none;
     }
 
-    /// Two ways through a network's stack and a server's loop of a kilohertz.
+    fn malformed(&mut self) -> u64 {
+        self.client.latest().counters.malformed
+    }
+
+    /// Two ways through a network's stack and the wait for a tick; the server's own loop shows in the spacing of its reports.
     fn latency_s(&self) -> f64 {
         1e-3
     }

@@ -13,6 +13,7 @@ mod stencil;
 use super::error::MeshError;
 use super::surface_check::{SurfaceReport, check};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
+use super::trouble::{digits, place};
 use super::{Loaded, Surface, TetMesh, quality};
 use distance::{Depth, Distance};
 use lattice::Lattice;
@@ -212,9 +213,10 @@ fn told(
     }
     if let Some((distance, at, count)) = deviation(surface, mesh, &boundary, cell / 2.0) {
         notices.push(format!(
-            "{count} vertices of the surface are further than half a cell from the mesh, the furthest {distance:.2e} m \
-             at ({:.6}, {:.6}, {:.6}): features as fine as a cell are lost there",
-            at.x, at.y, at.z
+            "{count} vertices of the surface are further than half a cell from the mesh, the furthest {} m at {}: \
+             features as fine as a cell are lost there",
+            digits(distance),
+            place(&at)
         ));
     }
 }

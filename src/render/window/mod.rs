@@ -74,7 +74,8 @@ pub trait WindowApp {
 
     fn input(&mut self, input: Input);
 
-    /// Called once per frame: update, upload, then [`Windows::draw`] once.
+    /// Called once per frame, when all input that came while waiting for the displays was passed on: ask trackers,
+    /// update, upload, then [`Windows::draw`] once. What is asked here is in the picture that is shown next.
     ///
     /// # Errors
     /// Any error ends [`run`] with it.
@@ -85,14 +86,19 @@ pub trait WindowApp {
 pub struct Windows {
     pub gpu: Gpu,
     pub renderer: Renderer,
+    /// How long this frame's images were waited for, before it was begun; with vsync this is the display's time.
+    pub waited: Duration,
+    /// The window system puts windows where they are asked to be, and tells where they are; Wayland does neither.
+    pub knows_places: bool,
+    /// All windows that can be drawn have their image.
+    is_ready: bool,
     painter: TilePainter,
     surfaces: Vec<WindowSurface>,
 }
 
-/// Where a frame's time went on the CPU; with vsync, waiting for the display is in `acquire` or `present`.
+/// Where a frame's time went on the CPU; with vsync, waiting for the display may be in `present`, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WindowTimes {
-    pub acquire: Duration,
     pub encode: Duration,
     pub present: Duration,
 }
@@ -118,20 +124,18 @@ impl Windows {
         if found != expected {
             return Err(RenderError::WindowCount { found, expected });
         }
-        let start = Instant::now();
+        self.is_ready = false;
         let mut frames = Vec::new();
         for (window, (surface, tiles)) in self.surfaces.iter_mut().zip(tiles).enumerate() {
             if tiles.as_ref().iter().any(Tile::takes_turns) {
                 surface.follow();
             }
-            if let Some(frame) = surface.acquire(&self.gpu)? {
+            if let Some(frame) = surface.frame.take() {
                 frames.push((window, frame, surface, tiles.as_ref()));
             }
         }
-        let acquire = start.elapsed();
         if frames.is_empty() {
-            std::thread::sleep(IDLE);
-            return Ok(WindowTimes { acquire, ..WindowTimes::default() });
+            return Ok(WindowTimes::default());
         }
         let mut targets: Vec<_> = frames
             .iter_mut()
@@ -140,6 +144,7 @@ impl Windows {
                 texture: &frame.view,
                 size: surface.size,
                 desktop: surface.place,
+                monitors: &surface.monitors,
                 canvas: &mut surface.canvas,
                 tiles,
                 contents: contents(*window),
@@ -153,7 +158,21 @@ impl Windows {
             self.gpu.queue.present(frame.texture);
         }
         self.gpu.check()?;
-        Ok(WindowTimes { acquire, encode, present: start.elapsed() })
+        Ok(WindowTimes { encode, present: start.elapsed() })
+    }
+
+    /// Waits until every window that can be drawn has an image to draw into.
+    fn acquire(&mut self) -> Result<(), RenderError> {
+        let start = Instant::now();
+        for surface in &mut self.surfaces {
+            surface.acquire(&self.gpu)?;
+        }
+        if self.surfaces.iter().all(|surface| surface.frame.is_none()) {
+            std::thread::sleep(IDLE);
+        }
+        self.waited = start.elapsed();
+        self.is_ready = true;
+        Ok(())
     }
 }
 
@@ -241,20 +260,29 @@ impl<A: WindowApp> Handler<'_, A> {
             surfaces.push(surface);
         }
         let gpu = Gpu::open(instance, surfaces.first())?;
-        let mut configured = Vec::new();
-        for (index, ((window, surface), spec)) in opened.into_iter().zip(surfaces).zip(self.specs).enumerate()
-        {
-            let surface = WindowSurface::new(&gpu, window, surface, self.options.vsync)
-                .map_err(|reason| window_error(index, spec, reason))?;
-            configured.push(surface);
-        }
-        let Some(first) = configured.first() else {
-            return Err(RenderError::WindowCount { found: 0, expected: 1 });
-        };
-        let renderer = Renderer::new(&gpu, first.format(), self.options.samples)?;
-        let painter = TilePainter::new(first.format());
+        let offered: Vec<_> =
+            surfaces.iter().map(|surface| surface.get_capabilities(&gpu.adapter).formats).collect();
+        let format = surface::common_format(&offered, &gpu.adapter_name).map_err(|(index, reason)| {
+            self.specs.get(index).map_or(RenderError::WindowCount { found: 0, expected: 1 }, |spec| {
+                window_error(index, spec, reason)
+            })
+        })?;
+        let configured = opened.into_iter().zip(surfaces);
+        let surfaces = configured
+            .map(|(window, surface)| WindowSurface::new(window, surface, format, self.options.vsync))
+            .collect();
+        let renderer = Renderer::new(&gpu, format, self.options.samples)?;
+        let painter = TilePainter::new(format);
         self.app.start(&gpu).map_err(RenderError::App)?;
-        self.windows = Some(Windows { gpu, renderer, painter, surfaces: configured });
+        self.windows = Some(Windows {
+            gpu,
+            renderer,
+            waited: Duration::ZERO,
+            knows_places: !is_wayland(event_loop),
+            is_ready: false,
+            painter,
+            surfaces,
+        });
         Ok(())
     }
 }
@@ -275,8 +303,17 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
         let Some(index) = windows.surfaces.iter().position(|surface| surface.window.id() == id) else {
             return;
         };
+        if let WindowEvent::ScaleFactorChanged { mut inner_size_writer, .. } = event {
+            // A stage's windows are in pixels: winit would keep their size in points, and multiply their pixels.
+            let surface = &windows.surfaces[index];
+            let size = if windows.knows_places { surface.window.inner_size() } else { surface.size.into() };
+            // Refused only once the event is over.
+            let _ = inner_size_writer.request_inner_size(size);
+            return;
+        }
         if let WindowEvent::Resized(size) = event {
-            windows.surfaces[index].resize(size.into());
+            // The image that it may have has the old size.
+            windows.is_ready &= !windows.surfaces[index].resize(size.into());
         }
         if let WindowEvent::Resized(_) | WindowEvent::Moved(_) = event {
             windows.surfaces[index].find_place();
@@ -299,12 +336,29 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
         if event_loop.exiting() {
             return;
         }
+        if !windows.is_ready {
+            // Before the frame begins, input that came meanwhile is passed on.
+            if let Err(error) = windows.acquire() {
+                self.finish(event_loop, Err(error));
+            }
+            return;
+        }
         match self.app.frame(windows) {
             Ok(Flow::Continue) => {}
             Ok(Flow::Quit) => self.finish(event_loop, Ok(())),
             Err(error) => self.finish(event_loop, Err(RenderError::App(error))),
         }
     }
+}
+
+#[cfg(target_os = "linux")]
+fn is_wayland(event_loop: &ActiveEventLoop) -> bool {
+    winit::platform::wayland::ActiveEventLoopExtWayland::is_wayland(event_loop)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn is_wayland(_: &ActiveEventLoop) -> bool {
+    false
 }
 
 fn window_error(window: usize, spec: &WindowSpec, reason: String) -> RenderError {

@@ -49,11 +49,12 @@ pub fn monitors() -> Result<Vec<Monitor>, RenderError> {
 }
 
 fn all(event_loop: &ActiveEventLoop) -> Vec<(Monitor, MonitorHandle)> {
-    let described = |handle: MonitorHandle| {
-        let name = handle.name().unwrap_or_default();
-        (Monitor { name, at: handle.position().into(), size: handle.size().into() }, handle)
-    };
-    event_loop.available_monitors().map(described).collect()
+    event_loop.available_monitors().map(|handle| (described(&handle), handle)).collect()
+}
+
+pub(super) fn described(handle: &MonitorHandle) -> Monitor {
+    let name = handle.name().unwrap_or_default();
+    Monitor { name, at: handle.position().into(), size: handle.size().into() }
 }
 
 /// The monitor on which a pixel of the desktop lies.

@@ -2,9 +2,10 @@
 
 use super::super::target::check_size;
 use super::super::{Canvas, Gpu, RenderError};
+use super::monitor::{Monitor, described};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use wgpu::CurrentSurfaceTexture;
+use wgpu::{CurrentSurfaceTexture, TextureFormat};
 use winit::window::Window;
 
 /// Between two questions to the window system, each of which takes a round trip.
@@ -14,12 +15,16 @@ pub(super) struct WindowSurface {
     pub(super) size: [u32; 2],
     /// The window's top left pixel on the desktop; the origin where the window system does not tell.
     pub(super) place: [i32; 2],
+    /// Those of the desktop; none where the window system does not tell the window's place.
+    pub(super) monitors: Vec<Monitor>,
     asked: Instant,
     pub(super) canvas: Canvas,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     /// The swap chain fits the window.
     is_current: bool,
+    /// What it will show next, once it is there to be drawn into.
+    pub(super) frame: Option<SurfaceFrame>,
     /// Last, so that the surface goes before its window.
     pub(super) window: Arc<Window>,
 }
@@ -30,23 +35,42 @@ pub(super) struct SurfaceFrame {
     pub(super) view: wgpu::TextureView,
 }
 
+/// An sRGB format that all windows can present, from what each offers.
+///
+/// # Errors
+/// The window that has none in common with those before it, and a sentence about it; window 0 where there are none.
+pub(super) fn common_format(
+    offered: &[Vec<TextureFormat>],
+    device: &str,
+) -> Result<TextureFormat, (usize, String)> {
+    let mut common: Vec<TextureFormat> =
+        offered.first().into_iter().flatten().copied().filter(TextureFormat::is_srgb).collect();
+    for (index, offered) in offered.iter().enumerate() {
+        let before = std::mem::take(&mut common);
+        common = before.iter().copied().filter(|format| offered.contains(format)).collect();
+        if common.is_empty() {
+            let reason = if before.is_empty() {
+                format!("{device} cannot present sRGB pictures on it (it offers {offered:?})")
+            } else {
+                format!(
+                    "{device} presents {before:?} on the windows before it, but {offered:?} on this one: are their \
+                     monitors driven by another card or in another depth of colour? Give all the same, or run a \
+                     process for each"
+                )
+            };
+            return Err((index, reason));
+        }
+    }
+    common.first().copied().ok_or((0, "there is no window".to_owned()))
+}
+
 impl WindowSurface {
-    /// # Errors
-    /// A sentence when the device cannot present on this window, or not in sRGB.
     pub(super) fn new(
-        gpu: &Gpu,
         window: Arc<Window>,
         surface: wgpu::Surface<'static>,
+        format: TextureFormat,
         vsync: bool,
-    ) -> Result<Self, String> {
-        let capabilities = surface.get_capabilities(&gpu.adapter);
-        let formats = &capabilities.formats;
-        let Some(&format) = formats.iter().find(|format| format.is_srgb()) else {
-            return Err(format!(
-                "{} cannot present sRGB pictures on this window (it offers {formats:?})",
-                gpu.adapter_name
-            ));
-        };
+    ) -> Self {
         let size: [u32; 2] = window.inner_size().into();
         let config = wgpu::SurfaceConfiguration {
             usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
@@ -54,7 +78,8 @@ impl WindowSurface {
             color_space: wgpu::SurfaceColorSpace::Auto,
             width: size[0],
             height: size[1],
-            present_mode: if vsync { wgpu::PresentMode::AutoVsync } else { wgpu::PresentMode::AutoNoVsync },
+            // Never torn, not even when a frame is late, as AutoVsync would: a torn picture has two eyes' heads in it.
+            present_mode: if vsync { wgpu::PresentMode::Fifo } else { wgpu::PresentMode::AutoNoVsync },
             // One frame ahead: latency counts more than throughput when a hand moves the picture.
             desired_maximum_frame_latency: 1,
             alpha_mode: wgpu::CompositeAlphaMode::Auto,
@@ -62,14 +87,20 @@ impl WindowSurface {
         };
         let canvas = Canvas::default();
         let (place, asked) = ([0, 0], Instant::now());
-        let mut surface = Self { size, place, asked, canvas, surface, config, is_current: false, window };
+        let (is_current, frame) = (false, None);
+        let monitors = Vec::new();
+        let mut surface =
+            Self { size, place, monitors, asked, canvas, surface, config, is_current, frame, window };
         surface.find_place();
-        Ok(surface)
+        surface
     }
 
     /// Asks the window system where the window stands; Wayland does not tell.
     pub(super) fn find_place(&mut self) {
-        self.place = self.window.inner_position().map_or([0, 0], Into::into);
+        (self.place, self.monitors) = match self.window.inner_position() {
+            Ok(place) => (place.into(), self.window.available_monitors().map(|m| described(&m)).collect()),
+            Err(_) => ([0, 0], Vec::new()),
+        };
         self.asked = Instant::now();
     }
 
@@ -80,36 +111,32 @@ impl WindowSurface {
         }
     }
 
-    pub(super) fn format(&self) -> wgpu::TextureFormat {
-        self.config.format
-    }
-
-    pub(super) fn resize(&mut self, size: [u32; 2]) {
-        if size != self.size {
+    /// Whether that is another size than it had.
+    pub(super) fn resize(&mut self, size: [u32; 2]) -> bool {
+        let is_new = size != self.size;
+        if is_new {
             self.size = size;
             self.is_current = false;
+            self.frame = None;
         }
+        is_new
     }
 
-    /// The next image to draw into, or None when this frame has to go without this window.
-    pub(super) fn acquire(&mut self, gpu: &Gpu) -> Result<Option<SurfaceFrame>, RenderError> {
-        if self.size.contains(&0) {
-            return Ok(None);
+    /// Gets the next image to draw into, where there is none yet; without one this frame has to go without this window.
+    pub(super) fn acquire(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
+        if self.frame.is_some() || self.size.contains(&0) {
+            return Ok(());
         }
         if !self.is_current {
             self.configure(gpu)?;
         }
         let texture = match self.surface.get_current_texture() {
-            CurrentSurfaceTexture::Success(texture) => texture,
-            CurrentSurfaceTexture::Suboptimal(texture) => {
-                // Still good for this frame; the next one starts from a new swap chain.
-                self.is_current = false;
-                texture
-            }
-            CurrentSurfaceTexture::Timeout | CurrentSurfaceTexture::Occluded => return Ok(None),
+            // Some drivers call every image suboptimal. Where the window's size is the reason, it will be told.
+            CurrentSurfaceTexture::Success(texture) | CurrentSurfaceTexture::Suboptimal(texture) => texture,
+            CurrentSurfaceTexture::Timeout | CurrentSurfaceTexture::Occluded => return Ok(()),
             CurrentSurfaceTexture::Outdated => {
                 self.is_current = false;
-                return Ok(None);
+                return Ok(());
             }
             CurrentSurfaceTexture::Lost => {
                 self.is_current = false;
@@ -117,15 +144,13 @@ impl WindowSurface {
                     .instance
                     .create_surface(self.window.clone())
                     .map_err(|error| RenderError::Device(format!("a lost window surface: {error}")))?;
-                return Ok(None);
+                return Ok(());
             }
-            CurrentSurfaceTexture::Validation => {
-                gpu.check()?;
-                return Ok(None);
-            }
+            CurrentSurfaceTexture::Validation => return gpu.check(),
         };
         let view = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Ok(Some(SurfaceFrame { texture, view }))
+        self.frame = Some(SurfaceFrame { texture, view });
+        Ok(())
     }
 
     fn configure(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
@@ -136,5 +161,24 @@ impl WindowSurface {
         gpu.check()?;
         self.is_current = true;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use TextureFormat::{Bgra8Unorm, Bgra8UnormSrgb, Rgba8UnormSrgb};
+
+    #[test]
+    fn windows_get_a_format_that_all_can_present() {
+        let common = |offered: &[Vec<TextureFormat>]| common_format(offered, "a GPU");
+        let two = vec![Bgra8Unorm, Bgra8UnormSrgb, Rgba8UnormSrgb];
+        assert_eq!(common(std::slice::from_ref(&two)), Ok(Bgra8UnormSrgb));
+        assert_eq!(common(&[two.clone(), vec![Rgba8UnormSrgb]]), Ok(Rgba8UnormSrgb));
+        let (window, reason) = common(&[two.clone(), two.clone(), vec![Bgra8Unorm]]).unwrap_err();
+        assert!(window == 2 && reason.contains("another card"), "{reason}");
+        let (window, reason) = common(&[vec![Bgra8Unorm], two]).unwrap_err();
+        assert!(window == 0 && reason.contains("cannot present sRGB"), "{reason}");
+        assert_eq!(common(&[]).unwrap_err().0, 0);
     }
 }

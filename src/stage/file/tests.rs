@@ -68,7 +68,7 @@ fn numbers_outside_the_human_and_the_physical_range_are_refused() {
     assert!(refusal("ipd = 0.064", "ipd = 0.64").contains("0.045 to 0.080"));
     assert!(refusal("ipd = 0.064", "ipd = -0.064").contains("ipd is -0.064 m"));
     assert!(refusal("ipd = 0.064", "ipd = nan").contains("0.045 to 0.080"));
-    assert!(refusal("ipd = 0.064", "ipd = 0").contains("only with stereo = \"mono\""));
+    assert!(refusal("ipd = 0.064", "ipd = 0").contains("only where stage and windows are \"mono\""));
     assert!(refusal("[1280, 1024]", "[0, 1024]").contains("`table` has 0 × 1024 pixels"));
     assert!(refusal("[1280, 1024]", "[1280, 102400]").contains("between 1 and 16384"));
     assert!(refusal("radius = 0.35", "radius = -1").contains("the workspace's radius is -1"));
@@ -83,6 +83,28 @@ fn numbers_outside_the_human_and_the_physical_range_are_refused() {
 fn a_mono_stage_needs_no_distance_between_the_eyes() {
     let desktop = BUILT_IN[3].1.replace("ipd = 0.064", "ipd = 0");
     assert_eq!(parse(&desktop, Path::new("d.toml")).unwrap().viewer.ipd_m, 0.0);
+    let with = |kind: &str| {
+        let text = format!("{desktop}\n[[window]]\nscreen = \"monitor\"\nstereo = \"{kind}\"\n");
+        parse(&text, Path::new("d.toml"))
+    };
+    assert!(with("mono").is_ok());
+    assert!(with("rows").unwrap_err().to_string().contains("ipd is 0 m"), "a window of it shows two eyes");
+}
+
+#[test]
+fn every_fault_of_tracking_is_told_and_none_that_follows_from_another() {
+    let keys = "[tracker.a]\nvrpn = \"\"\n[tracker.b]\n[sensor.head]\ntracker = \"a\"\nid = 0\n[sensor.wand]\n\
+                tracker = \"a\"\nid = 1\npredict = 5\n[stylus.right]\nsensor = \"wand\"\n[stylus.left]\n\
+                sensor = \"hand\"\n";
+    let text = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + keys;
+    let Survey { stage, faults } = survey(&text, Path::new("bench.toml")).unwrap();
+    let told: Vec<String> = faults.iter().map(|located| located.fault.to_string()).collect();
+    let expected =
+        ["`vrpn` of tracker `a`", "tracker `b` has none", "predict of sensor `wand`", "stylus `left`: "];
+    assert_eq!(told.len(), expected.len(), "{told:#?}");
+    assert!(told.iter().zip(expected).all(|(told, part)| told.contains(part)), "{told:#?}");
+    let lints = crate::stage::lint(&stage.unwrap(), &[]);
+    assert!(!lints.iter().any(|lint| lint.entity == "viewer.head"), "the head has a sensor: {lints:#?}");
 }
 
 #[test]

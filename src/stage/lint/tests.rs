@@ -89,6 +89,51 @@ fn monitors(count: i32) -> Vec<Monitor> {
 }
 
 #[test]
+fn a_place_that_two_screens_show_is_told_in_millimetres() {
+    let with = |more: &str| found("desktop", "ipd", "ipd", more, &[]);
+    let stage = Stage::find("desktop").unwrap();
+    let screen = &stage.screens[0];
+    let beside = |by_m: f64| {
+        let corner = |corner: Point3<f64>| format!("[{}, {}, {}]", corner.x + by_m, corner.y, corner.z);
+        let [left, right, up] = [screen.lower_left, screen.lower_right, screen.upper_left].map(corner);
+        format!(
+            "[[screen]]\nname = \"other\"\nlower_left = {left}\nlower_right = {right}\nupper_left = {up}\n\
+             pixels = [1920, 1080]\n"
+        )
+    };
+    has(&with(&beside(0.0)), &["error: seam.monitor-other", "have the same corners"]);
+    let text = format!("overlap by 200.0 × {:.1} mm", screen.height_m() * 1e3);
+    let overlap = with(&beside(screen.width_m() - 0.2));
+    has(&overlap, &["warning: seam.monitor-other", &text]);
+    assert_eq!(overlap.iter().filter(|line| line.contains("seam.")).count(), 1, "told once: {overlap:#?}");
+    has(&with(&beside(screen.width_m())), &["note: seam.monitor-other", "meet within 0.0 mm"]);
+}
+
+#[test]
+fn pixels_on_mirrored_monitors_count_once() {
+    let mut monitors = monitors(1);
+    monitors.push(Monitor { name: "clone".into(), ..monitors[0].clone() });
+    let half = "[[window]]\nscreen = \"wall\"\nstereo = \"mono\"\nat = [640, 0]\n";
+    let found = found("workbench", "ipd", "ipd", half, &monitors);
+    has(
+        &found,
+        &["warning: window.window 1", "50 % of its 1280 × 1024 pixels at (640, 0) lie on no monitor"],
+    );
+}
+
+#[test]
+fn eyes_swapped_between_monitors_are_told() {
+    let of = |eye: &str, monitor: usize| {
+        format!("[[window]]\nname = \"{eye}\"\nscreen = \"wall\"\nstereo = \"{eye}\"\nmonitor = {monitor}\n")
+    };
+    let judged = |left, right| {
+        found("workbench", "ipd", "ipd", &(of("left", left) + &of("right", right)), &monitors(2))
+    };
+    has(&judged(1, 0), &["warning: screen.wall", "right of the right eye's"]);
+    assert!(!judged(0, 1).iter().any(|line| line.contains("right of the right eye's")));
+}
+
+#[test]
 fn swapped_and_missing_eyes_are_told() {
     let right =
         found("workbench", "ipd", "ipd", &pairs([[0, 0], [1280, 0], [0, 1024], [1280, 1024]]), &monitors(2));
@@ -125,10 +170,7 @@ fn windows_off_the_monitors_or_over_each_other_are_told() {
 #[test]
 fn tiles_of_other_sizes_than_their_screens_are_told() {
     let woven = "[[window]]\nscreen = \"wall\"\nstereo = \"rows\"\nat = [0, 0]\nsize = [640, 512]\n";
-    has(
-        &found("workbench", "ipd", "ipd", woven, &[]),
-        &["warning: window.window 1", "its own are 1280 × 1024"],
-    );
+    has(&found("workbench", "ipd", "ipd", woven, &[]), &["note: window.window 1", "its own are 1280 × 1024"]);
     let packed = "[[window]]\nscreen = \"wall\"\nstereo = \"frame_packing\"\nat = [0, 0]\n";
     has(
         &found("workbench", "ipd", "ipd", packed, &[]),

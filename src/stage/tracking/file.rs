@@ -93,35 +93,52 @@ struct ButtonFile {
 /// A table of named tables, each with its place in the text.
 pub type Tables<T> = IndexMap<String, Spanned<T>>;
 
-/// All tracking keys of a stage; the error's first part is its place in the text.
+/// All tracking keys of a stage but those at fault; `tell` gets every fault and its place in the text. What names a
+/// tracker or a sensor that is there, but at fault, is not at fault for it.
 pub fn check(
     trackers: Tables<TrackerFile>,
     sensors: Tables<SensorFile>,
     styli: Tables<StylusFile>,
     head: Option<&Spanned<String>>,
-) -> Result<Tracking, (usize, TrackingFault)> {
+    tell: &mut dyn FnMut(usize, TrackingFault),
+) -> Tracking {
     let mut tracking = Tracking::default();
+    let names =
+        Names { trackers: trackers.keys().cloned().collect(), sensors: sensors.keys().cloned().collect() };
     for (name, found) in trackers {
         let start = found.span().start;
-        let tracker = tracker(&name, &found.into_inner(), &tracking).map_err(|fault| (start, fault))?;
-        tracking.trackers.insert(name, tracker);
+        match tracker(&name, &found.into_inner(), &tracking) {
+            Ok(tracker) => drop(tracking.trackers.insert(name, tracker)),
+            Err(fault) => tell(start, fault),
+        }
     }
     for (name, found) in sensors {
         let start = found.span().start;
-        let sensor = sensor(&name, found.into_inner(), &tracking).map_err(|fault| (start, fault))?;
-        tracking.sensors.insert(name, sensor);
+        match sensor(&name, found.into_inner(), &names, &tracking) {
+            Ok(sensor) => drop(tracking.sensors.insert(name, sensor)),
+            Err(fault) => tell(start, fault),
+        }
     }
     for (name, found) in styli {
         let start = found.span().start;
-        let stylus = stylus(&name, found.into_inner(), &tracking).map_err(|fault| (start, fault))?;
-        tracking.styli.insert(name, stylus);
+        match stylus(&name, found.into_inner(), &names, &tracking) {
+            Ok(stylus) => drop(tracking.styli.insert(name, stylus)),
+            Err(fault) => tell(start, fault),
+        }
     }
     if let Some(head) = head {
-        known("the viewer's head", "sensor", head.get_ref(), &tracking.sensors)
-            .map_err(|fault| (head.span().start, fault))?;
+        if let Err(fault) = known("the viewer's head", "sensor", head.get_ref(), &names.sensors) {
+            tell(head.span().start, fault);
+        }
         tracking.head = Some(head.get_ref().clone());
     }
-    Ok(tracking)
+    tracking
+}
+
+/// What the file has tables for.
+struct Names {
+    trackers: Vec<String>,
+    sensors: Vec<String>,
 }
 
 fn tracker(name: &str, file: &TrackerFile, others: &Tracking) -> Result<Tracker, TrackingFault> {
@@ -209,9 +226,9 @@ fn device(
     Ok(path.to_owned())
 }
 
-fn sensor(name: &str, file: SensorFile, tracking: &Tracking) -> Result<Sensor, TrackingFault> {
+fn sensor(name: &str, file: SensorFile, names: &Names, tracking: &Tracking) -> Result<Sensor, TrackingFault> {
     let who = format!("sensor `{name}`");
-    known(&who, "tracker", &file.tracker, &tracking.trackers)?;
+    known(&who, "tracker", &file.tracker, &names.trackers)?;
     let same = |other: &Sensor| other.tracker == file.tracker && other.id == file.id;
     if let Some((first, _)) = tracking.sensors.iter().find(|(_, other)| same(other)) {
         return Err(TrackingFault::SameSensor {
@@ -253,9 +270,9 @@ fn sensor(name: &str, file: SensorFile, tracking: &Tracking) -> Result<Sensor, T
     })
 }
 
-fn stylus(name: &str, file: StylusFile, tracking: &Tracking) -> Result<Stylus, TrackingFault> {
+fn stylus(name: &str, file: StylusFile, names: &Names, tracking: &Tracking) -> Result<Stylus, TrackingFault> {
     let who = format!("stylus `{name}`");
-    known(&who, "sensor", &file.sensor, &tracking.sensors)?;
+    known(&who, "sensor", &file.sensor, &names.sensors)?;
     if let Some((first, _)) = tracking.styli.iter().find(|(_, other)| other.sensor == file.sensor) {
         let (first, second) = (first.clone(), name.to_owned());
         return Err(TrackingFault::SharedSensor { first, second, sensor: file.sensor });
@@ -263,7 +280,7 @@ fn stylus(name: &str, file: StylusFile, tracking: &Tracking) -> Result<Stylus, T
     let button = |found: Option<ButtonFile>| match found {
         None => Ok(None),
         Some(ButtonFile { tracker, button }) => {
-            known(&who, "tracker", &tracker, &tracking.trackers)?;
+            known(&who, "tracker", &tracker, &names.trackers)?;
             Ok(Some(ButtonId { tracker, button }))
         }
     };
@@ -274,11 +291,11 @@ fn stylus(name: &str, file: StylusFile, tracking: &Tracking) -> Result<Stylus, T
     Ok(Stylus { sensor: file.sensor, grab, second })
 }
 
-fn known<T>(who: &str, kind: &str, name: &str, all: &IndexMap<String, T>) -> Result<(), TrackingFault> {
-    if all.contains_key(name) {
+fn known(who: &str, kind: &str, name: &str, all: &[String]) -> Result<(), TrackingFault> {
+    if all.iter().any(|known| known == name) {
         return Ok(());
     }
-    let message = config::unknown_name(kind, name, all.keys().map(String::as_str));
+    let message = config::unknown_name(kind, name, all.iter().map(String::as_str));
     Err(TrackingFault::UnknownName { who: who.to_owned(), message })
 }
 

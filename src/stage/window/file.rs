@@ -2,7 +2,7 @@
 
 use super::{Border, Monitor, MonitorId, Tile, Window};
 use crate::config;
-use crate::stage::fault::{Fault, MAX_PIXELS};
+use crate::stage::fault::{Fault, MAX_PIXELS, PLACES};
 use crate::stage::{Screen, Stereo};
 
 #[derive(serde::Deserialize)]
@@ -46,9 +46,9 @@ pub struct MonitorFile {
 
 pub fn monitor(file: MonitorFile) -> Result<Monitor, Fault> {
     let MonitorFile { name, at, size } = file;
-    match is_size(size) {
-        true => Ok(Monitor { name, at, size }),
-        false => Err(Fault::Monitor { name, width: size[0], height: size[1] }),
+    match check_place(at).and_then(|()| check_size(size)) {
+        Ok(()) => Ok(Monitor { name, at, size }),
+        Err(message) => Err(Fault::Monitor { name, message }),
     }
 }
 
@@ -88,9 +88,8 @@ fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Resu
         tiles.iter().map(|tile| tile.rect[axis].saturating_add(tile.rect[axis + 2])).max().unwrap_or(0)
     };
     let size @ [width, height] = file.size.unwrap_or([edge(0), edge(1)]);
-    if !is_size(size) {
-        return Err(format!("it has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}"));
-    }
+    check_size(size)?;
+    file.at.map_or(Ok(()), check_place)?;
     for (i, tile) in tiles.iter().enumerate() {
         let [x, y, w, h] = tile.rect;
         let fits = |start: u32, length: u32, limit: u32| {
@@ -152,8 +151,19 @@ fn tile(
     Ok(tile)
 }
 
-fn is_size(size: [u32; 2]) -> bool {
-    size.iter().all(|side| (1..=MAX_PIXELS).contains(side))
+fn check_size(size @ [width, height]: [u32; 2]) -> Result<(), String> {
+    match size.iter().all(|side| (1..=MAX_PIXELS).contains(side)) {
+        true => Ok(()),
+        false => Err(format!("it has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}")),
+    }
+}
+
+fn check_place(at @ [x, y]: [i32; 2]) -> Result<(), String> {
+    let (low, high) = (PLACES.start(), PLACES.end());
+    match at.iter().all(|pixel| PLACES.contains(pixel)) {
+        true => Ok(()),
+        false => Err(format!("it stands at ({x}, {y}): both must be between {low} and {high}")),
+    }
 }
 
 /// Whether two rectangles (x, y, width, height) share a pixel.

@@ -71,6 +71,42 @@ fn without_windows_of_its_own_a_stage_has_one_per_screen_or_per_eye() {
     assert_eq!(packed[0].size, [1280, 1633]);
 }
 
+/// Screens of different heights: each stands under all that are above it.
+#[test]
+fn no_usual_window_lies_over_another() {
+    let tops = |name: &str| -> Vec<(String, i32)> {
+        let layout = Stage::find(name).unwrap().usual_layout();
+        layout.into_iter().map(|window| (window.name, window.at.unwrap()[1])).collect()
+    };
+    let cave = tops("cave3");
+    assert!(cave.contains(&("floor left and right".to_owned(), 1800)), "{cave:?}");
+    for (name, _) in super::super::BUILT_IN {
+        let layout = Stage::find(name).unwrap().usual_layout();
+        for (i, a) in layout.iter().enumerate() {
+            for b in &layout[..i] {
+                let is_apart = |axis: usize| {
+                    let ends = |window: &Window| {
+                        let start = window.at.unwrap()[axis];
+                        (start, start + window.size[axis] as i32)
+                    };
+                    ends(a).1 <= ends(b).0 || ends(b).1 <= ends(a).0
+                };
+                assert!(is_apart(0) || is_apart(1), "{name}: {} and {}", a.name, b.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn places_beyond_any_desktop_are_refused() {
+    let window = |at: &str| format!("[[window]]\nscreen = \"wall\"\nstereo = \"mono\"\nat = {at}\n");
+    assert!(refusal(&window("[2147483647, 0]")).contains("it stands at (2147483647, 0): both must be"));
+    assert!(refusal(&window("[0, -32769]")).contains("between -32768 and 32767"));
+    assert!(with_windows(&window("[-32768, 32767]")).is_ok());
+    let monitor = "[[monitor]]\nname = \"DP-1\"\nat = [0, 2147483647]\nsize = [1280, 1024]\n";
+    assert!(refusal(monitor).contains("monitor `DP-1`: it stands at (0, 2147483647)"));
+}
+
 #[test]
 fn tiles_grow_with_their_window_and_leave_no_gap() {
     let stage = Stage::find("workbench").unwrap();

@@ -1,0 +1,277 @@
+//! The spring between the handle and the hold on a body: it makes bearable what is too stiff, and keeps the push within
+//! the device's limits without taking its potential from it.
+//!
+//! In: the body's stiffness at the handle, the device's friction and limits. Out: the hold's place beside the handle, the
+//! push there, and the energy whose slope it is.
+//!
+//! The hold is where U = V(hold) + ½ fᵀ Γ f + s is least, V the body's energy (R. J. Adams and B. Hannaford, IEEE Trans.
+//! Robotics and Automation 15, 1999, 465-474, for Γ). The last part is the limit: with y = (f/F, t/T), F and T what the
+//! device can, it is s |y| for a hold that has slipped by s (f/F², t/T²), and it slips only as far as keeps |y| ≤ 1. The
+//! least of a sum over the hold is a function of the handle's place alone, so that its slope does no work in a
+//! circle; a push that is cut to its limit does, where a body is stiffer in one direction than in another.
+
+use nalgebra::{Isometry3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector6};
+
+/// How the handle's motion (v, ω), m and rad of the device, moves the twelve coefficients of the held element.
+pub type Jacobian = SMatrix<f64, 12, 6>;
+
+/// The stiffness at the handle, 6 × 6 in N/m, N and N·m: Jᵀ S J of the held element's block of S.
+pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, jacobian: &Jacobian) -> Matrix6<f64> {
+    jacobian.transpose() * block * jacobian
+}
+
+/// What a device can push with; 0 N·m: it has no torque.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// N.
+    pub force: f64,
+    /// N·m.
+    pub torque: f64,
+}
+
+/// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ makes of every
+/// λ > k, what friction bears, k itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coupling {
+    /// K, 6 × 6 in N/m, N and N·m; without torque the three translations alone.
+    stiffness: Matrix6<f64>,
+    /// Γ, m/N and so on.
+    pub compliance: Matrix6<f64>,
+    /// Newton's step for f = push(hold moved by Γ f) from its residual: (1 + K Γ)⁻¹.
+    pub step: Matrix6<f64>,
+    /// How many times stiffer the body is than the device bears, in its stiffest direction; up to 1 all is felt as it is.
+    pub stiffer: f64,
+    /// 1/F and 1/T; 0: no limit.
+    per_limit: Vector6<f64>,
+    /// Directions and stiffnesses of what is felt, K (1 + Γ K)⁻¹, in units of the limits; made when they are needed first.
+    saturated: Option<(Matrix6<f64>, Vector6<f64>)>,
+}
+
+/// Where the hold is beside the handle, and what it pushes with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Give {
+    /// Translation and rotation vector of the hold from the handle, m and rad.
+    pub offset: Vector6<f64>,
+    /// On the hand.
+    pub push: Vector6<f64>,
+    /// U - V: of the springs, and of the hold's last way, J.
+    pub energy: f64,
+    /// The hold's last way, and the longest that it goes at once, m; rotations times [`ARM_M`].
+    moved: Vector6<f64>,
+    radius: f64,
+    /// It went as far as it was let: the push is not yet that of its place.
+    pub is_on_the_way: bool,
+    /// The body pulls harder than the device can.
+    pub is_limited: bool,
+}
+
+/// Beside the handle, with no push yet.
+impl Default for Give {
+    fn default() -> Give {
+        let none = Vector6::zeros();
+        Give {
+            offset: none,
+            push: none,
+            energy: 0.0,
+            moved: none,
+            radius: RADIUS_M,
+            is_on_the_way: false,
+            is_limited: false,
+        }
+    }
+}
+
+impl Give {
+    /// The hold beside a handle.
+    pub fn hold(&self, handle: &Isometry3<f64>) -> Isometry3<f64> {
+        let turn = UnitQuaternion::from_scaled_axis(self.offset.fixed_rows::<3>(3).into_owned());
+        let place = handle.translation.vector + self.offset.fixed_rows::<3>(0);
+        Isometry3::from_parts(Translation3::from(place), turn * handle.rotation)
+    }
+}
+
+/// Faster than any hand moves in a tick, slow enough for what a body far from rest is by its stiffness at the handle.
+const RADIUS_M: f64 = 5e-3;
+const ARM_M: f64 = 0.1;
+
+/// A direction that is softer than this part of the stiffest one gives no more than that one would.
+const SOFTEST: f64 = 1e-6;
+
+impl Coupling {
+    /// `damping` is b and b_r; `bearable` the largest stiffness for a friction of 1, 1/s.
+    pub fn new(
+        stiffness: &Matrix6<f64>,
+        damping: [f64; 2],
+        has_torque: bool,
+        bearable: f64,
+        limits: Option<Limits>,
+    ) -> Coupling {
+        let root = Vector6::from_fn(|k, _| damping[k / 3].max(1e-9).sqrt());
+        let counted = if has_torque { 6 } else { 3 };
+        let part = |i: usize, j: usize| if i.max(j) < counted { stiffness[(i, j)] } else { 0.0 };
+        let scaled = Matrix6::from_fn(|i, j| part(i, j) / (root[i] * root[j]));
+        if !scaled.iter().all(|x| x.is_finite()) {
+            return Coupling::default();
+        }
+        let eigen = scaled.symmetric_eigen();
+        let k = bearable.max(1e-9);
+        let inside = |of: &dyn Fn(f64) -> f64| {
+            let diagonal = Matrix6::from_diagonal(&eigen.eigenvalues.map(of));
+            eigen.eigenvectors * diagonal * eigen.eigenvectors.transpose()
+        };
+        let compliance = inside(&|l| if l > k { 1.0 / k - 1.0 / l } else { 0.0 });
+        let step = inside(&|l| if l > k { k / l } else { 1.0 });
+        let per = |limit: f64| if limit > 0.0 { 1.0 / limit } else { 0.0 };
+        let [force, torque] = limits.map_or([0.0; 2], |limits| [per(limits.force), per(limits.torque)]);
+        Coupling {
+            stiffness: Matrix6::from_fn(part),
+            compliance: Matrix6::from_fn(|i, j| compliance[(i, j)] / (root[i] * root[j])),
+            step: Matrix6::from_fn(|i, j| step[(i, j)] * root[i] / root[j]),
+            stiffer: eigen.eigenvalues.max() / k,
+            per_limit: Vector6::new(force, force, force, torque, torque, torque),
+            saturated: None,
+        }
+    }
+
+    /// From the body's `push` with the hold where `last` has it: one step of Newton's, exact where the push is linear.
+    pub fn settle(&mut self, push: &Vector6<f64>, last: &Give) -> Give {
+        let free = self.step * (push + self.stiffness * last.offset);
+        let (push_now, slip) = self.limited(&free);
+        let y = push_now.component_mul(&self.per_limit);
+        let given = self.compliance * push_now;
+        let mut moved = given + y.component_mul(&self.per_limit) * slip - last.offset;
+        let arm = Vector6::new(1.0, 1.0, 1.0, ARM_M, ARM_M, ARM_M);
+        let way = moved.component_mul(&arm).norm();
+        let (mut radius, is_on_the_way) = (last.radius, way > last.radius);
+        if is_on_the_way {
+            // To and fro: the body is not what its stiffness says.
+            let is_turning = moved.dot(&last.moved.component_mul(&arm).component_mul(&arm)) < 0.0;
+            moved *= radius / way;
+            radius = if is_turning { 0.5 * radius } else { (1.5 * radius).min(RADIUS_M) };
+        }
+        let energy = 0.5 * push_now.dot(&given) + slip * y.norm_squared() - push.dot(&moved)
+            + 0.5 * moved.dot(&(self.stiffness * moved));
+        let (offset, is_limited) = (last.offset + moved, slip > 0.0);
+        Give { offset, push: push_now, energy, moved, radius, is_on_the_way, is_limited }
+    }
+
+    /// (1 + s W)⁻¹ y with the least s ≥ 0 that keeps it within 1, y and the stiffness W in units of the limits: the push,
+    /// and s in J.
+    fn limited(&mut self, free: &Vector6<f64>) -> (Vector6<f64>, f64) {
+        let y = free.component_mul(&self.per_limit);
+        let size = y.norm();
+        // Also where it is no number: that is found out later.
+        if size.is_nan() || size <= 1.0 {
+            return (*free, 0.0);
+        }
+        let (directions, stiffness) = *self.saturated.get_or_insert_with(|| {
+            let (per, felt) = (&self.per_limit, self.step * self.stiffness);
+            let scaled = Matrix6::from_fn(|i, j| 0.5 * (felt[(i, j)] + felt[(j, i)]) * per[i] * per[j]);
+            let eigen = scaled.symmetric_eigen();
+            let least = SOFTEST * eigen.eigenvalues.amax();
+            (eigen.eigenvectors, eigen.eigenvalues.map(|w| w.max(least)))
+        });
+        let z = directions.transpose() * y;
+        let mut slip: f64 = 0.0;
+        // Newton's iteration for 1/|y| = 1, which is nearly straight in s.
+        for _ in 0..12 {
+            let part = stiffness.map(|w| 1.0 / (1.0 + slip * w));
+            let now = z.component_mul(&part);
+            let size = now.norm();
+            let slope: f64 = (0..6).map(|k| now[k] * now[k] * stiffness[k] * part[k]).sum();
+            if (size - 1.0).abs() < 1e-9 || slope <= 0.0 {
+                break;
+            }
+            slip = (slip + (size - 1.0) * size * size / slope).max(0.0);
+        }
+        let now = directions * z.component_mul(&stiffness.map(|w| 1.0 / (1.0 + slip * w)));
+        // Where nothing gives way, or the iteration has not come to its end.
+        let now = now / now.norm().max(1.0);
+        let limited = |k: usize, per: f64| if per > 0.0 { now[k] / per } else { free[k] };
+        (Vector6::from_fn(|k, _| limited(k, self.per_limit[k])), slip)
+    }
+}
+
+/// Rigid and without a limit.
+impl Default for Coupling {
+    fn default() -> Coupling {
+        Coupling {
+            stiffness: Matrix6::zeros(),
+            compliance: Matrix6::zeros(),
+            step: Matrix6::identity(),
+            stiffer: 0.0,
+            per_limit: Vector6::zeros(),
+            saturated: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_coupling_softens_what_is_too_stiff_and_nothing_else() {
+        let root = Matrix6::from_fn(|i, j| ((7 * i + 3 * j) as f64).sin() + if i == j { 3.0 } else { 0.0 });
+        let stiffness = root * root.transpose() * 100.0;
+        let damping: [f64; 2] = [2.0, 0.5];
+        let friction = |k: usize| -> f64 { damping[k / 3] };
+        let ratios = |k: &Matrix6<f64>| {
+            Matrix6::from_fn(|i, j| k[(i, j)] / (friction(i) * friction(j)).sqrt()).symmetric_eigenvalues()
+        };
+        let all = ratios(&stiffness);
+        let k = 0.5 * (all.min() + all.max());
+        let coupling = Coupling::new(&stiffness, damping, true, k, None);
+        assert!((coupling.stiffer - all.max() / k).abs() < 1e-12);
+        // Both springs in series: (K⁻¹ + Γ)⁻¹.
+        let felt = (stiffness.try_inverse().unwrap() + coupling.compliance).try_inverse().unwrap();
+        let (mut expected, mut found) = (all.map(|l| l.min(k)), ratios(&felt));
+        expected.as_mut_slice().sort_by(f64::total_cmp);
+        found.as_mut_slice().sort_by(f64::total_cmp);
+        assert!((expected - found).norm() < 1e-9 * k, "{expected} {found}");
+        let newton = (Matrix6::identity() + stiffness * coupling.compliance).try_inverse().unwrap();
+        assert!((newton - coupling.step).norm() < 1e-9);
+        let three = Coupling::new(&stiffness, damping, false, k, None);
+        assert!(three.compliance.fixed_view::<3, 6>(3, 0).norm() == 0.0 && three.stiffer > 0.0);
+    }
+
+    /// On a body that is stiffer in one direction than in another, handle and limit in all six degrees of freedom: the
+    /// push is minus the slope of U, and reaches the limit without passing it.
+    #[test]
+    fn a_limited_push_is_the_slope_of_its_energy() {
+        let root = Matrix6::from_fn(|i, j| ((5 * i + 2 * j) as f64).sin() + if i == j { 2.0 } else { 0.0 });
+        let per_torque = Vector6::new(1.0, 1.0, 1.0, 0.05, 0.05, 0.05);
+        let stiffness =
+            Matrix6::from_fn(|i, j| (root * root.transpose())[(i, j)] * per_torque[i] * per_torque[j]);
+        let stiffness = stiffness * 100.0;
+        let limits = Limits { force: 3.0, torque: 0.2 };
+        let mut coupling = Coupling::new(&stiffness, [1.0, 2e-3], true, 800.0, Some(limits));
+        assert!(coupling.stiffer > 1.0);
+        // V = ½ hᵀ K h; one step is the answer once it is near.
+        let mut at = |x: &Vector6<f64>| {
+            let mut give = Give::default();
+            loop {
+                let hold = x + give.offset;
+                give = coupling.settle(&(-stiffness * hold), &give);
+                if !give.is_on_the_way {
+                    return (give, 0.5 * hold.dot(&(stiffness * hold)) + give.energy);
+                }
+            }
+        };
+        let (mut least, mut most) = (f64::MAX, 0.0f64);
+        for far in [0.001, 0.01, 0.1] {
+            let x = Vector6::new(1.0, -0.4, 0.3, 2.0, 1.0, -3.0) * far;
+            let (give, _) = at(&x);
+            let size =
+                (give.push.fixed_rows::<3>(0).norm() / 3.0).hypot(give.push.fixed_rows::<3>(3).norm() / 0.2);
+            (least, most) = (least.min(size), most.max(size));
+            let slope = Vector6::from_fn(|k, _| {
+                let mut step = Vector6::zeros();
+                step[k] = 1e-6;
+                (at(&(x + step)).1 - at(&(x - step)).1) / 2e-6
+            });
+            assert!((slope + give.push).norm() < 1e-6 * give.push.norm(), "{far}: {slope} {}", give.push);
+        }
+        assert!(least < 0.5 && (most - 1.0).abs() < 1e-9, "{least} {most}");
+    }
+}
