@@ -80,10 +80,12 @@ fn an_eye_behind_a_screen_has_no_view() {
     let mut world = world("behind");
     assert!(world.view(1, Eye::Left).is_some());
     let behind = Isometry3::translation(0.0, 1.5, -0.5);
-    world.step(&TrackerState { head: Some(behind), styli: vec![], time_s: 0.0 });
-    assert!(world.view(1, Eye::Left).is_none());
+    world.step(&TrackerState { head: Some(behind), styli: vec![], time_s: 2.5 });
+    assert!(world.view(1, Eye::Left).is_none() && world.view(1, Eye::Left).is_none());
+    let [(time_s, said)] = world.warnings.as_slice() else { panic!("{:?}", world.warnings) };
+    assert!(*time_s == 2.5 && said.starts_with("left eye: "), "{time_s} s: {said}");
     let lost = Isometry3::translation(f32::NAN, 1.5, 1.0);
-    world.step(&TrackerState { head: Some(lost), styli: vec![], time_s: 0.0 });
+    world.step(&TrackerState { head: Some(lost), styli: vec![], time_s: 3.0 });
     assert_eq!(world.room_from_head, behind.cast(), "a lost head stays where it was");
 }
 
