@@ -71,7 +71,9 @@ mod tests {
     impl Write for Disk {
         fn write(&mut self, bytes: &[u8]) -> Result<usize> {
             if bytes != b"head" {
-                self.0.take().map(|go| go.recv().unwrap());
+                if let Some(go) = self.0.take() {
+                    go.recv().unwrap();
+                }
             }
             self.1.send(bytes.to_vec()).unwrap();
             Ok(bytes.len())

@@ -100,21 +100,20 @@ fn a_jump_that_stands_is_believed_and_glided_to_even_if_nothing_more_is_said() {
 fn nonsense_is_counted_and_the_last_pose_stands() {
     let (mut follower, mut device) = (follower(0.05), Device::default());
     device.say(&mut follower, 0.0, at(0.0));
-    let mut count = 1;
     let zero = nalgebra::Quaternion::new(0.0, 0.0, 0.0, 0.0);
     let nan = nalgebra::Quaternion::new(f64::NAN, 0.0, 0.0, 0.0);
-    for bad in [
+    let bad = [
         Isometry3::translation(f64::NAN, 0.0, 0.0),
         Isometry3::translation(0.0, f64::INFINITY, 0.0),
         Isometry3::translation(0.0, 0.0, 1e30),
         Isometry3::from_parts(Translation3::identity(), UnitQuaternion::new_unchecked(zero)),
         Isometry3::from_parts(Translation3::identity(), UnitQuaternion::new_unchecked(nan)),
-    ] {
+    ];
+    for (count, value) in (2..).zip(bad) {
         // A device that lets such a thing through.
         let (before, flow) = (None, Default::default());
-        count += 1;
         follower.take(&Reading {
-            value: bad,
+            value,
             arrived_s: 0.01,
             before,
             measured_s: None,
