@@ -7,8 +7,8 @@ use common::folder;
 use greenstage::verify::{Bound, Effort, Level, PROBLEMS, Row, run};
 use std::process::Command;
 
-fn solve(name: &str) -> Vec<Row> {
-    run(PROBLEMS.iter().find(|problem| problem.name == name).unwrap(), Effort::Coarse).unwrap()
+fn solve(name: &str, effort: Effort) -> Vec<Row> {
+    run(PROBLEMS.iter().find(|problem| problem.name == name).unwrap(), effort).unwrap()
 }
 
 fn row<'a>(rows: &'a [Row], quantity: &str, element: &str) -> &'a Row {
@@ -24,7 +24,9 @@ fn finest(row: &Row) -> f64 {
 fn nothing_misses_its_bound() {
     for problem in PROBLEMS {
         let rows = run(problem, Effort::Coarse).unwrap();
-        assert!(rows.iter().any(|row| row.bound != Bound::NONE), "{} requires nothing", problem.name);
+        // NAFEMS's 2 % are required of finer meshes.
+        let is_bound = problem.name == "le10" || rows.iter().any(|row| row.bound != Bound::NONE);
+        assert!(is_bound, "{} requires nothing", problem.name);
         for row in rows {
             assert!(row.levels.len() == 2 || row.quantity.starts_with("errors beside"), "{row:?}");
             assert!(row.holds(), "{row:?}");
@@ -32,41 +34,58 @@ fn nothing_misses_its_bound() {
     }
 }
 
+/// Rates fitted to three meshes.
 #[test]
 fn smooth_fields_converge_at_the_orders_of_theory() {
     for problem in ["kelvin", "cylinder"] {
-        let rows = solve(problem);
+        let rows = solve(problem, Effort::Usual);
         for (element, order) in [("tet4", 1.0), ("tet4_anp", 1.0), ("tet10", 2.0)] {
             let rate = |quantity: &str| row(&rows, quantity, element).rate.unwrap();
             let (l2, energy) = (rate("L2, ν 0.3"), rate("energy, ν 0.3"));
-            assert!((l2 - order - 1.0).abs() < 0.17, "{problem} {element}: {l2}");
-            assert!((energy - order).abs() < 0.17, "{problem} {element}: {energy}");
+            println!("{problem} {element}: {l2:.3} {energy:.3}");
+            assert!((l2 - order - 1.0).abs() < 0.1, "{problem} {element}: {l2}");
+            assert!((energy - order).abs() < 0.1, "{problem} {element}: {energy}");
         }
     }
-    let torsion = solve("torsion");
-    for (element, expected) in [("tet4", 2.0), ("tet4_anp", 2.0), ("tet10", 3.4)] {
+    let torsion = solve("torsion", Effort::Usual);
+    for (element, expected) in [("tet4", 2.0), ("tet4_anp", 2.0), ("tet10", 3.6)] {
         let rate = row(&torsion, "J/a⁴", element).rate.unwrap();
-        assert!((rate - expected).abs() < 0.15, "{element}: {rate}");
+        println!("torsion {element}: {rate:.3}");
+        assert!((rate - expected).abs() < 0.1, "{element}: {rate}");
     }
+}
+
+/// Stress on curved elements with their own dilatation: on the second mesh to 2.3 %.
+#[test]
+fn stress_comes_near_to_nafems() {
+    let rows = solve("le10", Effort::Coarse);
+    let error = |element: &str| finest(row(&rows, "σ_yy(D)", element));
+    assert!(error("tet10") < 0.025 && error("tet4") < 0.075, "{} {}", error("tet10"), error("tet4"));
 }
 
 /// Near ν = 1/2 linear tetrahedra hardly move, those with mean pressures and quadratic ones do.
 #[test]
 fn locking_is_seen() {
-    let rows = solve("cylinder");
+    let rows = solve("cylinder", Effort::Coarse);
     let error = |element: &str| finest(row(&rows, "u_r(a), ν 0.4999", element));
     assert!(error("tet4") > 0.8 && error("tet4_anp") < 0.02 && error("tet10") < 0.01);
-    let rows = solve("cook-plane-strain");
+    let rows = solve("cook-plane-strain", Effort::Coarse);
     let error = |element: &str| finest(row(&rows, "v(48, 60)", element));
     assert!(error("tet4") > 0.5 && error("tet4_anp") < 0.04 && error("tet10") < 0.02);
 }
 
-/// Errors of the plain elements are scikit-fem's on the same meshes: 0.6 % are the quadrature of its L2 norm.
+/// Errors of the plain elements are scikit-fem's on the same meshes: 0.6 % of tet10's are the quadrature of its L2 norm.
 #[test]
-fn errors_are_those_of_another_program() {
-    let rows = solve("kelvin");
-    assert!(finest(row(&rows, "errors beside scikit-fem's, 8³ cells", "tet4")) < 1e-3);
-    assert!(finest(row(&rows, "errors beside scikit-fem's, 4³ cells", "tet10")) < 0.01);
+fn errors_are_required_to_be_those_of_another_program() {
+    let rows = solve("kelvin", Effort::Coarse);
+    for (quantity, element, most) in [
+        ("errors beside scikit-fem's, 8³ cells", "tet4", 2e-4),
+        ("errors beside scikit-fem's, 4³ cells", "tet10", 0.01),
+    ] {
+        let row = row(&rows, quantity, element);
+        assert_eq!(row.bound, Bound::error(most));
+        assert!(row.holds(), "{row:?}");
+    }
 }
 
 #[test]
@@ -98,8 +117,9 @@ fn the_command_prints_tables_and_json() {
         let output = common::greenstage(&folder, arguments);
         String::from_utf8(output.stdout).unwrap()
     };
-    let text = said(&["verify", "torsion", "le10", "--coarse"]);
-    for expected in ["torsion: square bar", "J/a⁴", "tet4_anp", "rate ≥ 3.4", "le10: thick", "error ≤ 2.00 %"]
+    let text = said(&["verify", "torsion", "twisted-beam", "--coarse"]);
+    for expected in
+        ["torsion: square bar", "J/a⁴", "tet4_anp", "rate ≥ 3.4", "twisted-beam: cant", "error ≤ 0.500 %"]
     {
         assert!(text.contains(expected), "{expected} in\n{text}");
     }

@@ -57,11 +57,15 @@ pub fn rule(x: &[Vector3<f64>; 10]) -> &'static Rule {
 
 /// The points of an element with nodes `x` in the order of its [`rule`], or `None` where it is folded.
 pub fn points(x: &[Vector3<f64>; 10]) -> Option<Vec<Point>> {
+    points_of(rule(x), x)
+}
+
+fn points_of(rule: &Rule, x: &[Vector3<f64>; 10]) -> Option<Vec<Point>> {
     let point = |(at, weight): &([f64; 4], f64)| {
         let (determinant, gradients) = gradients_at(x, at)?;
         Some(Point { volume: weight * determinant / 6.0, gradients })
     };
-    rule(x).iter().map(point).collect()
+    rule.iter().map(point).collect()
 }
 
 /// det ∂x/∂ξ and the shape gradients ∇N_a at barycentric coordinates `at` of the element with nodes `x`, or `None`
@@ -76,13 +80,9 @@ pub fn gradients_at(x: &[Vector3<f64>; 10], at: &[f64; 4]) -> Option<(f64, [Vect
     Some((determinant, local.map(|gradient| inverse * gradient)))
 }
 
-/// D_a of the four modes m of the dilatation, such that ∫ (P div u)² dV = Σₘ (Σ_a D_a⁽ᵐ⁾·u_a)², √m³/m, P being the
-/// projection in L2 onto the linear functions of ξ.
-///
-/// With M = ∫ L Lᵀ dV = C Cᵀ over the barycentric coordinates L: D_a = C⁻¹ ∫ L ⊗ G_a dV. Constant dilatations are kept,
-/// so the patch test is (Zienkiewicz and Taylor, vol. 1, 5th ed., section 12.5: mixed forms and reduced integration).
-/// `points` are of [`CURVED`]; `None` where M is singular, as of a folded element.
-fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
+/// M = ∫ L Lᵀ dV and ∫ L ⊗ G_a dV, L being the barycentric coordinates: what the projection in L2 onto the linear
+/// functions of ξ is made of. `points` are of [`CURVED`].
+fn linear_moments(points: &[Point]) -> (Matrix4<f64>, [[Vector3<f64>; 10]; 4]) {
     let mut mass = Matrix4::zeros();
     let mut moments = [[Vector3::zeros(); 10]; 4];
     for (point, (at, _)) in points.iter().zip(CURVED) {
@@ -94,9 +94,28 @@ fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
             }
         }
     }
+    (mass, moments)
+}
+
+/// D_a of the four modes m of the dilatation, such that ∫ (P div u)² dV = Σₘ (Σ_a D_a⁽ᵐ⁾·u_a)², √m³/m, P being the
+/// projection in L2 onto the linear functions of ξ.
+///
+/// With M = C Cᵀ of [`linear_moments`]: D_a = C⁻¹ ∫ L ⊗ G_a dV. Constant dilatations are kept, so the patch test is
+/// (Zienkiewicz and Taylor, vol. 1, 5th ed., section 12.5: mixed forms and reduced integration). `None` where M is
+/// singular, as of a folded element.
+fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
+    let (mass, moments) = linear_moments(points);
     let inverse = mass.cholesky()?.l().try_inverse()?;
     let mode = |m: usize, a: usize| (0..=m).map(|i| moments[i][a] * inverse[(m, i)]).sum();
     Some(std::array::from_fn(|m| std::array::from_fn(|a| mode(m, a))))
+}
+
+/// P div u at the corners of the element with nodes `x` and displacements `u`, linear in ξ between them: the dilatation
+/// that its energy has. Of a straight element it is div u itself. `None` where it is folded.
+pub fn dilatation(x: &[Vector3<f64>; 10], u: &[Vector3<f64>; 10]) -> Option<[f64; 4]> {
+    let (mass, moments) = linear_moments(&points_of(CURVED, x)?);
+    let moment = |moment: &[Vector3<f64>; 10]| moment.iter().zip(u).map(|(d, u)| d.dot(u)).sum::<f64>();
+    Some(mass.cholesky()?.solve(&Vector4::from(moments.each_ref().map(moment))).into())
 }
 
 /// K_ab = ∫ μ G_b⊗G_a + μ (G_a·G_b) I dV + λ Σₘ D_a⊗D_b, N/m, for one a and all b; of a straight element the last term
@@ -275,6 +294,32 @@ mod tests {
         let mut values: Vec<f64> = dense.symmetric_eigenvalues().iter().copied().collect();
         values.sort_by(f64::total_cmp);
         assert!(values[25].abs() < 1e-13 * values[29] && values[26] > 1e-3 * values[29], "{values:?}");
+    }
+
+    /// Corner values are those of the linear field whose square the energy has, and div u where the element is straight.
+    #[test]
+    fn the_dilatation_is_that_of_the_energy() {
+        let u: [Vector3<f64>; 10] =
+            std::array::from_fn(|a| Vector3::new((2.0 * a as f64).cos(), (a as f64).sin(), 0.1 * a as f64));
+        for x in [straight(), curved()] {
+            let corners = Vector4::from(dilatation(&x, &u).unwrap());
+            let (mass, _) = linear_moments(&points_of(CURVED, &x).unwrap());
+            let k = matrix(&x, Lame { lambda: 1.0, mu: 0.0 });
+            let energy: f64 = (0..10)
+                .flat_map(|a| (0..10).map(move |b| (a, b)))
+                .map(|(a, b)| u[a].dot(&(k[a][b] * u[b])))
+                .sum();
+            let found = corners.dot(&(mass * corners));
+            assert!((found / energy - 1.0).abs() < 1e-13, "{found} {energy}");
+        }
+        let x = straight();
+        let corners = dilatation(&x, &u).unwrap();
+        for (corner, found) in corners.into_iter().enumerate() {
+            let at = std::array::from_fn(|i| if i == corner { 1.0 } else { 0.0 });
+            let (_, gradients) = gradients_at(&x, &at).unwrap();
+            let expected: f64 = gradients.iter().zip(&u).map(|(g, u)| g.dot(u)).sum();
+            assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+        }
     }
 
     /// Six rigid motions and no other: four points see the 24 strains that are left of thirty unknowns.

@@ -3,11 +3,12 @@
 use super::Bound;
 use crate::scene::Element;
 
-/// The tr(ε) that λ multiplies.
+/// The θ whose square λ multiplies in an element's energy; linear in each tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Dilatation {
-    /// That of the displacement at the same point.
-    Pointwise,
+    /// That of the displacement, in each tetrahedron projected in L2 onto the linear functions, where it is not one: in
+    /// curved quadratic ones.
+    Own,
     /// The mean over the patch of each node, linear between nodes.
     Nodal,
 }
@@ -21,10 +22,9 @@ impl Element {
         }
     }
 
-    /// Where its dilatation is taken.
     pub fn dilatation(self) -> Dilatation {
         match self {
-            Element::Tet4 | Element::Tet10 => Dilatation::Pointwise,
+            Element::Tet4 | Element::Tet10 => Dilatation::Own,
             Element::Tet4Anp => Dilatation::Nodal,
         }
     }
@@ -37,16 +37,17 @@ impl Element {
 
     /// Whether it is the plain displacement element of its order, that any other program has too.
     pub fn is_standard(self) -> bool {
-        self.dilatation() == Dilatation::Pointwise
+        self.dilatation() == Dilatation::Own
     }
 
     /// The least rates in L2 and in energy that theory promises where the solution is smooth, less 0.3: what a rate
     /// fitted to two to four meshes may be short of the limit.
     ///
     /// Well below ν = 1/2, elements of order p have h^(p+1) in L2 and h^p in energy. Near it linear ones lock: theirs is
-    /// the same on meshes finer than any that can be afforded. Quadratic ones lose one order (Babuška and Suri,
-    /// Numer. Math. 62, 1992, 439-463, on triangles) and keep h^p in energy, with a constant that grows as √λ. For mean
-    /// pressures nothing is proven there.
+    /// the same on meshes finer than any that can be afforded. Of quadratic ones one order is left less for all ν alike
+    /// (Babuška and Suri, Numer. Math. 62, 1992, 439-463, on triangles): h² in L2, h in energy; only where h is small
+    /// against √(μ/λ), on finer meshes than here, the h² of a constant that grows as √λ is less. For mean pressures
+    /// nothing is proven there.
     pub fn promised(self, poisson: f64) -> (Bound, Bound) {
         const SHORT: f64 = 0.3;
         let order = f64::from(self.order());
@@ -54,7 +55,7 @@ impl Element {
         if is_near_half && self.order() == 1 {
             return (Bound::NONE, Bound::NONE);
         }
-        let l2 = if is_near_half { order } else { order + 1.0 };
-        (Bound::rate(l2 - SHORT), Bound::rate(order - SHORT))
+        let lost = if is_near_half { 1.0 } else { 0.0 };
+        (Bound::rate(order + 1.0 - lost - SHORT), Bound::rate(order - lost - SHORT))
     }
 }

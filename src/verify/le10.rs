@@ -21,6 +21,8 @@ const STRESS_AT_D: f64 = -5.38e6;
 /// NAFEMS gives three digits, and takes 2 % for agreement; programs differ in the third.
 const KNOWN_TO: f64 = 0.01;
 const WITHIN: f64 = 0.02;
+/// The first of the sizes on which quadratic elements are required to be so near.
+const FINE: u32 = 4;
 
 const THICKNESS: f64 = 0.6;
 const PRESSURE: f64 = 1.0e6;
@@ -42,6 +44,6 @@ fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     let lame = Lame::from_young_poisson(210.0e9, 0.3);
     let solution = body.solve(element, lame)?;
     let stress = solution.stress_at(&body, element, lame, body.node_at([0.0, 0.0, 1.0])?);
-    let bound = if element.order() == 2 { Bound::error(WITHIN) } else { Bound::NONE };
+    let bound = if element.order() == 2 && size >= FINE { Bound::error(WITHIN) } else { Bound::NONE };
     Ok(vec![solution.value("σ_yy(D)", stress[(1, 1)] * 1e-6, STRESS_AT_D * 1e-6, KNOWN_TO, bound)])
 }

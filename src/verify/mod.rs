@@ -169,7 +169,11 @@ impl Table {
         let level = Level { h: 1.0 / f64::from(element.cells(size)), nodes, value, error, seconds };
         let same = |row: &Row| row.quantity == quantity && row.element == element.name();
         match self.rows.iter_mut().find(|row| same(row)) {
-            Some(row) => row.levels.push(level),
+            // What is required is so on the finest mesh.
+            Some(row) => {
+                row.levels.push(level);
+                row.bound = bound;
+            }
             None => {
                 let after = self.rows.iter().rposition(|row| row.quantity == quantity);
                 let row = Row {

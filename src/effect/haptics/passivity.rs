@@ -20,7 +20,7 @@ pub fn largest_stiffness(damping: f64, virtual_damping: f64, period_s: f64, late
     ((damping - virtual_damping.abs()) / (0.5 * period_s + latency_s)).max(0.0)
 }
 
-/// The time for which a reading holds: its mean over the last [`SPACING_S`], in which a long one counts by its length. With
+/// The time for which a reading holds: its mean over the last 0.2 s, in which a long one counts by its length. With
 /// times T_i that is Σ T_i²/Σ T_i, for which a spring K generates Σ ½ K v² T_i² what friction eats, Σ b v² T_i.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spacing {
