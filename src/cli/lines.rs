@@ -70,10 +70,10 @@ mod tests {
 
     impl Write for Disk {
         fn write(&mut self, bytes: &[u8]) -> Result<usize> {
-            if bytes != b"head" {
-                if let Some(go) = self.0.take() {
-                    go.recv().unwrap();
-                }
+            if bytes != b"head"
+                && let Some(go) = self.0.take()
+            {
+                go.recv().unwrap();
             }
             self.1.send(bytes.to_vec()).unwrap();
             Ok(bytes.len())

@@ -105,7 +105,7 @@ pub fn check(
         let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
         times.push(interact_s + deform_s + normals_s);
     }
-    render::report(show.replay.as_ref(), recorder.as_deref_mut())?;
+    render::report(show.replay.as_ref(), recorder)?;
     times.sort_by(f64::total_cmp);
     let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
     super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))

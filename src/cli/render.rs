@@ -245,7 +245,7 @@ pub fn pictures(
         seconds(mechanics_s / args.frames as f64),
         path.display()
     ))?;
-    report(show.replay.as_ref(), recorder.as_deref_mut())
+    report(show.replay.as_ref(), recorder)
 }
 
 /// What is counted as one: both eyes of a screen, or its one picture.
