@@ -236,11 +236,11 @@ fn slopes_of_the_smooth_problem_are_near_the_theorys() {
 /// The planner's choice against all rows, for demands from lax to out of reach.
 #[test]
 fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
-    let mut met = 0;
+    let (mut met, mut held) = (0, 0);
     for (name, scene) in bodies() {
         let report = report(&format!("plan-{name}"), &scene, &[0.1, 0.3, 0.6]);
         let accuracies = [0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-5].into_iter().flat_map(|displacement| {
-            [None, Some(0.3), Some(0.05)].map(|force| {
+            [None, Some(3.0), Some(0.5)].map(|force| {
                 Demand::Accuracy(Accuracy { displacement: Some(displacement), force, largest: None })
             })
         });
@@ -252,6 +252,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
                 continue;
             }
             met += 1;
+            held += usize::from(matches!(demand, Demand::Accuracy(Accuracy { force: Some(_), .. })));
             assert!(meets(&choice.row));
             for row in report.rows.iter().filter(meets) {
                 assert!(cost(row) >= cost(choice.row), "{name}, {demand:?}: {:?} is cheaper", row.setting);
@@ -270,7 +271,8 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
             }
         }
     }
-    assert!(met > 20, "demands were met: {met}");
+    println!("{met} demands were met, {held} of them for forces");
+    assert!(met > 15 && held > 4, "demands were met: {met}, {held} of them for forces");
 }
 
 /// All but times is the same in two runs.
