@@ -33,11 +33,11 @@ fn tube_end() -> (Vec<Vector3<f32>>, PickShape) {
 fn the_script_bends_a_tube_along_its_arc_on_every_stage() {
     let script = Script::find("bend").unwrap();
     assert_eq!(script.duration_s, 4.0);
-    assert_eq!(script.stylus_names().collect::<Vec<_>>(), ["hand"]);
     let (positions, shape) = tube_end();
     let origin = Point3::new(0.9, 0.0, 0.0);
     for (name, _) in BUILT_IN {
         let stage = Stage::find(name).unwrap();
+        assert_eq!(script.stylus_names(&stage).collect::<Vec<_>>(), ["hand"]);
         let body = (Point3::new(-0.95, -0.1, -0.1), Point3::new(0.95, 0.1, 0.1));
         let room_from_body = stage.workspace.room_from_body(body.0, body.1).unwrap();
         let rest = room_from_element(&room_from_body, &origin, &Vector3::zeros(), &Matrix3::identity());

@@ -311,15 +311,15 @@ impl WindowApp for Viewer {
                 (None, Some(_)) => "moved by the script",
                 (None, None) => "moved by mouse and keyboard",
             };
-            let haptics = self.feel.as_mut().filter(|_| self.aids.has_panel());
-            let haptics = haptics.map(Feel::readings).unwrap_or_default();
+            let felt = self.feel.as_mut().filter(|_| self.aids.has_panel());
+            let felt = felt.map(Feel::readings).unwrap_or_default();
             let readings = |gpu: &Gpu| Readings {
                 device: gpu.adapter_name.clone(),
                 deformation: deformation.clone(),
                 source: source.to_owned(),
                 warnings: self.warnings.clone(),
                 sensors: SensorReading::of(&reports),
-                haptics,
+                felt,
                 ..Readings::of(&self.world)
             };
             let contents = contents(&self.world, &instances);

@@ -206,9 +206,18 @@ impl Script {
         }
     }
 
-    /// The styli's names, in the order of [`TrackerState::styli`].
-    pub fn stylus_names(&self) -> impl Iterator<Item = &str> {
-        self.styli.keys().map(String::as_str)
+    /// The styli's names, in the order of [`TrackerState::styli`]: those that the stage knows in its order, then others by name.
+    pub fn stylus_names(&self, stage: &Stage) -> impl Iterator<Item = &str> {
+        self.styli_on(stage).into_iter().map(|(name, _)| name)
+    }
+
+    fn styli_on(&self, stage: &Stage) -> Vec<(&str, &[StylusKey])> {
+        let known = stage.stylus_names();
+        let place = |name: &str| known.iter().position(|known| *known == name).unwrap_or(known.len());
+        let mut styli: Vec<(&str, &[StylusKey])> =
+            self.styli.iter().map(|(name, keys)| (name.as_str(), keys.as_slice())).collect();
+        styli.sort_by_key(|(name, _)| place(name));
+        styli
     }
 
     /// What a tracker on `stage` would say at `time_s`.
@@ -217,7 +226,7 @@ impl Script {
         let at = locate(times, time_s);
         let head = (!self.head.is_empty())
             .then(|| interpolate(times, at, |k| self.room_from_head(stage, &self.head[k])).cast());
-        let styli = self.styli.values().map(|keys| StylusState {
+        let styli = self.styli_on(stage).into_iter().map(|(_, keys)| StylusState {
             room_from_stylus: interpolate(times, at, |k| self.in_room(stage, &keys[k].pose)).cast(),
             pressed: keys[at.left].pressed,
             second: keys[at.left].second,

@@ -69,7 +69,7 @@ pub struct Readings {
     pub source: String,
     pub sensors: Vec<SensorReading>,
     /// Where the stage has force devices and a body is felt.
-    pub haptics: Vec<HapticReading>,
+    pub felt: Vec<HapticReading>,
     /// How held elements move.
     pub mode: String,
     pub hands: Vec<HandReading>,

@@ -31,7 +31,7 @@ fn readings(turn: f64) -> Readings {
             sensor("wand", 0.31, Signal::Held { age_s: 0.31 }),
             sensor("other", 62.0, Signal::Lost { age_s: 62.0 }),
         ],
-        haptics: vec![HapticReading {
+        felt: vec![HapticReading {
             name: "pen".into(),
             felt: Felt {
                 room_from_handle: Some(nalgebra::Isometry3::identity()),

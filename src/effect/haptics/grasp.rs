@@ -45,8 +45,8 @@ pub enum Way {
     Carried { carrying: Carrying, handle_from_stylus: Isometry3<f64> },
 }
 
-/// Half a difference of the handle's pose, m and rad, over which a slope along [`Way::Carried`] is taken: of its curvature
-/// over a hand's way of 0.1 m a millionth is left, of the 16 digits 12.
+/// Half the difference of the handle's pose, m and rad, over which a slope along [`Way::Carried`] is taken: for hands 0.1 m
+/// apart it is off by less than a millionth.
 const STEP: f64 = 1e-4;
 
 /// A device's handle in the room: translations times `motion`.

@@ -35,7 +35,7 @@ impl ScriptSource {
         if state.head.is_some() {
             lines.push("sensor 0: head".to_owned());
         }
-        for (stylus, name) in self.script.stylus_names().enumerate() {
+        for (stylus, name) in self.script.stylus_names(&self.stage).enumerate() {
             lines.push(format!("sensor {}: stylus {name}; button {}: its grab", stylus + 1, 2 * stylus));
         }
         lines

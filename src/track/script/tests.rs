@@ -56,6 +56,18 @@ fn a_script_is_found_by_name_or_by_path() {
 }
 
 #[test]
+fn styli_come_in_the_stages_order_then_by_name() {
+    let key =
+        |name: &str, x: f64| format!("stylus.{name} = {{ position = [{x}, 0, 0], target = [0, 0, 1] }}\n");
+    let keys = [("hand", 3.0), ("left", 2.0), ("right", 1.0)].map(|(name, x)| key(name, x)).concat();
+    let script = parse(&format!("frame = \"room\"\n[[key]]\ntime = 0.0\n{keys}")).unwrap();
+    let stage = Stage::find("desktop").unwrap();
+    assert_eq!(script.stylus_names(&stage).collect::<Vec<_>>(), ["right", "left", "hand"]);
+    let styli = script.sample(&stage, 0.0).styli;
+    assert_eq!(styli.iter().map(|s| s.room_from_stylus.translation.x).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+}
+
+#[test]
 fn a_script_in_the_room_needs_no_workspace_and_an_unmoved_head_is_untracked() {
     let text = WAVE.replace("workspace", "room").replace("head = ", "# ");
     let state = parse(&text).unwrap().sample(&Stage::find("desktop").unwrap(), 0.5);

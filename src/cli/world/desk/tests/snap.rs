@@ -64,8 +64,9 @@ fn snapping_back_acts_after_undo_and_redo_with_ctrl_still_down_and_on_its_own_wa
         let start_s = 2.0 + 4.0 * f64::from(control);
         press(&mut world, start_s, Key::Char('z'), true);
         assert_eq!(poses(&world)[RIGHT], ControlPose::REST);
+        let at_rest = world.undo_depth();
         assert_eq!(press(&mut world, start_s + 0.1, Key::Backspace, control), Some(Action::SnapBack));
-        assert_eq!(world.undo_depth(), [0, 1], "at rest there is nothing to do, and the redo stays");
+        assert_eq!(world.undo_depth(), at_rest, "there is nothing to do, and the redo stays");
         press(&mut world, start_s + 0.2, Key::Char('y'), true);
         assert_eq!(poses(&world)[RIGHT], bent);
         assert_eq!(press(&mut world, start_s + 0.2, Key::Backspace, control), Some(Action::SnapBack));
