@@ -181,7 +181,9 @@ fn all_nodes_are_solved_in_f64() {
     let folder = project("cli-all-nodes");
     succeed(&folder, &DEFORM);
     let surface = table(&folder.join("out.csv"));
+    std::fs::remove_file(folder.join("scene.green")).unwrap();
     succeed(&folder, &[&DEFORM[..], &["--all-nodes"]].concat());
+    assert!(!folder.join("scene.green").exists(), "nothing is precomputed for it");
     let all: BTreeMap<_, _> = table(&folder.join("out.csv")).into_iter().collect();
     assert_eq!(all.len(), 2 * 36);
     for (key, u) in &surface {

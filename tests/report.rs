@@ -332,6 +332,40 @@ fn the_answers_are_those_of_a_search_by_hand() {
     }
 }
 
+/// Rows of the finest mesh are compared with themselves: nothing is known of their error, and nothing recommends them.
+#[test]
+fn the_reference_is_never_recommended() {
+    let mut report = made_up();
+    let is_finest = |row: &Row| row.setting.element == "tet10" && row.setting.refine == 2;
+    for row in report.rows.iter_mut().filter(|row| is_finest(row)) {
+        (row.error.discretisation, row.error.total) = (Default::default(), row.error.storage);
+        row.cost.frame_p50_s = 1e-9;
+    }
+    let known: Vec<Row> = report.rows.iter().filter(|row| !is_finest(row)).cloned().collect();
+    let rows = &report.rows;
+    let named = |rows: &[Row], found: Vec<usize>| -> Vec<Setting> {
+        found.into_iter().map(|i| rows[i].setting.clone()).collect()
+    };
+    for currency in CURRENCIES {
+        for goal in [0.1, 0.01, 1e-6] {
+            let of = |rows: &[Row]| named(rows, cheapest(rows, currency, goal).into_iter().collect());
+            assert_eq!(of(rows), of(&known));
+        }
+        assert_eq!(named(rows, ladder(rows, currency)), named(&known, ladder(&known, currency)));
+    }
+    let without = Report { rows: known, ..report.clone() };
+    let front = |report: &Report, name: &str| {
+        let svg = panels(report).iter().find(|picture| picture.name == name).unwrap().file();
+        let elements = parsed(&svg).0;
+        let line = elements.iter().find(|(_, a)| a.get("class").is_some_and(|c| c == "gs-front")).unwrap();
+        line.1["d"].matches('L').count()
+    };
+    assert_eq!(front(&report, "online"), front(&without, "online"));
+    let nothing_else = Report { rows: rows.iter().filter(|row| is_finest(row)).cloned().collect(), ..report };
+    assert!(panels(&nothing_else).iter().all(|picture| !parsed(&picture.file()).0.is_empty()));
+    well_formed(&nothing_else);
+}
+
 #[test]
 fn the_part_that_limits_is_the_largest() {
     let mut error = Errors::default();

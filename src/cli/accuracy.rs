@@ -89,6 +89,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             refinements: if args.quick { 0 } else { 2 },
             rounds: if args.quick { 60 } else { 300 },
         },
+        largest_key: "--largest".into(),
         quick: args.quick,
         needs_of: &needs,
         command: command(args),

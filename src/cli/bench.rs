@@ -65,7 +65,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let stage = Stage::find(args.stage.as_deref().unwrap_or("cyberstage")).map_err(Failure::request)?;
         return super::sizes::run(args, &stage);
     };
-    let scene = super::plan::settled(Scene::load(scene)?, false)?;
+    let scene = super::plan::settled(Scene::load(scene)?, false, false)?;
     let show = || render::Show::new(&scene, args.stage.as_deref(), None, args.replay.as_deref());
     let stage = show()?.world.stage;
     let offline = session::precompute(&scene, true)?;

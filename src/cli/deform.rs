@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long)]
     pub green: Option<PathBuf>,
     /// All nodes, those inside too, solved again in f64 and not taken from the .green file (model linear only)
-    #[arg(long)]
+    #[arg(long, conflicts_with = "green")]
     pub all_nodes: bool,
 }
 
@@ -52,12 +52,12 @@ struct Deformed {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
+    let scene = super::plan::settled(Scene::load(&args.scene)?, false, false)?;
     let poses = poses::load(&args.poses)?;
     let asked: Vec<Asked> =
         poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let online = session::online_part(&scene)?;
-    let file = match online.body.is_empty() {
+    let file = match online.body.is_empty() || args.all_nodes {
         true => None,
         false => Some(session::green_file(&online, args.green.as_deref())?),
     };
@@ -65,8 +65,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for (name, body) in &scene.body {
         let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
         let (shape, found) = match (session::law(&scene, name, body)?, &file) {
-            (None, Some(file)) if !args.all_nodes => surface_results(file, name, body, &own)?,
-            (None, _) => volume_results(&scene, name, body, &own)?,
+            (None, Some(file)) => surface_results(file, name, body, &own)?,
+            (None, None) => volume_results(&scene, name, body, &own)?,
             (Some(law), _) => {
                 let poses: Vec<_> = own.iter().map(|asked| (asked.pose, &asked.control)).collect();
                 let solved = statics::solve(&scene, name, law, &poses)?;

@@ -7,9 +7,10 @@ use super::progress::Bars;
 use super::session;
 use crate::deform::ControlPose;
 use crate::fem::nearest_turn;
-use crate::green::{self, GreenFile};
+use crate::green::{self, GreenError, GreenFile};
+use crate::report::measure::{machine, settings};
 use crate::report::plan::{Choice, choose};
-use crate::report::{self, Limits, Request, Row, Setting};
+use crate::report::{Limits, Request, Row, Setting};
 use crate::scene::{Demand, Element, Method, Scene, Solver, Storage};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -17,23 +18,30 @@ use serde::{Deserialize, Serialize};
 /// What is kept of the measuring.
 #[derive(Serialize, Deserialize)]
 struct Table {
-    /// Fingerprint of the body without its demand: another body needs another table.
+    /// Fingerprint of the body without its demand, and the largest solve: another body needs another table.
     key: String,
+    /// Whose times the rows have.
+    machine: String,
     /// Largest turn of one control element against another in the measured poses, rad.
     range: f64,
     rows: Vec<Row>,
+    /// Poses that nothing was measured in, and why.
+    left_out: Vec<String>,
 }
 
-/// Unknowns of the largest solve while a table is measured.
+/// Unknowns of the largest solve while a table is measured, unless the scene says otherwise.
 const LARGEST: f64 = 200_000.0;
 
-/// The scene with the knobs of its demanding bodies set; says on standard error what was chosen, and why.
-pub fn settled(scene: Scene, quiet: bool) -> Result<Scene, Failure> {
+/// The scene with the knobs of its demanding bodies set; says on standard error what was chosen, and why. A damaged
+/// .green file is an error, unless it is made anew by `force`.
+pub fn settled(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> {
     choose_all(scene, &|plain, name, key, demand| {
-        let table = match kept(plain, name, &key)? {
+        let kept = kept(plain, name, &key, demand).or_else(|error| if force { Ok(None) } else { Err(error) });
+        let table = match kept? {
             Some(table) => table,
-            None => measure(plain, name, key, quiet)?,
+            None => measure(plain, name, key, demand, quiet)?,
         };
+        table.left_out.iter().for_each(|pose| eprintln!("body.{name}: left out: {pose}"));
         let choice = choose(&table.rows, demand);
         for sentence in choice.iter().flat_map(|choice| choice.sentences(demand)) {
             eprintln!("body.{name}: {sentence}");
@@ -44,7 +52,7 @@ pub fn settled(scene: Scene, quiet: bool) -> Result<Scene, Failure> {
 
 /// The same from what is kept in the .green file alone, in silence; a body without a table stays as it is.
 pub fn known(scene: Scene) -> Result<Scene, Failure> {
-    choose_all(scene, &|plain, name, key, _| kept(plain, name, &key))
+    choose_all(scene, &|plain, name, key, demand| kept(plain, name, &key, demand))
 }
 
 /// Where the rows for a body of the scene without its demands come from: its name, the key that they must have, and
@@ -60,7 +68,8 @@ fn choose_all(mut scene: Scene, source: Source<'_>) -> Result<Scene, Failure> {
     }
     for (name, demand) in demands {
         let needs = session::needs(&plain, &name, &plain.body[&name])?;
-        let key = green::fingerprint(&plain, &name, needs)?;
+        let largest = demand.largest().unwrap_or(LARGEST);
+        let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, needs)?);
         let Some(table) = source(&plain, &name, key, &demand)? else { continue };
         let choice = choose(&table.rows, &demand).ok_or_else(|| {
             Failure::work(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
@@ -71,16 +80,25 @@ fn choose_all(mut scene: Scene, source: Source<'_>) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// The table in the scene's .green file, shipped or unpacked, where it is of this body.
-fn kept(scene: &Scene, name: &str, key: &str) -> Result<Option<Table>, Failure> {
+/// The table in the scene's .green file, shipped or unpacked, where it is of this body, and for a demand in seconds of
+/// this machine.
+fn kept(scene: &Scene, name: &str, key: &str, demand: &Demand) -> Result<Option<Table>, Failure> {
     let path = session::green_path(scene);
     session::unpack_shipped(&path)?;
-    let plan = GreenFile::open(&path).ok().and_then(|file| file.meta.bodies.get(name)?.plan.clone());
+    let file = match GreenFile::open(&path) {
+        Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            return Ok(None);
+        }
+        file => file?,
+    };
+    let plan = file.meta.bodies.get(name).and_then(|body| body.plan.clone());
+    // A table of another version is measured again.
     let table: Option<Table> = plan.and_then(|plan| serde_json::from_value(plan).ok());
-    Ok(table.filter(|table| table.key == key))
+    let is_own = |table: &Table| table.key == key && (!demand.is_timed() || table.machine == machine());
+    Ok(table.filter(is_own))
 }
 
-fn measure(scene: &Scene, name: &str, key: String, quiet: bool) -> Result<Table, Failure> {
+fn measure(scene: &Scene, name: &str, key: String, demand: &Demand, quiet: bool) -> Result<Table, Failure> {
     eprintln!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
     let (poses, pose_source) = scripted_or_random(scene, name, None, true)?;
     let scratch = tempfile::tempdir().map_err(Failure::work)?;
@@ -89,15 +107,16 @@ fn measure(scene: &Scene, name: &str, key: String, quiet: bool) -> Result<Table,
         body: name,
         poses: &poses,
         pose_source,
-        limits: Limits { largest: LARGEST, refinements: 1, rounds: 60 },
+        limits: Limits { largest: demand.largest().unwrap_or(LARGEST), refinements: 1, rounds: 60 },
+        largest_key: format!("body.{name}.{}.largest", demand.key()),
         quick: true,
         needs_of: &|scene| session::needs(scene, name, &scene.body[name]).unwrap_or_default(),
         command: String::new(),
         scratch: scratch.path(),
     };
-    let rows = report::measure(&request, &Bars::new(name, quiet)).map_err(Failure::work)?.rows;
-    let range = poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);
-    Ok(Table { key, range, rows })
+    let measured = settings(&request, &Bars::new(name, quiet)).map_err(Failure::work)?;
+    let range = measured.poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);
+    Ok(Table { key, machine: machine(), range, rows: measured.rows, left_out: measured.left_out })
 }
 
 /// The largest angle between the rotations of two control elements, rad.

@@ -28,7 +28,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = session::online_part(&super::plan::settled(Scene::load(&args.scene)?, args.quiet)?)?;
+    let settled = super::plan::settled(Scene::load(&args.scene)?, args.quiet, args.force)?;
+    let scene = session::online_part(&settled)?;
     if scene.body.is_empty() {
         let path = args.scene.display();
         return super::print(&format!(

@@ -97,7 +97,7 @@ const SHEET_GAP: u32 = 8;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     args.device.for_session(args.replay.is_some() || args.record.is_some())?;
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
+    let scene = super::plan::settled(Scene::load(&args.scene)?, false, false)?;
     let script = script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;

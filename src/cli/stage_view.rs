@@ -199,7 +199,7 @@ impl Seen {
             let stage = Stage::find(&path.display().to_string()).map_err(Failure::request)?;
             return Ok(Seen::Stage(Box::new(stage), TrackerState::default()));
         }
-        let scene = super::plan::settled(Scene::load(path)?, false)?;
+        let scene = super::plan::settled(Scene::load(path)?, false, false)?;
         let stage = render::stage(&scene, args.stage.as_deref())?;
         let script = render::script(&scene, None)?;
         let file = session::green_file(&scene, args.green.as_deref())?;

@@ -98,7 +98,7 @@ impl Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let device = args.device.for_session(args.record.is_some() || args.replay.is_some())?;
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false)?;
+    let scene = super::plan::settled(Scene::load(&args.scene)?, false, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;

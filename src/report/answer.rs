@@ -23,10 +23,11 @@ const SAME_COST: f64 = 1.02;
 /// A step of the ladder leaves at most this share of the error before it.
 const STEP: f64 = 0.9;
 
-/// The row that reaches a total error (median of the poses) of `goal` for the least cost. Of those that cost no more
+/// The row, none of the reference's, that reaches a total error (median of the poses) of `goal` for the least cost. Of those that cost no more
 /// than 2 % above the least, the one with the least product of all three costs.
 pub fn cheapest(rows: &[Row], currency: &Currency, goal: f64) -> Option<usize> {
-    let reaching: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].error.total.median <= goal).collect();
+    let reaches = |row: &Row| !row.is_reference() && row.error.total.median <= goal;
+    let reaching: Vec<usize> = (0..rows.len()).filter(|&i| reaches(&rows[i])).collect();
     let least = reaching.iter().map(|&i| (currency.of)(&rows[i].cost)).fold(f64::INFINITY, f64::min);
     let all = |i: usize| {
         CURRENCIES.iter().map(|by| (by.of)(&rows[i].cost).max(f64::MIN_POSITIVE).ln()).sum::<f64>()
@@ -37,7 +38,7 @@ pub fn cheapest(rows: &[Row], currency: &Currency, goal: f64) -> Option<usize> {
         .min_by(|&a, &b| all(a).total_cmp(&all(b)))
 }
 
-/// From the cheapest of all rows to the most accurate: each costs over 2 % more than the one before it, and has at
+/// From the cheapest of all rows but the reference's to the most accurate: each costs over 2 % more than the one before it, and has at
 /// most 0.9 of its error.
 pub fn ladder(rows: &[Row], currency: &Currency) -> Vec<usize> {
     let cost = |i: usize| (currency.of)(&rows[i].cost);

@@ -18,7 +18,7 @@ pub fn digest(report: &Report) -> String {
     let Some(base) = report.rows.first() else { return String::new() };
     let mut add = |knob: &str, name: &str, row: &Row, part: super::Spread| {
         let cost = &row.cost;
-        let is_reference = knob == "mesh and element" && super::plan::is_reference(row);
+        let is_reference = knob == "mesh and element" && row.is_reference();
         let error = |value: f64| if is_reference { "reference".to_owned() } else { relative(value) };
         table.row(&[
             knob,

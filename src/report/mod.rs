@@ -118,6 +118,14 @@ pub struct Row {
     pub error: Errors,
 }
 
+impl Row {
+    /// Whether its discretisation is the one that all are measured against: its own error is not known, and it is never
+    /// chosen or recommended.
+    pub fn is_reference(&self) -> bool {
+        self.error.discretisation.worst == 0.0
+    }
+}
+
 /// Times are medians of what the program itself ran; bytes are counted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
@@ -148,8 +156,9 @@ pub struct Errors {
     pub total: Spread,
     /// Largest total displacement error, m.
     pub displacement_m: Spread,
-    /// Largest difference of a control element's force and torque, relative to the largest of the pose; discretisation
-    /// and solver.
+    /// Largest difference of a control element's force and torque (about where its origin has come to): solver,
+    /// discretisation and model; storage has no part in forces. Relative to the largest wrench of the pose's equilibrium,
+    /// max(|f|, |m|/ℓ) with the body's extent ℓ, of torques that times ℓ.
     pub force: Option<Spread>,
     pub torque: Option<Spread>,
 }

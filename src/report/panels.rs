@@ -80,11 +80,6 @@ pub fn tip(row: &Row) -> String {
     )
 }
 
-/// Of these points the ones that nothing beats, by ascending x.
-fn front(points: &[Point]) -> Vec<usize> {
-    pareto::front(&points.iter().map(|p| [p.x, p.y]).collect::<Vec<_>>())
-}
-
 /// Question 2: microseconds of an evaluation against the total error; which part limits is the colour.
 fn online(rows: &[Row]) -> Plot {
     let rungs = ladder(rows, &ONLINE);
@@ -101,7 +96,7 @@ fn online(rows: &[Row]) -> Plot {
             tip: tip(row),
         })
         .collect();
-    let front = front(&points);
+    let front = pareto::front_of(rows.iter(), |row| [row.cost.frame_p50_s, row.error.total.median]);
     for &i in front.iter().chain(&rungs) {
         points[i].strong = true;
     }
@@ -146,7 +141,8 @@ fn mesh(rows: &[Row]) -> Plot {
             ),
         })
         .collect();
-    let front = front(&points);
+    let at = |row: &Row| [row.cost.offline_s, row.error.discretisation.median];
+    let front = pareto::front_of(chosen.iter().copied(), at);
     front.iter().for_each(|&i| points[i].strong = true);
     let lines = (0..elements.len()).map(|e| (0..points.len()).filter(|&i| points[i].series == e).collect());
     Plot {

@@ -1,5 +1,7 @@
 //! Pareto fronts: which settings nothing else beats in cost and in error at once.
 
+use super::Row;
+
 /// Whether each point `[cost, error]` is on the front: no other has neither larger and one of them smaller. Equal
 /// points are on it together. Coordinates are no NaN.
 fn on_front(points: &[[f64; 2]]) -> Vec<bool> {
@@ -35,6 +37,13 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
         kept
     });
     front
+}
+
+/// The front of rows, without those of the reference: what cannot be chosen beats nothing.
+pub fn front_of<'a>(rows: impl Iterator<Item = &'a Row>, point: impl Fn(&Row) -> [f64; 2]) -> Vec<usize> {
+    let (own, points): (Vec<usize>, Vec<[f64; 2]>) =
+        rows.enumerate().filter(|(_, row)| !row.is_reference()).map(|(i, row)| (i, point(row))).unzip();
+    front(&points).into_iter().map(|i| own[i]).collect()
 }
 
 #[cfg(test)]

@@ -21,22 +21,19 @@ pub fn cost(row: &Row) -> [f64; 3] {
     [row.cost.frame_bytes, model as f64, row.cost.offline_bytes]
 }
 
-/// Whether a row's discretisation is the one that all are measured against: its own error is not known, and it is not
-/// chosen.
-pub fn is_reference(row: &Row) -> bool {
-    row.error.discretisation.worst == 0.0
+/// The worst error of forces and torques.
+fn held(row: &Row) -> f64 {
+    [row.error.force, row.error.torque].into_iter().flatten().map(|spread| spread.worst).fold(0.0, f64::max)
 }
 
 /// The largest ratio of what was measured to what was asked; met where it is at most 1.
 pub fn miss(row: &Row, demand: &Demand) -> f64 {
     let ratio = |measured: f64, asked: Option<f64>| asked.map_or(0.0, |asked| measured / asked);
     match demand {
-        Demand::Accuracy(Accuracy { displacement, force }) => {
-            let held = [&row.error.force, &row.error.torque];
-            let held = held.into_iter().flatten().map(|spread| spread.worst).fold(0.0, f64::max);
-            ratio(row.error.total.worst, *displacement).max(ratio(held, *force))
+        Demand::Accuracy(Accuracy { displacement, force, .. }) => {
+            ratio(row.error.total.worst, *displacement).max(ratio(held(row), *force))
         }
-        Demand::Budget(Budget { frame_ms, file_mb, offline_s }) => {
+        Demand::Budget(Budget { frame_ms, file_mb, offline_s, .. }) => {
             ratio(1e3 * row.cost.frame_p99_s, *frame_ms)
                 .max(ratio(1e-6 * row.cost.file_bytes, *file_mb))
                 .max(ratio(row.cost.offline_s, *offline_s))
@@ -49,7 +46,7 @@ pub fn miss(row: &Row, demand: &Demand) -> f64 {
 pub fn choose<'a>(rows: &'a [Row], demand: &Demand) -> Option<Choice<'a>> {
     let error = |row: &Row| row.error.total.worst;
     let cheaper = |a: &&Row, b: &&Row| compare(&cost(a), &cost(b)).then(error(a).total_cmp(&error(b)));
-    let rows = || rows.iter().filter(|row| !is_reference(row));
+    let rows = || rows.iter().filter(|row| !row.is_reference());
     let met = || rows().filter(|row| miss(row, demand) <= 1.0);
     let best = match demand {
         Demand::Accuracy(_) => met().min_by(cheaper),
@@ -83,8 +80,8 @@ impl Choice<'_> {
     /// What was chosen and why, and what the next better would cost.
     pub fn sentences(&self, demand: &Demand) -> Vec<String> {
         let worst = |row: &Row| {
-            let held = row.error.force.map_or(0.0, |force| force.worst);
-            format!("displacement to {:.2} %, force to {:.2} %", 100.0 * row.error.total.worst, 100.0 * held)
+            let displacement = 100.0 * row.error.total.worst;
+            format!("displacement to {displacement:.2} %, force and torque to {:.2} %", 100.0 * held(row))
         };
         let price = |row: &Row| {
             format!(

@@ -48,7 +48,8 @@ fn online(rows: &[Row]) -> String {
     } else {
         String::new()
     };
-    format!("From {} to {}{ratio}. {}", end(cheap), end(best), limits(rows, "settings"))
+    let known: Vec<Row> = rows.iter().filter(|row| !row.is_reference()).cloned().collect();
+    format!("From {} to {}{ratio}. {}", end(cheap), end(best), limits(&known, "settings"))
 }
 
 fn split(rows: &[Row]) -> String {

@@ -86,7 +86,7 @@ pub fn rungs(rows: &[Row]) -> String {
 fn fronts(rows: &[Row]) -> Vec<[bool; 3]> {
     let fronts = CURRENCIES.map(|by| {
         let point = |row: &Row| [(by.of)(&row.cost), row.error.total.median];
-        pareto::front(&rows.iter().map(point).collect::<Vec<_>>())
+        pareto::front_of(rows.iter(), point)
     });
     (0..rows.len()).map(|i| fronts.each_ref().map(|front| front.contains(&i))).collect()
 }

@@ -59,7 +59,8 @@ impl Meshes {
             if 3.0 * nodes as f64 <= request.limits.largest {
                 linear.push(mesh);
             } else if refine == 0 {
-                return Err(MeasureError::TooLarge { nodes, largest: request.limits.largest });
+                let (largest, key) = (request.limits.largest, request.largest_key.clone());
+                return Err(MeasureError::TooLarge { nodes, largest, key });
             } else {
                 break;
             }

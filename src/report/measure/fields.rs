@@ -15,7 +15,7 @@ pub struct Asked {
 
 /// The same affine motions about the origins of another discretisation, whose control elements hold other nodes:
 /// o + T + M (x - o) = o' + T' + M (x - o') with T' = T + (M - I)(o' - o).
-pub fn moved_origins(poses: &ControlPoses, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
+fn moved_origins(poses: &ControlPoses, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
     let shifted = |((pose, from), to): ((&ControlPose, &Vector3<f64>), &Vector3<f64>)| ControlPose {
         translation: pose.translation + (pose.matrix - Matrix3::identity()) * (to - from),
         matrix: pose.matrix,
@@ -44,6 +44,16 @@ pub fn ask(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -> Opt
         motion: made.body_from_surface,
         centre,
     })
+}
+
+/// The same of poses about other origins.
+pub fn asked_of(
+    model: &ModelEntry,
+    solution: &Solution,
+    poses: &ControlPoses,
+    about: &[Vector3<f64>],
+) -> Option<Asked> {
+    ask(model, solution, &moved_origins(poses, about, &origins(solution)))
 }
 
 /// Σ cₖ u⁽ᵏ⁾ at all nodes, before the rigid motion.

@@ -3,6 +3,7 @@
 use crate::deform::{ControlPose, ControlPoses, Deformer};
 use crate::green::{FIELDS, GreenFile};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// One deformer among those that are measured side by side.
 pub struct Contender {
@@ -35,14 +36,19 @@ pub fn race(contenders: &mut [Contender], stride: usize, poses: &[ControlPoses],
             let contender = &mut contenders[turn];
             let pose = &poses[round % poses.len()];
             let mut moved = jogged(pose, round, 0);
-            contender.deformer.evaluate(&moved);
-            contender.all_s.push(contender.deformer.times.deform_s);
+            contender.all_s.push(timed(&mut contender.deformer, &moved));
             let last = moved.len() - 1;
             moved[last] = jogged(pose, round + 1, last)[last];
-            contender.deformer.evaluate(&moved);
-            contender.one_s.push(contender.deformer.times.deform_s);
+            contender.one_s.push(timed(&mut contender.deformer, &moved));
         }
     }
+}
+
+/// Time from poses to positions, s: coefficients and sum, without the normals, which no setting changes.
+fn timed(deformer: &mut Deformer, poses: &ControlPoses) -> f64 {
+    let started = Instant::now();
+    deformer.evaluate(poses);
+    started.elapsed().as_secs_f64() - deformer.times.normals_s
 }
 
 /// The pose with every control element from `first` on moved a little, fixed ones too, so that every field is summed.
@@ -65,4 +71,33 @@ pub fn quantile(times: &[f64], share: f64) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let at = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
     sorted.get(at).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::green::{self, Needs};
+    use crate::scene::Scene;
+    use crate::solve::Silent;
+
+    /// More than the sum is timed: the coefficients are a part of what a model costs.
+    #[test]
+    fn coefficients_are_timed_too() {
+        let text = "[body.b]\n\
+                    generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }\n\
+                    material = { young = 1.0, poisson = 0.3 }\n\
+                    [body.b.control]\n\
+                    low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        let scene = Scene::parse(text, std::path::Path::new("test.toml")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("b.green");
+        let body = green::precompute(&scene, "b", Needs::default(), &Silent).unwrap();
+        green::write(&path, &[body]).unwrap();
+        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let mut contenders = [Contender::new(&file, "b", "rotation").unwrap()];
+        race(&mut contenders, 1, &[vec![ControlPose::REST; 2]], 5);
+        let [Contender { deformer, one_s, .. }] = contenders;
+        assert!(one_s[4] > deformer.times.deform_s, "{one_s:?} {:?}", deformer.times);
+    }
 }

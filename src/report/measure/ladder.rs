@@ -3,8 +3,9 @@
 //! In: the quadratic meshes Q₀, Q₁, … of a body's refinements. Out: any field of tet4 or tet10 on any of them as the
 //! same field on the finest, where all errors are taken: what differs then is the solution, not the sampling.
 
+use crate::fem::tet4;
 use crate::mesh::{EDGES, TetMesh, quadratic};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Q_0 … Q_top. Corners of Q_r come first, then its mids; tetrahedron t of Q_r is cut into 8 t … 8 t + 7 of Q_(r+1),
 /// the first four of which keep a corner each ([`crate::mesh::refine`]).
@@ -35,17 +36,29 @@ impl Ladder {
         field
     }
 
-    /// A linear field's values at the mids too.
+    /// A linear field's values at the mids too. Where an edge is curved, the mid lies beside its straight middle: the
+    /// field goes on there by the mean of the gradients of the tetrahedra around, so that an affine one stays affine.
     fn with_mids(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         let mesh = &self.levels[level];
         let mut whole = field.to_vec();
-        if field.len() < mesh.nodes.len() {
-            whole.resize(mesh.nodes.len(), Vector3::zeros());
-            for (tet, mids) in mesh.tets.iter().zip(&mesh.mids) {
-                for ([i, j], &mid) in EDGES.iter().zip(mids) {
-                    whole[mid as usize] = (field[tet[*i] as usize] + field[tet[*j] as usize]) * 0.5;
-                }
+        if field.len() == mesh.nodes.len() {
+            return whole;
+        }
+        whole.resize(mesh.nodes.len(), Vector3::zeros());
+        let mut around = vec![0.0; mesh.nodes.len()];
+        for (tet, (corners, mids)) in mesh.tets.iter().zip(&mesh.mids).enumerate() {
+            let gradients = tet4::geometry(mesh.corners(tet)).map_or_else(Default::default, |g| g.gradients);
+            let h: Matrix3<f64> =
+                corners.iter().zip(&gradients).map(|(&node, g)| field[node as usize] * g.transpose()).sum();
+            for ([i, j], &mid) in EDGES.iter().zip(mids) {
+                let [a, b] = [corners[*i] as usize, corners[*j] as usize];
+                let beside = mesh.nodes[mid as usize] - (mesh.nodes[a] + mesh.nodes[b]) * 0.5;
+                whole[mid as usize] += (field[a] + field[b]) * 0.5 + h * beside;
+                around[mid as usize] += 1.0;
             }
+        }
+        for (value, count) in whole.iter_mut().zip(around).filter(|(_, count)| *count > 0.0) {
+            *value /= count;
         }
         whole
     }
@@ -130,6 +143,28 @@ mod tests {
             for (u, x) in raised.iter().zip(&ladder.top().nodes) {
                 assert!((u - linear(x)).amax() < 1e-13, "level {level}: {u} at {x}");
             }
+        }
+    }
+
+    /// A tetrahedron of a round tube turns without an error: what it is not is round.
+    #[test]
+    fn affine_fields_of_straight_elements_stay_affine_on_curved_ones() {
+        let ring = Tube {
+            inner_radius: 0.5,
+            outer_radius: 1.0,
+            length: 1.0,
+            radial: 1,
+            around: 12,
+            along: 4,
+            control_length: 0.0,
+        };
+        let curve = |a: &Vector3<f64>, b: &Vector3<f64>| ring.curve(a, b);
+        let ladder = Ladder::new(vec![tube(&ring).unwrap()], &curve);
+        let affine = |x: &Vector3<f64>| Vector3::new(x.y - x.x, x.z + 0.3 * x.y, 1.0 - 2.0 * x.x);
+        let corners = &ladder.top().nodes[..ladder.corners[0]];
+        let raised = ladder.raise(0, &corners.iter().map(affine).collect::<Vec<_>>());
+        for (u, x) in raised.iter().zip(&ladder.top().nodes) {
+            assert!((u - affine(x)).amax() < 1e-13, "{u} at {x}");
         }
     }
 

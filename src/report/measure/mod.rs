@@ -9,7 +9,8 @@
 //!
 //! The parts are fields on one finest mesh, and their sum, node by node, is the whole: its norm is at most the sum of
 //! theirs. u* is thus the nonlinear equilibrium of the scene's mesh, corrected by what refining does in the linear
-//! theory.
+//! theory; forces and torques are compared with its own in the same way. All is relative to that equilibrium: to the L2
+//! norm of its displacement, the root of its energy, its largest wrench.
 
 mod candidates;
 mod effects;
@@ -20,12 +21,13 @@ mod norms;
 pub mod poses;
 mod rows;
 mod smooth;
+mod truth;
 
 pub use candidates::Limits;
 pub use ladder::Ladder;
 pub use norms::Norms;
 
-use super::{ModelError, Report, SCHEMA};
+use super::{ModelError, Report, Row, SCHEMA};
 use crate::deform::{ControlPoses, Kind, StaticsError, find_model};
 use crate::fem::AssemblyError;
 use crate::green::{GreenError, Needs};
@@ -43,6 +45,8 @@ pub struct Request<'a> {
     pub poses: &'a [(String, ControlPoses)],
     pub pose_source: String,
     pub limits: Limits,
+    /// Where the user sets `limits.largest`.
+    pub largest_key: String,
     pub quick: bool,
     /// What the body's model and effects need, as the scene lists them.
     pub needs_of: &'a dyn Fn(&Scene) -> Needs,
@@ -66,9 +70,9 @@ pub enum MeasureError {
     Smooth(#[from] Fault),
     #[error(
         "the reference needs tet10 on this mesh, {nodes} nodes and three times as many unknowns, more than {largest:.0}; \
-         raise --largest (a million unknowns take some 10 GB), or measure a coarser mesh"
+         raise {key} (a million unknowns take some 10 GB), or take a coarser mesh"
     )]
-    TooLarge { nodes: usize, largest: f64 },
+    TooLarge { nodes: usize, largest: f64, key: String },
     #[error(
         "the mesh file has 10-node tetrahedra: its corners are what all elements have in common; \
          `greenstage convert` writes a mesh of them"
@@ -82,16 +86,46 @@ pub enum MeasureError {
     Io { path: std::path::PathBuf, source: std::io::Error },
 }
 
-/// Measures it all; long, with `progress`.
+/// Every setting's costs and errors, and what they were measured with.
+pub struct Measured {
+    pub rows: Vec<Row>,
+    pub models: Vec<ModelError>,
+    /// What each part of the error is taken against.
+    pub references: Vec<String>,
+    /// The poses that the errors are over, and why others are left out.
+    pub poses: Vec<(String, ControlPoses)>,
+    pub left_out: Vec<String>,
+}
+
+/// Measures all settings, and nothing else; long, with `progress`.
+pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
+    settings_on(&candidates::Meshes::new(request)?, request, progress)
+}
+
+fn settings_on(
+    meshes: &candidates::Meshes,
+    request: &Request<'_>,
+    progress: &dyn Progress,
+) -> Result<Measured, MeasureError> {
+    let candidates = candidates::solve(request, meshes, progress)?;
+    let truth = truth::Truth::new(request, meshes, &candidates, progress)?;
+    let rows = rows::rows(request, meshes, &candidates, &truth, progress)?;
+    Ok(Measured {
+        rows,
+        references: truth.references(&candidates),
+        models: truth.models,
+        poses: truth.poses.into_iter().map(|pose| (pose.name, pose.poses)).collect(),
+        left_out: truth.left_out,
+    })
+}
+
+/// Measures it all: settings, the smooth problem, effects.
 pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report, MeasureError> {
-    let ladder = candidates::Meshes::new(request)?;
-    let candidates = candidates::solve(request, &ladder, progress)?;
-    let truth = rows::Truth::new(request, &ladder, &candidates, progress)?;
-    let rows = rows::rows(request, &ladder, &candidates, &truth, progress)?;
-    let models: Vec<ModelError> = truth.models();
+    let meshes = candidates::Meshes::new(request)?;
+    let measured = settings_on(&meshes, request, progress)?;
     let smooth = smooth::measure(
-        &|element, refine| candidates::smooth_mesh(&ladder, request, element, refine),
-        ladder.linear.len() as u32,
+        &|element, refine| candidates::smooth_mesh(&meshes, request, element, refine),
+        meshes.linear.len() as u32,
         progress,
     )?;
     let body = &request.scene.body[request.body];
@@ -102,10 +136,10 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         request.body,
         request.needs_of,
         model,
-        &truth.poses[0].1,
+        &measured.poses[0].1,
         request.scratch,
     )?;
-    let base = &ladder.linear[0];
+    let base = &meshes.linear[0];
     let (low, high) = crate::mesh::quality::bounding_box(&base.nodes);
     Ok(Report {
         schema: SCHEMA,
@@ -116,12 +150,12 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         body: request.body.to_owned(),
         about: about(request, base),
         size: (high - low).amax(),
-        references: truth.references(&candidates),
-        poses: truth.poses.iter().map(|(name, _)| name.clone()).collect(),
+        references: measured.references,
+        poses: measured.poses.into_iter().map(|(name, _)| name).collect(),
         pose_source: request.pose_source.clone(),
         quick: request.quick,
-        rows,
-        models,
+        rows: measured.rows,
+        models: measured.models,
         smooth,
         effects,
     })
@@ -148,7 +182,7 @@ fn about(request: &Request<'_>, base: &TetMesh) -> Vec<String> {
 }
 
 /// Processor and threads, as far as the system tells.
-fn machine() -> String {
+pub fn machine() -> String {
     let name = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
         let line = text.lines().find(|line| line.starts_with("model name"))?;
         Some(line.split(':').nth(1)?.trim().to_owned())

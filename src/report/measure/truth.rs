@@ -1,0 +1,226 @@
+//! What the settings are measured against: static equilibria at large strain, and the finest mesh.
+
+use super::candidates::{Candidate, Meshes, variant};
+use super::fields::{ask, asked_of, combined, displaced, minus, origins};
+use super::{MeasureError, Norms, Request};
+use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
+use crate::fem::{STVK, nearest_turn, tet4};
+use crate::green;
+use crate::mesh::quality;
+use crate::report::ModelError;
+use crate::scene::{Element, Solver};
+use crate::solve::Progress;
+use nalgebra::{Matrix3, Vector3};
+
+pub struct Truth<'a> {
+    pub norms: Norms<'a>,
+    pub poses: Vec<Reference>,
+    /// Origins of the scene's control elements with tet4.
+    pub origins: Vec<Vector3<f64>>,
+    pub models: Vec<ModelError>,
+    /// Poses that are left out, and why.
+    pub left_out: Vec<String>,
+    /// Among the candidates: the best discretisation, and tet4 on the scene's mesh.
+    pub finest: usize,
+    pub base: usize,
+}
+
+/// A pose and its nonlinear equilibrium, with tet4 on the scene's mesh.
+pub struct Reference {
+    pub name: String,
+    /// About the origins of that mesh.
+    pub poses: ControlPoses,
+    /// Of all nodes, m.
+    pub displacement: Vec<Vector3<f64>>,
+    /// What holds each control element, about where its origin has come to.
+    pub held: Vec<Wrench>,
+    /// What errors are relative to.
+    pub size: Size,
+}
+
+/// Sizes of the equilibrium: of a pose that strains nothing, what rounding leaves of energy and forces.
+pub struct Size {
+    /// Norm of the displacement in L2, m.
+    pub displacement: f64,
+    /// Square root of the strain energy, J^½.
+    pub energy: f64,
+    /// Largest force on a control element, or torque over the body's extent where that is more, N: a pose that only
+    /// bends has hardly any force.
+    pub force: f64,
+    /// The same, times the extent, N m.
+    pub torque: f64,
+}
+
+/// Energies and forces smaller than this part of stiffness times displacement are rounding.
+const ROUNDING: f64 = 1e-8;
+
+pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
+    MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)))
+}
+
+impl<'a> Truth<'a> {
+    pub fn new(
+        request: &Request<'_>,
+        meshes: &'a Meshes,
+        candidates: &[Candidate],
+        progress: &dyn Progress,
+    ) -> Result<Truth<'a>, MeasureError> {
+        let cholesky = |c: &&(usize, &Candidate)| c.1.solver == "cholesky";
+        let all: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
+        let finest = all.iter().filter(cholesky).max_by_key(|(_, c)| (c.element == Element::Tet10, c.refine));
+        let base = all.iter().filter(cholesky).find(|(_, c)| c.refine == 0 && c.element == Element::Tet4);
+        let (Some(&(finest, _)), Some(&(base, own))) = (finest, base) else {
+            return Err(MeasureError::NoPose("the scene's own mesh is too large".into()));
+        };
+        let top = meshes.ladder.levels.len() as u32 - 1;
+        let scene = variant(request, top, Element::Tet10, Solver::default());
+        let prepared = green::prepare(&scene, request.body)?;
+        let stiffness = crate::fem::assemble(meshes.ladder.top(), &prepared.lame)?;
+        let mut truth = Truth {
+            norms: Norms { mesh: meshes.ladder.top(), stiffness },
+            poses: Vec::new(),
+            origins: origins(&own.solution),
+            models: Vec::new(),
+            left_out: Vec::new(),
+            finest,
+            base,
+        };
+        truth.settle(request, meshes, candidates, progress)?;
+        Ok(truth)
+    }
+
+    /// Finds the nonlinear equilibria, and the models' errors against them.
+    fn settle(
+        &mut self,
+        request: &Request<'_>,
+        meshes: &Meshes,
+        candidates: &[Candidate],
+        progress: &dyn Progress,
+    ) -> Result<(), MeasureError> {
+        let scene = variant(request, 0, Element::Tet4, Solver::default());
+        let mut statics = Statics::new(&scene, request.body, &STVK, progress)?;
+        let own = &candidates[self.base].solution;
+        progress.begin("nonlinear statics", 1000 * request.poses.len() as u64);
+        for (name, poses) in request.poses {
+            if let Some(model) = self.undefined(candidates, poses) {
+                self.left_out.push(format!(
+                    "{name}: the control elements are half a turn apart, where the model {model} has no mean rotation"
+                ));
+                continue;
+            }
+            let settled = match statics.solve(poses, progress) {
+                Ok(settled) if settled.inverted.is_empty() => settled,
+                Ok(settled) => {
+                    self.left_out
+                        .push(format!("{name}: {} tetrahedra turn inside out", settled.inverted.len()));
+                    continue;
+                }
+                Err(StaticsError::Stopped { share, .. }) => {
+                    self.left_out
+                        .push(format!("{name}: no equilibrium beyond {:.0} % of the way", 100.0 * share));
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            };
+            let reference = self.reference(meshes, own, name, poses, settled);
+            for model in online() {
+                let Some(asked) = ask(model, own, poses) else { continue };
+                let u = displaced(own, &asked, &combined(own, &asked));
+                let error = meshes.ladder.raise(0, &minus(&u, &reference.displacement));
+                self.models.push(ModelError {
+                    model: model.name.into(),
+                    pose: name.clone(),
+                    rotation: largest_rotation(own, &reference.displacement),
+                    error: self.norms.l2(&error) / reference.size.displacement,
+                    displacement_m: largest(&error),
+                });
+            }
+            self.poses.push(reference);
+        }
+        progress.end();
+        if self.poses.is_empty() {
+            return Err(MeasureError::NoPose(self.left_out.join("; ")));
+        }
+        Ok(())
+    }
+
+    /// The first online model that is not defined in a pose, on any of the meshes.
+    fn undefined(&self, candidates: &[Candidate], poses: &ControlPoses) -> Option<&'static str> {
+        let fails = |model: &&ModelEntry| {
+            candidates.iter().any(|c| asked_of(model, &c.solution, poses, &self.origins).is_none())
+        };
+        online().find(fails).map(|model| model.name)
+    }
+
+    fn reference(
+        &self,
+        meshes: &Meshes,
+        own: &green::Solution,
+        name: &str,
+        poses: &ControlPoses,
+        settled: Settled,
+    ) -> Reference {
+        // Settled moments are about where the origins rested.
+        let moved = |(wrench, pose): (&Wrench, &crate::deform::ControlPose)| Wrench {
+            force: wrench.force,
+            moment: wrench.moment - pose.translation.cross(&wrench.force),
+        };
+        let held: Vec<Wrench> = settled.wrenches.iter().zip(poses).map(moved).collect();
+        let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
+        let displacement = self.norms.l2(&meshes.ladder.raise(0, &settled.displacement));
+        let (low, high) = quality::bounding_box(&own.mesh.nodes);
+        let extent = (high - low).amax();
+        let stiffest = self.norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
+        let force =
+            most(|w| w.force).max(most(|w| w.moment) / extent).max(ROUNDING * stiffest * displacement);
+        let size = Size {
+            displacement,
+            energy: settled.energy.max(0.0).sqrt().max(ROUNDING * stiffest.sqrt() * displacement),
+            force,
+            torque: force * extent,
+        };
+        Reference {
+            name: name.to_owned(),
+            poses: poses.clone(),
+            displacement: settled.displacement,
+            held,
+            size,
+        }
+    }
+
+    /// What each part of the error is taken against.
+    pub fn references(&self, candidates: &[Candidate]) -> Vec<String> {
+        let finest = &candidates[self.finest];
+        let mut sentences = vec![
+            format!(
+                "discretisation: {} on the scene's mesh refined {} times, {} nodes; what is as fine as that cannot be \
+                 told from it",
+                finest.element.name(),
+                finest.refine,
+                finest.solution.mesh.nodes.len()
+            ),
+            "solver: Cholesky in f64 on the same mesh".into(),
+            "storage: the f64 columns of the same mesh".into(),
+            "model: static equilibrium of a St. Venant-Kirchhoff body, Newton's method, tet4 on the scene's mesh".into(),
+            "total, force and torque: that equilibrium, corrected by what the finest mesh changes in the linear theory"
+                .into(),
+        ];
+        sentences.extend(self.left_out.iter().map(|pose| format!("left out: {pose}")));
+        sentences
+    }
+}
+
+/// The largest rotation of a tetrahedron: that of the polar decomposition of its F.
+fn largest_rotation(solution: &green::Solution, u: &[Vector3<f64>]) -> f64 {
+    let rotation = |tet: usize| {
+        let Some(geometry) = tet4::geometry(solution.mesh.corners(tet)) else { return 0.0 };
+        let nodes = solution.mesh.tets[tet];
+        let h: Matrix3<f64> = (0..4).map(|a| u[nodes[a] as usize] * geometry.gradients[a].transpose()).sum();
+        nearest_turn(&(Matrix3::identity() + h)).angle()
+    };
+    (0..solution.mesh.tets.len()).map(rotation).fold(0.0, f64::max)
+}
+
+pub fn largest(field: &[Vector3<f64>]) -> f64 {
+    field.iter().map(|u| u.norm()).fold(0.0, f64::max)
+}
