@@ -120,6 +120,40 @@ fn a_session_of_another_scene_stage_or_program_is_refused() {
 }
 
 #[test]
+fn a_window_may_be_elsewhere_at_the_replay_but_not_the_workspace() {
+    let folder = folder("replay-stage");
+    coarse_demo(&folder);
+    let built_in = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/stages/workbench.toml");
+    let stage = std::fs::read_to_string(built_in).unwrap();
+    let write = |stage: &str| std::fs::write(folder.join("bench.toml"), stage).unwrap();
+    write(&stage);
+    let arguments = ["view", "tube.toml", "--stage", "bench.toml", "--check"];
+    greenstage(&folder, &[&arguments[..], &["--record", "session.jsonl"]].concat());
+    let replay = || run(&folder, 2, &[&arguments[..], &["--replay", "session.jsonl"]].concat());
+    for (from, to, status) in
+        [("pixels = [1280, 1024]", "pixels = [1279, 1024]", 0), ("radius = ", "radius = 1.1e-0 # ", 2)]
+    {
+        assert!(stage.contains(from), "{from}");
+        write(&stage.replace(from, to));
+        let output = replay();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(status), "{to}: {said}");
+        assert!(status == 0 || said.contains("the stage bench.toml has changed"), "{said}");
+    }
+}
+
+#[test]
+fn a_recording_without_frames_is_no_success() {
+    let (folder, lines) = recorded("replay-empty");
+    write(&folder, &lines[..lines.len() - 240]);
+    let (status, _, said) = check(&folder);
+    assert!(
+        status == 1 && said.contains("session.jsonl: none of its 0 frames was played"),
+        "{status}: {said}"
+    );
+}
+
+#[test]
 fn a_cut_session_is_replayed_up_to_the_cut() {
     let (folder, lines) = recorded("replay-cut");
     let whole = lines.join("\n") + "\n";
@@ -240,6 +274,13 @@ fn pictures_follow_a_session() {
     let apart = replayed.iter().zip(scripted.iter()).filter(|(a, b)| a.abs_diff(**b) > 60).count();
     let part = apart as f64 / scripted.len() as f64;
     assert!(replayed.dimensions() == scripted.dimensions() && part < 0.02, "{part} of the pixels differ");
+    let one =
+        ["render", "tube.toml", "--frames", "1", "--scale", "0.05", "-o", "one", "--replay", "session.jsonl"];
+    let said = String::from_utf8_lossy(&greenstage(&folder, &one).stdout).into_owned();
+    assert!(
+        said.contains("240 frames, every one in the recorded state"),
+        "one picture is of the end: {said}"
+    );
     // Where a state differs, the pictures are made, and the exit status tells.
     let mut changed = lines.clone();
     let last = changed.len() - 1;

@@ -6,6 +6,8 @@ mod bytes;
 #[path = "vrpn/command.rs"]
 mod command;
 mod common;
+#[path = "vrpn/force.rs"]
+mod force;
 #[path = "vrpn/lab.rs"]
 mod lab;
 #[path = "vrpn/loopback.rs"]

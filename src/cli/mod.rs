@@ -17,6 +17,7 @@ mod feel;
 mod inspect;
 mod interrupt;
 mod keys;
+mod lines;
 mod manual;
 mod overlay;
 mod pack;

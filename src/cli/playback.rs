@@ -70,7 +70,9 @@ impl<'a> Playback<'a> {
                 }
             }
             Source::Replay(replay, length) => {
-                let until = length.saturating_sub(1) * frame as u64 / (self.frames as u64 - 1).max(1);
+                // A single picture is of the end.
+                let (last, pictures) = (length.saturating_sub(1), self.frames as u64 - 1);
+                let until = (last * frame as u64).checked_div(pictures).unwrap_or(last);
                 while self.done <= until {
                     let Some(frame) = replay.next_frame()? else { break };
                     replay.play(world, frame);
@@ -103,7 +105,7 @@ pub fn check(
         let StepTimes { interact_s, deform_s, normals_s } = playback.step_to(&mut show.world, frame)?;
         times.push(interact_s + deform_s + normals_s);
     }
-    render::report(show.replay.as_ref(), recorder.as_deref())?;
+    render::report(show.replay.as_ref(), recorder)?;
     times.sort_by(f64::total_cmp);
     let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
     super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))

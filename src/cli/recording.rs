@@ -1,10 +1,11 @@
 //! A session as a file: what the trackers said and what was commanded, frame by frame, and the state that came of it.
 //!
 //! Lines of JSON: a header (scene, stage, program), the state of all fields at the start ([`crate::field::Graph::write`]),
-//! then a line a frame. Each line is handed to the system at once, so that a crash costs the last one at most; a file that
-//! ends in the middle of a line is read up to there.
+//! then a line a frame. A thread hands each line to the system at once, so that a crash costs the last few at most; a file
+//! that ends in the middle of a line is read up to there.
 
 use super::failure::Failure;
+use super::lines::Lines;
 use super::world::World;
 use crate::field::{StreamError, read_line};
 use crate::green::GreenFile;
@@ -13,10 +14,10 @@ use crate::scene::Scene;
 use crate::track::TrackerState;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -26,7 +27,7 @@ struct Header {
     program: String,
     /// As `--stage` or the scene names it.
     stage: String,
-    /// blake3 over everything of the scene and of the stage that the state depends on.
+    /// blake3 over everything of the scene, and of the stage (workspace and viewer), that the state depends on.
     scene_hash: String,
     stage_hash: String,
     styli: usize,
@@ -62,13 +63,14 @@ impl Origin<'_> {
             let grabs: Vec<_> = body.control.iter().map(|(name, control)| (name, control.grab)).collect();
             scene.update(format!("{:?}", (name, basis, &body.model, &body.place, grabs)).as_bytes());
         }
+        let stage = format!("{:?}", (world.stage.workspace, world.stage.viewer.room_from_head));
         Header {
             greenstage: "recording".into(),
             version: VERSION,
             program: env!("CARGO_PKG_VERSION").into(),
             stage: self.stage.into(),
             scene_hash: scene.finalize().to_hex().to_string(),
-            stage_hash: blake3::hash(format!("{:?}", world.stage).as_bytes()).to_hex().to_string(),
+            stage_hash: blake3::hash(stage.as_bytes()).to_hex().to_string(),
             styli: world.styli_count(),
         }
     }
@@ -77,7 +79,7 @@ impl Origin<'_> {
 /// Writes a session down.
 pub struct Recorder {
     path: PathBuf,
-    file: File,
+    lines: Lines,
     frames: u64,
 }
 
@@ -85,16 +87,16 @@ impl Recorder {
     /// Starts a new file, or empties an old one.
     pub fn create(path: &Path, origin: &Origin<'_>, world: &World) -> Result<Recorder, Failure> {
         let mut text = line(&origin.header(world))?;
-        world.graph.write(&mut text).map_err(Failure::work)?;
-        let created = File::create(path).and_then(|mut file| file.write_all(&text).map(|()| file));
-        let file = created.map_err(|error| {
+        world.write(&mut text)?;
+        let started = File::create(path).and_then(|file| Lines::write(text, file));
+        let lines = started.map_err(|error| {
             Failure::wrong(format!("cannot write the recording {}: {error}", path.display()))
         })?;
-        Ok(Recorder { path: path.to_owned(), file, frames: 0 })
+        Ok(Recorder { path: path.to_owned(), lines, frames: 0 })
     }
 
     /// The frame that `world` has just made of `state`.
-    pub fn frame(&mut self, world: &World, state: &TrackerState) -> Result<(), Failure> {
+    pub fn frame(&mut self, world: &mut World, state: &TrackerState) -> Result<(), Failure> {
         let frame = Frame {
             frame: self.frames,
             actions: world.actions.clone(),
@@ -102,14 +104,18 @@ impl Recorder {
             hash: world.state_hash(),
         };
         self.frames += 1;
-        self.file.write_all(&line(&frame)?).map_err(|error| {
-            Failure::work(anyhow::anyhow!("cannot write the recording {}: {error}", self.path.display()))
-        })
+        let queued = self.lines.queue(line(&frame)?);
+        queued.map_err(|error| self.failed(&error))
     }
 
-    /// What is said of it at the end.
-    pub fn report(&self) -> String {
-        format!("{} frames recorded in {}\n", self.frames, self.path.display())
+    /// Ends it; what is said of it, once everything is written.
+    pub fn report(&mut self) -> Result<String, Failure> {
+        self.lines.finish().map_err(|error| self.failed(&error))?;
+        Ok(format!("{} frames recorded in {}\n", self.frames, self.path.display()))
+    }
+
+    fn failed(&self, error: &std::io::Error) -> Failure {
+        Failure::work(anyhow::anyhow!("cannot write the recording {}: {error}", self.path.display()))
     }
 }
 
@@ -125,7 +131,9 @@ pub struct Replay {
     input: BufReader<File>,
     line: u64,
     header: Header,
-    pub frames: u64,
+    /// Read, and played.
+    frames: u64,
+    played: u64,
     /// The first frame with another state, and how many there are.
     pub first_difference: Option<Frame>,
     pub differences: u64,
@@ -147,7 +155,16 @@ impl Replay {
             )));
         }
         let path = path.to_owned();
-        Ok(Replay { path, input, line: 1, header, frames: 0, first_difference: None, differences: 0 })
+        Ok(Replay {
+            path,
+            input,
+            line: 1,
+            header,
+            frames: 0,
+            played: 0,
+            first_difference: None,
+            differences: 0,
+        })
     }
 
     /// The stage on which it was recorded, by the name that was given then.
@@ -179,6 +196,15 @@ impl Replay {
 
     /// How many whole frames there are from here to the end; one that was cut off is told.
     pub fn length(&self) -> Result<u64, Failure> {
+        let (frames, is_cut) = self.left()?;
+        if is_cut {
+            self.tell_cut(self.frames + frames);
+        }
+        Ok(frames)
+    }
+
+    /// How many whole frames follow, and whether one that was cut off comes after them.
+    fn left(&self) -> Result<(u64, bool), Failure> {
         let refused = |error: std::io::Error| self.wrong(&error.to_string());
         let mut file = BufReader::new(File::open(&self.path).map_err(refused)?);
         let (mut lines, mut last) = (0, b'\n');
@@ -190,11 +216,7 @@ impl Replay {
             last = end;
             file.consume(length);
         }
-        let frames = lines.saturating_sub(self.line);
-        if last != b'\n' {
-            self.tell_cut(self.frames + frames);
-        }
-        Ok(frames)
+        Ok((lines.saturating_sub(self.line), last != b'\n'))
     }
 
     fn tell_cut(&self, frame: u64) {
@@ -232,6 +254,7 @@ impl Replay {
             world.act(*action);
         }
         world.step(&frame.state);
+        self.played += 1;
         if world.state_hash() != frame.hash {
             self.differences += 1;
             self.first_difference.get_or_insert(frame);
@@ -242,15 +265,20 @@ impl Replay {
         Failure::wrong(format!("{}: {fault}", self.path.display()))
     }
 
-    /// How it went; the work failed where a state differed.
+    /// How it went; the work failed where a state differed, or where no frame was played.
     pub fn report(&self) -> Result<String, Failure> {
         let path = self.path.display();
+        let total = self.frames + self.left()?.0;
+        let part = if self.played < total { format!(" of {total}") } else { String::new() };
         match &self.first_difference {
-            None => Ok(format!("{path}: {} frames, every one in the recorded state\n", self.frames)),
+            None if self.played == 0 => {
+                Err(Failure::work(anyhow::anyhow!("{path}: none of its {total} frames was played")))
+            }
+            None => Ok(format!("{path}: {}{part} frames, every one in the recorded state\n", self.played)),
             Some(first) => Err(Failure::work(anyhow::anyhow!(
                 "{path}: {} of {} frames are in another state than was recorded, the first of them frame {} at {:.3} s",
                 self.differences,
-                self.frames,
+                self.played,
                 first.frame,
                 first.state.time_s
             ))),

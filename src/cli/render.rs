@@ -142,9 +142,10 @@ impl Show {
 }
 
 /// How a replay went, or what was recorded.
-pub fn report(replay: Option<&Replay>, recorder: Option<&Recorder>) -> Result<(), Failure> {
+pub fn report(replay: Option<&Replay>, recorder: Option<&mut Recorder>) -> Result<(), Failure> {
+    let recorded = recorder.map_or(Ok(String::new()), Recorder::report)?;
     let replayed = replay.map_or(Ok(String::new()), Replay::report)?;
-    super::print(&format!("{replayed}{}", recorder.map_or(String::new(), Recorder::report)))
+    super::print(&format!("{replayed}{recorded}"))
 }
 
 /// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
@@ -244,7 +245,7 @@ pub fn pictures(
         seconds(mechanics_s / args.frames as f64),
         path.display()
     ))?;
-    report(show.replay.as_ref(), recorder.as_deref())
+    report(show.replay.as_ref(), recorder)
 }
 
 /// What is counted as one: both eyes of a screen, or its one picture.

@@ -140,6 +140,15 @@ pub fn watch(
     }
 }
 
+/// Who moves head and styli, in words.
+pub fn mover(rig: Option<&Rig>) -> &'static str {
+    match rig {
+        Some(rig) if rig.is_pointing() => "moved by trackers",
+        Some(rig) if rig.is_speaking() => "moved by trackers, mouse and keyboard",
+        _ => "moved by mouse and keyboard",
+    }
+}
+
 /// Head and styli as they are tracked; what is not tracked now comes from `other`, behind them.
 pub fn merge(rig: &mut Rig, other: TrackerState) -> TrackerState {
     let mut state = rig.state(now_s());

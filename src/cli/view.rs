@@ -166,7 +166,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let rate = f64::from(app.frames) / lasted_s;
     super::print(&app.feel.as_mut().map(Feel::summary).unwrap_or_default())?;
     super::print(&format!("{} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", app.frames))?;
-    render::report(app.replay.as_ref(), app.recorder.as_ref())
+    render::report(app.replay.as_ref(), app.recorder.as_mut())
 }
 
 struct Viewer {
@@ -309,7 +309,7 @@ impl WindowApp for Viewer {
             let source = match (&self.replay, &self.script) {
                 (Some(_), _) => "moved by a recording",
                 (None, Some(_)) => "moved by the script",
-                (None, None) => "moved by mouse and keyboard",
+                (None, None) => super::track::mover(self.rig.as_ref()),
             };
             let felt = self.feel.as_mut().filter(|_| self.aids.has_panel());
             let felt = felt.map(Feel::readings).unwrap_or_default();
@@ -340,6 +340,9 @@ impl Viewer {
             let is_over = self.replay_until(self.started.elapsed().as_secs_f64())?;
             return Ok(if is_over { Flow::Quit } else { Flow::Continue });
         }
+        if let Some(rig) = &mut self.rig {
+            self.mouse.tracked_head = rig.state(now_s()).head.map(|head| head.cast());
+        }
         let mut state = self.state(step_s);
         if let Some(rig) = &mut self.rig {
             state = super::track::merge(rig, state);
@@ -349,7 +352,7 @@ impl Viewer {
         }
         feel::step(self.feel.as_mut(), &mut self.world, &mut state);
         if let Some(recorder) = &mut self.recorder {
-            recorder.frame(&self.world, &state)?;
+            recorder.frame(&mut self.world, &state)?;
         }
         Ok(Flow::Continue)
     }

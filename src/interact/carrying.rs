@@ -3,7 +3,7 @@
 //! In: a hold, that is mode, hands and element when it began and the hands now. Out: the element's matrix, wherever that
 //! hand may be. The force on the hand is minus the slope of the body's energy along this function.
 
-use super::carry::{HandMotion, carry};
+use super::carry::{HandMotion, carry, held_line};
 use super::mode::Mode;
 use nalgebra::{Isometry3, Matrix4, Point3, Unit, Vector3};
 
@@ -17,6 +17,8 @@ pub struct Carrying {
     /// When the hold began.
     pub room_from_element: Matrix4<f64>,
     pub axis: Option<Unit<Vector3<f64>>>,
+    /// The [`held_line`] of the frame before.
+    pub line: Option<Vector3<f64>>,
     /// With one hand both are the same.
     pub motions: [HandMotion; 2],
     /// 1 or 2.
@@ -39,7 +41,12 @@ impl Carrying {
         }
         let held: Vector3<f64> = motions.iter().map(|motion| motion.held_then.coords).sum();
         let held = Point3::from(held / motions.len() as f64);
-        Some(self.mode.take(&carry(motions)?, &self.room_from_element, &held, self.axis))
+        Some(self.mode.take(&carry(motions, self.line)?, &self.room_from_element, &held, self.axis))
+    }
+
+    /// The [`held_line`] for the next frame.
+    pub fn line_now(&self) -> Option<Vector3<f64>> {
+        held_line(self.motions.get(..self.hands)?, self.line)
     }
 
     /// The same with this hand elsewhere.
@@ -53,6 +60,6 @@ impl Carrying {
     pub fn begun(&self) -> Carrying {
         let then =
             |motion: HandMotion| HandMotion { room_from_hand_now: motion.room_from_hand_then, ..motion };
-        Carrying { motions: self.motions.map(then), ..*self }
+        Carrying { motions: self.motions.map(then), line: None, ..*self }
     }
 }

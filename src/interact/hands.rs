@@ -107,6 +107,9 @@ struct Hold {
     /// Of length 1.
     #[serde(with = "crate::field::numbers::option")]
     axis: Option<Vector3<f64>>,
+    /// See [`held_line`](super::held_line).
+    #[serde(with = "crate::field::numbers::option")]
+    line: Option<Vector3<f64>>,
     then: Vec<Then>,
 }
 
@@ -295,8 +298,9 @@ impl Hands {
             let hold = self.hold(hands, scaled_by, &element(target)?)?;
             self.holds.insert(target, hold);
         }
-        let room_from_element = self.carrying_of(self.holds.get(&target)?, 0)?.now()?;
-        Some(Drag { target, room_from_element })
+        let carrying = self.carrying_of(self.holds.get(&target)?, 0)?;
+        self.holds.get_mut(&target)?.line = carrying.line_now();
+        Some(Drag { target, room_from_element: carrying.now()? })
     }
 
     /// How hand `i` carries what it holds, the other hand of the hold where it is now.
@@ -313,6 +317,7 @@ impl Hands {
             mode: hold.mode,
             room_from_element: hold.room_from_element,
             axis: hold.axis.map(Unit::new_unchecked),
+            line: hold.line,
             motions: [first, second.unwrap_or(Some(first))?],
             hands: hold.then.len().min(2),
             mine,
@@ -341,6 +346,7 @@ impl Hands {
             mode: self.mode,
             scaled_by,
             room_from_element: element.room_from_element,
+            line: None,
             axis: self
                 .mode
                 .axis_in_room(&element.room_from_body, &element.room_from_element)

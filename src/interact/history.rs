@@ -49,10 +49,6 @@ impl<T: Clone> History<T> {
     pub fn depth(&self) -> [usize; 2] {
         [self.done.len(), self.undone.len()]
     }
-
-    pub fn clear(&mut self) {
-        (self.done, self.undone) = (VecDeque::new(), Vec::new());
-    }
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ mod pose;
 mod reach;
 
 pub use action::Action;
-pub use carry::{HandMotion, carry};
+pub use carry::{HandMotion, carry, held_line};
 pub use carrying::Carrying;
 pub use curve::{ForceArrow, bend, force_arrow};
 pub use ease::{EASE_S, Ease, between, towards_rest};

@@ -4,7 +4,7 @@
 //! and the place at the border of the workspace of each body that is set aside. The bodies' own poses know nothing
 //! of it.
 
-use super::carry::{HandMotion, carry};
+use super::carry::{HandMotion, carry, held_line};
 use super::ease::{Ease, between};
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,8 @@ pub struct Navigation {
     /// The hands as they were when this part of the navigation began, and the scene then.
     hands: Vec<MovingHand>,
     scene_then: Similarity3<f64>,
+    /// See [`held_line`].
+    line: Option<Vector3<f64>>,
     /// Under way back to where the stage has it.
     reset: Option<(Ease, Similarity3<f64>)>,
 }
@@ -49,6 +51,7 @@ impl Navigation {
             radius_m,
             hands: Vec::new(),
             scene_then: Similarity3::identity(),
+            line: None,
             reset: None,
         }
     }
@@ -64,7 +67,7 @@ impl Navigation {
         }
         let numbers = |hands: &[MovingHand]| hands.iter().map(|hand| hand.number).collect::<Vec<_>>();
         if numbers(hands) != numbers(&self.hands) {
-            (self.hands, self.scene_then) = (hands.to_vec(), self.room_from_scene);
+            (self.hands, self.scene_then, self.line) = (hands.to_vec(), self.room_from_scene, None);
             return self.room_from_scene != before;
         }
         let motion = |(then, now): (&MovingHand, &MovingHand)| HandMotion {
@@ -73,7 +76,9 @@ impl Navigation {
             held_then: then.room_from_hand.translation.vector.into(),
         };
         let motions: Vec<HandMotion> = self.hands.iter().zip(hands).map(motion).collect();
-        if let Some(motion) = carry(&motions) {
+        let motion = carry(&motions, self.line);
+        self.line = held_line(&motions, self.line);
+        if let Some(motion) = motion {
             self.reset = None;
             self.put(motion * self.scene_then);
         }
@@ -88,6 +93,11 @@ impl Navigation {
         self.reset = None;
         self.put(about * scaling * about.inverse() * self.room_from_scene);
         self.hands.clear();
+    }
+
+    /// Where the stage has the scene, and nobody moves it.
+    pub fn is_at_rest(&self) -> bool {
+        self.room_from_scene == Similarity3::identity() && self.reset.is_none() && self.hands.is_empty()
     }
 
     /// Starts back to where the stage has the scene.
@@ -116,6 +126,11 @@ pub struct Aside {
 }
 
 impl Aside {
+    /// Neither aside nor on the way.
+    pub fn is_at_home(&self) -> bool {
+        *self == Aside::default()
+    }
+
     /// Starts to the place aside, or back; `room_from_body` is where the body is now.
     pub fn toggle(&mut self, time_s: f64, room_from_body: &Similarity3<f64>) {
         self.is_aside = !self.is_aside;

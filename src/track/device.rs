@@ -10,6 +10,8 @@ use std::collections::BTreeMap;
 
 /// A source keeps no more than so many sensors, buttons and valuators, whatever a packet says.
 pub const MOST_CHANNELS: usize = 256;
+/// Where all are taken, a new one takes the place of the one that has been silent longest, if for longer than this, s.
+const STALE_S: f64 = 2.0;
 
 /// All that a source has said so far: the newest reading of every sensor, button and valuator by its number.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +29,8 @@ pub struct Reading<T> {
     pub value: T,
     /// When it arrived, seconds of this program's clock ([`now_s`]).
     pub arrived_s: f64,
+    /// The last tracked reading before it, and when that arrived: who looks seldom still knows how the device speaks.
+    pub before: Option<(T, f64)>,
     /// When the device says that it measured it, seconds of the device's clock.
     pub measured_s: Option<f64>,
     /// 1 tracked, 0 not tracked (the value is then the last one that was).
@@ -34,6 +38,13 @@ pub struct Reading<T> {
     /// How many readings of this channel came so far.
     pub count: u64,
     pub flow: Flow,
+}
+
+impl<T: Copy> Reading<T> {
+    /// The last tracked value, this one or the one before, and when it arrived.
+    pub fn seen(&self) -> Option<(T, f64)> {
+        if self.quality > 0.0 { Some((self.value, self.arrived_s)) } else { self.before }
+    }
 }
 
 /// What came over the wire since the start.
@@ -95,7 +106,7 @@ impl Stamp {
 
 impl DeviceState {
     /// Takes the pose of a sensor, its quaternion normalised; one that is not finite or has no rotation, or a new
-    /// channel beyond [`MOST_CHANNELS`], is counted as dropped. A reading with quality 0 keeps the last pose.
+    /// channel beyond [`MOST_CHANNELS`] that all speak, is counted as dropped. A reading with quality 0 keeps the last pose.
     pub fn take_pose(&mut self, sensor: i32, pose: Isometry3<f64>, measured_s: Option<f64>, quality: f32) {
         self.take_pose_at(Stamp::now(measured_s), sensor, pose, quality);
     }
@@ -135,7 +146,7 @@ impl DeviceState {
 }
 
 /// `None` if there is no room for a new channel.
-fn take<T>(
+fn take<T: Copy>(
     readings: &mut BTreeMap<i32, Reading<T>>,
     channel: i32,
     value: T,
@@ -143,17 +154,25 @@ fn take<T>(
     quality: f32,
 ) -> Option<&mut Reading<T>> {
     let Stamp { arrived_s, measured_s } = stamp;
-    if readings.len() >= MOST_CHANNELS && !readings.contains_key(&channel) {
-        return None;
+    let last = readings.get(&channel).copied();
+    if last.is_none() && readings.len() >= MOST_CHANNELS {
+        let (stalest, reading) = readings.iter().min_by(|a, b| a.1.arrived_s.total_cmp(&b.1.arrived_s))?;
+        if arrived_s - reading.arrived_s <= STALE_S {
+            return None;
+        }
+        let stalest = *stalest;
+        readings.remove(&stalest);
     }
-    let (count, mut flow) = match readings.get(&channel) {
-        Some(last) => (last.count, last.flow),
-        None => (0, Flow::default()),
-    };
-    if let Some(last) = readings.get(&channel) {
+    let mut flow = last.map_or_else(Flow::default, |last| last.flow);
+    if let Some(last) = last {
         flow.arrived((arrived_s - last.arrived_s).max(0.0));
     }
-    readings.insert(channel, Reading { value, arrived_s, measured_s, quality, count: count + 1, flow });
+    let before = last.and_then(|last| last.seen());
+    if let (Some((_, before_s)), true) = (before, quality > 0.0) {
+        flow.seen_again((arrived_s - before_s).max(0.0));
+    }
+    let count = last.map_or(0, |last| last.count) + 1;
+    readings.insert(channel, Reading { value, arrived_s, before, measured_s, quality, count, flow });
     readings.get_mut(&channel)
 }
 
@@ -172,6 +191,34 @@ mod tests {
         }
         assert_eq!((state.sensors.len(), state.buttons.len(), state.valuators.len()), (256, 256, 0));
         assert_eq!(state.counters.dropped, 2 * (10_000 - 256) + 10_000);
+    }
+
+    #[test]
+    fn a_datagram_full_of_bodies_locks_no_sensor_out_for_ever() {
+        let mut state = DeviceState::default();
+        let at = |arrived_s| Stamp { arrived_s, measured_s: None };
+        for body in 0..256 {
+            state.take_pose_at(at(1.0), body, Isometry3::identity(), 1.0);
+        }
+        state.take_pose_at(at(1.5), 7, Isometry3::identity(), 1.0);
+        state.take_pose_at(at(2.0), 1000, Isometry3::identity(), 1.0);
+        assert!(!state.sensors.contains_key(&1000), "all others have just spoken");
+        state.take_pose_at(at(3.1), 1000, Isometry3::identity(), 1.0);
+        assert_eq!((state.sensors.len(), state.sensors[&1000].count), (256, 1));
+        assert!(state.sensors.contains_key(&7), "not one that spoke since");
+    }
+
+    #[test]
+    fn the_tracked_reading_before_is_kept_over_those_that_are_not_tracked() {
+        let mut state = DeviceState::default();
+        for (arrived_s, x, quality) in [(1.0, 1.0, 1.0), (1.1, 0.0, 0.0), (1.2, 0.0, 0.0), (1.5, 5.0, 1.0)] {
+            let stamp = Stamp { arrived_s, measured_s: None };
+            state.take_pose_at(stamp, 1, Isometry3::translation(x, 0.0, 0.0), quality);
+        }
+        let reading = state.sensors[&1];
+        assert_eq!(reading.before, Some((Isometry3::translation(1.0, 0.0, 0.0), 1.0)));
+        assert_eq!(reading.seen(), Some((Isometry3::translation(5.0, 0.0, 0.0), 1.5)));
+        assert_eq!(reading.flow.gaps, 1);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! ART DTrack: frames of lines of text, one frame a UDP datagram, usually to port 5000.
 //!
 //! In: `6d`, `6di` (bodies), `6df2`, `6df` (flysticks), `3d` (markers) with `fr`, `ts`, `ts2`; other lines are passed
-//! over. Out: poses in metres, from the protocol's millimetres. A frame older than the last one is dropped.
+//! over. Out: poses in metres, from the protocol's millimetres. A frame that was overtaken by a newer one is dropped.
 //!
 //! | of DTrack | number of the sensor | buttons | valuators |
 //! |---|---|---|---|
@@ -19,8 +19,10 @@ const MARKER: i32 = 2000;
 const MOST_MARKERS: f64 = 100.0;
 const MOST_BUTTONS: usize = 32;
 const MOST_AXES: usize = 16;
-/// A frame's number so far below the last one's is a controller that began anew.
-const RESTART: i64 = 1000;
+/// A frame is late, if its number is at most so far below the last one's; if it is farther, the controller began anew.
+const LATE: i64 = 16;
+/// So did one whose late frames come in their order, or whose number never changes: the so many-th is taken.
+const IN_ORDER: u32 = 3;
 /// Largest entry of RᵀR - I that rounding to six digits, and no mistake, can have.
 const MOST_SKEW: f64 = 0.01;
 const METRES: f64 = 1e-3;
@@ -29,6 +31,8 @@ const METRES: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Dtrack {
     last_frame: Option<i64>,
+    /// The last late frame, and how many came in their order.
+    late: Option<(i64, u32)>,
 }
 
 impl Parser for Dtrack {
@@ -39,8 +43,7 @@ impl Parser for Dtrack {
         let lines = || text.split(['\r', '\n', '\0']).filter_map(|line| line.trim().split_once(' '));
         let first = |name: &str| lines().find(|(key, _)| *key == name).map(|(_, rest)| rest);
         if let Some(frame) = first("fr").and_then(|rest| rest.trim().parse::<i64>().ok()) {
-            let is_old = |last: i64| frame <= last && last.saturating_sub(frame) < RESTART;
-            if self.last_frame.is_some_and(is_old) {
+            if self.is_late(frame) {
                 state.counters.dropped += 1;
                 return true;
             }
@@ -67,6 +70,22 @@ impl Parser for Dtrack {
         // One that is bad altogether is counted by the listener.
         state.counters.malformed += if read > 0 { bad } else { bad.saturating_sub(1) };
         read > 0
+    }
+}
+
+impl Dtrack {
+    fn is_late(&mut self, frame: i64) -> bool {
+        let is_late = |last: i64| frame <= last && last.saturating_sub(frame) <= LATE;
+        if !self.last_frame.is_some_and(is_late) {
+            self.late = None;
+            return false;
+        }
+        let count = match self.late {
+            Some((before, count)) if before <= frame => count.saturating_add(1),
+            _ => 1,
+        };
+        self.late = Some((frame, count));
+        count < IN_ORDER
     }
 }
 

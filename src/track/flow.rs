@@ -2,6 +2,7 @@
 //!
 //! In: the time, and for a sensor the place, of every reading. Out: means over about the last 64 of them.
 
+use crate::stage::tracking::LostPolicy;
 use nalgebra::Vector3;
 
 /// Readings over which the means run.
@@ -12,6 +13,8 @@ const MEMORY: f64 = 64.0;
 pub struct Flow {
     /// Mean time between two readings, s; 0 before the second one.
     pub interval_s: f64,
+    /// How often it was not tracked for longer than [`LostPolicy::default`]'s `after_s`, and then was again.
+    pub gaps: u64,
     /// Mean square deviation from it, s².
     interval_variance: f64,
     intervals: u64,
@@ -46,6 +49,11 @@ impl Flow {
         if self.intervals > 1 {
             self.interval_variance = (1.0 - part) * (self.interval_variance + part * off * off);
         }
+    }
+
+    /// It is tracked, and was last tracked so long ago.
+    pub(super) fn seen_again(&mut self, after_s: f64) {
+        self.gaps += u64::from(after_s > LostPolicy::default().after_s);
     }
 
     /// `None` where the thing was not tracked: differences do not run across a gap.

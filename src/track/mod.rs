@@ -12,6 +12,7 @@ mod interpolate;
 pub mod mouse;
 mod open;
 pub mod osc;
+mod pace;
 #[cfg(test)]
 pub(crate) mod puppet;
 pub mod rig;

@@ -27,7 +27,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 pub const BINDINGS: &[(&str, &str)] = &[
     ("left button", "grab what the cursor points at; moving carries it parallel to the screen"),
     ("wheel while grabbing", "carry it away from the eye or towards it"),
-    ("right button or Ctrl while grabbing", "moving turns it, the wheel twists it about the line of sight"),
+    ("right button or Ctrl while grabbing", "moving turns it, the wheel twists it about the screen's normal"),
     ("Shift and wheel while grabbing", "scale it"),
     ("F, T, G", "what is held moves freely, is moved only, is turned only"),
     ("X, Y, Z", "along and about that axis of the body; again: of the element; again: any"),
@@ -82,6 +82,8 @@ pub struct Mouse {
     /// Distance along the ray to what it hits now, set by whoever picks; the grab point of the next grab. `None`
     /// (nothing hit) lets the ray end at the workspace's distance.
     pub hit_distance_m: Option<f64>,
+    /// Where a tracker has the head: the ray starts at the eye there. `None`: mouse and keys move the head.
+    pub tracked_head: Option<Isometry3<f64>>,
     stage: Stage,
     room_from_head: Isometry3<f64>,
     screen: usize,
@@ -121,6 +123,7 @@ impl Mouse {
     pub fn new(stage: Stage) -> Self {
         Self {
             hit_distance_m: None,
+            tracked_head: None,
             room_from_head: stage.viewer.room_from_head,
             stage,
             screen: 0,
@@ -191,7 +194,7 @@ impl Mouse {
     }
 
     fn eye(&self) -> Point3<f64> {
-        self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre)
+        self.stage.viewer.eye_in_room(&self.tracked_head.unwrap_or(self.room_from_head), Eye::Centre)
     }
 
     /// The stylus at the eye, its -z axis through the cursor.

@@ -1,22 +1,17 @@
 //! A source that listens for datagrams on one address of this machine.
 //!
 //! In: a parser of one datagram. Out: a running [`Worker`]. Nothing that arrives costs more than a counter: a datagram
-//! has a greatest size, a flood a greatest rate, and no length in it is believed.
+//! has a greatest size, a flood its share of the time, and no length in it is believed.
 
 use super::device::{DeviceState, Link, now_s};
 use super::open::OpenError;
+use super::pace::{NEWS_S, Pace};
 use super::worker::{Publisher, Worker};
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
 /// A longer datagram is malformed, bytes. DTrack's frame of 40 bodies has 8,000.
 pub const LARGEST: usize = 16 << 10;
-/// So many datagrams are read in [`SLOT_S`]; the system's own buffer drops what comes beyond that.
-const MOST_IN_SLOT: u32 = 100;
-const SLOT_S: f64 = 0.01;
-/// A tracker that is silent for longer is quiet, and then gone, s.
-const QUIET_S: f64 = 2.0;
-const GONE_S: f64 = 10.0;
 const WAKE: Duration = Duration::from_millis(50);
 
 /// Reads datagrams of one protocol into a state.
@@ -25,60 +20,115 @@ pub trait Parser: Send + 'static {
     fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool;
 }
 
+/// A tracker of which nothing good comes for longer is quiet, and then gone, s.
+#[derive(Clone, Copy)]
+struct Silence {
+    quiet_s: f64,
+    gone_s: f64,
+}
+
+const SILENCE: Silence = Silence { quiet_s: 2.0, gone_s: 10.0 };
+
 /// Listens on `at` (port 0: any free one, which [`Source::describe`](super::Source::describe) tells).
 pub fn listen(tracker: &str, kind: &str, at: SocketAddr, parser: impl Parser) -> Result<Worker, OpenError> {
     let failed = |source| OpenError::Listen { tracker: tracker.to_owned(), at, source };
     let socket = UdpSocket::bind(at).map_err(failed)?;
     socket.set_read_timeout(Some(WAKE)).map_err(failed)?;
     let description = format!("{kind} on {}", socket.local_addr().map_err(failed)?);
-    Worker::spawn(description, move |publisher| run(&socket, parser, publisher))
+    Worker::spawn(description, move |publisher| run(&socket, parser, publisher, SILENCE))
         .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
 }
 
-fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher) {
+fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, silence: Silence) {
+    use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     let mut datagram = vec![0; LARGEST + 1];
-    let mut heard_s = None;
-    let (mut slot_s, mut in_slot) = (0.0, 0);
+    let (mut heard_s, mut pace, mut is_waiting) = (None, Pace::default(), false);
     while !publisher.is_stopped() {
         let received = socket.recv(&mut datagram);
-        let now_s = now_s();
-        let Ok(length) = received else {
-            listen_on(&mut publisher, heard_s.map(|heard_s| now_s - heard_s), received.err());
-            continue;
-        };
-        let counters = &mut publisher.state.counters;
-        counters.packets += 1;
-        let is_good = length <= LARGEST && parser.parse(&datagram[..length], &mut publisher.state);
-        if is_good {
-            heard_s = Some(now_s);
-            publisher.state.link = Link::Up;
-        } else {
-            publisher.state.counters.malformed += 1;
+        let began_s = now_s();
+        let is_news = received.is_ok();
+        match received {
+            Ok(length) => {
+                publisher.state.counters.packets += 1;
+                if length <= LARGEST && parser.parse(&datagram[..length], &mut publisher.state) {
+                    heard_s = Some(began_s);
+                    publisher.state.link = Link::Up;
+                } else {
+                    publisher.state.counters.malformed += 1;
+                }
+            }
+            Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => {}
+            // A refused answer to nothing we sent, an interface that went down: the socket stays, and no error spins.
+            Err(_) => {
+                publisher.pause(0.05);
+            }
         }
-        publisher.publish();
-        in_slot += 1;
-        if now_s - slot_s >= SLOT_S {
-            (slot_s, in_slot) = (now_s, 1);
-        } else if in_slot >= MOST_IN_SLOT {
+        silence.judge(&mut publisher, heard_s.map_or(0.0, |heard_s| began_s - heard_s));
+        let waited = std::mem::replace(&mut is_waiting, publisher.publish_news(is_news));
+        if waited != is_waiting {
+            let wake = if is_waiting { Duration::from_secs_f64(NEWS_S) } else { WAKE };
+            // Without it news may wait until the next datagram, at most as long as without news.
+            let _ = socket.set_read_timeout(Some(wake));
+        }
+        if let Some(wait_s) = pace.worked(began_s, now_s()).filter(|_| is_news) {
             publisher.state.counters.throttled += 1;
-            std::thread::sleep(Duration::from_secs_f64(SLOT_S - (now_s - slot_s)));
+            publisher.publish();
+            std::thread::sleep(Duration::from_secs_f64(wait_s));
         }
     }
 }
 
-/// Nothing came.
-fn listen_on(publisher: &mut Publisher, silent_s: Option<f64>, error: Option<std::io::Error>) {
-    use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
-    match silent_s {
-        Some(silent_s) if silent_s > GONE_S => publisher.down(format!("no packet for {GONE_S} s")),
-        Some(silent_s) if silent_s > QUIET_S && publisher.state.link == Link::Up => {
+impl Silence {
+    /// Nothing good came for `silent_s`, whatever else did.
+    fn judge(&self, publisher: &mut Publisher, silent_s: f64) {
+        if silent_s > self.gone_s {
+            publisher.down(format!("no packet that could be read for {} s", self.gone_s));
+        } else if silent_s > self.quiet_s && publisher.state.link == Link::Up {
             publisher.state.link = Link::Quiet;
             publisher.publish();
         }
-        _ => {}
     }
-    // A refused answer to nothing we sent, an interface that went down: the socket stays, and no error spins.
-    if error.is_some_and(|error| !matches!(error.kind(), Interrupted | TimedOut | WouldBlock)) {
-        publisher.pause(0.05);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::device::{DeviceState, Source};
+
+    /// `1` is a good datagram, anything else is none.
+    struct Ones;
+
+    impl Parser for Ones {
+        fn parse(&mut self, datagram: &[u8], _state: &mut DeviceState) -> bool {
+            datagram == b"1"
+        }
+    }
+
+    #[test]
+    fn garbage_does_not_keep_a_dead_tracker_up() {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_read_timeout(Some(WAKE)).unwrap();
+        let (at, sender) = (socket.local_addr().unwrap(), UdpSocket::bind("127.0.0.1:0").unwrap());
+        let silence = Silence { quiet_s: 0.1, gone_s: 0.4 };
+        let mut worker =
+            Worker::spawn("ones".into(), move |publisher| run(&socket, Ones, publisher, silence)).unwrap();
+        let mut seen = vec![Link::Waiting];
+        let deadline_s = now_s() + 20.0;
+        sender.send_to(b"1", at).unwrap();
+        while !matches!(seen.last(), Some(Link::Down(_))) {
+            assert!(now_s() < deadline_s, "{seen:?}");
+            let link = worker.latest().link.clone();
+            if seen.last() != Some(&link) {
+                seen.push(link);
+            }
+            sender.send_to(b"0", at).unwrap();
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert!(worker.latest().counters.malformed > 10);
+        sender.send_to(b"1", at).unwrap();
+        while worker.latest().link != Link::Up {
+            assert!(now_s() < deadline_s, "it is not found again");
+            std::thread::sleep(Duration::from_millis(2));
+        }
     }
 }

@@ -3,7 +3,8 @@
 //! In: a function that runs until it is told to stop. Out: a [`Source`]. What a source needs besides its protocol is
 //! here: publishing, being stopped, and waiting longer after each failure.
 
-use super::device::{DeviceState, Link, Source};
+use super::device::{DeviceState, Link, Source, now_s};
+use super::pace::NEWS_S;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -23,6 +24,8 @@ pub struct Publisher {
     /// What the source has said; seen by others once it is published.
     pub state: DeviceState,
     newest: Input<DeviceState>,
+    published_s: f64,
+    is_waiting: bool,
     stop: Arc<AtomicBool>,
 }
 
@@ -43,7 +46,13 @@ impl Worker {
     ) -> std::io::Result<Worker> {
         let (input, newest) = triple_buffer(&DeviceState::default());
         let stop = Arc::new(AtomicBool::new(false));
-        let publisher = Publisher { state: DeviceState::default(), newest: input, stop: stop.clone() };
+        let publisher = Publisher {
+            state: DeviceState::default(),
+            newest: input,
+            published_s: 0.0,
+            is_waiting: false,
+            stop: stop.clone(),
+        };
         let name = description.chars().filter(|c| *c != '\0').take(15).collect();
         let thread = std::thread::Builder::new().name(name).spawn(move || run(publisher))?;
         Ok(Worker { description, newest, stop, thread: Some(thread) })
@@ -82,6 +91,16 @@ impl Publisher {
     pub fn publish(&mut self) {
         self.newest.input_buffer_mut().clone_from(&self.state);
         self.newest.publish();
+        (self.published_s, self.is_waiting) = (now_s(), false);
+    }
+
+    /// Hands the state over if there is news, and if it was not done a moment ago; true: it is to be asked again soon.
+    pub fn publish_news(&mut self, is_news: bool) -> bool {
+        self.is_waiting |= is_news;
+        if self.is_waiting && now_s() - self.published_s >= NEWS_S {
+            self.publish();
+        }
+        self.is_waiting
     }
 
     pub fn is_stopped(&self) -> bool {

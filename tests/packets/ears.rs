@@ -37,6 +37,26 @@ pub fn ears() -> Vec<Ear> {
     ]
 }
 
+/// A seed for which floods are measured is about so long.
+const LONG: usize = 16 << 10;
+
+/// `item(0)`, `item(1)`, … up to [`LONG`].
+fn many(start: &[u8], item: impl Fn(usize) -> Vec<u8>) -> Vec<u8> {
+    let mut bytes = start.to_vec();
+    for i in 0.. {
+        let next = item(i);
+        if bytes.len() + next.len() > LONG {
+            break;
+        }
+        bytes.extend(next);
+    }
+    bytes
+}
+
+fn pose_of(sensor: i32) -> Payload {
+    Payload::Pose { sensor, position: [1.0, -2.0, 0.5], quaternion: [0.0, 0.6, 0.0, 0.8] }
+}
+
 fn channels(state: &DeviceState) -> usize {
     state.sensors.len() + state.buttons.len() + state.valuators.len()
 }
@@ -91,13 +111,19 @@ fn vrpn_stream() -> Ear {
     let start = [codec::cookie().to_vec(), descriptions()].concat();
     let mut seeds = vec![[start.clone(), messages().concat()].concat()];
     seeds.extend(messages().iter().map(|message| [start.clone(), message.clone()].concat()));
+    seeds.push(many(&start, |i| message(&pose_of(i as i32))));
+    let long = Header { kind: 99, ..Header::default() };
+    let mut skipped = start.clone();
+    codec::encode(&long, &vec![7; codec::MOST_PAYLOAD], &mut skipped);
+    seeds.push([skipped, message(&pose_of(5))].concat());
     let mut listener = Listener::new("Wand");
     let hear = move |bytes: &[u8]| {
         listener.connected();
         let before = listener.state.counters.messages;
         let mut framer = Framer::default();
         let mut is_greeted = false;
-        'pieces: for piece in [&bytes[..bytes.len() / 2], &bytes[bytes.len() / 2..]] {
+        let (first, second) = bytes.split_at(bytes.len() / 2);
+        'pieces: for piece in first.chunks(8192).chain(second.chunks(8192)) {
             framer.space()[..piece.len()].copy_from_slice(piece);
             framer.wrote(piece.len());
             if !is_greeted {
@@ -126,6 +152,7 @@ fn vrpn_stream() -> Ear {
 fn vrpn_datagrams() -> Ear {
     let mut seeds = messages();
     seeds.push(messages().concat());
+    seeds.push(many(&[], |i| message(&pose_of(i as i32 % 300))));
     let mut listener = Listener::new("Wand");
     let descriptions = descriptions();
     for described in codec::datagram(&descriptions) {
@@ -185,7 +212,11 @@ fn dtrack() -> Ear {
     let body = "[0 1.000][100.0 -200.0 50.5 90.0 0.0 0.0][1.0 0.0 0.0 0.0 0.0 1.0 0.0 -1.0 0.0]";
     let unseen = "[3 -1.000][0.0 0.0 0.0 0.0 0.0 0.0][0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0]";
     let stick = "[0 1.000 8 2][1.0 2.0 3.0][1.0 0.0 0.0 0.0 1.0 0.0 0.0 0.0 1.0][5 0.25 -0.50]";
+    let turned = "1.0 0.0 0.0 0.0 0.0 1.0 0.0 -1.0 0.0";
+    let bodies: Vec<String> =
+        (0..170).map(|id| format!("[{id} 1.000][100.0 -200.0 50.5 90.0 0.0 0.0][{turned}]")).collect();
     let seeds = [
+        format!("fr 12\r\n6d {} {}\r\n", bodies.len(), bodies.join(" ")),
         format!("fr 10\r\nts 44597.741924\r\n6dcal 2\r\n6d 2 {body} {unseen}\r\n"),
         format!("fr 11\r\nts2 1700000000 123456 4000\r\n6df2 1 1 {stick}\r\n6d 0 \r\n"),
         format!("6d 1 {body}\r\n3d 2 [1 1.000][1.0 2.0 3.0] [2 1.000][4.0 5.0 6.0]\r\n6dj 0\r\ngl 0\r\n"),
@@ -217,12 +248,19 @@ fn osc() -> Ear {
     let mut nested = b"#bundle\0\0\0\0\0\0\0\0\x01".to_vec();
     nested.extend((bundle.len() as u32).to_be_bytes());
     nested.extend(&bundle);
-    datagrams("OSC", vec![place, turn, bundle, nested], Osc::new(EulerOrder::Yxz))
+    let crowd = many(b"#bundle\0\0\0\0\0\0\0\0\x01", |_| {
+        [(place.len() as u32).to_be_bytes().to_vec(), place.clone()].concat()
+    });
+    let fits = [&crowd[..16], &crowd[16..16 + (4000 / (place.len() + 4)) * (place.len() + 4)]].concat();
+    datagrams("OSC", vec![place, turn, bundle, nested, crowd, fits], Osc::new(EulerOrder::Yxz))
 }
 
 fn fastrak() -> Ear {
+    let line = b"01   1.000  -2.000   3.500  1.00000 0.00000 0.00000 0.00000 1\r\n";
+    let crowd = many(&[], |_| line.to_vec());
     let seeds = [
-        &b"01   1.000  -2.000   3.500  1.00000 0.00000 0.00000 0.00000 1\r\n"[..],
+        &line[..],
+        &crowd,
         b"02 100.000 200.000 -30.000  0.00000 0.60000 0.00000 0.80000 0\r\n012  1.0 2.0 3.0 1.0 0.0 0.0 0.0 0\r\n",
     ];
     let (mut lines, mut state) = (Lines::default(), DeviceState::default());

@@ -6,6 +6,9 @@ use greenstage::track::vrpn::payload::{ForceField, Kind, Payload, Rate};
 use nalgebra::Isometry3;
 use proptest::prelude::*;
 
+/// `vrpn: ver. 07.35  0` and five NUL.
+const COOKIE: &str = "7672706e3a 20 7665722e 20 30372e3335 2020 30 0000000000";
+
 /// Device 3 is `Wand`, type 7 is a pose, type 9 a button: what a server says, as hexadecimal.
 const WAND: &str = "
     00000021 65000000 000f4240 00000003 ffffffff 00000000  00000005 57616e64 00 00000000000000
@@ -25,18 +28,24 @@ fn hex(text: &str) -> Vec<u8> {
 
 #[test]
 fn a_stream_written_by_hand_is_understood() {
-    let bytes = hex(WAND);
-    let mut listener = Listener::new("Wand");
+    let bytes = [hex(COOKIE), hex(WAND)].concat();
+    assert_eq!(bytes.len(), 24 + 40 + 56 + 48 + 88 + 32 + 32);
+    let (mut listener, mut version) = (Listener::new("Wand"), None);
     let mut framer = Framer::default();
     let mut messages = 0;
     for byte in &bytes {
         framer.space()[0] = *byte;
         framer.wrote(1);
+        if version.is_none() {
+            version = framer.cookie().map(|cookie| codec::parse_cookie(&cookie));
+            continue;
+        }
         while let Some(message) = framer.message().unwrap() {
             assert!(listener.take(&message));
             messages += 1;
         }
     }
+    assert_eq!(version, Some(Ok(codec::Version { major: 7, minor: 35 })));
     assert_eq!(messages, 6);
     let sensor = &listener.state.sensors[&2];
     let half_turn = Isometry3::new([1.0, -2.0, 0.5].into(), nalgebra::Vector3::y() * std::f64::consts::PI);
@@ -67,7 +76,7 @@ fn cookies_of_other_versions() {
 
 #[test]
 fn a_length_is_never_believed() {
-    for length in [0_u32, 23, 24 + 32 * 1024 + 1, 1 << 30, u32::MAX] {
+    for length in [0_u32, 23, 24 + 64 * 1024 + 1, 1 << 30, u32::MAX] {
         let mut bytes = hex("00000000 00000000 00000000 00000000 00000000 00000000");
         bytes[..4].copy_from_slice(&length.to_be_bytes());
         assert_eq!(codec::decode(&bytes), Err(Fault::Length(length)));

@@ -83,7 +83,7 @@ fn the_spinning_tracker_spins_as_it_was_configured() {
         let (dt, turn) = (pair[1].0 - pair[0].0, (pair[1].1 - pair[0].1).rem_euclid(TAU));
         // 20 Hz, never early; the server slept a little longer. The angle follows the clock to its microsecond.
         assert!((0.05..0.056).contains(&dt), "{dt}");
-        assert!((turn / (TAU * dt) - 0.25).abs() < 1e-3, "{} revolutions a second", turn / (TAU * dt));
+        assert!((turn / (TAU * dt) - 0.25).abs() < 5e-6, "{} revolutions a second", turn / (TAU * dt));
     }
     let seconds = angles[38].0 - angles[0].0;
     assert!((38.0 / seconds - 19.58).abs() < 0.01, "{} Hz", 38.0 / seconds);

@@ -41,6 +41,8 @@ pub struct PlacedBody {
     pub recolour: bool,
     /// How often it was deformed, and what that took in this frame.
     pub deformations: u64,
+    /// Of its deformed positions, after so many deformations.
+    pub(super) positions_hash: Option<(u64, blake3::Hash)>,
     pub times: StepTimes,
     /// What went wrong in this frame.
     pub warnings: Vec<String>,
@@ -84,6 +86,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
             moved: true,
             recolour: true,
             deformations: 0,
+            positions_hash: None,
             times: StepTimes::default(),
             warnings: Vec::new(),
             deformer,

@@ -5,11 +5,13 @@
 
 use super::flow::{BodyPlace, Grasp};
 use super::{PlacedBody, World};
+use crate::cli::failure::Failure;
 use crate::deform::{ControlPose, PoseGuard};
 use crate::interact::{
     Action, Aside, Asked, Ease, Hands, History, Mode, Navigation, PickRay, pick, place_aside, towards_rest,
 };
 use crate::stage::Workspace;
+use crate::track::Signal;
 use nalgebra::{Similarity3, UnitQuaternion};
 use std::collections::BTreeSet;
 
@@ -58,7 +60,33 @@ impl Desk {
     }
 }
 
+impl Desk {
+    /// What of it is not at rest, and so would be lost in a stream of the graph's fields.
+    fn is_unsaved(&self) -> Option<&'static str> {
+        match self {
+            Desk { navigation, .. } if !navigation.is_at_rest() => {
+                Some("the scene is moved (Home puts it back)")
+            }
+            Desk { asides, .. } if !asides.iter().all(Aside::is_at_home) => Some("a body is set aside"),
+            Desk { easing: Some(_), .. } => Some("bodies are on their way back to rest"),
+            Desk { history, .. } if *history != History::default() => Some("there is something to undo"),
+            _ => None,
+        }
+    }
+}
+
 impl World {
+    /// Writes the state of all fields, from which a new world of the same scene and stage goes on as this one. What
+    /// lies beside them has no place there: an error says what is not at rest.
+    pub fn write(&self, out: &mut impl std::io::Write) -> Result<(), Failure> {
+        if let Some(what) = self.desk.is_unsaved() {
+            return Err(Failure::wrong(format!(
+                "the state cannot be written: {what}, which a stream does not hold"
+            )));
+        }
+        self.graph.write(out).map_err(Failure::work)
+    }
+
     /// Carries out a command, between frames.
     pub fn act(&mut self, action: Action) {
         self.pending.push(action);
@@ -95,6 +123,15 @@ impl World {
     /// How held elements move.
     pub fn mode(&self) -> Mode {
         self.graph.get(self.fields.hands).hands.mode
+    }
+
+    /// The stylus that does what the keys say: one that aims from the eye, as the mouse does, else the first that is seen.
+    pub fn cursor(&self) -> Option<usize> {
+        let seen = |i: usize| {
+            let stylus = self.graph.get(self.fields.styli[i].stylus).as_ref()?;
+            (!matches!(stylus.signal, Signal::Lost { .. })).then_some((!stylus.from_eye, i))
+        };
+        (0..self.fields.styli.len()).filter_map(seen).min().map(|(_, i)| i)
     }
 
     /// How much can be undone, and how much done again.

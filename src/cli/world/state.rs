@@ -7,8 +7,9 @@ const MOST_STYLI: usize = 16;
 
 impl World {
     /// blake3 over the bits of all that a frame makes: the head's pose, and per body its place, control poses,
-    /// coefficients and deformed positions. The same for the same session, whatever the number of threads.
-    pub fn state_hash(&self) -> String {
+    /// coefficients, and the blake3 of its deformed positions, which is made where they changed. The same for the same
+    /// session, whatever the number of threads.
+    pub fn state_hash(&mut self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mut numbers = |numbers: &mut dyn Iterator<Item = &f64>| {
             for number in numbers {
@@ -30,8 +31,13 @@ impl World {
             let rigid = &made.body_from_surface;
             numbers(&mut rigid.translation.vector.iter().chain(rigid.rotation.coords.iter()));
         }
-        for body in &self.bodies {
-            hasher.update(bytemuck::cast_slice(body.deformer.positions().as_ref()));
+        for body in &mut self.bodies {
+            let hash = match body.positions_hash {
+                Some((deformations, hash)) if deformations == body.deformations => hash,
+                _ => blake3::hash(bytemuck::cast_slice(body.deformer.positions().as_ref())),
+            };
+            body.positions_hash = Some((body.deformations, hash));
+            hasher.update(hash.as_bytes());
         }
         hasher.finalize().to_hex().to_string()
     }

@@ -97,7 +97,7 @@ fn a_world_read_from_a_stream_goes_on_as_the_one_that_was_written() {
         first.step(&at_end(&first, y));
     }
     let mut stream = Vec::new();
-    first.graph.write(&mut stream).unwrap();
+    first.write(&mut stream).unwrap();
     assert_ne!(first.state_hash(), second.state_hash());
     second.graph.read(&mut stream.as_slice(), &mut 0).unwrap();
     for y in [0.2, 0.35, 0.5] {
@@ -106,4 +106,56 @@ fn a_world_read_from_a_stream_goes_on_as_the_one_that_was_written() {
         }
         assert_eq!(first.state_hash(), second.state_hash(), "still in the hand at {y}");
     }
+}
+
+#[test]
+fn a_world_that_is_not_at_rest_beside_its_fields_is_not_written() {
+    let refusal = |world: &World| world.write(&mut Vec::new()).map_err(|error| error.to_string());
+    let mut world = world("unwritten");
+    let resting = state(&world, [0.0, 3.0, 0.0], [0.0, 4.0, 0.0], false);
+    let at = |time_s: f64| TrackerState { time_s, ..resting.clone() };
+    world.step(&at(0.0));
+    refusal(&world).unwrap();
+    world.act(Action::ScaleScene(1.5));
+    world.step(&at(0.1));
+    assert!(refusal(&world).unwrap_err().contains("the scene is moved"));
+    world.act(Action::ResetNavigation);
+    world.step(&at(0.2));
+    assert!(refusal(&world).is_err(), "on its way back");
+    world.step(&at(5.0));
+    refusal(&world).unwrap();
+    world.act(Action::SetAside(0));
+    world.step(&at(10.0));
+    assert!(refusal(&world).unwrap_err().contains("set aside"));
+    world.act(Action::SetAside(0));
+    for time_s in [11.0, 12.0] {
+        world.step(&at(time_s));
+    }
+    refusal(&world).unwrap();
+    let carry = |y: f64, pressed| state(&world, [1.5, y, 0.1], [0.0, y, 0.1], pressed);
+    let frames = [carry(0.0, false), carry(0.0, true), carry(0.3, true), carry(0.3, false)];
+    for frame in &frames {
+        world.step(frame);
+    }
+    assert!(refusal(&world).unwrap_err().contains("something to undo"));
+}
+
+#[test]
+fn keys_act_where_the_cursor_points_though_another_stylus_is_lost() {
+    let mut world = world("cursor");
+    let mut tracked = state(&world, [1.5, 0.0, 0.1], [0.0, 0.0, 0.1], false);
+    assert_eq!(world.cursor(), None);
+    let lost = StylusState { signal: Signal::Lost { age_s: 9.0 }, ..tracked.styli[0] };
+    let mouse = StylusState { from_eye: true, ..tracked.styli[0] };
+    tracked.styli = vec![lost, lost, mouse];
+    world.step(&tracked);
+    assert_eq!(world.cursor(), Some(2));
+    let key = crate::render::window::Key::Char('p');
+    assert_eq!(crate::cli::keys::action(key, false, &world), Some(Action::SetAside(0)));
+    tracked.styli = vec![lost, StylusState { from_eye: false, ..mouse }, mouse];
+    world.step(&tracked);
+    assert_eq!(world.cursor(), Some(2), "the one that aims from the eye");
+    tracked.styli[2] = lost;
+    world.step(&tracked);
+    assert_eq!(world.cursor(), Some(1), "else the first one that is seen");
 }

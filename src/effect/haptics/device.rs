@@ -23,6 +23,8 @@ pub struct Reading {
 pub struct News {
     pub count: u64,
     pub flow: Flow,
+    /// The last tracked one before it, and when it arrived.
+    pub before: Option<(Isometry3<f64>, f64)>,
 }
 
 impl Reading {

@@ -188,7 +188,8 @@ impl Link {
 fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
     let stamp = Stamp { arrived_s: reading.arrived_s, measured_s: None };
     heard.take_pose_at(stamp, 0, reading.device_from_handle, 1.0);
-    let news = heard.sensors.get(&0).map(|pose| News { count: pose.count, flow: pose.flow });
+    let news =
+        heard.sensors.get(&0).map(|pose| News { count: pose.count, flow: pose.flow, before: pose.before });
     Reading { news: news.unwrap_or_default(), ..reading }
 }
 

@@ -32,14 +32,15 @@ impl Sensed {
         let state = &mut self.state;
         state.link = Link::Up;
         let Reading { device_from_handle, buttons, arrived_s, tracked, measured_s, news } = *reading;
-        let News { count, flow } = news;
+        let News { count, flow, before } = news;
         if state.sensors.get(&0).is_some_and(|last| last.count == count) {
             return;
         }
         let quality = if tracked { 1.0 } else { 0.0 };
-        state
-            .sensors
-            .insert(0, Sample { value: device_from_handle, arrived_s, measured_s, quality, count, flow });
+        state.sensors.insert(
+            0,
+            Sample { value: device_from_handle, arrived_s, before, measured_s, quality, count, flow },
+        );
         for (number, pressed) in (0..).zip(buttons) {
             if state.buttons.get(&number).is_none_or(|last| last.value != pressed) {
                 state.take_button(number, pressed, None);

@@ -13,8 +13,9 @@ use nalgebra::Isometry3;
 const RADIUS_M: f32 = 0.1;
 
 pub struct VrpnDevice {
-    client: Client,
+    /// Dropped before the client, whose connection it needs to say that the device is to push no more.
     sender: ForceSender,
+    client: Client,
     last: Option<Isometry3<f64>>,
     resting: bool,
 }
@@ -41,7 +42,7 @@ fn reading(state: &DeviceState) -> Option<Reading> {
         arrived_s: pose.arrived_s,
         measured_s: pose.measured_s,
         tracked: pose.quality > 0.0,
-        news: News { count: pose.count, flow: pose.flow },
+        news: News { count: pose.count, flow: pose.flow, before: pose.before },
     })
 }
 

@@ -8,6 +8,7 @@ use crate::config;
 use crate::stage::ROOM_LIMIT_M;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use toml::Spanned;
 
@@ -192,16 +193,25 @@ fn tracker(name: &str, file: &TrackerFile, others: &Tracking) -> Result<Tracker,
 /// The tracker before this one that listens at the same place or opens the same device.
 fn same_place(kind: &TrackerKind, others: &Tracking) -> Option<(String, String)> {
     use TrackerKind::{Dtrack, Fastrak, Gamepad, Osc};
-    let place = |kind: &TrackerKind| match kind {
-        Dtrack { listen } | Osc { listen, .. } if listen.port() != 0 => {
-            Some(format!("port {}", listen.port()))
-        }
-        Fastrak { device, .. } | Gamepad { device } => Some(device.display().to_string()),
+    let listens = |kind: &TrackerKind| match kind {
+        Dtrack { listen } | Osc { listen, .. } if listen.port() != 0 => Some(*listen),
         _ => None,
     };
-    let what = place(kind)?;
-    let first = others.trackers.iter().find(|(_, other)| place(&other.kind).as_ref() == Some(&what))?.0;
-    Some((first.clone(), what))
+    let opens = |kind: &TrackerKind| match kind {
+        Fastrak { device, .. } | Gamepad { device } => Some(device.clone()),
+        _ => None,
+    };
+    // 0.0.0.0 is every address of this machine.
+    let clash = |a: SocketAddr, b: SocketAddr| {
+        a.port() == b.port() && (a.ip() == b.ip() || a.ip().is_unspecified() || b.ip().is_unspecified())
+    };
+    let (at, device) = (listens(kind), opens(kind));
+    let is_same = |other: &TrackerKind| {
+        at.zip(listens(other)).is_some_and(|(a, b)| clash(a, b)) || device.is_some() && device == opens(other)
+    };
+    let (first, _) = others.trackers.iter().find(|(_, other)| is_same(&other.kind))?;
+    let what = device.map(|device| device.display().to_string());
+    Some((first.clone(), what.or(at.map(|at| format!("port {}", at.port())))?))
 }
 
 fn device(

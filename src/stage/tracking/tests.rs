@@ -124,6 +124,13 @@ fn clashes_are_named() {
         "[tracker.art2]",
     );
     assert!(error.contains("`art` and `art2` both use port 5000"), "{error}");
+    let two = |first: &str, second: &str| {
+        parse(&format!("[tracker.a]\ndtrack = \"{first}:6000\"\n[tracker.b]\nosc = \"{second}:6000\"\n"), "")
+    };
+    assert!(two("192.168.1.5", "10.0.0.5").is_ok(), "two addresses of one machine");
+    for (first, second) in [("10.0.0.5", "10.0.0.5"), ("10.0.0.5", "0.0.0.0"), ("0.0.0.0", "10.0.0.5")] {
+        assert!(two(first, second).is_err(), "{first} and {second}");
+    }
     let error =
         refusal("{ tracker = \"pad\", button = 0 }", "{ tracker = \"art\", button = 1 }", "[stylus.right]");
     assert!(error.contains("`grab` and `second` of stylus `right` are the same button"), "{error}");

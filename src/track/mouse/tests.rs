@@ -36,6 +36,19 @@ fn the_ray_runs_from_between_the_eyes_through_the_cursor() {
 }
 
 #[test]
+fn the_ray_starts_at_the_eye_where_a_tracker_has_the_head() {
+    let mut mouse = mouse();
+    mouse.tracked_head = Some(Isometry3::translation(0.2, 0.1, 0.5));
+    mouse.handle(cursor(0.5, -0.5));
+    let (pose, eye) = (stylus(&mouse), Point3::new(0.2, 0.1, 0.5));
+    assert!((pose * Point3::origin() - eye).norm() < 1e-6, "{pose}");
+    let through = Point3::new(0.0864, -0.054, 0.0);
+    assert!((pose * -Vector3::z() - (through - eye).normalize()).norm() < 1e-6, "{pose}");
+    mouse.tracked_head = None;
+    assert!((stylus(&mouse) * Point3::origin() - Point3::new(0.0, 0.06, 0.60)).norm() < 1e-6);
+}
+
+#[test]
 fn what_is_grabbed_stays_under_the_cursor_and_parallel_to_the_screen() {
     let mut mouse = mouse();
     mouse.hit_distance_m = Some(0.7);

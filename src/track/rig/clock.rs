@@ -1,8 +1,8 @@
 //! The device's clock against ours: when was it measured, in seconds of this program?
 //!
 //! In: arrival times (ours) and measurement times (the device's, with an unknown offset). Out: measurement times on our
-//! clock. The offset is the least arrival - measurement seen, as no packet comes before it was measured; stamps that go
-//! back, lie ahead or far behind are counted, and the arrival counts instead.
+//! clock. The offset is the least arrival - measurement of the last seconds, as no packet comes before it was measured;
+//! stamps that go back, lie ahead or far behind are counted, and the arrival counts instead.
 
 /// A stamp may lie so far ahead of what the offset says before it is refused, s.
 const AHEAD_S: f64 = 0.05;
@@ -10,15 +10,19 @@ const AHEAD_S: f64 = 0.05;
 const BEHIND_S: f64 = 0.5;
 /// So many refused in a row, and the device's clock was set: the offset is found anew.
 const MOST_REFUSED: u32 = 20;
-/// The offset may grow by this part of the time that passes: clocks drift by less.
-const DRIFT: f64 = 1e-4;
+/// The offset is the least over the last one to two of these, s: a wrong stamp that was believed is forgotten after it,
+/// and within it clocks drift apart by less than what is measured.
+const WINDOW_S: f64 = 2.0;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeviceClock {
     /// Stamps that were not believed.
     pub faults: u64,
-    offset_s: Option<f64>,
+    /// Arrival and measurement of the last stamp that was believed.
     last: Option<[f64; 2]>,
+    /// When the window that runs began, the least offset in it, and that of the window before.
+    window_s: f64,
+    least_s: [f64; 2],
     refused: u32,
 }
 
@@ -33,30 +37,40 @@ impl DeviceClock {
             self.faults += 1;
             return arrived_s;
         }
-        let (Some(offset_s), Some([last_arrived_s, last_measured_s])) = (self.offset_s, self.last) else {
+        let Some([_, last_measured_s]) = self.last else {
             self.begin(arrived_s, measured_s);
             return arrived_s;
         };
-        let late_s = behind_s - offset_s;
-        if measured_s <= last_measured_s || !(-AHEAD_S..=BEHIND_S).contains(&late_s) {
+        let late_s = behind_s - self.offset_s();
+        let is_near = (-AHEAD_S..=BEHIND_S).contains(&late_s);
+        if measured_s <= last_measured_s || !is_near {
             self.faults += 1;
             self.refused += 1;
-            if self.refused >= MOST_REFUSED {
+            // A little back: the clock was set, or a packet was overtaken, and the next ones show which.
+            let is_set_back = is_near && measured_s < last_measured_s;
+            if is_set_back || self.refused >= MOST_REFUSED {
                 self.begin(arrived_s, measured_s);
             }
             return arrived_s;
         }
         self.refused = 0;
         self.last = Some([arrived_s, measured_s]);
-        let drifted_s = offset_s + DRIFT * (arrived_s - last_arrived_s).max(0.0);
-        let offset_s = drifted_s.min(behind_s);
-        self.offset_s = Some(offset_s);
-        measured_s + offset_s
+        if arrived_s - self.window_s >= WINDOW_S {
+            let is_next = arrived_s - self.window_s < 2.0 * WINDOW_S;
+            self.least_s = [behind_s, if is_next { self.least_s[0] } else { behind_s }];
+            self.window_s = arrived_s;
+        }
+        self.least_s[0] = self.least_s[0].min(behind_s);
+        measured_s + self.offset_s()
+    }
+
+    fn offset_s(&self) -> f64 {
+        self.least_s[0].min(self.least_s[1])
     }
 
     fn begin(&mut self, arrived_s: f64, measured_s: f64) {
-        (self.offset_s, self.last, self.refused) =
-            (Some(arrived_s - measured_s), Some([arrived_s, measured_s]), 0);
+        (self.last, self.refused) = (Some([arrived_s, measured_s]), 0);
+        (self.window_s, self.least_s) = (arrived_s, [arrived_s - measured_s; 2]);
     }
 }
 
@@ -85,6 +99,32 @@ mod tests {
         }
         assert_eq!(clock.faults, 5);
         assert!((clock.time_s(10.6, Some(100.6)) - 10.6).abs() < 1e-3, "and the good ones count again");
+    }
+
+    /// A hundred stamps a second from `from_s` on; what the clock says of the last one against when it was measured.
+    fn error_after(clock: &mut DeviceClock, from_s: f64, seconds: f64, set_s: f64) -> f64 {
+        let times = (0..(100.0 * seconds) as u32).map(|i| from_s + 0.01 * f64::from(i));
+        let errors = times.map(|now_s| clock.time_s(now_s + 0.002, Some(now_s + set_s)) - (now_s + 0.002));
+        errors.fold(0.0, |_, error| error)
+    }
+
+    #[test]
+    fn one_stamp_that_lies_ahead_is_forgotten_within_seconds() {
+        let mut clock = DeviceClock::default();
+        assert!(error_after(&mut clock, 0.0, 1.0, 500.0).abs() < 1e-9);
+        clock.time_s(1.0, Some(501.0 + 0.04));
+        assert!((error_after(&mut clock, 1.05, 0.1, 500.0) + 0.042).abs() < 1e-9, "it was believed");
+        assert!(error_after(&mut clock, 1.2, 4.2, 500.0).abs() < 1e-9);
+        assert_eq!(clock.faults, 0);
+    }
+
+    #[test]
+    fn a_small_step_of_the_clock_spoils_nothing() {
+        let mut clock = DeviceClock::default();
+        error_after(&mut clock, 0.0, 1.0, 500.0);
+        assert!(error_after(&mut clock, 1.0, 0.1, 500.0 - 0.03).abs() < 1e-9, "set back: at once");
+        error_after(&mut clock, 1.1, 0.1, 500.0);
+        assert!(error_after(&mut clock, 1.2, 0.1, 500.0).abs() < 1e-9, "set on: at once");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::track::{Signal, normalised};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 /// A step between two readings that no hand makes is longer than this, beside what its speed allows in the time between
-/// them, of which no more than `STEP_S` counts: after a pause a leap is a leap.
+/// them. Where the device was silent longer than usual, no more than `STEP_S` counts: after a pause a leap is a leap.
 const STEP_M: f64 = 0.05;
 const STEP_RAD: f64 = 0.4;
 const STEP_S: f64 = 0.02;
@@ -38,7 +38,10 @@ pub struct Follower {
     jump: Option<Jump>,
     bridge: Option<Bridge>,
     shown: Option<Isometry3<f64>>,
-    count: u64,
+    /// It was shown where it was held since the last reading.
+    was_held: bool,
+    /// Number and arrival of the last reading.
+    taken: (u64, f64),
     started_s: f64,
 }
 
@@ -80,6 +83,7 @@ struct Jump {
 struct Bridge {
     from: Isometry3<f64>,
     start_s: f64,
+    length_s: f64,
     /// Shift and turn from the truth to `from`, once that is known.
     off: Option<[Vector3<f64>; 2]>,
 }
@@ -98,22 +102,20 @@ impl Follower {
             jump: None,
             bridge: None,
             shown: None,
-            count: 0,
+            was_held: false,
+            taken: (0, 0.0),
             started_s: now_s,
         }
     }
 
-    /// room_from_body of a reading as it is, without filter, prediction and drop-out policy.
-    pub fn calibrated(&self, tracker_from_sensor: &Isometry3<f64>) -> Isometry3<f64> {
-        self.frame.room_from_sensor(tracker_from_sensor) * self.sensor.sensor_from_body
-    }
-
-    /// Takes the newest reading, if it is a new one.
+    /// Takes the newest reading, if it is a new one. Gaps are those of the device: who asks seldom misses readings, and
+    /// nothing is lost.
     pub fn take(&mut self, reading: &Reading<Isometry3<f64>>) {
-        if reading.count == self.count {
+        let is_same = (reading.count, reading.arrived_s) == self.taken;
+        self.taken = (reading.count, reading.arrived_s);
+        if is_same {
             return;
         }
-        self.count = reading.count;
         if reading.quality <= 0.0 || !reading.arrived_s.is_finite() {
             return;
         }
@@ -127,15 +129,26 @@ impl Follower {
         let Some(last) = self.raw else {
             return self.begin(now, now.arrived_s);
         };
-        let gap_s = now.arrived_s - last.arrived_s;
-        if gap_s > self.sensor.lost.after_s {
+        let gap_s = now.arrived_s - reading.before.map_or(last.arrived_s, |(_, before_s)| before_s);
+        if self.was_held || gap_s > self.sensor.lost.after_s {
             return self.begin(now, now.arrived_s);
         }
-        if is_hand(&last, &now) {
+        let is_pause = gap_s > STEP_S.max(2.0 * reading.flow.interval_s);
+        let is_hand = |from: &Believed| {
+            let step_s = (now.time_s - from.time_s).max(0.0);
+            if is_step(&from.pose, &pose, step_s.min(STEP_S)) {
+                return true;
+            }
+            // Readings between the two were not looked at; the device's last one must lead here too.
+            let before = reading.before.and_then(|(value, _)| in_room(self.frame.room_from_sensor(&value)));
+            let leads = before.is_none_or(|before| is_step(&before, &pose, gap_s.max(0.0)));
+            !is_pause && leads && is_step(&from.pose, &pose, step_s)
+        };
+        if is_hand(&last) {
             return self.follow(now);
         }
         match self.jump {
-            Some(Jump { to, since_s }) if is_hand(&to, &now) => self.jump = Some(Jump { to: now, since_s }),
+            Some(Jump { to, since_s }) if is_hand(&to) => self.jump = Some(Jump { to: now, since_s }),
             _ => {
                 self.faults.jumps += 1;
                 self.jump = Some(Jump { to: now, since_s: now.arrived_s });
@@ -144,19 +157,27 @@ impl Follower {
         self.settle(now.arrived_s);
     }
 
-    /// room_from_body at `now_s`; `None` before the first reading.
+    /// room_from_body at `now_s`; `None` before the first reading. Where it was not seen for longer than its policy's
+    /// `after`, what was predicted goes back to the last pose that was measured, and that is held.
     pub fn pose(&mut self, now_s: f64) -> (Option<Isometry3<f64>>, Option<Event>) {
         self.settle(now_s);
         let event = self.age(now_s);
         let Some(motion) = &self.motion else {
             return (None, event);
         };
-        let room_from_sensor =
-            if self.sensor.predict_s > 0.0 { motion.at(now_s + self.sensor.predict_s) } else { motion.pose };
+        let held_s = match self.signal {
+            Signal::Live => 0.0,
+            Signal::Held { age_s } | Signal::Lost { age_s } => age_s - self.sensor.lost.after_s,
+        };
+        let room_from_sensor = if self.sensor.predict_s > 0.0 {
+            motion.at(now_s + self.sensor.predict_s, fading(held_s / BRIDGE_S))
+        } else {
+            motion.pose
+        };
         let mut room_from_body = room_from_sensor * self.sensor.sensor_from_body;
         if let Some(bridge) = &mut self.bridge {
             room_from_body = bridge.over(&room_from_body, now_s);
-            if now_s - bridge.start_s >= BRIDGE_S {
+            if bridge.left_s(now_s) <= 0.0 {
                 self.bridge = None;
             }
         }
@@ -169,6 +190,7 @@ impl Follower {
     /// A jump that has stood long enough is believed.
     fn settle(&mut self, now_s: f64) {
         if let Some(jump) = self.jump.take_if(|jump| now_s - jump.since_s >= CONFIRM_S) {
+            self.was_held = true;
             self.begin(jump.to, now_s);
         }
     }
@@ -186,10 +208,13 @@ impl Follower {
         }
     }
 
-    /// The first reading, or the first after a gap or a jump: nothing of the past is mixed in, and what was shown last
-    /// glides there.
+    /// The first reading, or the first after a gap or a jump: nothing of the past is mixed in. If it was held meanwhile,
+    /// what was shown last glides there; if it glides already, it arrives no later than it was to.
     fn begin(&mut self, now: Believed, start_s: f64) {
-        self.bridge = self.shown.map(|from| Bridge { from, start_s, off: None });
+        let left_s = self.bridge.as_ref().map(|bridge| bridge.left_s(start_s)).filter(|left_s| *left_s > 0.0);
+        let length_s = left_s.or(std::mem::take(&mut self.was_held).then_some(BRIDGE_S));
+        self.bridge =
+            self.shown.zip(length_s).map(|(from, length_s)| Bridge { from, start_s, length_s, off: None });
         self.motion = None;
         if let Some(filter) = &mut self.filter {
             filter.restart();
@@ -210,6 +235,7 @@ impl Follower {
         } else {
             Signal::Live
         };
+        self.was_held |= seen.is_some() && self.signal != Signal::Live;
         match (before, self.signal) {
             (Signal::Live, Signal::Held { .. }) => {
                 self.faults.drop_outs += 1;
@@ -235,25 +261,33 @@ impl Follower {
 }
 
 impl Bridge {
+    fn left_s(&self, now_s: f64) -> f64 {
+        self.length_s - (now_s - self.start_s)
+    }
+
     fn over(&mut self, truth: &Isometry3<f64>, now_s: f64) -> Isometry3<f64> {
         let from = self.from;
         let [shift, turn] = *self.off.get_or_insert_with(|| {
             let shift = from.translation.vector - truth.translation.vector;
             [shift, (from.rotation * truth.rotation.inverse()).scaled_axis()]
         });
-        let way = ((now_s - self.start_s) / BRIDGE_S).clamp(0.0, 1.0);
-        let left = 1.0 - way * way * (3.0 - 2.0 * way);
+        let left = fading(1.0 - self.left_s(now_s) / self.length_s);
         let place = truth.translation.vector + shift * left;
         let rotation = UnitQuaternion::from_scaled_axis(turn * left) * truth.rotation;
         Isometry3::from_parts(Translation3::from(place), rotation)
     }
 }
 
-/// Could a hand have done this?
-fn is_hand(from: &Believed, to: &Believed) -> bool {
-    let step_s = (to.time_s - from.time_s).clamp(0.0, STEP_S);
-    let step_m = (to.pose.translation.vector - from.pose.translation.vector).norm();
-    let step_rad = to.pose.rotation.angle_to(&from.pose.rotation);
+/// 1 - 3 w² + 2 w³ of a way w from 0 to 1: from 1 smoothly to 0.
+fn fading(way: f64) -> f64 {
+    let way = way.clamp(0.0, 1.0);
+    1.0 - way * way * (3.0 - 2.0 * way)
+}
+
+/// Could a hand have done this in `step_s`?
+fn is_step(from: &Isometry3<f64>, to: &Isometry3<f64>, step_s: f64) -> bool {
+    let step_m = (to.translation.vector - from.translation.vector).norm();
+    let step_rad = to.rotation.angle_to(&from.rotation);
     step_m <= STEP_M + FASTEST_M_S * step_s && step_rad <= STEP_RAD + FASTEST_RAD_S * step_s
 }
 

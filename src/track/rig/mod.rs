@@ -39,6 +39,9 @@ struct Running {
     name: String,
     source: Box<dyn Source>,
     link: Link,
+    reconnects: u64,
+    /// Since when it has been there; `None`: it is not.
+    there_since_s: Option<f64>,
 }
 
 struct Followed {
@@ -53,10 +56,12 @@ struct Hand {
     sensor: usize,
     grab: Option<(usize, i32)>,
     second: Option<(usize, i32)>,
-    /// After a loss a button counts again once it was seen released.
+    /// After the loss of the stylus or of a connection a button counts again once it was seen released.
     must_release: bool,
 }
 
+/// A tracker that is there (again) tells within this time which buttons are down, s: they were not pressed now.
+const GREETING_S: f64 = 0.1;
 /// More notices than anyone reads are not kept.
 const MOST_NOTICES: usize = 64;
 
@@ -109,7 +114,13 @@ impl Rig {
                 .trackers
                 .keys()
                 .zip(sources)
-                .map(|(name, source)| Running { name: name.clone(), source, link: Link::Waiting })
+                .map(|(name, source)| Running {
+                    name: name.clone(),
+                    source,
+                    link: Link::Waiting,
+                    reconnects: 0,
+                    there_since_s: None,
+                })
                 .collect(),
             sensors: sensors.collect(),
             head: tracking.head.as_deref().and_then(sensor_of),
@@ -121,10 +132,11 @@ impl Rig {
     /// Head and styli at `now_s` (the clock of [`now_s`]), predicted as each sensor's `predict` says.
     ///
     /// The head is `None` until its sensor was seen: the stage's static viewer holds. A stylus that is lost has its last
-    /// pose, [`Signal::Lost`], and no button pressed; after it is back, a button counts once it was seen released.
+    /// pose, [`Signal::Lost`], and no button pressed; after it is back, a button counts once it was seen released. So
+    /// does one whose tracker was gone.
     pub fn state(&mut self, now_s: f64) -> TrackerState {
         self.update(now_s);
-        let head = self.head.and_then(|head| self.sensors[head].pose).map(|pose| pose.cast());
+        let head = self.head().map(|pose| pose.cast());
         let mut styli = Vec::with_capacity(self.styli.len());
         for hand in &mut self.styli {
             let followed = &self.sensors[hand.sensor];
@@ -132,10 +144,12 @@ impl Rig {
             let trackers = &mut self.trackers;
             let [grab, second] =
                 [hand.grab, hand.second].map(|button| button.is_some_and(|id| is_pressed(trackers, id)));
-            hand.must_release |= matches!(signal, Signal::Lost { .. });
-            if hand.must_release {
-                hand.must_release = grab || second || matches!(signal, Signal::Lost { .. });
-            }
+            let of_hand =
+                || [hand.grab, hand.second].into_iter().flatten().map(|(tracker, _)| &trackers[tracker]);
+            let greets =
+                |running: &Running| running.there_since_s.is_none_or(|since_s| now_s - since_s < GREETING_S);
+            let is_lost = matches!(signal, Signal::Lost { .. }) || of_hand().any(greets);
+            hand.must_release = is_lost || hand.must_release && (grab || second);
             styli.push(StylusState {
                 room_from_stylus: followed.pose.unwrap_or_else(Isometry3::identity).cast(),
                 pressed: grab && !hand.must_release,
@@ -145,6 +159,11 @@ impl Rig {
             });
         }
         TrackerState { head, styli, time_s: now_s }
+    }
+
+    /// Where the head was when the state was last asked for; `None` if it is not tracked.
+    pub fn head(&self) -> Option<Isometry3<f64>> {
+        self.sensors[self.head?].pose
     }
 
     /// Whether any stylus is seen, now or until a moment ago.
@@ -182,6 +201,10 @@ impl Rig {
                     followed.follower.take(reading);
                 }
             }
+            let is_anew = state.counters.reconnects != running.reconnects;
+            running.reconnects = state.counters.reconnects;
+            let since_s = running.there_since_s.filter(|_| !is_anew).unwrap_or(now_s);
+            running.there_since_s = is_there(&state.link).then_some(since_s);
             if state.link != running.link {
                 let what = match &state.link {
                     Link::Down(why) => Some(format!("gone: {why}; it is tried again")),
@@ -219,15 +242,19 @@ impl Rig {
 
 fn push(notices: &mut Vec<String>, notice: String) {
     if notices.len() < MOST_NOTICES {
-        notices.push(notice);
+        // Whatever a device or a peer said, a terminal is not commanded by it.
+        notices.push(notice.replace(char::is_control, "?"));
     }
 }
 
-/// A button of a tracker that is gone counts as released.
+fn is_there(link: &Link) -> bool {
+    matches!(link, Link::Up | Link::Quiet)
+}
+
+/// A button of a tracker that is not there counts as released.
 fn is_pressed(trackers: &mut [Running], (tracker, button): (usize, i32)) -> bool {
     let state = trackers[tracker].source.latest();
-    let is_down = matches!(state.link, Link::Down(_));
-    !is_down && state.buttons.get(&button).is_some_and(|reading| reading.value)
+    is_there(&state.link) && state.buttons.get(&button).is_some_and(|reading| reading.value)
 }
 
 #[cfg(test)]

@@ -44,12 +44,13 @@ impl Motion {
         (self.pose, self.time_s) = (pose, time_s);
     }
 
-    /// The pose at `time_s`, at most `FARTHEST_S` after the last one and never before it.
-    pub fn at(&self, time_s: f64) -> Isometry3<f64> {
+    /// The pose at `time_s`, at most `FARTHEST_S` after the last one and never before it; `part` of the way there, 1 for
+    /// all of it, 0 for the last pose itself.
+    pub fn at(&self, time_s: f64, part: f64) -> Isometry3<f64> {
         let Some([along, turning]) = self.speeds else {
             return self.pose;
         };
-        let ahead_s = (time_s - self.time_s).clamp(0.0, FARTHEST_S);
+        let ahead_s = (time_s - self.time_s).clamp(0.0, FARTHEST_S) * part;
         let place = self.pose.translation.vector + along * ahead_s;
         let turn = UnitQuaternion::from_scaled_axis(turning * ahead_s);
         Isometry3::from_parts(Translation3::from(place), turn * self.pose.rotation)
@@ -72,7 +73,7 @@ mod tests {
             // Not even steps.
             let time_s = f64::from(i) * 0.01 + 0.003 * f64::from(i % 3);
             motion.update(screw(time_s), time_s);
-            let (found, expected) = (motion.at(time_s + 0.05), screw(time_s + 0.05));
+            let (found, expected) = (motion.at(time_s + 0.05, 1.0), screw(time_s + 0.05));
             let off = (found.translation.vector - expected.translation.vector).norm();
             let angle = found.rotation.angle_to(&expected.rotation);
             assert!(off < 1e-12 && angle < 1e-7, "{off} m, {angle} rad");
@@ -82,10 +83,10 @@ mod tests {
     #[test]
     fn prediction_ends_after_a_tenth_of_a_second_and_has_a_greatest_speed() {
         let mut motion = Motion::new(Isometry3::identity(), 0.0);
-        assert_eq!(motion.at(5.0), Isometry3::identity(), "one pose has no speed");
+        assert_eq!(motion.at(5.0, 1.0), Isometry3::identity(), "one pose has no speed");
         motion.update(Isometry3::new(Vector3::new(1e6, 0.0, 0.0), Vector3::new(0.0, 3.0, 0.0)), 0.0);
-        let far = motion.at(1e9);
+        let far = motion.at(1e9, 1.0);
         assert!((far.translation.x - 1e6 - FASTEST_M_S * FARTHEST_S).abs() < 1e-6);
-        assert_eq!(motion.at(-1.0), motion.pose);
+        assert_eq!(motion.at(-1.0, 1.0), motion.pose);
     }
 }

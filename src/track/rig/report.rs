@@ -1,6 +1,7 @@
 //! What is known of every sensor, button and valuator: for `greenstage track` and for the overlay.
 
 use super::{Faults, Rig};
+use crate::stage::tracking::LostPolicy;
 use crate::track::Signal;
 use crate::track::device::{Counters, Link, Reading};
 use nalgebra::Isometry3;
@@ -29,6 +30,7 @@ pub struct SensorReport {
     pub raw: Option<Isometry3<f64>>,
     /// In the room: of the body, filtered and predicted, where the stage names it; else of the sensor.
     pub in_room: Option<Isometry3<f64>>,
+    /// By the policy that the stage has for it; by the default one, if the stage has no name for it.
     pub signal: Signal,
     pub quality: f32,
     pub count: u64,
@@ -97,19 +99,28 @@ impl Rig {
 
 fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) -> SensorReport {
     let age_s = reading.map_or(0.0, |reading| (now_s - reading.arrived_s).max(0.0));
+    let seen_s = reading.and_then(Reading::seen).map(|(_, arrived_s)| (now_s - arrived_s).max(0.0));
+    let LostPolicy { after_s, warn_s } = LostPolicy::default();
+    let signal = match seen_s {
+        Some(age_s) if age_s <= after_s => Signal::Live,
+        Some(age_s) if age_s <= warn_s => Signal::Held { age_s },
+        _ => Signal::Lost { age_s: seen_s.unwrap_or(age_s) },
+    };
+    let gaps = reading.map_or(0, |reading| reading.flow.gaps)
+        + u64::from(seen_s.is_some() && signal != Signal::Live);
     SensorReport {
         name: None,
         id,
         raw: reading.map(|reading| reading.value),
         in_room: None,
-        signal: if reading.is_some() { Signal::Live } else { Signal::Lost { age_s } },
+        signal,
         quality: reading.map_or(0.0, |reading| reading.quality),
         count: reading.map_or(0, |reading| reading.count),
         rate_hz: reading.map_or(0.0, |reading| reading.flow.rate_hz(age_s)),
         age_s,
         noise: reading.map_or(0.0, |reading| reading.flow.noise()),
         interval_jitter_s: reading.map_or(0.0, |reading| reading.flow.interval_jitter_s()),
-        faults: Faults::default(),
+        faults: Faults { drop_outs: gaps, ..Faults::default() },
     }
 }
 

@@ -37,6 +37,9 @@ impl Puppet {
     fn button(&self, pressed: bool) {
         self.say(|state| state.take_button(3, pressed, None));
     }
+    fn reconnected(&self) {
+        self.say(|state| state.counters.reconnects += 1);
+    }
     fn link(&self, link: Link) {
         self.say(|state| state.link = link);
     }
@@ -44,6 +47,7 @@ impl Puppet {
 
 fn rig() -> (Rig, Puppet, Puppet) {
     let (a, pad) = (Puppet::default(), Puppet::default());
+    [&a, &pad].iter().for_each(|puppet| puppet.link(Link::Up));
     let rig = Rig::with_sources(&tracking(), vec![Box::new(a.clone()), Box::new(pad.clone())], 0.0);
     (rig, a, pad)
 }
@@ -76,8 +80,9 @@ fn a_lost_stylus_lets_go_and_takes_hold_again_only_at_a_new_press() {
     a.pose(1, 0.0, 0.0);
     pad.button(false);
     rig.state(0.0);
+    rig.state(0.1);
     pad.button(true);
-    assert!(rig.state(0.1).styli[0].pressed);
+    assert!(rig.state(0.11).styli[0].pressed);
     let held = rig.state(1.0).styli[0];
     assert!(held.pressed && matches!(held.signal, Signal::Held { .. }), "{held:?}");
     let lost = rig.state(2.5).styli[0];
@@ -102,11 +107,67 @@ fn a_button_of_a_tracker_that_is_gone_is_released() {
     pad.button(false);
     pad.link(Link::Up);
     rig.state(0.0);
+    rig.state(0.1);
     pad.button(true);
-    assert!(rig.state(0.1).styli[0].pressed);
+    assert!(rig.state(0.11).styli[0].pressed);
     pad.link(Link::Down("unplugged".into()));
     assert!(!rig.state(0.15).styli[0].pressed);
     rig.state(0.16);
     let notices = rig.take_notices();
     assert_eq!(notices, ["tracker pad (puppet) is gone: unplugged; it is tried again"]);
+}
+
+#[test]
+fn a_button_that_a_returned_tracker_says_is_down_counts_once_it_was_seen_released() {
+    let (mut rig, a, pad) = rig();
+    let mut is_pressed = |now_s: f64| rig.state(now_s).styli[0].pressed;
+    a.pose(1, 0.0, 0.0);
+    pad.button(false);
+    assert!(!is_pressed(0.0) && !is_pressed(0.1));
+    pad.button(true);
+    assert!(is_pressed(0.11));
+    // It goes, and comes back with what it said last, or says it a moment later.
+    for (link, pressed, now_s) in [
+        (Link::Down("gone".into()), true, 0.12),
+        (Link::Waiting, true, 0.13),
+        (Link::Up, false, 0.14),
+        (Link::Up, true, 0.15),
+        (Link::Up, true, 0.40),
+    ] {
+        pad.link(link.clone());
+        pad.button(pressed);
+        a.pose(1, now_s, 0.0);
+        assert!(!is_pressed(now_s), "{link:?} at {now_s} s");
+    }
+    pad.button(false);
+    assert!(!is_pressed(0.41));
+    pad.button(true);
+    assert!(is_pressed(0.42));
+    // Away and back between two frames.
+    pad.reconnected();
+    assert!(!is_pressed(0.43) && !is_pressed(0.60));
+    // It is silent, as a button box is while nobody presses: what is held is held.
+    a.pose(1, 0.61, 0.0);
+    pad.button(false);
+    assert!(!is_pressed(0.61));
+    pad.button(true);
+    pad.link(Link::Quiet);
+    assert!(is_pressed(0.62));
+}
+
+#[test]
+fn a_dead_sensor_without_a_name_is_not_called_live() {
+    let (mut rig, a, _pad) = rig();
+    a.pose(5, 0.0, 0.0);
+    a.pose(5, 0.01, 0.0);
+    let mut of_5 = |now_s: f64| {
+        let report = rig.report(now_s);
+        let sensor = report[0].sensors.iter().find(|sensor| sensor.id == 5).unwrap();
+        (sensor.signal, sensor.faults.drop_outs)
+    };
+    assert_eq!(of_5(0.1), (Signal::Live, 0));
+    assert!(matches!(of_5(1.01), (Signal::Held { age_s }, 1) if (age_s - 1.0).abs() < 1e-9));
+    assert!(matches!(of_5(3.0), (Signal::Lost { .. }, 1)));
+    a.pose(5, 3.1, 0.0);
+    assert_eq!(of_5(3.11), (Signal::Live, 1));
 }

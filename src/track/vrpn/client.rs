@@ -5,16 +5,17 @@
 
 use super::address::{Address, Transport, encode_lob, resolve};
 use super::codec::{self, Framer, Header};
+use super::ear::Ear;
 use super::force::ForceSender;
-use super::listener::Listener;
 use super::payload::{ForceField, Kind, Payload};
 use crate::track::device::{DeviceState, Link, Source, now_s};
+use crate::track::pace::{NEWS_S, Pace};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, Thread, park_timeout};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// When what happens, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,15 +63,10 @@ pub(super) struct Control {
     ear: Mutex<Ear>,
 }
 
-struct Ear {
-    listener: Listener,
-    input: triple_buffer::Input<DeviceState>,
-}
-
-/// Most bytes taken from the stream, and most datagrams, before a pause: what floods does not get a processor.
+/// Most bytes taken from the stream at once.
 const MOST_BYTES: usize = 16 << 10;
-const MOST_DATAGRAMS: u32 = 16;
-const PAUSE: Duration = Duration::from_millis(1);
+/// Between two looks where there is nothing to wait for.
+const PAUSE: Duration = Duration::from_millis(5);
 /// How often a thread that hears nothing looks whether it is to end.
 const WAKE: Duration = Duration::from_millis(50);
 
@@ -85,7 +81,7 @@ impl Client {
 
     pub fn with_timing(address: Address, transport: Transport, timing: Timing) -> Client {
         let (input, output) = triple_buffer::triple_buffer(&DeviceState::default());
-        let ear = Mutex::new(Ear { listener: Listener::new(&address.device), input });
+        let ear = Mutex::new(Ear::new(&address.device, input));
         let control = Arc::new(Control { stop: AtomicBool::new(false), stream: Mutex::new(None), ear });
         let connection = Connection { address: address.clone(), transport, timing, control: control.clone() };
         let thread = match Builder::new().name("vrpn".into()).spawn(move || connection.run()) {
@@ -156,20 +152,6 @@ impl Control {
     }
 }
 
-impl Ear {
-    fn publish(&mut self) {
-        self.input.write(self.listener.state.clone());
-    }
-
-    /// Publishes how the connection is, if that changed.
-    fn set_link(&mut self, link: Link) {
-        if self.listener.state.link != link {
-            self.listener.state.link = link;
-            self.publish();
-        }
-    }
-}
-
 /// What the reading thread works with.
 struct Connection {
     address: Address,
@@ -192,6 +174,7 @@ impl Connection {
             }
             tracing::info!("vrpn {}: {reason}; again in {retry_s} s", self.address);
             ear.listener.state.link = Link::Down(reason);
+            ear.listener.release();
             ear.publish();
             drop(ear);
             park_timeout(Duration::from_secs_f64(retry_s));
@@ -233,9 +216,10 @@ impl Connection {
                     return Ok(stream);
                 }
                 Ok(_) => lock(&self.control.ear).listener.state.counters.dropped += 1,
-                Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::sleep(5 * PAUSE),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
                 Err(error) => return Err(error),
             }
+            std::thread::sleep(PAUSE);
         }
         Err(std::io::Error::other("no answer to the lob"))
     }
@@ -312,7 +296,7 @@ impl Connection {
     }
 
     fn hear(&self, stream: &mut TcpStream, framer: &mut Framer) -> Result<std::convert::Infallible, String> {
-        let mut next_ping_s = 0.0;
+        let (mut next_ping_s, mut pace, mut was_waiting) = (0.0, Pace::default(), false);
         loop {
             if self.control.stop.load(Relaxed) {
                 return Err("not listened to any more".to_owned());
@@ -323,6 +307,7 @@ impl Connection {
                 }
                 next_ping_s = now_s() + self.timing.ping_s;
             }
+            let began_s = now_s();
             let mut ear = lock(&self.control.ear);
             // What came with the cookie is heard before more is read.
             let mut heard = 0;
@@ -350,15 +335,15 @@ impl Connection {
                 tracing::warn!("vrpn {}: {} for {silent_s:.0} s", self.address, ear.listener.why_silent());
             }
             ear.set_link(link);
-            if heard > 0 {
-                ear.listener.state.counters.packets += 1;
-                ear.publish();
-            }
+            ear.listener.state.counters.packets += u64::from(heard > 0);
+            let is_waiting = ear.publish_news(heard > 0);
+            let wait = if heard > 0 { ear.throttle(&mut pace, began_s) } else { None };
             drop(ear);
-            if read(stream, framer)? == MOST_BYTES {
-                lock(&self.control.ear).listener.state.counters.throttled += 1;
-                std::thread::sleep(PAUSE);
+            wait.into_iter().for_each(std::thread::sleep);
+            if std::mem::replace(&mut was_waiting, is_waiting) != is_waiting {
+                stream.set_read_timeout(Some(wake(is_waiting))).map_err(|error| error.to_string())?;
             }
+            read(stream, framer)?;
         }
     }
 
@@ -367,26 +352,34 @@ impl Connection {
             return;
         }
         let mut buffer = [0; 2048];
-        let (mut since, mut burst) = (Instant::now(), 0);
+        let (mut pace, mut was_waiting) = (Pace::default(), false);
         while !over.load(Relaxed) {
-            let Ok((bytes, from)) = udp.recv_from(&mut buffer) else { continue };
+            let received = udp.recv_from(&mut buffer);
+            let began_s = now_s();
             let mut ear = lock(&self.control.ear);
-            if from.ip() == server {
-                ear.listener.take_datagram(&buffer[..bytes]);
-                ear.publish();
-            } else {
-                ear.listener.state.counters.dropped += 1;
-            }
-            if since.elapsed() > PAUSE {
-                (since, burst) = (Instant::now(), 0);
-            }
-            burst += 1;
-            let is_flood = burst > MOST_DATAGRAMS;
-            ear.listener.state.counters.throttled += u64::from(is_flood);
+            let mut wait = None;
+            let is_news = match received {
+                Ok((bytes, from)) if from.ip() == server => {
+                    ear.listener.take_datagram(&buffer[..bytes]);
+                    true
+                }
+                Ok(_) => {
+                    ear.listener.state.counters.dropped += 1;
+                    false
+                }
+                Err(error) => {
+                    // An error that lasts does not spin.
+                    wait = (!is_only_late(&error)).then_some(WAKE);
+                    false
+                }
+            };
+            let is_waiting = ear.publish_news(is_news);
+            wait = wait.or_else(|| ear.throttle(&mut pace, began_s));
             drop(ear);
-            if is_flood {
-                std::thread::sleep(PAUSE);
+            if std::mem::replace(&mut was_waiting, is_waiting) != is_waiting {
+                let _ = udp.set_read_timeout(Some(wake(is_waiting)));
             }
+            wait.into_iter().for_each(std::thread::sleep);
         }
     }
 }
@@ -409,14 +402,17 @@ fn read(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String> {
             framer.wrote(bytes);
             Ok(bytes)
         }
-        Err(error)
-            if matches!(
-                error.kind(),
-                ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-            ) =>
-        {
-            Ok(0)
-        }
+        Err(error) if is_only_late(&error) => Ok(0),
         Err(error) => Err(error.to_string()),
     }
+}
+
+/// Nothing came in time, and that is all.
+fn is_only_late(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
+}
+
+/// How long to listen: news that wait are handed on soon.
+fn wake(is_waiting: bool) -> Duration {
+    if is_waiting { Duration::from_secs_f64(NEWS_S) } else { WAKE }
 }

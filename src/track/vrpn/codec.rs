@@ -15,8 +15,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 pub const COOKIE_BYTES: usize = 24;
 pub const HEADER_BYTES: usize = 24;
-/// The longest payload that is accepted; no message of a tracker comes near it.
-pub const MOST_PAYLOAD: usize = 32 << 10;
+/// The longest payload that is accepted; no message of a tracker comes near it, those of other devices may.
+pub const MOST_PAYLOAD: usize = 64 << 10;
 /// The largest datagram that passes an Ethernet unbroken.
 pub const DATAGRAM_BYTES: usize = 1472;
 
@@ -61,11 +61,13 @@ pub enum Fault {
     NoCookie(String),
     #[error("the peer speaks VRPN {0:02}.{1:02}; only 07.xx is understood")]
     Version(u8, u8),
-    #[error("a message states {0} bytes; from 24 to 32792 are taken")]
+    #[error("a message states {0} bytes; from 24 to 65560 are taken")]
     Length(u32),
     #[error("a datagram ends within a message")]
     Truncated,
-    #[error("a name of {0} bytes is not text that ends with NUL, or is longer than 100")]
+    #[error(
+        "a name of {0} bytes is not text that ends with NUL, has control characters, or is longer than 100"
+    )]
     Name(usize),
     #[error("a message of type {0} has a payload of {1} bytes")]
     Payload(&'static str, usize),
@@ -196,8 +198,9 @@ pub fn decode_name(payload: &[u8]) -> Result<&str, Fault> {
         return Err(fault);
     }
     match std::str::from_utf8(name) {
-        Ok(name) => Ok(name),
-        Err(_) => Err(fault),
+        // They end up in messages on a terminal, which must not be commanded by them.
+        Ok(name) if !name.chars().any(char::is_control) => Ok(name),
+        _ => Err(fault),
     }
 }
 

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle, park_timeout};
 use std::time::Duration;
 
-/// Sends force fields; dropped, it has the device push no more.
+/// Sends force fields; dropped, it has the device push no more, if its client is still there.
 pub struct ForceSender {
     newest: Arc<Newest>,
     thread: Option<JoinHandle<()>>,

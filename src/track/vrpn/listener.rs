@@ -15,6 +15,11 @@ const MOST_OTHERS: usize = 16;
 #[derive(Clone, Debug, Default)]
 pub struct PeerKinds([Option<i32>; Kind::ALL.len()]);
 
+/// A pose by UDP was overtaken, if its stamp is older than its sensor's last one by less than this, and that one came
+/// just now; otherwise the server's clock was set, s.
+const OVERTAKEN_S: f64 = 1.0;
+const JUST_NOW_S: f64 = 0.1;
+
 /// One device's ear.
 #[derive(Clone, Debug)]
 pub struct Listener {
@@ -67,13 +72,18 @@ impl Listener {
         self.heard_s = now_s();
     }
 
+    /// The connection is gone: nothing is pressed any more.
+    pub fn release(&mut self) {
+        self.state.buttons.values_mut().for_each(|button| button.value = false);
+    }
+
     /// Takes a message of the TCP stream; false: the server says good-bye.
     pub fn take(&mut self, message: &Message) -> bool {
         match message.header.kind {
             codec::SENDER_DESCRIPTION | codec::TYPE_DESCRIPTION => self.describe(message),
             codec::DISCONNECT => return false,
             kind if kind < 0 => {}
-            _ => self.take_reading(message),
+            _ => self.take_reading(message, false),
         }
         true
     }
@@ -83,7 +93,7 @@ impl Listener {
         self.state.counters.packets += 1;
         for message in codec::datagram(bytes) {
             match message {
-                Ok(message) if message.header.kind >= 0 => self.take_reading(&message),
+                Ok(message) if message.header.kind >= 0 => self.take_reading(&message, true),
                 Ok(_) => self.state.counters.dropped += 1,
                 Err(_) => self.state.counters.malformed += 1,
             }
@@ -122,7 +132,7 @@ impl Listener {
         }
     }
 
-    fn take_reading(&mut self, message: &Message) {
+    fn take_reading(&mut self, message: &Message, by_udp: bool) {
         if self.sender != Some(message.header.sender) {
             return;
         }
@@ -131,6 +141,11 @@ impl Listener {
         self.state.counters.messages += 1;
         let measured_s = Some(message.header.time_s());
         match Payload::decode(kind, message.payload) {
+            Ok(Payload::Pose { sensor, .. })
+                if by_udp && self.is_overtaken(sensor, message.header.time_s()) =>
+            {
+                self.state.counters.dropped += 1;
+            }
             Ok(Payload::Pose { sensor, position, quaternion }) => match pose(position, quaternion) {
                 Some(pose) => self.state.take_pose(sensor, pose, measured_s, 1.0),
                 None => self.state.counters.malformed += 1,
@@ -153,6 +168,13 @@ impl Listener {
             Err(_) => self.state.counters.malformed += 1,
         }
     }
+
+    fn is_overtaken(&self, sensor: i32, measured_s: f64) -> bool {
+        self.state.sensors.get(&sensor).is_some_and(|last| {
+            let older_s = last.measured_s.map_or(0.0, |last_s| last_s - measured_s);
+            older_s > 0.0 && older_s < OVERTAKEN_S && now_s() - last.arrived_s < JUST_NOW_S
+        })
+    }
 }
 
 /// The pose, its rotation normalised; `None` if a number is not finite or the quaternion's length off by over 1 %.
@@ -162,4 +184,59 @@ fn pose(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Isometry3<f64>> {
     (is_rotation && position.iter().all(|x| x.is_finite())).then(|| {
         Isometry3::from_parts(Translation3::from(position), UnitQuaternion::new_normalize(quaternion))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::vrpn::codec::{Header, encode};
+
+    fn described(id: i32, system: i32, name: &str) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        encode(&Header::now(id, system), &codec::encode_name(name), &mut bytes);
+        bytes
+    }
+
+    fn listener() -> Listener {
+        let mut listener = Listener::new("Wand");
+        let mut bytes = described(0, codec::SENDER_DESCRIPTION, "Wand");
+        bytes.extend(described(0, codec::TYPE_DESCRIPTION, Kind::PosQuat.name()));
+        codec::datagram(&bytes).for_each(|message| assert!(listener.take(&message.unwrap())));
+        listener
+    }
+
+    fn pose_at(time_s: f64, x: f64) -> Vec<u8> {
+        let pose = Payload::Pose { sensor: 0, position: [x, 0.0, 0.0], quaternion: [0.0, 0.0, 0.0, 1.0] };
+        let mut bytes = Vec::new();
+        encode(&Header::now(0, 0).at(time_s), &pose.encode(), &mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn a_pose_that_was_overtaken_on_its_way_is_not_shown() {
+        let mut listener = listener();
+        let mut x_after = |time_s: f64, x: f64| {
+            listener.take_datagram(&pose_at(time_s, x));
+            (listener.state.sensors[&0].value.translation.x, listener.state.counters.dropped)
+        };
+        assert_eq!(x_after(1000.0, 1.0), (1.0, 0));
+        assert_eq!(x_after(1000.02, 2.0), (2.0, 0));
+        assert_eq!(x_after(1000.01, 3.0), (2.0, 1), "overtaken");
+        assert_eq!(x_after(1000.03, 4.0), (4.0, 1));
+        assert_eq!(x_after(990.0, 5.0), (5.0, 1), "the server's clock was set");
+        // Set back by little: heard again as soon as nothing else has come for a moment.
+        std::thread::sleep(std::time::Duration::from_secs_f64(2.0 * JUST_NOW_S));
+        assert_eq!(x_after(989.9, 6.0), (6.0, 1));
+    }
+
+    #[test]
+    fn a_name_that_would_command_a_terminal_is_refused() {
+        let mut listener = Listener::new("Wand");
+        for name in ["Wand\u{1b}[2J", "Wa\nnd", "\u{9b}31mWand", "Wand\u{7f}"] {
+            let bytes = described(0, codec::SENDER_DESCRIPTION, name);
+            codec::datagram(&bytes).for_each(|message| assert!(listener.take(&message.unwrap())));
+        }
+        assert_eq!(listener.state.counters.malformed, 4);
+        assert_eq!(listener.why_silent(), "has no device Wand");
+    }
 }

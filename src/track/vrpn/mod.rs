@@ -7,6 +7,7 @@
 pub mod address;
 pub mod client;
 pub mod codec;
+mod ear;
 pub mod force;
 pub mod listener;
 pub mod payload;
