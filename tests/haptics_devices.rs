@@ -155,11 +155,19 @@ fn a_malformed_state_is_answered() {
             socket.send(Message::text(said)).unwrap();
             assert!(matches!(socket.read(), Ok(Message::Text(_))));
         }
+        // A service that ends takes its readings with it.
+        while socket.send(Message::text(state(0.0))).is_ok() && socket.read().is_ok() {}
     });
     let mut device = Haply::open(&place).unwrap();
+    let started = Instant::now();
+    while device.malformed() < 2 {
+        assert!(started.elapsed() < PATIENCE, "{} malformed", device.malformed());
+        std::thread::sleep(Duration::from_millis(1));
+    }
     wait(&mut device, &Push::NONE, "a state", |reading| reading.is_some());
-    server.join().unwrap();
     assert_eq!(device.malformed(), 2);
+    drop(device);
+    server.join().unwrap();
 }
 
 /// A VRPN server with one force device: poses out, force fields in.

@@ -144,7 +144,10 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             std::thread::sleep(Duration::from_millis(5));
         }
     };
-    follow(0.0, false, &|world, _| world.bodies[0].controls[1].mood == Mood::Hovered);
+    let began = Instant::now();
+    follow(0.0, false, &|world, _| {
+        world.bodies[0].controls[1].mood == Mood::Hovered && began.elapsed() > GREETED
+    });
     follow(0.0, true, &|world, _| world.bodies[0].controls[1].mood == Mood::Held);
     // 0.2 of the workspace's radius are 0.2 / 0.95 of the block's half length of 1 m.
     let carried = |world: &World| world.bodies[0].deformer.poses[1].translation;
@@ -157,17 +160,20 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
     follow(0.2, false, &|_, felt| felt.push.force.norm() == 0.0);
 }
 
-/// A service that says where its arm is, and from the tenth state on that button a is down. Gives the forces it was sent.
+/// What a device that has just come up says of its buttons is its greeting, not a press.
+const GREETED: Duration = Duration::from_millis(400);
+
+/// A service that says where its arm is, and after its greeting that button a is down. Gives the forces it was sent.
 fn serve_haply(listener: TcpListener) -> std::thread::JoinHandle<Vec<f64>> {
     std::thread::spawn(move || {
         let (stream, _) = listener.accept().unwrap();
         let mut socket = tungstenite::accept(stream).unwrap();
-        let mut forces = Vec::new();
-        for said in 0.. {
+        let (mut forces, began) = (Vec::new(), Instant::now());
+        loop {
             let state = serde_json::json!({
                 "inverse3": [{ "device_id": "1", "state": { "cursor_position": { "x": 0.0, "y": 0.1, "z": 0.05 } } }],
                 "verse_grip": [{ "device_id": "2", "state": {
-                    "orientation": { "x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0 }, "buttons": { "a": said > 10 } } }]
+                    "orientation": { "x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0 }, "buttons": { "a": began.elapsed() > GREETED } } }]
             });
             if socket.send(tungstenite::Message::text(state.to_string())).is_err() {
                 break;
