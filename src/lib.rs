@@ -9,6 +9,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
+//! | [`base`] | plain data and services that several rooms share |
 //! | [`config`] | strict TOML: every error names file, line and the nearest known key |
 //! | [`mesh`] | `TetMesh`, `Surface`, regions, quality, file formats, generators |
 //! | [`stage`] | screens, viewer, off-axis projection |
@@ -30,6 +31,7 @@
 //! Conventions: SI units, radians, right-handed, Y up in the room; transforms are named `a_from_b`;
 //! offline arithmetic is f64, online f32.
 
+pub mod base;
 pub mod cli;
 pub mod config;
 pub mod deform;

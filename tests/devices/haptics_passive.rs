@@ -1,0 +1,261 @@
+//! The force loop gives back no more than it got: at its limit, with a second hand, with slow reports, and when what it
+//! relies on falls silent. On springs of known stiffness, in virtual time.
+
+use greenstage::deform::{ControlPose, ControlRest};
+use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
+use greenstage::effect::haptics::{
+    Control, Device, Elastic, Grasp, Hand, Held, News, Push, Reading, Simulated, Way,
+};
+use greenstage::stage::{Haptic, HapticDevice};
+use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
+
+/// A loop on two elements joined by a spring, of which the hand holds the second, and a frame 100 times a second.
+struct Rig {
+    control: Control,
+    grasp: Grasp,
+    ticks: u64,
+    is_telling: bool,
+}
+
+impl Rig {
+    /// `stiffness` in N/m along each axis.
+    fn new(haptic: Haptic, stiffness: [f64; 3]) -> Rig {
+        let spring = |i: usize, j: usize| {
+            let sign = if i / 12 == j / 12 { 1.0 } else { -1.0 };
+            if i % 12 == j % 12 && i % 12 < 3 { sign * stiffness[i % 12] } else { 0.0 }
+        };
+        let rest = |name: &str| ControlRest { name: name.into(), origin: Vector3::zeros(), nodes: 1 };
+        let matrix = DMatrix::from_fn(24, 24, spring);
+        let body = Elastic::new("linear", &matrix, &[rest("other"), rest("held")]).unwrap();
+        let held = Held {
+            grip: 1,
+            body: 0,
+            element: 1,
+            room_from_body: Similarity3::identity(),
+            way: Way::Rigid(Matrix4::identity()),
+            mean: Rotation3::identity(),
+        };
+        let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST; 2], room_from_hand: None };
+        Rig { control: Control::new(haptic, vec![body], 0.0), grasp, ticks: 0, is_telling: true }
+    }
+
+    fn now_s(&self) -> f64 {
+        self.ticks as f64 * self.control.haptic.period_s()
+    }
+
+    fn other_to(&mut self, translation: Vector3<f64>) {
+        self.grasp.poses[0].translation = translation;
+    }
+
+    fn tick(&mut self, reading: &Reading) -> Push {
+        self.ticks += 1;
+        if self.is_telling && self.ticks.is_multiple_of(10) {
+            self.control.take(&self.grasp);
+        }
+        self.control.tick(Some(reading), self.now_s())
+    }
+
+    /// The handle at a place, reported at once.
+    fn at(&mut self, place: Vector3<f64>) -> Push {
+        self.tick(&self.reading(place))
+    }
+
+    fn reading(&self, place: Vector3<f64>) -> Reading {
+        let arrived_s = self.now_s() + self.control.haptic.period_s();
+        Reading {
+            device_from_handle: Isometry3::from_parts(Translation3::from(place), UnitQuaternion::identity()),
+            buttons: [true, false],
+            arrived_s,
+            measured_s: None,
+            tracked: true,
+            news: News::default(),
+        }
+    }
+
+    /// From one place to another in so many ticks.
+    fn way(&mut self, from: Vector3<f64>, to: Vector3<f64>, ticks: u32) {
+        for i in 1..=ticks {
+            self.at(from.lerp(&to, f64::from(i) / f64::from(ticks)));
+        }
+    }
+}
+
+fn x(metres: f64) -> Vector3<f64> {
+    Vector3::new(metres, 0.0, 0.0)
+}
+
+/// Pushed five centimetres into 2e4 N/m at 8 N, the body holds 0.4 J for the hand, and not the 25 J of its whole stiffness. A
+/// second hand that takes the load away owes nobody anything.
+#[test]
+fn a_second_hand_that_relaxes_the_body_leaves_no_debt() {
+    let mut rig = Rig::new(Haptic::simulated("right"), [2e4; 3]);
+    rig.way(x(0.0), x(0.0), 600);
+    rig.way(x(0.0), x(0.05), 500);
+    let felt = rig.control.felt;
+    assert!((felt.push.force.norm() - 8.0).abs() < 1e-6, "{felt:?}");
+    assert!((felt.stored_energy - 8.0 * 0.05).abs() < 0.03, "{felt:?}");
+    for i in 1..=500 {
+        rig.other_to(x(1e-4 * f64::from(i)));
+        rig.at(x(0.05));
+    }
+    rig.way(x(0.05), x(0.05), 50);
+    let felt = rig.control.felt;
+    assert!(felt.push.force.norm() < 1e-6 && felt.stored_energy < 1e-6, "{felt:?}");
+    for _ in 0..20 {
+        rig.way(x(0.05), x(0.051), 50);
+        rig.way(x(0.051), x(0.05), 50);
+    }
+    let observer = rig.control.felt.observer;
+    assert!(observer.deepest < 1e-4 && observer.braked < 1e-4, "{observer:?}");
+}
+
+/// A stiff body that is bent by 12 mm, 1.44 J, pulls the hand that takes it with 8 N at the most; nothing of it is saved up
+/// against what the loop may generate later.
+#[test]
+fn a_bent_body_that_is_taken_is_no_reserve() {
+    let mut rig = Rig::new(Haptic::simulated("right"), [2e4; 3]);
+    rig.other_to(x(0.012));
+    rig.way(x(0.0), x(0.0), 600);
+    let felt = rig.control.felt;
+    assert!(felt.gain == 1.0 && (felt.push.force.x - 8.0).abs() < 1e-6, "{felt:?}");
+    assert!(felt.stored_energy < 0.1 && felt.observer.energy.abs() < 1e-3, "{felt:?}");
+}
+
+/// Round a circle off centre, at the limit all the way and on a body far stiffer in one direction than in another, a hand
+/// gets nothing; by a push cut to its limit it would get 26 mJ each time.
+#[test]
+fn a_circle_at_the_limit_gives_nothing() {
+    let haptic = Haptic { max_force_n: 3.0, ..Haptic::simulated("right") };
+    let mut rig = Rig::new(haptic, [1500.0, 150.0, 400.0]);
+    let centre = Vector3::new(0.03, 0.05, 0.0);
+    let place = |i: u32| {
+        let angle = std::f64::consts::TAU * f64::from(i) / 2000.0;
+        centre + Vector3::new(angle.cos(), angle.sin(), 0.5 * angle.sin()) * 0.02
+    };
+    rig.way(Vector3::zeros(), place(0), 1000);
+    let (mut work, mut spent, mut last) = (0.0, 0.0, rig.at(place(0)));
+    for i in 1..=2000 {
+        let push = rig.at(place(i));
+        assert!((push.force.norm() - 3.0).abs() < 1e-6, "{push:?}");
+        let step = 0.5 * (push.force + last.force).dot(&(place(i) - place(i - 1)));
+        (work, spent, last) = (work + step, spent + step.abs(), push);
+    }
+    println!("{work:.1e} J of {spent:.2} J");
+    assert!(work.abs() < 1e-4 * spent, "{work} J of {spent} J");
+    assert!(rig.control.felt.observer.deepest < 1e-6, "{:?}", rig.control.felt.observer);
+}
+
+/// Let go at the limit, the handle comes to rest and the energy of handle and body only falls.
+#[test]
+fn a_handle_let_go_at_the_limit_comes_to_rest() {
+    let haptic = Haptic { max_force_n: 3.0, ..Haptic::simulated("right") };
+    let mut rig = Rig::new(haptic.clone(), [2e4, 300.0, 1800.0]);
+    let mut device = Simulated::new(&haptic, Hand::NONE);
+    let start = Vector3::new(0.02, 0.03, -0.01);
+    rig.way(start, start, 400);
+    device.device_from_handle.translation.vector = start;
+    let (mut last, mut most, mut full) = (f64::MAX, 0.0f64, 0);
+    for _ in 0..6000 {
+        let reading = device.read(rig.now_s() + haptic.period_s()).unwrap();
+        let energy = device.energy();
+        let push = rig.tick(&reading);
+        device.push(&push, 0.0);
+        full += u32::from(push.force.norm() > 2.999);
+        let all = energy + rig.control.felt.stored_energy;
+        most = most.max(all - last);
+        last = all;
+    }
+    let away = device.device_from_handle.translation.vector.norm();
+    println!("{full} ticks at the limit; energy rose by {most:.1e} J at once; ends {away:.1e} m from rest");
+    assert!(full > 50 && most < 1e-6 && away < 1e-4, "{full} {most} {away}");
+}
+
+/// A device that reports a hundred times a second bears a tenth of what it would at a kilohertz, whatever the loop's rate.
+#[test]
+fn slow_reports_make_a_softer_body_and_no_cycle() {
+    let haptic = Haptic::simulated("right");
+    let mut rig = Rig::new(haptic.clone(), [2e4; 3]);
+    let mut device = Simulated::new(&haptic, Hand::NONE);
+    let mut seen = device.read(0.0).unwrap();
+    let mut swing: f64 = 0.0;
+    for tick in 0..7000 {
+        // Held fast while the loop learns how often the device reports and the force ramps up.
+        if tick < 1500 {
+            device.device_from_handle.translation.vector = x(5e-3);
+            device.velocity = [Vector3::zeros(); 2];
+        }
+        rig.is_telling = tick >= 1000;
+        let now = device.read(rig.now_s() + haptic.period_s()).unwrap();
+        if tick % 10 == 0 {
+            seen = now;
+        }
+        let push = rig.tick(&seen);
+        device.push(&push, 0.0);
+        if tick >= 6000 {
+            swing = swing.max(device.device_from_handle.translation.vector.norm());
+        }
+    }
+    let felt = rig.control.felt;
+    println!("{:.0} N/m at {:.1} ms; {swing:.1e} m in the last second", felt.bearable, 1e3 * felt.spacing_s);
+    assert!((felt.bearable - 0.8 * 200.0).abs() < 2.0, "{felt:?}");
+    assert!(felt.gain == 1.0 && swing < 1e-4, "{swing} {felt:?}");
+}
+
+/// The renderer blocks while a force is held: the force is gone a fifth of a second later, and comes back by its ramp.
+#[test]
+fn a_frame_that_falls_silent_lets_go() {
+    let mut rig = Rig::new(Haptic::simulated("right"), [1000.0; 3]);
+    rig.way(x(0.005), x(0.005), 600);
+    assert!(rig.control.felt.push.force.norm() > 4.9);
+    rig.is_telling = false;
+    let pushes: Vec<f64> = (0..400).map(|_| rig.at(x(0.005)).force.norm()).collect();
+    let gone = ((UNATTENDED_S + FADE_S) * 1000.0) as usize + 2;
+    assert!(pushes[180] > 4.9 && pushes[gone..].iter().all(|&force| force == 0.0), "{pushes:?}");
+    assert!(pushes.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.15), "no step");
+    assert!(rig.control.felt.faults.unattended > 100);
+    rig.is_telling = true;
+    rig.way(x(0.005), x(0.005), 50);
+    let force = rig.control.felt.push.force.norm();
+    assert!(force > 0.0 && force < 5.0 * 60e-3 / RAMP_S, "{force}");
+    rig.way(x(0.005), x(0.005), 300);
+    assert!(rig.control.felt.push.force.norm() > 4.9);
+}
+
+/// The button of a real device, let go while the frame still says that something is held.
+#[test]
+fn an_open_hand_feels_nothing() {
+    let device = HapticDevice::Haply("localhost".into());
+    let mut rig = Rig::new(Haptic { device, ..Haptic::simulated("right") }, [1000.0; 3]);
+    rig.way(x(0.005), x(0.005), 600);
+    assert!(rig.control.felt.push.force.norm() > 4.9);
+    for _ in 0..=(FADE_S * 1000.0) as u32 {
+        let reading = Reading { buttons: [false; 2], ..rig.reading(x(0.005)) };
+        rig.tick(&reading);
+    }
+    assert_eq!(rig.control.felt.push, Push::NONE);
+}
+
+/// Packets that overtake each other: the device's own clock tells which is the newer.
+#[test]
+fn a_reading_that_was_overtaken_is_not_taken() {
+    let mut rig = Rig::new(Haptic::simulated("right"), [1000.0; 3]);
+    let measured = |rig: &Rig, place: f64, back_s: f64| Reading {
+        measured_s: Some(500.0 + rig.now_s() - back_s),
+        ..rig.reading(x(place))
+    };
+    for _ in 0..600 {
+        let reading = measured(&rig, 0.005, 0.0);
+        rig.tick(&reading);
+    }
+    let before = rig.control.felt.push.force;
+    let late = measured(&rig, 0.003, 0.004);
+    rig.tick(&late);
+    assert_eq!(rig.control.felt.faults.backward, 1);
+    assert!((rig.control.felt.push.force - before).norm() < 1e-9, "{:?}", rig.control.felt.push);
+    // A clock that was set back is believed again once nothing else comes.
+    for _ in 0..50 {
+        let reading = measured(&rig, 0.004, 100.0);
+        rig.tick(&reading);
+    }
+    assert!((rig.control.felt.room_from_handle.unwrap().translation.x - 0.004).abs() < 1e-12);
+}

@@ -1,0 +1,48 @@
+//! A force device over the loopback device: what it is told to push with, and that it is told to stop.
+
+use super::lab::{ANY, Peer, wait};
+use greenstage::effect::haptics::{Device, Push, VrpnDevice};
+use greenstage::track::device::now_s;
+use greenstage::track::vrpn::payload::{Kind, Payload};
+use greenstage::track::vrpn::{ForceField, codec};
+use nalgebra::Vector3;
+use std::net::TcpListener;
+
+/// The next force field that the device is told, by the number that the other side gave to the type.
+fn field(peer: &mut Peer, number: &mut Option<i32>) -> Option<ForceField> {
+    loop {
+        let (id, kind, payload) = peer.hear()?;
+        let is_named = || codec::decode_name(&payload) == Ok(Kind::ForceField.name());
+        if kind == codec::TYPE_DESCRIPTION && is_named() {
+            *number = Some(id);
+        } else if Some(kind) == *number {
+            match Payload::decode(Kind::ForceField, &payload) {
+                Ok(Payload::ForceField(field)) => return Some(field),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_device_that_is_dropped_under_force_is_told_to_stop() {
+    for round in 0..10 {
+        let listener = TcpListener::bind(ANY).unwrap();
+        let mut device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
+        let mut peer = Peer::accept(&listener);
+        peer.hear_cookie();
+        peer.greet("Wand");
+        let pose = Payload::Pose { sensor: 0, position: [0.1, 0.2, 0.3], quaternion: [0.0, 0.0, 0.0, 1.0] };
+        assert!(peer.say(&pose));
+        wait("the device is there", || device.read(now_s()).is_some());
+        let push = Push { force: Vector3::new(0.0, 3.0, 0.0), torque: Vector3::zeros() };
+        let mut number = None;
+        device.push(&push, now_s());
+        let told = field(&mut peer, &mut number).unwrap();
+        assert_eq!((told.force, told.origin), ([0.0, 3.0, 0.0], [0.1, 0.2, 0.3]), "round {round}");
+        device.push(&push.scaled(2.0), now_s());
+        drop(device);
+        let last = std::iter::from_fn(|| field(&mut peer, &mut number)).last();
+        assert_eq!(last, Some(ForceField::default()), "round {round}");
+    }
+}

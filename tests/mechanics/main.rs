@@ -1,0 +1,19 @@
+//! The mechanics: elements, solvers, Green's functions, models, statics, and what accuracy costs.
+#![allow(clippy::unwrap_used, reason = "a test fails by it")]
+
+mod accuracy;
+#[path = "../common/mod.rs"]
+mod common;
+mod conditioning;
+mod deform_models;
+mod fem;
+mod green_file;
+mod hard_cases;
+mod oracles;
+mod plan;
+mod refine;
+mod report;
+#[path = "../report_common/mod.rs"]
+mod report_common;
+mod statics;
+mod verify;

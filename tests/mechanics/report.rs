@@ -1,0 +1,413 @@
+//! The report of `accuracy`: its files are well formed, honest and safe, whatever was measured. All data are made up.
+
+use crate::report_common;
+
+use greenstage::report::{
+    self, CURRENCIES, Errors, ONLINE, Report, ReportError, Row, Setting, cheapest, ladder, panels, summary,
+};
+use proptest::prelude::*;
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use report_common::made_up;
+use std::collections::BTreeMap;
+
+/// An element of a document: its name, and its attributes.
+type Element = (String, BTreeMap<String, String>);
+/// Spoils a number of a report.
+type Spoil = fn(&mut Report, f64);
+
+/// The elements and all the text of a document; fails where it is not well formed.
+fn parsed(document: &str) -> (Vec<Element>, String) {
+    let mut reader = Reader::from_str(document);
+    reader.config_mut().check_end_names = true;
+    let (mut elements, mut text, mut depth) = (Vec::new(), String::new(), 0_i32);
+    let element = |of: &BytesStart| {
+        let attributes = of.attributes().map(|attribute| {
+            let attribute = attribute.unwrap();
+            let key = String::from_utf8(attribute.key.as_ref().to_vec()).unwrap();
+            (key, attribute.unescape_value().unwrap().into_owned())
+        });
+        (String::from_utf8(of.name().as_ref().to_vec()).unwrap(), attributes.collect())
+    };
+    loop {
+        match reader.read_event().unwrap() {
+            Event::Start(of) => {
+                depth += 1;
+                elements.push(element(&of));
+            }
+            Event::Empty(of) => elements.push(element(&of)),
+            Event::End(_) => depth -= 1,
+            Event::Text(words) => text.push_str(&words.unescape().unwrap()),
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    assert_eq!(depth, 0, "every element is closed");
+    (elements, text)
+}
+
+/// All files of a report in a folder of their own.
+fn written(report: &Report) -> (tempfile::TempDir, Vec<(String, String)>) {
+    let dir = tempfile::tempdir().unwrap();
+    let paths = report::write(dir.path(), report).unwrap();
+    let name =
+        |path: &std::path::PathBuf| path.strip_prefix(dir.path()).unwrap().to_str().unwrap().to_owned();
+    let files = paths.iter().map(|path| (name(path), std::fs::read_to_string(path).unwrap())).collect();
+    (dir, files)
+}
+
+fn well_formed(report: &Report) {
+    let (_dir, files) = written(report);
+    for (name, text) in &files {
+        if name.ends_with(".svg") || name.ends_with(".html") {
+            assert!(!parsed(text).0.is_empty(), "{name}");
+            assert!(!text.contains("NaN") && !text.contains("inf"), "{name} draws a number that is none");
+        }
+    }
+    assert!(!summary(report).is_empty());
+}
+
+#[test]
+fn all_files_are_written_and_well_formed() {
+    let report = made_up();
+    let (dir, files) = written(&report);
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    let plots = ["online", "split", "mesh", "solver", "storage", "models", "smooth-l2", "smooth-energy"];
+    let plots = plots.map(|name| format!("plots/{name}.svg"));
+    assert_eq!(names[..3], ["index.html", "accuracy.json", "accuracy.csv"]);
+    assert_eq!(names[3..], plots);
+    well_formed(&report);
+    assert_eq!(report::read(&dir.path().join("accuracy.json")).unwrap(), report, "to the last bit");
+}
+
+/// Corners of a path or the centre of a circle.
+fn places((name, attributes): &(String, BTreeMap<String, String>)) -> Vec<[f64; 2]> {
+    let number = |text: &str| text.parse::<f64>().unwrap();
+    match name.as_str() {
+        "circle" => vec![[number(&attributes["cx"]), number(&attributes["cy"])]],
+        "path" if !attributes.contains_key("fill") => attributes["d"]
+            .trim_end_matches('Z')
+            .split(['M', 'L'])
+            .filter(|pair| !pair.is_empty())
+            .map(|pair| pair.split_once(' ').map(|(x, y)| [number(x), number(y)]).unwrap())
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// The markers of a work-precision plot: how many, and that all are inside the frame.
+fn markers_inside(svg: &str) -> usize {
+    let (elements, _) = parsed(svg);
+    let frame = elements.iter().find(|(_, a)| a.get("class").is_some_and(|c| c == "gs-frame")).unwrap();
+    let [x, y, width, height] = ["x", "y", "width", "height"].map(|key| frame.1[key].parse::<f64>().unwrap());
+    let titles: Vec<usize> = (0..elements.len()).filter(|&i| elements[i].0 == "title").collect();
+    for &i in &titles {
+        let corners = places(&elements[i + 1]);
+        assert!(!corners.is_empty(), "{:?}", elements[i + 1]);
+        for [px, py] in corners {
+            let inside = px > x - 8.0 && px < x + width + 8.0 && py > y - 8.0 && py < y + height + 8.0;
+            assert!(inside, "{px} {py} is outside of {frame:?}");
+        }
+    }
+    titles.len()
+}
+
+#[test]
+fn every_row_is_a_point_inside_the_plot() {
+    for report in [made_up(), extreme(1e-310, 1e308), extreme(0.0, 0.0)] {
+        let (_dir, files) = written(&report);
+        let plot =
+            |name: &str| &files.iter().find(|(file, _)| file == &format!("plots/{name}.svg")).unwrap().1;
+        assert_eq!(markers_inside(plot("online")), report.rows.len());
+        for name in ["mesh", "solver", "storage", "models", "smooth-l2", "smooth-energy"] {
+            assert!(markers_inside(plot(name)) > 0, "{name}");
+        }
+        assert_eq!(markers_inside(plot("models")), report.models.len());
+    }
+}
+
+/// Half of the numbers are `a`, the others `b`.
+fn extreme(a: f64, b: f64) -> Report {
+    let mut report = made_up();
+    report.rows.truncate(60);
+    let mut turn = false;
+    let mut next = || {
+        turn = !turn;
+        if turn { a } else { b }
+    };
+    for row in &mut report.rows {
+        row.cost.frame_p50_s = next();
+        row.cost.offline_s = next();
+        row.cost.file_bytes = next();
+        let error = &mut row.error;
+        next();
+        for part in [&mut error.discretisation, &mut error.solver, &mut error.storage, &mut error.model] {
+            part.median = next();
+            part.worst = b;
+        }
+        error.total.median = next();
+    }
+    for of in &mut report.models {
+        (of.rotation, of.error) = (next().min(1e300), next());
+    }
+    for of in &mut report.smooth {
+        (of.h, of.l2, of.energy) = (next(), next(), next());
+    }
+    report
+}
+
+#[test]
+fn few_equal_and_extreme_data_are_drawn() {
+    let mut one = made_up();
+    one.rows.truncate(1);
+    one.models.truncate(1);
+    one.smooth.truncate(1);
+    one.smooth[0].l2_rate = None;
+    one.effects.clear();
+    well_formed(&one);
+    for (a, b) in [(0.0, 0.0), (1.0, 1.0), (0.0, 1.0), (5e-324, 1.7e308), (1e-3, 1.0000001e-3)] {
+        well_formed(&extreme(a, b));
+    }
+}
+
+#[test]
+fn a_number_that_is_none_is_refused_before_anything_is_written() {
+    let cases: [(Spoil, &str); 4] = [
+        (
+            |report, bad| report.rows[7].error.total.worst = bad,
+            "row 8 (tet4 h · cholesky · int16 · rotation): total_worst_relative",
+        ),
+        (
+            |report, bad| report.rows[0].cost.offline_s = bad,
+            "row 1 (tet4 h · cholesky · f64 · linear): offline_s",
+        ),
+        (|report, bad| report.models[1].error = bad, "model linear, pose bend 8°: error"),
+        (|report, bad| report.smooth[4].h = bad, "smooth problem, tet4_anp, refined 1 times: h"),
+    ];
+    for (spoil, told) in cases {
+        for bad in [f64::NAN, f64::INFINITY, -1.0] {
+            let mut report = made_up();
+            spoil(&mut report, bad);
+            let dir = tempfile::tempdir().unwrap();
+            let error = report::write(dir.path(), &report).unwrap_err();
+            assert!(error.to_string().starts_with(&format!("{told} is {bad}")), "{error}");
+            assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        }
+    }
+    let empty = Report { rows: Vec::new(), ..made_up() };
+    assert!(matches!(report::write(tempfile::tempdir().unwrap().path(), &empty), Err(ReportError::Empty)));
+}
+
+#[test]
+fn another_schema_and_a_plot_of_an_older_run_do_not_pass_for_this_one() {
+    let mut report = made_up();
+    let (dir, _) = written(&report);
+    let json = dir.path().join("accuracy.json");
+    let text = std::fs::read_to_string(&json).unwrap();
+    std::fs::write(&json, text.replacen("\"schema\": 1", "\"schema\": 2", 1)).unwrap();
+    assert!(matches!(report::read(&json), Err(ReportError::Schema { found: 2, .. })));
+    report.models.clear();
+    assert!(dir.path().join("plots/models.svg").exists());
+    report::write(dir.path(), &report).unwrap();
+    assert!(!dir.path().join("plots/models.svg").exists());
+    assert!(dir.path().join("plots/online.svg").exists());
+}
+
+/// The records of RFC 4180.
+fn records(csv: &str) -> Vec<Vec<String>> {
+    let (mut records, mut record, mut field, mut quoted) = (Vec::new(), Vec::new(), String::new(), false);
+    let mut chars = csv.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '"' if quoted && chars.peek() == Some(&'"') => field.push(chars.next().unwrap()),
+            '"' => quoted = !quoted,
+            ',' if !quoted => record.push(std::mem::take(&mut field)),
+            '\r' if !quoted => {
+                assert_eq!(chars.next(), Some('\n'));
+                record.push(std::mem::take(&mut field));
+                records.push(std::mem::take(&mut record));
+            }
+            c => field.push(c),
+        }
+    }
+    assert!(!quoted && field.is_empty() && record.is_empty(), "the last line ends too");
+    records
+}
+
+#[test]
+fn the_csv_has_a_line_a_row_and_every_number_of_it() {
+    let mut report = made_up();
+    report.rows[2].setting.solver = "pcg \"1e-4\",\r\nthen".into();
+    let (_dir, files) = written(&report);
+    let records = records(&files[2].1);
+    assert_eq!(records.len(), report.rows.len() + 1);
+    let column = |name: &str| records[0].iter().position(|head| head == name).unwrap();
+    assert_eq!(records[3][column("solver")], report.rows[2].setting.solver);
+    for (record, row) in records[1..].iter().zip(&report.rows) {
+        assert_eq!(record.len(), records[0].len());
+        let number = |name: &str| record[column(name)].parse::<f64>().ok();
+        assert_eq!(number("frame_p50_s"), Some(row.cost.frame_p50_s));
+        assert_eq!(number("storage_median_relative"), Some(row.error.storage.median));
+        assert_eq!(number("displacement_worst_m"), Some(row.error.displacement_m.worst));
+        assert_eq!(number("torque_median_relative"), row.error.torque.map(|torque| torque.median));
+    }
+}
+
+#[test]
+fn names_from_files_stay_text() {
+    let hostile = "<script>alert(1)</script>\"'&]]><img src=x onerror=y>\u{202e}\u{0}\u{1b}[2J";
+    let mut report = made_up();
+    report.rows.truncate(8);
+    let text = &mut [
+        &mut report.program,
+        &mut report.machine,
+        &mut report.scene,
+        &mut report.command,
+        &mut report.body,
+        &mut report.about[0],
+        &mut report.references[0],
+        &mut report.poses[0],
+        &mut report.pose_source,
+        &mut report.models[0].model,
+        &mut report.smooth[0].element,
+        &mut report.effects[0].effect,
+    ];
+    text.iter_mut().for_each(|text| hostile.clone_into(text));
+    hostile.clone_into(&mut report.models[1].pose);
+    let Setting { element, solver, storage, model, .. } = &mut report.rows[0].setting;
+    [element, solver, storage, model].into_iter().for_each(|text| hostile.clone_into(text));
+    let (_dir, files) = written(&report);
+    for (name, file) in files.iter().filter(|(name, _)| !name.starts_with("accuracy")) {
+        let (elements, text) = parsed(file);
+        for (element, attributes) in &elements {
+            assert!(!["script", "img", "a", "link"].contains(&element.as_str()), "{name}: <{element}>");
+            let known = |key: &String| !key.starts_with("on") && !["src", "href"].contains(&key.as_str());
+            assert!(attributes.keys().all(known), "{name}: {attributes:?}");
+        }
+        assert!(!file.contains(['\u{202e}', '\u{0}', '\u{1b}']), "{name}");
+        assert!(
+            name.contains("plots") || text.contains("<script>alert(1)</script>"),
+            "{name} shows it as text"
+        );
+    }
+    assert!(!summary(&report).contains('\u{1b}'));
+}
+
+#[test]
+fn the_page_needs_nothing_beside_itself() {
+    let (_dir, files) = written(&made_up());
+    let page = &files[0].1;
+    assert_eq!(page.matches("://").count(), page.matches("xmlns=\"http://www.w3.org/2000/svg\"").count());
+    for missing in ["<script", "@import", "url(", "src=", "href="] {
+        assert!(!page.contains(missing), "{missing}");
+    }
+    let text = parsed(page).1;
+    for said in
+        ["For a total error of 1 %", "Measure again", "greenstage accuracy configs/scenes/tube.toml", "0 B"]
+    {
+        assert!(text.contains(said), "{said}");
+    }
+}
+
+#[test]
+fn the_answers_are_those_of_a_search_by_hand() {
+    let rows = &made_up().rows;
+    for currency in CURRENCIES {
+        for goal in [1.0, 0.1, 0.03, 0.01, 0.003] {
+            let reaching = rows.iter().filter(|row| row.error.total.median <= goal);
+            let least = reaching.map(|row| (currency.of)(&row.cost)).fold(f64::INFINITY, f64::min);
+            let chosen = &rows[cheapest(rows, currency, goal).unwrap()];
+            assert!(chosen.error.total.median <= goal);
+            assert!((currency.of)(&chosen.cost) <= 1.02 * least);
+        }
+        assert_eq!(cheapest(rows, currency, 1e-9), None);
+    }
+    let rungs = ladder(rows, &ONLINE);
+    assert!(rungs.len() > 3);
+    for pair in rungs.windows(2).map(|pair| [&rows[pair[0]], &rows[pair[1]]]) {
+        assert!(pair[1].cost.frame_p50_s > pair[0].cost.frame_p50_s);
+        assert!(pair[1].error.total.median <= 0.9 * pair[0].error.total.median);
+    }
+}
+
+/// Rows of the finest mesh are compared with themselves: nothing is known of their error, and nothing recommends them.
+#[test]
+fn the_reference_is_never_recommended() {
+    let mut report = made_up();
+    let is_finest = |row: &Row| row.setting.element == "tet10" && row.setting.refine == 2;
+    for row in report.rows.iter_mut().filter(|row| is_finest(row)) {
+        (row.error.discretisation, row.error.total) = (Default::default(), row.error.storage);
+        row.cost.frame_p50_s = 1e-9;
+    }
+    let known: Vec<Row> = report.rows.iter().filter(|row| !is_finest(row)).cloned().collect();
+    let rows = &report.rows;
+    let named = |rows: &[Row], found: Vec<usize>| -> Vec<Setting> {
+        found.into_iter().map(|i| rows[i].setting.clone()).collect()
+    };
+    for currency in CURRENCIES {
+        for goal in [0.1, 0.01, 1e-6] {
+            let of = |rows: &[Row]| named(rows, cheapest(rows, currency, goal).into_iter().collect());
+            assert_eq!(of(rows), of(&known));
+        }
+        assert_eq!(named(rows, ladder(rows, currency)), named(&known, ladder(&known, currency)));
+    }
+    let without = Report { rows: known, ..report.clone() };
+    let front = |report: &Report, name: &str| {
+        let svg = panels(report).iter().find(|picture| picture.name == name).unwrap().file();
+        let elements = parsed(&svg).0;
+        let line = elements.iter().find(|(_, a)| a.get("class").is_some_and(|c| c == "gs-front")).unwrap();
+        line.1["d"].matches('L').count()
+    };
+    assert_eq!(front(&report, "online"), front(&without, "online"));
+    let nothing_else = Report { rows: rows.iter().filter(|row| is_finest(row)).cloned().collect(), ..report };
+    assert!(panels(&nothing_else).iter().all(|picture| !parsed(&picture.file()).0.is_empty()));
+    well_formed(&nothing_else);
+}
+
+#[test]
+fn the_part_that_limits_is_the_largest() {
+    let mut error = Errors::default();
+    assert_eq!(error.dominating(), None);
+    (error.storage.median, error.model.median) = (2e-5, 1e-5);
+    assert_eq!(error.dominating(), Some(2));
+}
+
+#[test]
+fn an_effect_that_is_not_listed_and_costs_is_called_a_fault() {
+    let mut report = made_up();
+    let fault = "Some that the scene does not list cost something all the same";
+    assert!(!written(&report).1[0].1.contains(fault));
+    report.effects[2].memory_bytes = 8.0;
+    assert!(written(&report).1[0].1.contains(fault));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn any_measured_numbers_are_drawn(
+        numbers in prop::collection::vec(
+            prop::array::uniform8(prop_oneof![1 => Just(0.0), 5 => (-14.0_f64..6.0).prop_map(|e| 10_f64.powf(e))]),
+            1..25,
+        )
+    ) {
+        let pattern = made_up();
+        let row = |(i, n): (usize, &[f64; 8])| {
+            let mut row: Row = pattern.rows[(37 * i) % pattern.rows.len()].clone();
+            (row.cost.frame_p50_s, row.cost.offline_s, row.cost.file_bytes) = (n[0], n[1], n[2]);
+            row.error.discretisation.median = n[3];
+            row.error.solver.median = n[4];
+            row.error.storage.median = n[5];
+            row.error.model.median = n[6];
+            row.error.total.median = n[7];
+            row
+        };
+        let report = Report { rows: numbers.iter().enumerate().map(row).collect(), ..pattern.clone() };
+        for picture in panels(&report) {
+            let svg = picture.file();
+            if picture.name != "split" {
+                prop_assert!(markers_inside(&svg) > 0);
+            }
+            prop_assert!(!parsed(&svg).0.is_empty());
+        }
+    }
+}

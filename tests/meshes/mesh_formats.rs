@@ -1,0 +1,440 @@
+//! Every format that is read and written: small files of each variant, round trips, faults, and real files where
+//! they are at hand.
+
+mod small;
+
+use greenstage::mesh::{Block, Loaded, TetMesh, block, formats::WRITERS, load, parse, save};
+use nalgebra::Vector3;
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::{Index, select};
+use std::path::{Path, PathBuf};
+
+fn read(name: &str, bytes: &[u8]) -> Result<Loaded, String> {
+    parse(Path::new(name), bytes).map_err(|error| error.to_string())
+}
+
+/// Replaces the first `from` in a text.
+fn edited(text: &str, from: &str, to: &str) -> Vec<u8> {
+    assert!(text.contains(from), "{from}");
+    text.replacen(from, to, 1).into_bytes()
+}
+
+fn positions() -> Vec<Vector3<f64>> {
+    small::NODES.map(Vector3::from).to_vec()
+}
+
+#[track_caller]
+fn refused(name: &str, bytes: &[u8], expected: &str) {
+    match read(name, bytes) {
+        Err(message) => assert!(message.starts_with(expected), "`{message}` instead of `{expected}`"),
+        Ok(loaded) => panic!("accepted: {loaded:?} instead of `{expected}`"),
+    }
+}
+
+/// Two tetrahedra on five nodes in every variant give the same positions, tetrahedra and regions.
+#[test]
+fn all_variants_of_all_formats_say_the_same() {
+    for (name, bytes) in small::all() {
+        let loaded = read(&name, &bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let mesh = loaded.mesh;
+        assert_eq!(mesh.nodes, positions(), "{name}");
+        assert_eq!(mesh.tets, [[0, 1, 2, 3], [1, 2, 3, 4]], "{name}");
+        assert_eq!(mesh.regions, [3, 7], "{name}");
+        assert_eq!(loaded.notices, [] as [&str; 0], "{name}");
+    }
+}
+
+#[test]
+fn tetgen_is_read_by_either_name_and_names_the_file_at_fault() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let nodes = "# five nodes\n5 3 0 1\n0 0 0 0 0\n1 1 0 0 0 # a comment\n2 0 1 0 0\n3 0 0 1 0\n4 1 1 1 0\n";
+    let tets = "2 4 1\n0 0 1 2 3 3\n1 1 2 3 4 7\n";
+    std::fs::write(path("a.node"), nodes).unwrap();
+    std::fs::write(path("a.ele"), tets).unwrap();
+    let one = load(&path("a.node")).unwrap();
+    assert_eq!(one, load(&path("a.ele")).unwrap());
+    assert_eq!((one.mesh.nodes, one.mesh.regions), (positions(), vec![3, 7]));
+    assert_eq!(one.mesh.tags, [0, 1, 2, 3, 4]);
+
+    let message = |name: &str| load(&path(name)).unwrap_err().to_string();
+    std::fs::write(path("b.ele"), tets).unwrap();
+    assert!(message("b.ele").contains("b.ele: holds the tetrahedra alone, and"), "{}", message("b.ele"));
+    for (bad, at) in
+        [("1 1 0 x 0", "a.node:4: expected a number, found `x`"), ("1 1 0 0", "a.node:4: 5 numbers")]
+    {
+        std::fs::write(path("a.node"), nodes.replace("1 1 0 0 0", bad)).unwrap();
+        assert!(message("a.ele").contains(at), "{}", message("a.ele"));
+        assert!(message("a.node").contains(at), "{}", message("a.node"));
+    }
+    std::fs::write(path("a.node"), nodes).unwrap();
+    for (bad, at) in
+        [("1 2 3 9 7", "a.ele:3: element 1 names node 9"), ("1 2 3", "a.ele:3: 6 numbers are expected")]
+    {
+        std::fs::write(path("a.ele"), tets.replace("1 2 3 4 7", bad)).unwrap();
+        assert!(message("a.ele").contains(at), "{}", message("a.ele"));
+        assert!(message("a.node").contains(at), "{}", message("a.node"));
+    }
+    std::fs::write(path("a.ele"), "1 10 0\n0 0 1 2 3 4 4 4 4 4 4\n").unwrap();
+    let ten = load(&path("a.ele")).unwrap();
+    assert!(
+        ten.notices[0].starts_with("1 tetrahedra of 10 nodes: only their 4 corners"),
+        "{:?}",
+        ten.notices
+    );
+}
+
+#[test]
+fn quadratic_tetrahedra_keep_their_corners() {
+    for (name, bytes) in small::quadratic() {
+        let loaded = read(&name, &bytes).unwrap();
+        assert_eq!(loaded.mesh.tets, [[0, 1, 2, 3]], "{name}");
+        let notice = "1 tetrahedra of 10 or more nodes: only their 4 corners are used, 6 nodes between them";
+        assert!(loaded.notices.iter().any(|found| found.starts_with(notice)), "{name}: {:?}", loaded.notices);
+    }
+}
+
+#[test]
+fn malformed_vtk_names_line_or_byte() {
+    let text = String::from_utf8(small::vtk_text("3.0")).unwrap();
+    for (from, to, expected) in [
+        ("Version 3.0", "Version 9.0", "m.vtk:1: expected `# vtk DataFile Version 1 to 5`"),
+        ("ASCII", "ASCI", "m.vtk:3: expected ASCII or BINARY, found `ASCI`"),
+        ("UNSTRUCTURED_GRID", "POLYDATA", "m.vtk:4: a dataset of type `POLYDATA`"),
+        ("POINTS 5", "POINTS 6", "m.vtk:11: expected a number, found `CELLS`"),
+        ("POINTS 5", "POINTS 4", "m.vtk:10: expected a VTK section, found `1`"),
+        ("POINTS 5 double", "POINTS 5 string", "m.vtk:5: numbers of type `string` are not read"),
+        ("POINTS 5", "POINTS 9999999999999999999", "m.vtk:5: 9999999999999999999 points"),
+        ("CELLS 2 10", "CELLS 3 10", "m.vtk:11: 3 cells of 10 numbers are said, 2 cells found"),
+        ("4 1 2 3 4", "4 1 2 3 9", "m.vtk:13: element 1 names node 9"),
+        ("4 1 2 3 4", "4 1 2 3 -4", "m.vtk:13: -4 is no number of a point"),
+        ("4 1 2 3 4", "4 1 2 3 3", "m.vtk:13: tetrahedron 1 names a node twice"),
+        ("CELL_TYPES 2\n10\n10", "CELL_TYPES 1\n10", "m.vtk:12: 2 cells, but 1 cell types"),
+        ("10\n10", "9\n9", "m.vtk: none of the file's 2 elements"),
+        ("10\n10", "10\n5", "m.vtk:13: cell 1 of type 5 has 4 points, not 3"),
+        ("SCALARS", "SCALES", "m.vtk:18: expected a VTK section, found `SCALES`"),
+    ] {
+        refused("m.vtk", &edited(&text, from, to), expected);
+    }
+    let binary = small::vtk_binary(5);
+    refused("m.vtk", &binary[..120], "m.vtk:byte ");
+    let notice = |from: &str, to: &str| read("m.vtk", &edited(&text, from, to)).unwrap().notices;
+    let face =
+        read("m.vtk", &edited(&text, "4 1 2 3 4\nCELL_TYPES 2\n10\n10", "4 0 1 3 2\nCELL_TYPES 2\n10\n9"))
+            .unwrap();
+    assert_eq!(face.mesh.groups["7"], [0, 1, 2, 3]);
+    assert_eq!(notice("10\n10", "10\n42")[0], "1 cells of VTK type 42 have been left out");
+    let odd = notice("3\n7", "3\n7.5");
+    assert!(odd[0].starts_with("cell array \"region\" is not taken for regions: 7.5"), "{odd:?}");
+}
+
+#[test]
+fn malformed_vtu_names_the_place() {
+    let text = String::from_utf8(small::vtu_text("LittleEndian")).unwrap();
+    for (from, to, expected) in [
+        ("type=\"UnstructuredGrid\"", "type=\"PolyData\"", "m.vtu:2: a file of type `PolyData`"),
+        (
+            "NumberOfPoints=\"5\"",
+            "NumberOfPoints=\"6\"",
+            "m.vtu:6: the piece's head says 6 points, the array holds 5",
+        ),
+        ("NumberOfCells=\"2\"", "NumberOfCells=\"x\"", "m.vtu:4: NumberOfCells is no count: `x`"),
+        ("Name=\"types\"", "Name=\"kinds\"", "m.vtu:4: the piece has no array \"types\""),
+        ("1 2 3 4\n", "1 2 3 9\n", "m.vtu:14: element 1 names node 9"),
+        ("1 2 3 4\n", "1 2 3 q\n", "m.vtu:15: expected a number, found `q`"),
+        ("<Cells>", "<Cell>", "m.vtu:"),
+        ("format=\"ascii\"", "format=\"xdmf\"", "m.vtu:6: format `xdmf` is none of ascii, binary, appended"),
+        ("</VTKFile>", "", "m.vtu:"),
+    ] {
+        refused("m.vtu", &edited(&text, from, to), expected);
+    }
+    let lz4 = text.replace("byte_order", "compressor=\"vtkLZ4DataCompressor\" byte_order");
+    let lz4 = lz4.replace("\"ascii\"", "\"binary\"");
+    let message = read("m.vtu", lz4.as_bytes()).unwrap_err();
+    assert!(message.contains("vtkLZ4DataCompressor` is not read: save with zlib"), "{message}");
+    let bomb = vtu_bomb();
+    let message = read("m.vtu", &bomb).unwrap_err();
+    assert!(message.contains("more than 64 times the file's bytes"), "{message}");
+}
+
+/// A file whose first array is said to hold, and does hold, far more than the file's own bytes.
+fn vtu_bomb() -> Vec<u8> {
+    let array = |kind: &str, rest: &str, _: &str| {
+        let block = small::deflated(&vec![0; 1 << 20]);
+        let head: Vec<u8> =
+            [1, 1 << 20, 0, block.len()].iter().flat_map(|n| (*n as u32).to_le_bytes()).collect();
+        let text = small::base64(&head) + &small::base64(&block);
+        format!("<DataArray type=\"{kind}\" {rest} format=\"binary\">{text}</DataArray>\n")
+    };
+    let attributes = "byte_order=\"LittleEndian\" compressor=\"vtkZLibDataCompressor\"";
+    (small::vtu_head(attributes, array) + "</VTKFile>\n").into_bytes()
+}
+
+#[test]
+fn abaqus_sets_become_groups_and_regions() {
+    let text = String::from_utf8(small::abaqus()).unwrap();
+    let mesh = read("m.inp", text.as_bytes()).unwrap().mesh;
+    assert_eq!(mesh.tags, [10, 20, 30, 40, 50]);
+    assert_eq!(mesh.groups["Tip"], [0, 2, 4]);
+    assert_eq!(mesh.groups["All"], [0, 1, 2, 3, 4]);
+    assert_eq!(mesh.groups["both"], [0, 2, 4]);
+    assert!(mesh.region_names.is_empty());
+
+    let named = read("m.inp", &edited(&text, "ELSET=Region_7", "ELSET=rubber")).unwrap().mesh;
+    assert_eq!((named.regions, named.region_names[&1].as_str()), (vec![3, 1], "rubber"));
+    assert_eq!(named.groups["rubber"], [1, 2, 3, 4]);
+
+    let overlap = "*ELSET, ELSET=Eall, GENERATE\n1, 2\n";
+    let loaded = read("m.inp", &edited(&text, "*STEP", &format!("{overlap}*STEP"))).unwrap();
+    assert_eq!(loaded.mesh.regions, [3, 7]);
+    assert_eq!(loaded.mesh.groups["Eall"], [0, 1, 2, 3, 4]);
+    assert!(loaded.notices[0].starts_with("element sets overlap (2 times)"), "{:?}", loaded.notices);
+
+    let section = format!("{overlap}*SOLID SECTION, ELSET=EALL, MATERIAL=steel\n1.,\n*STEP");
+    let loaded = read("m.inp", &edited(&text, "*STEP", &section)).unwrap();
+    assert_eq!(loaded.mesh.regions, [1, 1]);
+    assert_eq!(loaded.mesh.region_names[&1], "Eall");
+    assert_eq!(loaded.mesh.groups["Region_7"], [1, 2, 3, 4]);
+    assert_eq!(loaded.notices, [] as [&str; 0]);
+}
+
+#[test]
+fn malformed_abaqus_names_line_and_remedy() {
+    let text = String::from_utf8(small::abaqus()).unwrap();
+    for (from, to, expected) in [
+        ("*STEP", "*INCLUDE, INPUT=a.inp", "m.inp:25: *INCLUDE is not followed: put the lines"),
+        ("*NODE, NSET=All", "*Node, NSet=All, input = n.inp", "m.inp:4: INPUT= names another file"),
+        ("*NODE, NSET=All", "*NODE, SYSTEM=C, NSET=All", "m.inp:4: nodes in cylinder"),
+        ("*STEP", "*NGEN\n1,2", "m.inp:25: *NGEN makes or moves nodes"),
+        ("20, 1", "20, l", "m.inp:6: expected a number, found `l.e0`"),
+        ("2, 20, 30, 40, 50", "2, 20, 30, 40", "m.inp:15: 3 of the 4 nodes of a C3D4"),
+        ("2, 20, 30, 40, 50", "2, 20, 30, 40, 50, 60", "m.inp:15: more than the 4 nodes of a C3D4"),
+        ("2, 20, 30, 40, 50", "2, 20, 30, 40, 60", "m.inp:15: element 2 names node 60"),
+        ("2, 20, 30, 40, 50", "1, 20, 30, 40, 50", "m.inp:15: element 1 is defined twice"),
+        ("10, 50, 20", "10, 50, 0", "m.inp:18: expected first, last and step"),
+        ("Tip\n*", "Top\n*", "m.inp:22: `Top` is no set that stands before"),
+        ("TYPE=C3D4", "TYPE=C3D8", "m.inp: "),
+        ("*HEADING", "HEADING", "m.inp:2: expected a keyword"),
+    ] {
+        refused("m.inp", &edited(&text, from, to), expected);
+    }
+    let none = text.replace("C3D4", "C3D20");
+    let message = read("m.inp", none.as_bytes()).unwrap_err();
+    assert!(message.contains("no tetrahedra (C3D4, C3D10) among its elements: 2 of type C3D20"), "{message}");
+    let hostile: String = (0..900).map(|i| format!("*NSET,NSET=s{i},GENERATE\n1,99999\n")).collect();
+    let message = read("m.inp", &edited(&text, "*STEP", &hostile)).map(|loaded| loaded.mesh.groups.len());
+    assert_eq!(message, Ok(903), "small sets of all nodes are taken");
+}
+
+#[test]
+fn malformed_medit_names_the_line() {
+    let text = String::from_utf8(small::medit()).unwrap();
+    for (from, to, expected) in [
+        ("Formatted", "Unformatted", "m.mesh:1: expected `MeshVersionFormatted`"),
+        ("Dimension 3", "Dimension 2", "m.mesh:2: a mesh in 2 dimensions, not 3"),
+        ("Vertices\n5", "Vertices\n6", "m.mesh:11: expected a number, found `Tetrahedra`"),
+        ("Vertices\n5", "Vertices\n4", "m.mesh:10: expected a section, found `1`"),
+        ("2 3 4 5 7", "2 3 4 6 7", "m.mesh:14: element 2 names node 6"),
+        ("2 3 4 5 7", "2 3 4 5 7.5", "m.mesh:14: expected a reference, found `7.5`"),
+        ("Tetrahedra", "Tetraeder", "m.mesh: the file holds no elements"),
+        ("1 0 0 0", "nan 0 0 0", "m.mesh:7: node 2 has a coordinate that is no finite number"),
+    ] {
+        refused("m.mesh", &edited(&text, from, to), expected);
+    }
+    refused("m.meshb", b"\x01\0\0\0\x02\0\0\0", "m.meshb: a binary Medit file is not read: save it as text");
+    let loaded = read("m.mesh", &edited(&text, "End", "Corners\n1\n1\nTriangles\n1\n1 2 3 9\nEnd")).unwrap();
+    assert_eq!(loaded.mesh.groups["9"], [0, 1, 2]);
+    assert_eq!(loaded.notices, ["sections not used: Corners"]);
+}
+
+#[test]
+fn truncated_anywhere_is_refused_or_whole() {
+    // Nothing marks the end of an Abaqus file.
+    for (name, bytes) in small::all().into_iter().filter(|(name, _)| name != "m.inp") {
+        let whole = read(&name, &bytes).unwrap().mesh;
+        for length in 0..bytes.len() {
+            // Attributes stand last in VTK files: without them regions may be missing.
+            if let Ok(loaded) = read(&name, &bytes[..length]) {
+                assert_eq!(loaded.mesh.nodes, whole.nodes, "{name} cut to {length}");
+            }
+        }
+    }
+}
+
+fn any_mesh() -> impl Strategy<Value = TetMesh> {
+    let shape = (prop::array::uniform3(1u32..4), -90..90i32, vec(-0.1..0.1f64, 64 * 3));
+    let regions = vec(select(vec![0, 1, 2, 7, i32::MAX as u32]), 27 * 5);
+    let groups = prop::collection::btree_map("[a-zA-Zä_]{1,9} ?[0-9]", vec(any::<Index>(), 0..20), 0..4);
+    (shape, regions, groups, 1u64..99).prop_map(|((cells, exponent, shifts), regions, groups, first)| {
+        let mut mesh = block(&Block { size: cells.map(f64::from), cells }).expect("1 to 3 cells of size 1");
+        for (node, shift) in mesh.nodes.iter_mut().zip(shifts.chunks(3)) {
+            *node = (*node + Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
+        }
+        mesh.tags = (first..).step_by(3).take(mesh.nodes.len()).collect();
+        mesh.regions = regions.into_iter().take(mesh.tets.len()).collect();
+        mesh.groups.clear();
+        let mut seen = std::collections::BTreeSet::new();
+        for (name, members) in groups.into_iter().filter(|(name, _)| seen.insert(name.to_uppercase())) {
+            let nodes: std::collections::BTreeSet<u32> =
+                members.iter().map(|index| index.index(mesh.nodes.len()) as u32).collect();
+            mesh.groups.insert(name, nodes.into_iter().collect());
+        }
+        mesh
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_writer_gives_back_the_mesh(mesh in any_mesh()) {
+        let folder = tempfile::tempdir().unwrap();
+        for writer in WRITERS {
+            let path = folder.path().join("m").with_extension(writer.extensions[0]);
+            let lost = save(&path, &mesh, Some(writer.name)).unwrap();
+            let loaded = load(&path).map_err(|error| error.to_string());
+            prop_assert!(loaded.is_ok(), "{}: {:?}", writer.name, loaded);
+            let loaded = loaded.unwrap();
+            let bits = |mesh: &TetMesh| mesh.nodes.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+            prop_assert_eq!(bits(&loaded.mesh), bits(&mesh), "{}", writer.name);
+            prop_assert_eq!(&loaded.mesh.tets, &mesh.tets, "{}", writer.name);
+            prop_assert_eq!(&loaded.mesh.regions, &mesh.regions, "{}", writer.name);
+            prop_assert_eq!(loaded.notices, Vec::<String>::new());
+            // What is not the same has been told.
+            if lost.is_empty() {
+                prop_assert_eq!(&loaded.mesh, &mesh, "{}", writer.name);
+            } else {
+                let said = lost.join(" ");
+                prop_assert_eq!(said.contains("node groups"), !mesh.groups.is_empty());
+                prop_assert!(said.contains("numbered anew"));
+            }
+        }
+    }
+
+    #[test]
+    fn arbitrary_bytes_do_not_panic(extension in select(vec!["vtk", "vtu", "inp", "mesh", "meshb", "xyz"]),
+                                    bytes in vec(any::<u8>(), 0..400)) {
+        let _ = read(&format!("m.{extension}"), &bytes);
+        let text: String = bytes.iter().map(|byte| char::from(b' ' + byte % 90)).collect();
+        let _ = read(&format!("m.{extension}"), text.as_bytes());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn mutated_files_do_not_panic(edits in vec((any::<Index>(), any::<u8>(), 0..4u8, 1..9usize), 1..6)) {
+        for (name, bytes) in small::all().into_iter().chain(small::quadratic()) {
+            let mut bytes = bytes;
+            for (index, byte, what, length) in &edits {
+                let at = index.index(bytes.len());
+                let end = (at + length).min(bytes.len());
+                match what {
+                    0 => bytes[at] = *byte,
+                    1 => bytes[at] = b"0123456789-.,* \n\"<>e"[usize::from(*byte) % 20],
+                    2 => { bytes.drain(at..end.min(bytes.len() - 1).max(at)); }
+                    _ => { let copy = bytes[at..end].to_vec(); bytes.splice(at..at, copy); }
+                }
+            }
+            let start = std::time::Instant::now();
+            let _ = read(&name, &bytes);
+            prop_assert!(start.elapsed().as_secs_f64() < 1.0, "{} hangs", name);
+        }
+    }
+
+    #[test]
+    fn mutated_tetgen_files_do_not_panic(edits in vec((any::<Index>(), any::<u8>()), 1..6), is_node in any::<bool>()) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut files = [
+            b"5 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n".to_vec(),
+            b"2 4 1\n1 1 2 3 4 3\n2 2 3 4 5 7\n".to_vec(),
+        ];
+        for (index, byte) in edits {
+            let file = &mut files[usize::from(byte % 2 == 0)];
+            let at = index.index(file.len());
+            file[at] = b"0123456789-. \n#e"[usize::from(byte) % 16];
+        }
+        std::fs::write(folder.path().join("m.node"), &files[0]).unwrap();
+        std::fs::write(folder.path().join("m.ele"), &files[1]).unwrap();
+        let _ = load(&folder.path().join(if is_node { "m.node" } else { "m.ele" }));
+    }
+}
+
+/// Nodes and tetrahedra, or why the file is refused.
+type Expected = Result<(usize, usize), &'static str>;
+
+/// What the manifest says of each file.
+const REAL: &[(&str, Expected)] = &[
+    ("alien_12531.msh", Ok((12531, 48643))),
+    ("bar_3842.msh", Ok((3842, 14114))),
+    ("bar_886.msh", Ok((886, 2523))),
+    ("beam_vega_208.msh", Ok((208, 450))),
+    ("eng_elbow_1823.msh", Ok((1823, 8161))),
+    ("eng_wheelset_5457.msh", Ok((5457, 21934))),
+    ("mm_cubesphere_1337.msh", Ok((1337, 6797))),
+    ("mm_nestedcubes_138.msh", Ok((138, 520))),
+    ("mm_perfusion_3728.msh", Ok((3728, 18161))),
+    ("mm_plate_2101.msh", Ok((2101, 10440))),
+    ("octocat_6133.msh", Ok((6133, 21426))),
+    ("organ_liver_507.msh", Ok((507, 1493))),
+    ("shark_425.msh", Ok((425, 1070))),
+    ("sphere_183.msh", Ok((183, 593))),
+    ("raw/sofa_raptorTetra_8418.vtu", Ok((2993, 8418))),
+    ("raw/sofa_msh4_cube.msh", Ok((14, 24))),
+    ("raw/sofa_6_tetra_bad.msh", Ok((17, 6))),
+    ("raw/admm_box768.node", Ok((413, 1175))),
+    ("raw/admm_box768.ele", Ok((413, 1175))),
+    ("raw/polyfem_microstructure_P2.msh", Ok((1585, 6414))),
+    ("raw/fenris_cube_tet10_24.msh", Ok((14, 24))),
+    ("raw/sfepy_elbow2.mesh", Ok((1823, 8161))),
+    ("raw/sfepy_wheelset.vtk", Ok((5457, 21934))),
+    // The manifest has no counts for this one; these are of its $Elements, counted by another program.
+    ("raw/mfemdata_piece.asc.v40.msh", Ok((4072, 13676))),
+    ("raw/mfemdata_piece.asc.v41.msh", Ok((4067, 13370))),
+    ("raw/mfemdata_piece.bin.v41.msh", Ok((4067, 13370))),
+    ("raw/mfemdata_piece.bin.v22.msh", Ok((3915, 13179))),
+    ("raw/calculix_segment.inp", Err("no tetrahedra (C3D4, C3D10) among its elements: 96 of type C3D20")),
+];
+
+#[test]
+fn real_files_load_with_the_counts_of_their_manifest() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
+    if !folder.exists() {
+        println!("SKIPPED: {} is not there", folder.display());
+        return;
+    }
+    println!(
+        "| file | outcome | nodes | tetrahedra | flipped | dropped nodes | notices |\n|---|---|---|---|---|---|---|"
+    );
+    for (file, expected) in REAL {
+        let found = load(&folder.join(file)).map_err(|error| error.to_string());
+        let starting = |notices: &[String], what: &str| {
+            let notice = notices.iter().find(|notice| notice.contains(what)).cloned().unwrap_or_default();
+            notice.split(' ').next().unwrap_or_default().to_owned()
+        };
+        match &found {
+            Ok(Loaded { mesh, notices }) => println!(
+                "| {file} | read | {} | {} | {} | {} | {} |",
+                mesh.nodes.len(),
+                mesh.tets.len(),
+                starting(notices, "have been flipped"),
+                starting(notices, "belong to no tetrahedron"),
+                notices.join("; ")
+            ),
+            Err(message) => {
+                println!("| {file} | refused | | | | | {} |", message.rsplit('/').next().unwrap())
+            }
+        }
+        match (found, expected) {
+            (Ok(loaded), Ok(counts)) => {
+                assert_eq!((loaded.mesh.nodes.len(), loaded.mesh.tets.len()), *counts, "{file}");
+            }
+            (Err(message), Err(reason)) => assert!(message.contains(reason), "{message}"),
+            (found, expected) => panic!("{file}: {found:?} instead of {expected:?}"),
+        }
+    }
+    let flips = load(&folder.join("raw/sfepy_elbow2.mesh")).unwrap().notices;
+    assert!(flips[0].starts_with("8161 of 8161 tetrahedra were oriented negatively"), "{flips:?}");
+}

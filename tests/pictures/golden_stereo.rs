@@ -1,0 +1,145 @@
+//! Every kind of stereo against pictures that people looked at, as `greenstage render --stereo KIND` makes them.
+//!
+//! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_stereo` writes tests/golden/stereo/*.png anew; look at them then.
+
+use crate::common;
+use crate::render_common;
+
+use common::{coarse_demo, folder, greenstage};
+use greenstage::stage::Stereo;
+use image::RgbImage;
+use render_common::require_gpu;
+use std::path::{Path, PathBuf};
+
+/// A kind of stereo, and the size of its picture.
+struct Kind {
+    stereo: Stereo,
+    size: [u32; 2],
+}
+
+/// Likeness as in tests/golden.rs, of a monitor of 192 × 120 pixels with the tube bent by 30°. For rows, columns and
+/// checkerboard swapped eyes are the same as a parity that is off by one.
+///
+/// | kind | one sample a pixel | eyes swapped |
+/// |---|---|---|
+/// | side_by_side | 0.9842 | 0.7596 |
+/// | side_by_side_half | 0.9757 | 0.7489 |
+/// | top_bottom | 0.9842 | 0.7596 |
+/// | top_bottom_half | 0.9683 | 0.7687 |
+/// | frame_packing | 0.9841 | 0.7684 |
+/// | anaglyph | 0.9830 | 0.9034 |
+/// | anaglyph_grey | 0.9826 | 0.9366 |
+/// | anaglyph_half_colour | 0.9837 | 0.9209 |
+/// | anaglyph_dubois | 0.9826 | 0.9202 |
+/// | rows | 0.9832 | 0.7411 |
+/// | columns | 0.9857 | 0.7387 |
+/// | checkerboard | 0.9791 | 0.7378 |
+/// | mono | 0.9834 | 1.0000 |
+/// | left | 0.9851 | 0.7596 |
+/// | right | 0.9834 | 0.7596 |
+///
+/// `LEAST` lies between, and both sides are tested.
+const LEAST: f64 = 0.955;
+const SIZE: [u32; 2] = [192, 120];
+const KINDS: [Kind; 15] = [
+    Kind { stereo: Stereo::SideBySide, size: [384, 120] },
+    Kind { stereo: Stereo::SideBySideHalf, size: SIZE },
+    Kind { stereo: Stereo::TopBottom, size: [192, 240] },
+    Kind { stereo: Stereo::TopBottomHalf, size: SIZE },
+    Kind { stereo: Stereo::FramePacking, size: [192, 245] },
+    Kind { stereo: Stereo::Anaglyph, size: SIZE },
+    Kind { stereo: Stereo::AnaglyphGrey, size: SIZE },
+    Kind { stereo: Stereo::AnaglyphHalfColour, size: SIZE },
+    Kind { stereo: Stereo::AnaglyphDubois, size: SIZE },
+    Kind { stereo: Stereo::Rows, size: SIZE },
+    Kind { stereo: Stereo::Columns, size: SIZE },
+    Kind { stereo: Stereo::Checkerboard, size: SIZE },
+    Kind { stereo: Stereo::Mono, size: SIZE },
+    Kind { stereo: Stereo::Left, size: SIZE },
+    Kind { stereo: Stereo::Right, size: SIZE },
+];
+
+/// The picture halfway through the script, on a monitor with 5 cm more depth between glass and body than the desktop
+/// stage has, so that the eyes differ.
+fn picture(place: &Path, stage: &str, stereo: Stereo, samples: &str) -> RgbImage {
+    let output = format!("out-{stage}-{}-{samples}", stereo.name());
+    let stage = format!("{stage}.toml");
+    greenstage(
+        place,
+        &[
+            "render",
+            "tube.toml",
+            "-o",
+            &output,
+            "--frames",
+            "3",
+            "--stage",
+            &stage,
+            "--scale",
+            "0.15",
+            "--samples",
+            samples,
+            "--stereo",
+            stereo.name(),
+        ],
+    );
+    let found: Vec<PathBuf> =
+        std::fs::read_dir(place.join(output)).unwrap().map(|e| e.unwrap().path()).collect();
+    let halfway: Vec<_> = found
+        .iter()
+        .filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with("frame0001"))
+        .collect();
+    assert_eq!(halfway.len(), 1, "{}: one picture for one screen: {found:?}", stereo.name());
+    image::open(halfway[0]).unwrap().to_rgb8()
+}
+
+fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
+    image_compare::rgb_hybrid_compare(a, b).unwrap().score
+}
+
+#[test]
+fn every_kind_of_stereo_matches_its_golden_picture() {
+    if require_gpu().is_none() {
+        return;
+    }
+    let place = folder("golden-stereo");
+    coarse_demo(&place);
+    let stage = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/stages/desktop.toml");
+    let stage = std::fs::read_to_string(stage).unwrap();
+    let deep = "centre = [0.0, -0.035, -0.05]";
+    assert!(stage.contains(deep));
+    let stage = stage.replace(deep, "centre = [0.0, -0.035, -0.10]");
+    std::fs::write(place.join("own.toml"), &stage).unwrap();
+    std::fs::write(place.join("swapped.toml"), stage.replace("[viewer]", "swap_eyes = true\n[viewer]"))
+        .unwrap();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/stereo");
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut faults = Vec::new();
+    for Kind { stereo, size } in KINDS {
+        let name = stereo.name();
+        let now = picture(&place, "own", stereo, "4");
+        assert_eq!([now.width(), now.height()], size, "{name}");
+        let path = folder.join(format!("{name}.png"));
+        if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
+            now.save(&path).unwrap();
+        }
+        let golden = image::open(&path).unwrap().to_rgb8();
+        let alike = likeness(&golden, &now);
+        let jagged = likeness(&golden, &picture(&place, "own", stereo, "1"));
+        let swapped = likeness(&golden, &picture(&place, "swapped", stereo, "4"));
+        println!("/// | {name} | {jagged:.4} | {swapped:.4} |");
+        if alike < LEAST {
+            let actual = place.join(format!("{name}.png"));
+            now.save(&actual).unwrap();
+            faults
+                .push(format!("{name} is {alike:.4} like its golden picture; look at {}", actual.display()));
+        }
+        if jagged < LEAST {
+            faults.push(format!("{name}: too strict, one sample a pixel is {jagged:.4} alike"));
+        }
+        if stereo != Stereo::Mono && swapped > LEAST {
+            faults.push(format!("{name}: too lax, swapped eyes are {swapped:.4} alike"));
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}

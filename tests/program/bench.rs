@@ -1,0 +1,36 @@
+//! `greenstage bench --sizes` as JSON.
+
+use crate::render_common;
+
+use render_common::require_gpu;
+use serde_json::Value;
+use std::process::Command;
+
+#[test]
+fn sizes_are_told_as_json_by_where_the_body_deforms() {
+    if require_gpu().is_none() {
+        return;
+    }
+    let asked = ["bench", "--sizes", "300,3000", "--stage", "desktop", "--frames", "1", "--storage", "int16"];
+    let output = Command::new(env!("CARGO_BIN_EXE_greenstage")).args(asked).arg("--json").output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        (&told["stage"], &told["columns"], &told["storage"]),
+        (&"desktop".into(), &24.into(), &"int16".into())
+    );
+    let rows = told["sizes"].as_array().unwrap();
+    let places: Vec<_> = rows.iter().map(|row| row["deformed_on"].as_str().unwrap()).collect();
+    assert_eq!(places, ["cpu", "device", "cpu", "device"]);
+    for row in rows {
+        let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name} of {row}"));
+        assert!(number("nodes") >= 300.0 && number("buffer_bytes") > 24.0 * number("nodes"), "{row}");
+        assert!(number("shapes_drawn") >= 1.0 && number("shapes_culled") >= 0.0);
+        let parts = row["steps_s"].as_object().unwrap();
+        let sum: f64 = parts.values().map(|time| time.as_f64().unwrap()).sum();
+        assert!(parts.len() == 4 && sum > 0.0, "{row}");
+        // Of one frame, so the medians add up.
+        assert!((number("frame_s") - sum).abs() < 1e-9 * sum + 1e-12, "{row}");
+        assert!((number("frames_per_s") * number("frame_s") - 1.0).abs() < 1e-9);
+    }
+}

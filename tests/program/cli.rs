@@ -1,0 +1,429 @@
+//! The command line as a user types it: what works, and what is refused with status 2, file, entity and remedy.
+
+mod cases;
+use crate::common;
+
+use common::{csv_rows, folder};
+use greenstage::mesh::{self, TetMesh, generate};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SCENE: &str = r#"
+stage = "desktop"
+[body.block]
+mesh = "block.msh"
+material = { young = 1.0e3, poisson = 0.3 }
+effects = ["haptics"]
+[body.block.control.high]
+nodes = { group = "xmax" }
+grab = "dragger"
+[body.block.control.low]
+nodes = { box = { min = [-0.6, -0.6, -0.6], max = [-0.4, 0.6, 0.6] } }
+grab = "fixed"
+"#;
+
+const POSES: &str = r#"
+[[pose]]
+name = "rest"
+[[pose]]
+name = "pull"
+control.high = { translation = [0.1, 0.0, 0.0] }
+"#;
+
+const DEFORM: [&str; 6] = ["deform", "scene.toml", "--poses", "poses.toml", "-o", "out"];
+
+fn greenstage(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_greenstage")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn block() -> TetMesh {
+    generate::block(&generate::Block { size: [1.0; 3], cells: [3, 2, 2] }).unwrap()
+}
+
+/// A folder with a scene, its mesh and poses.
+fn project(name: &str) -> PathBuf {
+    let folder = folder(name);
+    mesh::save(&folder.join("block.msh"), &block(), Some("msh22")).unwrap();
+    std::fs::write(folder.join("scene.toml"), SCENE).unwrap();
+    std::fs::write(folder.join("poses.toml"), POSES).unwrap();
+    folder
+}
+
+/// By pose and node, or pose and control element.
+fn table(path: &Path) -> Vec<(String, Vec<f64>)> {
+    csv_rows(path, 2)
+}
+
+fn succeed(folder: &Path, arguments: &[&str]) -> Output {
+    let output = greenstage(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    output
+}
+
+/// Expects exit status 2 and all of `expected` in the message.
+fn refuse(folder: &Path, arguments: &[&str], expected: &[&str]) {
+    let output = greenstage(folder, arguments);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    for part in expected {
+        assert!(message.contains(part), "{arguments:?}: {part:?} is missing in: {message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+}
+
+fn refuse_scene(name: &str, from: &str, to: &str, expected: &[&str]) {
+    let folder = project(name);
+    let scene = SCENE.replace(from, to);
+    assert_ne!(scene, SCENE, "{from:?} must stand in the scene");
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    refuse(&folder, &["precompute", "scene.toml"], expected);
+}
+
+#[test]
+fn precompute_deform_inspect() {
+    let folder = project("cli-works");
+    let made = text(&succeed(&folder, &["precompute", "scene.toml"]).stdout);
+    for part in ["assembly", "ordering", "factor", "solves", "residual", "peak memory", "scene.green"] {
+        assert!(made.contains(part), "{part} is missing in: {made}");
+    }
+    let again = text(&succeed(&folder, &["precompute", "scene.toml"]).stdout);
+    assert!(again.contains("is fresh"), "{again}");
+
+    succeed(&folder, &["deform", "scene.toml", "--poses", "poses.toml", "-o", "out/result.csv"]);
+    let csv = std::fs::read_to_string(folder.join("out/result.csv")).unwrap();
+    assert_eq!(csv.lines().next(), Some("pose,node,ux,uy,uz"));
+    let rows = table(&folder.join("out/result.csv"));
+    let pulled: Vec<f64> =
+        rows.iter().filter(|(key, _)| key.starts_with("pull,")).map(|(_, u)| u[0]).collect();
+    assert_eq!(pulled.len(), 4 * 9 - 2, "all surface nodes of 3 × 2 × 2 cells, and only those");
+    assert!(pulled.iter().all(|u| (-0.001..=0.1001).contains(u)), "stretched between 0 and 0.1 m");
+    let forces = table(&folder.join("out/result.forces.csv"));
+    let force = forces.iter().find(|(key, _)| key == "pull,high").unwrap().1[0];
+    assert!((100.0..130.0).contains(&force), "E A u / L = 100 N, more with clamped faces: {force}");
+    let vtu = vtkio::Vtk::import(folder.join("out/result.vtu")).unwrap();
+    let vtkio::model::DataSet::UnstructuredGrid { pieces, .. } = vtu.data else { panic!("a grid") };
+    assert_eq!(pieces.len(), 1);
+
+    for file in ["block.msh", "scene.green", "scene.toml"] {
+        let shown = text(&succeed(&folder, &["inspect", file]).stdout);
+        assert!(shown.contains("nodes"), "{shown}");
+        let json = text(&succeed(&folder, &["inspect", file, "--json"]).stdout);
+        serde_json::from_str::<serde_json::Value>(&json).unwrap();
+    }
+}
+
+#[test]
+fn convert_says_what_is_lost_and_inspect_what_is_wrong() {
+    let folder = project("convert");
+    for (out, lost) in [
+        ("a.msh", ""),
+        ("a.inp", ""),
+        ("a.vtu", "note: the format holds no node groups; lost: xmax, xmin"),
+        ("a.mesh", "note: the format holds no node groups"),
+        ("a.node", "note: the format holds no node groups"),
+    ] {
+        let output = succeed(&folder, &["convert", "block.msh", out]);
+        let told = text(&output.stderr);
+        assert!(told.starts_with(lost) && (told.is_empty() == lost.is_empty()), "{out}: {told}");
+        assert!(
+            text(&output.stdout).starts_with("block.msh: 36 nodes, 60 tetrahedra"),
+            "{}",
+            text(&output.stdout)
+        );
+        let shown = text(&succeed(&folder, &["inspect", out]).stdout);
+        assert!(
+            shown.contains("36 nodes, 60 tetrahedra") && shown.contains("nothing wrong is found"),
+            "{shown}"
+        );
+    }
+    assert!(folder.join("a.ele").exists());
+    assert!(
+        std::fs::read_dir(&folder)
+            .unwrap()
+            .all(|entry| { !entry.unwrap().file_name().to_string_lossy().starts_with(".mesh-") })
+    );
+    succeed(&folder, &["convert", "a.inp", "b.msh", "--encoding", "msh22"]);
+    let text_of = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert_eq!(text_of("b.msh"), text_of("block.msh"));
+    refuse(
+        &folder,
+        &["convert", "block.msh", "a.stl"],
+        &["a.stl: cannot be written; known are msh41 (.msh)"],
+    );
+    refuse(
+        &folder,
+        &["convert", "block.msh", "a.vtu", "--encoding", "msh22"],
+        &["cannot be written as msh22"],
+    );
+    refuse(&folder, &["convert", "no.msh", "a.vtu"], &["no.msh: cannot be read"]);
+
+    let mut twice = block();
+    let (nodes, second) = (twice.nodes.len() as u32, block());
+    twice.nodes.extend(second.nodes.iter().map(|node| node + nalgebra::Vector3::x()));
+    twice.tags.extend(second.tags.iter().map(|tag| tag + 100));
+    twice.tets.extend(second.tets.iter().map(|tet| tet.map(|node| node + nodes)));
+    twice.regions.extend(second.regions);
+    mesh::save(&folder.join("twice.msh"), &twice, None).unwrap();
+    let shown = text(&succeed(&folder, &["inspect", "twice.msh"]).stdout);
+    assert!(shown.contains("what is wrong\n  warning: 9 pairs of nodes lie at the same place"), "{shown}");
+    assert!(shown.contains("  note: 2 pieces that share no face"), "{shown}");
+}
+
+#[test]
+fn all_nodes_are_solved_in_f64() {
+    let folder = project("cli-all-nodes");
+    succeed(&folder, &DEFORM);
+    let surface = table(&folder.join("out.csv"));
+    std::fs::remove_file(folder.join("scene.green")).unwrap();
+    succeed(&folder, &[&DEFORM[..], &["--all-nodes"]].concat());
+    assert!(!folder.join("scene.green").exists(), "nothing is precomputed for it");
+    let all: BTreeMap<_, _> = table(&folder.join("out.csv")).into_iter().collect();
+    assert_eq!(all.len(), 2 * 36);
+    for (key, u) in &surface {
+        assert!((0..3).all(|axis| (u[axis] - all[key][axis]).abs() < 1e-8), "{key}: {u:?} {:?}", all[key]);
+    }
+    // 0.1 is no f32: these numbers never were one.
+    let exact = all.iter().filter(|(key, u)| key.starts_with("pull") && u[0] == 0.1).count();
+    assert_eq!(exact, 9, "the nodes of the moved face");
+}
+
+#[test]
+fn scene_mistakes_are_refused() {
+    let cases: [(&str, &str, &str, &[&str]); 11] = [
+        (
+            "key",
+            "effects =",
+            "efects =",
+            &["scene.toml:6:1", "unknown field `efects`", "did you mean `effects`?"],
+        ),
+        (
+            "model",
+            "effects =",
+            "model = \"rotaton\"\neffects =",
+            &["body.block.model", "did you mean \"rotation\"?"],
+        ),
+        ("effect", "\"haptics\"", "\"haptic\"", &["body.block.effects", "did you mean \"haptics\"?"]),
+        ("poisson", "poisson = 0.3", "poisson = 0.5", &["scene.toml", "body.block.material", "0.5", "0.49"]),
+        ("mesh", "block.msh", "blok.msh", &["scene.toml", "body.block.mesh", "blok.msh"]),
+        ("group", "\"xmax\"", "\"xmxa\"", &["body.block.control.high", "did you mean \"xmax\"?"]),
+        ("empty", "min = [-0.6,", "min = [-0.41,", &["body.block.control.low", "selects no node", "spans"]),
+        (
+            "overlap",
+            "max = [-0.4,",
+            "max = [0.6,",
+            &["body.block.control.low", "overlaps control high", "9 nodes"],
+        ),
+        (
+            "region",
+            "effects =",
+            "region.7 = { young = 1.0, poisson = 0.3 }\neffects =",
+            &["body.block.region.7", "regions 0"],
+        ),
+        ("stage", "stage = \"desktop\"", "stge = \"desktop\"", &["scene.toml:2:1", "did you mean `stage`?"]),
+        ("file", "group = \"xmax\"", "file = \"tags.txt\"", &["body.block.control.high", "tags.txt"]),
+    ];
+    for (name, from, to, expected) in cases {
+        refuse_scene(&format!("cli-scene-{name}"), from, to, expected);
+    }
+    refuse(&project("cli-absent"), &["precompute", "other.toml"], &["other.toml"]);
+    refuse(&project("cli-folder"), &["precompute", "."], &["."]);
+}
+
+#[test]
+fn bad_meshes_are_refused() {
+    let out_of_range = project("cli-range");
+    let file = out_of_range.join("block.msh");
+    let good = std::fs::read_to_string(&file).unwrap();
+    let is_tetrahedron = |line: &str| line.split(' ').nth(1) == Some("4") && line.split(' ').count() > 7;
+    let (line, first) = good.lines().enumerate().find(|(_, line)| is_tetrahedron(line)).unwrap();
+    let (start, _) = first.rsplit_once(' ').unwrap();
+    std::fs::write(&file, good.replacen(first, &format!("{start} 99999"), 1)).unwrap();
+    refuse(&out_of_range, &["precompute", "scene.toml"], &[&format!("block.msh:{}", line + 1), "99999"]);
+
+    // A second block, far away, that no control element reaches.
+    let floating = project("cli-floating");
+    let (mut both, other) = (block(), block());
+    let count = both.nodes.len() as u32;
+    both.tets.extend(other.tets.iter().map(|tet| tet.map(|node| node + count)));
+    both.regions.extend(&other.regions);
+    both.nodes.extend(other.nodes.iter().map(|x| x + nalgebra::Vector3::new(0.0, 3.0, 0.0)));
+    both.tags.extend(other.tags.iter().map(|tag| tag + u64::from(count)));
+    mesh::save(&floating.join("block.msh"), &both, Some("msh41-binary")).unwrap();
+    let expected = ["body.block", "piece 2 of 2", "36 nodes", "held by no control element", "tags 37"];
+    refuse(&floating, &["precompute", "scene.toml"], &expected);
+
+    let hinge = project("cli-hinge");
+    let edge = SCENE.replace("group = \"xmax\"", "box = { min = [0.4, 0.4, -1.0], max = [0.6, 0.6, 1.0] }");
+    let only = edge.split("[body.block.control.low]").next().unwrap();
+    std::fs::write(hinge.join("scene.toml"), only).unwrap();
+    refuse(&hinge, &["precompute", "scene.toml"], &["3 nodes on one line", "turn freely"]);
+
+    let flat = project("cli-flat");
+    let mut squashed = block();
+    let tet = squashed.tets[0].map(|node| node as usize);
+    squashed.nodes[tet[3]] = (squashed.nodes[tet[0]] + squashed.nodes[tet[1]] + squashed.nodes[tet[2]]) / 3.0;
+    mesh::save(&flat.join("block.msh"), &squashed, Some("msh22")).unwrap();
+    refuse(&flat, &["precompute", "scene.toml"], &["body.block", "1 tetrahedra have no volume", "nodes ["]);
+}
+
+#[test]
+fn damaged_and_stale_green_files_are_refused() {
+    let folder = project("cli-damaged");
+    succeed(&folder, &["precompute", "scene.toml"]);
+    let path = folder.join("scene.green");
+    let good = std::fs::read(&path).unwrap();
+
+    std::fs::write(&path, &good[..good.len() / 2]).unwrap();
+    refuse(&folder, &DEFORM, &["scene.green", "cut short or damaged", "greenstage precompute"]);
+    let mut flipped = good.clone();
+    let late = good.len() - 1000;
+    flipped[late] ^= 1;
+    std::fs::write(&path, flipped).unwrap();
+    refuse(&folder, &DEFORM, &["scene.green", "damaged", "blake3", "greenstage precompute"]);
+    refuse(&folder, &["inspect", "scene.green"], &["scene.green", "damaged"]);
+    let remade = succeed(&folder, &["precompute", "scene.toml", "--force"]);
+    assert!(text(&remade.stdout).contains("written"));
+
+    std::fs::write(&path, &good).unwrap();
+    std::fs::write(folder.join("scene.toml"), SCENE.replace("young = 1.0e3", "young = 2.0e3")).unwrap();
+    refuse(&folder, &[&DEFORM[..], &["--green", "scene.green"]].concat(), &["scene.green", "is stale"]);
+    let output = succeed(&folder, &DEFORM);
+    assert!(text(&output.stderr).contains("is stale"), "made anew, and said: {}", text(&output.stderr));
+}
+
+#[test]
+fn pose_mistakes_are_refused() {
+    let folder = project("cli-poses");
+    for (poses, expected) in [
+        ("control.hihg = {}", ["pose \"a\"", "did you mean \"high\"?"]),
+        ("control.high = { translation = [nan, 0, 0] }", ["control high", "not finite"]),
+        ("control.high = { translation = [0.0, 0.0] }", ["poses.toml:3", "length 3"]),
+        ("body = \"blok\"", ["pose \"a\"", "did you mean \"block\"?"]),
+        ("[[pose]]\nname = \"a\"", ["poses.toml", "two poses are called \"a\""]),
+    ] {
+        std::fs::write(folder.join("poses.toml"), format!("[[pose]]\nname = \"a\"\n{poses}\n")).unwrap();
+        refuse(&folder, &DEFORM, &expected);
+    }
+}
+
+/// A pose in a batch stands alone, whatever was before it: also where the mean rotation is followed on line.
+#[test]
+fn a_pose_does_not_depend_on_the_one_before() {
+    let folder = project("cli-alone");
+    std::fs::write(folder.join("scene.toml"), SCENE.replace("effects =", "model = \"rotation\"\neffects ="))
+        .unwrap();
+    let turn = |name: &str, degrees: f64| {
+        let (s, c) = degrees.to_radians().sin_cos();
+        let matrix = format!("[[1.0, 0.0, 0.0], [0.0, {c}, {}], [0.0, {s}, {c}]]", -s);
+        format!("[[pose]]\nname = \"{name}\"\ncontrol.high = {{ matrix = {matrix} }}\n")
+    };
+    let rows = |poses: String| {
+        std::fs::write(folder.join("poses.toml"), poses).unwrap();
+        let output = succeed(&folder, &DEFORM);
+        let rows = table(&folder.join("out.csv")).into_iter().filter(|(key, _)| key.starts_with("last"));
+        (rows.collect::<Vec<_>>(), text(&output.stderr))
+    };
+    for degrees in [40.0, 180.0, 200.0] {
+        let (alone, said) = rows(turn("last", degrees));
+        let (after, _) = rows(turn("a", 90.0) + &turn("b", 170.0) + &turn("last", degrees));
+        assert_eq!(alone, after, "{degrees}°");
+        assert_eq!(said.contains("not defined"), degrees == 180.0, "{degrees}°: {said}");
+    }
+}
+
+/// Numbers that TOML can hold and no body can have: every one ends in an error with its file, or in finite numbers.
+#[test]
+fn absurd_numbers_are_refused_or_harmless() {
+    let folder = project("cli-absurd");
+    let mut refused = 0;
+    for number in ["0.0", "-1.0", "1e300", "-1e300", "1e-300", "nan", "inf", "1e39", "4000000000", "1e-45"] {
+        for (from, to) in [
+            ("young = 1.0e3", format!("young = {number}")),
+            ("poisson = 0.3", format!("poisson = {number}")),
+            ("effects =", format!("place = {{ position = [{number}, 0.0, 0.0] }}\neffects =")),
+            ("effects =", format!("place = {{ position = [0.0, 0.0, 0.0], scale = {number} }}\neffects =")),
+            ("effects =", format!("solver = {{ method = \"pcg\", tolerance = {number} }}\neffects =")),
+            ("max = [-0.4,", format!("max = [{number},")),
+            ("group = \"xmax\"", format!("sphere = {{ centre = [0.5, 0.0, 0.0], radius = {number} }}")),
+            (
+                "group = \"xmax\"",
+                format!("plane = {{ point = [0.5, 0, 0], normal = [{number}, 0, 0], distance = 1e-9 }}"),
+            ),
+            (
+                "mesh = \"block.msh\"",
+                format!("generate = {{ block = {{ size = [1.0, {number}, 1.0], cells = [3, 2, 2] }} }}"),
+            ),
+        ] {
+            let scene = SCENE.replace(from, &to);
+            assert_ne!(scene, SCENE);
+            std::fs::write(folder.join("scene.toml"), scene).unwrap();
+            let output = greenstage(&folder, &DEFORM);
+            let message = text(&output.stderr);
+            assert!(!message.contains("panicked"), "{to}: {message}");
+            match output.status.code() {
+                Some(0) => {
+                    let rows = table(&folder.join("out.csv"));
+                    assert!(rows.iter().all(|(_, u)| u.iter().all(|u| u.is_finite())), "{to}");
+                    assert!(
+                        rows.iter().any(|(key, u)| key.starts_with("pull") && u[0] > 0.05),
+                        "{to}: nothing moves"
+                    );
+                }
+                Some(2) => {
+                    refused += 1;
+                    assert!(message.contains("scene.toml"), "{to}: {message}");
+                }
+                other => panic!("{to}: status {other:?}: {message}"),
+            }
+        }
+    }
+    assert!(refused > 50, "{refused} of 90 refused");
+}
+
+#[test]
+fn check_lists_everything_without_solving() {
+    let folder = project("cli-check");
+    let fine = text(&succeed(&folder, &["check", "scene.toml"]).stdout);
+    assert!(fine.contains("0 errors, 0 warnings, 2 notes") && fine.contains("planar"), "{fine}");
+    let scene = SCENE.replace("poisson = 0.3", "poisson = 0.49").replace("max = [-0.4,", "max = [0.6,");
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    refuse(&folder, &["check", "scene.toml"], &["scene.toml: 1 error"]);
+    let output = greenstage(&folder, &["check", "scene.toml"]);
+    let lines: Vec<String> = text(&output.stdout).lines().map(str::to_owned).collect();
+    assert!(lines[0].starts_with("error: body.block.control.low: overlaps control high"), "{lines:?}");
+    assert!(lines[1].starts_with("warning: body.block.material: Poisson's ratio 0.49"), "{lines:?}");
+    let json = greenstage(&folder, &["check", "scene.toml", "--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(value["findings"][0]["severity"], "error");
+    assert!(!folder.join("scene.green").exists());
+}
+
+#[test]
+fn stage_and_script_mistakes_are_refused() {
+    let folder = project("cli-stages");
+    let render = |stage: &str| ["render", "scene.toml", "--stage", stage, "-o", "out"].map(str::to_owned);
+    let with = |stage: &str, expected: &[&str]| {
+        let arguments = render(stage);
+        refuse(&folder, &arguments.each_ref().map(String::as_str), expected);
+    };
+    with("workbensh", &["workbensh", "did you mean `workbench`?"]);
+    with("none.toml", &["none.toml"]);
+    let bench = include_str!("../../configs/stages/workbench.toml");
+    // The wall's lower corners exchanged: a mirrored picture.
+    let mirrored = bench
+        .replace("lower_left = [-0.80, 0.90, 0.00]", "lower_left = [0.80, 0.90, 0.00]")
+        .replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [-0.80, 0.90, 0.00]")
+        .replace("upper_left = [-0.80, 2.18, 0.00]", "upper_left = [0.80, 2.18, 0.00]");
+    assert_ne!(mirrored, bench);
+    std::fs::write(folder.join("mirrored.toml"), mirrored).unwrap();
+    with("mirrored.toml", &["mirrored.toml", "wall", "mirrored"]);
+    refuse(&folder, &["inspect", "mirrored.toml"], &["mirrored.toml", "wall"]);
+    std::fs::write(folder.join("script.toml"), "[[key]]\ntime = 0.0\n[[key]]\ntime = -1.0\n").unwrap();
+    let render = ["render", "scene.toml", "--script", "script.toml", "-o", "out"];
+    refuse(&folder, &render, &["script.toml"]);
+}

@@ -1,0 +1,178 @@
+//! Every file in configs/ does what its comment says: each is loaded here and a number of it is asserted.
+
+use crate::common;
+
+use common::folder;
+use greenstage::deform::Deformer;
+use greenstage::green::{self, GreenFile, Needs};
+use greenstage::interact::{
+    Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
+};
+use greenstage::mesh::Surface;
+use greenstage::scene::{Grab, Scene};
+use greenstage::solve::Silent;
+use greenstage::stage::{Eye, Stage};
+use greenstage::track::Script;
+use nalgebra::{Point3, Vector3};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+fn config(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name)
+}
+
+/// The folder holds these TOML files and no others (a .green file may lie beside its scene): a new one needs its test
+/// here.
+fn holds(folder: &str, expected: &[&str]) {
+    let mut found: Vec<String> = std::fs::read_dir(config(folder))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.ends_with(".toml"))
+        .collect();
+    found.sort();
+    assert_eq!(found, expected, "configs/{folder}");
+}
+
+/// Screens, pixels of all, square metres of all, shared edges, and the parallax angle of the workspace's centre.
+#[test]
+fn stages() {
+    let expected = [
+        ("cave3.toml", 3, 2 * 1200 * 900 + 1200 * 1200, 2.0 * 2.4 * 1.8 + 2.4 * 2.4, 3, 3.385),
+        ("cave6.toml", 6, 6 * 1600 * 1600, 6.0 * 3.0 * 3.0, 12, 3.902),
+        ("cyberstage.toml", 4, 4 * 1280 * 1024, 3.0 * 3.0 * 2.4 + 3.0 * 3.0, 5, 3.279),
+        ("desktop.toml", 1, 1280 * 800, 0.3456 * 0.2160, 0, 5.577),
+        ("laptop.toml", 1, 1920 * 1080, 0.3456 * 0.1944, 0, 6.144),
+        ("lbench.toml", 2, 2 * 1920 * 1080, 2.0 * 1.21 * 0.68, 1, 3.645),
+        ("powerwall.toml", 4, 4 * 1920 * 1080, 4.0 * 1.2096 * 0.6804, 4, 1.961),
+        ("workbench-one-sided.toml", 1, 1280 * 1024, 1.60 * 1.28, 0, 3.742),
+        ("workbench.toml", 2, 2 * 1280 * 1024, 2.0 * 1.60 * 1.28, 1, 3.340),
+    ];
+    holds("stages", &expected.map(|row| row.0));
+    for (file, screens, pixels, area_m2, seams, degrees) in expected {
+        let stage = Stage::load(&config("stages").join(file)).unwrap();
+        let of_one = |screen: &greenstage::stage::Screen| {
+            let [width_m, height_m] = screen.pixel_size_m();
+            let count = u64::from(screen.pixels[0]) * u64::from(screen.pixels[1]);
+            (count, count as f64 * width_m * height_m)
+        };
+        assert_eq!(stage.screens.len(), screens, "{file}");
+        assert_eq!(stage.screens.iter().map(|s| of_one(s).0).sum::<u64>(), pixels, "{file}");
+        let area: f64 = stage.screens.iter().map(|s| of_one(s).1).sum();
+        assert!((area - area_m2).abs() < 1e-9, "{file}: {area} m²");
+        assert_eq!(stage.seams().len(), seams, "{file}");
+        let ray = |eye| stage.workspace.centre - stage.viewer.eye_in_room(&stage.viewer.room_from_head, eye);
+        let angle = ray(Eye::Left).angle(&ray(Eye::Right)).to_degrees();
+        assert!((angle - degrees).abs() < 1e-3, "{file}: {angle}°");
+    }
+}
+
+#[test]
+fn scripts() {
+    holds("scripts", &["bend.toml"]);
+    let script = Script::load(&config("scripts/bend.toml")).unwrap();
+    assert_eq!(script.duration_s, 4.0);
+    let stage = Stage::find("workbench").unwrap();
+    let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
+    assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
+}
+
+/// The whole line, offline and online: the demo's scene as it is, its script on its stage, and where the tube's right
+/// end stands when the script rests.
+#[test]
+fn scenes() {
+    holds("scenes", &["tube.toml"]);
+    let scene = Scene::load(&config("scenes/tube.toml")).unwrap();
+    let body = &scene.body["tube"];
+    assert_eq!((scene.stage.as_str(), body.model.as_str()), ("workbench", "rotation"));
+    let precomputed = green::precompute(&scene, "tube", Needs::default(), &Silent).unwrap();
+    let mesh = &precomputed.solution.mesh;
+    assert_eq!((mesh.nodes.len(), mesh.tets.len()), (10_080, 37_200));
+    let path = folder("configs-tube").join("tube.green");
+    green::write(&path, &[precomputed]).unwrap();
+    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let mut tube = Deformer::new(file, "tube", &body.model).unwrap();
+
+    let stage = Stage::find(&scene.stage).unwrap();
+    let script = Script::load(&scene.resolve(scene.script.as_deref().unwrap())).unwrap();
+    let right = tube.controls.iter().position(|control| control.name == "right").unwrap();
+    assert_eq!(body.control["right"].grab, Grab::Dragger);
+    let bent = follow(&mut tube, right, &stage, &script);
+
+    let positions: Vec<Point3<f64>> = in_body(&tube);
+    let end: Vec<(Point3<f64>, Point3<f64>)> = tube
+        .control_nodes(right)
+        .iter()
+        .map(|&node| {
+            (Point3::from(Vector3::from(tube.rest()[node as usize]).cast()), positions[node as usize])
+        })
+        .collect();
+    // The end's inner and outer faces: the line between their middles was along x and now points 60° up.
+    let middle = |is: &dyn Fn(f64) -> bool| -> Vector3<f64> {
+        let of: Vec<_> = end.iter().filter(|(rest, _)| is(rest.x)).map(|(_, now)| now.coords).collect();
+        of.iter().sum::<Vector3<f64>>() / of.len() as f64
+    };
+    let (first, last) =
+        end.iter().fold((f64::MAX, f64::MIN), |(a, b), (rest, _)| (a.min(rest.x), b.max(rest.x)));
+    let axis = middle(&|x| x > last - 1e-6) - middle(&|x| x < first + 1e-6);
+    let angle = axis.y.atan2(axis.x).to_degrees();
+    println!("bent by {angle:.4}° in {bent} frames that deformed");
+    assert!((angle - 60.0).abs() < 0.02, "{angle}°");
+    assert!(axis.z.abs() < 1e-5, "{axis}");
+    // The tube's 1.0 m are 1.9 of the script's units; it bends the 1.8 between ±0.9 along an arc, and what it holds
+    // moves rigidly with the arc's end.
+    let (length, theta) = (1.8 / 1.9, 60_f64.to_radians());
+    let arc = Vector3::new(length * theta.sin() / theta, length * (1.0 - theta.cos()) / theta, 0.0);
+    let before = tube.controls[right].origin.x - length / 2.0;
+    let expected =
+        Vector3::new(-length / 2.0, 0.0, 0.0) + arc + before * Vector3::new(theta.cos(), theta.sin(), 0.0);
+    let off = (tube.controls[right].origin + tube.poses[right].translation - expected).norm();
+    println!("its origin is {off:.2e} m off the arc");
+    assert!(off < 1e-5, "{off} m off {expected}");
+}
+
+fn in_body(tube: &Deformer) -> Vec<Point3<f64>> {
+    let motion = tube.body_from_surface();
+    tube.positions().iter().map(|x| motion * Point3::from(Vector3::from(*x).cast::<f64>())).collect()
+}
+
+/// Runs the script at 60 Hz, as the window does: ray, hit, hands, pose, deformation. Returns the frames in which the
+/// body was deformed anew.
+fn follow(tube: &mut Deformer, right: usize, stage: &Stage, script: &Script) -> usize {
+    let (low, high) = in_body(tube)
+        .iter()
+        .fold((Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3])), |(low, high), x| {
+            (low.inf(x), high.sup(x))
+        });
+    let room_from_body = stage.workspace.room_from_body(low, high).unwrap();
+    let surface =
+        Surface { triangles: tube.triangles().to_vec(), nodes: (0..tube.node_count() as u32).collect() };
+    let shape = PickShape::new(&surface, tube.control_nodes(right));
+    let origin = Point3::from(tube.controls[right].origin);
+    let mut hands = Hands::new(stage.workspace.radius_m);
+    let mut frames = 0;
+    for frame in 0..=240 {
+        let stylus = script.sample(stage, f64::from(frame) / 60.0).styli[0];
+        let motion = tube.body_from_surface();
+        let positions: Vec<Vector3<f32>> = tube.positions().iter().map(|x| Vector3::from(*x)).collect();
+        let target = PickTarget {
+            shape: &shape,
+            positions: &positions,
+            ball_radius_m: 0.01,
+            room_from_body: room_from_body * motion,
+        };
+        let hit = PickRay::from_stylus(&stylus).and_then(|ray| pick(&ray, &[target]));
+        let mut poses = tube.poses.clone();
+        let now =
+            room_from_element(&room_from_body, &origin, &poses[right].translation, &poses[right].matrix);
+        let element = |_| Some(Element { room_from_body, room_from_element: now });
+        let asked = hands.step(&[Some(stylus)], f64::from(frame) / 60.0, &[hit], element);
+        if let Some(drag) = asked.drags.first() {
+            let (translation, matrix) =
+                control_pose_in_body(&drag.room_from_element, &room_from_body, &origin).unwrap();
+            (poses[right].translation, poses[right].matrix) = (translation, matrix);
+        }
+        frames += usize::from(tube.evaluate(&poses).is_some());
+    }
+    assert!(hands.held().is_empty(), "the stylus lets go");
+    frames
+}

@@ -1,0 +1,128 @@
+//! What a scene does not list costs nothing: no precomputation, no section in the file, no memory, no call in the
+//! frame, no output.
+
+use crate::common;
+
+use common::{coarse_demo, folder, greenstage};
+use greenstage::deform::Deformer;
+use greenstage::effect::EFFECTS;
+use greenstage::green::GreenFile;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// 12 coefficients of two control elements squared, in f64.
+const STIFFNESS_BYTES: usize = 24 * 24 * 8;
+
+/// The coarse demo in a folder of its own, with or without force and torque.
+fn tube(name: &str, effects: &str) -> PathBuf {
+    let place = folder(name);
+    let scene = coarse_demo(&place);
+    let text = std::fs::read_to_string(&scene).unwrap();
+    assert!(text.contains("effects = []"));
+    std::fs::write(&scene, text.replace("effects = []", &format!("effects = [{effects}]"))).unwrap();
+    let poses = r#"pose = [{ name = "moved", control.right = { translation = [0.01, 0.02, 0.0] } }]"#;
+    std::fs::write(place.join("poses.toml"), poses).unwrap();
+    place
+}
+
+fn said(place: &Path, arguments: &[&str]) -> (String, String) {
+    let output = greenstage(place, arguments);
+    (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+/// Bytes of every tensor in the file, and of all together.
+fn tensors(path: &Path) -> (BTreeMap<String, Vec<u8>>, usize) {
+    let bytes = std::fs::read(path).unwrap();
+    let (header, _) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    let container = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let tensors =
+        container.tensors().into_iter().map(|(name, tensor)| (name, tensor.data().to_vec())).collect();
+    (tensors, bytes.len() - 8 - header)
+}
+
+#[test]
+fn without_haptics_there_is_no_stiffness_step_and_no_section_of_the_file() {
+    let (plain, haptic) = (tube("effects-plain", ""), tube("effects-haptic", r#""haptics""#));
+    let (table, progress) = said(&plain, &["precompute", "tube.toml"]);
+    assert!(table.contains("assembly") && !table.contains("stiffness"), "{table}");
+    assert!(progress.contains("assembly") && !progress.contains("stiffness"), "{progress}");
+    let (table, progress) = said(&haptic, &["precompute", "tube.toml"]);
+    assert!(table.contains("stiffness") && progress.contains("stiffness"), "{table}\n{progress}");
+
+    let [(plain, plain_bytes), (haptic, haptic_bytes)] =
+        [plain, haptic].map(|place| tensors(&place.join("tube.green")));
+    println!("tensors: {plain_bytes} bytes, with haptics {haptic_bytes}");
+    assert_eq!(haptic_bytes - plain_bytes, STIFFNESS_BYTES);
+    assert_eq!(haptic["tube/stiffness"].len(), STIFFNESS_BYTES);
+    let others: BTreeMap<_, _> = haptic.into_iter().filter(|(name, _)| name != "tube/stiffness").collect();
+    assert_eq!(plain, others, "the other tensors are the same to the byte");
+}
+
+#[test]
+fn without_haptics_deform_writes_no_forces() {
+    for (effects, forces) in [("", false), (r#""haptics""#, true)] {
+        let place = tube(&format!("effects-deform-{forces}"), effects);
+        let (told, _) = said(&place, &["deform", "tube.toml", "--poses", "poses.toml", "-o", "out"]);
+        assert!(place.join("out.csv").exists());
+        assert_eq!(place.join("out.forces.csv").exists(), forces);
+        assert_eq!(told.contains("out.forces.csv"), forces, "{told}");
+    }
+}
+
+#[test]
+fn without_haptics_the_deformer_holds_no_stiffness_and_gives_no_forces() {
+    for (effects, forces) in [("", false), (r#""haptics""#, true)] {
+        let place = tube(&format!("effects-deformer-{forces}"), effects);
+        greenstage(&place, &["precompute", "--quiet", "tube.toml"]);
+        let file = Arc::new(GreenFile::open(&place.join("tube.green")).unwrap());
+        let mut deformer = Deformer::new(file, "tube", "rotation").unwrap();
+        assert_eq!(deformer.wrenches().is_some(), forces);
+        let mut poses = deformer.poses.clone();
+        poses[1].translation.x = 0.01;
+        deformer.evaluate(&poses).unwrap();
+        assert_eq!(deformer.wrenches().is_some(), forces);
+    }
+}
+
+/// A file that was made for other effects is never taken for the scene's own, in either direction.
+#[test]
+fn another_list_of_effects_makes_the_file_anew() {
+    let place = tube("effects-change", "");
+    greenstage(&place, &["precompute", "--quiet", "tube.toml"]);
+    let scene = place.join("tube.toml");
+    let text = std::fs::read_to_string(&scene).unwrap();
+    for (effects, forces) in [(r#"effects = ["haptics"]"#, true), ("effects = []", false)] {
+        std::fs::write(&scene, text.replace("effects = []", effects)).unwrap();
+        greenstage(&place, &["precompute", "--quiet", "tube.toml"]);
+        let (tensors, _) = tensors(&place.join("tube.green"));
+        assert_eq!(tensors.contains_key("tube/stiffness"), forces, "{effects}");
+    }
+}
+
+/// The frame speaks of no effect, except in one file of its own, which it enters only for a body whose scene lists one
+/// (`forces_are_told_only_of_bodies_whose_scene_wants_them` holds it to that).
+#[test]
+fn the_frame_calls_no_effect_that_is_not_listed() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = vec![source.join("cli/picture.rs"), source.join("cli/view.rs")];
+    for folder in ["cli/world", "render"] {
+        files.extend(std::fs::read_dir(source.join(folder)).unwrap().map(|entry| entry.unwrap().path()));
+    }
+    let own = source.join("cli/world/force.rs");
+    let asked_for = ".force_scale.is_some()";
+    let (mut read, mut entered) = (0, 0);
+    for file in files.iter().filter(|path| path.is_file() && **path != own) {
+        let text = std::fs::read_to_string(file).unwrap();
+        read += 1;
+        for name in EFFECTS.iter().map(|effect| effect.name).chain(["wrenches", "effect::"]) {
+            assert!(!text.contains(name), "{} speaks of {name}", file.display());
+        }
+        for (at, _) in text.match_indices("force::held_force(") {
+            entered += 1;
+            let before = &text[at.saturating_sub(120)..at];
+            assert!(before.contains(asked_for), "{} does not ask whether it is listed", file.display());
+        }
+    }
+    assert!(own.is_file() && entered == 1 && read > 12, "{read} files, entered {entered} times");
+}
