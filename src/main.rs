@@ -3,17 +3,24 @@
 use clap::Parser;
 use std::io::IsTerminal;
 use std::process::ExitCode;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
+    let text = std::env::var("GREENSTAGE_LOG").unwrap_or_else(|_| greenstage::render::LOGGED.to_owned());
+    let filter: Targets = match text.parse() {
+        Ok(filter) => filter,
+        Err(error) => {
+            eprintln!("error: GREENSTAGE_LOG is \"{text}\" ({error}); write for example info, or warn,wgpu_core=info");
+            return ExitCode::from(2);
+        }
+    };
+    let layer = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_env("GREENSTAGE_LOG")
-                .unwrap_or_else(|_| greenstage::render::LOGGED.into()),
-        )
-        .without_time()
-        .init();
+        .without_time();
+    tracing_subscriber::registry().with(filter).with(layer).init();
     match greenstage::cli::run(greenstage::cli::Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -155,24 +155,6 @@ fn through(visible: &Visible, view: View) -> View {
     View { clip_from_room: clip_from_room.cast(), ..view }
 }
 
-/// What a window system that neither places windows nor tells where they stand (Wayland) does to these, if anything.
-pub fn unplaced(windows: &[Window]) -> Option<String> {
-    let is_placed = windows.iter().any(|window| window.at.is_some() || window.monitor.is_some());
-    let is_woven =
-        |tile: &stage::Tile| matches!(tile.stereo, Stereo::Rows | Stereo::Columns | Stereo::Checkerboard);
-    let is_woven = windows.iter().flat_map(|window| &window.tiles).any(is_woven);
-    let what = match (is_placed, is_woven) {
-        (true, true) => "windows stand where it puts them, and interlaced eyes may be swapped",
-        (true, false) => "windows stand where it puts them",
-        (false, true) => "interlaced eyes may be swapped, by the place of the window",
-        (false, false) => return None,
-    };
-    Some(format!(
-        "Wayland places windows itself and does not tell where: {what}; on X11, or through Xwayland (unset \
-         WAYLAND_DISPLAY), they stand where the stage file says"
-    ))
-}
-
 /// The screen under the cursor and the place on it (x right, y up, -1 to 1), from a place in the window as a share of
 /// its width and height. Beyond the window, the nearest tile's screen goes on.
 pub fn at_cursor(
@@ -280,13 +262,5 @@ mod tests {
             let expected = [pixel[0] as f32 - 100.0, pixel[1] as f32 - 50.0];
             assert!((0..2).all(|k| (drawn[k] - expected[k]).abs() < 1e-3), "{drawn:?} is not {expected:?}");
         }
-    }
-
-    #[test]
-    fn wayland_is_warned_of_where_it_matters() {
-        let warned = |name: &str| unplaced(&Stage::find(name).unwrap().layout()).unwrap_or_default();
-        assert_eq!(warned("desktop"), "");
-        assert!(warned("workbench").contains("stand where it puts them;"));
-        assert!(warned("powerwall").contains("and interlaced eyes may be swapped"));
     }
 }

@@ -45,7 +45,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     aids.pattern = true;
     let swapped = stage.swap_eyes;
     let (started, limit_s) = (Instant::now(), args.seconds);
-    let mut app = Shown { stage, layout, aids, swapped, warned: false, started, limit_s };
+    let mut app = Shown { stage, layout, aids, swapped, started, limit_s };
     window::run(&specs, WindowOptions { samples: 1, vsync: true }, &mut app).map_err(Failure::work)
 }
 
@@ -56,7 +56,6 @@ struct Shown {
     aids: Aids,
     swapped: bool,
     /// Of what the window system does not do.
-    warned: bool,
     started: Instant,
     limit_s: Option<f64>,
 }
@@ -77,11 +76,6 @@ impl WindowApp for Shown {
     }
 
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
-        if let Some(warning) = panes::unplaced(&self.layout).filter(|_| !windows.knows_places && !self.warned)
-        {
-            eprintln!("warning: {warning}");
-            self.warned = true;
-        }
         let sizes: Vec<[u32; 2]> = windows.sizes().collect();
         let staged = Staged {
             stage: &self.stage,

@@ -271,9 +271,6 @@ impl WindowApp for Viewer {
         self.last = Instant::now();
         if self.frames == 0 {
             self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
-            if !windows.knows_places {
-                panes::unplaced(&self.layout).into_iter().for_each(|warning| self.world.warn(warning));
-            }
         }
         match self.advance(step_s) {
             Ok(Flow::Continue) => {}

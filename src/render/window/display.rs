@@ -10,27 +10,15 @@ use super::super::RenderError;
 #[cfg(all(unix, not(target_os = "macos")))]
 pub fn find_display() -> Result<(), RenderError> {
     let set = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
-    if set("WAYLAND_SOCKET").is_some() {
-        return Ok(());
-    }
-    // The order of winit, which tries X11 only where Wayland's variable is not set.
-    if let Some(name) = set("WAYLAND_DISPLAY") {
-        let path = match set("XDG_RUNTIME_DIR") {
-            Some(folder) => std::path::Path::new(&folder).join(&name),
-            None => std::path::PathBuf::from(&name),
-        };
-        return match std::os::unix::net::UnixStream::connect(&path) {
-            Ok(_) => Ok(()),
-            Err(error) => Err(RenderError::NoDisplay(format!(
-                "WAYLAND_DISPLAY is \"{name}\", but {} does not answer ({error})",
-                path.display()
-            ))),
-        };
-    }
     match set("DISPLAY") {
         Some(name) => connect_x11(&name)
             .map_err(|reason| RenderError::NoDisplay(format!("DISPLAY is \"{name}\", but {reason}"))),
-        None => Err(RenderError::NoDisplay("neither WAYLAND_DISPLAY nor DISPLAY is set".to_owned())),
+        None if set("WAYLAND_DISPLAY").is_some() => Err(RenderError::NoDisplay(
+            "DISPLAY is not set: windows stand at exact places, which X11 can and Wayland cannot; install Xwayland, \
+             which sets it"
+                .to_owned(),
+        )),
+        None => Err(RenderError::NoDisplay("DISPLAY is not set".to_owned())),
     }
 }
 

@@ -32,8 +32,7 @@ pub struct WindowSpec {
     pub title: String,
     /// From whose corner `position` counts; None: from the corner of the desktop that spans all monitors.
     pub monitor: Option<MonitorChoice>,
-    /// Of the top left corner; None is the monitor's corner, or leaves it to the window manager. Wayland ignores it:
-    /// walls of several projectors need X11.
+    /// Of the top left corner; None is the monitor's corner, or leaves it to the window manager.
     pub position: Option<[i32; 2]>,
     pub size: [u32; 2],
     /// It gets the size of `monitor` instead.
@@ -88,8 +87,6 @@ pub struct Windows {
     pub renderer: Renderer,
     /// How long this frame's images were waited for, before it was begun; with vsync this is the display's time.
     pub waited: Duration,
-    /// The window system puts windows where they are asked to be, and tells where they are; Wayland does neither.
-    pub knows_places: bool,
     /// All windows that can be drawn have their image.
     is_ready: bool,
     painter: TilePainter,
@@ -200,10 +197,9 @@ fn build_event_loop() -> Result<EventLoop<()>, winit::error::EventLoopError> {
     let mut builder = EventLoop::builder();
     #[cfg(target_os = "linux")]
     {
-        // Both of Linux' window systems allow it, and tests do not run on the main thread.
-        use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
-        EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
-        EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+        // X11 allows it, and tests do not run on the main thread.
+        use winit::platform::x11::EventLoopBuilderExtX11;
+        builder.with_any_thread(true);
     }
     builder.build()
 }
@@ -278,7 +274,6 @@ impl<A: WindowApp> Handler<'_, A> {
             gpu,
             renderer,
             waited: Duration::ZERO,
-            knows_places: !is_wayland(event_loop),
             is_ready: false,
             painter,
             surfaces,
@@ -305,8 +300,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
         };
         if let WindowEvent::ScaleFactorChanged { mut inner_size_writer, .. } = event {
             // A stage's windows are in pixels: winit would keep their size in points, and multiply their pixels.
-            let surface = &windows.surfaces[index];
-            let size = if windows.knows_places { surface.window.inner_size() } else { surface.size.into() };
+            let size = windows.surfaces[index].window.inner_size();
             // Refused only once the event is over.
             let _ = inner_size_writer.request_inner_size(size);
             return;
@@ -349,16 +343,6 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
             Err(error) => self.finish(event_loop, Err(RenderError::App(error))),
         }
     }
-}
-
-#[cfg(target_os = "linux")]
-fn is_wayland(event_loop: &ActiveEventLoop) -> bool {
-    winit::platform::wayland::ActiveEventLoopExtWayland::is_wayland(event_loop)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn is_wayland(_: &ActiveEventLoop) -> bool {
-    false
 }
 
 fn window_error(window: usize, spec: &WindowSpec, reason: String) -> RenderError {

@@ -95,7 +95,7 @@ impl WindowSurface {
         surface
     }
 
-    /// Asks the window system where the window stands; Wayland does not tell.
+    /// Asks the window system where the window stands.
     pub(super) fn find_place(&mut self) {
         (self.place, self.monitors) = match self.window.inner_position() {
             Ok(place) => (place.into(), self.window.available_monitors().map(|m| described(&m)).collect()),
