@@ -12,7 +12,9 @@ fn main() -> ExitCode {
     let filter: Targets = match text.parse() {
         Ok(filter) => filter,
         Err(error) => {
-            eprintln!("error: GREENSTAGE_LOG is \"{text}\" ({error}); write for example info, or warn,wgpu_core=info");
+            eprintln!(
+                "error: GREENSTAGE_LOG is \"{text}\" ({error}); write for example info, or warn,greenstage=debug"
+            );
             return ExitCode::from(2);
         }
     };

@@ -1,6 +1,6 @@
 //! The house: who may import whom, who may know the graphics library.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Imports go only to the right; tests and documentation links keep to it as well. Every room may use `base`.
@@ -61,89 +61,200 @@ fn module_of(file: &str) -> Option<&str> {
     (module != "main" && module != "lib").then_some(module)
 }
 
-/// The modules that a source text names behind `crate::` or behind so many `super::` that they leave its own module.
-fn imports(file: &str, text: &str) -> BTreeSet<String> {
-    let mut named = BTreeSet::new();
-    let mut rest = text;
-    while let Some(at) = rest.find("crate::") {
-        let before = rest[..at].chars().next_back();
-        rest = &rest[at + "crate::".len()..];
-        if !before.is_some_and(|c| c.is_alphanumeric() || c == '_') {
-            named.extend(first_names(rest));
-        }
+/// Where a source file's module stands below the crate: `["stage", "file"]` of src/stage/file.rs.
+fn module_path(file: &str) -> Vec<String> {
+    let parts = file.trim_end_matches(".rs").split('/').skip(1);
+    let mut path: Vec<String> = parts.map(str::to_owned).collect();
+    if path.last().is_some_and(|last| last == "mod") {
+        path.pop();
     }
-    // src/a.rs and src/a/mod.rs are one `super` below the crate, src/a/b.rs two.
-    let parts: Vec<&str> = file.trim_end_matches(".rs").split('/').skip(1).collect();
-    let depth = parts.len() - usize::from(parts.ends_with(&["mod"]));
-    let up = "super::".repeat(depth);
-    let mut rest = text;
-    while let Some(at) = rest.find(&up) {
-        rest = &rest[at + up.len()..];
-        let in_tests = text[..text.len() - rest.len()].contains("mod tests {");
-        if !in_tests && !rest.starts_with("super::") {
-            named.extend(first_names(rest));
-        }
-    }
-    named
+    if path == ["lib"] || path == ["main"] { Vec::new() } else { path }
 }
 
-/// `a` of `a::b`, or `a` and `c` of `{a::b, c::{d, e}}`.
-fn first_names(path: &str) -> Vec<String> {
-    let word = |text: &str| -> String {
-        text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+/// The text without comments and without its module of tests, which may look anywhere.
+fn code(text: &str) -> String {
+    let lines = text.lines().take_while(|line| !line.starts_with("mod tests {"));
+    lines.map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
+}
+
+/// `a::b` and `a::c` of `a::{b, c}`, at any depth and without `as`.
+fn expanded(tree: &str) -> Vec<String> {
+    let tree = tree.trim();
+    let Some((prefix, list)) = tree.split_once('{') else {
+        return vec![tree.split(" as ").next().unwrap_or(tree).trim().to_owned()];
     };
-    let Some(list) = path.strip_prefix('{') else {
-        return vec![word(path)];
-    };
-    let mut depth = 1;
-    let mut names = vec![word(list)];
-    for (at, c) in list.char_indices() {
+    let list = list.trim_end().strip_suffix('}').unwrap_or(list);
+    let (mut depth, mut start, mut paths) = (0, 0, Vec::new());
+    for (at, c) in list.char_indices().chain([(list.len(), ',')]) {
         depth += i32::from(c == '{') - i32::from(c == '}');
-        match (depth, c) {
-            (0, _) => break,
-            (1, ',') => names.push(word(&list[at + 1..])),
-            _ => {}
+        if c == ',' && depth == 0 {
+            let item = list[start..at].trim();
+            start = (at + 1).min(list.len());
+            if !item.is_empty() {
+                paths.extend(expanded(item).into_iter().map(|path| format!("{}{path}", prefix.trim())));
+            }
         }
     }
-    names.retain(|name| !name.is_empty());
-    names
+    paths
+}
+
+/// All paths that a source text names, in `use` and elsewhere, from the crate on: `["mesh", "TetMesh"]`.
+fn named_paths(module: &[String], children: &BTreeSet<String>, text: &str) -> Vec<Vec<String>> {
+    let text = code(text);
+    let mut written = Vec::new();
+    let mut elsewhere = String::new();
+    let mut rest = text.as_str();
+    while let Some(at) = rest.find("use ") {
+        let is_word = rest[..at].chars().next_back().is_none_or(|c| c.is_whitespace() || c == ')');
+        let end = rest[at..].find(';').map_or(rest.len(), |end| at + end);
+        if is_word {
+            written.extend(expanded(&rest[at + "use ".len()..end]));
+            elsewhere += &rest[..at];
+        } else {
+            elsewhere += &rest[..end];
+        }
+        rest = &rest[end..];
+    }
+    elsewhere += rest;
+    let is_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    written.extend(elsewhere.split(|c| !is_path(c)).filter(|word| word.contains("::")).map(str::to_owned));
+    let absolute = |path: String| {
+        let mut names = path.split("::").map(|name| name.trim().to_owned()).peekable();
+        let mut from = module.to_vec();
+        match names.peek()?.as_str() {
+            "crate" => from.clear(),
+            "self" | "super" => {}
+            child if children.contains(child) => {}
+            _ => return None,
+        }
+        while let Some(word) = names.next_if(|name| ["crate", "self", "super"].contains(&name.as_str())) {
+            if word == "super" {
+                from.pop();
+            }
+        }
+        from.extend(names);
+        Some(from)
+    };
+    written.into_iter().filter_map(absolute).collect()
+}
+
+/// Each source file with the paths that it names.
+fn sources() -> Vec<(String, Vec<Vec<String>>)> {
+    let files = files("src", "rs");
+    let modules: BTreeSet<Vec<String>> = files.iter().map(|(file, _)| module_path(file)).collect();
+    files
+        .into_iter()
+        .filter(|(file, _)| !file.ends_with("/tests.rs") && !file.contains("/tests/"))
+        .map(|(file, text)| {
+            let own = module_path(&file);
+            let is_child = |path: &&Vec<String>| path.len() == own.len() + 1 && path.starts_with(&own);
+            let children = modules.iter().filter(is_child).filter_map(|path| path.last().cloned()).collect();
+            let named = named_paths(&own, &children, &text);
+            (file, named)
+        })
+        .collect()
 }
 
 #[test]
 fn imports_are_found_however_they_are_written() {
-    let found = |file: &str, text: &str| imports(file, text).into_iter().collect::<Vec<_>>();
-    assert_eq!(found("src/a/b.rs", "use crate::mesh::{self, Fault};"), ["mesh"]);
+    let found = |module: &str, text: &str| -> Vec<String> {
+        let module: Vec<String> = module.split('/').map(str::to_owned).collect();
+        let children = BTreeSet::from(["child".to_owned()]);
+        named_paths(&module, &children, text).into_iter().map(|path| path.join("::")).collect()
+    };
+    assert_eq!(found("a/b", "use crate::mesh::{self, Fault};"), ["mesh::self", "mesh::Fault"]);
     assert_eq!(
-        found("src/a/b.rs", "use crate::{fem, mesh::{x, y},\n    stage::Eye,\n};"),
-        ["fem", "mesh", "stage"]
+        found("a/b", "use crate::{fem, mesh::{x, y as z},\n    stage::Eye,\n};"),
+        ["fem", "mesh::x", "mesh::y", "stage::Eye"]
     );
-    assert_eq!(found("src/a/b.rs", "let x = crate::scene::Scene::load();"), ["scene"]);
-    assert_eq!(found("src/a/b.rs", "use super::super::render::Gpu;"), ["render"]);
-    assert_eq!(found("src/a/mod.rs", "use super::render::Gpu;"), ["render"]);
-    assert_eq!(found("src/a/b/c.rs", "use super::super::own::Gpu; use wgpu_crate::x;"), [""; 0]);
+    assert_eq!(found("a/b", "let x = crate::scene::Scene::load();"), ["scene::Scene::load"]);
+    assert_eq!(found("a/b", "use super::super::render::Gpu; // use crate::no;"), ["render::Gpu"]);
+    assert_eq!(found("a/b/c", "pub(super) use super::own::Gpu; use wgpu_crate::x;"), ["a::b::own::Gpu"]);
+    assert_eq!(
+        found("a", "pub use child::{X, Y}; child::run()"),
+        ["a::child::X", "a::child::Y", "a::child::run"]
+    );
 }
 
 #[test]
 fn modules_import_only_what_the_house_allows() {
     let mut faults = Vec::new();
-    let mut modules = BTreeSet::new();
-    for (file, text) in files("src", "rs") {
-        let Some(module) = module_of(&file) else {
+    let sources = sources();
+    let rooms: BTreeSet<&str> = sources.iter().filter_map(|(file, _)| module_of(file)).collect();
+    for (file, named) in &sources {
+        let Some(room) = module_of(file) else { continue };
+        let Some((_, allowed)) = IMPORTS.iter().find(|(name, _)| *name == room) else {
+            faults.push(format!("{file}: the module {room} has no row in the table of imports"));
             continue;
         };
-        modules.insert(module.to_owned());
-        let Some((_, allowed)) = IMPORTS.iter().find(|(name, _)| *name == module) else {
-            faults.push(format!("{file}: the module {module} has no row in the table of imports"));
-            continue;
-        };
-        for import in imports(&file, &text) {
-            if import != module && import != "base" && !allowed.contains(&import.as_str()) {
-                faults.push(format!("{file}: {module} must not import {import}"));
+        let imports: BTreeSet<&str> = named.iter().filter_map(|path| Some(path.first()?.as_str())).collect();
+        for import in imports {
+            if import != room && import != "base" && !allowed.contains(&import) {
+                faults.push(format!("{file}: {room} must not import {import}"));
             }
         }
     }
-    assert!(modules.len() >= 13, "sources were read: {modules:?}");
+    assert!(rooms.len() >= 13, "sources were read: {rooms:?}");
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// The files that each source file imports, by the deepest module that a path names.
+fn imported_files() -> BTreeMap<String, BTreeSet<String>> {
+    let sources = sources();
+    let modules: BTreeMap<Vec<String>, String> = sources
+        .iter()
+        .filter(|(file, _)| module_of(file).is_some())
+        .map(|(file, _)| (module_path(file), file.clone()))
+        .collect();
+    let deepest =
+        |path: &Vec<String>| (1..=path.len()).rev().find_map(|length| modules.get(&path[..length])).cloned();
+    modules
+        .values()
+        .filter_map(|file| {
+            let (_, named) = sources.iter().find(|(other, _)| other == file)?;
+            let imports = named.iter().filter_map(deepest).filter(|import| import != file).collect();
+            Some((file.clone(), imports))
+        })
+        .collect()
+}
+
+/// The files that can be reached from `file` and reach it again, without itself.
+fn circle(imports: &BTreeMap<String, BTreeSet<String>>, file: &str) -> BTreeSet<String> {
+    let reached = |start: &str| {
+        let mut found = BTreeSet::new();
+        let mut open = vec![start.to_owned()];
+        while let Some(next) = open.pop() {
+            for import in imports.get(&next).into_iter().flatten() {
+                if found.insert(import.clone()) {
+                    open.push(import.clone());
+                }
+            }
+        }
+        found
+    };
+    let from = reached(file);
+    from.into_iter().filter(|other| other != file && reached(other).contains(file)).collect()
+}
+
+/// Neither directly nor by a longer way, a parent and its child included: what children share stands in a leaf.
+#[test]
+fn no_two_files_import_each_other() {
+    let imports = imported_files();
+    assert!(imports.values().map(BTreeSet::len).sum::<usize>() > 500, "imports were found");
+    let mut told = BTreeSet::new();
+    let mut circles = Vec::new();
+    for file in imports.keys() {
+        if told.contains(file) {
+            continue;
+        }
+        let with = circle(&imports, file);
+        if !with.is_empty() {
+            circles.push(format!("{file} with {}", Vec::from_iter(&with).len()));
+            circles.extend(with.iter().map(|other| format!("    {other}")));
+            told.extend(with);
+        }
+    }
+    assert!(circles.is_empty(), "files import in circles:\n{}", circles.join("\n"));
 }
 
 /// Nobody can import in a circle: in the table everything stands behind what it imports.

@@ -270,14 +270,8 @@ impl<A: WindowApp> Handler<'_, A> {
         let renderer = Renderer::new(&gpu, format, self.options.samples)?;
         let painter = TilePainter::new(format);
         self.app.start(&gpu).map_err(RenderError::App)?;
-        self.windows = Some(Windows {
-            gpu,
-            renderer,
-            waited: Duration::ZERO,
-            is_ready: false,
-            painter,
-            surfaces,
-        });
+        self.windows =
+            Some(Windows { gpu, renderer, waited: Duration::ZERO, is_ready: false, painter, surfaces });
         Ok(())
     }
 }
