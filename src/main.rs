@@ -1,6 +1,7 @@
 //! The binary: parse the command line, dispatch, print the error chain.
 
 use clap::Parser;
+use greenstage::base::{notice, signal};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
@@ -8,25 +9,29 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 fn main() -> ExitCode {
+    if let Err(error) = signal::watch() {
+        notice::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
+    }
     let text = std::env::var("GREENSTAGE_LOG").unwrap_or_else(|_| greenstage::render::LOGGED.to_owned());
     let filter: Targets = match text.parse() {
         Ok(filter) => filter,
         Err(error) => {
-            eprintln!(
+            notice::say(format_args!(
                 "error: GREENSTAGE_LOG is \"{text}\" ({error}); write for example info, or warn,greenstage=debug"
-            );
+            ));
             return ExitCode::from(2);
         }
     };
     let layer = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
-        .without_time();
+        .without_time()
+        .log_internal_errors(false);
     tracing_subscriber::registry().with(filter).with(layer).init();
     match greenstage::cli::run(greenstage::cli::Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {failure}");
+            notice::say(format_args!("error: {failure}"));
             ExitCode::from(failure.status())
         }
     }
