@@ -24,6 +24,6 @@ fn vertex(
 @fragment
 fn fragment(in: Varyings) -> @location(0) vec4<f32> {
     let up = in.direction.y * inverseSqrt(dot(in.direction, in.direction));
-    let away = select(frame.nadir, frame.zenith, up > 0.0);
-    return vec4<f32>(mix(frame.horizon, away, sqrt(abs(up))), 1.0);
+    let away = select(lighting.nadir, lighting.zenith, up > 0.0);
+    return vec4<f32>(mix(lighting.horizon, away, sqrt(abs(up))), 1.0);
 }

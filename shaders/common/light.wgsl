@@ -2,7 +2,7 @@
 // Schlick's Fresnel on the reflected sky. No pow and no exp: on a software device they would be most of the cost.
 
 fn sky_light(up: f32) -> vec3<f32> {
-    return mix(frame.ground, frame.sky, 0.5 + 0.5 * up);
+    return mix(lighting.ground, lighting.sky, 0.5 + 0.5 * up);
 }
 
 // Reinhard's curve with white at 2.5: leaves dark tones, rolls highlights off without a clipped edge.
@@ -18,18 +18,18 @@ fn shade(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let fresnel = 0.04 + 0.46 * grazing2 * grazing2 * grazing;
 
     // The key wraps a little round the form, so that the terminator stays readable without shadows.
-    let n_dot_key = dot(normal, frame.to_key);
+    let n_dot_key = dot(normal, lighting.to_key);
     let key = saturate(n_dot_key * 0.85 + 0.15);
-    let fill = saturate(dot(normal, frame.to_fill));
-    let diffuse = sky_light(normal.y) + frame.key * (key * key * 0.35 + key * 0.65) + frame.fill * fill;
+    let fill = saturate(dot(normal, lighting.to_fill));
+    let diffuse = sky_light(normal.y) + lighting.key * (key * key * 0.35 + key * 0.65) + lighting.fill * fill;
 
-    let half_way = normalize(frame.to_key + to_eye);
+    let half_way = normalize(lighting.to_key + to_eye);
     let s = saturate(dot(normal, half_way));
     let s2 = s * s;
     let s4 = s2 * s2;
     let s8 = s4 * s4;
     let s32 = s8 * s8 * s8 * s8;
-    let highlight = frame.key * (s32 * 0.16 + s8 * 0.02) * saturate(n_dot_key * 4.0);
+    let highlight = lighting.key * (s32 * 0.16 + s8 * 0.02) * saturate(n_dot_key * 4.0);
 
     let reflected_up = 2.0 * dot(normal, to_eye) * normal.y - to_eye.y;
     let mirror = sky_light(clamp(reflected_up * 1.6, -1.0, 1.0)) * fresnel * 1.6;

@@ -1,5 +1,5 @@
-// What every pass knows: the eye it draws for, and the lights, sky and floor of the frame.
-// The Rust twins of both structs are in src/render/uniforms.rs; a test compares the layouts.
+// What every pass knows: the eye it draws for, and the lights and sky of the frame. The Rust twins are ViewUniform in
+// src/render/view.rs and LightingUniform in src/render/lighting.rs; tests compare the layouts.
 
 struct View {
     clip_from_room: mat4x4<f32>,
@@ -13,7 +13,7 @@ struct View {
     size_px: vec2<f32>,
 }
 
-struct Frame {
+struct Lighting {
     to_key: vec3<f32>,
     key: vec3<f32>,
     to_fill: vec3<f32>,
@@ -23,15 +23,10 @@ struct Frame {
     zenith: vec3<f32>,
     horizon: vec3<f32>,
     nadir: vec3<f32>,
-    grid_center: vec3<f32>,
-    grid_spacing: f32,
-    grid_color: vec3<f32>,
-    grid_line_width: f32,
-    grid_half_size: vec2<f32>,
 }
 
 @group(0) @binding(0) var<uniform> views: array<View, 2>;
-@group(0) @binding(1) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> lighting: Lighting;
 
 // Which view is drawn. Where both eyes are drawn in one pass, entry points take it from the device instead: the line
 // with view_index in their parameters is left out of the source for one eye (src/render/shader.rs).

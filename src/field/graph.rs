@@ -1,6 +1,8 @@
 //! Fields, connections between them, and one evaluation of all that changed.
 
-use super::{FieldError, Input, Value};
+use super::Value;
+use super::error::FieldError;
+use super::input::Input;
 use std::any::Any;
 use std::marker::PhantomData;
 

@@ -1,6 +1,6 @@
 //! A graph to be read: as an indented list, and in Graphviz' language.
 
-use super::Graph;
+use super::graph::Graph;
 
 /// One field and where its value comes from.
 pub struct Entry<'a> {

@@ -9,7 +9,7 @@
 //! Reading is strict: every field of the graph once, with its own type, and nothing else. Nothing is taken over from a
 //! stream with a fault in it, and no length in it is believed.
 
-use super::Graph;
+use super::graph::Graph;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use std::any::Any;

@@ -1,6 +1,6 @@
 //! What a user commands at once, apart from poses and buttons: keys become these, and recordings keep them.
 
-use super::Mode;
+use super::mode::Mode;
 use serde::{Deserialize, Serialize};
 
 /// A command. Those of one frame are carried out in order, before the styli are looked at.

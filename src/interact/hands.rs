@@ -6,7 +6,10 @@
 //! the element is, so that nothing jumps.
 
 use super::carry::HandMotion;
-use super::{Carrying, Hit, Mode, MovingHand};
+use super::carrying::Carrying;
+use super::mode::Mode;
+use super::navigate::MovingHand;
+use super::pick::Hit;
 use crate::track::{HeldPose, Signal, StylusState};
 use nalgebra::{Isometry3, Matrix4, Point3, Similarity3, Unit, Vector3};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 //! In: the tip in the room and each element's triangles in its body's frame. Out: a [`Hit`] whose ray is the way from
 //! the tip. The projections are parry's; triangles whose box is out of reach are passed over.
 
-use super::{Hit, PickTarget};
+use super::pick::{Hit, PickTarget};
 use nalgebra::{Point3, Vector3};
 use parry3d::query::PointQuery;
 use parry3d::shape::Triangle;

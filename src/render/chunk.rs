@@ -2,7 +2,9 @@
 //!
 //! In: how many items a part may have; out: parts without gaps, a uniform for each, and one dispatch per part.
 
-use super::{Gpu, RenderError, shader};
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::shader;
 use std::ops::Range;
 use wgpu::BufferUsages;
 

@@ -2,10 +2,8 @@
 //!
 //! Nothing is measured, and no query is made, until [`super::Gpu::start_clock`] is called.
 
-use super::{Gpu, RenderError};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
-use wgpu::BufferUsages;
 
 /// Passes between two readings; more are not timed.
 const PASSES: u32 = 256;
@@ -20,19 +18,21 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    pub(super) fn new(gpu: &Gpu) -> Result<Clock, RenderError> {
-        let bytes = u64::from(2 * PASSES) * 8;
-        Ok(Clock {
-            queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+    /// Bytes of each of its two buffers: where queries are resolved to, and where they are read.
+    pub(super) const BYTES: u64 = 2 * PASSES as u64 * 8;
+
+    pub(super) fn new(device: &wgpu::Device, [resolved, readable]: [wgpu::Buffer; 2]) -> Clock {
+        Clock {
+            queries: device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("clock"),
                 ty: wgpu::QueryType::Timestamp,
                 count: 2 * PASSES,
             }),
-            resolved: gpu.buffer("clock", bytes, BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC)?,
-            readable: gpu.buffer("clock", bytes, BufferUsages::COPY_DST | BufferUsages::MAP_READ)?,
+            resolved,
+            readable,
             passes: AtomicU32::new(0),
             labels: Mutex::default(),
-        })
+        }
     }
 
     /// Query set and the indices of a pass' beginning and end.
@@ -47,27 +47,20 @@ impl Clock {
         Some((&self.queries, 2 * pass, 2 * pass + 1))
     }
 
-    /// Label and seconds of every pass since the last reading, in order.
-    pub(super) fn read(&self, gpu: &Gpu) -> Result<Vec<(&'static str, f64)>, RenderError> {
+    /// The labels of the passes since the last reading, in order; their times lie in the buffer that is returned once
+    /// `encoder` is submitted, a beginning and an end each, in ticks.
+    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder) -> (Vec<&'static str>, &wgpu::Buffer) {
         let labels = {
             let mut labels = self.labels.lock().unwrap_or_else(PoisonError::into_inner);
             self.passes.store(0, Ordering::Relaxed);
             std::mem::take(&mut *labels)
         };
-        if labels.is_empty() {
-            return Ok(Vec::new());
-        }
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let queries = 2 * labels.len() as u32;
-        encoder.resolve_query_set(&self.queries, 0..queries, &self.resolved, 0);
+        encoder.resolve_query_set(&self.queries, 0..2 * labels.len() as u32, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, self.readable.size());
-        gpu.queue.submit([encoder.finish()]);
-        let ticks: Vec<u64> = gpu.mapped(&self.readable, bytemuck::pod_collect_to_vec)?;
-        let tick_s = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
-        let spans = ticks
-            .chunks_exact(2)
-            .take(labels.len())
-            .map(|span| span[1].saturating_sub(span[0]) as f64 * tick_s);
-        Ok(labels.into_iter().zip(spans).collect())
+        (labels, &self.readable)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.labels.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
     }
 }

@@ -3,7 +3,9 @@
 //! In: borrowed columns in one of three storages; out: a buffer per chunk in which column after column of the chunk's
 //! nodes lies, each padded to four numbers, and between which displacements a column moves some nodes.
 
-use super::{Gpu, RenderError, shader};
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::shader;
 use std::ops::Range;
 use wgpu::BufferUsages;
 

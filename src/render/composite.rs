@@ -4,7 +4,9 @@
 //! as the device hands them out of sRGB textures and takes them back. One pass, `shaders/composite.wgsl`; its twin is
 //! [`Composite::compose`].
 
-use super::{Gpu, RenderError, shader};
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::shader;
 use image::{Rgba, RgbaImage};
 
 /// How the first and the second eye's picture lie in a tile.

@@ -5,11 +5,12 @@
 //! elements moves, but write and read as much again, and under the model `rotation` all elements change together.
 //! Twins on the CPU: `deform::Superposition`, `deform::vertex_normals`.
 
-use super::body::BodyBuffers;
 use super::chunk::{Chunk, ComputePass, most_items, ranges};
 use super::columns::{self, ColumnData};
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::normals;
 use super::patches::Reach;
-use super::{Gpu, RenderError, normals};
 use wgpu::BufferUsages;
 
 /// Four columns and their weights: `Terms` of `shaders/deform.wgsl`.
@@ -31,7 +32,7 @@ pub(super) struct DeformPass {
     /// Of each column.
     scales: Vec<f32>,
     /// The coefficients summed last.
-    last: Vec<f32>,
+    pub(super) last: Vec<f32>,
     /// Of each patch of the body.
     pub(super) reaches: Vec<Reach>,
 }
@@ -78,7 +79,7 @@ impl DeformPass {
     }
 
     /// Whether the coefficients differ from the last ones; then the passes are encoded and submitted.
-    fn run(&mut self, gpu: &Gpu, coefficients: &[f32]) -> Result<bool, RenderError> {
+    pub(super) fn run(&mut self, gpu: &Gpu, coefficients: &[f32]) -> Result<bool, RenderError> {
         let (found, expected) = (coefficients.len(), self.scales.len());
         if found != expected {
             return Err(RenderError::CoefficientCount { found, expected });
@@ -128,48 +129,21 @@ impl DeformPass {
     }
 }
 
-impl BodyBuffers {
-    /// Deforms the body on the device; returns false, and does nothing, where no coefficient changed. For bodies made
-    /// by [`BodyBuffers::with_columns`]; others stay as they were uploaded.
-    ///
-    /// # Errors
-    /// [`RenderError::CoefficientCount`] unless there is one coefficient per column, or a device that failed.
-    pub fn deform(&mut self, gpu: &Gpu, coefficients: &[f32]) -> Result<bool, RenderError> {
-        let Some(pass) = &mut self.deform else {
-            return Ok(false);
-        };
-        let is_new = pass.run(gpu, coefficients)?;
-        if is_new {
-            for (patch, reach) in self.patches.iter_mut().zip(&pass.reaches) {
-                patch.bounds = reach.bounds(&pass.last);
-            }
-        }
-        Ok(is_new)
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::{chunk::Chunk, shader};
+    use super::super::{chunk::Chunk, layout, shader};
     use super::*;
     use std::mem::offset_of;
-    use wgpu::naga;
 
     #[test]
     fn structs_lie_as_the_shaders_read_them() {
         let source = shader::DEFORM_F32.concat();
-        let module = naga::front::wgsl::parse_str(&source).unwrap();
-        let layout = |name: &str| {
-            let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
-            let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name}") };
-            (*span as usize, members.iter().map(|m| m.offset as usize).collect::<Vec<_>>())
-        };
-        let terms = vec![offset_of!(Terms, column), offset_of!(Terms, weight)];
-        assert_eq!(layout("Terms"), (size_of::<Terms>(), terms));
-        assert_eq!(
-            layout("Chunk"),
-            (size_of::<Chunk>(), vec![offset_of!(Chunk, count), offset_of!(Chunk, first)])
-        );
-        assert_eq!(layout("Sum").1, [0, HEADER]);
+        let terms = [("column", offset_of!(Terms, column)), ("weight", offset_of!(Terms, weight))];
+        layout::assert(&source, "Terms", size_of::<Terms>(), &terms);
+        let chunk = [("count", offset_of!(Chunk, count)), ("first", offset_of!(Chunk, first))];
+        layout::assert(&source, "Chunk", size_of::<Chunk>(), &chunk);
+        let offsets: Vec<usize> =
+            layout::in_wgsl(&source, "Sum").1.into_iter().map(|(_, offset)| offset).collect();
+        assert_eq!(offsets, [0, HEADER]);
     }
 }

@@ -1,31 +1,9 @@
-//! The neutral data of a frame: what is seen (bodies, styli, floor, light) and from where (one view per viewport).
-//! All lengths are metres in the room, all colours of [`Look`] and [`Grid`] linear RGB.
+//! The neutral data of a frame: what is seen, whatever pass draws it. From where it is seen, the views of a
+//! [`super::Picture`] say. All lengths are metres in the room, all colours of [`Lighting`] and [`Grid`] linear RGB.
 
-use super::{BodyBuffers, Line, Quad};
+use super::body_buffers::BodyBuffers;
+use super::lighting::Lighting;
 use nalgebra::{Matrix4, Point3, Vector3};
-
-/// One eye's picture of one screen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    /// Off-axis projection times the eye's pose: depth reversed (1 at the near plane, 0 at infinity).
-    pub clip_from_room: Matrix4<f32>,
-    pub eye_in_room: Point3<f32>,
-}
-
-/// A rectangle of a target and what is drawn there: a view, or black when the eye is behind its screen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Viewport {
-    /// x, y of the top left pixel, width, height.
-    pub rect: [u32; 4],
-    pub view: Option<View>,
-}
-
-impl Viewport {
-    /// One eye over the whole target.
-    pub fn full([width, height]: [u32; 2], view: Option<View>) -> [Self; 1] {
-        [Self { rect: [0, 0, width, height], view }]
-    }
-}
 
 /// A body's buffers at a place in the room.
 #[derive(Clone, Copy)]
@@ -87,38 +65,32 @@ pub struct Ball {
     pub color: [f32; 3],
 }
 
-/// Lights and background, fixed in the room.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Towards the main light, any length but zero.
-    pub to_key: Vector3<f32>,
-    pub key: [f32; 3],
-    /// Towards the weaker light that opens the shadows.
-    pub to_fill: Vector3<f32>,
-    pub fill: [f32; 3],
-    /// Light from above and from below, as it falls on a surface facing it.
-    pub sky: [f32; 3],
-    pub ground: [f32; 3],
-    /// The background straight up, level and straight down.
-    pub zenith: [f32; 3],
-    pub horizon: [f32; 3],
-    pub nadir: [f32; 3],
+/// One parallelogram, as it lies in the buffer. Its front is where `right`, `up` turn counter-clockwise.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Quad {
+    pub corner: [f32; 3],
+    pub right: [f32; 3],
+    pub up: [f32; 3],
+    /// Linear RGB and opacity.
+    pub front: [f32; 4],
+    pub back: [f32; 4],
 }
 
-impl Default for Look {
-    /// A warm key from the upper left front, a cool fill from the right, a dark blue room.
-    fn default() -> Self {
-        Self {
-            to_key: Vector3::new(-0.62, 0.70, 0.36),
-            key: [2.30, 2.14, 1.90],
-            to_fill: Vector3::new(0.90, -0.10, 0.40),
-            fill: [0.13, 0.18, 0.27],
-            sky: [0.22, 0.27, 0.36],
-            ground: [0.035, 0.030, 0.030],
-            zenith: [0.010, 0.014, 0.024],
-            horizon: [0.040, 0.052, 0.076],
-            nadir: [0.006, 0.008, 0.012],
-        }
+/// One line, as it lies in the buffer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Line {
+    pub from: [f32; 3],
+    pub to: [f32; 3],
+    /// Linear RGB and opacity.
+    pub color: [f32; 4],
+    pub width_px: f32,
+}
+
+impl Line {
+    pub fn new(from: Point3<f64>, to: Point3<f64>, color: [f32; 4], width_px: f32) -> Self {
+        Self { from: from.cast().into(), to: to.cast().into(), color, width_px }
     }
 }
 
@@ -129,7 +101,7 @@ pub struct FrameContents<'a> {
     pub styli: &'a [StylusShape],
     pub arrows: &'a [Arrow],
     pub grid: Option<Grid>,
-    pub look: Look,
+    pub lighting: Lighting,
     /// Lit, as heads and eyes in a picture of the room.
     pub balls: &'a [Ball],
     /// Blended in this order, all before the lines.

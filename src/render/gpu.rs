@@ -1,11 +1,12 @@
 //! The graphics device. In comes nothing but the machine's drivers (and `WGPU_BACKEND`, where set); out goes a device
 //! that says what it is, because a software device or an OpenGL fallback is fit for tests, not for a wall.
 
-use super::RenderError;
 use super::clock::Clock;
+use super::error::RenderError;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
+use wgpu::BufferUsages;
 
 /// Longer than any frame takes, so that a hung driver becomes an error instead of a hung program.
 const WAIT_LIMIT: Duration = Duration::from_secs(120);
@@ -169,7 +170,7 @@ impl Gpu {
         &self,
         what: &'static str,
         bytes: u64,
-        usage: wgpu::BufferUsages,
+        usage: BufferUsages,
     ) -> Result<wgpu::Buffer, RenderError> {
         let limit = self.device.limits().max_buffer_size;
         if bytes > limit {
@@ -180,7 +181,7 @@ impl Gpu {
         let buffer = self.device.create_buffer(&descriptor);
         self.check()?;
         self.made.buffer_bytes.fetch_add(bytes, Ordering::Relaxed);
-        if usage.contains(wgpu::BufferUsages::STORAGE) {
+        if usage.contains(BufferUsages::STORAGE) {
             self.made.storage_bytes.fetch_add(bytes, Ordering::Relaxed);
         }
         Ok(buffer)
@@ -191,13 +192,13 @@ impl Gpu {
         &self,
         what: &'static str,
         bytes: u64,
-        usage: wgpu::BufferUsages,
+        usage: BufferUsages,
     ) -> Result<wgpu::Buffer, RenderError> {
         let limit = self.storage_limit;
         if bytes > limit {
             return Err(RenderError::BufferSize { what, bytes, limit });
         }
-        self.buffer(what, bytes, usage | wgpu::BufferUsages::STORAGE)
+        self.buffer(what, bytes, usage | BufferUsages::STORAGE)
     }
 
     /// What `read` makes of the bytes of a readable buffer, once everything submitted so far is done.
@@ -227,7 +228,13 @@ impl Gpu {
     /// [`RenderError::Device`] when the device failed.
     pub fn start_clock(&mut self) -> Result<bool, RenderError> {
         if self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
-            self.clock = Some(Clock::new(self)?);
+            let resolved = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+            let readable = BufferUsages::COPY_DST | BufferUsages::MAP_READ;
+            let buffers = [
+                self.buffer("clock", Clock::BYTES, resolved)?,
+                self.buffer("clock", Clock::BYTES, readable)?,
+            ];
+            self.clock = Some(Clock::new(&self.device, buffers));
         }
         Ok(self.clock.is_some())
     }
@@ -237,7 +244,16 @@ impl Gpu {
     /// # Errors
     /// [`RenderError::Device`] when the device failed.
     pub fn read_clock(&self) -> Result<Vec<(&'static str, f64)>, RenderError> {
-        self.clock.as_ref().map_or(Ok(Vec::new()), |clock| clock.read(self))
+        let Some(clock) = self.clock.as_ref().filter(|clock| !clock.is_empty()) else {
+            return Ok(Vec::new());
+        };
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let (labels, readable) = clock.resolve(&mut encoder);
+        self.queue.submit([encoder.finish()]);
+        let ticks: Vec<u64> = self.mapped(readable, bytemuck::pod_collect_to_vec)?;
+        let tick_s = f64::from(self.queue.get_timestamp_period()) * 1e-9;
+        let spans = ticks.chunks_exact(2).map(|span| span[1].saturating_sub(span[0]) as f64 * tick_s);
+        Ok(labels.into_iter().zip(spans).collect())
     }
 
     pub(super) fn clock(&self) -> Option<&Clock> {

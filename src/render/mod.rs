@@ -11,7 +11,9 @@
 //! background, grid, composite; and for bodies that the device deforms itself: deform, normals; and on
 //! their first use: quads, lines.
 
+mod background;
 mod body;
+mod body_buffers;
 mod bounds;
 mod chunk;
 mod clock;
@@ -21,38 +23,44 @@ mod deform;
 mod error;
 mod frame;
 mod gpu;
-mod instanced;
+mod grid;
+mod instances;
+#[cfg(test)]
+mod layout;
+mod lighting;
 mod lines;
 mod normals;
 mod offscreen;
 mod overlay;
 mod pair;
+mod pass;
 mod patches;
-mod pipelines;
 mod quads;
 mod renderer;
 mod shader;
 mod solid;
+mod strips;
 mod target;
 mod tiles;
-mod uniforms;
+mod view;
 pub mod window;
 
-pub use body::BodyBuffers;
+pub use body_buffers::BodyBuffers;
 pub use bounds::Bounds;
 pub use columns::ColumnData;
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
-pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Grid, Look, StylusShape, View, Viewport};
+pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Grid, Line, Quad, StylusShape};
 pub use gpu::{Gpu, Made};
-pub use lines::Line;
+pub use lighting::Lighting;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
 pub use overlay::{Overlay, Sheet};
 pub use pair::EyePair;
-pub use quads::Quad;
-pub use renderer::{DrawCounts, Renderer};
+pub use pass::DrawCounts;
+pub use renderer::Renderer;
 pub use target::{Attachments, Picture};
 pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};
+pub use view::{View, Viewport};
 
 /// What is logged unless told otherwise: the libraries used here say too much of themselves.
 pub const LOGGED: &str = "warn,winit=error,egui_wgpu=error";

@@ -4,7 +4,9 @@
 //! twin on the CPU is `deform::vertex_normals`.
 
 use super::chunk::{Chunk, ComputePass, most_items};
-use super::{Gpu, RenderError, shader};
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::shader;
 use wgpu::BufferUsages;
 
 /// For each vertex its row of `corners`: of every triangle around it, the two others in their order.

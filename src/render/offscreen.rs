@@ -1,7 +1,11 @@
 //! Pictures without a window: draw into a texture, read it back as an `RgbaImage`.
 
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::renderer::Renderer;
+use super::target::{Attachments, Picture};
 use super::target::{check_size, texture};
-use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
+use super::view::Viewport;
 use image::RgbaImage;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

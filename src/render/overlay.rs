@@ -5,7 +5,8 @@
 //! sheet is laid out; pipeline and textures are made when the first is drawn. Letters are filtered in the shader and
 //! colours are not dithered, so that every device draws the same.
 
-use super::{Gpu, RenderError};
+use super::error::RenderError;
+use super::gpu::Gpu;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 
 /// Lays sheets out and draws them, all on targets of one format.

@@ -3,9 +3,13 @@
 //! In: a size; out: a picture per eye, plain two-dimensional and equal in both ways. In one pass every vertex is fetched
 //! once and every command is recorded once for both eyes; each eye's picture is then a layer of one texture.
 
+use super::error::RenderError;
+use super::gpu::Gpu;
 use super::offscreen::Readback;
+use super::renderer::Renderer;
 use super::target::layered;
-use super::{Attachments, Gpu, Picture, RenderError, Renderer, Viewport};
+use super::target::{Attachments, Picture};
+use super::view::Viewport;
 use image::RgbaImage;
 use std::sync::Arc;
 use wgpu::TextureUsages;

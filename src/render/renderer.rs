@@ -1,22 +1,36 @@
-//! The renderer: four pipelines made once, two more for lines and quads on their first use, and one render pass per
-//! target and frame, or per pair of eyes.
+//! The renderer: one render pass per target and frame, or per pair of eyes, in which each of [`PASSES`] draws its part.
 //!
 //! In come [`Picture`]s (targets with their views) and [`FrameContents`]; out go their pixels. Opaque bodies and solids
 //! are drawn first, so that the background only costs where it shows, and the floor's lines last, blended. What lies
 //! outside of a view is not drawn in it. Nothing is created in a frame but the command buffer; the small buffers grow
 //! when a frame holds more than any before it, and the pipelines for both eyes are made with the first such picture.
 
-use super::body::BodyBuffers;
-use super::instanced::{InstancedPass, MadeFor};
-use super::pipelines::{BOTH_EYES, Listed, Pipelines, group_layout};
-use super::solid::{self, SolidMeshes};
-use super::uniforms::{FrameUniform, Instance, ViewUniform};
-use super::{Attachments, BodyInstance, Bounds, FrameContents, Gpu, Picture, RenderError, View};
-use nalgebra::Matrix4;
-use std::ops::Range;
+use super::background::BackgroundPass;
+use super::body::BodyPass;
+use super::error::RenderError;
+use super::frame::{FrameContents, Line, Quad};
+use super::gpu::Gpu;
+use super::grid::Floor;
+use super::lighting::LightingUniform;
+use super::pass::{BOTH_EYES, DrawCounts, DrawPass, MadeFor, Shot, group_layout};
+use super::solid::SolidPass;
+use super::strips::StripPass;
+use super::target::{Attachments, Picture};
+use super::view::{View, ViewUniform};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
+
+/// What is drawn, in this order: what is opaque first, so that the background costs only where it shows, and what is
+/// blended last. One file each, beside the shader of the same name.
+const PASSES: [fn() -> Box<dyn DrawPass>; 6] = [
+    || Box::<BodyPass>::default(),
+    || Box::<SolidPass>::default(),
+    || Box::<BackgroundPass>::default(),
+    || Box::<StripPass<Floor>>::default(),
+    || Box::<StripPass<Quad>>::default(),
+    || Box::<StripPass<Line>>::default(),
+];
 
 /// Pipelines for one device, colour format and sample count, with the buffers that change every frame.
 pub struct Renderer {
@@ -32,58 +46,23 @@ pub struct Renderer {
     pub culling: bool,
     /// What the last frame drew.
     pub counts: DrawCounts,
-    /// For pictures of one eye, and for those of both.
-    pipelines: [Pipelines; 2],
-    quads: InstancedPass,
-    lines: InstancedPass,
-    solids: Option<SolidMeshes>,
+    passes: Vec<Box<dyn DrawPass>>,
     group_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
     uniforms: Uniforms,
-    instances: wgpu::Buffer,
-    /// Contents of `uniforms.views` and of `instances`, kept to spare their allocation.
+    /// Contents of `uniforms.views`, kept to spare their allocation.
     view_bytes: Vec<u8>,
-    instance_list: Vec<Instance>,
     /// What is in use of the targets of each size.
     attachments: Mutex<Vec<Weak<Attachments>>>,
 }
 
-/// Patches of bodies, and solids, over all passes of a frame; both eyes in one pass count once. A body that the CPU
-/// deforms is one patch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DrawCounts {
-    pub passes: usize,
-    pub drawn: usize,
-    /// Left out, because no eye of the pass can see them.
-    pub culled: usize,
-}
-
-/// Bind group 0: the views at dynamic offsets, and the frame.
+/// Bind group 0: the views at dynamic offsets, and the lighting.
 struct Uniforms {
     views: wgpu::Buffer,
-    frame: wgpu::Buffer,
+    lighting: wgpu::Buffer,
     group: wgpu::BindGroup,
     /// Bytes from one view to the next, as the device wants them aligned.
     stride: u32,
-}
-
-/// A viewport that shows something: to one eye, or to one or both of a pair.
-struct Shot {
-    rect: [u32; 4],
-    /// Where its views lie in the uniform buffer.
-    offset: u32,
-    clip_from_room: [Option<Matrix4<f32>>; 2],
-}
-
-impl Shot {
-    /// For each of its views.
-    fn clip_from_shape(&self, room_from_shape: &Matrix4<f32>) -> [Option<Matrix4<f32>>; 2] {
-        self.clip_from_room.map(|clip_from_room| Some(clip_from_room? * room_from_shape))
-    }
-}
-
-fn is_seen(bounds: &Bounds, clip_from_shape: &[Option<Matrix4<f32>>; 2]) -> bool {
-    clip_from_shape.iter().flatten().any(|clip| bounds.is_visible(clip))
 }
 
 impl Renderer {
@@ -108,16 +87,11 @@ impl Renderer {
             multiview: gpu.can_multiview(samples) && !gpu.is_software,
             culling: true,
             counts: DrawCounts::default(),
-            pipelines: Default::default(),
-            quads: InstancedPass::default(),
-            lines: InstancedPass::default(),
-            solids: None,
+            passes: PASSES.iter().map(|new| new()).collect(),
             uniforms: Uniforms::new(gpu, &group_layout, 8)?,
             group_layout,
             layout,
-            instances: instance_buffer(gpu, 16)?,
             view_bytes: Vec::new(),
-            instance_list: Vec::new(),
             attachments: Mutex::default(),
         };
         gpu.check()?;
@@ -168,9 +142,6 @@ impl Renderer {
         for picture in pictures {
             picture.check(self.samples)?;
         }
-        let solid_counts = self.list_instances(contents);
-        let solids = solid_counts.iter().any(|&count| count > 0);
-        let listed = Listed { bodies: !contents.bodies.is_empty(), solids, grid: contents.grid.is_some() };
         let is_pair = |picture: &Picture<'_>| picture.attachments.layers > 1;
         let (format, samples) = (self.format, self.samples);
         let made_for = |both_eyes| MadeFor { layout: &self.layout, format, samples, both_eyes };
@@ -179,22 +150,19 @@ impl Renderer {
             .filter(|both_eyes| pictures.iter().any(|picture| is_pair(picture) == *both_eyes))
             .map(made_for)
             .collect();
-        self.quads.upload(gpu, &kinds, contents.quads)?;
-        self.lines.upload(gpu, &kinds, contents.lines)?;
-        for kind in &kinds {
-            self.pipelines[usize::from(kind.both_eyes)].complete(gpu, kind, &listed);
+        for pass in &mut self.passes {
+            pass.upload(gpu, &kinds, contents)?;
         }
-        if solids && self.solids.is_none() {
-            self.solids = Some(SolidMeshes::new(gpu)?);
-        }
-        self.write_instances(gpu)?;
         let shots = self.write_views(gpu, pictures)?;
-        gpu.queue.write_buffer(&self.uniforms.frame, 0, bytemuck::bytes_of(&FrameUniform::new(contents)));
+        gpu.queue.write_buffer(
+            &self.uniforms.lighting,
+            0,
+            bytemuck::bytes_of(&LightingUniform::new(&contents.lighting)),
+        );
 
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut counts = DrawCounts::default();
         for (picture, shots) in pictures.iter().zip(shots) {
-            let pipelines = &self.pipelines[usize::from(is_pair(picture))];
             let mut pass = begin_pass(gpu, &mut encoder, picture);
             counts.passes += 1;
             for shot in shots {
@@ -202,25 +170,9 @@ impl Renderer {
                 pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
                 pass.set_scissor_rect(x, y, width, height);
                 pass.set_bind_group(0, &self.uniforms.group, &[shot.offset]);
-                self.draw_bodies(&mut pass, pipelines, &shot, contents, &mut counts);
-                self.draw_solids(
-                    &mut pass,
-                    pipelines,
-                    &shot,
-                    contents.bodies.len(),
-                    solid_counts,
-                    &mut counts,
-                );
-                if let Some(background) = &pipelines.background {
-                    pass.set_pipeline(background);
-                    pass.draw(0..3, 0..1);
+                for kind in &self.passes {
+                    kind.draw(&mut pass, &shot, contents, &mut counts);
                 }
-                if let Some(grid) = pipelines.grid.as_ref().filter(|_| listed.grid) {
-                    pass.set_pipeline(grid);
-                    pass.draw(0..4, 0..1);
-                }
-                self.quads.draw(&mut pass, is_pair(picture));
-                self.lines.draw(&mut pass, is_pair(picture));
             }
             // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
             pass.set_scissor_rect(0, 0, picture.attachments.width, picture.attachments.height);
@@ -231,94 +183,17 @@ impl Renderer {
         Ok(start.elapsed())
     }
 
-    /// The passes whose pipelines are there: only once there was something for them to draw.
+    /// The passes that have anything on the device: only once there was something for them to draw.
     pub fn made(&self) -> Vec<&'static str> {
-        let strips = [("quads", self.quads.is_made()), ("lines", self.lines.is_made())];
-        let strips = strips.into_iter().filter_map(|(pass, is_made)| is_made.then_some(pass));
-        self.pipelines.iter().flat_map(Pipelines::made).chain(strips).collect()
-    }
-
-    fn instances_from(&self, first: usize) -> wgpu::BufferSlice<'_> {
-        self.instances.slice((first * size_of::<Instance>()) as u64..)
-    }
-
-    fn draw_bodies(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        pipelines: &Pipelines,
-        shot: &Shot,
-        contents: &FrameContents<'_>,
-        counts: &mut DrawCounts,
-    ) {
-        let Some(pipeline) = &pipelines.body else { return };
-        pass.set_pipeline(pipeline);
-        for (k, body) in contents.bodies.iter().enumerate() {
-            let BodyBuffers { indices, positions, normals, colors, patches, .. } = body.buffers;
-            let clip_from_body = shot.clip_from_shape(&body.room_from_body);
-            let draw = |pass: &mut wgpu::RenderPass<'_>, run: Range<u32>| {
-                if !run.is_empty() {
-                    pass.draw_indexed(run, 0, 0..1);
-                }
-            };
-            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.set_vertex_buffer(0, positions.slice(..));
-            pass.set_vertex_buffer(1, normals.slice(..));
-            pass.set_vertex_buffer(2, colors.slice(..));
-            pass.set_vertex_buffer(3, self.instances_from(k));
-            // Neighbours in the index buffer in one draw.
-            let mut run = 0..0;
-            for patch in patches {
-                if self.culling && !is_seen(&patch.bounds, &clip_from_body) {
-                    counts.culled += 1;
-                    continue;
-                }
-                counts.drawn += 1;
-                if run.end == patch.indices.start {
-                    run.end = patch.indices.end;
-                    continue;
-                }
-                draw(pass, run);
-                run = patch.indices.clone();
-            }
-            draw(pass, run);
-        }
-    }
-
-    /// The instances from `first` on: so many of each solid.
-    fn draw_solids(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        pipelines: &Pipelines,
-        shot: &Shot,
-        mut first: usize,
-        solid_counts: [u32; 4],
-        counts: &mut DrawCounts,
-    ) {
-        let Some((pipeline, solids)) = pipelines.solid.as_ref().zip(self.solids.as_ref()) else { return };
-        pass.set_pipeline(pipeline);
-        pass.set_index_buffer(solids.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.set_vertex_buffer(0, solids.vertices.slice(..));
-        let meshes = solids.ranges.iter().zip(&solids.bounds);
-        for ((range, bounds), count) in meshes.zip(solid_counts) {
-            for instance in first..first + count as usize {
-                let room_from_shape = Matrix4::from(self.instance_list[instance].room_from_shape);
-                if self.culling && !is_seen(bounds, &shot.clip_from_shape(&room_from_shape)) {
-                    counts.culled += 1;
-                    continue;
-                }
-                counts.drawn += 1;
-                pass.set_vertex_buffer(1, self.instances_from(instance));
-                pass.draw_indexed(range.clone(), 0, 0..1);
-            }
-            first += count as usize;
-        }
+        self.passes.iter().filter(|pass| pass.is_made()).map(|pass| pass.name()).collect()
     }
 
     /// Uploads the views of all pictures; returns what there is to draw in each.
     fn write_views(&mut self, gpu: &Gpu, pictures: &[Picture<'_>]) -> Result<Vec<Vec<Shot>>, RenderError> {
         self.view_bytes.clear();
         let (bytes, stride) = (&mut self.view_bytes, self.uniforms.stride as usize);
-        let mut shot = |rect: [u32; 4], views: &[Option<View>]| {
+        let culling = self.culling;
+        let mut shot = |rect: [u32; 4], both_eyes: bool, views: &[Option<View>]| {
             let size = [rect[2], rect[3]];
             let uniforms: Vec<Option<ViewUniform>> = views
                 .iter()
@@ -334,15 +209,15 @@ impl Renderer {
                 bytes.extend_from_slice(bytemuck::bytes_of(&uniform.unwrap_or(ViewUniform::HIDDEN)));
             }
             bytes.resize(bytes.len().next_multiple_of(stride), 0);
-            Some(Shot { rect, offset: offset as u32, clip_from_room })
+            Some(Shot { rect, offset: offset as u32, both_eyes, culling, clip_from_room })
         };
         let shots = pictures
             .iter()
             .map(|picture| match picture.viewports {
                 [left, right] if picture.attachments.layers > 1 => {
-                    shot(left.rect, &[left.view, right.view]).into_iter().collect()
+                    shot(left.rect, true, &[left.view, right.view]).into_iter().collect()
                 }
-                viewports => viewports.iter().filter_map(|one| shot(one.rect, &[one.view])).collect(),
+                viewports => viewports.iter().filter_map(|one| shot(one.rect, false, &[one.view])).collect(),
             })
             .collect();
         if self.view_bytes.len() + size_of::<ViewUniform>() > self.uniforms.views.size() as usize {
@@ -351,26 +226,6 @@ impl Renderer {
         }
         gpu.queue.write_buffer(&self.uniforms.views, 0, &self.view_bytes);
         Ok(shots)
-    }
-
-    /// Lists the instances: bodies in their order, then the solids; returns how many solids of each shape.
-    fn list_instances(&mut self, contents: &FrameContents<'_>) -> [u32; 4] {
-        let of_body = |body: &BodyInstance<'_>| Instance {
-            room_from_shape: body.room_from_body.into(),
-            color: [0.0; 4],
-        };
-        self.instance_list.clear();
-        self.instance_list.extend(contents.bodies.iter().map(of_body));
-        solid::instances(contents, &mut self.instance_list)
-    }
-
-    fn write_instances(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
-        let bytes: &[u8] = bytemuck::cast_slice(&self.instance_list);
-        if bytes.len() as u64 > self.instances.size() {
-            self.instances = instance_buffer(gpu, self.instance_list.len().next_power_of_two())?;
-        }
-        gpu.queue.write_buffer(&self.instances, 0, bytes);
-        Ok(())
     }
 }
 
@@ -381,7 +236,7 @@ impl Uniforms {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         // A pass for one eye binds two views as well, and reads the first.
         let views = gpu.buffer("views", u64::from(stride) * views as u64 + u64::from(view_size), usage)?;
-        let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, usage)?;
+        let lighting = gpu.buffer("lighting", size_of::<LightingUniform>() as u64, usage)?;
         let two_views = wgpu::BufferBinding {
             buffer: &views,
             offset: 0,
@@ -392,16 +247,11 @@ impl Uniforms {
             layout,
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(two_views) },
-                wgpu::BindGroupEntry { binding: 1, resource: frame.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: lighting.as_entire_binding() },
             ],
         });
-        Ok(Self { views, frame, group, stride })
+        Ok(Self { views, lighting, group, stride })
     }
-}
-
-fn instance_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, RenderError> {
-    let bytes = count as u64 * size_of::<Instance>() as u64;
-    gpu.buffer("instances", bytes, BufferUsages::VERTEX | BufferUsages::COPY_DST)
 }
 
 /// Everything black and infinitely far.

@@ -2,8 +2,12 @@
 //! out go instances of four procedural surfaces of revolution that are made and uploaded once.
 
 use super::bounds::Bounds;
-use super::uniforms::Instance;
-use super::{Arrow, FrameContents, Gpu, RenderError, StylusShape};
+use super::error::RenderError;
+use super::frame::{Arrow, FrameContents, StylusShape};
+use super::gpu::Gpu;
+use super::instances::{Instance, Instances, instance_layout};
+use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Shot, Surface};
+use super::shader;
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;
@@ -33,26 +37,89 @@ struct SolidVertex {
 const ATTRIBUTES: [wgpu::VertexAttribute; 3] =
     wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Unorm8x4];
 
-pub(super) fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 2] {
+fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 2] {
     let per_vertex = wgpu::VertexBufferLayout {
         array_stride: size_of::<SolidVertex>() as u64,
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &ATTRIBUTES,
     };
-    [Some(per_vertex), Some(super::body::instance_layout())]
+    [Some(per_vertex), Some(instance_layout())]
+}
+
+#[derive(Default)]
+pub(super) struct SolidPass {
+    pipelines: EyePipelines,
+    meshes: Option<SolidMeshes>,
+    instances: Instances,
+    /// So many instances of each surface, one after the other.
+    counts: [u32; 4],
+}
+
+impl DrawPass for SolidPass {
+    fn name(&self) -> &'static str {
+        "solid"
+    }
+
+    fn upload(
+        &mut self,
+        gpu: &Gpu,
+        kinds: &[MadeFor<'_>],
+        contents: &FrameContents<'_>,
+    ) -> Result<(), RenderError> {
+        self.instances.list.clear();
+        self.counts = instances(contents, &mut self.instances.list);
+        if self.instances.list.is_empty() {
+            return Ok(());
+        }
+        let (label, parts, buffers) = (self.name(), &shader::SOLID, &vertex_layout());
+        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, surface: Surface::Opaque });
+        if self.meshes.is_none() {
+            self.meshes = Some(SolidMeshes::new(gpu)?);
+        }
+        self.instances.upload(gpu)
+    }
+
+    fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        shot: &Shot,
+        _: &FrameContents<'_>,
+        counts: &mut DrawCounts,
+    ) {
+        let made = self.pipelines.of(shot).zip(self.meshes.as_ref());
+        let Some((pipeline, meshes)) = made.filter(|_| !self.instances.list.is_empty()) else { return };
+        pass.set_pipeline(pipeline);
+        pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.set_vertex_buffer(0, meshes.vertices.slice(..));
+        let mut first = 0;
+        for ((range, bounds), count) in meshes.ranges.iter().zip(&meshes.bounds).zip(self.counts) {
+            for instance in first..first + count as usize {
+                let room_from_shape = Matrix4::from(self.instances.list[instance].room_from_shape);
+                if shot.shows(bounds, &shot.clip_from_shape(&room_from_shape), counts) {
+                    self.instances.bind(pass, 1, instance);
+                    pass.draw_indexed(range.clone(), 0, 0..1);
+                }
+            }
+            first += count as usize;
+        }
+    }
+
+    fn is_made(&self) -> bool {
+        self.meshes.is_some()
+    }
 }
 
 /// The four surfaces in one pair of buffers, each a range of indices.
-pub(super) struct SolidMeshes {
-    pub(super) vertices: wgpu::Buffer,
-    pub(super) indices: wgpu::Buffer,
+struct SolidMeshes {
+    vertices: wgpu::Buffer,
+    indices: wgpu::Buffer,
     /// In the order of [`instances`].
-    pub(super) ranges: [Range<u32>; 4],
-    pub(super) bounds: [Bounds; 4],
+    ranges: [Range<u32>; 4],
+    bounds: [Bounds; 4],
 }
 
 impl SolidMeshes {
-    pub(super) fn new(gpu: &Gpu) -> Result<Self, RenderError> {
+    fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         let mut mesh = Revolved::default();
         let ranges = [mesh.pen(), mesh.cylinder(), mesh.sphere(), mesh.cone()];
         let (vertices, indices) = (bytemuck::cast_slice(&mesh.vertices), bytemuck::cast_slice(&mesh.indices));
@@ -83,7 +150,7 @@ impl SolidMeshes {
 
 /// Appends the instances of all pens, then all rays and shafts, then all hit points and balls, then all arrow heads;
 /// returns how many there are of each.
-pub(super) fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] {
+fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] {
     let accent = |stylus: &StylusShape| if stylus.pressed { PRESSED } else { IDLE };
     let glowing = |room_from_shape: Matrix4<f32>, [r, g, b]: [f32; 3], glow: f32| Instance {
         room_from_shape: room_from_shape.into(),

@@ -1,6 +1,8 @@
 //! What a picture is drawn into: the multisampled colour and depth of one size, and the plain texture they resolve to.
 
-use super::{Gpu, RenderError, Viewport};
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::view::Viewport;
 
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 

@@ -4,9 +4,16 @@
 //! Two-eye tiles are drawn into two pictures of their own, which are then joined ([`Composite`]). In between, `paint`
 //! may draw over each eye's picture: what it writes is then readable in every kind of stereo.
 
+use super::composite::Composite;
 use super::composite::{CompositePass, Inputs};
-use super::window::Monitor;
-use super::{Attachments, Composite, EyePair, FrameContents, Gpu, Picture, RenderError, Renderer, Viewport};
+use super::error::RenderError;
+use super::frame::FrameContents;
+use super::gpu::Gpu;
+use super::pair::EyePair;
+use super::renderer::Renderer;
+use super::target::{Attachments, Picture};
+use super::view::Viewport;
+use super::window::spec::Monitor;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use wgpu::TextureUsages;

@@ -8,9 +8,9 @@ use render_common::*;
 
 const SIZE: [u32; 2] = [320, 256];
 
-/// A look that cannot hide anything: black room, one light.
-fn black_room() -> Look {
-    Look { zenith: [0.0; 3], horizon: [0.0; 3], nadir: [0.0; 3], ..Look::default() }
+/// Lighting that cannot hide anything: black room, one light.
+fn black_room() -> Lighting {
+    Lighting { zenith: [0.0; 3], horizon: [0.0; 3], nadir: [0.0; 3], ..Lighting::default() }
 }
 
 fn eyes() -> [View; 2] {
@@ -45,7 +45,7 @@ fn a_small_body_lands_on_the_projected_pixel_for_both_eyes() {
         let scale = (eyes()[0].eye_in_room - point).norm();
         let room_from_body = Matrix4::new_translation(&point.coords) * Matrix4::new_scaling(scale);
         let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
-        let contents = FrameContents { bodies: &bodies, look: black_room(), ..FrameContents::default() };
+        let contents = FrameContents { bodies: &bodies, lighting: black_room(), ..FrameContents::default() };
         for view in eyes() {
             let found = bright_spot(&draw_full(&gpu, &mut renderer, SIZE, view, &contents));
             let expected = pixel_of(&view, SIZE, point);
@@ -72,7 +72,7 @@ fn ray_and_hit_point_land_on_their_projected_pixels() {
             bend: None,
             pressed,
         };
-        let contents = FrameContents { styli: &[stylus], look: black_room(), ..FrameContents::default() };
+        let contents = FrameContents { styli: &[stylus], lighting: black_room(), ..FrameContents::default() };
         for view in eyes() {
             let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
             let expected = pixel_of(&view, SIZE, hit);
@@ -104,7 +104,7 @@ fn the_sides_of_a_stretched_cone_face_sideways() {
     let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], -0.3, Point3::new(0.0, 1.0, 0.9));
     let (from, along) = (Point3::new(-0.3, 1.0, -0.3), Vector3::new(0.6, 0.0, 0.0));
     let arrows = [Arrow { from, along, radius_m: 0.02, color: [0.4; 3] }];
-    let contents = FrameContents { arrows: &arrows, look: black_room(), ..FrameContents::default() };
+    let contents = FrameContents { arrows: &arrows, lighting: black_room(), ..FrameContents::default() };
     let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
     let brightness = |share: f32| {
         let [x, y] = pixel_of(&view, SIZE, from + along * share);
@@ -125,7 +125,7 @@ fn parallax_has_the_sign_and_size_of_stereo() {
     for z in [0.3_f32, 0.0, -0.8] {
         let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 1.0, z));
         let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
-        let contents = FrameContents { bodies: &bodies, look: black_room(), ..FrameContents::default() };
+        let contents = FrameContents { bodies: &bodies, lighting: black_room(), ..FrameContents::default() };
         let [left, right] =
             views.map(|view| bright_spot(&draw_full(&gpu, &mut renderer, SIZE, view, &contents)));
         let expected = 0.064 * z / (0.8 - z) * 320.0;
@@ -143,7 +143,7 @@ fn the_nearer_of_two_bodies_hides_the_farther_in_either_order() {
     let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], 0.0, Point3::new(0.0, 1.0, 0.8));
     let at = |buffers| BodyInstance { buffers, room_from_body: Matrix4::identity() };
     for bodies in [[at(&near), at(&far)], [at(&far), at(&near)]] {
-        let contents = FrameContents { bodies: &bodies, look: black_room(), ..FrameContents::default() };
+        let contents = FrameContents { bodies: &bodies, lighting: black_room(), ..FrameContents::default() };
         let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
         let [r, _, b, _] = image.get_pixel(160, 128).0;
         assert!(r > b, "the near body is red: {r} {b}");
@@ -280,7 +280,7 @@ fn four_samples_smooth_an_edge() {
     let room_from_body =
         Matrix4::new_translation(&Vector3::<f32>::y()) * Matrix4::new_rotation(Vector3::new(0.0, 0.0, 0.3));
     let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
-    let contents = FrameContents { bodies: &bodies, look: black_room(), ..FrameContents::default() };
+    let contents = FrameContents { bodies: &bodies, lighting: black_room(), ..FrameContents::default() };
     let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], 0.0, Point3::new(0.0, 1.0, 0.8));
     let mixed = [1, 4].map(|samples| {
         let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples).unwrap();
@@ -301,7 +301,7 @@ fn the_border_of_a_control_element_is_sharp_and_lies_halfway() {
     }
     let buffers = mesh.buffers(&gpu);
     let bodies = [BodyInstance { buffers: &buffers, room_from_body: Matrix4::identity() }];
-    let contents = FrameContents { bodies: &bodies, look: black_room(), ..FrameContents::default() };
+    let contents = FrameContents { bodies: &bodies, lighting: black_room(), ..FrameContents::default() };
     let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], 0.0, Point3::new(0.0, 1.0, 0.8));
     let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
     for x in 40..280 {
@@ -324,12 +324,12 @@ fn red_bodies_have_no_coloured_dots_along_their_silhouette() {
     mesh.colors.iter_mut().for_each(|color| *color = [230, 0, 0, color[3]]);
     let buffers = mesh.buffers(&gpu);
     let grey = [0.3; 3];
-    let look = Look { key: grey, fill: grey, sky: grey, ground: grey, ..black_room() };
+    let lighting = Lighting { key: grey, fill: grey, sky: grey, ground: grey, ..black_room() };
     for step in 0..40 {
         let turn = Matrix4::new_rotation(Vector3::new(0.0, 0.15 * step as f32, 0.0));
         let room_from_body = Matrix4::new_translation(&Vector3::<f32>::y()) * turn;
         let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
-        let contents = FrameContents { bodies: &bodies, look, ..FrameContents::default() };
+        let contents = FrameContents { bodies: &bodies, lighting, ..FrameContents::default() };
         let image = draw_full(&gpu, &mut renderer, [160, 128], eyes()[0], &contents);
         let wrong = image.enumerate_pixels().find(|(_, _, p)| p.0[1].max(p.0[2]) > p.0[0]);
         assert_eq!(wrong, None, "step {step}");

@@ -4,7 +4,7 @@
 use crate::render_common;
 
 use greenstage::render::{
-    Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Line, Look, Quad, Renderer, View,
+    Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Lighting, Line, Quad, Renderer, View,
 };
 use image::RgbaImage;
 use nalgebra::{Point3, Vector3};
@@ -24,13 +24,13 @@ fn behind() -> View {
 }
 
 /// No light and no background: what is drawn is what was asked for.
-fn dark() -> Look {
+fn dark() -> Lighting {
     let black = [0.0; 3];
-    Look { zenith: black, horizon: black, nadir: black, ..Look::default() }
+    Lighting { zenith: black, horizon: black, nadir: black, ..Lighting::default() }
 }
 
 fn drawn(gpu: &Gpu, renderer: &mut Renderer, view: View, contents: &FrameContents) -> RgbaImage {
-    draw_full(gpu, renderer, SIZE, view, &FrameContents { look: dark(), ..*contents })
+    draw_full(gpu, renderer, SIZE, view, &FrameContents { lighting: dark(), ..*contents })
 }
 
 const GREEN: [f32; 4] = [0.0, 1.0, 0.0, 1.0];

@@ -1,7 +1,7 @@
 //! One hand, two hands, modes, the second button, lost signals; without bodies.
 
+use super::super::mode::{Axis, AxisOf, Freedom};
 use super::*;
-use crate::interact::{Axis, AxisOf, Freedom};
 use nalgebra::{Translation3, UnitQuaternion};
 
 fn hit(target: usize, place: [f32; 3]) -> Option<Hit> {

@@ -1,7 +1,7 @@
 //! Is there a display? Asked of the environment and of the server's socket, without opening a window and without
 //! winit, whose event loop exists once per process.
 
-use super::super::RenderError;
+use super::super::error::RenderError;
 
 /// Ok when windows can be expected to open.
 ///

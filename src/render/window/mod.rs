@@ -4,45 +4,34 @@
 //! ones and presented together after all were drawn, and the user's input in neutral terms ([`Input`]).
 
 mod display;
+mod event_loop;
 mod input;
 mod monitor;
+pub(super) mod spec;
 mod surface;
 
 pub use display::find_display;
 pub use input::{Button, Input, Key};
-pub use monitor::{Monitor, MonitorChoice, monitors};
+pub use monitor::monitors;
+pub use spec::{Monitor, MonitorChoice, WindowSpec};
 
-use super::{FrameContents, Gpu, Paint, RenderError, Renderer, Target, Tile, TilePainter};
-use std::panic::catch_unwind;
+use super::error::RenderError;
+use super::frame::FrameContents;
+use super::gpu::Gpu;
+use super::renderer::Renderer;
+use super::tiles::{Paint, Target, Tile, TilePainter};
+use event_loop::{event_loop, no_display};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surface::WindowSurface;
 use winit::application::ApplicationHandler;
 use winit::dpi::{PhysicalPosition, PhysicalSize};
 use winit::event::WindowEvent;
-use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+use winit::event_loop::{ActiveEventLoop, ControlFlow};
 use winit::window::{Fullscreen, Window, WindowId};
 
 /// How long to sleep when no window can be drawn: all are minimised or hidden.
 const IDLE: Duration = Duration::from_millis(20);
-
-/// One window, in physical pixels.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct WindowSpec {
-    pub title: String,
-    /// From whose corner `position` counts; None: from the corner of the desktop that spans all monitors.
-    pub monitor: Option<MonitorChoice>,
-    /// Of the top left corner; None is the monitor's corner, or leaves it to the window manager.
-    pub position: Option<[i32; 2]>,
-    pub size: [u32; 2],
-    /// It gets the size of `monitor` instead.
-    pub fills: bool,
-    pub decorated: bool,
-    /// The window manager, where there is one, is told to cover the whole monitor that holds the place.
-    pub fullscreen: bool,
-    /// X11: no window manager is asked (override-redirect). The place is exact, but no click gives it the keyboard.
-    pub unmanaged: bool,
-}
 
 /// How all windows draw and present.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,37 +171,11 @@ pub fn run(
     options: WindowOptions,
     app: &mut impl WindowApp,
 ) -> Result<(), RenderError> {
-    find_display()?;
-    // winit panics when a library it loads at run time is missing; the user gets an error with the remedy instead.
-    let event_loop = catch_unwind(build_event_loop)
-        .map_err(|panic| no_display(panic_message(&*panic).to_owned()))?
-        .map_err(|error| no_display(error.to_string()))?;
+    let event_loop = event_loop()?;
     event_loop.set_control_flow(ControlFlow::Poll);
     let mut handler = Handler { specs, options, app, windows: None, result: Ok(()) };
     event_loop.run_app(&mut handler).map_err(|error| no_display(error.to_string()))?;
     handler.result
-}
-
-fn build_event_loop() -> Result<EventLoop<()>, winit::error::EventLoopError> {
-    let mut builder = EventLoop::builder();
-    #[cfg(target_os = "linux")]
-    {
-        // X11 allows it, and tests do not run on the main thread.
-        use winit::platform::x11::EventLoopBuilderExtX11;
-        builder.with_any_thread(true);
-    }
-    builder.build()
-}
-
-fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("the window system did not start")
-}
-
-fn no_display(reason: String) -> RenderError {
-    RenderError::NoDisplay(format!(
-        "{reason}; on X11 windows need libxcursor1, libxi6 and libxkbcommon-x11-0 (Debian, Ubuntu: apt install)"
-    ))
 }
 
 struct Handler<'a, A> {

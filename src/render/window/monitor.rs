@@ -1,28 +1,13 @@
 //! The monitors of the desktop, and where a window stands on them.
 
-use super::{RenderError, WindowSpec, build_event_loop, find_display, no_display, panic_message};
-use std::panic::catch_unwind;
+use super::super::error::RenderError;
+use super::event_loop::{event_loop, no_display};
+use super::spec::{Monitor, MonitorChoice, WindowSpec};
 use winit::application::ApplicationHandler;
 use winit::event::WindowEvent;
 use winit::event_loop::ActiveEventLoop;
 use winit::monitor::MonitorHandle;
 use winit::window::WindowId;
-
-/// A monitor's place on the desktop, in physical pixels.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Monitor {
-    /// As the window system names it: `DP-1`; on X11, `xrandr` lists the same.
-    pub name: String,
-    pub at: [i32; 2],
-    pub size: [u32; 2],
-}
-
-/// By number, in the order of [`monitors`], or by name.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum MonitorChoice {
-    Number(usize),
-    Name(String),
-}
 
 /// The monitors of the running display. Makes the process' only event loop: no window can be opened afterwards.
 ///
@@ -39,10 +24,7 @@ pub fn monitors() -> Result<Vec<Monitor>, RenderError> {
 
         fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, _: WindowEvent) {}
     }
-    find_display()?;
-    let event_loop = catch_unwind(build_event_loop)
-        .map_err(|panic| no_display(panic_message(&*panic).to_owned()))?
-        .map_err(|error| no_display(error.to_string()))?;
+    let event_loop = event_loop()?;
     let mut asker = Asker::default();
     event_loop.run_app(&mut asker).map_err(|error| no_display(error.to_string()))?;
     Ok(asker.0)
@@ -89,20 +71,4 @@ pub(super) fn place(
     let at = spec.position.unwrap_or_default();
     let position = [0, 1].map(|axis| monitor.at[axis].saturating_add(at[axis]));
     Ok((Some(position), if spec.fills { monitor.size } else { spec.size }))
-}
-
-impl std::fmt::Display for Monitor {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Monitor { name, at, size } = self;
-        write!(f, "\"{name}\", {} × {} at ({}, {})", size[0], size[1], at[0], at[1])
-    }
-}
-
-impl std::fmt::Display for MonitorChoice {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Number(number) => write!(f, "{number}"),
-            Self::Name(name) => write!(f, "\"{name}\""),
-        }
-    }
 }

@@ -1,8 +1,11 @@
 //! A window's swap chain: configured when it opens, again when its size changes or the system says so.
 
+use super::super::error::RenderError;
+use super::super::gpu::Gpu;
 use super::super::target::check_size;
-use super::super::{Canvas, Gpu, RenderError};
-use super::monitor::{Monitor, described};
+use super::super::tiles::Canvas;
+use super::monitor::described;
+use super::spec::Monitor;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use wgpu::{CurrentSurfaceTexture, TextureFormat};

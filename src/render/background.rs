@@ -1,0 +1,33 @@
+//! The empty room behind everything: a gradient over the height of the sight line.
+
+use super::error::RenderError;
+use super::frame::FrameContents;
+use super::gpu::Gpu;
+use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Shot, Surface};
+use super::shader;
+
+#[derive(Default)]
+pub(super) struct BackgroundPass(EyePipelines);
+
+impl DrawPass for BackgroundPass {
+    fn name(&self) -> &'static str {
+        "background"
+    }
+
+    fn upload(&mut self, gpu: &Gpu, kinds: &[MadeFor<'_>], _: &FrameContents<'_>) -> Result<(), RenderError> {
+        let (parts, surface) = (&shader::BACKGROUND, Surface::Background);
+        self.0.complete(gpu, kinds, &Recipe { label: self.name(), parts, buffers: &[], surface });
+        Ok(())
+    }
+
+    fn draw(&self, pass: &mut wgpu::RenderPass<'_>, shot: &Shot, _: &FrameContents<'_>, _: &mut DrawCounts) {
+        if let Some(pipeline) = self.0.of(shot) {
+            pass.set_pipeline(pipeline);
+            pass.draw(0..3, 0..1);
+        }
+    }
+
+    fn is_made(&self) -> bool {
+        self.0.is_made()
+    }
+}

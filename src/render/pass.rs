@@ -1,0 +1,189 @@
+//! What every drawing pass is: a file of its own beside the shader of the same name, which takes its part of a frame,
+//! makes its pipelines when there is first something for it to draw, and draws it once per shot.
+
+use super::bounds::Bounds;
+use super::error::RenderError;
+use super::frame::FrameContents;
+use super::gpu::Gpu;
+use super::shader;
+use super::target::DEPTH_FORMAT;
+use nalgebra::Matrix4;
+use std::num::NonZeroU32;
+
+/// Both layers of a target, in one pass.
+pub(super) const BOTH_EYES: Option<NonZeroU32> = NonZeroU32::new(0b11);
+
+/// One kind of thing that a frame can hold.
+pub(super) trait DrawPass {
+    /// Its shader's name.
+    fn name(&self) -> &'static str;
+
+    /// Takes this frame's part, to be drawn in pictures of these kinds. Without anything to draw it makes nothing.
+    fn upload(
+        &mut self,
+        gpu: &Gpu,
+        kinds: &[MadeFor<'_>],
+        contents: &FrameContents<'_>,
+    ) -> Result<(), RenderError>;
+
+    /// Draws what was taken into the viewport of a shot, which is set.
+    fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        shot: &Shot,
+        contents: &FrameContents<'_>,
+        counts: &mut DrawCounts,
+    );
+
+    /// Whether it has anything on the device.
+    fn is_made(&self) -> bool;
+}
+
+/// Patches of bodies, and solids, over all passes of a frame; both eyes in one pass count once. A body that the CPU
+/// deforms is one patch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DrawCounts {
+    pub passes: usize,
+    pub drawn: usize,
+    /// Left out, because no eye of the pass can see them.
+    pub culled: usize,
+}
+
+/// A viewport that shows something: to one eye, or to one or both of a pair.
+pub(super) struct Shot {
+    pub(super) rect: [u32; 4],
+    /// Where its views lie in the uniform buffer.
+    pub(super) offset: u32,
+    pub(super) both_eyes: bool,
+    /// Leave out what none of its eyes sees.
+    pub(super) culling: bool,
+    pub(super) clip_from_room: [Option<Matrix4<f32>>; 2],
+}
+
+impl Shot {
+    /// For each of its views.
+    pub(super) fn clip_from_shape(&self, room_from_shape: &Matrix4<f32>) -> [Option<Matrix4<f32>>; 2] {
+        self.clip_from_room.map(|clip_from_room| Some(clip_from_room? * room_from_shape))
+    }
+
+    /// Whether a shape is to be drawn; counts it.
+    pub(super) fn shows(
+        &self,
+        bounds: &Bounds,
+        clip_from_shape: &[Option<Matrix4<f32>>; 2],
+        counts: &mut DrawCounts,
+    ) -> bool {
+        let is_seen = clip_from_shape.iter().flatten().any(|clip| bounds.is_visible(clip));
+        let shows = is_seen || !self.culling;
+        *if shows { &mut counts.drawn } else { &mut counts.culled } += 1;
+        shows
+    }
+}
+
+/// The pipelines of one pass: for pictures of one eye, and for those of both.
+#[derive(Default)]
+pub(super) struct EyePipelines([Option<wgpu::RenderPipeline>; 2]);
+
+impl EyePipelines {
+    /// Makes those of these kinds that are not there.
+    pub(super) fn complete(&mut self, gpu: &Gpu, kinds: &[MadeFor<'_>], recipe: &Recipe<'_>) {
+        for kind in kinds {
+            self.0[usize::from(kind.both_eyes)].get_or_insert_with(|| pipeline(gpu, kind, recipe));
+        }
+    }
+
+    pub(super) fn of(&self, shot: &Shot) -> Option<&wgpu::RenderPipeline> {
+        self.0[usize::from(shot.both_eyes)].as_ref()
+    }
+
+    pub(super) fn is_made(&self) -> bool {
+        self.0.iter().any(Option::is_some)
+    }
+}
+
+/// Group 0: the views, at a dynamic offset, and the frame.
+pub(super) fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let uniform = |binding, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[uniform(0, true), uniform(1, false)],
+    })
+}
+
+/// How a pass meets the pixels that are there: nearer wins, only where nothing is, or blended over what is farther.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Surface {
+    Opaque,
+    Background,
+    Translucent,
+}
+
+/// What a pipeline is made from.
+pub(super) struct Recipe<'a> {
+    pub(super) label: &'a str,
+    /// Its shader, as `shader` lists it.
+    pub(super) parts: &'a [&'a str],
+    pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    pub(super) surface: Surface,
+}
+
+/// For what pictures a pipeline is made.
+pub(super) struct MadeFor<'a> {
+    pub(super) layout: &'a wgpu::PipelineLayout,
+    pub(super) format: wgpu::TextureFormat,
+    pub(super) samples: u32,
+    /// In one pass.
+    pub(super) both_eyes: bool,
+}
+
+fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, recipe: &Recipe<'_>) -> wgpu::RenderPipeline {
+    let &MadeFor { layout, format, samples, both_eyes } = made_for;
+    let module = shader::module(&gpu.device, recipe.label, &shader::drawing(recipe.parts, both_eyes));
+    let topology = match recipe.surface {
+        Surface::Translucent => wgpu::PrimitiveTopology::TriangleStrip,
+        Surface::Opaque | Surface::Background => wgpu::PrimitiveTopology::TriangleList,
+    };
+    // Depth is reversed: nearer is greater, and infinity, where the background lies, is the cleared 0.
+    let depth_compare = match recipe.surface {
+        Surface::Background => wgpu::CompareFunction::Equal,
+        Surface::Opaque | Surface::Translucent => wgpu::CompareFunction::Greater,
+    };
+    let blend =
+        (recipe.surface == Surface::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(recipe.label),
+        layout: Some(layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: recipe.buffers,
+        },
+        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(recipe.surface == Surface::Opaque),
+            depth_compare: Some(depth_compare),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
+        }),
+        multiview_mask: if both_eyes { BOTH_EYES } else { None },
+        cache: None,
+    })
+}
