@@ -1,25 +1,9 @@
 //! Fields, connections between them, and one evaluation of all that changed.
 
-use super::Value;
 use super::error::FieldError;
 use super::input::Input;
+use super::value::{Field, Value, Values};
 use std::any::Any;
-use std::marker::PhantomData;
-
-/// A field of one graph: its number in it. Only that graph may be asked for it; another one panics or answers with
-/// a field of its own.
-pub struct Field<T> {
-    pub(super) number: usize,
-    value: PhantomData<fn() -> T>,
-}
-
-impl<T> Clone for Field<T> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<T> Copy for Field<T> {}
 
 /// Fields of any types, whose functions may act on a context `C` as well.
 pub struct Graph<C> {
@@ -64,28 +48,6 @@ pub(super) struct Connection<C> {
 /// Makes the new value from the others; true if it differs from the old one.
 type Function<C> = dyn FnMut(&mut Values, &mut C) -> bool;
 
-/// The values of all fields, by number.
-pub struct Values(pub(super) Vec<Box<dyn Any>>);
-
-impl Values {
-    /// Panics where `field` is of another graph.
-    pub(super) fn get<T: Value>(&self, field: Field<T>) -> &T {
-        match self.0[field.number].downcast_ref() {
-            Some(value) => value,
-            None => unreachable!("a field knows the type of its value within its own graph"),
-        }
-    }
-
-    /// True if the new value differs.
-    pub(super) fn put<T: Value>(&mut self, field: Field<T>, new: T) -> bool {
-        let differs = *self.get(field) != new;
-        if let Some(old) = self.0[field.number].downcast_mut().filter(|_| differs) {
-            *old = new;
-        }
-        differs
-    }
-}
-
 impl<C: 'static> Graph<C> {
     /// A new field; `name` must be nobody else's.
     pub fn field<T: Value>(&mut self, name: impl Into<String>, first: T) -> Result<Field<T>, FieldError> {
@@ -107,7 +69,7 @@ impl<C: 'static> Graph<C> {
             },
             read: |text| Ok(Box::new(serde_json::from_str::<T>(text)?)),
         });
-        Ok(Field { number: self.nodes.len() - 1, value: PhantomData })
+        Ok(Field::new(self.nodes.len() - 1))
     }
 
     pub fn get<T: Value>(&self, field: Field<T>) -> &T {
@@ -138,7 +100,7 @@ impl<C: 'static> Graph<C> {
         self.values.put(field, value.clone());
         self.restored(field.number);
         for number in self.delays_of(field.number) {
-            self.restore(Field { number, value: PhantomData::<fn() -> T> }, value.clone());
+            self.restore(Field::<T>::new(number), value.clone());
         }
     }
 
@@ -189,7 +151,7 @@ impl<C: 'static> Graph<C> {
     /// A field that holds what `of` was at the end of the last frame; the same one whenever it is asked for.
     pub fn previous<T: Value>(&mut self, of: Field<T>) -> Result<Field<T>, FieldError> {
         if let Some(&number) = self.delays_of(of.number).first() {
-            return Ok(Field { number, value: PhantomData });
+            return Ok(Field::new(number));
         }
         let name = format!("{}.previous", self.name(of));
         let delay = self.field(name, self.get(of).clone())?;

@@ -1,7 +1,6 @@
 //! What a function of the graph reads: one field, several of different types, or each of a list.
 
-use super::Value;
-use super::graph::{Field, Values};
+use super::value::{Field, Value, Values};
 
 /// Fields that a function depends on, and how it sees their values.
 pub trait Input: 'static {

@@ -33,34 +33,11 @@ mod input;
 mod listing;
 pub mod numbers;
 mod stream;
+mod value;
 
 pub use error::FieldError;
-pub use graph::{Field, Graph};
+pub use graph::Graph;
 pub use input::{Each, Input};
 pub use listing::Entry;
 pub use stream::{LONGEST_LINE, StreamError, VERSION, read_line};
-
-use serde::Serialize;
-use serde::de::DeserializeOwned;
-
-/// What a field can hold. Two values that are equal count as no change.
-pub trait Value: Clone + PartialEq + Serialize + DeserializeOwned + 'static {
-    /// As listings and streams call it.
-    const TYPE: &'static str;
-}
-
-impl Value for f64 {
-    const TYPE: &'static str = "number";
-}
-
-impl Value for u64 {
-    const TYPE: &'static str = "count";
-}
-
-impl Value for bool {
-    const TYPE: &'static str = "switch";
-}
-
-impl Value for String {
-    const TYPE: &'static str = "text";
-}
+pub use value::{Field, Value};
