@@ -1,10 +1,14 @@
 //! The binary: parse the command line, dispatch, print the error chain.
 
 use clap::Parser;
+use greenstage::base::{notice, signal};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    if let Err(error) = signal::watch() {
+        notice::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
+    }
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
@@ -13,11 +17,12 @@ fn main() -> ExitCode {
                 .unwrap_or_else(|_| greenstage::render::LOGGED.into()),
         )
         .without_time()
+        .log_internal_errors(false)
         .init();
     match greenstage::cli::run(greenstage::cli::Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {failure}");
+            notice::say(format_args!("error: {failure}"));
             ExitCode::from(failure.status())
         }
     }

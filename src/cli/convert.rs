@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::table::count;
+use crate::base::notice::notice;
 use crate::mesh::{self, formats};
 use std::path::PathBuf;
 
@@ -48,7 +49,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             other => Failure::request(other),
         })?;
     for notice in loaded.notices.iter().map(|notice| format!("read: {notice}")).chain(lost) {
-        eprintln!("note: {notice}");
+        notice!("note: {notice}");
     }
     let mesh = &loaded.mesh;
     let regions: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();

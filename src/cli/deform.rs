@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::poses::{self, Pose};
 use super::{session, statics};
+use crate::base::notice::notice;
 use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
 use crate::green::{self, FIELDS, GreenFile, Solution};
 use crate::mesh::TetMesh;
@@ -122,10 +123,11 @@ fn surface_results(
 fn surface_result(asked: &Asked<'_>, body: &mut Deformer) -> Deformed {
     body.forget();
     if body.evaluate(&asked.control).is_some() && body.coefficients.rotation_undefined {
-        eprintln!(
+        notice!(
             "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
              defined, and the result not to be trusted; model = \"linear\" has no such pose",
-            asked.pose, body.body
+            asked.pose,
+            body.body
         );
     }
     Deformed {
@@ -238,7 +240,7 @@ fn write_all(args: &Args, scene: &Scene, geometry: &[Geometry], results: &[Defor
     } else if with(".forces.csv").exists() {
         let old = with(".forces.csv");
         std::fs::remove_file(&old).with_context(|| old.display().to_string()).map_err(Failure::Request)?;
-        eprintln!("note: {} was of an earlier run with haptics and is removed", old.display());
+        notice!("note: {} was of an earlier run with haptics and is removed", old.display());
     }
     let vtu = with(".vtu");
     vtk(geometry, results)

@@ -8,6 +8,7 @@ use super::failure::Failure;
 use super::interrupt;
 use super::overlay::HapticReading;
 use super::world::World;
+use crate::base::notice::notice;
 use crate::effect::find_effect;
 use crate::effect::haptics::{
     Control, Device, Elastic, Faults, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated, VrpnDevice,
@@ -110,7 +111,7 @@ impl Feel {
             let device = open(haptic)?;
             let control = Control::new(haptic.clone(), elastic.clone(), device.latency_s());
             let running = Loop::start(control, device).map_err(Failure::work)?;
-            eprintln!("haptic {}: {}, {} Hz", haptic.name, running.device, haptic.rate_hz);
+            notice!("haptic {}: {}, {} Hz", haptic.name, running.device, haptic.rate_hz);
             Ok(Link {
                 haptic: haptic.clone(),
                 running,
@@ -123,7 +124,7 @@ impl Feel {
             })
         };
         let links = world.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
-        interrupt::end_without_force().map_err(Failure::work)?;
+        interrupt::end_without_force();
         Ok(Some(Feel { links }))
     }
 
@@ -290,7 +291,7 @@ impl Link {
             self.told.heard = Instant::now();
         } else if !self.told.silent && self.told.heard.elapsed() > SILENT {
             self.told.silent = true;
-            eprintln!(
+            notice!(
                 "warning: haptic {name}: {} has not said where it is for {} s: is it on, its service running, its address right?",
                 self.running.device,
                 SILENT.as_secs()
@@ -301,7 +302,7 @@ impl Link {
         }
         if !self.told.slow && felt.spacing_s * rate_hz > 2.0 {
             self.told.slow = true;
-            eprintln!(
+            notice!(
                 "warning: haptic {name}: it reports {:.0} times a second, the loop runs at {rate_hz} Hz: no more than {:.0} N/m can \
                  be felt (`greenstage manual haptics`)",
                 1.0 / felt.spacing_s,
@@ -310,7 +311,7 @@ impl Link {
         }
         let Some(held) = held.filter(|_| !self.told.stiff && felt.stiffer > 1.0) else { return };
         self.told.stiff = true;
-        eprintln!(
+        notice!(
             "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears at {rate_hz} Hz with {damping} N·s/m of \
              friction; in those directions it is felt that much softer (`greenstage manual haptics`)",
             world.bodies[self.bodies[held.body]].deformer.body,

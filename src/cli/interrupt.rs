@@ -3,47 +3,34 @@
 //! Such a signal ends a process where it stands, and a device may push with the last force for as long as it is told
 //! nothing.
 
+use crate::base::signal::on_end;
 use crate::effect::haptics::thread::stop_all;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
-use signal_hook::low_level::emulate_default_handler;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Once;
 use std::time::Duration;
 
 /// A loop ends within a tick, and its device's connection within this.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// From the first call on a thread waits for the signals. A second one ends the program at once.
-pub fn end_without_force() -> std::io::Result<()> {
-    static WATCHED: AtomicBool = AtomicBool::new(false);
-    if WATCHED.swap(true, Ordering::SeqCst) {
-        return Ok(());
-    }
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
-    let wait = move || {
-        let Some(first) = signals.forever().next() else { return };
-        let end = std::thread::spawn(move || {
-            stop_all(PATIENCE);
-            emulate_default_handler(first)
-        });
-        for again in signals.forever() {
-            if emulate_default_handler(again).is_err() || end.is_finished() {
-                return;
-            }
-        }
+/// From the first call on such a signal leaves no force.
+pub fn end_without_force() {
+    static ASKED: Once = Once::new();
+    let stop = || {
+        stop_all(PATIENCE);
+        None
     };
-    std::thread::Builder::new().name("signals".into()).spawn(wait)?;
-    Ok(())
+    ASKED.call_once(|| on_end(stop).keep());
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::bench_haptics::control;
     use super::*;
+    use crate::base::signal;
     use crate::effect::haptics::{Device, Loop, News, Push, Reading};
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+    use signal_hook::consts::SIGTERM;
     use std::io::{BufRead, BufReader};
-    use std::os::unix::process::ExitStatusExt;
+    use std::os::unix::process::{CommandExt, ExitStatusExt};
     use std::process::{Command, Stdio};
 
     /// A handle that stands aside of rest, and tells on standard output when a force begins and when it ends.
@@ -87,7 +74,8 @@ mod tests {
         if std::env::var_os(CHILD).is_none() {
             return;
         }
-        end_without_force().unwrap();
+        signal::watch().unwrap();
+        end_without_force();
         let (control, grasp) = control("linear", 2).unwrap();
         let mut running = Loop::start(control, Box::new(Aside { is_pushed: false })).unwrap();
         for _ in 0..6000 {
@@ -98,12 +86,14 @@ mod tests {
 
     #[test]
     fn a_program_that_is_told_to_end_leaves_no_force() {
-        let mut child = Command::new(std::env::current_exe().unwrap())
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command
             .args(["--exact", "cli::interrupt::tests::child", "--nocapture"])
             .env(CHILD, "1")
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+            .stdout(Stdio::piped());
+        // SAFETY: the call changes the signal mask alone. The tests' own first thread must block the signals too, and it
+        // runs before `child` can say so.
+        let mut child = unsafe { command.pre_exec(signal::block) }.spawn().unwrap();
         let mut told = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
         assert!(told.any(|line| line == "a force"));
         let ended = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();

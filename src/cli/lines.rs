@@ -3,6 +3,7 @@
 //! In: lines, as bytes. Out: each is handed to the system at once, in their order. Where more wait than the queue holds,
 //! who makes them waits: nothing is left out.
 
+use crate::base::notice::notice;
 use std::io::{Error, Result, Write};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{Builder, JoinHandle};
@@ -55,7 +56,7 @@ impl Lines {
 impl Drop for Lines {
     fn drop(&mut self) {
         if let Err(error) = self.finish() {
-            eprintln!("note: lines could not be written: {error}");
+            notice!("note: lines could not be written: {error}");
         }
     }
 }

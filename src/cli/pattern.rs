@@ -9,6 +9,7 @@ use super::failure::Failure;
 use super::overlay::Readings;
 use super::panes;
 use super::render::save;
+use crate::base::notice::notice;
 use crate::render::window::{self, AppError, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
 use crate::stage::{Stage, Window};
@@ -79,7 +80,7 @@ impl WindowApp for Shown {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
         if let Some(warning) = panes::unplaced(&self.layout).filter(|_| !windows.knows_places && !self.warned)
         {
-            eprintln!("warning: {warning}");
+            notice!("warning: {warning}");
             self.warned = true;
         }
         let sizes: Vec<[u32; 2]> = windows.sizes().collect();

@@ -4,6 +4,7 @@ use super::device::{self, Choice};
 use super::overlay::{FrameTimes, History, Panel, Readings};
 use super::panes;
 use super::world::{StepTimes, World};
+use crate::base::notice::notice;
 use crate::render::window::Monitor;
 use crate::render::{
     BodyBuffers, BodyInstance, COLOR_FORMAT, Canvas, DrawCounts, EyePicture, FrameContents, Gpu, Overlay,
@@ -27,7 +28,7 @@ impl Bodies {
         let mut bodies = Bodies { buffers: Vec::new(), choices: Vec::new() };
         for body in &mut world.bodies {
             let (buffers, choice) = device::buffers(gpu, body, asked.deform)?;
-            eprintln!("body.{}: {}", body.deformer.body, choice.describe());
+            notice!("body.{}: {}", body.deformer.body, choice.describe());
             bodies.buffers.push(buffers);
             bodies.choices.push(choice);
         }

@@ -5,6 +5,7 @@ use super::accuracy::scripted_or_random;
 use super::failure::Failure;
 use super::progress::Bars;
 use super::session;
+use crate::base::notice::notice;
 use crate::deform::ControlPose;
 use crate::fem::nearest_turn;
 use crate::green::{self, GreenError, GreenFile};
@@ -41,10 +42,10 @@ pub fn settled(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure>
             Some(table) => table,
             None => measure(plain, name, key, demand, quiet)?,
         };
-        table.left_out.iter().for_each(|pose| eprintln!("body.{name}: left out: {pose}"));
+        table.left_out.iter().for_each(|pose| notice!("body.{name}: left out: {pose}"));
         let choice = choose(&table.rows, demand);
         for sentence in choice.iter().flat_map(|choice| choice.sentences(demand)) {
-            eprintln!("body.{name}: {sentence}");
+            notice!("body.{name}: {sentence}");
         }
         Ok(Some(table))
     })
@@ -99,7 +100,7 @@ fn kept(scene: &Scene, name: &str, key: &str, demand: &Demand) -> Result<Option<
 }
 
 fn measure(scene: &Scene, name: &str, key: String, demand: &Demand, quiet: bool) -> Result<Table, Failure> {
-    eprintln!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
+    notice!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
     let (poses, pose_source) = scripted_or_random(scene, name, None, true)?;
     let scratch = tempfile::tempdir().map_err(Failure::work)?;
     let request = Request {

@@ -44,7 +44,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         ));
     }
     let started = Instant::now();
+    let unwritten = session::unwritten(&path);
     let bodies = session::precompute(&scene, args.quiet)?;
+    drop(unwritten);
     let writing = Instant::now();
     let size = green::write(&path, &bodies).map_err(|error| session::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();

@@ -1,5 +1,6 @@
 //! Progress of long work on standard error: bars on a terminal, a line per step elsewhere.
 
+use crate::base::notice::notice;
 use crate::solve::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -76,7 +77,7 @@ impl Progress for Bars {
                 step.bar.finish_and_clear();
                 if !self.quiet {
                     let seconds = step.started.elapsed().as_secs_f64();
-                    eprintln!("{:>12}  {:<18} {seconds:8.3} s", self.body, step.name);
+                    notice!("{:>12}  {:<18} {seconds:8.3} s", self.body, step.name);
                 }
             }
         });

@@ -7,6 +7,7 @@
 use super::failure::Failure;
 use super::lines::Lines;
 use super::world::World;
+use crate::base::notice::notice;
 use crate::field::{StreamError, read_line};
 use crate::green::GreenFile;
 use crate::interact::Action;
@@ -221,7 +222,7 @@ impl Replay {
 
     fn tell_cut(&self, frame: u64) {
         let path = self.path.display();
-        eprintln!(
+        notice!(
             "note: {path}: it ends in the middle of frame {frame}, which is left out: the program was stopped"
         );
     }

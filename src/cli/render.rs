@@ -9,6 +9,7 @@ use super::session;
 use super::table::seconds;
 use super::view;
 use super::world::World;
+use crate::base::notice::notice;
 use crate::green::GreenFile;
 use crate::scene::Scene;
 use crate::stage::{Stage, Stereo};
@@ -203,7 +204,7 @@ pub fn pictures(
     if args.overlay {
         targets = targets.with_overlay();
     }
-    eprintln!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
+    notice!("{}: drawing on {}", world.stage.name, targets.gpu.describe());
     let shown = [0, args.frames / 2, args.frames - 1];
     let bar = indicatif::ProgressBar::new(args.frames as u64).with_message("frames");
     let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();

@@ -3,6 +3,7 @@
 //! In: the newest states of a rig's sources, or of a script. Out: a VRPN server, one device for every tracker.
 
 use super::failure::Failure;
+use crate::base::notice::notice;
 use crate::stage::Stage;
 use crate::track::device::now_s;
 use crate::track::rig::Rig;
@@ -45,10 +46,10 @@ impl Service {
             Failure::wrong(format!("cannot serve at {place}: {error}; {advice}"))
         })?;
         for address in server.addresses() {
-            eprintln!("serving {address}");
+            notice!("serving {address}");
         }
         if !server.place.ip().is_loopback() {
-            eprintln!("note: whoever reaches {} can listen; VRPN has no passwords", server.place);
+            notice!("note: whoever reaches {} can listen; VRPN has no passwords", server.place);
         }
         Ok(Service { server, told: ServerCounters::default() })
     }
@@ -96,11 +97,11 @@ pub fn script(
     let script = Script::find(name).map_err(Failure::request)?;
     let mut source = ScriptSource::new(name, script, stage, rate_hz);
     let mut service = Service::open(place, [SCRIPT_DEVICE])?;
-    source.legend().iter().for_each(|line| eprintln!("  {line}"));
+    source.legend().iter().for_each(|line| notice!("  {line}"));
     let started_s = now_s();
     while limit_s.is_none_or(|limit_s| now_s() - started_s < limit_s) {
         service.server.publish(0, source.latest());
-        service.tick().iter().for_each(|notice| eprintln!("note: {notice}"));
+        service.tick().iter().for_each(|notice| notice!("note: {notice}"));
         std::thread::sleep(Duration::from_secs_f64(STEP_S));
     }
     Ok(())

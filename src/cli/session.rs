@@ -2,6 +2,8 @@
 
 use super::failure::Failure;
 use super::progress::Bars;
+use crate::base::notice::notice;
+use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Deformer, Kind, find_model, not_online};
 use crate::effect::find_effect;
 use crate::fem::Law;
@@ -82,7 +84,7 @@ pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failur
             let needs = needs(scene, name, body)?;
             let precomputed = green::precompute(scene, name, needs, &Bars::new(name, quiet))?;
             for notice in &precomputed.solution.notices {
-                eprintln!("{notice}");
+                notice!("{notice}");
             }
             Ok(precomputed)
         })
@@ -104,16 +106,27 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
         Err(GreenError::Stale { .. }) => "is stale (the scene, its mesh or the program changed)",
         Err(_) => "is not there yet",
     };
-    eprintln!("{} {reason}: precomputing", path.display());
-    green::write(&path, &precompute(scene, false)?).map_err(|error| unwritable(error, &path))?;
+    notice!("{} {reason}: precomputing", path.display());
+    let unwritten = unwritten(&path);
+    let bodies = precompute(scene, false)?;
+    drop(unwritten);
+    green::write(&path, &bodies).map_err(|error| unwritable(error, &path))?;
     Ok(Arc::new(GreenFile::open(&path)?))
+}
+
+/// Tells what a signal to end costs before `path` is written.
+pub fn unwritten(path: &Path) -> OnEnd {
+    let (named, was_there) = (path.display().to_string(), path.exists());
+    on_end(move || {
+        Some(if was_there { format!("{named} is as it was") } else { format!("{named} was not written") })
+    })
 }
 
 /// Unpacks the packed file beside `path` where the .green file itself is missing.
 pub fn unpack_shipped(path: &Path) -> Result<(), Failure> {
     let shipped = green::packed_path(path);
     if !path.exists() && shipped.exists() {
-        eprintln!("{} is unpacked", shipped.display());
+        notice!("{} is unpacked", shipped.display());
         green::unpack(&shipped, path).map_err(|error| unwritable(error, path))?;
     }
     Ok(())

@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::progress::Bars;
 use super::table::{Table, seconds};
+use crate::base::notice::notice;
 use crate::deform::{ControlPoses, Settled, Statics, StaticsError};
 use crate::fem::Law;
 use crate::scene::Scene;
@@ -28,7 +29,7 @@ pub fn solve(
     let bars = Bars::new(name, false);
     let mut statics = Statics::new(scene, name, law, &bars).map_err(failure)?;
     for notice in &statics.notices {
-        eprintln!("{notice}");
+        notice!("{notice}");
     }
     let mut table =
         Table::new(&[name, "load steps", "factorizations", "residual", "least det F", "energy J", "time"]);
@@ -53,7 +54,7 @@ pub fn solve(
     }
     bars.end();
     for ((pose, _), found) in poses.iter().zip(&settled).filter(|(_, found)| !found.inverted.is_empty()) {
-        eprintln!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
+        notice!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
     }
     Ok(Solved { statics, settled, table })
 }

@@ -4,6 +4,7 @@ use super::failure::Failure;
 use super::feel::{self, Feel};
 use super::serve::{self, Service};
 use super::table::Table;
+use crate::base::notice::notice;
 use crate::effect::haptics::Sensed;
 use crate::stage::Stage;
 use crate::track::device::{Link, Source, now_s};
@@ -75,7 +76,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     watch(&mut rig, step_s, limit_s, |rig, now_s, is_last| {
         let served = service.iter_mut().flat_map(|service| service.pass_on(rig)).collect::<Vec<_>>();
         for notice in rig.take_notices().into_iter().chain(served) {
-            eprintln!("note: {notice}");
+            notice!("note: {notice}");
             // What was said stands above the table.
             height = 0;
         }
@@ -153,7 +154,7 @@ pub fn mover(rig: Option<&Rig>) -> &'static str {
 pub fn merge(rig: &mut Rig, other: TrackerState) -> TrackerState {
     let mut state = rig.state(now_s());
     for notice in rig.take_notices() {
-        eprintln!("note: {notice}");
+        notice!("note: {notice}");
     }
     state.head = state.head.or(other.head);
     if !rig.is_pointing() {

@@ -12,6 +12,7 @@ use super::playback;
 use super::recording::{Frame, Recorder, Replay};
 use super::render::{self, Show};
 use super::world::{StepTimes, World};
+use crate::base::notice::notice;
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Button, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, Tile};
@@ -207,7 +208,7 @@ struct Viewer {
 
 impl WindowApp for Viewer {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
-        eprintln!("{}: drawing on {}", self.world.stage.name, gpu.describe());
+        notice!("{}: drawing on {}", self.world.stage.name, gpu.describe());
         self.bodies = Some(Bodies::new(gpu, &mut self.world, self.device)?);
         (self.started, self.last) = (Instant::now(), Instant::now());
         Ok(())

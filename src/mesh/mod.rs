@@ -26,6 +26,7 @@ pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
 
+use crate::base::signal;
 use formats::Part;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -122,7 +123,8 @@ pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<S
     Ok(encoded.lost)
 }
 
-/// Writes a file beside its place, syncs and renames it: it is there whole or not at all.
+/// Writes a file beside its place, syncs and renames it: it is there whole or not at all, and a signal to end leaves
+/// nothing beside it.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut std::fs::File) -> std::io::Result<()>,
@@ -132,9 +134,15 @@ pub fn write_atomically(
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.prefix(".greenstage-").tempfile_in(folder)?;
+    let (beside, named) = (file.path().to_owned(), path.display().to_string());
+    let unwritten = signal::on_end(move || {
+        // It may be gone already.
+        let _ = std::fs::remove_file(beside);
+        Some(format!("{named} was not written"))
+    });
     write(file.as_file_mut())?;
     file.as_file().sync_all()?;
-    file.persist(path).map_err(|error| error.error)?;
+    unwritten.settle(|| file.persist(path)).map_err(|error| error.error)?;
     Ok(())
 }
 

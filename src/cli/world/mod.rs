@@ -19,6 +19,7 @@ pub use hand::shape;
 
 use super::failure::Failure;
 use super::session;
+use crate::base::notice::notice;
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
 use crate::interact::Action;
@@ -144,7 +145,7 @@ impl World {
     /// Tells it once, and the overlay.
     pub fn warn(&mut self, warning: String) {
         if self.warnings.iter().all(|(_, told)| *told != warning) {
-            eprintln!("note: {warning}");
+            notice!("note: {warning}");
             self.warnings.push((*self.graph.get(self.fields.time), warning));
         }
     }
