@@ -13,6 +13,7 @@ pub use input::{Button, Input, Key};
 pub use monitor::{Monitor, MonitorChoice, monitors};
 
 use super::{FrameContents, Gpu, Paint, RenderError, Renderer, Target, Tile, TilePainter};
+use crate::base::text::one_line;
 use std::panic::catch_unwind;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -372,7 +373,8 @@ fn attributes(
     [width, height]: [u32; 2],
 ) -> winit::window::WindowAttributes {
     let mut attributes = Window::default_attributes()
-        .with_title(&spec.title)
+        // Wayland takes no title with a zero byte.
+        .with_title(one_line(&spec.title))
         .with_inner_size(PhysicalSize::new(width.max(1), height.max(1)))
         .with_decorations(spec.decorated);
     if let Some([x, y]) = position {
