@@ -4,3 +4,4 @@
 
 pub mod notice;
 pub mod signal;
+pub mod text;

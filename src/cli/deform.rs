@@ -4,6 +4,7 @@ use super::failure::Failure;
 use super::poses::{self, Pose};
 use super::{session, statics};
 use crate::base::notice::notice;
+use crate::base::text::one_line;
 use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
 use crate::green::{self, FIELDS, GreenFile, Solution};
 use crate::mesh::TetMesh;
@@ -309,7 +310,8 @@ fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
                 Some(result) => result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect(),
                 None => vec![0.0; 3 * g.rest.len()],
             };
-            Attribute::vectors(format!("displacement {pose}")).with_data(u)
+            // XML knows no control characters.
+            Attribute::vectors(one_line(format_args!("displacement {pose}"))).with_data(u)
         });
         let size = g.cells.first().map_or(3, Vec::len);
         let kind = match size {
@@ -349,6 +351,32 @@ mod tests {
     fn names_with_commas_and_quotes_stay_one_cell() {
         assert_eq!(quoted("bend 30"), "bend 30");
         assert_eq!(quoted("a,b \"c\""), "\"a,b \"\"c\"\"\"");
+    }
+
+    #[test]
+    fn names_of_poses_leave_the_file_readable() {
+        let rest = vec![Vector3::zeros(), Vector3::x(), Vector3::y()];
+        let geometry = [Geometry { body: "a".into(), tags: vec![1, 2, 3], rest, cells: vec![vec![0, 1, 2]] }];
+        let poses = ["\u{1b}[2Jevil", "a\n\"b\" <&> 'c'", "\u{0}\u{202e}\u{ffff}", "röhre"];
+        let results = poses.map(|pose| Deformed {
+            pose: pose.into(),
+            body: "a".into(),
+            displacement: vec![Vector3::x(); 3],
+            wrenches: None,
+        });
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.vtu");
+        vtk(&geometry, &results).export(&path).unwrap();
+        let text = std::fs::read(&path).unwrap();
+        let header = String::from_utf8_lossy(&text);
+        assert!(!header.contains(['\u{1b}', '\u{0}', '\u{202e}', '\u{ffff}']));
+        let DataSet::UnstructuredGrid { pieces, .. } = Vtk::import(&path).unwrap().data else {
+            panic!("no unstructured grid");
+        };
+        let vtkio::model::Piece::Inline(piece) = &pieces[0] else { panic!("a piece in another file") };
+        let names: Vec<&str> = piece.data.point.iter().map(Attribute::name).collect();
+        let expected = ["\\u001b[2Jevil", "a\\n\"b\" <&> 'c'", "\\u0000\\u202e\\uffff", "röhre"];
+        assert_eq!(names, expected.map(|pose| format!("displacement {pose}")));
     }
 
     #[test]

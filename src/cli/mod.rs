@@ -46,6 +46,7 @@ mod writing;
 
 pub use failure::Failure;
 
+use crate::base::text::plain;
 use crate::report::table;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
@@ -114,11 +115,18 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     }
 }
 
-/// Writes a result to standard output. A reader that has gone, as after `| head`, is no error.
+/// Writes a result to standard output, nothing in it able to steer the terminal ([`plain`]). A reader that has gone, as
+/// after `| head`, is no error.
 fn print(text: &str) -> Result<(), Failure> {
+    print_over(0, text)
+}
+
+/// [`print`] over the last `lines` lines of a terminal.
+fn print_over(lines: usize, text: &str) -> Result<(), Failure> {
     use std::io::{ErrorKind, Write};
+    let up = if lines > 0 { format!("\x1b[{lines}A\x1b[J") } else { String::new() };
     let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all((up + &plain(text)).as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::work(error)),
         _ => Ok(()),
     }

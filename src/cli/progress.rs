@@ -1,6 +1,7 @@
 //! Progress of long work on standard error: bars on a terminal, a line per step elsewhere.
 
 use crate::base::notice::notice;
+use crate::base::text::one_line;
 use crate::solve::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -22,7 +23,7 @@ struct Step {
 
 impl Bars {
     pub fn new(body: &str, quiet: bool) -> Bars {
-        Bars { body: body.to_owned(), quiet, current: Mutex::new(None) }
+        Bars { body: one_line(body), quiet, current: Mutex::new(None) }
     }
 
     fn with_step(&self, act: impl FnOnce(&mut Option<Step>)) {

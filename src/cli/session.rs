@@ -67,9 +67,9 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
         other => other?,
     };
     for (name, body) in &scene.body {
-        let expected = green::fingerprint(scene, name, needs(scene, name, body)?)?;
-        if let Err(stale) = file.check_fresh(name, &expected) {
-            return Ok(Err(stale));
+        match file.check_belongs(scene, name, needs(scene, name, body)?) {
+            Err(stale @ GreenError::Stale { .. }) => return Ok(Err(stale)),
+            other => other?,
         }
     }
     Ok(Ok(file))

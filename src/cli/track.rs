@@ -89,9 +89,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             return super::print(&format!("{}\n", json(&reports, now_s - started_s)));
         }
         let text = text(&reports, args.raw);
-        let up = if in_place && height > 0 { format!("\x1b[{height}A\x1b[J") } else { String::new() };
+        let above = if in_place { height } else { 0 };
         height = text.lines().count();
-        super::print(&format!("{up}{text}{}", if in_place { "" } else { "\n" }))
+        super::print_over(above, &format!("{text}{}", if in_place { "" } else { "\n" }))
     })
 }
 
@@ -263,8 +263,7 @@ fn link(link: &Link) -> String {
         Link::Waiting => "waiting".into(),
         Link::Up => "up".into(),
         Link::Quiet => "up, but silent".into(),
-        // What another machine says goes no further than the line.
-        Link::Down(why) => format!("DOWN: {}", why.chars().filter(|c| !c.is_control()).collect::<String>()),
+        Link::Down(why) => format!("DOWN: {why}"),
     }
 }
 

@@ -1,20 +1,20 @@
-//! The .green file: a safetensors container, written atomically, mapped into memory, checked by hash.
+//! The .green file: a safetensors container, written atomically, read into memory, checked by hash.
 //!
 //! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, per control element `basis/NAME`
 //! (12 × nodes × 3), `scale/NAME` (12) where the basis is stored scaled, and `control/NAME` (its surface nodes), and
 //! `stiffness` where it is needed. The metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the
 //! file as it is.
 
+use super::bytes::Bytes;
 use super::{Basis, FIELDS, GreenError, Needs, Precomputed, Stored};
 use crate::mesh::{self, quality};
 use crate::scene::Storage;
-use memmap2::Mmap;
 use nalgebra::{DMatrix, Vector3};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -241,29 +241,34 @@ fn add_tensors(body: &Precomputed, columns: Vec<Stored>, tensors: &mut BTreeMap<
     }
 }
 
-/// A .green file mapped into memory; its tensors are read where they lie.
+/// A .green file in memory; its tensors are read where they lie. What becomes of the file on the disk afterwards changes
+/// nothing here.
 #[derive(Debug)]
 pub struct GreenFile {
     pub path: PathBuf,
     pub meta: Meta,
-    map: Mmap,
-    tensors: BTreeMap<String, (Dtype, Vec<usize>, Range<usize>)>,
+    pub(super) bytes: Bytes,
+    pub(super) tensors: Tensors,
 }
 
 impl GreenFile {
-    /// Maps and checks the file: container, version, every hash, every shape.
+    /// Reads and checks the file: container, version, every hash, every shape, every number.
     pub fn open(path: &Path) -> Result<GreenFile, GreenError> {
         let failed = |source| GreenError::Io { path: path.to_owned(), source };
-        let file = std::fs::File::open(path).map_err(failed)?;
         let damaged = |reason: String| GreenError::Damaged { path: path.to_owned(), reason };
-        if !file.metadata().map_err(failed)?.is_file() {
+        // Asked before it is opened: opening a pipe waits for its writer.
+        if !std::fs::metadata(path).map_err(failed)?.is_file() {
             return Err(damaged("it is not a file".into()));
         }
-        // SAFETY: the map is read-only, and greenstage replaces a .green file by renaming, never by writing into
-        // it, so the mapped bytes stay as they are for as long as the map lives.
-        let map = unsafe { Mmap::map(&file) }.map_err(failed)?;
-        let (meta, tensors) = read_container(&map).map_err(damaged)?;
-        let file = GreenFile { path: path.to_owned(), meta, map, tensors };
+        let mut file = std::fs::File::open(path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        let bytes = Bytes::read(&mut file, length).map_err(|source| match source.kind() {
+            ErrorKind::UnexpectedEof => damaged("it is cut short".into()),
+            ErrorKind::InvalidData => damaged(source.to_string()),
+            _ => failed(source),
+        })?;
+        let (meta, tensors) = read_container(bytes.as_slice()).map_err(damaged)?;
+        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors };
         file.check().map_err(damaged)?;
         Ok(file)
     }
@@ -321,76 +326,15 @@ impl GreenFile {
         })
     }
 
-    /// The tensor's numbers where they are mapped. `check` has seen that it is there, of this type and aligned.
-    fn slice<T: bytemuck::AnyBitPattern>(&self, name: &str) -> &[T] {
-        self.tensors.get(name).map_or(&[], |(_, _, range)| bytemuck::cast_slice(&self.map[range.clone()]))
-    }
-
-    fn check(&self) -> Result<(), String> {
-        if cfg!(target_endian = "big") {
-            return Err("its numbers are little-endian, this machine is not".into());
-        }
-        if self.tensors.len() != self.meta.blake3.len() {
-            return Err("tensors are missing, or there are too many".into());
-        }
-        for (name, (_, _, range)) in &self.tensors {
-            let expected = self.meta.blake3.get(name).ok_or_else(|| format!("tensor {name} has no hash"))?;
-            let found = blake3::hash(&self.map[range.clone()]).to_hex();
-            if found.as_str() != expected {
-                return Err(format!(
-                    "tensor {name} is damaged (its blake3 is {found}, should be {expected})"
-                ));
-            }
-        }
-        for (name, body) in &self.meta.bodies {
-            self.check_body(name, body)?;
-        }
-        Ok(())
-    }
-
-    fn check_body(&self, name: &str, body: &BodyMeta) -> Result<(), String> {
-        let nodes = body.surface_nodes;
-        let fields = FIELDS * body.controls.len();
-        self.expect(&format!("{name}/rest"), Dtype::F32, &[nodes, 3])?;
-        self.expect(&format!("{name}/triangles"), Dtype::U32, &[body.surface_triangles, 3])?;
-        self.expect(&format!("{name}/tags"), Dtype::U64, &[nodes])?;
-        if self.triangles(name).iter().flatten().any(|&corner| corner as usize >= nodes) {
-            return Err(format!("{name}/triangles names a node that is not there"));
-        }
-        for control in &body.controls {
-            let control = &control.name;
-            let dtype = basis_type(body.accuracy.storage);
-            self.expect(&format!("{name}/basis/{control}"), dtype, &[FIELDS, nodes, 3])?;
-            if body.accuracy.storage != Storage::F32 {
-                self.expect(&format!("{name}/scale/{control}"), Dtype::F32, &[FIELDS])?;
-            }
-            let held = format!("{name}/control/{control}");
-            let count = self.tensors.get(&held).map_or(0, |(_, shape, _)| shape.iter().product());
-            self.expect(&held, Dtype::U32, &[count])?;
-            if self.control(name, control).iter().any(|&node| node as usize >= nodes) {
-                return Err(format!("{held} names a node that is not there"));
-            }
-        }
-        if body.needs.stiffness {
-            self.expect(&format!("{name}/stiffness"), Dtype::F64, &[fields, fields])?;
-        }
-        Ok(())
-    }
-
-    fn expect(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), String> {
-        let (found, found_shape, range) =
-            self.tensors.get(name).ok_or_else(|| format!("tensor {name} is missing"))?;
-        if *found != dtype || found_shape != shape {
-            return Err(format!("tensor {name} is {found:?} {found_shape:?}, should be {dtype:?} {shape:?}"));
-        }
-        if !(self.map.as_ptr() as usize + range.start).is_multiple_of(dtype.bitsize() / 8) {
-            return Err(format!("tensor {name} is not aligned to its numbers"));
-        }
-        Ok(())
+    /// The tensor's numbers where they lie. `check` has seen that it is there, of this type and aligned.
+    pub(super) fn slice<T: bytemuck::AnyBitPattern>(&self, name: &str) -> &[T] {
+        self.tensors
+            .get(name)
+            .map_or(&[], |(_, _, range)| bytemuck::cast_slice(&self.bytes.as_slice()[range.clone()]))
     }
 }
 
-fn basis_type(storage: Storage) -> Dtype {
+pub(super) fn basis_type(storage: Storage) -> Dtype {
     match storage {
         Storage::F32 => Dtype::F32,
         Storage::F16 => Dtype::F16,
@@ -398,7 +342,8 @@ fn basis_type(storage: Storage) -> Dtype {
     }
 }
 
-type Tensors = BTreeMap<String, (Dtype, Vec<usize>, Range<usize>)>;
+/// Type, shape and place in the file of every tensor.
+pub(super) type Tensors = BTreeMap<String, (Dtype, Vec<usize>, Range<usize>)>;
 
 fn read_container(bytes: &[u8]) -> Result<(Meta, Tensors), String> {
     let text = |error: &dyn std::fmt::Display| format!("it is cut short or damaged ({error})");

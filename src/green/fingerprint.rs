@@ -1,12 +1,13 @@
 //! Whether a .green file still belongs to its scene.
 
 use super::{GreenError, Needs};
+use crate::mesh::formats::files_of;
 use crate::scene::{Control, Nodes, Scene};
 use std::path::Path;
 
-/// blake3 over all that body `name`'s numbers depend on: the bytes of its mesh and the cell it is filled with (or the
-/// generator's parameters), how often it is refined, materials, element, solver, control elements with the bytes of their tag files, what its model and effects need,
-/// and the program's version.
+/// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]) and the
+/// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, control
+/// elements with the bytes of their tag files, what its model and effects need, and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, GreenError> {
     let body = &scene.body[name];
     let selections: Vec<_> = body.control.iter().map(|(control, c)| (control, &c.nodes)).collect();
@@ -25,17 +26,18 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
     });
     let mut hasher = blake3::Hasher::new();
     hasher.update(asked.to_string().as_bytes());
-    let read = |hasher: &mut blake3::Hasher, entity: String, file: &Path| {
-        let path = scene.resolve(file);
-        hash_file(hasher, &path)
+    let read = |hasher: &mut blake3::Hasher, entity: String, path: &Path| {
+        hash_file(hasher, path)
             .map_err(|error| scene.invalid(&entity, format!("{}: {error}", path.display())))
     };
-    if let Some(mesh) = &body.mesh {
-        read(&mut hasher, format!("body.{name}.mesh"), mesh)?;
+    if let Some(named) = &body.mesh {
+        for file in files_of(&scene.resolve(named)) {
+            read(&mut hasher, format!("body.{name}.mesh"), &file)?;
+        }
     }
     for (control, Control { nodes, .. }) in &body.control {
         if let Nodes::File(file) = nodes {
-            read(&mut hasher, format!("body.{name}.control.{control}.nodes"), file)?;
+            read(&mut hasher, format!("body.{name}.control.{control}.nodes"), &scene.resolve(file))?;
         }
     }
     Ok(hasher.finalize().to_hex().to_string())

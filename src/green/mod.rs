@@ -5,6 +5,7 @@
 //! the effect `haptics`, the handle stiffness S = Φᵀ(C - BᵀA⁻¹B)Φ.
 
 mod basis;
+mod bytes;
 mod check;
 mod control;
 mod file;
@@ -12,6 +13,7 @@ mod fingerprint;
 mod pack;
 mod prepare;
 mod storage;
+mod validate;
 
 pub use crate::mesh::trouble::Severity;
 pub use basis::{Precomputed, Solution, StepTimes, assemble, precompute, refuse, solve, solve_prepared};

@@ -8,7 +8,6 @@ use super::quality::signed_volume;
 use super::{EDGES, Loaded, TetMesh, quadratic};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::path::PathBuf;
 
 /// A file's nodes and elements of every dimension, unchecked; `at` are byte offsets for error messages.
 #[derive(Clone, Debug, Default)]
@@ -24,8 +23,8 @@ pub struct RawMesh {
     /// Node groups of their own, as indices into `nodes`.
     pub groups: BTreeMap<String, Vec<u32>>,
     pub notices: Vec<String>,
-    /// The file in which the elements' `at` count, with its bytes, where it is not the one that was opened.
-    pub elements_in: Option<(PathBuf, Vec<u8>)>,
+    /// Which of the other files the elements' `at` count in, where it is not the one that was named.
+    pub elements_in: Option<usize>,
 }
 
 impl RawMesh {

@@ -27,10 +27,11 @@ pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
 
 use crate::base::signal;
+use formats::Part;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A tetrahedral mesh. All indices are 0-based; lengths in metres.
 ///
@@ -79,11 +80,13 @@ pub fn load_quadratic(path: &Path) -> Result<Loaded, MeshError> {
     parse_as(path, &read(path)?, Order::Quadratic)
 }
 
+/// Every file of a mesh is read here.
 fn read(path: &Path) -> Result<Vec<u8>, MeshError> {
     std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })
 }
 
-/// [`load`] from a file's `bytes`; `path` tells the format and is named in errors.
+/// [`load`] from a file's `bytes`; `path` tells the format and is named in errors. The other files of a format that is
+/// spread over several are read from beside it.
 ///
 /// Memory grows with `bytes`, whatever counts stand in them.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
@@ -92,11 +95,17 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
 
 /// [`parse`] with the nodes that `order` keeps.
 pub fn parse_as(path: &Path, bytes: &[u8], order: Order) -> Result<Loaded, MeshError> {
-    let raw = formats::format_of(path, bytes).and_then(|format| (format.read)(path, bytes));
-    let mut raw = raw.map_err(|fault| fault.in_file(path, bytes))?;
-    let elements_in = raw.elements_in.take();
+    let part = |path: PathBuf| read(&path).map(|bytes| Part { path, bytes });
+    let others: Result<Vec<Part>, _> = formats::files_of(path).into_iter().skip(1).map(part).collect();
+    let others = others.map_err(|error| MeshError::Refused {
+        path: path.to_owned(),
+        reason: format!("holds a part of the mesh alone, and {error}"),
+    })?;
+    let raw = formats::format_of(path, bytes).and_then(|format| (format.read)(bytes, &others));
+    let raw = raw.map_err(|fault| fault.in_file(path, bytes))?;
+    let elements_in = raw.elements_in.and_then(|other| others.get(other));
     assemble::assemble(raw, order).map_err(|fault| match elements_in {
-        Some((path, bytes)) => fault.in_file(&path, &bytes),
+        Some(other) => fault.in_file(&other.path, &other.bytes),
         None => fault.in_file(path, bytes),
     })
 }

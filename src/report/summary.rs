@@ -4,6 +4,7 @@ use super::answer::{ONLINE, answers, ladder, limit};
 use super::table::Table;
 use super::units::{bytes, relative, seconds};
 use super::{Report, Row};
+use crate::base::text::plain;
 
 /// The settings that are worth their online time, from cheap to accurate, and the answers in sentences.
 pub fn summary(report: &Report) -> String {
@@ -21,7 +22,7 @@ pub fn summary(report: &Report) -> String {
     ]);
     for i in ladder(&report.rows, &ONLINE) {
         let Row { setting, cost, error, .. } = &report.rows[i];
-        let knobs = setting.knobs().map(|knob| printable(&knob));
+        let knobs = setting.knobs().map(|knob| plain(knob));
         let [mesh, solver, storage, model] = knobs.each_ref().map(String::as_str);
         table.row(&[
             mesh,
@@ -43,11 +44,6 @@ pub fn summary(report: &Report) -> String {
         report.rows.len(),
         report.poses.len(),
         table.text(),
-        printable(&answers),
+        plain(answers),
     )
-}
-
-/// Without what moves a terminal's cursor.
-fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
 }

@@ -1,17 +1,19 @@
 //! Tables for people: aligned columns, text left and numbers right.
 
-/// Rows of equal length; the first row is the heading.
+use crate::base::text::one_line;
+
+/// Rows of equal length; the first row is the heading. A cell is one line, whatever name it shows ([`one_line`]).
 pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
 impl Table {
     pub fn new(heading: &[&str]) -> Table {
-        Table { rows: vec![heading.iter().map(|cell| (*cell).to_owned()).collect()] }
+        Table { rows: vec![heading.iter().map(one_line).collect()] }
     }
 
     pub fn row(&mut self, cells: &[&str]) {
-        self.rows.push(cells.iter().map(|cell| (*cell).to_owned()).collect());
+        self.rows.push(cells.iter().map(one_line).collect());
     }
 
     /// Aligned text with a rule under the heading.
@@ -100,6 +102,13 @@ pub fn bytes(count: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_with_line_ends_and_escapes_stays_in_its_cell() {
+        let mut table = Table::new(&["group", "nodes"]);
+        table.row(&["\u{1b}[2J\nall", "7"]);
+        assert_eq!(table.text().lines().nth(2), Some("\\u001b[2J\\nall      7"));
+    }
 
     #[test]
     fn columns_align() {

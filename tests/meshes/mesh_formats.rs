@@ -60,7 +60,7 @@ fn tetgen_is_read_by_either_name_and_names_the_file_at_fault() {
 
     let message = |name: &str| load(&path(name)).unwrap_err().to_string();
     std::fs::write(path("b.ele"), tets).unwrap();
-    assert!(message("b.ele").contains("b.ele: holds the tetrahedra alone, and"), "{}", message("b.ele"));
+    assert!(message("b.ele").contains("b.ele: holds a part of the mesh alone, and"), "{}", message("b.ele"));
     for (bad, at) in
         [("1 1 0 x 0", "a.node:4: expected a number, found `x`"), ("1 1 0 0", "a.node:4: 5 numbers")]
     {

@@ -282,6 +282,19 @@ fn the_graphics_and_window_libraries_are_known_to_render_alone() {
     assert!(faults.is_empty(), "{faults:?} speak of the graphics or window library");
 }
 
+/// What a reader opens by itself would be in no fingerprint: `mesh::mod` reads the files that a format names.
+#[test]
+fn readers_of_meshes_open_no_file_themselves() {
+    let opens = |text: &str| ["fs::", "File::"].iter().any(|word| text.contains(word));
+    let source = |text: &str| text.split("#[cfg(test)]").next().unwrap_or_default().to_owned();
+    let opening: Vec<String> = files("src/mesh", "rs")
+        .into_iter()
+        .filter(|(_, text)| opens(&source(text)))
+        .map(|(file, _)| file)
+        .collect();
+    assert!(opening.iter().all(|file| file == "src/mesh/mod.rs"), "{opening:?}");
+}
+
 /// Every file that is not a module of tests opens by saying what it is; so does every shader.
 #[test]
 fn every_module_opens_with_its_documentation() {

@@ -117,6 +117,69 @@ fn precompute_deform_inspect() {
     }
 }
 
+/// A mesh from somebody else whose group is named to clear the screen: its name is shown, not obeyed, wherever it comes
+/// to a terminal.
+#[test]
+fn names_from_files_do_not_steer_the_terminal() {
+    let folder = project("steering");
+    let evil = "\u{1b}[2Jevil";
+    let mut mesh = block();
+    let nodes = mesh.groups["xmax"].clone();
+    mesh.groups.insert("fiend".into(), nodes);
+    mesh::save(&folder.join("block.msh"), &mesh, Some("msh22")).unwrap();
+    let written = std::fs::read_to_string(folder.join("block.msh")).unwrap();
+    std::fs::write(folder.join("block.msh"), written.replace("fiend", evil)).unwrap();
+    assert!(mesh::load(&folder.join("block.msh")).unwrap().mesh.groups.contains_key(evil));
+
+    let shown = text(&succeed(&folder, &["inspect", "block.msh"]).stdout);
+    assert!(shown.contains("\\u001b[2Jevil") && !shown.contains('\u{1b}'), "{shown}");
+    let json = text(&succeed(&folder, &["inspect", "block.msh", "--json"]).stdout);
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(value["mesh"].to_string().contains("\\u001b[2Jevil"), "{json}");
+
+    let lost = text(&succeed(&folder, &["convert", "block.msh", "a.vtu"]).stderr);
+    assert!(lost.contains("lost: \\u001b[2Jevil") && !lost.contains('\u{1b}'), "{lost}");
+
+    let scene = SCENE.replace("[body.block", "[body.\"\\u001b[2Jbody\"");
+    std::fs::write(folder.join("scene.toml"), &scene).unwrap();
+    let told = succeed(&folder, &["precompute", "scene.toml"]);
+    for said in [text(&told.stdout), text(&told.stderr)] {
+        assert!(said.contains("\\u001b[2Jbody") && !said.contains('\u{1b}'), "{said}");
+    }
+    std::fs::write(folder.join("scene.toml"), scene.replace("\"xmax\"", "\"none\"")).unwrap();
+    let output = greenstage(&folder, &["check", "scene.toml"]);
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert!(!output.status.success());
+    assert!(said.contains("known: \\u001b[2Jevil") && !said.contains('\u{1b}'), "{said}");
+}
+
+/// The hash of a forged file is right, and its control elements are not the scene's.
+#[test]
+fn a_green_file_of_another_scene_is_refused_though_it_bears_this_ones_fingerprint() {
+    let folder = project("forged-green");
+    succeed(&folder, &["precompute", "scene.toml"]);
+    let path = folder.join("scene.green");
+    let bytes = std::fs::read(&path).unwrap();
+    let container = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let (_, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    let sealed: serde_json::Value =
+        serde_json::from_str(&header.metadata().as_ref().unwrap()["greenstage"]).unwrap();
+    let mut content = sealed["content"].clone();
+    content["bodies"]["block"]["controls"].as_array_mut().unwrap().reverse();
+    let seal = blake3::hash(content.to_string().as_bytes()).to_hex().to_string();
+    let sealed = format!("{{\"blake3\":\"{seal}\",\"content\":{content}}}");
+    let metadata = std::collections::HashMap::from([("greenstage".to_owned(), sealed)]);
+    std::fs::write(&path, safetensors::serialize(container.tensors(), Some(metadata)).unwrap()).unwrap();
+    let render = ["render", "scene.toml", "--stage", "desktop", "--frames", "1", "-o", "out"];
+    for command in [&DEFORM[..], &render[..]] {
+        let output = greenstage(&folder, command);
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.contains("bodies.block.controls is [\"low\", \"high\"]"), "{told}");
+        assert!(told.contains("greenstage precompute --force"), "{told}");
+    }
+}
+
 #[test]
 fn convert_says_what_is_lost_and_inspect_what_is_wrong() {
     let folder = project("convert");

@@ -4,15 +4,14 @@
 //! [`super::abaqus_sets`]). After "Abaqus Keywords Reference Guide" and G. Dhondt, "CalculiX CrunchiX User's Manual",
 //! chapter "Input deck format". Keywords of the analysis are passed over; what would move or make nodes is refused.
 
-use super::Format;
 use super::abaqus_sets::Sets;
 use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
+use super::{Format, Part};
 use crate::mesh::assemble::{Kind, RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 
 pub const FORMAT: Format = Format {
     name: "Abaqus and CalculiX",
@@ -21,10 +20,11 @@ pub const FORMAT: Format = Format {
         let head = bytes.get(..bytes.len().min(2000)).unwrap_or_default().to_ascii_uppercase();
         [&b"*HEADING"[..], b"*NODE"].iter().any(|word| head.windows(word.len()).any(|window| window == *word))
     },
+    others: |_| Vec::new(),
     read,
 };
 
-fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
     let mut deck = Deck { lines: Words::new(bytes, None), raw: RawMesh::default(), others: BTreeMap::new() };
     let mut node_sets = Sets::new(bytes.len());
     let mut element_sets = Sets::new(bytes.len());

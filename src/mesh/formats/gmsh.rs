@@ -5,16 +5,16 @@
 
 use super::gmsh_scan::{Mode, Scanner, excerpt};
 use super::gmsh4::{self, Layout};
-use super::{Format, gmsh2};
+use super::{Format, Part, gmsh2};
 use crate::mesh::assemble::{Kind, RawMesh};
 use crate::mesh::error::Fault;
 use std::collections::BTreeSet;
-use std::path::Path;
 
 pub const FORMAT: Format = Format {
     name: "Gmsh 2.2, 4.0 and 4.1",
     extensions: &["msh"],
     recognizes: |bytes| bytes.starts_with(b"$MeshFormat"),
+    others: |_| Vec::new(),
     read,
 };
 
@@ -26,7 +26,7 @@ enum Version {
     V4(gmsh4::Layout),
 }
 
-fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
     use Version::{V2, V4};
     let mut scan = Scanner::new(bytes);
     let mut raw = RawMesh::default();

@@ -4,23 +4,23 @@
 //! node group of an edge or a face. After P. Frey, "MEDIT: An interactive mesh visualization software" (INRIA RT-0253,
 //! 2001), appendix.
 
-use super::Format;
 use super::gmsh_scan::excerpt;
 use super::words::Words;
+use super::{Format, Part};
 use crate::mesh::assemble::{Kind, RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
-use std::path::Path;
 
 pub const FORMAT: Format = Format {
     name: "Medit",
     extensions: &["mesh", "meshb"],
     recognizes: |bytes| bytes.starts_with(b"MeshVersion"),
+    others: |_| Vec::new(),
     read,
 };
 
-fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
     if matches!(bytes.first_chunk(), Some([1, 0, 0, 0] | [0, 0, 0, 1])) {
         return Err(Fault::whole(
             "a binary Medit file is not read: save it as text, or `gmsh part.meshb -save -format mesh -o part.mesh`",

@@ -25,7 +25,7 @@ pub use write::{Encoded, WRITERS, Writer, writer_of};
 
 use super::assemble::RawMesh;
 use super::error::Fault;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How one file format is recognised and read.
 pub struct Format {
@@ -34,8 +34,17 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Whether these are the first bytes of such a file, whatever its name.
     pub recognizes: fn(&[u8]) -> bool,
-    /// The path serves formats that spread over several files.
-    pub read: fn(&Path, &[u8]) -> Result<RawMesh, Fault>,
+    /// The files beside the one of this path over which such a mesh is spread, found by their names.
+    pub others: fn(&Path) -> Vec<PathBuf>,
+    /// From the bytes of the named file, and the others in their order. A reader opens no file itself: what it is given
+    /// here is what the fingerprint of a precomputed body covers.
+    pub read: fn(&[u8], &[Part]) -> Result<RawMesh, Fault>,
+}
+
+/// Another file of a mesh.
+pub struct Part {
+    pub path: PathBuf,
+    pub bytes: Vec<u8>,
 }
 
 /// Every format that can be read.
@@ -44,11 +53,20 @@ pub const FORMATS: &[Format] =
 
 /// The format of a file: by its extension, else by its first bytes.
 pub fn format_of(path: &Path, bytes: &[u8]) -> Result<&'static Format, Fault> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let by_name = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()));
-    by_name.or_else(|| FORMATS.iter().find(|format| (format.recognizes)(bytes))).ok_or_else(|| {
+    by_extension(path).or_else(|| FORMATS.iter().find(|format| (format.recognizes)(bytes))).ok_or_else(|| {
         let known: Vec<String> =
             FORMATS.iter().map(|f| format!("{} (.{})", f.name, f.extensions.join(", ."))).collect();
         Fault::whole(format!("not a mesh file that can be read; known are {}", known.join(", ")))
     })
+}
+
+fn by_extension(path: &Path) -> Option<&'static Format> {
+    let extension = path.extension()?.to_string_lossy().to_lowercase();
+    FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
+}
+
+/// All files that are read for the mesh or the surface at `path`, that one first.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let others = by_extension(path).map_or_else(Vec::new, |format| (format.others)(path));
+    std::iter::once(path.to_owned()).chain(others).collect()
 }

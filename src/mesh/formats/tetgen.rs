@@ -1,41 +1,47 @@
 //! TetGen `.node` and `.ele`, a pair of files of one name.
 //!
-//! In: either of the two; the other is read from beside it. Out: a [`RawMesh`] with the files' numbers; the first
+//! In: the bytes of both. Out: a [`RawMesh`] with the files' numbers; the first
 //! attribute of a tetrahedron is its region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section
 //! "File formats".
 
-use super::Format;
 use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
 use super::write::{Encoded, check, lost, put};
+use super::{Format, Part};
 use crate::mesh::assemble::{Kind, RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use crate::mesh::{MeshError, TetMesh};
 use nalgebra::Vector3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub const FORMAT: Format =
-    Format { name: "TetGen", extensions: &["node", "ele"], recognizes: |_| false, read };
+    Format { name: "TetGen", extensions: &["node", "ele"], recognizes: |_| false, others, read };
 
-fn read(path: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
-    let is_node = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("node"));
-    let small = path.with_extension(if is_node { "ele" } else { "node" });
-    let large = path.with_extension(if is_node { "ELE" } else { "NODE" });
-    let other = if !small.exists() && large.exists() { large } else { small };
-    let other_bytes = std::fs::read(&other).map_err(|error| {
-        let own = if is_node { "nodes" } else { "tetrahedra" };
-        Fault::whole(format!("holds the {own} alone, and {} cannot be read: {error}", other.display()))
-    })?;
-    // A fault in the file that was not opened names that file itself.
-    let in_other = |fault: Fault| Fault::whole(fault.in_file(&other, &other_bytes).to_string());
+fn is_node(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("node"))
+}
+
+/// The `.ele` of a `.node`, or the `.node` of an `.ele`; in capitals where there is only such a one.
+fn others(path: &Path) -> Vec<PathBuf> {
+    let small = path.with_extension(if is_node(path) { "ele" } else { "node" });
+    let large = path.with_extension(if is_node(path) { "ELE" } else { "NODE" });
+    vec![if !small.exists() && large.exists() { large } else { small }]
+}
+
+fn read(bytes: &[u8], others: &[Part]) -> Result<RawMesh, Fault> {
+    let [other] = others else {
+        return Err(Fault::whole("a TetGen mesh is a .node file and an .ele file"));
+    };
+    // A fault in the file that was not named names that file itself.
+    let in_other = |fault: Fault| Fault::whole(fault.in_file(&other.path, &other.bytes).to_string());
     let mut raw = RawMesh::default();
-    if is_node {
-        nodes(bytes, &mut raw)?;
-        elements(&other_bytes, &mut raw).map_err(in_other)?;
-        raw.elements_in = Some((other, other_bytes));
-    } else {
-        nodes(&other_bytes, &mut raw).map_err(in_other)?;
+    if is_node(&other.path) {
+        nodes(&other.bytes, &mut raw).map_err(in_other)?;
         elements(bytes, &mut raw)?;
+    } else {
+        nodes(bytes, &mut raw)?;
+        elements(&other.bytes, &mut raw).map_err(in_other)?;
+        raw.elements_in = Some(0);
     }
     Ok(raw)
 }

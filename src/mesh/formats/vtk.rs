@@ -4,19 +4,19 @@
 //! Guide", chapter "VTK File Formats", and for version 5 (OFFSETS and CONNECTIVITY) the sources of VTK 9. Attributes
 //! other than a region array are passed over.
 
-use super::Format;
 use super::gmsh_scan::excerpt;
 use super::vtk_cells::{Cells, index, region_rank};
 use super::words::{Words, parsed};
+use super::{Format, Part};
 use crate::mesh::assemble::{RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;
-use std::path::Path;
 
 pub const FORMAT: Format = Format {
     name: "VTK legacy",
     extensions: &["vtk"],
     recognizes: |bytes| bytes.starts_with(b"# vtk DataFile"),
+    others: |_| Vec::new(),
     read,
 };
 
@@ -86,7 +86,7 @@ fn scalar(name: &str, at: usize) -> Result<Scalar, Fault> {
     })
 }
 
-fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
     let mut reader = Reader::open(bytes)?;
     while let Some((at, line)) = reader.words.full_line() {
         let text = String::from_utf8_lossy(line);

@@ -4,21 +4,21 @@
 //! In: bytes. Out: a [`RawMesh`] whose nodes and elements are numbered from 0 through all pieces. After "VTK XML
 //! Formats" of the VTK documentation. The XML is read to AppendedData only, since what follows is no XML.
 
-use super::Format;
 use super::gmsh_scan::excerpt;
 use super::vtk_cells::{Cells, index, region_rank};
 use super::vtu_array::{Array, Coding, Source};
+use super::{Format, Part};
 use crate::mesh::assemble::{RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
-use std::path::Path;
 
 pub const FORMAT: Format = Format {
     name: "VTK XML",
     extensions: &["vtu"],
     recognizes: |bytes| bytes.windows(8).take(200).any(|window| window == b"<VTKFile"),
+    others: |_| Vec::new(),
     read,
 };
 
@@ -31,7 +31,7 @@ struct Piece<'a> {
     arrays: Vec<Array<'a>>,
 }
 
-fn read(_: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
     let (pieces, mut coding) = outline(bytes)?;
     let mut raw = RawMesh::default();
     let mut first_cell = 0;

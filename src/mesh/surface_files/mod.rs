@@ -57,8 +57,7 @@ pub fn is_surface_file(path: &Path) -> bool {
 
 /// Reads the surface file at `path`.
 pub fn load(path: &Path) -> Result<LoadedSurface, MeshError> {
-    let bytes = std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
-    parse(path, &bytes)
+    parse(path, &super::read(path)?)
 }
 
 /// [`load`] from a file's `bytes`; `path` tells the format and is named in errors.

@@ -20,6 +20,7 @@ use super::frame::FrameContents;
 use super::gpu::Gpu;
 use super::renderer::Renderer;
 use super::tiles::{Paint, Target, Tile, TilePainter};
+use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -313,7 +314,8 @@ fn attributes(
     [width, height]: [u32; 2],
 ) -> winit::window::WindowAttributes {
     let mut attributes = Window::default_attributes()
-        .with_title(&spec.title)
+        // Wayland takes no title with a zero byte.
+        .with_title(one_line(&spec.title))
         .with_inner_size(PhysicalSize::new(width.max(1), height.max(1)))
         .with_decorations(spec.decorated);
     if let Some([x, y]) = position {

@@ -1,0 +1,73 @@
+//! Text of files, devices and other machines as it may be shown: nothing in it moves a terminal's cursor, changes its
+//! colours, or turns the words beside it around.
+//!
+//! In: any text. Out: the same with control characters and marks of direction written as JSON writes them (`\u001b`), so
+//! that JSON stays JSON; what is left may also stand in XML 1.0.
+
+use std::fmt::Display;
+
+/// Text of several lines: line ends and tabs stay.
+pub fn plain(text: impl Display) -> String {
+    let text = text.to_string();
+    if text.chars().all(|c| is_shown(c) || c == '\n' || c == '\t') {
+        return text;
+    }
+    let lines = text.split('\n').map(|line| {
+        let (line, end) = line.strip_suffix('\r').map_or((line, ""), |line| (line, "\r"));
+        line.split('\t').map(one_line).collect::<Vec<_>>().join("\t") + end
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A name: on one line, whatever it holds.
+pub fn one_line(text: impl Display) -> String {
+    let mut shown = String::new();
+    for c in text.to_string().chars() {
+        match c {
+            c if is_shown(c) => shown.push(c),
+            '\n' => shown.push_str("\\n"),
+            '\r' => shown.push_str("\\r"),
+            '\t' => shown.push_str("\\t"),
+            c => shown.push_str(&format!("\\u{:04x}", u32::from(c))),
+        }
+    }
+    shown
+}
+
+/// Whether the character is only itself: no control character, none that ends a line, none that sets the direction of
+/// writing (Unicode Standard Annex 9), and one of XML 1.0 (section 2.2).
+fn is_shown(c: char) -> bool {
+    let turns = matches!(
+        c,
+        '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
+    );
+    let ends = matches!(c, '\u{2028}' | '\u{2029}');
+    !(c.is_control() || turns || ends || matches!(c, '\u{fffe}' | '\u{ffff}'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_steers_a_terminal_is_shown_instead() {
+        assert_eq!(one_line("\u{1b}[2Jevil"), "\\u001b[2Jevil");
+        assert_eq!(one_line("a\u{9b}31m\u{7f}b\u{202e}c\u{2066}d"), "a\\u009b31m\\u007fb\\u202ec\\u2066d");
+        assert_eq!(one_line("a\r\nerror: b\t"), "a\\r\\nerror: b\\t");
+        assert_eq!(one_line("röhre 30° – 管 \\"), "röhre 30° – 管 \\");
+    }
+
+    #[test]
+    fn lines_and_tabs_stay() {
+        assert_eq!(plain("a\tb\n\u{1b}c\r\n\rd\n"), "a\tb\n\\u001bc\r\n\\rd\n");
+        assert_eq!(plain("step  time\n──────\n"), "step  time\n──────\n");
+    }
+
+    #[test]
+    fn json_stays_json() {
+        let value = serde_json::json!({ "name": "\u{1b}[2J\u{7f}\u{202e}\n\"" });
+        let shown = plain(format!("{value:#}"));
+        assert!(!shown.contains(['\u{1b}', '\u{7f}', '\u{202e}']));
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap(), value);
+    }
+}

@@ -1,0 +1,87 @@
+//! A whole file in memory, aligned for numbers of eight bytes.
+//!
+//! In: an opened file and its length. Out: a copy of its bytes. A memory map would cost less, but a mapped file that
+//! another program cuts short ends this one by SIGBUS.
+
+use std::io::{Error, ErrorKind, Read, Result};
+
+#[derive(Debug)]
+pub struct Bytes {
+    words: Vec<u64>,
+    length: usize,
+}
+
+impl Bytes {
+    /// Reads `length` bytes, which must be all that `input` holds. An error is of the kind `OutOfMemory` where they cannot
+    /// be held, of `UnexpectedEof` or `InvalidData` where there are fewer or more.
+    pub fn read(input: &mut impl Read, length: u64) -> Result<Bytes> {
+        let invalid = |reason: String| Error::new(ErrorKind::InvalidData, reason);
+        let mut head = [0; 8];
+        input.read_exact(&mut head)?;
+        // Before memory is taken for it: a file with a hole for its content may claim any length.
+        let header = u64::from_le_bytes(head);
+        if header == 0 || header > length.saturating_sub(8) {
+            let reason = format!("it is cut short or damaged (a header of {header} in {length} bytes)");
+            return Err(invalid(reason));
+        }
+        let too_large = |error: &dyn std::fmt::Display| {
+            let gigabytes = length as f64 * 1e-9;
+            let reason = format!(
+                "its {length} bytes ({gigabytes:.2} GB) do not fit into memory ({error}); storage = \"int16\" halves \
+                 them, a coarser mesh or fewer control elements need fewer"
+            );
+            Error::new(ErrorKind::OutOfMemory, reason)
+        };
+        let length = usize::try_from(length).map_err(|error| too_large(&error))?;
+        let count = length.div_ceil(8);
+        let mut words: Vec<u64> = Vec::new();
+        words.try_reserve_exact(count).map_err(|error| too_large(&error))?;
+        words.resize(count, 0);
+        let all = &mut bytemuck::cast_slice_mut(&mut words)[..length];
+        all[..8].copy_from_slice(&head);
+        input.read_exact(&mut all[8..])?;
+        if input.read(&mut [0])? > 0 {
+            return Err(invalid("it grew while it was read".into()));
+        }
+        Ok(Bytes { words, length })
+    }
+
+    pub fn as_slice(&self) -> &[u8] {
+        &bytemuck::cast_slice(&self.words)[..self.length]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_aligned_and_whole() {
+        let file = [&5_u64.to_le_bytes()[..], b"hello", b"world, "].concat();
+        let bytes = Bytes::read(&mut file.as_slice(), file.len() as u64).unwrap();
+        assert_eq!(bytes.as_slice(), file);
+        assert!((bytes.as_slice().as_ptr() as usize).is_multiple_of(8));
+    }
+
+    #[test]
+    fn what_changes_while_it_is_read_is_refused() {
+        let file = [&5_u64.to_le_bytes()[..], b"hello"].concat();
+        let read = |length: u64| Bytes::read(&mut file.as_slice(), length).unwrap_err();
+        assert_eq!(read(14).kind(), ErrorKind::UnexpectedEof);
+        assert!(read(12).to_string().contains("a header of 5 in 12 bytes"));
+        let longer = [&file[..], b"!"].concat();
+        let error = Bytes::read(&mut longer.as_slice(), 13).unwrap_err();
+        assert!(error.to_string().contains("it grew"), "{error}");
+    }
+
+    /// An allocation that fails ends no program: the size is named. A file of holes is told before memory is taken.
+    #[test]
+    fn what_memory_cannot_hold_is_told_with_its_size() {
+        let length = u64::MAX >> 1;
+        let error = Bytes::read(&mut 5_u64.to_le_bytes().as_slice(), length).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::OutOfMemory);
+        assert!(error.to_string().contains("9223372036854775807 bytes (9223372036.85 GB)"), "{error}");
+        let error = Bytes::read(&mut std::io::repeat(0), length).unwrap_err();
+        assert!(error.to_string().contains("a header of 0 in"), "{error}");
+    }
+}
