@@ -2,6 +2,7 @@
 
 use std::fs::{File, Permissions};
 use std::io::{Error, ErrorKind, Result};
+use std::os::fd::AsFd;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
@@ -73,6 +74,15 @@ pub fn keep_attributes(old: &Path, new: &File) -> Result<()> {
     new.set_permissions(Permissions::from_mode(found.mode() & kept))
 }
 
+/// Standard output and error, under whatever name, go on where they are: what else is printed stands before and behind.
 pub fn open_stream(path: &Path) -> Result<File> {
-    File::options().append(true).open(path)
+    let is_own = is_descriptor(path) && folder_of(path).canonicalize()? == Path::new(OWN).canonicalize()?;
+    let descriptor = match path.file_name().and_then(|name| name.to_str()) {
+        Some("1") if is_own => std::io::stdout().as_fd().try_clone_to_owned()?,
+        Some("2") if is_own => std::io::stderr().as_fd().try_clone_to_owned()?,
+        _ => return File::options().append(true).open(path),
+    };
+    Ok(descriptor.into())
 }
+
+const OWN: &str = "/proc/self/fd";
