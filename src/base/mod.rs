@@ -3,5 +3,6 @@
 //! Imports no other room of ours.
 
 pub mod notice;
+pub mod output;
 pub mod signal;
 pub mod text;

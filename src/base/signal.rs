@@ -23,6 +23,7 @@ fn acts() -> MutexGuard<'static, (u64, Vec<(u64, Act)>)> {
 }
 
 /// An act that is done if the program is told to end; dropping this takes it back.
+#[derive(Debug)]
 #[must_use = "dropping it takes the act back"]
 pub struct OnEnd {
     number: u64,

@@ -21,7 +21,7 @@ mod words;
 mod write;
 
 pub use gmsh_write::{Encoding, encode};
-pub use write::{Encoded, WRITERS, Writer, writer_of};
+pub use write::{Encoded, WRITERS, Writer, targets, writer_of};
 
 use super::assemble::RawMesh;
 use super::error::Fault;

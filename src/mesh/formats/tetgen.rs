@@ -28,6 +28,24 @@ fn others(path: &Path) -> Vec<PathBuf> {
     vec![if !small.exists() && large.exists() { large } else { small }]
 }
 
+/// Whether a .node file begins so: nodes, 3 dimensions, attributes, marks.
+pub fn opens_nodes(head: &[u8]) -> bool {
+    matches!(first_numbers(head)[..], [_, 3] | [_, 3, _] | [_, 3, _, _])
+}
+
+/// Whether a .ele file begins so: tetrahedra, nodes of each, attributes.
+pub fn opens_elements(head: &[u8]) -> bool {
+    matches!(first_numbers(head)[..], [_, 4 | 10] | [_, 4 | 10, _])
+}
+
+/// The numbers of the first line that is no comment; none where a word is no number.
+fn first_numbers(head: &[u8]) -> Vec<u64> {
+    let Some((_, line)) = Words::new(head, Some(b'#')).full_line() else { return Vec::new() };
+    let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(5);
+    let numbers = words.map(|word| std::str::from_utf8(word).ok()?.parse().ok());
+    numbers.collect::<Option<_>>().unwrap_or_default()
+}
+
 fn read(bytes: &[u8], others: &[Part]) -> Result<RawMesh, Fault> {
     let [other] = others else {
         return Err(Fault::whole("a TetGen mesh is a .node file and an .ele file"));
