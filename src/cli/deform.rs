@@ -6,6 +6,7 @@ use super::{session, statics};
 use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
 use crate::green::{self, FIELDS, GreenFile, Solution};
 use crate::mesh::TetMesh;
+use crate::mesh::formats::vtu_write::{self, Cell, Piece};
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
 use anyhow::Context;
@@ -13,10 +14,6 @@ use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version,
-    VertexNumbers, Vtk,
-};
 
 /// Batch: poses in, displacements and forces out
 ///
@@ -241,9 +238,9 @@ fn write_all(args: &Args, scene: &Scene, geometry: &[Geometry], results: &[Defor
         eprintln!("note: {} was of an earlier run with haptics and is removed", old.display());
     }
     let vtu = with(".vtu");
-    vtk(geometry, results)
-        .export(&vtu)
-        .map_err(|error| Failure::Work(anyhow::anyhow!("{}: {error}", vtu.display())))?;
+    std::fs::write(&vtu, vtu_write::encode(&pieces(geometry, results)))
+        .with_context(|| vtu.display().to_string())
+        .map_err(Failure::Work)?;
     super::print(&format!("{}\n", vtu.display()))
 }
 
@@ -293,50 +290,34 @@ fn forces_csv(scene: &Scene, results: &[Deformed], several: bool) -> String {
 
 /// One piece per body: rest points, its cells, one displacement field a pose. Every piece has the fields of all
 /// poses, as VTK asks for; a body that a pose does not name is at rest in it.
-fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
+fn pieces<'a>(geometry: &'a [Geometry], results: &[Deformed]) -> Vec<Piece<'a>> {
     let mut poses: Vec<&str> = Vec::new();
     for result in results {
         if !poses.contains(&result.pose.as_str()) {
             poses.push(&result.pose);
         }
     }
-    let piece = |g: &Geometry| {
-        let fields = poses.iter().map(|pose| {
+    let piece = |g: &'a Geometry| {
+        let field = |pose: &&str| {
             let result = results.iter().find(|result| result.body == g.body && result.pose == *pose);
-            let u: Vec<f64> = match result {
-                Some(result) => result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect(),
-                None => vec![0.0; 3 * g.rest.len()],
-            };
-            Attribute::vectors(format!("displacement {pose}")).with_data(u)
-        });
-        let size = g.cells.first().map_or(3, Vec::len);
-        let kind = match size {
-            3 => CellType::Triangle,
-            4 => CellType::Tetra,
-            _ => CellType::QuadraticTetra,
+            let u = result.map_or_else(|| vec![Vector3::zeros(); g.rest.len()], |r| r.displacement.clone());
+            (format!("displacement {pose}"), u)
         };
-        UnstructuredGridPiece {
-            points: g.rest.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect::<Vec<f64>>().into(),
-            cells: Cells {
-                cell_verts: VertexNumbers::XML {
-                    connectivity: g.cells.iter().flatten().map(|&node| u64::from(node)).collect(),
-                    offsets: (1..=g.cells.len() as u64).map(|count| count * size as u64).collect(),
-                },
-                types: vec![kind; g.cells.len()],
-            },
-            data: Attributes { point: fields.collect(), cell: vec![] },
+        let cell = match g.cells.first().map_or(3, Vec::len) {
+            3 => Cell::Triangle,
+            4 => Cell::Tetra,
+            _ => Cell::QuadraticTetra,
+        };
+        let connectivity = g.cells.concat();
+        Piece {
+            points: &g.rest,
+            cell,
+            connectivity,
+            vectors: poses.iter().map(field).collect(),
+            numbers: None,
         }
     };
-    Vtk {
-        version: Version::XML { major: 1, minor: 0 },
-        title: "greenstage deform".into(),
-        byte_order: ByteOrder::LittleEndian,
-        file_path: None,
-        data: DataSet::UnstructuredGrid {
-            meta: None,
-            pieces: geometry.iter().map(|g| vtkio::model::Piece::Inline(Box::new(piece(g)))).collect(),
-        },
-    }
+    geometry.iter().map(piece).collect()
 }
 
 #[cfg(test)]
@@ -363,14 +344,8 @@ mod tests {
             displacement: vec![Vector3::x()],
             wrenches: None,
         });
-        let DataSet::UnstructuredGrid { pieces, .. } = vtk(&geometry, &results).data else {
-            panic!("no unstructured grid");
-        };
-        for piece in pieces {
-            let vtkio::model::Piece::Inline(piece) = piece else {
-                panic!("a piece in another file");
-            };
-            let names: Vec<&str> = piece.data.point.iter().map(Attribute::name).collect();
+        for piece in pieces(&geometry, &results) {
+            let names: Vec<&str> = piece.vectors.iter().map(|(name, _)| name.as_str()).collect();
             assert_eq!(names, ["displacement pull", "displacement push"]);
         }
     }
