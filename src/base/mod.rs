@@ -5,4 +5,5 @@
 pub mod notice;
 pub mod output;
 pub mod signal;
+pub mod statistics;
 pub mod text;

@@ -7,12 +7,12 @@ use super::playback::{Playback, Source};
 use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
 use super::{bench_haptics, marks, precompute, render, session};
-use crate::deform::{Columns, Superposition, vertex_normals};
+use crate::base::statistics::median;
+use crate::deform::{BYTES_PER_THREAD, Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Precomputed};
 use crate::render::DrawCounts;
 use crate::scene::{Scene, Storage};
 use crate::stage::Stage;
-use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -193,8 +193,30 @@ struct Loop {
     time_s: f64,
     /// Columns read, bytes; 0 where none are.
     bytes: f64,
-    /// Time in which as many threads read the same bytes and do nothing else, in the same run.
+    /// Time in which as many threads read the same bytes and do nothing else, in turn with the loop.
     reading_s: f64,
+}
+
+impl Loop {
+    /// Times the superposition of the columns `words` and their reading in turn, so that each finds in the caches what
+    /// the other left, on as many threads as that superposition takes.
+    fn new(name: &'static str, words: &[u32], mut superpose: impl FnMut()) -> Loop {
+        let threads = (size_of_val(words) / BYTES_PER_THREAD).clamp(1, rayon::current_num_threads());
+        let read = || {
+            black_box(reading::read(black_box(words), threads));
+        };
+        let [time_s, reading_s] = in_turn([&mut superpose, &mut { read }]);
+        Loop { name, time_s, bytes: size_of_val(words) as f64, reading_s }
+    }
+
+    /// What the loop reaches of the speed of reading alone.
+    fn share(&self) -> String {
+        match self.reading_s / self.time_s {
+            _ if self.bytes == 0.0 => String::new(),
+            share if share <= 1.0 => format!("{share:.2}"),
+            _ => "more: reading was slower".into(),
+        }
+    }
 }
 
 fn loops() -> Vec<Loop> {
@@ -209,41 +231,28 @@ fn loops() -> Vec<Loop> {
         let coefficients = [0, 1].map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]);
         black_box(sum.update(&columns, &coefficients, &mut u));
     };
-    let mut measure = |name: &'static str, moved: usize, threads: usize| {
-        let used = &data[..moved * numbers / 2];
-        let part = used.len().div_ceil(threads);
-        Loop {
-            name,
-            time_s: repeat(|| superpose(moved)),
-            bytes: 4.0 * used.len() as f64,
-            reading_s: repeat(|| {
-                black_box(used.par_chunks(part).map(read).sum::<f32>());
-            }),
-        }
+    let mut measure = |name: &'static str, moved: usize| {
+        let words = bytemuck::cast_slice(&data[..moved * numbers / 2]);
+        Loop::new(name, words, || superpose(moved))
     };
     let mut rows = Vec::new();
     if let Ok(one) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
-        rows.push(one.install(|| measure("superposition, 24 columns, one thread", 2, 1)));
-        rows.push(one.install(|| measure("superposition, 12 columns (one element moved), one thread", 1, 1)));
+        rows.push(one.install(|| measure("superposition, 24 columns, one thread", 2)));
+        rows.push(one.install(|| measure("superposition, 12 columns (one element moved), one thread", 1)));
     }
-    rows.push(measure("superposition, 24 columns, all threads", 2, rayon::current_num_threads()));
+    rows.push(measure("superposition, 24 columns, all threads", 2));
     let integers: Vec<i16> = (0..numbers).map(|i| ((i % 65_521) as i32 - 32_760) as i16).collect();
     let scales = [1e-4; FIELDS];
     let half = |values| Basis::Int16 { values, scales: &scales };
     let columns = Columns { elements: integers.chunks_exact(numbers / 2).map(half).collect() };
     if let Ok(one) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
         let mut sum = Superposition::new(2);
-        let used = &data[..numbers / 2];
-        rows.push(one.install(|| Loop {
-            name: "superposition, 24 columns of int16, one thread",
-            time_s: repeat(|| {
+        let name = "superposition, 24 columns of int16, one thread";
+        rows.push(one.install(|| {
+            Loop::new(name, bytemuck::cast_slice(&integers), || {
                 c += 1e-3;
                 black_box(sum.update(&columns, &[[0.1 + c; FIELDS]; 2], &mut u));
-            }),
-            bytes: 2.0 * numbers as f64,
-            reading_s: repeat(|| {
-                black_box(read(used));
-            }),
+            })
         }));
     }
 
@@ -270,33 +279,24 @@ fn loops() -> Vec<Loop> {
     rows
 }
 
-/// Adds all numbers, in many lanes at a time: as fast as one thread can read.
-fn read(data: &[f32]) -> f32 {
-    let mut lanes = [0.0f32; 64];
-    for chunk in data.chunks_exact(64) {
-        for (lane, value) in lanes.iter_mut().zip(chunk) {
-            *lane += value;
-        }
-    }
-    lanes.iter().sum()
-}
-
 /// Median time of one call over half a second, s.
 fn repeat(mut work: impl FnMut()) -> f64 {
-    let began = Instant::now();
-    let mut times = Vec::new();
-    while began.elapsed().as_secs_f64() < 0.5 || times.len() < 5 {
-        let started = Instant::now();
-        work();
-        times.push(started.elapsed().as_secs_f64());
-    }
-    median(times.into_iter())
+    let [time] = in_turn([&mut work]);
+    time
 }
 
-pub fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+/// Median times of calls that take turns, over half a second for each, s.
+fn in_turn<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let began = Instant::now();
+    let mut times = [const { Vec::new() }; N];
+    while began.elapsed().as_secs_f64() < 0.5 * N as f64 || times[0].len() < 5 {
+        for (work, times) in works.iter_mut().zip(&mut times) {
+            let started = Instant::now();
+            work();
+            times.push(started.elapsed().as_secs_f64());
+        }
+    }
+    times.map(median)
 }
 
 fn offline_table(bodies: &[Precomputed], peak_memory: Option<f64>) -> (String, Table) {
@@ -314,11 +314,10 @@ fn offline_table(bodies: &[Precomputed], peak_memory: Option<f64>) -> (String, T
 fn loops_table(loops: &[Loop]) -> (String, Table) {
     let heading = ["online, 10,000 nodes", "time", "reads", "reading alone", "of that bandwidth"];
     let mut table = Table::new(&heading);
-    for Loop { name, time_s, bytes, reading_s } in loops {
+    for row @ Loop { name, time_s, bytes, reading_s } in loops {
         let rate =
             |s: f64| if *bytes > 0.0 { format!("{:.1} GB/s", bytes / s * 1e-9) } else { String::new() };
-        let share = if *bytes > 0.0 { format!("{:.2}", reading_s / time_s) } else { String::new() };
-        table.row(&[name, &seconds(*time_s), &rate(*time_s), &rate(*reading_s), &share]);
+        table.row(&[name, &seconds(*time_s), &rate(*time_s), &rate(*reading_s), &row.share()]);
     }
     (format!("Online loops, {}", processor()), table)
 }
@@ -397,6 +396,8 @@ fn as_json(
 fn markdown(tables: &[(String, Table)]) -> String {
     tables.iter().map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown())).collect()
 }
+
+mod reading;
 
 #[cfg(test)]
 mod tests;

@@ -9,6 +9,7 @@ use crate::base::text::one_line;
 use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
 use crate::green::{self, FIELDS, GreenFile, Solution};
 use crate::mesh::TetMesh;
+use crate::mesh::formats::vtu_write::{self, Cell, Piece};
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
 use anyhow::Context;
@@ -16,10 +17,6 @@ use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version,
-    VertexNumbers, Vtk,
-};
 
 /// Batch: poses in, displacements and forces out
 ///
@@ -302,7 +299,7 @@ impl Files {
             written.push((&self.forces, text(&self.forces, &FORCES, forces_csv(scene, results, several))?));
         }
         let surface = output::stage(&self.surface, &SURFACE, |file| {
-            vtk(geometry, results).write_xml(file).map_err(std::io::Error::other)
+            file.write_all(&vtu_write::encode(&pieces(geometry, results)))
         })?;
         written.push((&self.surface, surface));
         for (path, staged) in written {
@@ -364,51 +361,34 @@ fn forces_csv(scene: &Scene, results: &[Deformed], several: bool) -> String {
 
 /// One piece per body: rest points, its cells, one displacement field a pose. Every piece has the fields of all
 /// poses, as VTK asks for; a body that a pose does not name is at rest in it.
-fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
+fn pieces<'a>(geometry: &'a [Geometry], results: &[Deformed]) -> Vec<Piece<'a>> {
     let mut poses: Vec<&str> = Vec::new();
     for result in results {
         if !poses.contains(&result.pose.as_str()) {
             poses.push(&result.pose);
         }
     }
-    let piece = |g: &Geometry| {
-        let fields = poses.iter().map(|pose| {
+    let piece = |g: &'a Geometry| {
+        let field = |pose: &&str| {
             let result = results.iter().find(|result| result.body == g.body && result.pose == *pose);
-            let u: Vec<f64> = match result {
-                Some(result) => result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect(),
-                None => vec![0.0; 3 * g.rest.len()],
-            };
-            // XML knows no control characters.
-            Attribute::vectors(one_line(format_args!("displacement {pose}"))).with_data(u)
-        });
-        let size = g.cells.first().map_or(3, Vec::len);
-        let kind = match size {
-            3 => CellType::Triangle,
-            4 => CellType::Tetra,
-            _ => CellType::QuadraticTetra,
+            let u = result.map_or_else(|| vec![Vector3::zeros(); g.rest.len()], |r| r.displacement.clone());
+            (one_line(format_args!("displacement {pose}")), u)
         };
-        UnstructuredGridPiece {
-            points: g.rest.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect::<Vec<f64>>().into(),
-            cells: Cells {
-                cell_verts: VertexNumbers::XML {
-                    connectivity: g.cells.iter().flatten().map(|&node| u64::from(node)).collect(),
-                    offsets: (1..=g.cells.len() as u64).map(|count| count * size as u64).collect(),
-                },
-                types: vec![kind; g.cells.len()],
-            },
-            data: Attributes { point: fields.collect(), cell: vec![] },
+        let cell = match g.cells.first().map_or(3, Vec::len) {
+            3 => Cell::Triangle,
+            4 => Cell::Tetra,
+            _ => Cell::QuadraticTetra,
+        };
+        let connectivity = g.cells.concat();
+        Piece {
+            points: &g.rest,
+            cell,
+            connectivity,
+            vectors: poses.iter().map(field).collect(),
+            numbers: None,
         }
     };
-    Vtk {
-        version: Version::XML { major: 1, minor: 0 },
-        title: "greenstage deform".into(),
-        byte_order: ByteOrder::LittleEndian,
-        file_path: None,
-        data: DataSet::UnstructuredGrid {
-            meta: None,
-            pieces: geometry.iter().map(|g| vtkio::model::Piece::Inline(Box::new(piece(g)))).collect(),
-        },
-    }
+    geometry.iter().map(piece).collect()
 }
 
 #[cfg(test)]
@@ -432,17 +412,23 @@ mod tests {
             displacement: vec![Vector3::x(); 3],
             wrenches: None,
         });
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("out.vtu");
-        vtk(&geometry, &results).export(&path).unwrap();
-        let text = std::fs::read(&path).unwrap();
-        let header = String::from_utf8_lossy(&text);
-        assert!(!header.contains(['\u{1b}', '\u{0}', '\u{202e}', '\u{ffff}']));
-        let DataSet::UnstructuredGrid { pieces, .. } = Vtk::import(&path).unwrap().data else {
-            panic!("no unstructured grid");
-        };
-        let vtkio::model::Piece::Inline(piece) = &pieces[0] else { panic!("a piece in another file") };
-        let names: Vec<&str> = piece.data.point.iter().map(Attribute::name).collect();
+        let text = String::from_utf8(vtu_write::encode(&pieces(&geometry, &results))).unwrap();
+        assert!(!text.contains(['\u{1b}', '\u{0}', '\u{202e}', '\u{ffff}']));
+        let mut reader = quick_xml::Reader::from_str(&text);
+        let mut names = Vec::new();
+        loop {
+            match reader.read_event().unwrap() {
+                quick_xml::events::Event::Eof => break,
+                quick_xml::events::Event::Start(start) if start.name().as_ref() == b"DataArray" => {
+                    let name = start.try_get_attribute("Name").unwrap().unwrap();
+                    names.push(
+                        name.normalized_value(quick_xml::XmlVersion::Implicit1_0).unwrap().into_owned(),
+                    );
+                }
+                _ => {}
+            }
+        }
+        names.retain(|name| name.starts_with("displacement"));
         let expected = ["\\u001b[2Jevil", "a\\n\"b\" <&> 'c'", "\\u0000\\u202e\\uffff", "röhre"];
         assert_eq!(names, expected.map(|pose| format!("displacement {pose}")));
     }
@@ -461,14 +447,8 @@ mod tests {
             displacement: vec![Vector3::x()],
             wrenches: None,
         });
-        let DataSet::UnstructuredGrid { pieces, .. } = vtk(&geometry, &results).data else {
-            panic!("no unstructured grid");
-        };
-        for piece in pieces {
-            let vtkio::model::Piece::Inline(piece) = piece else {
-                panic!("a piece in another file");
-            };
-            let names: Vec<&str> = piece.data.point.iter().map(Attribute::name).collect();
+        for piece in pieces(&geometry, &results) {
+            let names: Vec<&str> = piece.vectors.iter().map(|(name, _)| name.as_str()).collect();
             assert_eq!(names, ["displacement pull", "displacement push"]);
         }
     }

@@ -12,7 +12,7 @@ use crate::green::{self, GreenError, GreenFile};
 use crate::report::measure::{machine, settings};
 use crate::report::plan::{Choice, choose};
 use crate::report::{Limits, Request, Row, Setting};
-use crate::scene::{Demand, Element, Method, Scene, Solver, Storage};
+use crate::scene::{Demand, Element, Method, Scene, SceneError, Solver, Storage};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 
@@ -33,10 +33,10 @@ struct Table {
 /// Unknowns of the largest solve while a table is measured, unless the scene says otherwise.
 const LARGEST: f64 = 200_000.0;
 
-/// The scene with the knobs of its demanding bodies set; says on standard error what was chosen, and why. A damaged
-/// .green file is an error, unless it is made anew by `force`.
+/// The scene with the knobs of its demanding bodies set; says on standard error what was chosen, and why. A demand that
+/// no setting meets is an error, and so is a damaged .green file, unless it is made anew by `force`.
 pub fn settled(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> {
-    choose_all(scene, &|plain, name, key, demand| {
+    let source: Source<'_> = &|plain, name, key, demand| {
         let kept = kept(plain, name, &key, demand).or_else(|error| if force { Ok(None) } else { Err(error) });
         let table = match kept? {
             Some(table) => table,
@@ -44,23 +44,31 @@ pub fn settled(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure>
         };
         table.left_out.iter().for_each(|pose| notice!("body.{name}: left out: {pose}"));
         let choice = choose(&table.rows, demand);
-        for sentence in choice.iter().flat_map(|choice| choice.sentences(demand)) {
+        for sentence in choice.iter().filter(|choice| choice.miss <= 1.0).flat_map(Choice::sentences) {
             notice!("body.{name}: {sentence}");
         }
         Ok(Some(table))
-    })
+    };
+    choose_all(scene, source, &|reason| Err(Failure::work(reason)))
 }
 
-/// The same from what is kept in the .green file alone, in silence; a body without a table stays as it is.
+/// The same from what is kept in the .green file alone, in silence; a body without a table, or with a demand that
+/// nothing in it meets, stays as it is.
 pub fn known(scene: Scene) -> Result<Scene, Failure> {
-    choose_all(scene, &|plain, name, key, demand| kept(plain, name, &key, demand))
+    choose_all(scene, &|plain, name, key, demand| kept(plain, name, &key, demand), &|_| Ok(()))
 }
 
 /// Where the rows for a body of the scene without its demands come from: its name, the key that they must have, and
 /// what is asked.
 type Source<'a> = &'a dyn Fn(&Scene, &str, String, &Demand) -> Result<Option<Table>, Failure>;
 
-fn choose_all(mut scene: Scene, source: Source<'_>) -> Result<Scene, Failure> {
+/// Sets the knobs from the rows of `source`. A demand that none of them meets goes to `missed`, and its body stays as it
+/// is where that is no failure.
+fn choose_all(
+    mut scene: Scene,
+    source: Source<'_>,
+    missed: &dyn Fn(SceneError) -> Result<(), Failure>,
+) -> Result<Scene, Failure> {
     let demands: Vec<(String, Demand)> =
         scene.body.iter().filter_map(|(name, body)| Some((name.clone(), body.demand()?))).collect();
     let mut plain = scene.clone();
@@ -75,6 +83,10 @@ fn choose_all(mut scene: Scene, source: Source<'_>) -> Result<Scene, Failure> {
         let choice = choose(&table.rows, &demand).ok_or_else(|| {
             Failure::work(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
         })?;
+        if let Some(reason) = choice.missed(&demand) {
+            missed(scene.invalid(&format!("body.{name}.{}", demand.key()), reason))?;
+            continue;
+        }
         set(&mut scene, &name, &choice);
         scene.body[&name].plan = Some(serde_json::to_value(&table).map_err(Failure::work)?);
     }
@@ -134,7 +146,7 @@ pub fn range(file: &GreenFile, body: &str) -> Option<f64> {
 }
 
 fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {
-    let Setting { refine, element, solver, storage, model } = &choice.row.setting;
+    let Setting { refine, element, storage, model, .. } = &choice.row.setting;
     let body = &mut scene.body[name];
     body.refine = *refine;
     body.model = model.clone();
@@ -144,7 +156,7 @@ fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {
     if let Some(known) = Storage::ALL.into_iter().find(|known| known.name() == storage) {
         body.storage = known;
     }
-    if let Some(tolerance) = solver.strip_prefix("pcg ").and_then(|tolerance| tolerance.parse().ok()) {
+    if let Some(tolerance) = choice.row.setting.tolerance() {
         body.solver = Solver { method: Method::Pcg, tolerance, ..Solver::default() };
     }
 }

@@ -5,6 +5,7 @@ use super::recording::{Recorder, Replay};
 use super::render::{self, Show};
 use super::table::seconds;
 use super::world::{StepTimes, World};
+use crate::base::statistics::{median, quantile};
 use crate::track::Script;
 
 /// Where head and styli come from.
@@ -106,7 +107,10 @@ pub fn check(
         times.push(interact_s + deform_s + normals_s);
     }
     render::report(show.replay.as_ref(), recorder)?;
-    times.sort_by(f64::total_cmp);
-    let at = |part: usize| times.get(times.len() * part / 100).copied().map_or("–".into(), seconds);
-    super::print(&format!("mechanics of a frame: median {}, 99 % within {}\n", at(50), at(99)))
+    let (middle, most) = (median(times.iter().copied()), quantile(times.iter().copied(), 0.99));
+    super::print(&format!(
+        "mechanics of a frame: median {}, 99 % within {}\n",
+        seconds(middle),
+        seconds(most)
+    ))
 }

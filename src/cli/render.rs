@@ -123,8 +123,8 @@ pub fn try_outputs(args: &Args, scene: &Scene, has_pictures: bool) -> Result<(),
         output::make_folder(&args.output)?;
         output::try_path(&args.output.join(SHEET), &PNG, &inputs)?;
         let pictures = std::fs::read_dir(&args.output).into_iter().flatten().flatten();
-        let pictures = pictures.map(|entry| entry.path()).filter(|path| is_frame(path, args.frames));
-        pictures.map(|path| output::may_replace(&path, &PNG, &inputs)).collect::<Result<(), _>>()?;
+        let mut pictures = pictures.map(|entry| entry.path()).filter(|path| is_frame(path, args.frames));
+        pictures.try_for_each(|path| output::may_replace(&path, &PNG, &inputs))?;
     }
     session::try_green(scene, args.green.as_deref())
 }

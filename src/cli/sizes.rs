@@ -7,6 +7,7 @@ use super::bench;
 use super::device::{self, DeformOn};
 use super::failure::Failure;
 use super::table::{Table, bytes, seconds};
+use crate::base::statistics::median;
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Stored};
 use crate::render::{
@@ -155,7 +156,7 @@ pub fn run(args: &bench::Args, stage: &Stage) -> Result<(), Failure> {
                 let time = bench.frame(&gpu, &mut renderer, stage, &pairs, &views, frame)?;
                 frames.extend((frame > 0).then_some(time));
             }
-            let median = |pick: fn(&Parts) -> f64| bench::median(frames.iter().map(pick));
+            let median = |pick: fn(&Parts) -> f64| median(frames.iter().map(pick));
             let parts = Parts {
                 deform_s: median(|p| p.deform_s),
                 normals_s: median(|p| p.normals_s),

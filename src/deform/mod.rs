@@ -25,7 +25,7 @@ pub use pose::{ControlPose, ControlPoses};
 pub use rotation::{Rotation, mean_rotation, unwrapped};
 pub use screw::Screw;
 pub use statics::{Settled, Statics, StaticsError};
-pub use superposition::{Columns, Superposition};
+pub use superposition::{BYTES_PER_THREAD, Columns, Superposition};
 pub use turn::local_turn;
 
 use crate::fem::Law;

@@ -70,7 +70,7 @@ impl<'a> Terms<'a> {
 const BLOCK: usize = 2048;
 
 /// Bytes of columns that are worth a thread of their own: waking it costs some 10 µs, reading these more.
-const BYTES_PER_THREAD: usize = 1 << 20;
+pub const BYTES_PER_THREAD: usize = 1 << 20;
 
 /// The partial sums of one body.
 pub struct Superposition {

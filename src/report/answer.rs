@@ -23,10 +23,15 @@ const SAME_COST: f64 = 1.02;
 /// A step of the ladder leaves at most this share of the error before it.
 const STEP: f64 = 0.9;
 
-/// The row, none of the reference's, that reaches a total error (median of the poses) of `goal` for the least cost. Of those that cost no more
-/// than 2 % above the least, the one with the least product of all three costs.
+/// What a row is recommended by: its total error, uncancelled, median of the poses.
+pub fn error(row: &Row) -> f64 {
+    row.error.uncancelled.median
+}
+
+/// The row among those that can be chosen that reaches an error of `goal` for the least cost. Of those that cost no
+/// more than 2 % above the least, the one with the least product of all three costs.
 pub fn cheapest(rows: &[Row], currency: &Currency, goal: f64) -> Option<usize> {
-    let reaches = |row: &Row| !row.is_reference() && row.error.total.median <= goal;
+    let reaches = |row: &Row| row.can_be_chosen() && error(row) <= goal;
     let reaching: Vec<usize> = (0..rows.len()).filter(|&i| reaches(&rows[i])).collect();
     let least = reaching.iter().map(|&i| (currency.of)(&rows[i].cost)).fold(f64::INFINITY, f64::min);
     let all = |i: usize| {
@@ -38,7 +43,7 @@ pub fn cheapest(rows: &[Row], currency: &Currency, goal: f64) -> Option<usize> {
         .min_by(|&a, &b| all(a).total_cmp(&all(b)))
 }
 
-/// From the cheapest of all rows but the reference's to the most accurate: each costs over 2 % more than the one before it, and has at
+/// From the cheapest of all rows that can be chosen to the most accurate: each costs over 2 % more than the one before it, and has at
 /// most 0.9 of its error.
 pub fn ladder(rows: &[Row], currency: &Currency) -> Vec<usize> {
     let cost = |i: usize| (currency.of)(&rows[i].cost);
@@ -59,8 +64,8 @@ pub fn ladder(rows: &[Row], currency: &Currency) -> Vec<usize> {
 
 /// The cheapest with at most 0.9 of the error of row `i`.
 fn better(rows: &[Row], currency: &Currency, i: usize) -> Option<usize> {
-    let error = rows[i].error.total.median;
-    cheapest(rows, currency, STEP * error).filter(|&next| rows[next].error.total.median < error)
+    let own = error(&rows[i]);
+    cheapest(rows, currency, STEP * own).filter(|&next| error(&rows[next]) < own)
 }
 
 /// "43 µs an evaluation, 0.84 s offline, a file of 1.2 MB".
@@ -91,8 +96,8 @@ pub fn answers(report: &Report) -> Vec<String> {
                     "No setting that was measured reaches a total error of {goal}. The most accurate to a tenth, {}, has {} \
                      (worst pose {}), most of it {} error, for {}.",
                     row.setting,
-                    relative(row.error.total.median),
-                    relative(row.error.total.worst),
+                    relative(error(row)),
+                    relative(row.error.uncancelled.worst),
                     limit(row),
                     costs(&row.cost),
                 ));
@@ -105,7 +110,7 @@ pub fn answers(report: &Report) -> Vec<String> {
 
 fn reached(rows: &[Row], goal: f64, i: usize) -> String {
     let row = &rows[i];
-    let error = row.error.total;
+    let error = row.error.uncancelled;
     let first = format!(
         "For a total error of {} the cheapest online is {}: {}. Its error is {} (worst pose {}), most of it {} error.",
         relative(goal),
@@ -127,7 +132,7 @@ fn reached(rows: &[Row], goal: f64, i: usize) -> String {
     format!(
         "{first} The next better, {}, has {} for {}{ratio}.",
         next.setting,
-        relative(next.error.total.median),
+        relative(next.error.uncancelled.median),
         costs(&next.cost),
     )
 }

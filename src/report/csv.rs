@@ -6,6 +6,7 @@ use super::{Row, Spread};
 pub fn numbers(row: &Row) -> Vec<(String, Option<f64>)> {
     let (cost, error) = (&row.cost, &row.error);
     let counts = [("mesh_nodes", row.mesh_nodes as f64), ("surface_nodes", row.surface_nodes as f64)];
+    let forward_error = ("forward_error_relative".to_owned(), row.forward_error);
     let costs = [
         ("offline_s", cost.offline_s),
         ("offline_bytes", cost.offline_bytes),
@@ -16,23 +17,25 @@ pub fn numbers(row: &Row) -> Vec<(String, Option<f64>)> {
         ("frame_one_p50_s", cost.frame_one_p50_s),
         ("frame_bytes", cost.frame_bytes),
     ];
-    let errors: [(&str, &str, Option<Spread>); 9] = [
+    let errors: [(&str, &str, Option<Spread>); 11] = [
         ("discretisation", "relative", Some(error.discretisation)),
         ("energy", "relative", Some(error.energy)),
         ("solver", "relative", Some(error.solver)),
         ("storage", "relative", Some(error.storage)),
         ("model", "relative", Some(error.model)),
         ("total", "relative", Some(error.total)),
+        ("uncancelled", "relative", Some(error.uncancelled)),
         ("displacement", "m", Some(error.displacement_m)),
         ("force", "relative", error.force),
         ("torque", "relative", error.torque),
+        ("uncancelled_held", "relative", error.uncancelled_held),
     ];
     let plain = counts.into_iter().chain(costs).map(|(name, value)| (name.to_owned(), Some(value)));
     let spreads = errors.into_iter().flat_map(|(name, unit, spread)| {
         [("median", spread.map(|s| s.median)), ("worst", spread.map(|s| s.worst))]
             .map(|(which, value)| (format!("{name}_{which}_{unit}"), value))
     });
-    plain.chain(spreads).collect()
+    plain.chain([forward_error]).chain(spreads).collect()
 }
 
 /// Lines end with CR LF. Numbers are the shortest that read back as the same f64; a cell without one was not measured.

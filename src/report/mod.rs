@@ -38,7 +38,7 @@ pub use summary::summary;
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// All that was measured of one body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -93,6 +93,11 @@ impl Setting {
         }
     }
 
+    /// That of conjugate gradients; `None` of Cholesky.
+    pub fn tolerance(&self) -> Option<f64> {
+        self.solver.strip_prefix("pcg ")?.parse().ok()
+    }
+
     /// Its knobs in words, in the order of [`KNOBS`].
     pub fn knobs(&self) -> [String; 4] {
         [self.mesh(), self.solver.clone(), self.storage.clone(), self.model.clone()]
@@ -114,15 +119,32 @@ pub struct Row {
     pub setting: Setting,
     pub mesh_nodes: usize,
     pub surface_nodes: usize,
+    /// The solver's own estimate of its relative error, where it made one.
+    pub forward_error: Option<f64>,
     pub cost: Cost,
     pub error: Errors,
 }
+
+/// A row with a larger estimate of its forward error, or a larger tolerance of conjugate gradients, is measured, to show
+/// what it would cost, and never chosen or recommended.
+pub const MOST_FORWARD_ERROR: f64 = 1e-3;
+pub const MOST_TOLERANCE: f64 = 1e-3;
 
 impl Row {
     /// Whether its discretisation is the one that all are measured against: its own error is not known, and it is never
     /// chosen or recommended.
     pub fn is_reference(&self) -> bool {
         self.error.discretisation.worst == 0.0
+    }
+
+    /// Whether its solver is accurate for certain, not in the measured poses alone.
+    pub fn is_trusted(&self) -> bool {
+        self.forward_error.is_none_or(|error| error <= MOST_FORWARD_ERROR)
+            && self.setting.tolerance().is_none_or(|tolerance| tolerance <= MOST_TOLERANCE)
+    }
+
+    pub fn can_be_chosen(&self) -> bool {
+        self.is_trusted() && !self.is_reference()
     }
 }
 
@@ -154,6 +176,9 @@ pub struct Errors {
     pub storage: Spread,
     pub model: Spread,
     pub total: Spread,
+    /// What settings are chosen by: the total, or the root of the sum of the parts' squares where that is larger. In the
+    /// poses that were measured parts of opposite sign may cancel; in others they will not.
+    pub uncancelled: Spread,
     /// Largest total displacement error, m.
     pub displacement_m: Spread,
     /// Largest difference of a control element's force and torque (about where its origin has come to): solver,
@@ -161,6 +186,8 @@ pub struct Errors {
     /// max(|f|, |m|/ℓ) with the body's extent ℓ, of torques that times ℓ.
     pub force: Option<Spread>,
     pub torque: Option<Spread>,
+    /// The larger of force and torque, each uncancelled in the same way.
+    pub uncancelled_held: Option<Spread>,
 }
 
 impl Errors {

@@ -74,8 +74,8 @@ pub fn tip(row: &Row) -> String {
         seconds(row.cost.frame_p50_s),
         seconds(row.cost.offline_s),
         bytes(row.cost.file_bytes),
-        relative(row.error.total.median),
-        relative(row.error.total.worst),
+        relative(row.error.uncancelled.median),
+        relative(row.error.uncancelled.worst),
         limit(row)
     )
 }
@@ -88,7 +88,7 @@ fn online(rows: &[Row]) -> Plot {
         .iter()
         .map(|row| Point {
             x: row.cost.frame_p50_s,
-            y: row.error.total.median,
+            y: row.error.uncancelled.median,
             worst: None,
             series: row.error.dominating().unwrap_or(0),
             strong: false,
@@ -96,13 +96,13 @@ fn online(rows: &[Row]) -> Plot {
             tip: tip(row),
         })
         .collect();
-    let front = pareto::front_of(rows.iter(), |row| [row.cost.frame_p50_s, row.error.total.median]);
+    let front = pareto::front_of(rows.iter(), |row| [row.cost.frame_p50_s, row.error.uncancelled.median]);
     for &i in front.iter().chain(&rungs) {
         points[i].strong = true;
     }
     for (&i, name) in rungs.iter().zip(names) {
         points[i].label = Some(name);
-        points[i].worst = Some(rows[i].error.total.worst);
+        points[i].worst = Some(rows[i].error.uncancelled.worst);
     }
     Plot {
         name: "online",
@@ -167,7 +167,8 @@ pub fn fastest_on_each_mesh(rows: &[Row]) -> Vec<&Row> {
     let mut chosen: Vec<&Row> = meshes
         .into_iter()
         .filter_map(|(element, refine)| {
-            let here = || rows.iter().filter(|r| (&r.setting.element, r.setting.refine) == (element, refine));
+            let is_here = |r: &&Row| (&r.setting.element, r.setting.refine) == (element, refine);
+            let here = || rows.iter().filter(is_here).filter(|row| row.is_trusted());
             let exact = |row: &&Row| row.error.solver.median <= 0.01 * row.error.discretisation.median;
             here()
                 .filter(exact)

@@ -39,10 +39,10 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     front
 }
 
-/// The front of rows, without those of the reference: what cannot be chosen beats nothing.
+/// The front of those rows that can be chosen: what cannot be beats nothing.
 pub fn front_of<'a>(rows: impl Iterator<Item = &'a Row>, point: impl Fn(&Row) -> [f64; 2]) -> Vec<usize> {
     let (own, points): (Vec<usize>, Vec<[f64; 2]>) =
-        rows.enumerate().filter(|(_, row)| !row.is_reference()).map(|(i, row)| (i, point(row))).unzip();
+        rows.enumerate().filter(|(_, row)| row.can_be_chosen()).map(|(i, row)| (i, point(row))).unzip();
     front(&points).into_iter().map(|i| own[i]).collect()
 }
 

@@ -1,70 +1,103 @@
-//! The cheapest setting that is accurate enough, or the most accurate one within a budget, from measured rows.
+//! The fastest setting that is accurate enough, or the most accurate one within a budget, from measured rows.
 
+use super::units::seconds;
 use super::{Row, Setting};
 use crate::deform::MODELS;
-use crate::scene::{Accuracy, Budget, Demand};
+use crate::scene::{Accuracy, Budget, Demand, Storage};
 
 /// What was chosen, and what it was chosen from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice<'a> {
+    /// That which misses the demand least, where `miss` is above 1.
     pub row: &'a Row,
-    /// By how much the best row misses the demand: the largest ratio of measured to asked; 1 or less where it is met.
+    /// The largest ratio of measured to asked; 1 or less where the demand is met.
     pub miss: f64,
-    /// The cheapest of those with a worst error below 0.9 of the chosen one's.
+    /// The fastest of those with a worst error below 0.9 of the chosen one's.
     pub next: Option<&'a Row>,
 }
 
-/// What a setting costs, in the order in which costs count: bytes read per frame, the model's place in the list (its
-/// arithmetic), bytes held offline. All are counted, not timed, so the choice is the same in every run.
-pub fn cost(row: &Row) -> [f64; 3] {
-    let model = MODELS.iter().position(|model| model.name == row.setting.model).unwrap_or(MODELS.len());
-    [row.cost.frame_bytes, model as f64, row.cost.offline_bytes]
+/// Evaluations whose times are within this ratio are as fast as each other …
+const SAME_TIME: f64 = 1.1;
+/// … and settings as accurate as each other, or as near to a demand.
+const SAME_ERROR: f64 = 1.02;
+
+/// What is taken of settings that are alike in what counts: Cholesky before conjugate gradients, f32 before what is
+/// rounded more, the simpler model, less memory offline, less error, and then their order.
+fn preference(a: &Row, b: &Row) -> std::cmp::Ordering {
+    let words = |row: &Row| {
+        let setting = &row.setting;
+        let model = MODELS.iter().position(|model| model.name == setting.model).unwrap_or(MODELS.len());
+        (setting.tolerance().is_some(), setting.storage != Storage::F32.name(), model)
+    };
+    let numbers = |row: &Row| [row.cost.offline_bytes, error(row)];
+    words(a)
+        .cmp(&words(b))
+        .then_with(|| numbers(a)[0].total_cmp(&numbers(b)[0]))
+        .then_with(|| numbers(a)[1].total_cmp(&numbers(b)[1]))
+        .then_with(|| a.setting.cmp(&b.setting))
 }
 
-/// The worst error of forces and torques.
+/// Of those whose value is within a ratio of `same` of the least, the preferred one.
+fn least<'a>(rows: &[&'a Row], value: impl Fn(&Row) -> f64, same: f64) -> Option<&'a Row> {
+    let least = rows.iter().map(|row| value(row)).fold(f64::INFINITY, f64::min);
+    rows.iter().copied().filter(|row| value(row) <= same * least).min_by(|a, b| preference(a, b))
+}
+
+/// Time of one evaluation, s. The solver has no part in it: that of all rows that differ in the solver alone, so that
+/// none wins by the noise of its own timing.
+pub fn time(row: &Row, rows: &[Row]) -> f64 {
+    let is_alike = |other: &&Row| {
+        let solver = row.setting.solver.clone();
+        Setting { solver, ..other.setting.clone() } == row.setting
+    };
+    let alike = rows.iter().filter(is_alike);
+    alike.map(|other| other.cost.frame_p50_s).fold(f64::INFINITY, f64::min)
+}
+
+/// The worst error of displacements, …
+fn error(row: &Row) -> f64 {
+    row.error.uncancelled.worst
+}
+
+/// … and of forces and torques, which errors of opposite sign do not lessen.
 fn held(row: &Row) -> f64 {
-    [row.error.force, row.error.torque].into_iter().flatten().map(|spread| spread.worst).fold(0.0, f64::max)
+    row.error.uncancelled_held.map_or(0.0, |spread| spread.worst)
+}
+
+/// What is asked: its key, what was measured of it, and the limit, all in the key's unit.
+fn asked(row: &Row, demand: &Demand) -> Vec<(&'static str, f64, f64)> {
+    let all = match demand {
+        Demand::Accuracy(Accuracy { displacement, force, .. }) => {
+            vec![("displacement", error(row), *displacement), ("force", held(row), *force)]
+        }
+        Demand::Budget(Budget { frame_ms, file_mb, offline_s, .. }) => vec![
+            ("frame_ms", 1e3 * row.cost.frame_p99_s, *frame_ms),
+            ("file_mb", 1e-6 * row.cost.file_bytes, *file_mb),
+            ("offline_s", row.cost.offline_s, *offline_s),
+        ],
+    };
+    all.into_iter().filter_map(|(key, measured, asked)| Some((key, measured, asked?))).collect()
 }
 
 /// The largest ratio of what was measured to what was asked; met where it is at most 1.
 pub fn miss(row: &Row, demand: &Demand) -> f64 {
-    let ratio = |measured: f64, asked: Option<f64>| asked.map_or(0.0, |asked| measured / asked);
-    match demand {
-        Demand::Accuracy(Accuracy { displacement, force, .. }) => {
-            ratio(row.error.total.worst, *displacement).max(ratio(held(row), *force))
-        }
-        Demand::Budget(Budget { frame_ms, file_mb, offline_s, .. }) => {
-            ratio(1e3 * row.cost.frame_p99_s, *frame_ms)
-                .max(ratio(1e-6 * row.cost.file_bytes, *file_mb))
-                .max(ratio(row.cost.offline_s, *offline_s))
-        }
-    }
+    asked(row, demand).into_iter().map(|(_, measured, asked)| measured / asked).fold(0.0, f64::max)
 }
 
-/// Chooses among `rows`; `None` of none. Of equal costs the least error wins. Where no row meets the demand, the one
-/// that misses it least.
+/// Chooses among the rows that can be ([`Row::can_be_chosen`]): the fastest that is as accurate as asked, or the most
+/// accurate within the budget. Where none meets the demand, the one that misses it least, which is then not to be
+/// taken unasked. `None` of no rows. The same rows give the same choice.
 pub fn choose<'a>(rows: &'a [Row], demand: &Demand) -> Option<Choice<'a>> {
-    let error = |row: &Row| row.error.total.worst;
-    let cheaper = |a: &&Row, b: &&Row| compare(&cost(a), &cost(b)).then(error(a).total_cmp(&error(b)));
-    let rows = || rows.iter().filter(|row| !row.is_reference());
-    let met = || rows().filter(|row| miss(row, demand) <= 1.0);
+    let candidates: Vec<&Row> = rows.iter().filter(|row| row.can_be_chosen()).collect();
+    let met: Vec<&Row> = candidates.iter().copied().filter(|row| miss(row, demand) <= 1.0).collect();
+    let fastest = |of: &[&'a Row]| least(of, |row| time(row, rows), SAME_TIME);
     let best = match demand {
-        Demand::Accuracy(_) => met().min_by(cheaper),
-        Demand::Budget(_) => met().min_by(|a, b| error(a).total_cmp(&error(b)).then_with(|| cheaper(a, b))),
+        Demand::Accuracy(_) => fastest(&met),
+        Demand::Budget(_) => least(&met, error, SAME_ERROR),
     };
-    let least =
-        || rows().min_by(|a, b| miss(a, demand).total_cmp(&miss(b, demand)).then_with(|| cheaper(a, b)));
-    let row = best.or_else(least)?;
-    let better = rows().filter(|other| error(other) < 0.9 * error(row));
-    Some(Choice { row, miss: miss(row, demand), next: better.min_by(cheaper) })
-}
-
-fn compare(a: &[f64; 3], b: &[f64; 3]) -> std::cmp::Ordering {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| a.total_cmp(b))
-        .find(|order| order.is_ne())
-        .unwrap_or(std::cmp::Ordering::Equal)
+    let row = best.or_else(|| least(&candidates, |row| miss(row, demand), SAME_ERROR))?;
+    let better: Vec<&Row> = candidates.into_iter().filter(|other| error(other) < 0.9 * error(row)).collect();
+    Some(Choice { row, miss: miss(row, demand), next: fastest(&better) })
 }
 
 /// A setting as a sentence names it.
@@ -78,35 +111,67 @@ pub fn name(setting: &Setting) -> String {
 
 impl Choice<'_> {
     /// What was chosen and why, and what the next better would cost.
-    pub fn sentences(&self, demand: &Demand) -> Vec<String> {
-        let worst = |row: &Row| {
-            let displacement = 100.0 * row.error.total.worst;
-            format!("displacement to {displacement:.2} %, force and torque to {:.2} %", 100.0 * held(row))
-        };
-        let price = |row: &Row| {
-            format!(
-                "{:.3} ms a frame, {:.2} MB, {:.2} s offline",
-                1e3 * row.cost.frame_p50_s,
-                1e-6 * row.cost.file_bytes,
-                row.cost.offline_s
-            )
-        };
+    pub fn sentences(&self) -> Vec<String> {
         let row = self.row;
-        let mut said =
-            vec![format!("chosen: {}: {} at worst; {}", name(&row.setting), worst(row), price(row))];
-        if self.miss > 1.0 {
-            let what = match demand {
-                Demand::Accuracy(_) => "no setting is as accurate as asked",
-                Demand::Budget(_) => "no setting fits the budget",
-            };
-            said.push(format!("{what}: the best misses it by a factor of {:.2}", self.miss));
-        }
-        said.push(match self.next {
+        let next = match self.next {
             Some(next) => {
-                format!("the next better: {}: {}; {}", name(&next.setting), worst(next), price(next))
+                format!("the next better: {}: {}; {}", name(&next.setting), errors(next), price(next))
             }
             None => "nothing that was measured is better".into(),
-        });
-        said
+        };
+        vec![format!("chosen: {}: {} at worst; {}", name(&row.setting), errors(row), price(row)), next]
+    }
+
+    /// That no setting meets the demand, which one comes nearest, by how much it misses, and how it is taken all the
+    /// same; `None` where the demand is met.
+    pub fn missed(&self, demand: &Demand) -> Option<String> {
+        if self.miss <= 1.0 {
+            return None;
+        }
+        let key = demand.key();
+        let what = match demand {
+            Demand::Accuracy(_) => "no setting that was measured is as accurate as asked",
+            Demand::Budget(_) => "no setting that was measured fits the budget",
+        };
+        let missed: Vec<String> = asked(self.row, demand)
+            .into_iter()
+            .filter(|(_, measured, asked)| measured > asked)
+            .map(|(key, measured, asked)| {
+                format!("{key} = {measured:.3} where {asked} is asked, {:.2} times as much", measured / asked)
+            })
+            .collect();
+        Some(format!(
+            "{what}, and none was taken. The nearest is {}: {}. It has {} at worst, and costs {}. Raise {key} to what \
+             can be reached, or leave it out and name the setting: {}",
+            name(&self.row.setting),
+            missed.join("; "),
+            errors(self.row),
+            price(self.row),
+            keys(&self.row.setting)
+        ))
     }
 }
+
+fn errors(row: &Row) -> String {
+    format!("displacement to {:.2} %, force and torque to {:.2} %", 100.0 * error(row), 100.0 * held(row))
+}
+
+fn price(row: &Row) -> String {
+    let (time, megabytes) = (seconds(row.cost.frame_p50_s), 1e-6 * row.cost.file_bytes);
+    format!("{time} an evaluation, {megabytes:.2} MB, {:.2} s offline", row.cost.offline_s)
+}
+
+/// A setting as a scene's body names it.
+fn keys(setting: &Setting) -> String {
+    let Setting { refine, element, solver, storage, model } = setting;
+    let solver = match setting.tolerance() {
+        Some(tolerance) => format!("{{ method = \"pcg\", tolerance = {tolerance:e} }}"),
+        None => format!("{{ method = \"{solver}\" }}"),
+    };
+    format!(
+        "refine = {refine}, element = \"{element}\", solver = {solver}, storage = \"{storage}\", model = \"{model}\""
+    )
+}
+
+#[cfg(test)]
+mod tests;

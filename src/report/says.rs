@@ -36,19 +36,24 @@ fn online(rows: &[Row]) -> String {
     };
     let (cheap, best) = (&rows[first], &rows[last]);
     let end = |row: &Row| {
-        format!("{} ({}, {})", row.setting, seconds(row.cost.frame_p50_s), relative(row.error.total.median))
+        format!(
+            "{} ({}, {})",
+            row.setting,
+            seconds(row.cost.frame_p50_s),
+            relative(row.error.uncancelled.median)
+        )
     };
     if first == last {
         return format!("{} is the cheapest and, to a tenth, the most accurate.", end(cheap));
     }
     let time = best.cost.frame_p50_s / cheap.cost.frame_p50_s;
-    let error = cheap.error.total.median / best.error.total.median;
+    let error = cheap.error.uncancelled.median / best.error.uncancelled.median;
     let ratio = if time.is_finite() && error.is_finite() {
         format!(": {} times the time, {} times less error", times(time), times(error))
     } else {
         String::new()
     };
-    let known: Vec<Row> = rows.iter().filter(|row| !row.is_reference()).cloned().collect();
+    let known: Vec<Row> = rows.iter().filter(|row| row.can_be_chosen()).cloned().collect();
     format!("From {} to {}{ratio}. {}", end(cheap), end(best), limits(&known, "settings"))
 }
 

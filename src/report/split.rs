@@ -35,10 +35,15 @@ pub fn picture(rows: &[Row]) -> Picture {
     let bottom = area.y + area.height;
     let values: Vec<f64> = shown
         .iter()
-        .flat_map(|row| row.error.parts().map(|part| part.median).into_iter().chain([row.error.total.median]))
+        .flat_map(|row| {
+            row.error.parts().map(|part| part.median).into_iter().chain([row.error.uncancelled.median])
+        })
         .collect();
-    let least =
-        shown.iter().map(|row| row.error.total.median).filter(|&e| e > 0.0).fold(f64::INFINITY, f64::min);
+    let least = shown
+        .iter()
+        .map(|row| row.error.uncancelled.median)
+        .filter(|&e| e > 0.0)
+        .fold(f64::INFINITY, f64::min);
     let floor = if least.is_finite() { decade_below(NEGLIGIBLE * least) } else { 0.0 };
     let axis = Axis::above(floor, &values, Unit::Ratio, left, left + area.width);
     body += &ticks(&axis, false, [bottom, area.y]);
@@ -61,7 +66,7 @@ fn decade_below(value: f64) -> f64 {
 fn one(row: &Row, name: &str, y: f64, axis: &Axis, area: Rect) -> String {
     let mut drawn = text([area.x - 10.0, y + 4.0], "end", "gs-text", name);
     drawn += &line("gs-grid", [[area.x, y], [area.x + area.width, y]]);
-    let total = axis.at(row.error.total.median);
+    let total = axis.at(row.error.uncancelled.median);
     drawn += &format!("<g><title>{}</title>\n", escape(&tip(row)));
     drawn += &line("gs-total", [[total, y - 9.0], [total, y + 9.0]]);
     for (part, spread) in row.error.parts().iter().enumerate() {

@@ -32,8 +32,8 @@ pub fn summary(report: &Report) -> String {
             &seconds(cost.frame_p50_s),
             &seconds(cost.offline_s),
             &bytes(cost.file_bytes),
-            &relative(error.total.median),
-            &relative(error.total.worst),
+            &relative(error.uncancelled.median),
+            &relative(error.uncancelled.worst),
             limit(&report.rows[i]),
         ]);
     }

@@ -70,8 +70,8 @@ pub fn rungs(rows: &[Row]) -> String {
             number(seconds(cost.frame_p50_s)),
             number(seconds(cost.offline_s)),
             number(bytes(cost.file_bytes)),
-            number(relative(error.total.median)),
-            number(relative(error.total.worst)),
+            number(relative(error.uncancelled.median)),
+            number(relative(error.uncancelled.worst)),
             word(limit(&rows[i])),
         ]);
         cells
@@ -85,7 +85,7 @@ pub fn rungs(rows: &[Row]) -> String {
 /// For each row and each of [`CURRENCIES`], whether nothing reaches its total error for less.
 fn fronts(rows: &[Row]) -> Vec<[bool; 3]> {
     let fronts = CURRENCIES.map(|by| {
-        let point = |row: &Row| [(by.of)(&row.cost), row.error.total.median];
+        let point = |row: &Row| [(by.of)(&row.cost), row.error.uncancelled.median];
         pareto::front_of(rows.iter(), point)
     });
     (0..rows.len()).map(|i| fronts.each_ref().map(|front| front.contains(&i))).collect()
@@ -110,7 +110,7 @@ pub fn costs(rows: &[Row]) -> String {
             number(seconds(cost.frame_p99_s)),
             number(seconds(cost.frame_one_p50_s)),
             number(bytes(cost.frame_bytes)),
-            bold(number(relative(row.error.total.median)), on.contains(&true)),
+            bold(number(relative(row.error.uncancelled.median)), on.contains(&true)),
         ]);
         cells
     };
@@ -144,7 +144,7 @@ pub fn errors(rows: &[Row]) -> String {
         cells.extend(
             error.parts().into_iter().enumerate().map(|(i, part)| bold(both(part), largest == Some(i))),
         );
-        cells.extend([both(error.total), both(error.energy)]);
+        cells.extend([both(error.uncancelled), both(error.total), both(error.energy)]);
         let displacement = error.displacement_m;
         cells.push(number(format!("{} / {}", metres(displacement.median), metres(displacement.worst))));
         cells.extend([maybe(error.force), maybe(error.torque)]);
@@ -157,7 +157,8 @@ pub fn errors(rows: &[Row]) -> String {
             "solver",
             "storage",
             "model",
-            "total",
+            "total error",
+            "as measured",
             "energy norm",
             "displacement",
             "force",

@@ -54,7 +54,11 @@ impl Scene {
 
     fn load_file(&self, name: &str, body: &Body, file: &Path) -> Result<Loaded, SceneError> {
         let file = self.resolve(file);
-        let failed = |source| SceneError::Mesh { path: self.path.clone(), body: name.to_owned(), source };
+        let failed = |source| SceneError::Mesh {
+            path: self.path.clone(),
+            body: name.to_owned(),
+            source: Box::new(source),
+        };
         match body.tetrahedralise {
             Some(Tetrahedralise { cell }) => stuffing::load(&file, cell).map_err(failed),
             None if surface_files::is_surface_file(&file) => {

@@ -24,7 +24,7 @@ pub enum SceneError {
     #[error("{}: {entity}: {message}", path.display())]
     Invalid { path: PathBuf, entity: String, message: String },
     #[error("{}: body.{body}.mesh: {source}", path.display())]
-    Mesh { path: PathBuf, body: String, source: MeshError },
+    Mesh { path: PathBuf, body: String, source: Box<MeshError> },
     #[error("{}: {entity}: {source}", path.display())]
     Generate { path: PathBuf, entity: String, source: generate::GenerateError },
 }

@@ -19,7 +19,7 @@ mod fit;
 pub mod hard_cases;
 mod kelvin;
 mod le10;
-mod quadrature;
+pub mod quadrature;
 mod solution;
 mod torsion;
 mod twisted_beam;

@@ -91,7 +91,7 @@ impl Solution {
         Measure { quantity, nodes, seconds, value: error, reference: 0.0, error, known_to: 0.0, bound }
     }
 
-    /// Relative errors against `exact`, by a rule of degree 5 on the mesh's own domain.
+    /// Relative errors against `exact`, by a rule of degree 7 on the mesh's own domain.
     pub fn norms(&self, body: &Body, element: Element, lame: Lame, exact: &impl Exact) -> Norms {
         let dilatations = self.dilatations(body, element);
         let energy = |strain: &Matrix3<f64>, dilatation: f64| {

@@ -7,7 +7,7 @@ use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
 use greenstage::fem::STVK;
 use greenstage::green::{self, Needs};
 use greenstage::report::measure::poses::random;
-use greenstage::report::plan::{choose, cost, miss};
+use greenstage::report::plan::{choose, miss, time};
 use greenstage::report::{Limits, Report, Request, Row, measure};
 use greenstage::scene::{Accuracy, Budget, Demand, Element, Scene};
 use greenstage::solve::Silent;
@@ -101,6 +101,9 @@ fn the_parts_of_the_error_add_up() {
             let parts = [e.discretisation.worst, e.solver.worst, e.storage.worst, e.model.worst];
             let (sum, largest) = (parts.iter().sum::<f64>(), parts.iter().copied().fold(0.0, f64::max));
             let total = e.total.worst;
+            let square = parts.iter().map(|part| part * part).sum::<f64>();
+            assert_eq!(e.uncancelled.worst, total.max(square.sqrt()), "{name} {:?}", row.setting);
+            assert!(e.uncancelled_held.unwrap().worst >= e.force.unwrap().worst.max(e.torque.unwrap().worst));
             assert!(total <= sum * (1.0 + 1e-9), "{name} {:?}: {total} of {parts:?}", row.setting);
             assert!(total >= (2.0 * largest - sum) * (1.0 - 1e-9), "{name} {:?}: {total}", row.setting);
         }
@@ -126,7 +129,7 @@ fn each_part_is_that_of_its_own_knob() {
         assert_eq!(other.error.model, base.error.model);
     }
     // Solver: of the size of the tolerance, a residual, on this well-conditioned body.
-    for tolerance in [1e-2, 1e-4, 1e-6, 1e-8, 1e-10] {
+    for tolerance in [1e-3, 1e-4, 1e-6, 1e-8, 1e-10] {
         let other = row(&report, 0, "tet4", &format!("pcg {tolerance:.0e}"), "f32", "linear");
         let error = other.error.solver.worst;
         println!("pcg {tolerance:.0e}: {error:.1e}");
@@ -218,6 +221,24 @@ fn a_body_too_large_to_measure_is_refused_with_the_key_to_raise() {
     assert!(said.contains("raise body.b.accuracy.largest"), "{said}");
 }
 
+/// tet4 locks near ν = 1/2, and the equilibrium that models are compared with is one of tet4: at 0.49 the error of
+/// `linear` seemed 1.75 times that at 0.3, where on refined meshes it comes down to 1.2 times.
+#[test]
+fn the_error_of_a_model_is_not_that_of_locking() {
+    let [bar, rubber, _] = bodies();
+    let measured = |(name, scene): (&str, Scene)| {
+        report_of(&format!("locking-{name}"), &scene, &poses(&scene, &[0.2, 0.5]), 0)
+    };
+    let (bar, rubber) = (measured(bar), measured(rubber));
+    for (a, b) in bar.models.iter().zip(&rubber.models) {
+        println!("{} {}: {:.4} at 0.3, {:.4} at 0.49", a.model, a.pose, a.error, b.error);
+        assert!((1.0..1.3).contains(&(b.error / a.error)), "{} {}: {} {}", a.model, a.pose, a.error, b.error);
+    }
+    let told =
+        |report: &Report| report.references.iter().any(|line| line.contains("with Poisson's ratio 0.4 "));
+    assert!(told(&rubber) && !told(&bar));
+}
+
 /// The smooth problem on the bodies' own meshes, refined once: the slope between two meshes is near theory's rate but
 /// for what coarse meshes fall short.
 #[test]
@@ -245,7 +266,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
         });
         for demand in accuracies {
             let choice = choose(&report.rows, &demand).unwrap();
-            let meets = |row: &&Row| !row.is_reference() && miss(row, &demand) <= 1.0;
+            let meets = |row: &&Row| row.can_be_chosen() && miss(row, &demand) <= 1.0;
             if choice.miss > 1.0 {
                 assert!(!report.rows.iter().any(|row| meets(&row)), "{name}: {demand:?}");
                 continue;
@@ -254,7 +275,8 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
             held += usize::from(matches!(demand, Demand::Accuracy(Accuracy { force: Some(_), .. })));
             assert!(meets(&choice.row));
             for row in report.rows.iter().filter(meets) {
-                assert!(cost(row) >= cost(choice.row), "{name}, {demand:?}: {:?} is cheaper", row.setting);
+                let [own, chosen] = [row, choice.row].map(|row| time(row, &report.rows));
+                assert!(1.1 * own >= chosen, "{name}, {demand:?}: {:?} is faster", row.setting);
             }
         }
         for file_mb in [0.05, 0.2, 1.0] {
@@ -265,8 +287,9 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
                 largest: None,
             });
             let choice = choose(&report.rows, &demand).unwrap();
-            for row in report.rows.iter().filter(|row| !row.is_reference() && miss(row, &demand) <= 1.0) {
-                assert!(row.error.total.worst >= choice.row.error.total.worst, "{name}: {:?}", row.setting);
+            for row in report.rows.iter().filter(|row| row.can_be_chosen() && miss(row, &demand) <= 1.0) {
+                let [own, chosen] = [row, choice.row].map(|row| row.error.uncancelled.worst);
+                assert!(1.02 * own >= chosen, "{name}: {:?}", row.setting);
             }
         }
     }

@@ -48,6 +48,37 @@ fn a_table_is_kept_and_chosen_from() {
     assert!(said("accuracy = { displacement = 0.5, largest = 3000 }").contains(MEASURING));
 }
 
+/// Nothing is taken in its place, nothing is written, and the setting that is named can be written by hand.
+#[test]
+fn a_demand_that_nothing_meets_ends_with_1_and_names_the_nearest_setting() {
+    let folder = folder("plan-missed");
+    for (demand, key) in [
+        (
+            "accuracy = { displacement = 1e-7 }",
+            "body.bar.accuracy: no setting that was measured is as accurate",
+        ),
+        ("budget = { file_mb = 1e-4 }", "body.bar.budget: no setting that was measured fits the budget"),
+    ] {
+        let (output, said) = precompute(&folder, demand, &[]);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(key) && said.contains("times as much") && !said.contains("chosen: "), "{said}");
+        assert!(!folder.join("bar.green").exists(), "{said}");
+        let keys = said.split("name the setting: ").nth(1).unwrap().trim();
+        assert!(keys.contains("method = \"cholesky\""), "{keys}");
+        let (output, said) =
+            precompute(&folder, &keys.replace(", e", "\ne").replace(", s", "\ns").replace(", m", "\nm"), &[]);
+        assert!(output.status.success(), "{said}");
+        std::fs::remove_file(folder.join("bar.green")).unwrap();
+    }
+    // What is kept stays as it is.
+    assert!(precompute(&folder, "accuracy = { displacement = 0.5 }", &[]).0.status.success());
+    let before = std::fs::read(folder.join("bar.green")).unwrap();
+    let (output, said) = precompute(&folder, "accuracy = { displacement = 1e-7 }", &[]);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(!said.contains(MEASURING), "{said}");
+    assert_eq!(std::fs::read(folder.join("bar.green")).unwrap(), before);
+}
+
 #[test]
 fn a_body_too_large_to_measure_names_its_own_key() {
     let folder = folder("plan-large");

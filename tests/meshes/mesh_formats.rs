@@ -143,6 +143,7 @@ fn malformed_vtu_names_the_place() {
         ("Name=\"types\"", "Name=\"kinds\"", "m.vtu:4: the piece has no array \"types\""),
         ("1 2 3 4\n", "1 2 3 9\n", "m.vtu:14: element 1 names node 9"),
         ("1 2 3 4\n", "1 2 3 q\n", "m.vtu:15: expected a number, found `q`"),
+        ("1 2 3 4\n", "1 2 3 &#52;\n", "m.vtu:15: a reference (&…;) within an array of numbers"),
         ("<Cells>", "<Cell>", "m.vtu:"),
         ("format=\"ascii\"", "format=\"xdmf\"", "m.vtu:6: format `xdmf` is none of ascii, binary, appended"),
         ("</VTKFile>", "", "m.vtu:"),

@@ -105,9 +105,9 @@ fn precompute_deform_inspect() {
     let forces = table(&folder.join("out/result.forces.csv"));
     let force = forces.iter().find(|(key, _)| key == "pull,high").unwrap().1[0];
     assert!((100.0..130.0).contains(&force), "E A u / L = 100 N, more with clamped faces: {force}");
-    let vtu = vtkio::Vtk::import(folder.join("out/result.vtu")).unwrap();
-    let vtkio::model::DataSet::UnstructuredGrid { pieces, .. } = vtu.data else { panic!("a grid") };
-    assert_eq!(pieces.len(), 1);
+    let vtu = std::fs::read_to_string(folder.join("out/result.vtu")).unwrap();
+    let head = "<Piece NumberOfPoints=\"34\" NumberOfCells=\"64\">\n<PointData Vectors=\"displacement ";
+    assert_eq!(vtu.matches(head).count(), 1, "{vtu}");
 
     for file in ["block.msh", "scene.green", "scene.toml"] {
         let shown = text(&succeed(&folder, &["inspect", file]).stdout);

@@ -106,6 +106,7 @@ fn row(
         },
         mesh_nodes: mesh_nodes as usize,
         surface_nodes: surface as usize,
+        forward_error: None,
         cost: Cost {
             offline_s,
             offline_bytes: 320.0 * mesh_nodes.powf(1.25),
@@ -123,9 +124,11 @@ fn row(
             storage: spread(parts[2]),
             model: spread(parts[3]),
             total: spread(total),
+            uncancelled: spread(total),
             displacement_m: spread(0.05 * total),
             force: Some(spread(1.6 * parts[0])),
             torque: (e > 0).then(|| spread(1.9 * parts[0])),
+            uncancelled_held: Some(spread(1.9 * parts[0])),
         },
     }
 }

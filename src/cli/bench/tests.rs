@@ -25,3 +25,10 @@ fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
     println!("{title}\n{text}");
     assert!(text.contains("10.2, 54.0") && text.contains("deforms on device 0.50 ms, CPU 2.00 ms"), "{text}");
 }
+
+/// A reading loop that is slower than what it is the limit of is no limit, and no ratio is told.
+#[test]
+fn a_share_of_the_limit_is_at_most_1() {
+    let of = |reading_s| Loop { name: "", time_s: 1e-4, bytes: 1e6, reading_s }.share();
+    assert_eq!([of(7.5e-5), of(1e-4), of(1.2e-4)], ["0.75", "1.00", "more: reading was slower"]);
+}

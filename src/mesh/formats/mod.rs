@@ -17,6 +17,7 @@ mod vtk;
 mod vtk_cells;
 mod vtu;
 mod vtu_array;
+pub mod vtu_write;
 mod words;
 mod write;
 

@@ -11,8 +11,8 @@ use super::{Format, Part};
 use crate::mesh::assemble::{RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;
-use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 
 pub const FORMAT: Format = Format {
     name: "VTK XML",
@@ -81,6 +81,9 @@ fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), Fault> {
                 if let Some(array) = array.filter(|_| is_full) {
                     array.put(text, end - text.len())?;
                 }
+            }
+            Event::GeneralRef(_) if path.last().is_some_and(|name| name == WANTED) => {
+                return Err(Fault::at(at, "a reference (&…;) within an array of numbers"));
             }
             Event::End(_) => {
                 path.pop();
@@ -198,7 +201,7 @@ fn attribute(tag: &BytesStart, key: &str, at: usize) -> Result<Option<String>, F
     let Some(found) = found else {
         return Ok(None);
     };
-    let value = found.unescape_value().map_err(|error| wrong(&error))?;
+    let value = found.normalized_value(XmlVersion::Implicit1_0).map_err(|error| wrong(&error))?;
     Ok(Some(value.into_owned()))
 }
 

@@ -4,13 +4,11 @@
 //! tetrahedra and regions, bit by bit, and a sentence for everything that the format cannot hold.
 
 use super::gmsh_write::{Encoding, encode, nodes_of_named_regions};
-use super::{abaqus, abaqus_write, gmsh, medit, tetgen, vtu};
+use super::{abaqus, abaqus_write, gmsh, medit, tetgen, vtu, vtu_write};
 use crate::base::output::Kind;
 use crate::mesh::{MeshError, TetMesh};
-use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use vtkio::model as vtk;
 
 /// How one file format, in one encoding, is written.
 pub struct Writer {
@@ -178,38 +176,14 @@ fn medit(mesh: &TetMesh) -> Result<Encoded, MeshError> {
 
 fn vtu(mesh: &TetMesh) -> Result<Encoded, MeshError> {
     check(mesh, "VTU")?;
-    let regions: BTreeSet<u32> = mesh.regions.iter().copied().collect();
-    let cell = match regions.into_iter().eq([0]) {
-        true => vec![],
-        // The check above has found all of them in range.
-        false => {
-            let numbers: Vec<i32> = mesh.regions.iter().map(|&region| region as i32).collect();
-            vec![vtk::Attribute::scalars("region", 1).with_data(numbers)]
-        }
+    // The check above has found all of them in range.
+    let regions = || mesh.regions.iter().map(|&region| region as i32).collect();
+    let piece = vtu_write::Piece {
+        points: &mesh.nodes,
+        cell: vtu_write::Cell::Tetra,
+        connectivity: mesh.tets.as_flattened().to_vec(),
+        vectors: Vec::new(),
+        numbers: mesh.regions.iter().any(|&region| region != 0).then(|| ("region", regions())),
     };
-    let piece = vtk::UnstructuredGridPiece {
-        points: mesh.nodes.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect::<Vec<f64>>().into(),
-        cells: vtk::Cells {
-            cell_verts: vtk::VertexNumbers::XML {
-                connectivity: mesh.tets.iter().flatten().map(|&node| u64::from(node)).collect(),
-                offsets: (1..=mesh.tets.len() as u64).map(|count| 4 * count).collect(),
-            },
-            types: vec![vtk::CellType::Tetra; mesh.tets.len()],
-        },
-        data: vtk::Attributes { point: vec![], cell },
-    };
-    let file = vtk::Vtk {
-        version: vtk::Version::XML { major: 1, minor: 0 },
-        title: "greenstage".into(),
-        byte_order: vtk::ByteOrder::LittleEndian,
-        file_path: None,
-        data: vtk::DataSet::UnstructuredGrid {
-            meta: None,
-            pieces: vec![vtk::Piece::Inline(Box::new(piece))],
-        },
-    };
-    let mut bytes = Vec::new();
-    file.write_xml(&mut bytes)
-        .map_err(|error| MeshError::Unwritable { encoding: "VTU", reason: format!("{error:?}") })?;
-    Ok(Encoded { files: vec![("vtu", bytes)], lost: lost(mesh, 0) })
+    Ok(Encoded { files: vec![("vtu", vtu_write::encode(&[piece]))], lost: lost(mesh, 0) })
 }

@@ -65,14 +65,6 @@ fn jogged(poses: &ControlPoses, round: usize, first: usize) -> ControlPoses {
     poses.iter().enumerate().map(jog).collect()
 }
 
-/// The `share` quantile of some times; 0 of none.
-pub fn quantile(times: &[f64], share: f64) -> f64 {
-    let mut sorted = times.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
-    sorted.get(at).copied().unwrap_or(0.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,9 +2,10 @@
 
 use super::candidates::{Candidate, Meshes};
 use super::fields::{Asked, asked_of, combined, displaced, minus, storage_error, stored, wrenches_about};
-use super::frame::{Contender, quantile, race};
+use super::frame::{Contender, race};
 use super::truth::{Truth, largest, online};
 use super::{MeasureError, Request};
+use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPoses, ModelEntry, Wrench};
 use crate::green::{self, GreenFile, Precomputed};
 use crate::report::{Cost, Errors, Row, Setting, Spread};
@@ -22,9 +23,17 @@ struct Pose {
     storage: f64,
     model: f64,
     total: f64,
+    uncancelled: f64,
     displacement_m: f64,
     force: f64,
     torque: f64,
+    uncancelled_held: f64,
+}
+
+/// The whole error, or the root of the sum of its parts' squares where that is larger: what is chosen by. Parts that
+/// cancel in this pose make nothing better.
+fn uncancelled(whole: f64, parts: &[f64]) -> f64 {
+    whole.max(parts.iter().map(|part| part * part).sum::<f64>().sqrt())
 }
 
 /// Every setting with its errors and costs.
@@ -78,6 +87,7 @@ pub fn rows(
                     },
                     mesh_nodes: candidate.solution.mesh.nodes.len(),
                     surface_nodes: candidate.solution.surface.nodes.len(),
+                    forward_error: candidate.forward_error(),
                     cost,
                     error: spread(&errors[s * models.len() + m]),
                 });
@@ -90,9 +100,9 @@ pub fn rows(
     race(&mut contenders, models.len(), &poses, request.limits.rounds);
     progress.end();
     for (row, contender) in rows.iter_mut().zip(&contenders) {
-        row.cost.frame_p50_s = quantile(&contender.all_s, 0.5);
-        row.cost.frame_p99_s = quantile(&contender.all_s, 0.99);
-        row.cost.frame_one_p50_s = quantile(&contender.one_s, 0.5);
+        row.cost.frame_p50_s = median(contender.all_s.iter().copied());
+        row.cost.frame_p99_s = quantile(contender.all_s.iter().copied(), 0.99);
+        row.cost.frame_one_p50_s = median(contender.one_s.iter().copied());
     }
     Ok(rows)
 }
@@ -125,11 +135,12 @@ impl Parts {
             other.solver == "cholesky"
                 && (other.refine, other.element) == (candidate.refine, candidate.element)
         })?;
-        let (finest, base) = (&candidates[truth.finest], &candidates[truth.base]);
+        let (finest, base) = (&candidates[truth.finest], truth.base(candidates));
         let asked = asked_of(candidate)?;
         let (of_finest, of_base) = (asked_of(finest)?, asked_of(base)?);
         let here = whole(candidate, &asked);
-        let solved = whole(exact, &asked_of(exact)?);
+        let of_exact = asked_of(exact)?;
+        let solved = whole(exact, &of_exact);
         let (best, at_base) = (whole(finest, &of_finest), whole(base, &of_base));
         let settled = ladder.raise(0, &reference.displacement);
         let (solver, discretisation) = (minus(&here, &solved), minus(&solved, &best));
@@ -139,20 +150,31 @@ impl Parts {
         let turned_back: Vec<_> =
             discretisation.iter().map(|e| asked.motion.rotation.inverse() * e).collect();
         let held = |c: &Candidate, asked: &Asked| wrenches_about(&c.solution, asked, &truth.origins);
-        let (here, best, at_base) =
-            (held(candidate, &asked)?, held(finest, &of_finest)?, held(base, &of_base)?);
-        // Here less finest, and the model's own: base less settled.
+        let (here, solved) = (held(candidate, &asked)?, held(exact, &of_exact)?);
+        let (best, at_base) = (held(finest, &of_finest)?, held(base, &of_base)?);
+        // Of the control element that is worst: the whole, and what does not cancel.
         let off = |of: fn(&Wrench) -> Vector3<f64>| {
-            let of = |e: usize| of(&here[e]) - of(&best[e]) + of(&at_base[e]) - of(&reference.held[e]);
-            (0..here.len()).map(|e| of(e).norm()).fold(0.0, f64::max)
+            let of = |e: usize| {
+                let parts = [
+                    of(&here[e]) - of(&solved[e]),
+                    of(&solved[e]) - of(&best[e]),
+                    of(&at_base[e]) - of(&reference.held[e]),
+                ];
+                let whole = (parts[0] + parts[1] + parts[2]).norm();
+                [whole, uncancelled(whole, &parts.map(|part| part.norm()))]
+            };
+            (0..here.len()).map(of).fold([0.0_f64; 2], |most, off| [0, 1].map(|i| most[i].max(off[i])))
         };
+        let (force, torque) =
+            (off(|w| w.force).map(|f| f / size.force), off(|w| w.moment).map(|m| m / size.torque));
         let errors = Pose {
             discretisation: truth.norms.l2(&discretisation) / size.displacement,
             energy: truth.norms.energy(&turned_back) / size.energy,
             solver: truth.norms.l2(&solver) / size.displacement,
             model: truth.norms.l2(&model_part) / size.displacement,
-            force: off(|w| w.force) / size.force,
-            torque: off(|w| w.moment) / size.torque,
+            force: force[0],
+            torque: torque[0],
+            uncancelled_held: force[1].max(torque[1]),
             ..Pose::default()
         };
         let size = size.displacement;
@@ -170,9 +192,13 @@ impl Parts {
         let turned: Vec<_> = error.iter().map(|e| self.asked.motion.rotation * e).collect();
         let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
         let total: Vec<_> = self.sum.iter().zip(&storage).map(|(sum, s)| sum + s).collect();
+        let storage = truth.norms.l2(&storage) / self.size;
+        let whole = truth.norms.l2(&total) / self.size;
+        let Pose { discretisation, solver, model, .. } = self.pose;
         Pose {
-            storage: truth.norms.l2(&storage) / self.size,
-            total: truth.norms.l2(&total) / self.size,
+            storage,
+            total: whole,
+            uncancelled: uncancelled(whole, &[discretisation, solver, storage, model]),
             displacement_m: largest(&total),
             ..self.pose
         }
@@ -180,9 +206,9 @@ impl Parts {
 }
 
 fn spread(poses: &[Pose]) -> Errors {
-    let of = |part: fn(&Pose) -> f64| {
-        let values: Vec<f64> = poses.iter().map(part).collect();
-        Spread { median: quantile(&values, 0.5), worst: quantile(&values, 1.0) }
+    let of = |part: fn(&Pose) -> f64| Spread {
+        median: median(poses.iter().map(part)),
+        worst: quantile(poses.iter().map(part), 1.0),
     };
     Errors {
         discretisation: of(|p| p.discretisation),
@@ -191,9 +217,11 @@ fn spread(poses: &[Pose]) -> Errors {
         storage: of(|p| p.storage),
         model: of(|p| p.model),
         total: of(|p| p.total),
+        uncancelled: of(|p| p.uncancelled),
         displacement_m: of(|p| p.displacement_m),
         force: Some(of(|p| p.force)),
         torque: Some(of(|p| p.torque)),
+        uncancelled_held: Some(of(|p| p.uncancelled_held)),
     }
 }
 
