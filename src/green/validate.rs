@@ -230,7 +230,7 @@ fn check_accuracy(name: &str, body: &BodyMeta) -> Result<(), String> {
 
 /// Errors at the first number that is not finite, or whose magnitude is above `largest`.
 fn numbers(what: &str, values: impl IntoIterator<Item = f64>, largest: f64) -> Result<(), String> {
-    match values.into_iter().enumerate().find(|(_, value)| !(value.abs() <= largest)) {
+    match values.into_iter().enumerate().find(|(_, value)| value.is_nan() || value.abs() > largest) {
         None => Ok(()),
         Some((i, value)) if value.is_finite() => {
             Err(format!("{what}: number {i} is {value:e}, of a magnitude above {largest:e}"))
