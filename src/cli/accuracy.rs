@@ -7,12 +7,12 @@ use super::progress::Bars;
 use super::render;
 use super::session;
 use super::world::World;
+use crate::base::output::Scratch;
 use crate::config::unknown_name;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::green::{self, GreenFile, Needs};
 use crate::report::{self, Limits, Request, measure::poses::random};
 use crate::scene::{Element, Scene, Solver};
-use anyhow::Context;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ use std::sync::Arc;
 pub struct Args {
     /// Scene file (TOML)
     pub scene: PathBuf,
-    /// Folder for the report
+    /// Folder for the report; overwrites the files of an older report, and nothing else
     #[arg(short, long)]
     pub output: PathBuf,
     /// Which body; default: the scene's first
@@ -64,6 +64,7 @@ const SEED: u64 = 1;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
+    try_outputs(args, &scene)?;
     let name = match &args.body {
         Some(name) if scene.body.contains_key(name) => name.clone(),
         Some(name) => {
@@ -75,10 +76,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         |scene: &Scene| -> Needs { session::needs(scene, &name, &scene.body[&name]).unwrap_or_default() };
     session::needs(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
-    std::fs::create_dir_all(&args.output)
-        .with_context(|| format!("cannot make the folder {}", args.output.display()))
-        .map_err(Failure::Request)?;
-    let scratch = tempfile::tempdir_in(&args.output).map_err(Failure::work)?;
+    let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
     let request = Request {
         scene: &scene,
         body: &name,
@@ -96,12 +94,19 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         scratch: scratch.path(),
     };
     let report = report::measure(&request, &Bars::new(&name, args.quiet)).map_err(Failure::work)?;
-    let written = report::write(&args.output, &report).map_err(Failure::work)?;
+    let written = report::write(&args.output, &report)?;
     if let Some(readme) = &args.readme {
-        super::bench::write_between_marks(readme, "accuracy", &format!("{}\n", report::digest(&report)))?;
+        super::marks::write_between(readme, "accuracy", &format!("{}\n", report::digest(&report)))?;
     }
     let listed: String = written.iter().map(|path| format!("{}\n", path.display())).collect();
     super::print(&format!("{}\n{listed}", report::summary(&report)))
+}
+
+/// Whether all that is written can be, before anything is measured.
+fn try_outputs(args: &Args, scene: &Scene) -> Result<(), Failure> {
+    let inputs = session::inputs_and(scene, [args.poses.as_deref()]);
+    report::try_folder(&args.output, &inputs)?;
+    args.readme.as_ref().map_or(Ok(()), |readme| super::marks::try_between(readme, "accuracy"))
 }
 
 /// The command that writes the same report.

@@ -6,17 +6,16 @@ use super::picture::{DrawTimes, Pictures, Targets};
 use super::playback::{Playback, Source};
 use super::table::{Table, bytes, seconds};
 use super::world::{StepTimes, World};
-use super::{bench_haptics, precompute, render, session};
+use super::{bench_haptics, marks, precompute, render, session};
 use crate::deform::{Columns, Superposition, vertex_normals};
 use crate::green::{Basis, FIELDS, Precomputed};
 use crate::render::DrawCounts;
 use crate::scene::{Scene, Storage};
 use crate::stage::Stage;
-use anyhow::Context;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::hint::black_box;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Frame rate, and where a frame's time goes; offline and online
@@ -65,7 +64,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let stage = Stage::find(args.stage.as_deref().unwrap_or("cyberstage")).map_err(Failure::request)?;
         return super::sizes::run(args, &stage);
     };
-    let scene = super::plan::settled(Scene::load(scene)?, false, false)?;
+    let scene = Scene::load(scene)?;
+    args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
+    session::try_green(&scene, None)?;
+    let scene = super::plan::settled(scene, false, false)?;
     let show = || render::Show::new(&scene, args.stage.as_deref(), None, args.replay.as_deref());
     let stage = show()?.world.stage;
     let offline = session::precompute(&scene, true)?;
@@ -107,7 +109,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         tables.push(bench_haptics::table(&ticks));
     }
     if let Some(path) = &args.readme {
-        write_between_marks(path, "bench", &markdown(&tables))?;
+        marks::write_between(path, "bench", &markdown(&tables))?;
         super::print(&format!("{}: tables written\n", path.display()))?;
     }
     if args.json {
@@ -394,20 +396,6 @@ fn as_json(
 
 fn markdown(tables: &[(String, Table)]) -> String {
     tables.iter().map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown())).collect()
-}
-
-/// Replaces what stands between the lines `<!-- NAME: begin -->` and `<!-- NAME: end -->` of a Markdown file.
-pub fn write_between_marks(path: &Path, name: &str, text: &str) -> Result<(), Failure> {
-    let (first, last) = (format!("<!-- {name}: begin -->\n"), format!("<!-- {name}: end -->"));
-    let old = std::fs::read_to_string(path)
-        .with_context(|| path.display().to_string())
-        .map_err(Failure::Request)?;
-    let ends = old.find(&first).zip(old.find(&last)).filter(|(begin, end)| begin < end);
-    let Some((begin, end)) = ends else {
-        return Err(Failure::wrong(format!("{}: the lines {first}and {last} are missing", path.display())));
-    };
-    let new = format!("{}{text}{}", &old[..begin + first.len()], &old[end..]);
-    std::fs::write(path, new).with_context(|| path.display().to_string()).map_err(Failure::Work)
 }
 
 #[cfg(test)]

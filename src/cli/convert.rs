@@ -26,7 +26,7 @@ pub struct Args {
     /// What to read
     #[arg(value_name = "IN")]
     pub input: PathBuf,
-    /// Where to write; replaced as a whole or not at all
+    /// Where to write, whole or not at all; overwrites a mesh of that format, and nothing else
     #[arg(value_name = "OUT")]
     pub output: PathBuf,
     /// How to write, where the format has several ways
@@ -40,13 +40,11 @@ fn encodings() -> clap::builder::PossibleValuesParser {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let writer = formats::writer_of(&args.output, args.encoding.as_deref()).map_err(Failure::request)?;
-    let loaded = mesh::load(&args.input).map_err(Failure::request)?;
-    let lost =
-        mesh::save(&args.output, &loaded.mesh, args.encoding.as_deref()).map_err(|error| match error {
-            mesh::MeshError::Write { .. } => Failure::work(error),
-            other => Failure::request(other),
-        })?;
+    let encoding = args.encoding.as_deref();
+    let writer = formats::writer_of(&args.output, encoding)?;
+    mesh::try_save(&args.output, encoding, &args.input)?;
+    let loaded = mesh::load(&args.input)?;
+    let lost = mesh::save(&args.output, &loaded.mesh, encoding)?;
     for notice in loaded.notices.iter().map(|notice| format!("read: {notice}")).chain(lost) {
         eprintln!("note: {notice}");
     }

@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::poses::{self, Pose};
 use super::{session, statics};
+use crate::base::output::{self, Kind};
 use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
 use crate::green::{self, FIELDS, GreenFile, Solution};
 use crate::mesh::TetMesh;
@@ -23,8 +24,9 @@ use vtkio::model::{
 /// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
-/// field a pose), and OUT.forces.csv where the scene lists the effect haptics. A body of a model of large
-/// strain (stvk, neo_hookean, corotational) is solved anew for every pose, over all nodes, with its forces.
+/// field a pose), and OUT.forces.csv where the scene lists the effect haptics: all of them whole, or none. They overwrite
+/// those of an earlier `deform`, and nothing else. A body of a model of large strain (stvk, neo_hookean, corotational) is
+/// solved anew for every pose, over all nodes, with its forces.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -52,8 +54,11 @@ struct Deformed {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false, false)?;
+    let scene = Scene::load(&args.scene)?;
     let poses = poses::load(&args.poses)?;
+    let files = Files::of(&args.output)?;
+    files.try_all(args, &scene)?;
+    let scene = super::plan::settled(scene, false, false)?;
     let asked: Vec<Asked> =
         poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let online = session::online_part(&scene)?;
@@ -81,7 +86,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
     };
     results.sort_by_key(order);
-    write_all(args, &scene, &geometry, &results)?;
+    files.write(&scene, &geometry, &results)?;
     super::print(&tables)
 }
 
@@ -216,35 +221,98 @@ fn vtk_cell(mesh: &TetMesh, tet: usize) -> Vec<u32> {
     nodes
 }
 
-fn write_all(args: &Args, scene: &Scene, geometry: &[Geometry], results: &[Deformed]) -> Result<(), Failure> {
-    let stem = match args.output.extension() {
-        Some(extension) if extension == "csv" => args.output.with_extension(""),
-        _ => args.output.clone(),
-    };
-    let with = |ending: &str| PathBuf::from(format!("{}{ending}", stem.display()));
-    if let Some(folder) = stem.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))
-            .map_err(Failure::Request)?;
+const DISPLACEMENTS: Kind = Kind {
+    name: "a table of displacements by `deform`",
+    recognizes: |head| head.starts_with(DISPLACEMENT_HEADING.as_bytes()),
+};
+const FORCES: Kind = Kind {
+    name: "a table of forces by `deform`",
+    recognizes: |head| head.starts_with(FORCE_HEADING.as_bytes()),
+};
+const DISPLACEMENT_HEADING: &str = "pose,node,ux,uy,uz\n";
+const FORCE_HEADING: &str = "pose,control,fx,fy,fz,mx,my,mz,energy\n";
+/// A mesh in this format, as `convert` writes it, has no displacements.
+const SURFACE: Kind = Kind {
+    name: "a VTU file by `deform`",
+    recognizes: |head| {
+        let mark = b" Vectors=\"displacement ";
+        head.starts_with(b"<VTKFile ") && head.windows(mark.len()).any(|window| window == mark)
+    },
+};
+
+/// The files that are written.
+struct Files {
+    displacements: PathBuf,
+    forces: PathBuf,
+    surface: PathBuf,
+}
+
+impl Files {
+    /// Those of OUT, or OUT.csv.
+    fn of(output: &Path) -> Result<Files, Failure> {
+        let is_csv = output.extension().is_some_and(|extension| extension == "csv");
+        let stem = if is_csv { output.with_extension("") } else { output.to_owned() };
+        let is_named = stem.file_name().is_some() && !output.as_os_str().as_encoded_bytes().ends_with(b"/");
+        let is_special = std::fs::metadata(output).is_ok_and(|found| !found.is_file() && !found.is_dir());
+        if !is_named || is_special {
+            let text =
+                "OUT.csv, OUT.vtu and OUT.forces.csv are written: OUT names files in a folder, as out/part";
+            return Err(Failure::wrong(format!("{}: {text}", output.display())));
+        }
+        let with = |ending: &str| {
+            let mut name = stem.clone().into_os_string();
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        Ok(Files { displacements: with(".csv"), forces: with(".forces.csv"), surface: with(".vtu") })
     }
-    let write = |path: PathBuf, text: &str| {
-        std::fs::write(&path, text).with_context(|| path.display().to_string()).map_err(Failure::Request)?;
-        super::print(&format!("{}\n", path.display()))
-    };
-    let several = geometry.len() > 1;
-    write(with(".csv"), &displacement_csv(geometry, results, several))?;
-    if results.iter().any(|result| result.wrenches.is_some()) {
-        write(with(".forces.csv"), &forces_csv(scene, results, several))?;
-    } else if with(".forces.csv").exists() {
-        let old = with(".forces.csv");
-        std::fs::remove_file(&old).with_context(|| old.display().to_string()).map_err(Failure::Request)?;
-        eprintln!("note: {} was of an earlier run with haptics and is removed", old.display());
+
+    /// Makes the folder and looks whether everything can be written there, before anything is solved.
+    fn try_all(&self, args: &Args, scene: &Scene) -> Result<(), Failure> {
+        output::make_folder_of(&self.displacements)?;
+        let inputs = session::inputs_and(scene, [Some(args.poses.as_path()), args.green.as_deref()]);
+        output::try_path(&self.displacements, &DISPLACEMENTS, &inputs)?;
+        output::try_path(&self.surface, &SURFACE, &inputs)?;
+        let (mut has_forces, mut has_columns) = (false, false);
+        for (name, body) in &scene.body {
+            let is_static = session::law(scene, name, body)?.is_some();
+            has_columns |= !is_static;
+            has_forces |= is_static || session::needs(scene, name, body)?.stiffness;
+        }
+        if has_forces {
+            output::try_path(&self.forces, &FORCES, &inputs)?;
+        }
+        if has_columns && !args.all_nodes { session::try_green(scene, args.green.as_deref()) } else { Ok(()) }
     }
-    let vtu = with(".vtu");
-    vtk(geometry, results)
-        .export(&vtu)
-        .map_err(|error| Failure::Work(anyhow::anyhow!("{}: {error}", vtu.display())))?;
-    super::print(&format!("{}\n", vtu.display()))
+
+    fn write(&self, scene: &Scene, geometry: &[Geometry], results: &[Deformed]) -> Result<(), Failure> {
+        let several = geometry.len() > 1;
+        let text = |path: &Path, kind, text: String| {
+            output::stage(path, kind, |file| file.write_all(text.as_bytes()))
+        };
+        let has_forces = results.iter().any(|result| result.wrenches.is_some());
+        let mut written = vec![(
+            &self.displacements,
+            text(&self.displacements, &DISPLACEMENTS, displacement_csv(geometry, results, several))?,
+        )];
+        if has_forces {
+            written.push((&self.forces, text(&self.forces, &FORCES, forces_csv(scene, results, several))?));
+        }
+        let surface = output::stage(&self.surface, &SURFACE, |file| {
+            vtk(geometry, results).write_xml(file).map_err(std::io::Error::other)
+        })?;
+        written.push((&self.surface, surface));
+        for (path, staged) in written {
+            staged.put()?;
+            super::print(&format!("{}\n", path.display()))?;
+        }
+        if !has_forces && output::is(&self.forces, &FORCES) {
+            let old = &self.forces;
+            std::fs::remove_file(old).with_context(|| old.display().to_string()).map_err(Failure::Request)?;
+            eprintln!("note: {} was of an earlier run with haptics and is removed", old.display());
+        }
+        Ok(())
+    }
 }
 
 /// In a scene of several bodies a pose is called POSE/BODY.
@@ -262,7 +330,7 @@ fn quoted(name: &str) -> String {
 }
 
 fn displacement_csv(geometry: &[Geometry], results: &[Deformed], several: bool) -> String {
-    let mut text = String::from("pose,node,ux,uy,uz\n");
+    let mut text = DISPLACEMENT_HEADING.to_owned();
     for result in results {
         let label = label(result, several);
         let tags = geometry.iter().find(|g| g.body == result.body).map_or(&[][..], |g| &g.tags);
@@ -275,7 +343,7 @@ fn displacement_csv(geometry: &[Geometry], results: &[Deformed], several: bool) 
 }
 
 fn forces_csv(scene: &Scene, results: &[Deformed], several: bool) -> String {
-    let mut text = String::from("pose,control,fx,fy,fz,mx,my,mz,energy\n");
+    let mut text = FORCE_HEADING.to_owned();
     for result in results {
         let Some((wrenches, energy)) = &result.wrenches else {
             continue;

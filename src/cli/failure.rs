@@ -1,8 +1,11 @@
 //! How a command fails: whose fault it is, and the chain of reasons.
 
+use crate::base::output::OutputError;
 use crate::config::ConfigError;
 use crate::green::GreenError;
+use crate::mesh::MeshError;
 use crate::render::RenderError;
+use crate::report::ReportError;
 use crate::scene::SceneError;
 use std::fmt;
 
@@ -73,6 +76,30 @@ impl From<SceneError> for Failure {
 impl From<GreenError> for Failure {
     fn from(error: GreenError) -> Failure {
         if error.is_request() { Failure::request(error) } else { Failure::work(error) }
+    }
+}
+
+impl From<OutputError> for Failure {
+    fn from(error: OutputError) -> Failure {
+        if error.is_request() { Failure::request(error) } else { Failure::work(error) }
+    }
+}
+
+impl From<MeshError> for Failure {
+    fn from(error: MeshError) -> Failure {
+        match error {
+            MeshError::Output(error) => error.into(),
+            error => Failure::request(error),
+        }
+    }
+}
+
+impl From<ReportError> for Failure {
+    fn from(error: ReportError) -> Failure {
+        match error {
+            ReportError::Output(error) => error.into(),
+            error => Failure::work(error),
+        }
     }
 }
 

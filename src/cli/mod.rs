@@ -19,6 +19,7 @@ mod interrupt;
 mod keys;
 mod lines;
 mod manual;
+mod marks;
 mod overlay;
 mod pack;
 mod panes;

@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::table::bytes;
+use crate::base::output;
 use crate::green;
 use std::path::PathBuf;
 
@@ -14,7 +15,7 @@ use std::path::PathBuf;
 pub struct Args {
     /// File to pack or to unpack
     pub file: PathBuf,
-    /// Where to write; default: beside it
+    /// Where to write; default: beside it. Overwrites a file of that kind, and nothing else
     #[arg(short, long)]
     pub output: Option<PathBuf>,
 }
@@ -23,9 +24,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let is_packed = args.file.extension().is_some_and(|extension| extension == "zst");
     let beside = if is_packed { args.file.with_extension("") } else { green::packed_path(&args.file) };
     let to = args.output.clone().unwrap_or(beside);
+    let kind = if is_packed { &green::GREEN } else { &green::PACKED };
+    output::try_path(&to, kind, std::slice::from_ref(&args.file))?;
     if is_packed {
         let size = green::unpack(&args.file, &to)?;
-        green::GreenFile::open(&to)?;
         return super::print(&format!("{}: {}\n", to.display(), bytes(size as f64)));
     }
     let (whole, small) = green::pack(&args.file, &to)?;

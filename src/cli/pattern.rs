@@ -8,11 +8,11 @@ use super::aids::{Aids, Staged};
 use super::failure::Failure;
 use super::overlay::Readings;
 use super::panes;
-use super::render::save;
+use super::render::{PNG, save};
+use crate::base::output;
 use crate::render::window::{self, AppError, Flow, Input, Key, WindowApp, WindowOptions, Windows};
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
-use crate::stage::{Stage, Window};
-use anyhow::Context;
+use crate::stage::{Eye, Stage, Window};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -23,7 +23,7 @@ use std::time::Instant;
 pub struct Args {
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file
     pub stage: String,
-    /// Folder for PNGs instead of windows, one per screen and eye
+    /// Folder for PNGs instead of windows, one per screen and eye; overwrites PNG files of these names, and nothing else
     #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Size of the windows against the screens' own pixels
@@ -37,7 +37,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let stage = Stage::find(&args.stage).map_err(Failure::request)?;
     if let Some(folder) = &args.output {
-        return pictures(&stage, folder);
+        return pictures(&stage, &args.stage, folder);
     }
     let layout = stage.layout();
     let specs = panes::specs(&stage, &layout, args.scale);
@@ -99,10 +99,14 @@ impl WindowApp for Shown {
 }
 
 /// One PNG per screen and eye, as many pixels as the screen has.
-fn pictures(stage: &Stage, folder: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))
-        .map_err(Failure::Request)?;
+fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
+    output::make_folder(folder)?;
+    let path = |screen: &str, eye: Eye| folder.join(format!("{screen}-{}.png", eye.name()));
+    for screen in &stage.screens {
+        for &eye in stage.eyes() {
+            output::try_path(&path(&screen.name, eye), &PNG, &[PathBuf::from(named)])?;
+        }
+    }
     let gpu = Gpu::headless().map_err(Failure::work)?;
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1)?;
     let mut overlay = Overlay::new(COLOR_FORMAT);
@@ -121,7 +125,7 @@ fn pictures(stage: &Stage, folder: &Path) -> Result<(), Failure> {
             });
             overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
             let (image, _) = target.read(&gpu)?;
-            save(&image, &folder.join(format!("{}-{}.png", screen.name, eye.name())))?;
+            save(&image, &path(&screen.name, eye))?;
             count += 1;
         }
     }

@@ -3,15 +3,17 @@
 use super::failure::Failure;
 use super::session;
 use super::table::{Table, bytes, seconds};
+use crate::base::output::{self, Kind, OutputError};
 use crate::green::{self, Precomputed};
 use crate::scene::Scene;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
 ///
 /// Does nothing where the file is there and still belongs to the scene (same mesh, materials, control elements,
-/// solver, needs of model and effects, program version). Prints what each step took.
+/// solver, needs of model and effects, program version). Prints what each step took. A file is overwritten where it is a
+/// .green file or empty; any other, and what the scene reads, never is, not with --force either.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML); `greenstage manual scene` describes it
@@ -19,7 +21,7 @@ pub struct Args {
     /// Where to write; default: beside the scene, with the extension .green
     #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// Compute even if the file is fresh
+    /// Compute even if the file is fresh or damaged
     #[arg(long)]
     pub force: bool,
     /// No progress while it works; the closing table is printed all the same
@@ -28,7 +30,13 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let settled = super::plan::settled(Scene::load(&args.scene)?, args.quiet, args.force)?;
+    let scene = Scene::load(&args.scene)?;
+    let path = args.output.clone().unwrap_or_else(|| session::green_path(&scene));
+    let inputs = session::inputs(&scene);
+    let will_compute = args.force || !path.exists();
+    let ask = if will_compute { try_path } else { output::may_replace };
+    ask(&path, &green::GREEN, &inputs)?;
+    let settled = super::plan::settled(scene, args.quiet, args.force)?;
     let scene = session::online_part(&settled)?;
     if scene.body.is_empty() {
         let path = args.scene.display();
@@ -36,13 +44,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             "{path}: `greenstage deform` solves it anew for every pose; nothing to do\n"
         ));
     }
-    let path = args.output.clone().unwrap_or_else(|| session::green_path(&scene));
     if !args.force && path.exists() && session::fresh(&scene, &path)?.is_ok() {
         return super::print(&format!(
             "{} is fresh; nothing to do (--force computes it anew)\n",
             path.display()
         ));
     }
+    try_path(&path, &green::GREEN, &inputs)?;
     let started = Instant::now();
     let bodies = session::precompute(&scene, args.quiet)?;
     let writing = Instant::now();
@@ -57,6 +65,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         seconds(written_s),
         seconds(started.elapsed().as_secs_f64())
     ))
+}
+
+/// Makes the folder and looks whether the file can be written there, before the work.
+fn try_path(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<(), OutputError> {
+    output::make_folder_of(path)?;
+    output::try_path(path, kind, inputs)
 }
 
 /// The closing table of one body: times, sizes, residual.

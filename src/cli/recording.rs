@@ -1,12 +1,13 @@
 //! A session as a file: what the trackers said and what was commanded, frame by frame, and the state that came of it.
 //!
 //! Lines of JSON: a header (scene, stage, program), the state of all fields at the start ([`crate::field::Graph::write`]),
-//! then a line a frame. A thread hands each line to the system at once, so that a crash costs the last few at most; a file
-//! that ends in the middle of a line is read up to there.
+//! then a line a frame. It grows under its own name ([`output::stream`]), and a thread hands each line to the system at
+//! once, so that a crash costs the last few at most; a file that ends in the middle of a line is read up to there.
 
 use super::failure::Failure;
 use super::lines::Lines;
 use super::world::World;
+use crate::base::output::{self, Kind};
 use crate::field::{StreamError, read_line};
 use crate::green::GreenFile;
 use crate::interact::Action;
@@ -76,6 +77,14 @@ impl Origin<'_> {
     }
 }
 
+const KIND: Kind =
+    Kind { name: "a recording", recognizes: |head| head.starts_with(b"{\"greenstage\":\"recording\"") };
+
+/// Whether a session can be written to `path`, before anything is solved.
+pub fn try_path(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+    Ok(output::try_path(path, &KIND, inputs)?)
+}
+
 /// Writes a session down.
 pub struct Recorder {
     path: PathBuf,
@@ -84,14 +93,12 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a new file, or empties an old one.
+    /// Starts a new file; an older recording is replaced once the new one's start is written.
     pub fn create(path: &Path, origin: &Origin<'_>, world: &World) -> Result<Recorder, Failure> {
         let mut text = line(&origin.header(world))?;
         world.write(&mut text)?;
-        let started = File::create(path).and_then(|file| Lines::write(text, file));
-        let lines = started.map_err(|error| {
-            Failure::wrong(format!("cannot write the recording {}: {error}", path.display()))
-        })?;
+        let file = output::stream(path, &KIND, &text)?;
+        let lines = Lines::write(Vec::new(), file).map_err(Failure::work)?;
         Ok(Recorder { path: path.to_owned(), lines, frames: 0 })
     }
 

@@ -4,17 +4,18 @@ use super::device;
 use super::failure::Failure;
 use super::picture::{DrawTimes, Pictures, Targets};
 use super::playback::{Playback, Source};
-use super::recording::{Origin, Recorder, Replay};
+use super::recording::{self, Origin, Recorder, Replay};
 use super::session;
 use super::table::seconds;
 use super::view;
 use super::world::World;
+use crate::base::output::{self, Kind};
 use crate::green::GreenFile;
 use crate::scene::Scene;
 use crate::stage::{Stage, Stereo};
 use crate::track::Script;
-use anyhow::Context;
-use image::{RgbaImage, imageops};
+use image::{ImageFormat, RgbaImage, imageops};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,7 +31,7 @@ pub struct Args {
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
-    /// Folder for the pictures
+    /// Folder for the pictures; overwrites PNG files of these names, and nothing else
     #[arg(short, long)]
     pub output: PathBuf,
     /// Frames, evenly over the script or the recording
@@ -42,7 +43,7 @@ pub struct Args {
     /// A session recorded by --record: its poses and buttons instead of a script's, on its stage
     #[arg(long, conflicts_with_all = ["script", "record"])]
     pub replay: Option<PathBuf>,
-    /// Write every step of the mechanics into this file, for --replay
+    /// Write every step of the mechanics into this file, for --replay; overwrites a recording, and nothing else
     #[arg(long)]
     pub record: Option<PathBuf>,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
@@ -94,14 +95,46 @@ impl Args {
 /// Width of one picture on the contact sheet.
 const SHEET_PICTURE: u32 = 400;
 const SHEET_GAP: u32 = 8;
+const SHEET: &str = "contact-sheet.png";
+
+pub const PNG: Kind = Kind { name: "a PNG file", recognizes: |head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     args.device.for_session(args.replay.is_some() || args.record.is_some())?;
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false, false)?;
+    let scene = Scene::load(&args.scene)?;
+    try_outputs(args, &scene, true)?;
+    let scene = super::plan::settled(scene, false, false)?;
     let script = script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;
     pictures(args, &mut show, script.as_ref(), recorder.as_mut())
+}
+
+/// Whether all that `render` and `view` write can be written, before anything is solved.
+pub fn try_outputs(args: &Args, scene: &Scene, has_pictures: bool) -> Result<(), Failure> {
+    let stage = args.stage.as_deref().map(Path::new);
+    let named = [stage, args.script.as_deref(), args.replay.as_deref(), args.green.as_deref()];
+    let inputs = session::inputs_and(scene, named);
+    if let Some(path) = &args.record {
+        recording::try_path(path, &inputs)?;
+    }
+    if has_pictures {
+        output::make_folder(&args.output)?;
+        output::try_path(&args.output.join(SHEET), &PNG, &inputs)?;
+        let pictures = std::fs::read_dir(&args.output).into_iter().flatten().flatten();
+        let pictures = pictures.map(|entry| entry.path()).filter(|path| is_frame(path, args.frames));
+        pictures.map(|path| output::may_replace(&path, &PNG, &inputs)).collect::<Result<(), _>>()?;
+    }
+    session::try_green(scene, args.green.as_deref())
+}
+
+/// Whether a file has the name of a picture of one of the first `frames` frames.
+fn is_frame(path: &Path, frames: usize) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let number = name.and_then(|name| {
+        name.strip_prefix("frame")?.strip_suffix(".png")?.split_once('-')?.0.parse::<usize>().ok()
+    });
+    number.is_some_and(|number| number < frames)
 }
 
 /// A world, and the recording that moves it, where one does.
@@ -190,9 +223,7 @@ pub fn pictures(
 ) -> Result<(), Failure> {
     let world = &mut show.world;
     let folder = &args.output;
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))
-        .map_err(Failure::Request)?;
+    output::make_folder(folder)?;
     let device = args.device.for_session(args.replay.is_some() || recorder.is_some())?;
     let asked_for = match args.stereo {
         _ if args.windows => Pictures::Windows,
@@ -227,7 +258,7 @@ pub fn pictures(
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let path = folder.join("contact-sheet.png");
+    let path = folder.join(SHEET);
     let screens = world.stage.screens.len();
     // Windows lie as they are listed.
     let (count_of_frame, name, from_top) = match asked_for {
@@ -254,7 +285,9 @@ pub fn pictures_name(stage: &Stage) -> &'static str {
 }
 
 pub fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
-    image.save(path).with_context(|| path.display().to_string()).map_err(Failure::Work)
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, ImageFormat::Png).map_err(Failure::work)?;
+    Ok(output::write(path, &PNG, |file| file.write_all(bytes.get_ref()))?)
 }
 
 fn small(image: &RgbaImage) -> RgbaImage {

@@ -2,11 +2,13 @@
 
 use super::failure::Failure;
 use super::progress::Bars;
+use crate::base::output::{self, OutputError};
 use crate::deform::{Deformer, Kind, find_model, not_online};
 use crate::effect::find_effect;
 use crate::fem::Law;
 use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
-use crate::scene::{Body, Scene};
+use crate::mesh::formats::files_of;
+use crate::scene::{Body, Nodes, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -47,6 +49,39 @@ pub fn online_part(scene: &Scene) -> Result<Scene, Failure> {
         }
     }
     Ok(part)
+}
+
+/// The files that a run of the scene reads: itself, its stage and script, its meshes and lists of nodes.
+pub fn inputs(scene: &Scene) -> Vec<PathBuf> {
+    let mut files = vec![scene.path.clone(), scene.resolve(Path::new(&scene.stage))];
+    files.extend(scene.script.iter().map(|script| scene.resolve(script)));
+    for body in scene.body.values() {
+        files.extend(body.mesh.iter().flat_map(|mesh| files_of(&scene.resolve(mesh))));
+        files.extend(body.control.values().filter_map(|control| match &control.nodes {
+            Nodes::File(path) => Some(scene.resolve(path)),
+            _ => None,
+        }));
+    }
+    files
+}
+
+/// [`inputs`], and what else a command was told to read.
+pub fn inputs_and<'a>(scene: &Scene, others: impl IntoIterator<Item = Option<&'a Path>>) -> Vec<PathBuf> {
+    let mut files = inputs(scene);
+    files.extend(others.into_iter().flatten().map(Path::to_owned));
+    files
+}
+
+/// Whether the scene's .green file, where it is missing, can be written: before anything is measured or solved. One
+/// that the user names is only read.
+pub fn try_green(scene: &Scene, named: Option<&Path>) -> Result<(), Failure> {
+    let path = green_path(scene);
+    if named.is_some() {
+        return Ok(());
+    }
+    let is_there = path.exists() || green::packed_path(&path).exists();
+    let ask = if is_there { output::may_replace } else { output::try_path };
+    ask(&path, &green::GREEN, &inputs(scene)).map_err(|error| unwritable(error.into(), &path))
 }
 
 /// Where the .green file of a scene stands unless told otherwise: beside the scene.
@@ -105,6 +140,8 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
         Err(_) => "is not there yet",
     };
     eprintln!("{} {reason}: precomputing", path.display());
+    let tried = output::try_path(&path, &green::GREEN, &inputs(scene));
+    tried.map_err(|error: OutputError| unwritable(error.into(), &path))?;
     green::write(&path, &precompute(scene, false)?).map_err(|error| unwritable(error, &path))?;
     Ok(Arc::new(GreenFile::open(&path)?))
 }
@@ -119,13 +156,18 @@ pub fn unpack_shipped(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// An error in writing the .green file, with the remedy.
+/// An error about the .green file; one in writing it with the remedy.
 pub fn unwritable(error: GreenError, path: &Path) -> Failure {
+    if !matches!(error, GreenError::Output(_)) {
+        return error.into();
+    }
     let advice = format!(
         "cannot write {}; name another place: `greenstage precompute SCENE -o FILE`, then `--green FILE`",
         path.display()
     );
-    Failure::Request(anyhow::Error::from(error).context(advice))
+    let is_request = error.is_request();
+    let advised = anyhow::Error::from(error).context(advice);
+    if is_request { Failure::Request(advised) } else { Failure::Work(advised) }
 }
 
 /// A deformer for every body of the scene, in the scene's order.

@@ -48,7 +48,7 @@ pub fn print(args: &Args) -> Result<(), Failure> {
     if let Some(path) = &args.readme {
         let tables: String =
             text.iter().map(|(name, table)| format!("{name}:\n\n{}\n", table.markdown())).collect();
-        super::bench::write_between_marks(path, NAME, &tables)?;
+        super::marks::write_between(path, NAME, &tables)?;
     }
     judge(&all, &found)
 }

@@ -7,6 +7,7 @@ use super::render;
 use super::room::{Camera, Orbit, Room, write_names};
 use super::session;
 use super::world::{World, shape};
+use crate::base::output;
 use crate::interact::Action;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
 use crate::render::{
@@ -32,7 +33,7 @@ pub struct Args {
     /// Stage on which a scene is shown; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
-    /// A PNG file instead of a window
+    /// A PNG file instead of a window; overwrites a PNG file, and nothing else
     #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Where to look from, metres in the room: x,y,z; default: behind the viewer, above and to the right
@@ -72,6 +73,11 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(path) = &args.output {
+        let named = [args.stage.as_ref().map(PathBuf::from), args.green.clone()];
+        let inputs: Vec<PathBuf> = named.into_iter().flatten().chain([args.scene_or_stage.clone()]).collect();
+        output::try_path(path, &render::PNG, &inputs)?;
+    }
     let seen = Seen::load(args)?;
     let camera = match args.from {
         Some(place) => Camera::from(seen.stage(), place.into()),
@@ -199,7 +205,9 @@ impl Seen {
             let stage = Stage::find(&path.display().to_string()).map_err(Failure::request)?;
             return Ok(Seen::Stage(Box::new(stage), TrackerState::default()));
         }
-        let scene = super::plan::settled(Scene::load(path)?, false, false)?;
+        let scene = Scene::load(path)?;
+        session::try_green(&scene, args.green.as_deref())?;
+        let scene = super::plan::settled(scene, false, false)?;
         let stage = render::stage(&scene, args.stage.as_deref())?;
         let script = render::script(&scene, None)?;
         let file = session::green_file(&scene, args.green.as_deref())?;

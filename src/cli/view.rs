@@ -38,7 +38,7 @@ pub struct Args {
     /// Key frames for head and stylus; default: the scene's
     #[arg(long)]
     pub script: Option<PathBuf>,
-    /// Write the session into this file, for --replay
+    /// Write the session into this file, for --replay; overwrites a recording, and nothing else
     #[arg(long)]
     pub record: Option<PathBuf>,
     /// A session recorded by --record: its poses, buttons and commands instead of yours, on its stage
@@ -67,7 +67,7 @@ pub struct Args {
     /// Quit after so many seconds
     #[arg(long, value_parser = super::positive)]
     pub seconds: Option<f64>,
-    /// Where the pictures go when there is no display
+    /// Where the pictures go when there is no display; overwrites PNG files of their names, and nothing else
     #[arg(long, default_value = "out/demo")]
     pub offscreen: PathBuf,
     #[command(flatten)]
@@ -96,18 +96,24 @@ impl Args {
     }
 }
 
+/// Pictures of a script or a recording where there is no display.
+const OFFSCREEN: usize = 20;
+
 pub fn run(args: &Args) -> Result<(), Failure> {
     let device = args.device.for_session(args.record.is_some() || args.replay.is_some())?;
-    let scene = super::plan::settled(Scene::load(&args.scene)?, false, false)?;
+    let display = window::find_display();
+    let scene = Scene::load(&args.scene)?;
+    render::try_outputs(&render::Args::of_view(args, OFFSCREEN), &scene, display.is_err() && !args.check)?;
+    let scene = super::plan::settled(scene, false, false)?;
     let script = render::script(&scene, args.script.as_deref())?;
     let mut show = Show::new(&scene, args.stage.as_deref(), args.green.as_deref(), args.replay.as_deref())?;
     let mut recorder = show.recorder(&scene, args.record.as_deref())?;
     if args.check {
         return playback::check(&mut show, script.as_ref(), recorder.as_mut());
     }
-    if let Err(reason) = window::find_display() {
+    if let Err(reason) = display {
         super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
-        let frames = if script.is_some() || args.replay.is_some() { 20 } else { 1 };
+        let frames = if script.is_some() || args.replay.is_some() { OFFSCREEN } else { 1 };
         return render::pictures(
             &render::Args::of_view(args, frames),
             &mut show,

@@ -5,8 +5,9 @@
 //! `stiffness` where it is needed. The metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the
 //! file as it is.
 
-use super::{Basis, FIELDS, GreenError, Needs, Precomputed, Stored};
-use crate::mesh::{self, quality};
+use super::{Basis, FIELDS, GREEN, GreenError, Needs, Precomputed, Stored};
+use crate::base::output;
+use crate::mesh::quality;
 use crate::scene::Storage;
 use memmap2::Mmap;
 use nalgebra::{DMatrix, Vector3};
@@ -14,7 +15,6 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -100,7 +100,7 @@ struct Tensor {
     bytes: Vec<u8>,
 }
 
-/// Writes all bodies of a scene to `path`: to a temporary file beside it, synced, then renamed. Returns its size.
+/// Writes all bodies of a scene to `path`, whole or not at all ([`output::write`]). Returns its size.
 pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
     let failed = |source| GreenError::Io { path: path.to_owned(), source };
     let mut tensors = BTreeMap::new();
@@ -120,9 +120,8 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
         meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
     }
     let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(failed)?;
-    mesh::write_atomically(path, |file| file.write_all(&bytes)).map_err(failed)?;
+    output::make_folder_of(path)?;
+    output::write(path, &GREEN, |file| file.write_all(&bytes))?;
     Ok(bytes.len() as u64)
 }
 

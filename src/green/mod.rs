@@ -9,6 +9,7 @@ mod check;
 mod control;
 mod file;
 mod fingerprint;
+mod kind;
 mod pack;
 mod prepare;
 mod storage;
@@ -19,10 +20,12 @@ pub use check::Finding;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;
+pub use kind::{GREEN, PACKED};
 pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, prepare, prepare_mesh};
 pub use storage::{Basis, Stored, half_to_single};
 
+use crate::base::output::OutputError;
 use crate::fem::AssemblyError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
@@ -52,6 +55,8 @@ pub enum GreenError {
     Solve { body: String, source: SolveError },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Output(#[from] OutputError),
     #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
     Damaged { path: PathBuf, reason: String },
     #[error(
@@ -69,6 +74,7 @@ impl GreenError {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. } => true,
             GreenError::Solve { .. } => false,
+            GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {
                 use std::io::ErrorKind::{
                     IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,

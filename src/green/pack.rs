@@ -2,15 +2,17 @@
 //!
 //! In: a .green file. Out: a .green.zst file that unpacks to the same bytes, and back.
 
-use super::GreenError;
-use crate::mesh;
-use std::io::{Read, Write};
+use super::{GREEN, GreenError, GreenFile, PACKED};
+use crate::base::output;
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// zstd's level: 19 is its smallest without extra memory for whoever unpacks.
 const LEVEL: i32 = 19;
 /// Larger contents are refused, whatever the packed file says.
 const LARGEST: u64 = 1 << 36;
+/// Bytes unpacked at once.
+const PART: usize = 1 << 16;
 
 /// The name of the packed file of a .green file: `tube.green.zst`.
 pub fn packed_path(green: &Path) -> PathBuf {
@@ -29,38 +31,56 @@ pub fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
     encoder.finish()
 }
 
-/// Packs the .green file at `from` into `to`, written atomically; returns both sizes.
+/// Packs the .green file at `from` into `to`, which is there whole or not at all; returns both sizes.
 pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
     let bytes = std::fs::read(from).map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
     // What is shipped is sound.
-    super::GreenFile::open(from)?;
+    GreenFile::open(from)?;
     let failed = |source| GreenError::Io { path: to.to_owned(), source };
     let small = packed(&bytes).map_err(failed)?;
-    mesh::write_atomically(to, |file| file.write_all(&small)).map_err(failed)?;
+    output::write(to, &PACKED, |file| file.write_all(&small))?;
     Ok((bytes.len() as u64, small.len() as u64))
 }
 
-/// Unpacks `from` into the .green file `to`, written atomically; its hashes are checked when it is opened. Memory does
-/// not grow with what the file claims: it is written as it is unpacked.
+/// Unpacks `from` into the .green file `to`, which is replaced once what came out is whole and sound. Memory does not
+/// grow with what the file claims: it is written as it is unpacked.
 pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
-    let failed = |path: &Path| {
-        let path = path.to_owned();
-        move |source| GreenError::Io { path, source }
-    };
-    let file = std::fs::File::open(from).map_err(failed(from))?;
-    let damaged = |error: std::io::Error| GreenError::Damaged {
-        path: from.to_owned(),
-        reason: format!("it does not unpack ({error})"),
-    };
-    let mut decoder = zstd::Decoder::new(file).map_err(damaged)?.take(LARGEST + 1);
+    let file =
+        std::fs::File::open(from).map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
+    let damaged = |reason: String| GreenError::Damaged { path: from.to_owned(), reason };
+    let unpacked = |error: std::io::Error| damaged(format!("it does not unpack ({error})"));
+    let mut packed = zstd::Decoder::new(file).map_err(unpacked)?.take(LARGEST + 1);
+    let mut fault = None;
     let mut size = 0;
-    mesh::write_atomically(to, |file| {
-        size = std::io::copy(&mut decoder, file)?;
-        if size > LARGEST {
-            return Err(std::io::Error::other(format!("it holds more than {LARGEST} bytes")));
+    let staged = output::stage(to, &GREEN, |file| {
+        let mut part = vec![0; PART];
+        loop {
+            match packed.read(&mut part) {
+                Ok(0) => return Ok(()),
+                Ok(read) => {
+                    size += read as u64;
+                    file.write_all(&part[..read])?;
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => {
+                    fault = Some(error);
+                    return Ok(());
+                }
+            }
         }
-        Ok(())
-    })
-    .map_err(damaged)?;
+    })?;
+    if let Some(error) = fault {
+        return Err(unpacked(error));
+    }
+    if size > LARGEST {
+        return Err(damaged(format!("it does not unpack (it holds more than {LARGEST} bytes)")));
+    }
+    GreenFile::open(staged.now_at()).map_err(|error| match error {
+        GreenError::Damaged { reason, .. } => {
+            damaged(format!("what it unpacks to is no sound .green file: {reason}"))
+        }
+        other => other,
+    })?;
+    staged.put()?;
     Ok(size)
 }

@@ -1,5 +1,6 @@
 //! Why a mesh was refused: the file, the place in it, the reason and the remedy.
 
+use crate::base::output::OutputError;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -8,8 +9,8 @@ use std::path::{Path, PathBuf};
 pub enum MeshError {
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
-    #[error("{}: cannot be written: {source}", path.display())]
-    Write { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Output(#[from] OutputError),
     #[error("{}:{place}: {reason}", path.display())]
     Malformed { path: PathBuf, place: Place, reason: String },
     #[error("{}: {reason}", path.display())]

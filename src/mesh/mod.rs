@@ -26,9 +26,9 @@ pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
 
+use crate::base::output;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::Path;
 
 /// A tetrahedral mesh. All indices are 0-based; lengths in metres.
@@ -102,30 +102,25 @@ pub fn parse_as(path: &Path, bytes: &[u8], order: Order) -> Result<Loaded, MeshE
 
 /// Writes `mesh` to the file at `path`, in the format of its extension: by the writer of that name in
 /// [`formats::WRITERS`], else by the first for the extension. Returns what the format could not keep, one sentence
-/// each. Every file is written beside its place and renamed: it is there whole or not at all.
+/// each. All files of the format are there whole, or none is ([`output::stage`]).
 pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<String>, MeshError> {
-    let encoded = (formats::writer_of(path, encoding)?.encode)(mesh)?;
-    for (extension, bytes) in &encoded.files {
-        let path = if encoded.files.len() > 1 { path.with_extension(extension) } else { path.to_owned() };
-        write_atomically(&path, |file| file.write_all(bytes))
-            .map_err(|source| MeshError::Write { path, source })?;
+    let writer = formats::writer_of(path, encoding)?;
+    let encoded = (writer.encode)(mesh)?;
+    let mut staged = Vec::new();
+    for ((target, kind), (_, bytes)) in formats::targets(writer, path).iter().zip(&encoded.files) {
+        staged.push(output::stage(target, kind, |file| file.write_all(bytes))?);
     }
+    staged.into_iter().try_for_each(output::Staged::put)?;
     Ok(encoded.lost)
 }
 
-/// Writes a file beside its place, syncs and renames it: it is there whole or not at all.
-pub fn write_atomically(
-    path: &Path,
-    write: impl FnOnce(&mut std::fs::File) -> std::io::Result<()>,
-) -> std::io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.prefix(".greenstage-").tempfile_in(folder)?;
-    write(file.as_file_mut())?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|error| error.error)?;
+/// Whether [`save`] may write at `path`, before anything is read: see [`output::try_path`]. `input` is what the mesh is
+/// to come from.
+pub fn try_save(path: &Path, encoding: Option<&str>, input: &Path) -> Result<(), MeshError> {
+    let inputs = formats::files_of(input);
+    for (target, kind) in formats::targets(formats::writer_of(path, encoding)?, path) {
+        output::try_path(&target, kind, &inputs)?;
+    }
     Ok(())
 }
 

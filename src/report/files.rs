@@ -1,9 +1,8 @@
 //! The report's folder: accuracy.json, accuracy.csv, index.html and plots/*.svg. Out of accuracy.json: the report.
 
 use super::{Report, SCHEMA, csv, page, panels};
-use crate::mesh::write_atomically;
+use crate::base::output::{self, Kind, OutputError, Staged};
 use serde::Deserialize;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, thiserror::Error)]
@@ -17,6 +16,8 @@ pub enum ReportError {
     Number { place: String, name: String, value: f64 },
     #[error("{}: {source}", .path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Output(#[from] OutputError),
     #[error("{} is not a report of this program: {source}", .path.display())]
     Json { path: PathBuf, source: serde_json::Error },
     #[error(
@@ -26,36 +27,62 @@ pub enum ReportError {
     Schema { path: PathBuf, found: u32 },
 }
 
+const JSON: Kind =
+    Kind { name: "a report of `accuracy`", recognizes: |head| head.starts_with(b"{\n  \"schema\": ") };
+const CSV: Kind = Kind {
+    name: "a table of `accuracy`",
+    recognizes: |head| head.starts_with(b"refine,element,solver,storage,model,"),
+};
+const PAGE: Kind = Kind {
+    name: "a page of `accuracy`",
+    recognizes: |head| contains(head, b"<title>What accuracy costs in time: "),
+};
+const PLOT: Kind =
+    Kind { name: "a plot of `accuracy`", recognizes: |head| contains(head, b" class=\"gs-plot\" ") };
+
+fn contains(head: &[u8], mark: &[u8]) -> bool {
+    head.windows(mark.len()).any(|window| window == mark)
+}
+
+/// The names of a report's files below its folder.
+const NAMES: [(&str, &Kind); 3] = [("index.html", &PAGE), ("accuracy.json", &JSON), ("accuracy.csv", &CSV)];
+
+fn plot_path(dir: &Path, name: &str) -> PathBuf {
+    dir.join("plots").join(format!("{name}.svg"))
+}
+
+/// Makes the folders of a report and looks whether its files may be written there ([`output::try_path`]).
+pub fn try_folder(dir: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
+    output::make_folder(&dir.join("plots"))?;
+    let plots = super::panels::NAMES.into_iter().map(|name| (plot_path(dir, name), &PLOT));
+    let files = NAMES.into_iter().map(|(name, kind)| (dir.join(name), kind));
+    files.chain(plots).try_for_each(|(path, kind)| output::try_path(&path, kind, inputs))
+}
+
 /// Writes accuracy.json, accuracy.csv, index.html and plots/*.svg below `dir`, which is made where it does not exist.
-/// Each file is written beside its place and renamed: it is there whole or not at all. A plot that this report has no
-/// data for is removed. Returns the paths, index.html first.
+/// All files are there whole, or none is ([`output::stage`]). A plot that this report has no data for is removed. Returns
+/// the paths, index.html first.
 ///
-/// Errors: no rows; a number that is none, infinite or negative; a file that cannot be written. The numbers are looked
-/// at before anything is written.
+/// Errors: no rows; a number that is none, infinite or negative; a file that cannot be written, or that would overwrite
+/// one that is of no report. The numbers are looked at before anything is written.
 pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
     check(report)?;
-    let json_path = dir.join("accuracy.json");
     let json = serde_json::to_string_pretty(report)
-        .map_err(|source| ReportError::Json { path: json_path.clone(), source })?;
+        .map_err(|source| ReportError::Json { path: dir.join("accuracy.json"), source })?;
     let pictures = panels(report);
-    let plots = dir.join("plots");
-    std::fs::create_dir_all(&plots).map_err(|source| ReportError::Io { path: plots.clone(), source })?;
-    let mut files = vec![
-        (dir.join("index.html"), page(report, &pictures)),
-        (json_path, json + "\n"),
-        (dir.join("accuracy.csv"), csv::csv(&report.rows)),
-    ];
-    for picture in &pictures {
-        files.push((plots.join(format!("{}.svg", picture.name)), picture.file()));
+    output::make_folder(&dir.join("plots"))?;
+    let texts = [page(report, &pictures), json + "\n", csv::csv(&report.rows)];
+    let named = NAMES.into_iter().map(|(name, kind)| (dir.join(name), kind));
+    let plots = pictures.iter().map(|picture| ((plot_path(dir, picture.name), &PLOT), picture.file()));
+    let (mut staged, mut written) = (Vec::new(), Vec::new());
+    for ((path, kind), text) in named.zip(texts).chain(plots) {
+        staged.push(output::stage(&path, kind, |file| file.write_all(text.as_bytes()))?);
+        written.push(path);
     }
-    for (path, text) in &files {
-        write_atomically(path, |file| file.write_all(text.as_bytes()))
-            .map_err(|source| ReportError::Io { path: path.clone(), source })?;
-    }
-    let written: Vec<PathBuf> = files.into_iter().map(|(path, _)| path).collect();
+    staged.into_iter().try_for_each(Staged::put)?;
     for name in super::panels::NAMES {
-        let path = plots.join(format!("{name}.svg"));
-        if !written.contains(&path) && path.exists() {
+        let path = plot_path(dir, name);
+        if !written.contains(&path) && output::is(&path, &PLOT) {
             std::fs::remove_file(&path).map_err(|source| ReportError::Io { path, source })?;
         }
     }

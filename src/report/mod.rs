@@ -29,7 +29,7 @@ mod units;
 
 pub use answer::{CURRENCIES, Currency, FILE, OFFLINE, ONLINE, answers, cheapest, ladder};
 pub use digest::digest;
-pub use files::{ReportError, read, write};
+pub use files::{ReportError, read, try_folder, write};
 pub use page::page;
 pub use panels::panels;
 pub use plot::Picture;

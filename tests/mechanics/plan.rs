@@ -65,7 +65,8 @@ fn a_body_too_large_to_measure_names_its_own_key() {
 #[test]
 fn a_damaged_file_is_refused_before_anything_is_measured() {
     let folder = folder("plan-damaged");
-    std::fs::write(folder.join("bar.green"), "no green file").unwrap();
+    let start = b"\x80\0\0\0\0\0\0\0{\"__metadata__\":{\"greenstage\":\"";
+    std::fs::write(folder.join("bar.green"), start).unwrap();
     let (output, said) = precompute(&folder, "accuracy = { displacement = 0.5 }", &[]);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("--force") && !said.contains(MEASURING), "{said}");

@@ -8,6 +8,7 @@ mod cli;
 mod common;
 mod configs;
 mod effects;
+mod outputs;
 #[path = "../render_common/mod.rs"]
 mod render_common;
 mod replay;

@@ -21,11 +21,11 @@ mod words;
 mod write;
 
 pub use gmsh_write::{Encoding, encode};
-pub use write::{Encoded, WRITERS, Writer, writer_of};
+pub use write::{Encoded, WRITERS, Writer, targets, writer_of};
 
 use super::assemble::RawMesh;
 use super::error::Fault;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How one file format is recognised and read.
 pub struct Format {
@@ -51,4 +51,14 @@ pub fn format_of(path: &Path, bytes: &[u8]) -> Result<&'static Format, Fault> {
             FORMATS.iter().map(|f| format!("{} (.{})", f.name, f.extensions.join(", ."))).collect();
         Fault::whole(format!("not a mesh file that can be read; known are {}", known.join(", ")))
     })
+}
+
+/// The files that the reader of the mesh at `path` opens.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let mut files = vec![path.to_owned()];
+    if tetgen::FORMAT.extensions.contains(&extension.as_str()) {
+        files.push(tetgen::other_file(path));
+    }
+    files
 }

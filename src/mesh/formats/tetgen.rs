@@ -12,16 +12,44 @@ use crate::mesh::assemble::{Kind, RawMesh, RawNode};
 use crate::mesh::error::Fault;
 use crate::mesh::{MeshError, TetMesh};
 use nalgebra::Vector3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub const FORMAT: Format =
     Format { name: "TetGen", extensions: &["node", "ele"], recognizes: |_| false, read };
 
-fn read(path: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
-    let is_node = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("node"));
+fn is_node_file(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("node"))
+}
+
+/// The other file of the pair.
+pub fn other_file(path: &Path) -> PathBuf {
+    let is_node = is_node_file(path);
     let small = path.with_extension(if is_node { "ele" } else { "node" });
     let large = path.with_extension(if is_node { "ELE" } else { "NODE" });
-    let other = if !small.exists() && large.exists() { large } else { small };
+    if !small.exists() && large.exists() { large } else { small }
+}
+
+/// Whether a .node file begins so: nodes, 3 dimensions, attributes, marks.
+pub fn opens_nodes(head: &[u8]) -> bool {
+    matches!(first_numbers(head)[..], [_, 3] | [_, 3, _] | [_, 3, _, _])
+}
+
+/// Whether a .ele file begins so: tetrahedra, nodes of each, attributes.
+pub fn opens_elements(head: &[u8]) -> bool {
+    matches!(first_numbers(head)[..], [_, 4 | 10] | [_, 4 | 10, _])
+}
+
+/// The numbers of the first line that is no comment; none where a word is no number.
+fn first_numbers(head: &[u8]) -> Vec<u64> {
+    let Some((_, line)) = Words::new(head, Some(b'#')).full_line() else { return Vec::new() };
+    let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(5);
+    let numbers = words.map(|word| std::str::from_utf8(word).ok()?.parse().ok());
+    numbers.collect::<Option<_>>().unwrap_or_default()
+}
+
+fn read(path: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
+    let is_node = is_node_file(path);
+    let other = other_file(path);
     let other_bytes = std::fs::read(&other).map_err(|error| {
         let own = if is_node { "nodes" } else { "tetrahedra" };
         Fault::whole(format!("holds the {own} alone, and {} cannot be read: {error}", other.display()))

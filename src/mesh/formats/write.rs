@@ -4,11 +4,12 @@
 //! tetrahedra and regions, bit by bit, and a sentence for everything that the format cannot hold.
 
 use super::gmsh_write::{Encoding, encode, nodes_of_named_regions};
-use super::{abaqus_write, tetgen};
+use super::{abaqus, abaqus_write, gmsh, medit, tetgen, vtu};
+use crate::base::output::Kind;
 use crate::mesh::{MeshError, TetMesh};
 use std::collections::BTreeSet;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use vtkio::model as vtk;
 
 /// How one file format, in one encoding, is written.
@@ -81,6 +82,27 @@ pub fn writer_of(path: &Path, name: Option<&str>) -> Result<&'static Writer, Mes
         let reason = format!("cannot be written{asked}; known are {}", known.join(", "));
         MeshError::Refused { path: path.to_owned(), reason }
     })
+}
+
+/// What may stand at the place of a file with that extension and be overwritten.
+const KINDS: &[(&str, Kind)] = &[
+    ("msh", Kind { name: "a Gmsh mesh", recognizes: gmsh::FORMAT.recognizes }),
+    ("vtu", Kind { name: "a VTU file", recognizes: vtu::FORMAT.recognizes }),
+    ("mesh", Kind { name: "a Medit mesh", recognizes: medit::FORMAT.recognizes }),
+    ("node", Kind { name: "a TetGen .node file", recognizes: tetgen::opens_nodes }),
+    ("ele", Kind { name: "a TetGen .ele file", recognizes: tetgen::opens_elements }),
+    ("inp", Kind { name: "an Abaqus mesh", recognizes: abaqus::FORMAT.recognizes }),
+];
+
+/// The files that `writer` makes for `path`, in the order of [`Encoded::files`].
+pub fn targets(writer: &Writer, path: &Path) -> Vec<(PathBuf, &'static Kind)> {
+    let is_alone = writer.extensions.len() == 1;
+    let name = |extension| if is_alone { path.to_owned() } else { path.with_extension(extension) };
+    let kind = |&extension: &&str| {
+        let (extension, kind) = KINDS.iter().find(|(known, _)| *known == extension)?;
+        Some((name(extension), kind))
+    };
+    writer.extensions.iter().filter_map(kind).collect()
 }
 
 fn gmsh(mesh: &TetMesh, encoding: Encoding) -> Result<Encoded, MeshError> {
