@@ -198,8 +198,7 @@ struct Loop {
 }
 
 impl Loop {
-    /// Times the superposition of the columns `words` and their reading in turn, so that each finds in the caches what
-    /// the other left, on as many threads as that superposition takes.
+    /// Times the superposition of the columns `words`, and their reading on as many threads as that superposition takes.
     fn new(name: &'static str, words: &[u32], mut superpose: impl FnMut()) -> Loop {
         let threads = (size_of_val(words) / BYTES_PER_THREAD).clamp(1, rayon::current_num_threads());
         let read = || {
@@ -285,15 +284,19 @@ fn repeat(mut work: impl FnMut()) -> f64 {
     time
 }
 
-/// Median times of calls that take turns, over half a second for each, s.
+/// Median times of calls, over half a second for each, s. They take turns, so that what disturbs the machine disturbs
+/// them alike; a turn is a few calls, the first of which is not counted: each finds in the caches what it left itself.
 fn in_turn<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
     let began = Instant::now();
     let mut times = [const { Vec::new() }; N];
     while began.elapsed().as_secs_f64() < 0.5 * N as f64 || times[0].len() < 5 {
         for (work, times) in works.iter_mut().zip(&mut times) {
-            let started = Instant::now();
             work();
-            times.push(started.elapsed().as_secs_f64());
+            for _ in 0..4 {
+                let started = Instant::now();
+                work();
+                times.push(started.elapsed().as_secs_f64());
+            }
         }
     }
     times.map(median)

@@ -43,7 +43,7 @@ fn a_table_is_kept_and_chosen_from() {
         said
     };
     assert!(said("accuracy = { displacement = 0.5 }").contains(MEASURING));
-    assert!(!said("accuracy = { displacement = 0.3, force = 0.9 }").contains(MEASURING));
+    assert!(!said("accuracy = { displacement = 0.3, force = 9.0 }").contains(MEASURING));
     assert!(!said("budget = { frame_ms = 50.0 }").contains(MEASURING));
     assert!(said("accuracy = { displacement = 0.5, largest = 3000 }").contains(MEASURING));
 }
