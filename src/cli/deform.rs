@@ -24,7 +24,8 @@ use vtkio::model::{
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
 /// field a pose), and OUT.forces.csv where the scene lists the effect haptics. A body of a model of large
-/// strain (stvk, neo_hookean, corotational) is solved anew for every pose, over all nodes, with its forces.
+/// strain (stvk, neo_hookean, corotational) is solved anew for every pose, over all nodes, with its forces; a pose
+/// in which it has no equilibrium is named, the others are written, and the status is 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -51,6 +52,14 @@ struct Deformed {
     wrenches: Option<(Vec<Wrench>, f64)>,
 }
 
+/// A pose in which a body has no equilibrium.
+struct Missed {
+    pose: String,
+    body: String,
+    /// With both names.
+    why: String,
+}
+
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(Scene::load(&args.scene)?, false, false)?;
     let poses = poses::load(&args.poses)?;
@@ -61,9 +70,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         true => None,
         false => Some(session::green_file(&online, args.green.as_deref())?),
     };
-    let (mut geometry, mut results, mut tables) = (Vec::new(), Vec::new(), String::new());
+    let (mut geometry, mut results, mut missed, mut tables) =
+        (Vec::new(), Vec::new(), Vec::new(), String::new());
     for (name, body) in &scene.body {
         let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
+        // The linear theory takes matrices as they are, not as turns.
+        let doubtful =
+            |asked: &Asked| poses::doubtful_turn(&asked.control, body).filter(|_| body.model != "linear");
+        for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
+            eprintln!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
+        }
         let (shape, found) = match (session::law(&scene, name, body)?, &file) {
             (None, Some(file)) => surface_results(file, name, body, &own)?,
             (None, None) => volume_results(&scene, name, body, &own)?,
@@ -71,7 +87,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                 let poses: Vec<_> = own.iter().map(|asked| (asked.pose, &asked.control)).collect();
                 let solved = statics::solve(&scene, name, law, &poses)?;
                 tables += &format!("\n{}", solved.table.text());
-                static_results(name, solved, &own)
+                static_results(name, solved, &own, &mut missed)
             }
         };
         geometry.push(shape);
@@ -81,8 +97,24 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
     };
     results.sort_by_key(order);
-    write_all(args, &scene, &geometry, &results)?;
-    super::print(&tables)
+    if missed.is_empty() || !results.is_empty() {
+        write_all(args, &scene, &geometry, &results, &missed)?;
+        super::print(&tables)?;
+    }
+    if missed.is_empty() {
+        return Ok(());
+    }
+    let reasons: Vec<&str> = missed.iter().map(|missed| missed.why.as_str()).collect();
+    let rest = match results.len() {
+        0 => "nothing is written",
+        _ => "all else is written",
+    };
+    Err(Failure::Work(anyhow::anyhow!(
+        "{}\n{} of {} poses missed; {rest}",
+        reasons.join("\n"),
+        missed.len(),
+        asked.len()
+    )))
 }
 
 /// A pose, and the body that it is for.
@@ -167,14 +199,22 @@ fn volume_result(asked: &Asked<'_>, name: &str, solution: &Solution) -> Deformed
     }
 }
 
-fn static_results(name: &str, solved: statics::Solved, asked: &[&Asked<'_>]) -> (Geometry, Vec<Deformed>) {
-    let of = |(asked, settled): (&&Asked<'_>, Settled)| Deformed {
-        pose: asked.pose.to_owned(),
-        body: name.to_owned(),
-        displacement: settled.displacement,
-        wrenches: Some((settled.wrenches, settled.energy)),
-    };
-    let found = asked.iter().zip(solved.settled).map(of).collect();
+fn static_results(
+    name: &str,
+    solved: statics::Solved,
+    asked: &[&Asked<'_>],
+    missed: &mut Vec<Missed>,
+) -> (Geometry, Vec<Deformed>) {
+    let mut found = Vec::new();
+    for (asked, settled) in asked.iter().zip(solved.settled) {
+        let (pose, body) = (asked.pose.to_owned(), name.to_owned());
+        match settled {
+            Ok(Settled { displacement, wrenches, energy, .. }) => {
+                found.push(Deformed { pose, body, displacement, wrenches: Some((wrenches, energy)) });
+            }
+            Err(why) => missed.push(Missed { pose, body, why }),
+        }
+    }
     (Geometry::volume(name, &solved.statics.mesh), found)
 }
 
@@ -216,7 +256,13 @@ fn vtk_cell(mesh: &TetMesh, tet: usize) -> Vec<u32> {
     nodes
 }
 
-fn write_all(args: &Args, scene: &Scene, geometry: &[Geometry], results: &[Deformed]) -> Result<(), Failure> {
+fn write_all(
+    args: &Args,
+    scene: &Scene,
+    geometry: &[Geometry],
+    results: &[Deformed],
+    missed: &[Missed],
+) -> Result<(), Failure> {
     let stem = match args.output.extension() {
         Some(extension) if extension == "csv" => args.output.with_extension(""),
         _ => args.output.clone(),
@@ -241,7 +287,7 @@ fn write_all(args: &Args, scene: &Scene, geometry: &[Geometry], results: &[Defor
         eprintln!("note: {} was of an earlier run with haptics and is removed", old.display());
     }
     let vtu = with(".vtu");
-    vtk(geometry, results)
+    vtk(geometry, results, missed)
         .export(&vtu)
         .map_err(|error| Failure::Work(anyhow::anyhow!("{}: {error}", vtu.display())))?;
     super::print(&format!("{}\n", vtu.display()))
@@ -292,8 +338,8 @@ fn forces_csv(scene: &Scene, results: &[Deformed], several: bool) -> String {
 }
 
 /// One piece per body: rest points, its cells, one displacement field a pose. Every piece has the fields of all
-/// poses, as VTK asks for; a body that a pose does not name is at rest in it.
-fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
+/// poses, as VTK asks for; a body that a pose does not name is at rest in it, one that has no equilibrium there is NaN.
+fn vtk(geometry: &[Geometry], results: &[Deformed], missed: &[Missed]) -> Vtk {
     let mut poses: Vec<&str> = Vec::new();
     for result in results {
         if !poses.contains(&result.pose.as_str()) {
@@ -305,7 +351,10 @@ fn vtk(geometry: &[Geometry], results: &[Deformed]) -> Vtk {
             let result = results.iter().find(|result| result.body == g.body && result.pose == *pose);
             let u: Vec<f64> = match result {
                 Some(result) => result.displacement.iter().flat_map(|u| <[f64; 3]>::from(*u)).collect(),
-                None => vec![0.0; 3 * g.rest.len()],
+                None => {
+                    let is_missed = missed.iter().any(|missed| missed.body == g.body && missed.pose == *pose);
+                    vec![if is_missed { f64::NAN } else { 0.0 }; 3 * g.rest.len()]
+                }
             };
             Attribute::vectors(format!("displacement {pose}")).with_data(u)
         });
@@ -363,7 +412,7 @@ mod tests {
             displacement: vec![Vector3::x()],
             wrenches: None,
         });
-        let DataSet::UnstructuredGrid { pieces, .. } = vtk(&geometry, &results).data else {
+        let DataSet::UnstructuredGrid { pieces, .. } = vtk(&geometry, &results, &[]).data else {
             panic!("no unstructured grid");
         };
         for piece in pieces {
