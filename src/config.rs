@@ -1,11 +1,14 @@
 //! Strict TOML: text in, a typed value out, or an error that names file, line, column and remedy.
 //!
 //! Every configuration struct of the program carries `#[serde(deny_unknown_fields)]`; an unknown key is
-//! answered with the nearest known one.
+//! answered with the nearest known one. An array with an element too many is refused, too.
+
+mod strict;
 
 use serde::de::DeserializeOwned;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use strict::Strict;
 
 /// Why a configuration file was refused.
 #[derive(Debug, thiserror::Error)]
@@ -43,7 +46,8 @@ pub fn read(path: &Path) -> Result<String, ConfigError> {
 
 /// Parses TOML `text`; `path` is only named in errors.
 pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigError> {
-    toml::from_str(text).map_err(|error| {
+    let parsed = toml::Deserializer::parse(text).and_then(|document| T::deserialize(Strict(document)));
+    parsed.map_err(|error| {
         let (line, column) = line_and_column(text, error.span().map_or(0, |span| span.start));
         ConfigError::Parse { path: path.to_owned(), line, column, message: explain(error.message()) }
     })

@@ -25,7 +25,8 @@ use std::sync::Arc;
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
 /// field a pose), and OUT.forces.csv where the scene lists the effect haptics: all of them whole, or none. They overwrite
 /// those of an earlier `deform`, and nothing else. A body of a model of large strain (stvk, neo_hookean, corotational) is
-/// solved anew for every pose, over all nodes, with its forces.
+/// solved anew for every pose, over all nodes, with its forces; a pose in which it has no equilibrium is named, the
+/// others are written, and the status is 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -52,6 +53,14 @@ struct Deformed {
     wrenches: Option<(Vec<Wrench>, f64)>,
 }
 
+/// A pose in which a body has no equilibrium.
+struct Missed {
+    pose: String,
+    body: String,
+    /// With both names.
+    why: String,
+}
+
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
     let poses = poses::load(&args.poses)?;
@@ -65,9 +74,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         true => None,
         false => Some(session::green_file(&online, args.green.as_deref())?),
     };
-    let (mut geometry, mut results, mut tables) = (Vec::new(), Vec::new(), String::new());
+    let (mut geometry, mut results, mut missed, mut tables) =
+        (Vec::new(), Vec::new(), Vec::new(), String::new());
     for (name, body) in &scene.body {
         let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
+        // The linear theory takes matrices as they are, not as turns.
+        let doubtful =
+            |asked: &Asked| poses::doubtful_turn(&asked.control, body).filter(|_| body.model != "linear");
+        for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
+            notice!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
+        }
         let (shape, found) = match (session::law(&scene, name, body)?, &file) {
             (None, Some(file)) => surface_results(file, name, body, &own)?,
             (None, None) => volume_results(&scene, name, body, &own)?,
@@ -75,7 +91,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                 let poses: Vec<_> = own.iter().map(|asked| (asked.pose, &asked.control)).collect();
                 let solved = statics::solve(&scene, name, law, &poses)?;
                 tables += &format!("\n{}", solved.table.text());
-                static_results(name, solved, &own)
+                static_results(name, solved, &own, &mut missed)
             }
         };
         geometry.push(shape);
@@ -85,8 +101,24 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
     };
     results.sort_by_key(order);
-    files.write(&scene, &geometry, &results)?;
-    super::print(&tables)
+    if missed.is_empty() || !results.is_empty() {
+        files.write(&scene, &geometry, &results, &missed)?;
+        super::print(&tables)?;
+    }
+    if missed.is_empty() {
+        return Ok(());
+    }
+    let reasons: Vec<&str> = missed.iter().map(|missed| missed.why.as_str()).collect();
+    let rest = match results.len() {
+        0 => "nothing is written",
+        _ => "all else is written",
+    };
+    Err(Failure::Work(anyhow::anyhow!(
+        "{}\n{} of {} poses missed; {rest}",
+        reasons.join("\n"),
+        missed.len(),
+        asked.len()
+    )))
 }
 
 /// A pose, and the body that it is for.
@@ -172,14 +204,22 @@ fn volume_result(asked: &Asked<'_>, name: &str, solution: &Solution) -> Deformed
     }
 }
 
-fn static_results(name: &str, solved: statics::Solved, asked: &[&Asked<'_>]) -> (Geometry, Vec<Deformed>) {
-    let of = |(asked, settled): (&&Asked<'_>, Settled)| Deformed {
-        pose: asked.pose.to_owned(),
-        body: name.to_owned(),
-        displacement: settled.displacement,
-        wrenches: Some((settled.wrenches, settled.energy)),
-    };
-    let found = asked.iter().zip(solved.settled).map(of).collect();
+fn static_results(
+    name: &str,
+    solved: statics::Solved,
+    asked: &[&Asked<'_>],
+    missed: &mut Vec<Missed>,
+) -> (Geometry, Vec<Deformed>) {
+    let mut found = Vec::new();
+    for (asked, settled) in asked.iter().zip(solved.settled) {
+        let (pose, body) = (asked.pose.to_owned(), name.to_owned());
+        match settled {
+            Ok(Settled { displacement, wrenches, energy, .. }) => {
+                found.push(Deformed { pose, body, displacement, wrenches: Some((wrenches, energy)) });
+            }
+            Err(why) => missed.push(Missed { pose, body, why }),
+        }
+    }
     (Geometry::volume(name, &solved.statics.mesh), found)
 }
 
@@ -285,7 +325,13 @@ impl Files {
         if has_columns && !args.all_nodes { session::try_green(scene, args.green.as_deref()) } else { Ok(()) }
     }
 
-    fn write(&self, scene: &Scene, geometry: &[Geometry], results: &[Deformed]) -> Result<(), Failure> {
+    fn write(
+        &self,
+        scene: &Scene,
+        geometry: &[Geometry],
+        results: &[Deformed],
+        missed: &[Missed],
+    ) -> Result<(), Failure> {
         let several = geometry.len() > 1;
         let text = |path: &Path, kind, text: String| {
             output::stage(path, kind, |file| file.write_all(text.as_bytes()))
@@ -299,7 +345,7 @@ impl Files {
             written.push((&self.forces, text(&self.forces, &FORCES, forces_csv(scene, results, several))?));
         }
         let surface = output::stage(&self.surface, &SURFACE, |file| {
-            file.write_all(&vtu_write::encode(&pieces(geometry, results)))
+            file.write_all(&vtu_write::encode(&pieces(geometry, results, missed)))
         })?;
         written.push((&self.surface, surface));
         for (path, staged) in written {
@@ -360,8 +406,8 @@ fn forces_csv(scene: &Scene, results: &[Deformed], several: bool) -> String {
 }
 
 /// One piece per body: rest points, its cells, one displacement field a pose. Every piece has the fields of all
-/// poses, as VTK asks for; a body that a pose does not name is at rest in it.
-fn pieces<'a>(geometry: &'a [Geometry], results: &[Deformed]) -> Vec<Piece<'a>> {
+/// poses, as VTK asks for; a body that a pose does not name is at rest in it, one that has no equilibrium there is NaN.
+fn pieces<'a>(geometry: &'a [Geometry], results: &[Deformed], missed: &[Missed]) -> Vec<Piece<'a>> {
     let mut poses: Vec<&str> = Vec::new();
     for result in results {
         if !poses.contains(&result.pose.as_str()) {
@@ -371,7 +417,14 @@ fn pieces<'a>(geometry: &'a [Geometry], results: &[Deformed]) -> Vec<Piece<'a>> 
     let piece = |g: &'a Geometry| {
         let field = |pose: &&str| {
             let result = results.iter().find(|result| result.body == g.body && result.pose == *pose);
-            let u = result.map_or_else(|| vec![Vector3::zeros(); g.rest.len()], |r| r.displacement.clone());
+            let is_missed = || missed.iter().any(|missed| missed.body == g.body && missed.pose == *pose);
+            let u = match result {
+                Some(result) => result.displacement.clone(),
+                None => {
+                    let unknown = if is_missed() { f64::NAN } else { 0.0 };
+                    vec![Vector3::repeat(unknown); g.rest.len()]
+                }
+            };
             (one_line(format_args!("displacement {pose}")), u)
         };
         let cell = match g.cells.first().map_or(3, Vec::len) {
@@ -412,7 +465,7 @@ mod tests {
             displacement: vec![Vector3::x(); 3],
             wrenches: None,
         });
-        let text = String::from_utf8(vtu_write::encode(&pieces(&geometry, &results))).unwrap();
+        let text = String::from_utf8(vtu_write::encode(&pieces(&geometry, &results, &[]))).unwrap();
         assert!(!text.contains(['\u{1b}', '\u{0}', '\u{202e}', '\u{ffff}']));
         let mut reader = quick_xml::Reader::from_str(&text);
         let mut names = Vec::new();
@@ -447,7 +500,7 @@ mod tests {
             displacement: vec![Vector3::x()],
             wrenches: None,
         });
-        for piece in pieces(&geometry, &results) {
+        for piece in pieces(&geometry, &results, &[]) {
             let names: Vec<&str> = piece.vectors.iter().map(|(name, _)| name.as_str()).collect();
             assert_eq!(names, ["displacement pull", "displacement push"]);
         }

@@ -2,12 +2,15 @@
 
 use super::failure::Failure;
 use crate::config;
-use crate::deform::{ControlPose, ControlPoses};
+use crate::deform::{ControlPose, ControlPoses, Screw};
 use crate::scene::Body;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+
+/// Two control elements turned against each other by more, rad, may have been meant to be turned the other way.
+const DOUBTFUL: f64 = 150.0 * std::f64::consts::PI / 180.0;
 
 /// Largest number of a pose; what is summed must stay within single precision.
 const LARGEST: f64 = 1e15;
@@ -95,6 +98,29 @@ pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Resul
             Ok(pose)
         })
         .collect()
+}
+
+/// Which turn was taken, where two control elements of `body` are so far turned against each other that their matrices,
+/// which are the same after whole turns, leave a doubt.
+pub fn doubtful_turn(poses: &ControlPoses, body: &Body) -> Option<String> {
+    let turns: Vec<Vector3<f64>> = poses.iter().map(|pose| Screw::of(pose).turn).collect();
+    let pairs = (0..turns.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+    let apart = |&(i, j): &(usize, usize)| (turns[i] - turns[j]).norm();
+    let (i, j) = pairs.max_by(|a, b| apart(a).total_cmp(&apart(b)))?;
+    let angle = apart(&(i, j));
+    // The one that is turned further from rest is told.
+    let (turned, other) = if turns[i].norm() >= turns[j].norm() { (i, j) } else { (j, i) };
+    let name = |e: usize| body.control.keys().nth(e).map_or("", String::as_str);
+    (angle > DOUBTFUL).then(|| {
+        let degrees = angle.to_degrees();
+        format!(
+            "control element {} is turned by {degrees:.1}° against {}, each by its shorter turn from rest; their matrices \
+             are the same after {:.1}° the other way, which a pose file cannot ask for",
+            name(turned),
+            name(other),
+            360.0 - degrees
+        )
+    })
 }
 
 #[cfg(test)]

@@ -13,13 +13,13 @@ use std::time::Instant;
 /// One body in all its poses.
 pub struct Solved {
     pub statics: Statics,
-    /// In the order of the poses.
-    pub settled: Vec<Settled>,
+    /// In the order of the poses; why there is none where a pose has no equilibrium.
+    pub settled: Vec<Result<Settled, String>>,
     /// What each pose took, and how good it is.
     pub table: Table,
 }
 
-/// Solves body `name` in `poses`, each with its name, in their order. Errors at the first that has no equilibrium.
+/// Solves body `name` in `poses`, each with its name, in their order.
 pub fn solve(
     scene: &Scene,
     name: &str,
@@ -37,10 +37,20 @@ pub fn solve(
     bars.begin("Newton", 1000 * poses.len() as u64);
     for &(pose, control) in poses {
         let started = Instant::now();
-        let found = statics.solve(control, &bars).map_err(|error| match failure(error) {
-            Failure::Work(error) => Failure::Work(anyhow::anyhow!("pose \"{pose}\": body.{name}: {error}")),
-            request => request,
-        })?;
+        let place = format!("pose \"{pose}\": body.{name}");
+        let found = match statics.solve(control, &bars) {
+            Ok(found) => found,
+            Err(error @ StaticsError::Stopped { .. }) => {
+                settled.push(Err(format!("{place}: {error}")));
+                continue;
+            }
+            Err(error) => {
+                return Err(match failure(error) {
+                    Failure::Work(error) => Failure::Work(anyhow::anyhow!("{place}: {error}")),
+                    request => request,
+                });
+            }
+        };
         table.row(&[
             pose,
             &found.counts.steps.to_string(),
@@ -50,10 +60,12 @@ pub fn solve(
             &format!("{:.6e}", found.energy),
             &seconds(started.elapsed().as_secs_f64()),
         ]);
-        settled.push(found);
+        settled.push(Ok(found));
     }
     bars.end();
-    for ((pose, _), found) in poses.iter().zip(&settled).filter(|(_, found)| !found.inverted.is_empty()) {
+    let found =
+        poses.iter().zip(&settled).filter_map(|((pose, _), found)| Some((pose, found.as_ref().ok()?)));
+    for (pose, found) in found.filter(|(_, found)| !found.inverted.is_empty()) {
         notice!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
     }
     Ok(Solved { statics, settled, table })

@@ -5,11 +5,11 @@
 
 use super::partial::PartialSum;
 use super::{
-    Coefficients, Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, Kind, SumStats,
-    Superposition, Wrench, find_model, not_online, unwrapped, vertex_normals, wrenches,
+    Coefficients, Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, FollowedTurn, Kind,
+    SumStats, Superposition, Wrench, find_model, not_online, vertex_normals, wrenches,
 };
 use crate::green::GreenFile;
-use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Vector3};
 use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,6 +30,8 @@ pub struct Deformer {
     /// Mesh coordinates of the origin about which all of the following stands, m.
     pub centre: Vector3<f64>,
     pub poses: ControlPoses,
+    /// By how much every control element has turned on the way to its pose.
+    turns: Vec<FollowedTurn>,
     /// What the model made of the poses.
     pub coefficients: Coefficients,
     pub times: FrameTimes,
@@ -74,6 +76,7 @@ impl Deformer {
             body: body.to_owned(),
             centre: Vector3::from(meta.centre),
             poses: vec![ControlPose::REST; controls.len()],
+            turns: vec![FollowedTurn::REST; controls.len()],
             u: vec![[0.0; 3]; nodes],
             positions: vec![[0.0; 3]; nodes],
             normals: vec![[0.0; 3]; nodes],
@@ -120,10 +123,11 @@ impl Deformer {
 
     /// First half of [`Deformer::evaluate`]: poses → coefficients. False where no pose changed.
     pub fn take(&mut self, poses: &[ControlPose]) -> bool {
-        let mut changed = !std::mem::replace(&mut self.evaluated, true);
-        for (last, new) in self.poses.iter_mut().zip(poses) {
-            if new.is_finite() && new != last {
-                (*last, changed) = (*new, true);
+        let is_first = !std::mem::replace(&mut self.evaluated, true);
+        let mut changed = is_first;
+        for ((last, turn), new) in self.poses.iter_mut().zip(&mut self.turns).zip(poses) {
+            if new.is_finite() && (is_first || new != last) {
+                (*last, *turn, changed) = (*new, turn.follow(new), true);
             }
         }
         if changed {
@@ -214,17 +218,26 @@ impl Deformer {
     /// The next poses stand alone: a model that follows turns forgets those it saw.
     pub fn forget(&mut self) {
         self.model.forget();
+        self.turns.fill(FollowedTurn::REST);
         self.evaluated = false;
     }
 
-    /// The turn of control element `e`: its sign tells 200° from -160° where the model follows turns.
-    pub fn turn(&self, e: usize) -> UnitQuaternion<f64> {
-        self.model.turn(e).unwrap_or_else(|| unwrapped(None, &self.poses[e..=e])[0])
+    /// By how much control element `e` has turned on the way to its pose.
+    pub fn turn(&self, e: usize) -> FollowedTurn {
+        self.turns[e]
+    }
+
+    /// The largest angle by which two control elements have turned against each other, whole turns included, rad.
+    pub fn largest_turn(&self) -> f64 {
+        let pairs =
+            self.turns.iter().enumerate().flat_map(|(i, a)| self.turns[..i].iter().map(|b| a.against(b)));
+        pairs.fold(0.0, f64::max)
     }
 
     /// The next pose of control element `e` continues this turn, whatever came before.
-    pub fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
-        self.model.set_turn(e, turn);
+    pub fn set_turn(&mut self, e: usize, turn: FollowedTurn) {
+        self.turns[e] = turn;
+        self.model.set_turn(e, turn.quaternion);
     }
 
     /// u of surface node `i`: the sum of its columns, in the surface's frame, m.

@@ -4,6 +4,7 @@
 //! u = Σ cₖ u⁽ᵏ⁾ over the columns of the .green file (its `evaluate`) and adds the rest surface and the normals. [`Statics`] stands apart: it solves a body anew for every pose.
 
 mod deformer;
+mod followed;
 mod force;
 mod guard;
 mod linear;
@@ -17,12 +18,13 @@ mod superposition;
 mod turn;
 
 pub use deformer::{Deformer, FrameTimes};
+pub use followed::FollowedTurn;
 pub use force::{Wrench, wrenches};
 pub use guard::{CATCH_UP, JUMP, PoseFault, PoseGuard, STRETCH};
 pub use linear::Linear;
 pub use normals::vertex_normals;
 pub use pose::{ControlPose, ControlPoses};
-pub use rotation::{Rotation, mean_rotation, unwrapped};
+pub use rotation::{Rotation, is_mean_defined, mean_rotation, unwrapped};
 pub use screw::Screw;
 pub use statics::{Settled, Statics, StaticsError};
 pub use superposition::{BYTES_PER_THREAD, Columns, Superposition};
@@ -87,12 +89,7 @@ pub trait DeformationModel: Send {
     /// Forgets the poses seen so far: the next one stands alone, as in a batch.
     fn forget(&mut self) {}
 
-    /// The turn of control element `e` as a model that follows turns saw it last: the sign tells 200° from -160°.
-    fn turn(&self, _e: usize) -> Option<UnitQuaternion<f64>> {
-        None
-    }
-
-    /// The next pose of `e` continues this turn.
+    /// The next pose of `e` continues this turn, whose sign tells 200° from -160°, in a model that follows turns.
     fn set_turn(&mut self, _e: usize, _turn: UnitQuaternion<f64>) {}
 }
 

@@ -19,9 +19,19 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     }),
 };
 
-/// The mean rotation is not defined where σ₂ + σ₃ of A vanishes (two elements half a turn apart); below this part
-/// of σ₁ the last one is kept.
+/// The mean rotation is not defined where σ₂ + σ₃ of A vanishes (two elements half a turn apart), nor the mean of turns
+/// where that of their quaternions does (a turn apart); below this part of σ₁, or of 1, the last one is kept.
 const DEFINED: f64 = 0.1;
+
+/// Whether A defines the rotation R at which tr(AᵀR) is stationary, by the eigenvalues β of RᵀA: the second derivatives
+/// tr(RᵀA) I - RᵀA have the eigenvalues β_i + β_j, none of which may vanish. Where R is the polar factor, β are the σ.
+///
+/// The picture and the haptic loop both ask here, so that they stand in one frame.
+pub fn is_mean_defined(beta: &Vector3<f64>) -> bool {
+    let least =
+        [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (beta[i] + beta[j]).abs()).into_iter().fold(f64::MAX, f64::min);
+    least >= DEFINED * beta.amax() && beta.amax() > 0.0
+}
 
 pub struct Rotation {
     controls: Vec<ControlRest>,
@@ -61,10 +71,6 @@ impl DeformationModel for Rotation {
         (self.last, self.turns) = (Rotation3::identity(), None);
     }
 
-    fn turn(&self, e: usize) -> Option<UnitQuaternion<f64>> {
-        self.turns.as_ref()?.get(e).copied()
-    }
-
     fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
         if let Some(place) = self.turns.as_mut().and_then(|turns| turns.get_mut(e)) {
             *place = turn;
@@ -74,19 +80,17 @@ impl DeformationModel for Rotation {
 
 /// The rotation in each M, as the quaternion of the two that continues `last`; without a last one, the shorter turn.
 pub fn unwrapped(last: Option<&[UnitQuaternion<f64>]>, poses: &[ControlPose]) -> Vec<UnitQuaternion<f64>> {
-    let turn = |(e, pose): (usize, &ControlPose)| {
-        let before = last.and_then(|last| last.get(e));
-        let rotation = nearest(&pose.matrix).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
-        match (rotation, before) {
-            (Some(now), Some(before)) if now.coords.dot(&before.coords) < 0.0 => {
-                UnitQuaternion::new_unchecked(-now.into_inner())
-            }
-            (Some(now), None) if now.w < 0.0 => UnitQuaternion::new_unchecked(-now.into_inner()),
-            (Some(now), _) => now,
-            (None, before) => before.copied().unwrap_or_else(UnitQuaternion::identity),
-        }
+    let before = |e: usize| last.and_then(|last| last.get(e));
+    poses.iter().enumerate().map(|(e, pose)| continued(before(e), &pose.matrix)).collect()
+}
+
+/// The rotation in M, as the quaternion of the two that continues `before`; without one before, the shorter turn.
+pub(super) fn continued(before: Option<&UnitQuaternion<f64>>, m: &Matrix3<f64>) -> UnitQuaternion<f64> {
+    let Some(now) = nearest(m).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation)) else {
+        return before.copied().unwrap_or_else(UnitQuaternion::identity);
     };
-    poses.iter().enumerate().map(turn).collect()
+    let goes_on = before.map_or(now.w, |before| now.coords.dot(&before.coords)) >= 0.0;
+    if goes_on { now } else { UnitQuaternion::new_unchecked(-now.into_inner()) }
 }
 
 /// R̄ of the poses, or `None` where it is not defined.
@@ -119,7 +123,9 @@ pub fn mean_rotation(
     let mean = mean.to_rotation_matrix();
     // The trace of RᵀR' is 1 + 2 cos of the angle between them.
     let closeness = |rotation: &Rotation3<f64>| mean.matrix().dot(rotation.matrix());
-    stationary(&a)?.into_iter().max_by(|a, b| closeness(a).total_cmp(&closeness(b)))
+    let ways = stationary(&a)?.into_iter();
+    let (rotation, beta) = ways.max_by(|(a, _), (b, _)| closeness(a).total_cmp(&closeness(b)))?;
+    is_mean_defined(&beta).then_some(rotation)
 }
 
 fn weights(controls: &[ControlRest]) -> Vec<f64> {
@@ -129,19 +135,17 @@ fn weights(controls: &[ControlRest]) -> Vec<f64> {
 
 /// The rotation nearest to A, or `None` where it is not defined.
 pub(super) fn nearest(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
-    stationary(a).map(|[nearest, ..]| nearest)
+    let [(nearest, beta), ..] = stationary(a)?;
+    is_mean_defined(&beta).then_some(nearest)
 }
 
 /// The rotations at which tr(AᵀR) is stationary: the polar factor of A, which is the nearest to it, and those with two
-/// of its signs turned. `None` where the nearest is not defined.
-fn stationary(a: &Matrix3<f64>) -> Option<[Rotation3<f64>; 4]> {
+/// of its signs turned; and the eigenvalues of RᵀA. `None` where A is not finite.
+fn stationary(a: &Matrix3<f64>) -> Option<[(Rotation3<f64>, Vector3<f64>); 4]> {
     let polar = Polar::of(a)?;
-    let Polar { sigma, sign, .. } = polar;
-    if sigma[1] + sign * sigma[2] < DEFINED * sigma[0] || sigma[0] == 0.0 {
-        return None;
-    }
+    let sign = polar.sign;
     let signs = [[1.0, 1.0, sign], [1.0, -1.0, -sign], [-1.0, 1.0, -sign], [-1.0, -1.0, sign]];
-    Some(signs.map(|signs| polar.with_signs(signs)))
+    Some(signs.map(|signs| (polar.with_signs(signs), polar.sigma.component_mul(&Vector3::from(signs)))))
 }
 
 #[cfg(test)]

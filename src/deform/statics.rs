@@ -45,7 +45,7 @@ pub struct Statics {
     size: f64,
     partition: Partition,
     symbolic: Option<Symbolic>,
-    /// The last pose that was solved, and its displacements.
+    /// The last pose that was solved, and its displacements, both but for what the control elements have in common.
     last: Option<(Vec<Screw>, NodeFields)>,
 }
 
@@ -171,6 +171,13 @@ impl Statics {
     /// shorter turn from rest either way, so that beyond a loss of stability alone the order of the poses matters.
     /// `progress` is advanced by 1000 in all.
     pub fn solve(&mut self, poses: &ControlPoses, progress: &dyn Progress) -> Result<Settled, StaticsError> {
+        // No law feels a common shift. With it, screw motions by different turns would tear the body on the way, and a small
+        // strain would drown in the rounding of large displacements.
+        let least =
+            |a: &&ControlPose, b: &&ControlPose| a.translation.norm().total_cmp(&b.translation.norm());
+        let shift = poses.iter().min_by(least).map_or_else(Vector3::zeros, |pose| pose.translation);
+        let unshifted = |pose: &ControlPose| ControlPose { translation: pose.translation - shift, ..*pose };
+        let poses: ControlPoses = poses.iter().map(unshifted).collect();
         let target: Vec<Screw> = poses.iter().map(Screw::of).collect();
         let rest = (vec![Screw::default(); poses.len()], NodeFields::zeros(self.mesh.nodes.len(), 1));
         let from_rest = self.steps(&rest.0, &target);
@@ -189,13 +196,13 @@ impl Statics {
             Newton { body: self.body(), partition: &self.partition, symbolic: self.symbolic.as_ref() };
         match newton.follow(u, steps, &path, progress) {
             Ok(equilibrium) => {
-                let settled = self.settled(&equilibrium);
+                let settled = self.settled(&equilibrium, &shift);
                 self.last = Some((target, equilibrium.u));
                 Ok(settled)
             }
             Err(NewtonError::Solve(error)) => Err(error.into()),
             Err(NewtonError::Stopped { at, share, why }) => {
-                let settled = Box::new(self.settled(&at));
+                let settled = Box::new(self.settled(&at, &(shift * share)));
                 let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
                 let tets = self.mesh.tets.len();
                 Err(StaticsError::Stopped { settled, share, from, why, law: self.law, tags, tets })
@@ -227,7 +234,8 @@ impl Statics {
         }
     }
 
-    fn settled(&self, equilibrium: &Equilibrium) -> Settled {
+    /// What is told of an equilibrium that is shifted as a whole.
+    fn settled(&self, equilibrium: &Equilibrium, shift: &Vector3<f64>) -> Settled {
         let at = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
         let displacement: Vec<_> = (0..self.mesh.nodes.len()).map(|node| at(&equilibrium.u, node)).collect();
         let wrench = |control: &ControlElement| {
@@ -237,6 +245,7 @@ impl Statics {
                 wrench.force += force;
                 wrench.moment += (self.mesh.nodes[node] + displacement[node] - control.origin).cross(&force);
             }
+            wrench.moment += shift.cross(&wrench.force);
             wrench
         };
         let dets: Vec<f64> =
@@ -249,7 +258,7 @@ impl Statics {
             inverted: (0..dets.len()).filter(|&tet| dets[tet] <= 0.0).collect(),
             residual: equilibrium.residual,
             counts: equilibrium.counts.clone(),
-            displacement,
+            displacement: displacement.into_iter().map(|u| u + shift).collect(),
         }
     }
 }

@@ -7,6 +7,9 @@
 //!
 //! with [axial(A)] = A (Sifakis and Barbič, FEM Simulation of 3D Deformable Solids, SIGGRAPH 2012 courses, section 3.4;
 //! McAdams et al., ACM Trans. Graph. 30(4), 2011, for dR). R is the proper rotation also where F is turned inside out.
+//!
+//! F - R = R (S - I), and S - I is not taken as a difference, which would leave no digit of a small strain: it solves
+//! (S - I)² + 2 (S - I) = FᵀF - I = H + Hᵀ + HᵀH.
 
 use super::hyperelastic::{Law, Tangent};
 use super::{Lame, Polar};
@@ -23,33 +26,42 @@ pub const COROTATIONAL: Law = Law {
 /// Least sum of two principal stretches with which the tangent is computed: where one vanishes, dR is not defined.
 const LEAST: f64 = 1e-6;
 
-/// R.
-fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
-    Polar::of(f).map_or_else(Matrix3::identity, |polar| polar.rotation().into_inner())
+/// R and S - I, the latter to a rounding of H.
+fn parts(h: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
+    let Some(polar) = Polar::of(&(Matrix3::identity() + h)) else {
+        return (Matrix3::identity(), *h);
+    };
+    let (axes, sigma) = (polar.vt.transpose(), polar.sigma);
+    let strain = if polar.sign < 0.0 {
+        // A stretch of -σ₃ is no small strain.
+        Matrix3::from_diagonal(&Vector3::new(sigma[0] - 1.0, sigma[1] - 1.0, -sigma[2] - 1.0))
+    } else {
+        // D = S - I from (D S + S D)/2 + D = FᵀF - I on the axes of S.
+        let squared = polar.vt * (h + h.transpose() + h.transpose() * h) * axes;
+        Matrix3::from_fn(|i, j| squared[(i, j)] / (1.0 + 0.5 * (sigma[i] + sigma[j])))
+    };
+    let strain = axes * strain * polar.vt;
+    (polar.rotation().into_inner(), (strain + strain.transpose()) * 0.5)
 }
 
 fn energy(h: &Matrix3<f64>, lame: Lame) -> f64 {
-    let f = Matrix3::identity() + h;
-    let r = rotation(&f);
-    lame.mu * (f - r).norm_squared() + 0.5 * lame.lambda * (r.dot(&f) - 3.0).powi(2)
+    let (_, strain) = parts(h);
+    lame.mu * strain.norm_squared() + 0.5 * lame.lambda * strain.trace().powi(2)
 }
 
 fn stress(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
-    let f = Matrix3::identity() + h;
-    let r = rotation(&f);
-    (f - r) * (2.0 * lame.mu) + r * (lame.lambda * (r.dot(&f) - 3.0))
+    let (r, strain) = parts(h);
+    r * (strain * (2.0 * lame.mu) + Matrix3::from_diagonal_element(lame.lambda * strain.trace()))
 }
 
 fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
-    let f = Matrix3::identity() + h;
-    let r = rotation(&f);
-    let s = r.transpose() * f;
-    let s = (s + s.transpose()) * 0.5;
+    let (r, strain) = parts(h);
+    let s = Matrix3::identity() + strain;
     let sums = (Matrix3::from_diagonal_element(s.trace()) - s).symmetric_eigen();
     let inverse = sums.eigenvectors
         * Matrix3::from_diagonal(&sums.eigenvalues.map(|sum| 1.0 / sum.max(LEAST)))
         * sums.eigenvectors.transpose();
-    let turning = lame.lambda * (s.trace() - 3.0) - 2.0 * lame.mu;
+    let turning = lame.lambda * strain.trace() - 2.0 * lame.mu;
     let mut c = Tangent::from_diagonal_element(2.0 * lame.mu);
     for l in 0..3 {
         for k in 0..3 {
@@ -61,4 +73,44 @@ fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
         }
     }
     c
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    const LAME: Lame = Lame { lambda: 2.0, mu: 1.0 };
+
+    /// ε = sym H: P = 2μ ε + λ tr ε I and ψ = μ ε:ε + λ/2 (tr ε)², both up to parts of the order of H.
+    #[test]
+    fn a_strain_far_below_rounding_beside_one_keeps_its_digits() {
+        let shape = Matrix3::new(0.2, 0.1, -0.05, 0.2, -0.1, 0.15, -0.1, 0.05, 0.1);
+        let strain = (shape + shape.transpose()) * 0.5;
+        let hooke = strain * (2.0 * LAME.mu) + Matrix3::from_diagonal_element(LAME.lambda * strain.trace());
+        let hooke_energy = LAME.mu * strain.norm_squared() + 0.5 * LAME.lambda * strain.trace().powi(2);
+        for size in [1e-3, 1e-9, 1e-15, 1e-18, 1e-60] {
+            let off = stress(&(shape * size), LAME) / size - hooke;
+            assert!(off.amax() < 2.0 * size + 1e-15, "{size:e}: {off}");
+            let off = energy(&(shape * size), LAME) / size / size - hooke_energy;
+            assert!(off.abs() < size + 1e-15, "{size:e}: {off:e}");
+        }
+    }
+
+    /// Principal stretches σ₁, σ₂, -σ₃ about skew axes, turned: ψ = μ Σ (σ - 1)² + λ/2 (Σ (σ - 1))².
+    #[test]
+    fn an_element_turned_inside_out_has_the_energy_of_its_stretches() {
+        let (turn, axes) =
+            (Rotation3::new(Vector3::new(0.4, -1.1, 2.0)), Rotation3::new(Vector3::new(1.0, 0.3, -0.7)));
+        for stretches in [[1.3, 0.8, -0.2], [1.3, 0.8, -0.79], [1.3, 0.8, 1e-9], [2.0, 1.5, -1.0]] {
+            let s =
+                axes.matrix() * Matrix3::from_diagonal(&Vector3::from(stretches)) * axes.matrix().transpose();
+            let changes = stretches.map(|stretch| stretch - 1.0);
+            let sum: f64 = changes.iter().sum();
+            let expected = LAME.mu * changes.iter().map(|change| change * change).sum::<f64>()
+                + 0.5 * LAME.lambda * sum * sum;
+            let found = energy(&(turn.matrix() * s - Matrix3::identity()), LAME);
+            assert!((found - expected).abs() < 1e-13 * expected, "{stretches:?}: {found} against {expected}");
+        }
+    }
 }

@@ -35,8 +35,14 @@ fn changes(h: &Matrix3<f64>) -> (f64, Matrix3<f64>) {
 
 fn energy(h: &Matrix3<f64>, lame: Lame) -> f64 {
     let (volume, _) = changes(h);
-    // ½ (tr FᵀF - 3) - (J - 1), whose first orders cancel.
-    let shear = 0.5 * h.norm_squared() - cofactor(h).trace() - h.determinant();
+    // ½ (tr FᵀF - 3) - (J - 1), whose first orders cancel. With C = FᵀF - I, J² - 1 = tr C + tr cof C + det C, which
+    // leaves second orders of the strain alone, however far F turns; not where J is near -1.
+    let shear = if volume > -0.5 {
+        let c = h + h.transpose() + h.transpose() * h;
+        (0.5 * c.trace() * volume - cofactor(&c).trace() - c.determinant()) / (2.0 + volume)
+    } else {
+        0.5 * h.norm_squared() - cofactor(h).trace() - h.determinant()
+    };
     lame.mu * shear + 0.5 * (lame.lambda + lame.mu) * volume * volume
 }
 
@@ -67,6 +73,20 @@ fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// F = Q (I + H) with a turn Q: the energy is that of H to a rounding of ε, not of 1.
+    #[test]
+    fn energy_of_a_small_strain_keeps_its_digits_in_a_turned_body() {
+        let shape = Matrix3::new(0.2, 0.1, -0.05, 0.1, -0.1, 0.15, -0.05, 0.15, 0.1);
+        let q = *nalgebra::Rotation3::new(nalgebra::Vector3::new(0.4, -1.1, 2.0)).matrix();
+        let lame = Lame { lambda: 2.0, mu: 1.0 };
+        for size in [1e-1, 1e-4, 1e-8] {
+            let h = shape * size;
+            let turned = (q - Matrix3::identity()) + q * h;
+            let (straight, turned) = (energy(&h, lame), energy(&turned, lame));
+            assert!((straight - turned).abs() < 1e-14 * size, "{size:e}: {straight:e} and {turned:e}");
+        }
+    }
 
     /// F = [[1.2, .1, -.05], [.2, .9, .15], [-.1, .05, 1.1]], λ = 2, μ = 1.
     #[test]

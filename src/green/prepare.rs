@@ -61,22 +61,31 @@ fn control_elements(
 
 fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<Vec<Lame>, GreenError> {
     let lame = |material: &Material| Lame::from_young_poisson(material.young, material.poisson);
+    let regions: BTreeSet<u32> = mesh.regions.iter().copied().collect();
+    let called = |id: u32| mesh.region_names.get(&id);
     let mut by_region = BTreeMap::new();
     for (key, material) in &body.region {
-        let named = mesh.region_names.iter().find(|(_, region_name)| *region_name == key).map(|(id, _)| *id);
-        let region = named.or_else(|| key.parse().ok()).filter(|id| mesh.regions.contains(id));
-        let Some(region) = region else {
-            let known: BTreeSet<u32> = mesh.regions.iter().copied().collect();
-            let known: Vec<String> = known
-                .iter()
-                .map(|id| match mesh.region_names.get(id) {
-                    Some(region_name) => format!("{id} ({region_name})"),
-                    None => id.to_string(),
-                })
-                .collect();
-            let message =
-                format!("no tetrahedron lies in this region; the mesh has regions {}", known.join(", "));
-            return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
+        let meant: Vec<u32> =
+            regions.iter().copied().filter(|id| called(*id) == Some(key) || key.parse() == Ok(*id)).collect();
+        let listed = |regions: &mut dyn Iterator<Item = u32>| -> String {
+            let told = |id: u32| called(id).map_or(id.to_string(), |name| format!("{id} ({name})"));
+            regions.map(told).collect::<Vec<_>>().join(", ")
+        };
+        let region = match meant[..] {
+            [region] => region,
+            [] => {
+                let known = listed(&mut regions.iter().copied());
+                let message = format!("no tetrahedron lies in this region; the mesh has regions {known}");
+                return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
+            }
+            [..] => {
+                let message = format!(
+                    "several regions of the mesh have this name or number: {}; name each by what it alone has, or rename \
+                     one in the mesh",
+                    listed(&mut meant.into_iter())
+                );
+                return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
+            }
         };
         if by_region.insert(region, lame(material)).is_some() {
             let message = format!("region {region} is given a material twice, by its number and by its name");
@@ -85,4 +94,40 @@ fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<V
     }
     let other = lame(&body.material);
     Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&other)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Block, block};
+
+    /// Of a block whose tetrahedra lie in the regions 3, called "7", 7, called "core", and 9: Young's moduli there, or
+    /// what is wrong.
+    fn young(regions: &str) -> Result<Vec<f64>, String> {
+        let mut mesh = block(&Block { size: [1.0; 3], cells: [2; 3] }).unwrap();
+        mesh.regions = (0..mesh.tets.len()).map(|tet| [3, 7, 9][tet % 3]).collect();
+        mesh.region_names = [(3, "7".to_owned()), (7, "core".to_owned())].into();
+        let scene = format!(
+            "[body.a]\ngenerate = {{ block = {{ size = [1, 1, 1], cells = [2, 2, 2] }} }}\n\
+             material = {{ young = 1.0, poisson = 0.0 }}\n{regions}\n\
+             control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
+        );
+        let scene = Scene::parse(&scene, std::path::Path::new("any.toml")).unwrap();
+        let loaded = Loaded { mesh, notices: Vec::new() };
+        let prepared = prepare_mesh(&scene, "a", loaded).map_err(|error| error.to_string())?;
+        // With ν = 0, E = 2 μ.
+        Ok(prepared.lame[..3].iter().map(|lame| 2.0 * lame.mu).collect())
+    }
+
+    #[test]
+    fn a_region_is_meant_by_its_name_or_number_and_never_by_both() {
+        let of = |key: &str, young: f64| format!("region.{key} = {{ young = {young:.1}, poisson = 0.0 }}");
+        assert_eq!(young(&of("core", 2.0)).unwrap(), [1.0, 2.0, 1.0]);
+        assert_eq!(young(&of("3", 2.0)).unwrap(), [2.0, 1.0, 1.0]);
+        assert_eq!(young(&of("9", 2.0)).unwrap(), [1.0, 1.0, 2.0]);
+        let error = young(&of("7", 2.0)).unwrap_err();
+        assert!(error.contains("body.a.region.7") && error.contains("3 (7), 7 (core);"), "{error}");
+        let error = young(&of("8", 2.0)).unwrap_err();
+        assert!(error.contains("the mesh has regions 3 (7), 7 (core), 9"), "{error}");
+    }
 }

@@ -6,10 +6,10 @@ use crate::common;
 
 use common::{block_scene, folder, greenstage};
 use greenstage::deform::{ControlPose, ControlPoses, Settled, Statics, StaticsError};
-use greenstage::fem::{Hyperelastic, LAWS, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
+use greenstage::fem::{self, Hyperelastic, LAWS, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use greenstage::mesh::{TetMesh, generate};
 use greenstage::scene::Scene;
-use greenstage::solve::{Newton, Setback, Silent, Symbolic};
+use greenstage::solve::{Cholesky, Newton, Setback, Silent, Symbolic};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::path::Path;
 use std::process::Command;
@@ -91,6 +91,95 @@ fn rigid_motion_costs_nothing_and_turns_the_answer() {
             let force = (turn * a - b).norm();
             println!("{}: {size} turned: off by {off:.1e} m, {energy:.1e} J, {force:.1e} N", law.name);
             assert!(off < 1e-12 && energy < 1e-12 && force < 1e-10, "{}: {off:e}", law.name);
+        }
+    }
+}
+
+/// The displacements that the linear theory has for control element 0 moved by `shift` and turned by `turn`.
+fn linear_answer(statics: &Statics, shift: Vector3<f64>, turn: Vector3<f64>) -> Vec<Vector3<f64>> {
+    let mesh = &statics.mesh;
+    let k = fem::assemble(mesh, &vec![Lame::from_young_poisson(1e3, 0.3); mesh.tets.len()]).unwrap();
+    let controlled = statics.controls.iter().flat_map(|control| control.nodes.iter().copied());
+    let partition = Partition::new(mesh.nodes.len(), controlled);
+    let mut u = NodeFields::zeros(mesh.nodes.len(), 1);
+    let control = &statics.controls[0];
+    for &node in &control.nodes {
+        let moved = shift + turn.cross(&(mesh.nodes[node as usize] - control.origin));
+        u.data[3 * node as usize..][..3].copy_from_slice(moved.as_slice());
+    }
+    let a = partition.a(&k);
+    let symbolic = Symbolic::new(&a, &Silent).unwrap();
+    let factor = Cholesky::new(&a, &symbolic, &Silent).unwrap();
+    let (free, _) = factor.solve(&partition.minus_b_times(&k, &u), &Silent).unwrap();
+    partition.insert_free(&free, &mut u);
+    u.data.chunks(3).map(Vector3::from_column_slice).collect()
+}
+
+/// Poses from a picometre and a picoradian up: each has its equilibrium, which tends to the linear theory's as the pose
+/// does to rest, u/s - u' = O(s), down to rounding of u itself.
+#[test]
+fn poses_near_rest_have_the_linear_theorys_answer() {
+    let (shift, turn) = (Vector3::new(-0.05, 0.2, 0.1), Vector3::new(0.3, 0.2, -0.35));
+    for law in LAWS {
+        let mut statics = block(law, [4, 4, 4]);
+        for (what, shift, turn) in
+            [("shift", shift, Vector3::zeros()), ("turn", Vector3::zeros(), turn), ("both", shift, turn)]
+        {
+            let linear = linear_answer(&statics, shift, turn);
+            let size = linear.iter().map(|u| u.norm()).fold(0.0, f64::max);
+            let mut off = |s: f64| {
+                let matrix = *Rotation3::from_scaled_axis(turn * s).matrix();
+                let pose = ControlPose { translation: shift * s, matrix };
+                let settled = match statics.solve(&pulled(&[(0, pose)]), &Silent) {
+                    Ok(settled) => settled,
+                    Err(error) => panic!("{}: {what} of {s:e}: {error}", law.name),
+                };
+                let both = settled.displacement.iter().zip(&linear);
+                both.map(|(u, linear)| (u / s - linear).norm()).fold(0.0, f64::max) / size
+            };
+            let found: Vec<f64> = (0..=12).map(|i| off(0.1f64.powi(i))).collect();
+            let shown: Vec<String> = found.iter().map(|off| format!("{off:.1e}")).collect();
+            println!("{}: {what}: {}", law.name, shown.join(" "));
+            for (i, pair) in (1..).zip(found[1..6].windows(2)) {
+                let rate = (pair[0] / pair[1]).log10();
+                assert!((rate - 1.0).abs() < 0.1, "{}: {what} of 1e-{i}: order {rate}", law.name);
+            }
+            // A matrix tells cos s from 1 to 1e-16 alone, which is 1e-16/s of the turn.
+            for (i, off) in (0..).zip(&found) {
+                assert!(*off < 3.0 * 0.1f64.powi(i) + 1e-14, "{}: {what} of 1e-{i}: {off:e}", law.name);
+            }
+        }
+        let rest = statics.solve(&pulled(&[]), &Silent).unwrap();
+        assert!(rest.displacement.iter().all(|u| *u == Vector3::zeros()) && rest.energy == 0.0);
+    }
+}
+
+/// Far from the origin and turned, a strain of any size has its equilibrium; displacements have the rounding of the shift.
+#[test]
+fn a_small_strain_in_a_body_moved_far_has_its_equilibrium() {
+    let turn = Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 0.6));
+    for law in LAWS {
+        let mut statics = block(law, [4, 4, 4]);
+        for far in [1.0, 1e3, 1e6] {
+            let shift = Vector3::new(0.3, -2.0, 0.7) * far;
+            for size in [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 1.0] {
+                let sheared = ControlPose {
+                    translation: Vector3::new(0.05, 0.2, 0.0) * size,
+                    matrix: *Rotation3::from_axis_angle(&Vector3::x_axis(), 0.5 * size).matrix(),
+                };
+                let poses = pulled(&[(0, sheared)]);
+                let straight = statics.solve(&poses, &Silent).unwrap();
+                let turned = match statics.solve(&rigid(&statics, turn, shift, &poses), &Silent) {
+                    Ok(turned) => turned,
+                    Err(error) => panic!("{}: {size:e} at {far:e} m: {error}", law.name),
+                };
+                let place =
+                    |settled: &Settled, node: usize| statics.mesh.nodes[node] + settled.displacement[node];
+                let off = |node: usize| (turn * place(&straight, node) + shift - place(&turned, node)).norm();
+                let off = (0..statics.mesh.nodes.len()).map(off).fold(0.0, f64::max);
+                println!("{}: {size:e} at {far:e} m: off by {off:.1e} m", law.name);
+                assert!(off < 1e-14 * shift.norm().max(1.0), "{}: {size:e} at {far:e} m: {off:e}", law.name);
+            }
         }
     }
 }
@@ -240,6 +329,95 @@ fn each_model_of_a_scene_costs_what_it_needs_and_no_more() {
     let first: Vec<&str> = forces.lines().nth(1).unwrap().split(',').collect();
     assert_eq!((forces.lines().count(), first[..2].join(",").as_str()), (3, "pull/hard,high"), "{forces}");
     assert!(first[2].parse::<f64>().unwrap() > 50.0);
+}
+
+const PRESSED: &str = r#"
+pose = [
+    { name = "pull", body = "hard", control.high = { translation = [0.1, 0.0, 0.0] } },
+    { name = "flat", body = "hard", control.high = { translation = [-0.9, 0.0, 0.0] } },
+    { name = "flat", body = "soft", control.high = { translation = [-0.9, 0.0, 0.0] } },
+    { name = "push", body = "hard", control.high = { translation = [-0.1, 0.0, 0.0] } },
+]
+"#;
+
+/// A pose without an equilibrium is named, and the others of the batch are written.
+#[test]
+fn a_pose_without_equilibrium_leaves_the_others_of_the_batch() {
+    let place = folder("statics-batch");
+    std::fs::write(place.join("two.toml"), TWO).unwrap();
+    std::fs::write(place.join("poses.toml"), PRESSED).unwrap();
+    let deform = |poses: &str, out: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .current_dir(&place)
+            .args(["deform", "two.toml", "--poses", poses, "-o", out])
+            .output()
+            .unwrap();
+        (output.status.code(), [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()))
+    };
+    let (status, [told, said]) = deform("poses.toml", "out");
+    assert_eq!(status, Some(1), "{said}");
+    for words in ["pose \"flat\": body.hard: no equilibrium beyond", "% of the way", "neo_hookean"] {
+        assert_eq!(said.matches(words).count(), 1, "{said} lacks {words}");
+    }
+    assert!(!said.contains("pose \"pull\"") && !said.contains("pose \"push\""), "{said}");
+    assert!(told.contains("push") && !told.contains("flat"), "{told}");
+    let first = |file: &str| -> Vec<String> {
+        let text = std::fs::read_to_string(place.join(file)).unwrap();
+        let mut names: Vec<String> =
+            text.lines().skip(1).map(|line| line.split(',').next().unwrap().to_owned()).collect();
+        names.dedup();
+        names
+    };
+    assert_eq!(first("out.csv"), ["pull/hard", "flat/soft", "push/hard"]);
+    assert_eq!(first("out.forces.csv"), ["pull/hard", "push/hard"]);
+    let vtu = std::fs::read(place.join("out.vtu")).unwrap();
+    let vtu = String::from_utf8_lossy(&vtu);
+    assert!(["pull", "flat", "push"].iter().all(|pose| vtu.contains(&format!("displacement {pose}"))));
+
+    // Nothing is written where nothing is found.
+    let flat =
+        "pose = [{ name = \"flat\", body = \"hard\", control.high = { translation = [-0.9, 0.0, 0.0] } }]";
+    std::fs::write(place.join("flat.toml"), flat).unwrap();
+    let (status, [_, said]) = deform("flat.toml", "none");
+    assert_eq!(status, Some(1), "{said}");
+    assert!(said.contains("pose \"flat\": body.hard: no equilibrium beyond"), "{said}");
+    assert!(!place.join("none.csv").exists() && !place.join("none.vtu").exists());
+}
+
+/// A matrix of 190° is one of -170°: which was taken is told, and nothing where there is no doubt.
+#[test]
+fn turns_near_half_a_turn_are_told_as_they_were_taken() {
+    let place = folder("statics-half-turn");
+    std::fs::write(place.join("two.toml"), TWO.replace("model = \"stvk\"", "model = \"neo_hookean\""))
+        .unwrap();
+    let matrix = |degrees: f64| {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        format!("matrix = [[1, 0, 0], [0, {cosine:?}, {:?}], [0, {sine:?}, {cosine:?}]]", -sine)
+    };
+    let said = |name: &str, high: f64, low: f64| {
+        let pose = format!(
+            "pose = [{{ name = \"{name}\", body = \"hard\", control.high = {{ {} }}, control.low = {{ {} }} }}]",
+            matrix(high),
+            matrix(low)
+        );
+        std::fs::write(place.join("poses.toml"), pose).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .current_dir(&place)
+            .args(["deform", "two.toml", "--poses", "poses.toml", "-o", "out"])
+            .output()
+            .unwrap();
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let told = said("far", 190.0, 0.0);
+    for words in ["pose \"far\"", "body.hard", "high", "low", "170.0°", "190.0° the other way"] {
+        assert!(told.contains(words), "{told} lacks {words}");
+    }
+    let told = said("both", 100.0, -100.0);
+    assert!(told.contains("200.0°") && told.contains("160.0° the other way"), "{told}");
+    for (high, low) in [(90.0, 0.0), (175.0, 175.0)] {
+        let told = said("near", high, low);
+        assert!(!told.contains("the other way"), "{high}, {low}: {told}");
+    }
 }
 
 #[test]

@@ -176,3 +176,141 @@ fn follow(tube: &mut Deformer, right: usize, stage: &Stage, script: &Script) -> 
     assert!(hands.held().is_empty(), "the stylus lets go");
     frames
 }
+
+const ARRAYS_OF_A_SCENE: &str = r#"
+[body.a]
+generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }
+material = { young = 1.0e3, poisson = 0.3 }
+[body.a.place]
+position = [0.0, 0.0, 0.0]
+rotation = [0.0, 0.1, 0.0]
+[body.a.control]
+box = { nodes = { box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, 1.0] } }, grab = "fixed" }
+sphere = { nodes = { sphere = { centre = [0.0, 0.0, 0.0], radius = 1.0 } }, grab = "fixed" }
+plane = { nodes = { plane = { point = [0.0, 0.0, 0.0], normal = [0.0, 1.0, 0.0], distance = 0.1 } }, grab = "fixed" }
+grow = { nodes = { grow = { from = [0.0, 0.0, 0.0], radius = 1.0 } }, grab = "fixed" }
+"#;
+
+const ARRAYS_OF_A_STAGE: &str = r#"
+name = "a"
+stereo = "mono"
+[viewer]
+position = [0.0, 1.6, 1.0]
+target = [0.0, 1.0, 0.0]
+direction = [0.0, 0.0, -1.0]
+[workspace]
+centre = [0.0, 1.0, 0.0]
+radius = 0.3
+[[screen]]
+name = "front"
+lower_left = [-1.0, 0.0, 0.0]
+lower_right = [1.0, 0.0, 0.0]
+upper_left = [-1.0, 1.6, 0.0]
+pixels = [1280, 1024]
+[[monitor]]
+name = "DP-1"
+at = [0, 0]
+size = [1280, 1024]
+[[window]]
+at = [0, 0]
+size = [1280, 1024]
+screen = "front"
+crop = [0, 0, 1280, 1024]
+overscan = [0, 0, 8, 8]
+[[window.tile]]
+screen = "front"
+rect = [0, 0, 640, 512]
+crop = [0, 0, 640, 512]
+overscan = [0, 0, 8, 8]
+[tracker.t]
+vrpn = "Tracker0@localhost"
+room_from_tracker = { position = [0, 0, 0], rotation = [0, 0, 0] }
+[tracker.u]
+vrpn = "Tracker1@localhost"
+room_from_tracker = { axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }
+[sensor.s]
+tracker = "t"
+id = 0
+sensor_from_body = { position = [0, 0, 0], rotation = [0, 0, 0] }
+[sensor.r]
+tracker = "t"
+id = 1
+sensor_from_body = { axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }
+[haptic.h]
+device = "simulated"
+room_from_device = { position = [0, 0, 0], rotation = [0, 0, 0] }
+sensor_from_body = { axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }
+"#;
+
+const ARRAYS_OF_A_SCRIPT: &str = r#"
+frame = "workspace"
+[[key]]
+time = 0.0
+head = { offset = [0, 0, 0], position = [0, 0, 1], target = [0, 0, 0], direction = [0, 0, -1], rotation = [0, 0, 0] }
+[key.stylus.right]
+position = [0, 0, 1]
+target = [0, 0, 0]
+direction = [0, 0, -1]
+rotation = [0, 0, 0]
+"#;
+
+const ARRAYS_OF_POSES: &str = r#"
+[[pose]]
+name = "a"
+control.c = { translation = [0, 0, 0], matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }
+"#;
+
+/// The text with an element more in one of its arrays of numbers, or in an array of those; its length there, and its line.
+fn lengthened(text: &str) -> Vec<(String, usize, usize)> {
+    let is_row =
+        |inside: &str| inside.contains(',') && !inside.contains(|c: char| c.is_alphabetic() || c == '"');
+    let mut found = Vec::new();
+    for (open, _) in text.match_indices('[') {
+        let mut depth = 0;
+        let close = text[open..].find(|c| {
+            depth += i32::from(c == '[') - i32::from(c == ']');
+            depth == 0
+        });
+        let close = open + close.unwrap();
+        let inside = &text[open + 1..close];
+        if !is_row(inside) {
+            continue;
+        }
+        let (length, more) = match inside.matches('[').count() {
+            0 => (inside.split(',').count(), ", 0"),
+            rows => (rows, ", [0, 0, 0]"),
+        };
+        let line = text[..open].matches('\n').count() + 1;
+        found.push((format!("{}{more}{}", &text[..close], &text[close..]), length, line));
+    }
+    found
+}
+
+/// Every array of every kind of file has its length, and an element too many is refused with its line.
+#[test]
+fn no_array_of_any_file_takes_an_element_too_many() {
+    let path = Path::new("any.toml");
+    let scene = |text: &str| Scene::parse(text, path).err().map(|error| error.to_string());
+    let stage = |text: &str| Stage::parse(text, path).err().map(|error| error.to_string());
+    let script = |text: &str| Script::parse(text, path).err().map(|error| error.to_string());
+    let poses = |text: &str| greenstage::cli::poses::parse(text, path).err().map(|error| error.to_string());
+    let kinds: [(&str, usize, &dyn Fn(&str) -> Option<String>); 4] = [
+        (ARRAYS_OF_A_SCENE, 10, &scene),
+        (ARRAYS_OF_A_STAGE, 35, &stage),
+        (ARRAYS_OF_A_SCRIPT, 9, &script),
+        (ARRAYS_OF_POSES, 5, &poses),
+    ];
+    for (text, arrays, parse) in kinds {
+        // What a scene or stage means may be odd; it is read.
+        assert!(parse(text).is_none_or(|error| !error.contains("expected an array")), "{:?}", parse(text));
+        let lengthened = lengthened(text);
+        assert_eq!(lengthened.len(), arrays, "{text}");
+        for (text, length, line) in lengthened {
+            let error =
+                parse(&text).unwrap_or_else(|| panic!("accepted: {}", text.lines().nth(line - 1).unwrap()));
+            let found = length + 1;
+            let told = format!("invalid length {found}, expected an array of length {length}");
+            assert!(error.contains(&format!("any.toml:{line}:")) && error.contains(&told), "{error}");
+        }
+    }
+}

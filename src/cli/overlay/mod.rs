@@ -8,7 +8,6 @@ mod rows;
 
 pub use panel::Panel;
 
-use super::plan;
 use super::world::flow::StylusFields;
 use super::world::{Mood, PlacedBody, World};
 use crate::deform::{ControlPose, Wrench, local_turn};
@@ -16,6 +15,7 @@ use crate::effect::haptics::{Clockwork, Felt};
 use crate::track::Signal;
 use crate::track::rig::TrackerReport;
 use std::collections::VecDeque;
+use std::f64::consts::PI;
 
 /// Steps of a frame in their order, as the overlay names them.
 pub const STEPS: [&str; 8] =
@@ -143,8 +143,8 @@ pub struct ControlReading {
 pub struct TurnLimits {
     pub good: f64,
     pub fair: f64,
-    /// For this very body, by the plan of its accuracy, between two control elements ([`plan::largest_turn`]). Else of
-    /// any piece of the surface ([`local_turn`]), by the table of [`TurnLimits::of_model`].
+    /// For this very body, by the plan of its accuracy, between two control elements ([`crate::deform::Deformer::largest_turn`]). Else
+    /// of any piece of the surface ([`local_turn`]), by the table of [`TurnLimits::of_model`].
     pub is_measured: bool,
 }
 
@@ -158,13 +158,13 @@ impl TurnLimits {
         Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
     }
 
-    /// The turn of a body, and its limits.
+    /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
+    /// surface tells, it is theirs.
     fn of_body(body: &PlacedBody) -> (f64, Self) {
+        let apart = body.deformer.largest_turn();
         match body.range {
-            Some(range) => {
-                let limits = Self { good: range, fair: range, is_measured: true };
-                (plan::largest_turn(&body.deformer.poses), limits)
-            }
+            Some(range) => (apart, Self { good: range, fair: range, is_measured: true }),
+            None if apart > PI => (apart, Self::of_model(&body.model)),
             None => (local_turn(&body.deformer, PIECES), Self::of_model(&body.model)),
         }
     }

@@ -5,6 +5,7 @@ use super::{BodyReading, ControlReading, History, Readings, STEPS, SensorReading
 use crate::cli::writing::{DARK, INK, QUIET};
 use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
+use std::f64::consts::PI;
 
 pub(super) const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
 pub(super) const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
@@ -300,8 +301,11 @@ fn gauge_rows(body: &BodyReading) -> Vec<Row> {
     let (ink, verdict) = match turn {
         turn if turn <= limits.good => (GOOD, "good"),
         turn if turn <= limits.fair => (FAIR, "fair"),
+        // No model is made for it: the matrices of the poses are those of smaller turns.
+        turn if turn > PI => (BAD, "beyond"),
         _ => (BAD, if limits.is_measured { "not measured" } else { "poor" }),
     };
+    let turns = if turn > PI { format!("  {:.1} turns", turn / (2.0 * PI)) } else { String::new() };
     let whole = 1.5 * limits.fair;
     let bounds = match limits.is_measured {
         true => format!("measured to {:.0}°", limits.fair.to_degrees()),
@@ -314,6 +318,7 @@ fn gauge_rows(body: &BodyReading) -> Vec<Row> {
             ("turn ".into(), QUIET),
             (format!("{:>6.1}°  ", turn.to_degrees()), INK),
             (verdict.into(), ink),
+            (turns, QUIET),
         ]),
         Row::Gauge { share: turn / whole, good: limits.good / whole, fair: limits.fair / whole, ink },
         words(bounds, QUIET),
@@ -369,6 +374,14 @@ pub(super) fn clipped(text: &str, letters: usize) -> String {
         return text.to_owned();
     }
     text.chars().take(letters.saturating_sub(1)).chain(['…']).collect()
+}
+
+/// The words of a body's gauge.
+#[cfg(test)]
+pub(super) fn gauge_words(body: &BodyReading) -> Vec<String> {
+    let rows = gauge_rows(body);
+    let Some(Row::Words(words)) = rows.into_iter().next() else { return Vec::new() };
+    words.into_iter().map(|(text, _)| text).collect()
 }
 
 #[cfg(test)]

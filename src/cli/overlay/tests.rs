@@ -153,3 +153,28 @@ fn a_measured_range_goes_before_the_models_table() {
     let (turn, limits) = TurnLimits::of_body(body);
     assert_eq!((turn, limits), (0.0, TurnLimits { good: 0.7, fair: 0.7, is_measured: true }));
 }
+
+/// Two whole turns, followed in steps: the poses are those at rest, and the overlay knows better; undone, it is at rest.
+#[test]
+fn whole_turns_are_counted_and_not_called_good() {
+    for range in [None, Some(0.7)] {
+        let mut world = crate::cli::world::tests::world("overlay-turns");
+        let body = &mut world.bodies[0];
+        body.range = range;
+        for degrees in (0..=720).step_by(10) {
+            let angle = f64::from(degrees).to_radians();
+            let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), angle).matrix();
+            body.deformer.evaluate(&[ControlPose::REST, ControlPose { matrix, ..ControlPose::REST }]);
+            let (turn, limits) = TurnLimits::of_body(body);
+            let is_followed = degrees > 180 || range.is_some();
+            assert!(!is_followed || (turn - angle).abs() < 1e-9, "{degrees}°: {}°", turn.to_degrees());
+            assert!(degrees <= 180 || turn > limits.fair, "{degrees}°: {}°", turn.to_degrees());
+        }
+        let shown = panel::gauge_words(&body_reading(body)).concat();
+        assert_eq!(shown, "turn  720.0°  beyond  2.0 turns");
+        body.deformer.set_turn(1, crate::deform::FollowedTurn::REST);
+        body.deformer.evaluate(&[ControlPose::REST; 2]);
+        let shown = panel::gauge_words(&body_reading(body)).concat();
+        assert_eq!(shown, "turn    0.0°  good");
+    }
+}

@@ -160,8 +160,7 @@ impl PlacedBody {
 
     /// Says once where a planned body leaves what was measured of it.
     pub(super) fn check_range(&mut self) {
-        let poses = &self.deformer.poses;
-        let left = |range: &f64| !self.range_left && plan::largest_turn(poses) > *range;
+        let left = |range: &f64| !self.range_left && self.deformer.largest_turn() > *range;
         if let Some(range) = self.range.filter(left) {
             self.range_left = true;
             let (body, degrees) = (&self.deformer.body, range.to_degrees());

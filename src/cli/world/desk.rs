@@ -6,13 +6,13 @@
 use super::flow::{BodyPlace, Grasp};
 use super::{PlacedBody, World};
 use crate::cli::failure::Failure;
-use crate::deform::{ControlPose, PoseGuard};
+use crate::deform::{ControlPose, FollowedTurn, PoseGuard};
 use crate::interact::{
     Action, Aside, Asked, Ease, Hands, History, Mode, Navigation, PickRay, pick, place_aside, towards_rest,
 };
 use crate::stage::Workspace;
 use crate::track::Signal;
-use nalgebra::{Similarity3, UnitQuaternion};
+use nalgebra::Similarity3;
 use std::collections::BTreeSet;
 
 /// The state beside the graph.
@@ -27,17 +27,14 @@ pub struct Desk {
     held: BTreeSet<usize>,
 }
 
-/// A control element's pose, and the turn in it, whose sign tells 200° from -160°.
+/// A control element's pose, and the turn that led to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Posed {
     pose: ControlPose,
-    turn: UnitQuaternion<f64>,
+    turn: FollowedTurn,
 }
 
-const REST: Posed = Posed {
-    pose: ControlPose::REST,
-    turn: UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(1.0, 0.0, 0.0, 0.0)),
-};
+const REST: Posed = Posed { pose: ControlPose::REST, turn: FollowedTurn::REST };
 
 /// One target, before and after.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -191,8 +188,8 @@ impl World {
         let share = ease.share(time_s);
         let step = |(target, from): &(usize, Posed)| {
             let (translation, matrix, turn) =
-                towards_rest(&from.pose.translation, &from.pose.matrix, &from.turn, share);
-            (*target, Posed { pose: ControlPose { translation, matrix }, turn })
+                towards_rest(&from.pose.translation, &from.pose.matrix, &from.turn.quaternion, share);
+            (*target, Posed { pose: ControlPose { translation, matrix }, turn: FollowedTurn::of(turn) })
         };
         let steps: Vec<_> = from.iter().map(step).collect();
         self.put_targets(steps);
@@ -246,7 +243,9 @@ impl World {
         self.release();
         let away: Vec<(usize, Posed)> = (0..self.fields.targets.len())
             .map(|target| (target, self.posed(target)))
-            .filter(|(_, posed)| posed.pose != ControlPose::REST)
+            .filter(|(_, posed)| {
+                posed.pose != ControlPose::REST || posed.turn.against(&FollowedTurn::REST) > 1.0
+            })
             .collect();
         if !away.is_empty() {
             let change = |&(target, before): &(usize, Posed)| Change { target, before, after: REST };

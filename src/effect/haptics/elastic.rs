@@ -6,12 +6,9 @@
 //! in every tick: it is followed by Newton's iteration from its last value, and its share in the slope is not left
 //! out, or a hand could gain energy by going in a circle. f64; nothing is allocated after [`Elastic::new`].
 
-use crate::deform::{ControlPose, ControlRest, Wrench};
+use crate::deform::{ControlPose, ControlRest, Wrench, is_mean_defined};
 use crate::green::FIELDS;
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
-
-/// The mean rotation is followed while |det H| is more than this part of (tr A)³; below it the last one is kept.
-const DEFINED: f64 = 1e-3;
 
 /// Newton's iteration ends with a step smaller than this, rad; it converges quadratically.
 const STEP: f64 = 1e-9;
@@ -222,14 +219,16 @@ impl Elastic {
             // Σ w (C - C̄) = 0: the mean of the moved places falls out.
             a += (self.poses[e].matrix + moved * self.arms[e].transpose()) * self.weights[e];
         }
-        let size = a.norm();
         let mut rotation = self.mean;
         for _ in 0..12 {
             let b = rotation.matrix().transpose() * a;
-            let h = Matrix3::identity() * b.trace() - (b + b.transpose()) * 0.5;
-            let h_inverse = (h.determinant().abs() > DEFINED * size.powi(3)).then(|| h.try_inverse())??;
+            let symmetric = (b + b.transpose()) * 0.5;
+            let h_inverse = (Matrix3::identity() * b.trace() - symmetric).try_inverse()?;
             let step = h_inverse * axial(&b);
             if step.norm() < STEP {
+                if !is_mean_defined(&symmetric.symmetric_eigenvalues()) {
+                    return None;
+                }
                 self.mean = rotation;
                 return Some(h_inverse);
             }

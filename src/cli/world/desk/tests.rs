@@ -8,7 +8,7 @@ use crate::interact::{Axis, Freedom};
 use crate::scene::Scene;
 use crate::stage::Stage;
 use crate::track::{Signal, StylusState, TrackerState};
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 use std::sync::Arc;
 
