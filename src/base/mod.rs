@@ -2,6 +2,7 @@
 //!
 //! Imports no other room of ours.
 
+pub mod disjoint;
 pub mod notice;
 pub mod output;
 pub mod signal;

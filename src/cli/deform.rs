@@ -186,6 +186,9 @@ fn volume_results(
         )));
     }
     let solution = green::solve(scene, name, session::needs(scene, name, body)?, &Silent)?;
+    for notice in &solution.notices {
+        eprintln!("{notice}");
+    }
     let found = asked.iter().map(|asked| volume_result(asked, name, &solution)).collect();
     Ok((Geometry::volume(name, &solution.mesh), found))
 }

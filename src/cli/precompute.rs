@@ -127,6 +127,15 @@ pub fn report(body: &Precomputed) -> Table {
         let size = stats.columns;
         row("stiffness", times.stiffness_s, format!("S: {size} × {size}, asymmetry {asymmetry:.1e}"));
     }
+    let rigid = solution.rigid;
+    let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {
+        format!(", its forces by {shift:.1e} of one element's, a turn's by {turn:.1e}")
+    });
+    row(
+        "rigid motion",
+        0.0,
+        format!("a shift of all control elements is off by {:.1e}{forces}", rigid.shift),
+    );
     row(
         "all",
         solution.offline_s(),

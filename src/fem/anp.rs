@@ -14,7 +14,8 @@
 //! node can meet, one a node is not. A patch ends where the material does. K couples each node with its neighbours'
 //! neighbours, so it has about four times as many blocks as with [`tet4`].
 
-use super::{AssemblyError, Elements, Lame, tet4};
+use super::energy::{StrainRows, Strains};
+use super::{AssemblyError, Elements, Lame, NodeFields, tet4};
 use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};
 
@@ -94,5 +95,16 @@ impl Elements for Patches {
         for (block, gradient) in out.iter_mut().zip(gradients) {
             *block = own * gradient.transpose();
         }
+    }
+}
+
+impl Strains for Patches {
+    fn elements(&self) -> usize {
+        self.stiffness.len()
+    }
+
+    fn strains(&self, element: usize, fields: &NodeFields, out: &mut StrainRows) {
+        let own = self.start[element]..self.start[element + 1];
+        out.push(self.stiffness[element], &self.nodes[own.clone()], &self.gradients[own], fields);
     }
 }

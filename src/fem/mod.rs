@@ -7,6 +7,7 @@
 pub mod anp;
 mod assembly;
 mod corotational;
+mod energy;
 mod fields;
 mod hyperelastic;
 mod material;
@@ -20,6 +21,7 @@ pub mod tet4;
 
 pub use assembly::{AssemblyError, Elements, assemble, assemble_anp, assemble_elements};
 pub use corotational::COROTATIONAL;
+pub use energy::{energies, energies_anp};
 pub use fields::NodeFields;
 pub use hyperelastic::{Hyperelastic, Law, Tangent};
 pub use material::Lame;

@@ -7,7 +7,8 @@
 //! curved element is first projected onto the linear functions, among which that of a straight one lies anyway: near
 //! ν = 1/2 eight points would be eight constraints an element, and stiffen it; the projection leaves four.
 
-use super::{AssemblyError, Elements, Lame, tet4};
+use super::energy::{StrainRows, Strains};
+use super::{AssemblyError, Elements, Lame, NodeFields, tet4};
 use crate::mesh::trouble::FLAT;
 use crate::mesh::{EDGES, TetMesh, quadratic, quality};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
@@ -185,6 +186,27 @@ impl Elements for Tetrahedra<'_> {
         let x = self.nodes[element].map(|node| self.mesh.nodes[node as usize]);
         // `new` has seen that no point is folded.
         stiffness_row(&points(&x).unwrap_or_default(), self.lame[element], a, out);
+    }
+}
+
+impl Strains for Tetrahedra<'_> {
+    fn elements(&self) -> usize {
+        self.nodes.len()
+    }
+
+    fn strains(&self, element: usize, fields: &NodeFields, out: &mut StrainRows) {
+        let (nodes, lame) = (&self.nodes[element], self.lame[element]);
+        // `new` has seen that no point is folded.
+        let points = points(&nodes.map(|node| self.mesh.nodes[node as usize])).unwrap_or_default();
+        let projected = if points.len() == CURVED.len() { projected_dilatation(&points) } else { None };
+        // As in `stiffness_row`: the dilatation of a curved element is the projected one.
+        let lambda = if projected.is_some() { 0.0 } else { lame.lambda };
+        for point in &points {
+            out.push_point((lambda * point.volume, lame.mu * point.volume), nodes, &point.gradients, fields);
+        }
+        for mode in projected.iter().flatten() {
+            out.push(lame.lambda, nodes, mode, fields);
+        }
     }
 }
 

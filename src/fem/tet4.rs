@@ -4,7 +4,8 @@
 //! quadrature point is exact (Zienkiewicz and Taylor, vol. 1, 5th ed., section 6.2; mind the sign of the cyclic
 //! interchange in its equation 6.5b, which the paper's reference 13 points out).
 
-use super::{AssemblyError, Elements, Lame};
+use super::energy::{StrainRows, Strains};
+use super::{AssemblyError, Elements, Lame, NodeFields};
 use crate::mesh::trouble::FLAT;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};
@@ -83,6 +84,18 @@ impl Elements for Tetrahedra<'_> {
         for (b, block) in out.iter_mut().enumerate() {
             *block = stiffness_block(&self.geometry[element], self.lame[element], a, b);
         }
+    }
+}
+
+impl Strains for Tetrahedra<'_> {
+    fn elements(&self) -> usize {
+        self.mesh.tets.len()
+    }
+
+    fn strains(&self, element: usize, fields: &NodeFields, out: &mut StrainRows) {
+        let (Geometry { volume, gradients }, lame) = (&self.geometry[element], self.lame[element]);
+        let stiffness = (lame.lambda * volume, lame.mu * volume);
+        out.push_point(stiffness, &self.mesh.tets[element], gradients, fields);
     }
 }
 

@@ -1,7 +1,7 @@
 //! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
 
 use super::check::Finding;
-use super::{ControlElement, FIELDS, GreenError, Needs, Prepared};
+use super::{ControlElement, FIELDS, GreenError, Needs, Prepared, RigidMotion, judge};
 use crate::fem::{self, AssemblyError, Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::trouble::Severity;
 use crate::mesh::{Surface, TetMesh};
@@ -29,14 +29,15 @@ pub struct Solution {
     pub fields: NodeFields,
     /// S, N/m and N and N·m by the fields' units; only where it is needed.
     pub stiffness: Option<DMatrix<f64>>,
-    /// max |S - Sᵀ| / max |S| before S was symmetrised: Betti's reciprocity as the solver kept it.
+    /// max |R - Rᵀ| / max |R| of the reactions' work R = Φᵀ f_b: Betti's reciprocity as the solver kept it.
     pub asymmetry: Option<f64>,
+    pub rigid: RigidMotion,
     pub stats: SolveStats,
     pub times: StepTimes,
     /// Scalar entries of K.
     pub matrix_entries: usize,
-    /// Warnings and notes of the check before it.
-    pub notices: Vec<String>,
+    /// Warnings and notes of the check before it, and of the judgement after it.
+    pub notices: Vec<Finding>,
 }
 
 impl Solution {
@@ -122,16 +123,15 @@ pub fn solve_prepared(
     let body = &scene.body[name];
     let place = format!("{}: body.{name}", scene.path.display());
     let started = Instant::now();
-    let Prepared { mesh, controls, lame, findings } = prepared;
-    refuse(scene, &findings)?;
+    let Prepared { mesh, controls, lame, findings: mut notices } = prepared;
+    refuse(scene, &notices)?;
     let surface = Surface::of(&mesh);
-    let notices = findings.into_iter().map(|finding| finding.to_string()).collect();
     let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };
 
     progress.begin("assembly", 0);
     let started = Instant::now();
-    let k = assemble(body.element, &mesh, &lame)
-        .map_err(|source| GreenError::Assembly { body: place.clone(), source })?;
+    let unfit = |source| GreenError::Assembly { body: place.clone(), source };
+    let k = assemble(body.element, &mesh, &lame).map_err(unfit)?;
     let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
     let a = partition.a(&k);
     times.assembly_s = started.elapsed().as_secs_f64();
@@ -150,11 +150,16 @@ pub fn solve_prepared(
     if needs.stiffness {
         progress.begin("handle stiffness", 0);
         let started = Instant::now();
-        let (s, skew) = handle_stiffness(&k, &partition, &fields);
-        (stiffness, asymmetry) = (Some(s), Some(skew));
+        stiffness = Some(handle_stiffness(body.element, &mesh, &lame, &fields).map_err(unfit)?);
+        asymmetry = Some(reciprocity(&k, &partition, &fields));
         times.stiffness_s = started.elapsed().as_secs_f64();
         progress.end();
     }
+    let rigid = RigidMotion::of(&mesh, &controls, &fields, stiffness.as_ref());
+    let judged = judge::judge(&format!("body.{name}"), &stats, &rigid)
+        .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
+    notices.extend(judged);
+    notices.sort_by_key(|finding| finding.severity);
     let matrix_entries = k.scalar_entries();
     Ok(Solution {
         element: body.element,
@@ -164,6 +169,7 @@ pub fn solve_prepared(
         fields,
         stiffness,
         asymmetry,
+        rigid,
         stats,
         times,
         matrix_entries,
@@ -198,12 +204,26 @@ fn solve_free(
     }
 }
 
-/// S = Φᵀ f_b with f_b = (Bᵀ u + C b) of every basis field: the generalised force on field i for a unit of
-/// field j. Returns S symmetrised, and how far it was from symmetric.
-fn handle_stiffness(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFields) -> (DMatrix<f64>, f64) {
+/// S_ij = a(u⁽ⁱ⁾, u⁽ʲ⁾), the strain energies of the basis fields, element by element ([`fem::energies`]): the generalised
+/// force on field i for a unit of field j. It equals the reactions' work Φᵀ f_b with f_b = Bᵀ u + C b, but where a held
+/// part is stiff, f_b is left over of sums that are larger by its contrast; strains of a rigid motion are 0 there.
+fn handle_stiffness(
+    element: Element,
+    mesh: &TetMesh,
+    lame: &[Lame],
+    fields: &NodeFields,
+) -> Result<DMatrix<f64>, AssemblyError> {
+    match element {
+        Element::Tet4 | Element::Tet10 => fem::energies(mesh, lame, fields),
+        Element::Tet4Anp => fem::energies_anp(mesh, lame, fields),
+    }
+}
+
+/// How far the reactions' work Φᵀ f_b is from symmetric, relative to its largest number.
+fn reciprocity(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFields) -> f64 {
     let reaction = partition.reaction(k, fields);
     let m = fields.columns;
-    let mut s = DMatrix::zeros(m, m);
+    let mut work = DMatrix::<f64>::zeros(m, m);
     for (row, &node) in partition.controlled.iter().enumerate() {
         for axis in 0..3 {
             // On controlled nodes the fields are what was prescribed, Φ.
@@ -211,14 +231,13 @@ fn handle_stiffness(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFie
             let force = reaction.row(3 * row + axis);
             for (i, phi) in phi.iter().enumerate().filter(|(_, phi)| **phi != 0.0) {
                 for (j, force) in force.iter().enumerate() {
-                    s[(i, j)] += phi * force;
+                    work[(i, j)] += phi * force;
                 }
             }
         }
     }
-    let difference = (&s - s.transpose()).amax();
-    let asymmetry = if difference == 0.0 { 0.0 } else { difference / s.amax() };
-    ((&s + s.transpose()) * 0.5, asymmetry)
+    let difference = (&work - work.transpose()).amax();
+    if difference == 0.0 { 0.0 } else { difference / work.amax() }
 }
 
 /// The first error among the findings, if there is one.

@@ -1,13 +1,12 @@
 //! What must be right before anything is factorised: a Cholesky factorization that succeeds proves nothing. It passes
 //! flat and swapped tetrahedra, pieces held at two points and bodies cracked open, and answers with nonsense.
 
-use super::ControlElement;
-use super::control::rank;
+use super::floating::{Floating, floating};
+use super::{ControlElement, pieces};
 use crate::fem::Lame;
 use crate::mesh::trouble::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Element, Material};
-use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
 /// One thing found without solving.
@@ -60,7 +59,7 @@ fn unit(entity: &str, mesh: &TetMesh) -> Option<Finding> {
     (!USUAL_M.contains(&side)).then(|| Finding::new(Severity::Note, entity, message))
 }
 
-/// Control elements that share nodes, and face-connected pieces that none holds at three points off one line.
+/// Control elements that share nodes, and pieces that none holds or joins ([`pieces`]).
 pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Finding> {
     let mut findings: Vec<Finding> = controls
         .iter()
@@ -85,33 +84,7 @@ pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec
             findings.push(Finding::new(Severity::Error, &entity, message));
         }
     }
-    let components = quality::components(mesh);
-    for (component, nodes) in components.nodes.iter().enumerate() {
-        let held: Vec<u32> = nodes.iter().copied().filter(|&node| owner[node as usize].is_some()).collect();
-        let (centre, all) = offsets_from_centroid(mesh, nodes);
-        let (_, offsets) = offsets_from_centroid(mesh, &held);
-        let size = all.iter().map(Vector3::norm).fold(0.0, f64::max);
-        if rank(&offsets, 1e-6 * size) >= 2 {
-            continue;
-        }
-        let tags: Vec<String> =
-            nodes.iter().take(5).map(|&node| mesh.tags[node as usize].to_string()).collect();
-        let how = match held.len() {
-            0 => "is held by no control element".to_owned(),
-            1 => "is held at a single node, about which it can turn freely".to_owned(),
-            count => format!("is held at {count} nodes on one line, about which it can turn freely"),
-        };
-        let message = format!(
-            "piece {} of {} of the mesh ({} nodes, tags {}…, around {}) {how}; hold it with a control element at three \
-             nodes or more that are not on one line, join it to the rest by shared faces, or remove it from the mesh",
-            component + 1,
-            components.nodes.len(),
-            nodes.len(),
-            tags.join(", "),
-            place(&centre)
-        );
-        findings.push(Finding::new(Severity::Error, entity, message));
-    }
+    findings.extend(pieces::find(entity, mesh, controls));
     findings
 }
 
@@ -139,44 +112,36 @@ pub fn materials(
     for &node in controls.iter().flat_map(|control| &control.nodes) {
         controlled[node as usize] = true;
     }
-    for region in mesh.regions.iter().copied().collect::<BTreeSet<u32>>() {
-        let Some(ratio) = floating_stiffness(mesh, lame, &controlled, region) else { continue };
-        let severity = match ratio {
-            ratio if ratio > STIFF[1] => Severity::Error,
-            ratio if ratio > STIFF[0] => Severity::Warning,
-            _ => continue,
-        };
+    for part in floating(mesh, lame, &controlled, STIFF[0]) {
+        let severity = if part.ratio > STIFF[1] { Severity::Error } else { Severity::Warning };
         let message = format!(
-            "region {region} floats inside material that is {ratio:.1e} times softer, held by no control element: its \
-             own motion is lost in rounding (digits left: about {:.0}); make the contrast smaller, 10⁶ is as good as \
-             rigid, or hold the region by a control element",
-            (16.0 - ratio.log10()).max(0.0)
+            "{} inside material that is {:.1e} times softer ({} tetrahedra around {}) and {}: the part's own motion is \
+             lost in rounding (digits left: about {:.0}); make the contrast smaller, 10⁶ is as good as rigid, or hold \
+             the part by a control element at three nodes or more that are not on one line",
+            floats(mesh, &part),
+            part.ratio,
+            part.tetrahedra,
+            place(&part.centre),
+            part.how,
+            (16.0 - part.ratio.log10()).max(0.0)
         );
         findings.push(Finding::new(severity, entity, message));
     }
     findings
 }
 
-/// Shear modulus of a region over the largest around it, where no control element touches the region.
-fn floating_stiffness(mesh: &TetMesh, lame: &[Lame], controlled: &[bool], region: u32) -> Option<f64> {
-    let mut inside = vec![false; mesh.nodes.len()];
-    let mut softest = f64::INFINITY;
-    let own = |tet: &usize| mesh.regions[*tet] == region;
-    for tet in (0..mesh.tets.len()).filter(own) {
-        mesh.tets[tet].iter().for_each(|&node| inside[node as usize] = true);
-        softest = softest.min(lame[tet].mu);
+/// "region 2 and a part of region 3 (bone) float".
+fn floats(mesh: &TetMesh, part: &Floating) -> String {
+    let name = |(region, whole): &(u32, bool)| {
+        let known = mesh.region_names.get(region).map_or(String::new(), |name| format!(" ({name})"));
+        format!("{}region {region}{known}", if *whole { "" } else { "a part of " })
+    };
+    let names: Vec<String> = part.regions.iter().map(name).collect();
+    match names.as_slice() {
+        [one] => format!("{one} floats"),
+        [others @ .., last] => format!("{} and {last} float", others.join(", ")),
+        [] => "a part floats".to_owned(),
     }
-    if (0..mesh.nodes.len()).any(|node| inside[node] && controlled[node]) {
-        return None;
-    }
-    let touches = |tet: &usize| mesh.tets[*tet].iter().any(|&node| inside[node as usize]);
-    let around = (0..mesh.tets.len()).filter(|tet| !own(tet) && touches(tet)).map(|tet| lame[tet].mu);
-    around.reduce(f64::max).map(|around| softest / around)
-}
-
-fn offsets_from_centroid(mesh: &TetMesh, nodes: &[u32]) -> (Vector3<f64>, Vec<Vector3<f64>>) {
-    let centre = quality::centroid(mesh, nodes).unwrap_or_default();
-    (centre, nodes.iter().map(|&node| mesh.nodes[node as usize] - centre).collect())
 }
 
 #[cfg(test)]

@@ -10,9 +10,13 @@ mod check;
 mod control;
 mod file;
 mod fingerprint;
+mod floating;
+mod judge;
 mod kind;
 mod pack;
+mod pieces;
 mod prepare;
+mod rigid;
 mod storage;
 mod validate;
 
@@ -22,9 +26,11 @@ pub use check::Finding;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
 pub use fingerprint::fingerprint;
+pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};
 pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, prepare, prepare_mesh};
+pub use rigid::RigidMotion;
 pub use storage::{Basis, Stored, half_to_single};
 
 use crate::base::output::OutputError;

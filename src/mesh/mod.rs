@@ -10,6 +10,7 @@ pub mod formats;
 pub mod generate;
 mod groups;
 pub mod grow;
+pub mod near;
 pub mod quadratic;
 pub mod quality;
 pub mod refine;

@@ -46,6 +46,8 @@ pub struct Scene {
 }
 
 /// Young's moduli, Pa, that can be computed with: from far below any jelly to far above diamond.
+/// Relative residuals at which conjugate gradients may end.
+const TOLERANCE: std::ops::RangeInclusive<f64> = 1e-14..=1e-3;
 const YOUNG: std::ops::RangeInclusive<f64> = 1e-12..=1e24;
 
 fn desktop() -> String {
@@ -292,10 +294,16 @@ impl Scene {
             self.check_material(&format!("{entity}.region.{region}"), material)?;
         }
         let solver = &body.solver;
-        if !(1e-14..1.0).contains(&solver.tolerance) || solver.max_iterations == 0 {
+        if !TOLERANCE.contains(&solver.tolerance) || solver.max_iterations == 0 {
             let message = format!(
-                "tolerance {} must lie between 1e-14 and 1, max_iterations {} be above 0",
-                solver.tolerance, solver.max_iterations
+                "tolerance {} must lie between {:e} and {:e}, max_iterations {} be above 0; above {:e} forces and \
+                 displacements would be wrong by more than is seen in the residual, and little time is saved: leave it out \
+                 for 1e-10",
+                solver.tolerance,
+                TOLERANCE.start(),
+                TOLERANCE.end(),
+                solver.max_iterations,
+                TOLERANCE.end()
             );
             return Err(self.invalid(&format!("{entity}.solver"), message));
         }
@@ -422,6 +430,11 @@ grab = "fixed"
                 "generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }",
                 "mesh = \"a.stl\"\ntetrahedralise = { cell = -0.1 }",
                 "body.block.tetrahedralise: cell is -0.1 m",
+            ),
+            (
+                "material",
+                "solver = { method = \"pcg\", tolerance = 0.5 }\nmaterial",
+                "body.block.solver: tolerance 0.5 must lie between 1e-14 and 1e-3",
             ),
             ("material", "refine = 5\nmaterial", "body.block.refine: 5 refinements"),
             ("material", "refine = -1\nmaterial", "scene.toml:4:"),

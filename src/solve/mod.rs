@@ -41,13 +41,17 @@ pub struct SolveStats {
     pub conditioning: Option<Conditioning>,
 }
 
+/// Relative errors of a solution: above the first it is warned of, above the second refused. They judge the forward error
+/// and what rigid motions show.
+pub const ERROR_LIMITS: [f64; 2] = [1e-3, 0.1];
+
 /// How far the solution can be from the exact one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Conditioning {
     /// Estimate of κ₂ of A scaled by its diagonal (Cholesky), or by its 3×3 diagonal blocks (PCG).
     pub scaled_condition: f64,
-    /// Cholesky: bound on max |x̂ - x| / max |x| of the column with the largest residual. PCG: the condition number
-    /// times the largest relative residual.
+    /// Cholesky: bound on max |x̂ - x| / max |x| of the column with the largest residual. PCG: bound on ‖x̂ - x‖_A / ‖x̂‖_A,
+    /// the largest of all columns, by the least eigenvalue that the iteration saw.
     pub forward_error: f64,
     pub seconds: f64,
 }
@@ -75,7 +79,7 @@ pub enum SolveError {
     #[error(
         "column {column}: relative residual {residual:.1e} is above {limit:.1e} after {iterations} iterations; the \
          matrix is too ill-conditioned for conjugate gradients: look for slivers and large contrasts of stiffness \
-         (`greenstage check`), write solver.method = \"cholesky\", or raise solver.tolerance"
+         (`greenstage check`), write solver.method = \"cholesky\", or raise solver.tolerance (to 1e-3 at most)"
     )]
     Residual { column: usize, residual: f64, limit: f64, iterations: usize },
     #[error(
@@ -83,6 +87,8 @@ pub enum SolveError {
          factor is wrong; look for slivers and for large contrasts of stiffness (`greenstage check`)"
     )]
     Factor { column: usize, residual: f64, backward: f64 },
+    #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]
+    Inexact { figure: &'static str, value: f64, remedy: &'static str },
 }
 
 /// ‖b - A x‖₂ / ‖b‖₂ of every column, and b - A x itself.

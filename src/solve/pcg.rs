@@ -3,7 +3,7 @@
 
 use super::{Conditioning, Progress, SolveError, SolveStats, residuals};
 use crate::fem::{NodeFields, StiffnessMatrix};
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::Matrix3;
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -14,9 +14,6 @@ pub struct Pcg {
     pub tolerance: f64,
     pub max_iterations: usize,
 }
-
-/// Iterations from which the condition number is taken.
-const SPECTRUM: usize = 400;
 
 /// The recurrence's residual parts from the true one by rounding; the iteration is restarted from the true
 /// residual at most this often before it is called stagnant.
@@ -39,7 +36,7 @@ impl Pcg {
         let started = Instant::now();
         let mut x = NodeFields::zeros(b.nodes, b.columns);
         let mut iterations = 0;
-        let mut spectrum = Vec::new();
+        let mut spectrum = Spectrum::default();
         let mut done = 0;
         let (mut relative, mut r) = residuals(a, &x, b);
         for _ in 0..=RESTARTS {
@@ -68,8 +65,8 @@ impl Pcg {
                 return Err(SolveError::Residual { column, residual, limit: self.tolerance, iterations });
             }
         }
-        let scaled_condition = condition(&spectrum);
-        let forward_error = scaled_condition * relative.iter().copied().fold(0.0, f64::max);
+        let scaled_condition = spectrum.condition();
+        let forward_error = spectrum.energy_error(&inverse, &x, b, &r);
         let stats = SolveStats {
             method: "pcg".into(),
             unknowns: 3 * b.nodes,
@@ -95,7 +92,7 @@ impl Pcg {
         mut r: NodeFields,
         b_norms: &[f64],
         limit: usize,
-        spectrum: &mut Vec<[f64; 2]>,
+        spectrum: &mut Spectrum,
         told: &mut dyn FnMut(f64),
     ) -> usize {
         let m = r.columns;
@@ -106,12 +103,15 @@ impl Pcg {
         let mut rz = r.dots(&z);
         // The column with the most to do sees most of the spectrum.
         let slowest = (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most });
+        // A restart begins another Krylov space: its coefficients make a tridiagonal of their own.
+        let mut coefficients = Vec::new();
         for iteration in 0..limit {
             let relative: Vec<f64> =
                 r.norms().iter().zip(b_norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
             let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * self.tolerance).collect();
             told(relative.iter().copied().fold(0.0, f64::max));
             if !active.contains(&true) {
+                spectrum.widen(&coefficients);
                 return iteration;
             }
             a.multiply(&p, &mut ap);
@@ -130,32 +130,104 @@ impl Pcg {
                 }
             });
             rz = new_rz;
-            if spectrum.len() < SPECTRUM && alpha[slowest] > 0.0 {
-                spectrum.push([alpha[slowest], beta[slowest]]);
+            // Once the column is left as it is, it tells nothing more.
+            if alpha[slowest] > 0.0 && coefficients.len() == iteration {
+                coefficients.push([alpha[slowest], beta[slowest]]);
             }
         }
+        spectrum.widen(&coefficients);
         limit
     }
 }
 
-/// The condition number of the preconditioned matrix from the coefficients α, β of its iterations: conjugate gradients
-/// are Lanczos in disguise (Saad, Iterative Methods for Sparse Linear Systems, 2nd ed., section 6.7.3).
-fn condition(spectrum: &[[f64; 2]]) -> f64 {
-    if spectrum.is_empty() {
-        return 1.0;
-    }
-    let n = spectrum.len();
-    let mut t = DMatrix::zeros(n, n);
-    for (k, [alpha, beta]) in spectrum.iter().enumerate() {
-        t[(k, k)] += 1.0 / alpha;
-        if k + 1 < n {
-            t[(k + 1, k + 1)] += beta / alpha;
-            t[(k, k + 1)] = beta.sqrt() / alpha;
-            t[(k + 1, k)] = t[(k, k + 1)];
+/// The ends of the preconditioned matrix' spectrum as the iterations saw them, from inside.
+#[derive(Default)]
+struct Spectrum {
+    ends: Option<[f64; 2]>,
+}
+
+impl Spectrum {
+    /// Takes the coefficients α, β of one run of iterations: conjugate gradients are Lanczos in disguise, and those of one
+    /// run make one tridiagonal matrix T (Saad, Iterative Methods for Sparse Linear Systems, 2nd ed., section 6.7.3).
+    fn widen(&mut self, coefficients: &[[f64; 2]]) {
+        let mut diagonal = Vec::with_capacity(coefficients.len());
+        // Square of the number beside the diagonal, in the row after it.
+        let mut beside = Vec::with_capacity(coefficients.len());
+        let mut before = None;
+        for &[alpha, beta] in coefficients {
+            let (shift, square) =
+                before.map_or((0.0, 0.0), |[alpha, beta]: [f64; 2]| (beta / alpha, beta / (alpha * alpha)));
+            diagonal.push(1.0 / alpha + shift);
+            beside.push(square);
+            before = Some([alpha, beta]);
         }
+        let Some([low, high]) = ends(&diagonal, &beside) else { return };
+        let known = self.ends.unwrap_or([low, high]);
+        self.ends = Some([known[0].min(low), known[1].max(high)]);
     }
-    let values = t.symmetric_eigenvalues();
-    values.max() / values.min()
+
+    /// κ₂; an estimate from below. 1 where nothing was iterated.
+    fn condition(&self) -> f64 {
+        self.ends.map_or(1.0, |[low, high]| high / low)
+    }
+
+    /// The largest bound of all columns on the relative error in the energy norm, with D the diagonal blocks, λ the least
+    /// eigenvalue of D⁻¹A that was seen, and r = b - A x̂ computed anew:
+    ///
+    /// ```text
+    /// ‖x̂ - x‖_A / ‖x̂‖_A ≤ (rᵀD⁻¹r / λ)^½ / (x̂ᵀA x̂)^½
+    /// ```
+    ///
+    /// (Axelsson and Kaporin, Numer. Linear Algebra Appl. 8, 2001, 265-286; rᵀA⁻¹r ≤ rᵀD⁻¹r / λ.) λ is seen from
+    /// above, by some per cent once the iteration converges.
+    fn energy_error(&self, inverse: &[Matrix3<f64>], x: &NodeFields, b: &NodeFields, r: &NodeFields) -> f64 {
+        let Some([low, _]) = self.ends else { return 0.0 };
+        let mut z = NodeFields::zeros(r.nodes, r.columns);
+        precondition(inverse, r, &mut z);
+        let (rz, xb, xr) = (r.dots(&z), x.dots(b), x.dots(r));
+        let error = |c: usize| if rz[c] == 0.0 { 0.0 } else { (rz[c] / low / (xb[c] - xr[c])).sqrt() };
+        (0..r.columns).map(error).fold(0.0, |most, e| if e > most || e.is_nan() { e } else { most })
+    }
+}
+
+/// The least and the largest eigenvalue of a symmetric tridiagonal matrix, by bisection with Sturm sequences (Golub and Van
+/// Loan, Matrix Computations, 4th ed., section 8.4.1); `None` where it has no row.
+fn ends(diagonal: &[f64], beside: &[f64]) -> Option<[f64; 2]> {
+    let size = diagonal.len();
+    let reach = |row: usize| beside[row].sqrt() + beside.get(row + 1).map_or(0.0, |square| square.sqrt());
+    let rows = || (0..size).map(|row| (diagonal[row] - reach(row), diagonal[row] + reach(row)));
+    let high = rows().map(|(_, high)| high).reduce(f64::max)?;
+    let low = rows().map(|(low, _)| low).reduce(f64::min)?.max(0.0);
+    // Eigenvalues below `at`: negative pivots of T - at.
+    let below = |at: f64| {
+        let mut pivot = 1.0;
+        let count = |row: usize| {
+            pivot = diagonal[row] - at - if row == 0 { 0.0 } else { beside[row] / pivot };
+            if pivot == 0.0 {
+                pivot = f64::MIN_POSITIVE;
+            }
+            pivot < 0.0
+        };
+        (0..size).map(count).filter(|negative| *negative).count()
+    };
+    let end = |least: bool| {
+        let (mut low, mut high) = (low, high);
+        // Towards 0 the logarithm is halved first: the least may be many powers of ten below the largest.
+        for _ in 0..200 {
+            let middle = if low > 0.0 && high > 2.0 * low { (low * high).sqrt() } else { 0.5 * (low + high) };
+            if middle <= low || middle >= high {
+                break;
+            }
+            let most = if least { 0 } else { size - 1 };
+            if below(middle) > most {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        high
+    };
+    Some([end(true), end(false)])
 }
 
 fn inverse_diagonal(a: &StiffnessMatrix) -> Result<Vec<Matrix3<f64>>, SolveError> {
@@ -192,4 +264,36 @@ fn add_scaled(x: &mut NodeFields, scale: &[f64], p: &NodeFields) {
             x[c] += scale[c] * p[c];
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// -u'' on n points: eigenvalues 2 - 2 cos(k π / (n + 1)).
+    #[test]
+    fn bisection_finds_the_ends_of_a_known_spectrum() {
+        for size in [1, 2, 7, 1000] {
+            let mut beside = vec![1.0; size];
+            beside[0] = 0.0;
+            let [low, high] = ends(&vec![2.0; size], &beside).unwrap();
+            let exact = |k: f64| 2.0 - 2.0 * (k * std::f64::consts::PI / (size as f64 + 1.0)).cos();
+            assert!((low / exact(1.0) - 1.0).abs() < 1e-9, "{size}: {low} of {}", exact(1.0));
+            assert!((high / exact(size as f64) - 1.0).abs() < 1e-9, "{size}: {high}");
+        }
+        assert_eq!(ends(&[], &[]), None);
+    }
+
+    /// Runs of α = 1/2, β = 0 see the eigenvalue 2 and nothing else, however many there are.
+    #[test]
+    fn every_run_has_a_spectrum_of_its_own() {
+        let mut spectrum = Spectrum::default();
+        spectrum.widen(&[]);
+        assert_eq!(spectrum.condition(), 1.0);
+        spectrum.widen(&[[0.5, 3.0]]);
+        spectrum.widen(&[[0.5, 3.0]]);
+        assert!((spectrum.condition() - 1.0).abs() < 1e-12, "{}", spectrum.condition());
+        spectrum.widen(&[[0.25, 3.0]]);
+        assert!((spectrum.condition() - 2.0).abs() < 1e-12, "{}", spectrum.condition());
+    }
 }

@@ -132,6 +132,10 @@ fn stacked(blocks: u32) -> Result<TetMesh, GreenError> {
 fn pieces() -> Rows {
     let beside = |x: f64, y: f64, z: f64, merge| joined(Vector3::new(x, y, z), merge).map(Asked::new);
     let crack = Must::warn("25 pairs of nodes lie at the same place", "residual", 1e-12);
+    let gap = Must::warn("merge nodes with a tolerance above 1.000e-7 m", "residual", 1e-12);
+    let mut gaping = stacked(2)?;
+    let upper = gaping.nodes.len() / 2;
+    gaping.nodes[upper..].iter_mut().for_each(|x| x.z += 1e-7);
     Ok(vec![
         refused(12, "floating piece", "piece 2 of 2", &beside(3.0, 0.0, 0.0, false)?),
         solved(
@@ -141,6 +145,9 @@ fn pieces() -> Rows {
             &Asked::new(stacked(2)?),
             |solution| Ok(solution.stats.worst_residual()),
         )?,
+        solved(13, "two halves 1e-7 m apart, both held", gap, &Asked::new(gaping), |solution| {
+            Ok(solution.stats.worst_residual())
+        })?,
         refused(14, "two layers not merged, the middle floats", "piece 2 of 3", &Asked::new(stacked(3)?)),
         refused(
             16,

@@ -12,7 +12,7 @@ mod meshes;
 mod poses;
 mod supports;
 
-use crate::green::{self, Finding, GreenError, Needs, Prepared, Severity, Solution};
+use crate::green::{self, Finding, GreenError, Needs, Severity, Solution};
 use crate::mesh::{Block, Loaded, TetMesh, block};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
@@ -126,9 +126,8 @@ impl Asked {
     fn judge_and_solve(&self) -> Result<(Vec<Finding>, Solution), GreenError> {
         let scene = self.scene()?;
         let prepared = green::prepare_mesh(&scene, "b", self.mesh.clone())?;
-        let Prepared { findings, .. } = &prepared;
-        let findings = findings.clone();
-        Ok((findings, green::solve_prepared(&scene, "b", prepared, HAPTICS, &Silent)?))
+        let solution = green::solve_prepared(&scene, "b", prepared, HAPTICS, &Silent)?;
+        Ok((solution.notices.clone(), solution))
     }
 }
 

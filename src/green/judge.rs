@@ -1,0 +1,106 @@
+//! Whether a solution may be used: its forward error and what it does with rigid motions, against [`ERROR_LIMITS`].
+
+use super::file::BodyMeta;
+use super::{Finding, RigidMotion};
+use crate::mesh::trouble::Severity;
+use crate::solve::{ERROR_LIMITS, SolveError, SolveStats};
+
+const SHIFT: &str = "the error of the displacements when all control elements are shifted alike (the columns of a shift \
+                     are not 1 in every node)";
+const SHIFT_FORCE: &str =
+    "the force that a shift of all control elements costs one of them, over that of shifting it alone,";
+
+/// A warning for every figure above the first limit; an error where one is above the second or is no number.
+pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Vec<Finding>, SolveError> {
+    let mut findings = Vec::new();
+    if let Some(conditioning) = stats.conditioning {
+        findings.extend(forward(entity, &stats.method, conditioning.forward_error)?);
+    }
+    let remedy = remedy(&stats.method);
+    findings.extend(one(entity, SHIFT, rigid.shift, remedy)?);
+    if let Some(force) = rigid.shift_force {
+        findings.extend(one(entity, SHIFT_FORCE, force, remedy)?);
+    }
+    let turn = rigid.turn_force.filter(|turn| *turn > ERROR_LIMITS[0] || turn.is_nan());
+    // Displacements and pulls are judged above: what is left is a moment that S has no digits for.
+    findings.extend(turn.map(|turn| {
+        let message = format!(
+            "the force or moment that a turn of all control elements costs one of them is {turn:.1e} of that of turning \
+             it alone, where it should be 0: S holds the far larger stiffness against straining that control element in \
+             the same numbers; pulls are right, moments are not to be trusted beyond this part; make the contrast of \
+             stiffness smaller, 10⁶ is as good as rigid"
+        );
+        Finding::new(Severity::Warning, entity, message)
+    }));
+    Ok(findings)
+}
+
+/// The same of what a .green file tells of one of its bodies.
+pub fn judge_file(entity: &str, body: &BodyMeta) -> Result<Option<Finding>, SolveError> {
+    body.accuracy.forward_error.map_or(Ok(None), |error| forward(entity, &body.accuracy.solver, error))
+}
+
+fn forward(entity: &str, method: &str, error: f64) -> Result<Option<Finding>, SolveError> {
+    one(entity, "the bound on the forward error", error, remedy(method))
+}
+
+fn remedy(method: &str) -> &'static str {
+    match method {
+        "pcg" => {
+            "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
+             large contrasts of stiffness (`greenstage check`)"
+        }
+        _ => {
+            "look for slivers and large contrasts of stiffness (`greenstage check`), for parts a thousand times as long \
+             as thick, and for a Poisson's ratio next to 0.5"
+        }
+    }
+}
+
+fn one(
+    entity: &str,
+    figure: &'static str,
+    value: f64,
+    remedy: &'static str,
+) -> Result<Option<Finding>, SolveError> {
+    if value <= ERROR_LIMITS[0] {
+        return Ok(None);
+    }
+    if value > ERROR_LIMITS[1] || value.is_nan() {
+        return Err(SolveError::Inexact { figure, value, remedy });
+    }
+    let message = format!("{figure} is {value:.1e}, above {}; {remedy}", ERROR_LIMITS[0]);
+    Ok(Some(Finding::new(Severity::Warning, entity, message)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::Conditioning;
+
+    fn stats(forward_error: f64) -> SolveStats {
+        let conditioning = Some(Conditioning { forward_error, ..Conditioning::default() });
+        SolveStats { method: "cholesky".into(), conditioning, ..SolveStats::default() }
+    }
+
+    #[test]
+    fn errors_are_warned_of_above_the_first_limit_and_refused_above_the_second() {
+        let judged = |forward, shift, force| {
+            let rigid = RigidMotion { shift, shift_force: Some(force), turn_force: Some(0.0) };
+            judge("body.b", &stats(forward), &rigid).map(|findings| findings.len()).map_err(|e| e.to_string())
+        };
+        assert_eq!(judged(1e-3, 1e-3, 1e-3), Ok(0));
+        assert_eq!(judged(1.1e-3, 0.1, 2e-3), Ok(3));
+        for (forward, shift, force, words) in [
+            (0.11, 0.0, 0.0, "the bound on the forward error is 1.1e-1, above 0.1"),
+            (f64::NAN, 0.0, 0.0, "the bound on the forward error is NaN"),
+            (0.0, 0.2, 0.0, "the columns of a shift are not 1 in every node) is 2.0e-1"),
+            (0.0, 0.0, f64::INFINITY, "over that of shifting it alone, is inf"),
+        ] {
+            let said = judged(forward, shift, force).unwrap_err();
+            assert!(said.contains(words) && said.contains("greenstage check"), "{said}");
+        }
+        let turn = RigidMotion { turn_force: Some(0.5), ..RigidMotion::default() };
+        assert_eq!(judge("body.b", &stats(0.0), &turn).unwrap().len(), 1);
+    }
+}
