@@ -2,5 +2,6 @@
 //!
 //! Imports no other room of ours.
 
+pub mod last_word;
 pub mod notice;
 pub mod signal;
