@@ -106,7 +106,7 @@ impl Listener {
     /// Whether the device has said anything on this connection, be it that it is there. That the server names it proves
     /// nothing: VRPN's own names whatever a client has asked for.
     pub fn is_there(&self) -> bool {
-        self.is_there
+        self.is_there && self.sender.is_some()
     }
 
     /// Why nothing is heard of a server's device after `silent_s`: it has answered no ping.
