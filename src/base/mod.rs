@@ -3,6 +3,7 @@
 //! Imports no other room of ours.
 
 pub mod disjoint;
+pub mod last_word;
 pub mod notice;
 pub mod output;
 pub mod signal;

@@ -65,8 +65,11 @@ impl Drop for OnEnd {
 /// Blocks the signals in this thread and in all that it starts from now on, and starts the one that waits for them. To be
 /// called before there are other threads. A signal that is ignored, as `nohup` has it, stays so.
 ///
-/// A second signal ends the program at once.
+/// A second signal ends the program at once. A file that grows beyond its limit (`ulimit -f`) is an error of whoever
+/// writes it, as a full disk is, and no signal.
 pub fn watch() -> io::Result<()> {
+    // SAFETY: takes numbers alone, and sets no handler.
+    unsafe { libc::signal(libc::SIGXFSZ, SIG_IGN) };
     let set = set(|signal| !is_ignored(signal));
     change_mask(SIG_BLOCK, &set)?;
     let started = std::thread::Builder::new().name("signals".into()).spawn(move || wait(&set));
@@ -103,6 +106,8 @@ fn wait(set: &sigset_t) {
 
 /// Ends the program as the signal ends one that does not care for it.
 fn end_by(signal: c_int) {
+    // Where the acts were not all done.
+    super::last_word::speak();
     // Cannot fail for these signals; it ends the program in any case.
     let _ = signal_hook::low_level::emulate_default_handler(signal);
 }

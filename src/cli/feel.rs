@@ -216,7 +216,9 @@ pub fn open(haptic: &Haptic) -> Result<Box<dyn Device>, Failure> {
     Ok(match &haptic.device {
         HapticDevice::Simulated => Box::new(Simulated::new(haptic, Hand::FINGERS)),
         HapticDevice::Vrpn(name) => Box::new(VrpnDevice::open(name).map_err(wrong)?),
-        HapticDevice::Haply(place) => Box::new(Haply::open(place).map_err(|error| wrong(error.to_string()))?),
+        HapticDevice::Haply(place) => {
+            Box::new(Haply::open(place, haptic.buttons).map_err(|error| wrong(error.to_string()))?)
+        }
     })
 }
 

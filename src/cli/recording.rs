@@ -17,7 +17,7 @@ use crate::track::TrackerState;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 const VERSION: u32 = 2;
 
@@ -27,7 +27,7 @@ struct Header {
     greenstage: String,
     version: u32,
     program: String,
-    /// As `--stage` or the scene names it.
+    /// The name of a built-in stage, or the path of a stage file from the recording's own folder.
     stage: String,
     /// blake3 over everything of the scene, and of the stage (workspace and viewer), that the state depends on.
     scene_hash: String,
@@ -53,12 +53,12 @@ pub struct Frame {
 pub struct Origin<'a> {
     pub scene: &'a Scene,
     pub file: &'a GreenFile,
-    /// As `--stage` or the scene names it.
+    /// A built-in stage, or the path of a stage file from where the program runs.
     pub stage: &'a str,
 }
 
 impl Origin<'_> {
-    fn header(&self, world: &World) -> Header {
+    fn header(&self, world: &World, recording: &Path) -> Header {
         let mut scene = blake3::Hasher::new();
         for (name, body) in &self.scene.body {
             let basis = self.file.meta.bodies.get(name).map_or("", |meta| meta.fingerprint.as_str());
@@ -70,7 +70,7 @@ impl Origin<'_> {
             greenstage: "recording".into(),
             version: VERSION,
             program: env!("CARGO_PKG_VERSION").into(),
-            stage: self.stage.into(),
+            stage: stage_from(recording, self.stage),
             scene_hash: scene.finalize().to_hex().to_string(),
             stage_hash: blake3::hash(stage.as_bytes()).to_hex().to_string(),
             styli: world.styli_count(),
@@ -96,7 +96,7 @@ pub struct Recorder {
 impl Recorder {
     /// Starts a new file; an older recording is replaced once the new one's start is written.
     pub fn create(path: &Path, origin: &Origin<'_>, world: &World) -> Result<Recorder, Failure> {
-        let mut text = line(&origin.header(world))?;
+        let mut text = line(&origin.header(world, path))?;
         world.write(&mut text)?;
         let file = output::stream(path, &KIND, &text)?;
         let lines = Lines::write(Vec::new(), file).map_err(Failure::work)?;
@@ -125,6 +125,30 @@ impl Recorder {
     fn failed(&self, error: &std::io::Error) -> Failure {
         Failure::work(anyhow::anyhow!("cannot write the recording {}: {error}", self.path.display()))
     }
+}
+
+/// Whatever ends in `.toml` is a path, as in [`Stage::find`](crate::stage::Stage::find).
+fn is_file(stage: &str) -> bool {
+    stage.ends_with(".toml")
+}
+
+fn folder_of(recording: &Path) -> &Path {
+    recording.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A stage as a recording names it: a file by its path from the recording's folder, so that both may be moved together and
+/// replayed from anywhere. Where one of the two is not there, the path as it is.
+fn stage_from(recording: &Path, stage: &str) -> String {
+    if !is_file(stage) {
+        return stage.to_owned();
+    }
+    let places = std::fs::canonicalize(folder_of(recording)).ok().zip(std::fs::canonicalize(stage).ok());
+    let from = |(folder, file): (PathBuf, PathBuf)| {
+        let shared = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+        let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+        up.chain(file.components().skip(shared)).collect::<PathBuf>()
+    };
+    places.map(from).unwrap_or_else(|| PathBuf::from(stage)).display().to_string()
 }
 
 fn line(value: &impl Serialize) -> Result<Vec<u8>, Failure> {
@@ -175,14 +199,25 @@ impl Replay {
         })
     }
 
-    /// The stage on which it was recorded, by the name that was given then.
-    pub fn stage(&self) -> &str {
-        &self.header.stage
+    /// The stage on which it was recorded: the name of a built-in one, or the path of a file that is there.
+    pub fn stage(&self) -> Result<String, Failure> {
+        let stage = &self.header.stage;
+        if !is_file(stage) {
+            return Ok(stage.clone());
+        }
+        let path = folder_of(&self.path).join(stage);
+        if path.is_file() {
+            return Ok(path.display().to_string());
+        }
+        Err(self.wrong(&format!(
+            "the stage file that it was recorded on is not at {}: move it there, or name it by --stage",
+            path.display()
+        )))
     }
 
     /// Brings a new world to the start of the session; refuses one of another scene, stage or program.
     pub fn start(&mut self, origin: &Origin<'_>, world: &mut World) -> Result<(), Failure> {
-        let (then, now) = (&self.header, origin.header(world));
+        let (then, now) = (&self.header, origin.header(world, &self.path));
         let fault = if then.program != now.program {
             format!("it was recorded by greenstage {}, this is {}", then.program, now.program)
         } else if then.scene_hash != now.scene_hash {

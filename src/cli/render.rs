@@ -143,7 +143,7 @@ pub struct Show {
     pub world: World,
     pub replay: Option<Replay>,
     pub file: Arc<GreenFile>,
-    /// As `--stage`, the recording or the scene names it.
+    /// A built-in stage, or the path of a stage file from where the program runs.
     stage: String,
 }
 
@@ -156,12 +156,15 @@ impl Show {
         replay: Option<&Path>,
     ) -> Result<Show, Failure> {
         let mut replay = replay.map(Replay::open).transpose()?;
-        let recorded = replay.as_ref().map(|replay| replay.stage().to_owned());
-        let named = asked.map(str::to_owned).or(recorded.filter(|recorded| *recorded != scene.stage));
+        let named = match (asked, &replay) {
+            (Some(asked), _) => Some(asked.to_owned()),
+            (None, Some(replay)) => Some(replay.stage()?),
+            (None, None) => None,
+        };
         let stage = stage(scene, named.as_deref())?;
         let file = session::green_file(scene, green)?;
         let mut world = World::new(scene, &file, stage)?;
-        let stage = named.unwrap_or_else(|| scene.stage.clone());
+        let stage = named.unwrap_or_else(|| stage_of_scene(scene));
         if let Some(replay) = &mut replay {
             replay.start(&Origin { scene, file: &file, stage: &stage }, &mut world)?;
         }
@@ -184,17 +187,20 @@ pub fn report(replay: Option<&Replay>, recorder: Option<&mut Recorder>) -> Resul
 
 /// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
 pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
-    let name = match asked {
-        Some(name) => name.to_owned(),
-        None if scene.stage.ends_with(".toml") => {
-            scene.resolve(Path::new(&scene.stage)).display().to_string()
-        }
-        None => scene.stage.clone(),
-    };
+    let name = asked.map_or_else(|| stage_of_scene(scene), str::to_owned);
     Stage::find(&name).map_err(|error| match asked {
         Some(_) => Failure::request(error),
         None => Failure::request(scene.invalid("stage", error.to_string())),
     })
+}
+
+/// The scene's stage, as it is found from where the program runs.
+fn stage_of_scene(scene: &Scene) -> String {
+    if scene.stage.ends_with(".toml") {
+        scene.resolve(Path::new(&scene.stage)).display().to_string()
+    } else {
+        scene.stage.clone()
+    }
 }
 
 /// The script that is asked for, else the scene's, if it has one; a path in the scene file is relative to it.

@@ -37,6 +37,41 @@ pub struct Haptic {
     pub room_from_device: Isometry3<f64>,
     /// From the handle that the device tells to the stylus, whose ray is its -z axis.
     pub sensor_from_body: Isometry3<f64>,
+    /// Of a Haply grip: the button that grabs, and the second.
+    pub buttons: [GripButton; 2],
+}
+
+/// A button of a grip, as Haply's service names it. The only one of a grip on a wire is `a`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GripButton {
+    A,
+    B,
+    C,
+    D,
+    E,
+    F,
+    Up,
+    Down,
+    Left,
+    Right,
+}
+
+impl GripButton {
+    pub fn name(self) -> &'static str {
+        match self {
+            GripButton::A => "a",
+            GripButton::B => "b",
+            GripButton::C => "c",
+            GripButton::D => "d",
+            GripButton::E => "e",
+            GripButton::F => "f",
+            GripButton::Up => "up",
+            GripButton::Down => "down",
+            GripButton::Left => "left",
+            GripButton::Right => "right",
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,6 +103,7 @@ impl Haptic {
             virtual_damping: 0.0,
             room_from_device: Isometry3::identity(),
             sensor_from_body: Isometry3::identity(),
+            buttons: [GripButton::A, GripButton::B],
         }
     }
 
@@ -97,6 +133,8 @@ pub(super) struct HapticFile {
     mass: Option<f64>,
     inertia: Option<f64>,
     virtual_damping: Option<f64>,
+    grab: Option<GripButton>,
+    second: Option<GripButton>,
     #[serde(default)]
     room_from_device: MountFile,
     #[serde(default)]
@@ -131,6 +169,7 @@ pub(super) fn check(name: &str, file: &HapticFile) -> Result<Haptic, Fault> {
     }
     let haptic = Haptic {
         name: name.to_owned(),
+        buttons: buttons(file, &device).map_err(fault)?,
         device,
         stylus: file.stylus.clone().unwrap_or_else(|| name.to_owned()),
         rate_hz: range("rate", file.rate.unwrap_or(usual.rate_hz), " of Hz", 100.0, 20_000.0)?,
@@ -165,6 +204,22 @@ pub(super) fn check(name: &str, file: &HapticFile) -> Result<Haptic, Fault> {
         )));
     }
     Ok(haptic)
+}
+
+/// Which of the grip's buttons do what.
+fn buttons(file: &HapticFile, device: &HapticDevice) -> Result<[GripButton; 2], String> {
+    let given = file.grab.map(|_| "grab").or(file.second.map(|_| "second"));
+    if let (Some(key), HapticDevice::Simulated | HapticDevice::Vrpn(_)) = (given, device) {
+        return Err(format!(
+            "{key} is for the buttons of a Haply grip, but device is \"{}\": remove it",
+            file.device
+        ));
+    }
+    let [grab, second] = [file.grab.unwrap_or(GripButton::A), file.second.unwrap_or(GripButton::B)];
+    if grab == second {
+        return Err(format!("grab and second are both \"{}\": give second another", grab.name()));
+    }
+    Ok([grab, second])
 }
 
 /// A real device is a tracker: sensor 0 is its handle, buttons 0 and 1 grab and do the second thing. A simulated one is
@@ -285,6 +340,9 @@ mod tests {
         assert_eq!((found.stylus.as_str(), found.room_from_device.translation.y), ("pen", 0.9));
         let found = stage("device = \"haply://localhost\"\nmax_force = 5").unwrap().haptics.remove(0);
         assert_eq!(found.device, HapticDevice::Haply("localhost".into()));
+        assert_eq!(found.buttons, [GripButton::A, GripButton::B]);
+        let other = "device = \"haply://localhost\"\nmax_force = 5\ngrab = \"c\"\nsecond = \"up\"";
+        assert_eq!(stage(other).unwrap().haptics[0].buttons, [GripButton::C, GripButton::Up]);
     }
 
     #[test]
@@ -351,6 +409,9 @@ mod tests {
             ("device = \"haply://h\"\nmax_force = 5\nmax_torque = 1", "has no torque: remove it"),
             ("device = \"simulated\"\nvirtual_damping = 1.0", "not below the device's own damping"),
             ("device = \"simulated\"\nmax_forse = 1.0", "did you mean `max_force`?"),
+            ("device = \"simulated\"\ngrab = \"c\"", "grab is for the buttons of a Haply grip"),
+            ("device = \"haply://h\"\nmax_force = 5\ngrab = \"b\"", "both \"b\": give second another"),
+            ("device = \"haply://h\"\nmax_force = 5\ngrab = \"x\"", "unknown variant"),
             (
                 "device = \"simulated\"\nroom_from_device = { position = [inf, 0, 0] }",
                 "room_from_device of haptic `right` is inf",

@@ -18,7 +18,7 @@ mod window;
 
 pub use fault::{Fault, Located, StageError};
 pub use file::Survey;
-pub use haptic::{Haptic, HapticDevice};
+pub use haptic::{GripButton, Haptic, HapticDevice};
 pub use lint::{Level, Lint, lint};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use seam::{Edge, Seam};

@@ -14,7 +14,7 @@ pub(super) use file::{MountFile, SensorFile, StylusFile, TrackerFile, check, iso
 use super::haptic::HapticDevice;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, UnitQuaternion};
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 /// All that is tracked on a stage, in the order of the file; empty where nothing is.
@@ -55,10 +55,10 @@ pub enum TrackerKind {
         transport: Transport,
     },
     Dtrack {
-        listen: SocketAddr,
+        listen: Listen,
     },
     Osc {
-        listen: SocketAddr,
+        listen: Listen,
         euler: EulerOrder,
     },
     Fastrak {
@@ -70,6 +70,15 @@ pub enum TrackerKind {
     },
     /// Of a table `[haptic.NAME]`: whoever gives it forces says what it measures.
     Haptic(HapticDevice),
+}
+
+/// Where datagrams are heard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Listen {
+    /// An address of this machine, or that of a multicast group, which is joined.
+    pub at: SocketAddr,
+    /// The address of this machine on the network where the group is joined; the system's choice unless given.
+    pub interface: Option<Ipv4Addr>,
 }
 
 /// How a VRPN client reaches its server.
@@ -206,6 +215,21 @@ impl std::fmt::Display for TrackerKind {
             TrackerKind::Fastrak { device, baud } => write!(f, "fastrak {} at {baud} baud", device.display()),
             TrackerKind::Gamepad { device } => write!(f, "gamepad {}", device.display()),
             TrackerKind::Haptic(device) => write!(f, "force device, {device}"),
+        }
+    }
+}
+
+impl From<SocketAddr> for Listen {
+    fn from(at: SocketAddr) -> Listen {
+        Listen { at, interface: None }
+    }
+}
+
+impl std::fmt::Display for Listen {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.interface {
+            Some(interface) => write!(f, "{} by {interface}", self.at),
+            None => self.at.fmt(f),
         }
     }
 }

@@ -1,7 +1,8 @@
 //! ART DTrack: frames of lines of text, one frame a UDP datagram, usually to port 5000.
 //!
 //! In: `6d`, `6di` (bodies), `6df2`, `6df` (flysticks), `3d` (markers) with `fr`, `ts`, `ts2`; other lines are passed
-//! over. Out: poses in metres, from the protocol's millimetres. A frame that was overtaken by a newer one is dropped.
+//! over. Out: poses in metres, from the protocol's millimetres, with their time of measurement by the time of day: `ts2`
+//! has it, `ts` only the seconds since midnight (UTC). A frame that was overtaken by a newer one is dropped.
 //!
 //! | of DTrack | number of the sensor | buttons | valuators |
 //! |---|---|---|---|
@@ -12,6 +13,7 @@
 use super::device::DeviceState;
 use super::udp::Parser;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 const FLYSTICK: i32 = 1000;
 const MARKER: i32 = 2000;
@@ -26,6 +28,10 @@ const IN_ORDER: u32 = 3;
 /// Largest entry of RᵀR - I that rounding to six digits, and no mistake, can have.
 const MOST_SKEW: f64 = 0.01;
 const METRES: f64 = 1e-3;
+const DAY_S: f64 = 86_400.0;
+/// A date that was right once is right as long as it makes the time differ by less than this from our own, s: the
+/// controller's clock may be in another time zone.
+const OTHER_DAY_S: f64 = 0.75 * DAY_S;
 
 /// The state between frames.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,6 +39,8 @@ pub struct Dtrack {
     last_frame: Option<i64>,
     /// The last late frame, and how many came in their order.
     late: Option<(i64, u32)>,
+    /// The last time of measurement, s since 1970.
+    last_s: Option<f64>,
 }
 
 impl Parser for Dtrack {
@@ -49,7 +57,10 @@ impl Parser for Dtrack {
             }
             self.last_frame = Some(frame);
         }
-        let measured_s = first("ts2").and_then(seconds_of_ts2).or_else(|| first("ts").and_then(number));
+        let measured_s = first("ts2").and_then(seconds_of_ts2).or_else(|| {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_secs_f64();
+            Some(self.dated(first("ts").and_then(number)?, now))
+        });
         let (mut read, mut bad) = (0_u64, 0_u64);
         for (key, rest) in lines() {
             let items = match key {
@@ -74,6 +85,17 @@ impl Parser for Dtrack {
 }
 
 impl Dtrack {
+    /// Seconds since 1970 of a time that is told as seconds since midnight: on the day of the one before, or the next one
+    /// where midnight has passed; at first the day that brings it nearest to `now_s`.
+    fn dated(&mut self, since_midnight_s: f64, now_s: f64) -> f64 {
+        let nearest_to =
+            |time_s: f64| since_midnight_s + DAY_S * ((time_s - since_midnight_s) / DAY_S).round();
+        let follows = self.last_s.map(nearest_to).filter(|time_s| (time_s - now_s).abs() < OTHER_DAY_S);
+        let time_s = follows.unwrap_or_else(|| nearest_to(now_s));
+        self.last_s = Some(time_s);
+        time_s
+    }
+
     fn is_late(&mut self, frame: i64) -> bool {
         let is_late = |last: i64| frame <= last && last.saturating_sub(frame) <= LATE;
         if !self.last_frame.is_some_and(is_late) {
@@ -232,4 +254,41 @@ fn number(word: &str) -> Option<f64> {
 /// A number of something, below `end`.
 fn whole(value: f64, end: f64) -> Option<i32> {
     (value.fract() == 0.0 && (0.0..end).contains(&value)).then_some(value as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 2026-03-14 00:00 UTC.
+    const MIDNIGHT_S: f64 = 1_773_446_400.0;
+
+    #[test]
+    fn the_seconds_of_a_day_get_their_date_across_midnight() {
+        let mut dtrack = Dtrack::default();
+        for (told_s, now_s) in [(86_399.9, -0.05), (86_399.99, 0.01), (0.01, 0.03), (0.02, 0.04)] {
+            let expected = if told_s > 1.0 { told_s - DAY_S } else { told_s };
+            let dated = dtrack.dated(told_s, MIDNIGHT_S + now_s) - MIDNIGHT_S;
+            assert!((dated - expected).abs() < 1e-6, "{told_s}: {dated}");
+        }
+        // A packet of before midnight that is read after it, as the first.
+        assert!((Dtrack::default().dated(86_399.9, MIDNIGHT_S + 0.2) - (MIDNIGHT_S - 0.1)).abs() < 1e-6);
+    }
+
+    /// A controller twelve hours off, whose nearest day would change with every packet's way.
+    #[test]
+    fn a_clock_of_another_time_zone_goes_on_evenly() {
+        let mut dtrack = Dtrack::default();
+        let times: Vec<f64> = (0..100)
+            .map(|i| {
+                let measured_s = 0.01 * f64::from(i);
+                let late_s = 0.005 * f64::from(i % 3);
+                dtrack.dated(43_200.0 + measured_s, MIDNIGHT_S + measured_s + late_s - 0.005)
+            })
+            .collect();
+        assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-6), "{times:?}");
+        // And one that was set to another time of the day is followed.
+        let set_s = dtrack.dated(80_000.0, MIDNIGHT_S + 80_000.5);
+        assert!((set_s - MIDNIGHT_S - 80_000.0).abs() < 1e-6, "{set_s}");
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::device::Source;
 use super::{dtrack, fastrak, gamepad, osc, udp, vrpn};
-use crate::stage::tracking::TrackerKind;
+use crate::stage::tracking::{Listen, TrackerKind};
 
 /// Why a source could not be opened at all; one that is merely absent is waited for.
 #[derive(Debug, thiserror::Error)]
@@ -12,6 +12,11 @@ pub enum OpenError {
          of this machine?"
     )]
     Listen { tracker: String, at: std::net::SocketAddr, source: std::io::Error },
+    #[error(
+        "tracker `{tracker}`: cannot join the multicast group {place}: {source}; give `interface`, the address that this \
+         machine has on the tracker's network"
+    )]
+    Join { tracker: String, place: Listen, source: std::io::Error },
     #[error("tracker `{tracker}`: cannot start its thread: {source}")]
     Thread { tracker: String, source: std::io::Error },
     #[error("tracker `{tracker}`: {why}")]

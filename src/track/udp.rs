@@ -7,7 +7,8 @@ use super::device::{DeviceState, Link, now_s};
 use super::open::OpenError;
 use super::pace::{NEWS_S, Pace};
 use super::worker::{Publisher, Worker};
-use std::net::{SocketAddr, UdpSocket};
+use crate::stage::tracking::Listen;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::Duration;
 
 /// A longer datagram is malformed, bytes. DTrack's frame of 40 bodies has 8,000.
@@ -29,14 +30,36 @@ struct Silence {
 
 const SILENCE: Silence = Silence { quiet_s: 2.0, gone_s: 10.0 };
 
-/// Listens on `at` (port 0: any free one, which [`Source::describe`](super::Source::describe) tells).
-pub fn listen(tracker: &str, kind: &str, at: SocketAddr, parser: impl Parser) -> Result<Worker, OpenError> {
+/// Listens on an address (port 0: any free one, which [`Source::describe`](super::Source::describe) tells), or joins a
+/// multicast group and listens to that alone.
+pub fn listen(tracker: &str, kind: &str, place: Listen, parser: impl Parser) -> Result<Worker, OpenError> {
+    let at = place.at;
     let failed = |source| OpenError::Listen { tracker: tracker.to_owned(), at, source };
     let socket = UdpSocket::bind(at).map_err(failed)?;
+    join(&socket, place).map_err(|source| OpenError::Join { tracker: tracker.to_owned(), place, source })?;
     socket.set_read_timeout(Some(WAKE)).map_err(failed)?;
     let description = format!("{kind} on {}", socket.local_addr().map_err(failed)?);
     Worker::spawn(description, move |publisher| run(&socket, parser, publisher, SILENCE))
         .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
+}
+
+/// Where the address is that of a group, the system is asked for what is sent to it.
+fn join(socket: &UdpSocket, Listen { at, interface }: Listen) -> std::io::Result<()> {
+    match at.ip() {
+        IpAddr::V4(group) if group.is_multicast() => {
+            socket.join_multicast_v4(&group, &interface.unwrap_or(Ipv4Addr::UNSPECIFIED))
+        }
+        IpAddr::V6(group) if group.is_multicast() => socket.join_multicast_v6(&group, scope(at)),
+        _ => Ok(()),
+    }
+}
+
+/// The number of the interface that an IPv6 address names behind `%`; 0: the system's choice.
+fn scope(at: SocketAddr) -> u32 {
+    match at {
+        SocketAddr::V6(at) => at.scope_id(),
+        SocketAddr::V4(_) => 0,
+    }
 }
 
 fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, silence: Silence) {
@@ -130,5 +153,27 @@ mod tests {
             assert!(now_s() < deadline_s, "it is not found again");
             std::thread::sleep(Duration::from_millis(2));
         }
+    }
+
+    /// By the loopback device, whose network is no other's.
+    #[test]
+    fn what_is_sent_to_a_group_is_heard_once_it_is_joined() {
+        let place = Listen { at: "239.255.77.3:0".parse().unwrap(), interface: Some(Ipv4Addr::LOCALHOST) };
+        let mut worker = listen("art", "ones", place, Ones).unwrap();
+        let port: u16 = worker.describe().rsplit_once(':').unwrap().1.parse().unwrap();
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let deadline_s = now_s() + 20.0;
+        while worker.latest().link != Link::Up {
+            assert!(now_s() < deadline_s, "nothing is heard");
+            sender.send_to(b"1", ("239.255.77.3", port)).unwrap();
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        // A group cannot be joined on a network that this machine is not on.
+        let elsewhere = Listen { interface: Some(Ipv4Addr::new(192, 0, 2, 77)), ..place };
+        let error = listen("art", "ones", elsewhere, Ones).err().unwrap().to_string();
+        assert!(
+            error.contains("multicast group 239.255.77.3:0 by 192.0.2.77") && error.contains("`interface`"),
+            "{error}"
+        );
     }
 }

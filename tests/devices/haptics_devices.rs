@@ -2,7 +2,7 @@
 
 use greenstage::effect::haptics::{Device, Haply, Push, Reading, VrpnDevice};
 use greenstage::manual::CHAPTERS;
-use greenstage::stage::{BUILT_IN, Haptic, Stage};
+use greenstage::stage::{BUILT_IN, GripButton, Haptic, Stage};
 use greenstage::track::device::now_s;
 use greenstage::track::vrpn::codec::{self, Framer, Header};
 use greenstage::track::vrpn::payload::{Kind, Payload};
@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use tungstenite::{Message, WebSocket};
 
 const PATIENCE: Duration = Duration::from_secs(30);
+const BUTTONS: [GripButton; 2] = [GripButton::A, GripButton::B];
 
 /// Reads the device until its reading is as wanted, pushing with `push` meanwhile as the loop does.
 fn wait(
@@ -92,7 +93,7 @@ fn a_haply_service_is_felt_vanishes_and_returns() {
     let nonsense = ["nonsense", "{\"inverse3\": 7}", "{}"].map(str::to_owned);
     let first = nonsense.into_iter().chain([state(0.5)]).collect();
     let server = std::thread::spawn(move || serve_haply(listener, first, forces, 2));
-    let mut device = Haply::open(&place).unwrap();
+    let mut device = Haply::open(&place, BUTTONS).unwrap();
     let push = Push { force: Vector3::new(1.25, 0.0, 0.0), torque: Vector3::x() };
     let reading = wait(&mut device, &push, "the first state", |reading| reading.is_some()).unwrap();
     assert_eq!((reading.buttons, reading.tracked), ([true, false], true));
@@ -125,7 +126,7 @@ fn a_silent_loop_sends_no_force() {
             }
         }
     });
-    let mut device = Haply::open(&place).unwrap();
+    let mut device = Haply::open(&place, BUTTONS).unwrap();
     let push = Push { force: Vector3::new(2.0, 0.0, 0.0), torque: Vector3::zeros() };
     wait(&mut device, &push, "a state", |reading| reading.is_some());
     let started = Instant::now();
@@ -137,6 +138,56 @@ fn a_silent_loop_sends_no_force() {
     hear(&heard, "no force after silence", |force| *force == 0.0);
     drop(device);
     drop(heard);
+    server.join().unwrap();
+}
+
+/// The service 3.5 without an arm says so once and then answers alone: it is asked again by the same connection until an
+/// arm is plugged in, which gets its force under `vector`.
+#[test]
+fn a_service_without_an_arm_is_asked_until_there_is_one() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap().to_string();
+    let (forces, heard) = channel();
+    let server = std::thread::spawn(move || {
+        let (stream, _) = listener.accept().unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut socket = tungstenite::accept(stream).unwrap();
+        let without = r#"{ "session_id": 3, "inverse3": [], "verse_grip": [], "wireless_verse_grip": [] }"#;
+        socket.send(Message::text(without)).unwrap();
+        for _ in 0..6 {
+            let asked: serde_json::Value =
+                serde_json::from_str(socket.read().unwrap().to_text().unwrap()).unwrap();
+            assert_eq!(asked, serde_json::json!({ "session": { "force_render_full_state": {} } }));
+            socket.send(Message::text(without)).unwrap();
+        }
+        let plugged = r#"{ "session_id": 3, "inverse3": [{ "device_id": "049D", "state": {
+            "cursor_position": { "x": 0.0, "y": 0.1, "z": 0.0 }, "control_mode": "idle" } }],
+            "verse_grip": [{ "device_id": "61548", "state": { "button": true, "hall": 0 } }] }"#;
+        let _asked = socket.read().unwrap();
+        socket.send(Message::text(plugged)).unwrap();
+        while let Ok(Message::Text(text)) = socket.read() {
+            let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let arm = &value["inverse3"][0];
+            assert_eq!(arm["device_id"], "049D");
+            let _ = forces.send(arm["commands"]["set_cursor_force"]["vector"]["x"].as_f64().unwrap());
+            std::thread::sleep(Duration::from_millis(1));
+            if socket.send(Message::text(plugged)).is_err() {
+                return;
+            }
+        }
+    });
+    let mut device = Haply::open(&place, BUTTONS).unwrap();
+    let push = Push { force: Vector3::new(1.5, 0.0, 0.0), torque: Vector3::zeros() };
+    let reading = wait(&mut device, &push, "an arm", |reading| reading.is_some()).unwrap();
+    assert_eq!(reading.buttons, [true, false], "the only button of a grip on a wire");
+    let started = Instant::now();
+    while !heard.try_iter().any(|force| force == 1.5) {
+        assert!(started.elapsed() < PATIENCE);
+        device.push(&push, now_s());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    drop(device);
+    assert_eq!(heard.iter().last(), Some(0.0));
     server.join().unwrap();
 }
 
@@ -156,7 +207,7 @@ fn a_malformed_state_is_answered() {
         // A service that ends takes its readings with it.
         while socket.send(Message::text(state(0.0))).is_ok() && socket.read().is_ok() {}
     });
-    let mut device = Haply::open(&place).unwrap();
+    let mut device = Haply::open(&place, BUTTONS).unwrap();
     let started = Instant::now();
     while device.malformed() < 2 {
         assert!(started.elapsed() < PATIENCE, "{} malformed", device.malformed());

@@ -1,6 +1,7 @@
 //! Every parser of packets with good packets of its kind; each keeps its state from packet to packet.
 
 use greenstage::effect::haptics::haply;
+use greenstage::stage::GripButton;
 use greenstage::stage::tracking::EulerOrder;
 use greenstage::track::device::DeviceState;
 use greenstage::track::dtrack::Dtrack;
@@ -13,6 +14,8 @@ use greenstage::track::vrpn::codec::{self, Framer, Header};
 use greenstage::track::vrpn::listener::Listener;
 use greenstage::track::vrpn::payload::{ForceField, Kind, Payload, Rate};
 use greenstage::track::vrpn::peer::Talk;
+
+const BUTTONS: [GripButton; 2] = [GripButton::A, GripButton::B];
 
 /// Takes a packet; whether something of it was used, and how many channels are kept now.
 type Hear = Box<dyn FnMut(&[u8]) -> (bool, usize)>;
@@ -143,7 +146,7 @@ fn vrpn_stream() -> Ear {
         }
         (
             listener.state.counters.messages > before,
-            channels(&listener.state) + listener.why_silent().len() / 1000,
+            channels(&listener.state) + listener.why_missing(3.0).len() / 1000,
         )
     };
     Ear { name: "VRPN stream", seeds, hear: Box::new(hear) }
@@ -283,6 +286,6 @@ fn gamepad() -> Ear {
 fn haply() -> Ear {
     let arm = r#"{"inverse3":[{"device_id":"0A1B","config":{"handedness":"right"},"state":{"cursor_position":{"x":0.01,"y":-0.12,"z":0.2}}}]}"#;
     let grip = r#"{"inverse3":[{"device_id":"0A1B"}],"wireless_verse_grip":[{"device_id":"77","state":{"orientation":{"x":0.0,"y":0.6,"z":0.0,"w":0.8},"buttons":{"a":true,"b":false}}}]}"#;
-    let hear = |bytes: &[u8]| (haply::parse(&String::from_utf8_lossy(bytes), 0.0).is_ok(), 0);
+    let hear = |bytes: &[u8]| (haply::parse(&String::from_utf8_lossy(bytes), 0.0, BUTTONS).is_ok(), 0);
     Ear { name: "Haply", seeds: vec![arm.into(), grip.into()], hear: Box::new(hear) }
 }

@@ -1,6 +1,6 @@
 //! Windows of one process. A process has one event loop, so the test that opens them runs in a process of its own,
 //! on a display of its own. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --release --test
-//! render_window -- --ignored
+//! pictures -- --ignored render_window
 
 use crate::display_common;
 use crate::render_common;
@@ -9,7 +9,8 @@ use greenstage::render::window::*;
 use greenstage::render::*;
 use nalgebra::{Matrix4, Point3, Vector3};
 use render_common::*;
-use std::process::Command;
+use std::io::Read;
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 struct TwoScreens {
@@ -85,9 +86,68 @@ fn two_windows_of_one_process_draw_and_quit() {
         return;
     }
     let Some(display) = Display::start([1024, 400]) else { return };
+    let status = alone(&display, "render_window::opens_two_windows");
+    assert!(status.success(), "{status}");
+}
+
+/// Runs one test of this file in a process of its own, where it opens windows on `display`.
+fn alone(display: &Display, name: &str) -> ExitStatus {
     let mut inner = Command::new(std::env::current_exe().unwrap());
-    inner.args(["--ignored", "--exact", "opens_two_windows", "--nocapture"]);
-    assert!(display.run(&mut inner).0.wait().unwrap().success());
+    inner.args(["--ignored", "--exact", name, "--nocapture"]).stdout(Stdio::piped());
+    let mut running = display.run(&mut inner);
+    let mut said = String::new();
+    running.0.stdout.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(said.contains("running 1 test"), "there is no test {name}: {said}");
+    running.0.wait().unwrap()
+}
+
+struct Ends(Flow);
+
+impl WindowApp for Ends {
+    fn start(&mut self, _: &Gpu) -> Result<(), AppError> {
+        Ok(())
+    }
+
+    fn input(&mut self, _: Input) {}
+
+    /// Ends the first frame, whose images were acquired, before anything is drawn into them.
+    fn frame(&mut self, _: &mut Windows) -> Result<Flow, AppError> {
+        match self.0 {
+            Flow::Quit => Ok(Flow::Quit),
+            Flow::Continue => panic!("in a frame"),
+        }
+    }
+}
+
+/// A frame that ends the program has images that nobody will see; the windows go all the same, with status 0, or 101
+/// after a panic: not by an abort.
+#[test]
+fn a_frame_that_quits_or_panics_undrawn_ends_without_an_abort() {
+    if require_gpu().is_none() {
+        return;
+    }
+    let Some(display) = Display::start([1024, 400]) else { return };
+    for (name, expected) in [("quits_undrawn", 0), ("panics_undrawn", 101)] {
+        let status = alone(&display, &format!("render_window::{name}"));
+        assert_eq!(status.code(), Some(expected), "{name}: {status}");
+    }
+}
+
+fn end_by(flow: Flow) {
+    let spec = |x| WindowSpec { position: Some([x, 20]), size: [320, 256], ..WindowSpec::default() };
+    run(&[spec(10), spec(340)], WindowOptions { samples: 4, vsync: false }, &mut Ends(flow)).unwrap();
+}
+
+#[test]
+#[ignore = "opens windows: a_frame_that_quits_or_panics_undrawn_ends_without_an_abort runs it"]
+fn quits_undrawn() {
+    end_by(Flow::Quit);
+}
+
+#[test]
+#[ignore = "opens windows: a_frame_that_quits_or_panics_undrawn_ends_without_an_abort runs it"]
+fn panics_undrawn() {
+    end_by(Flow::Continue);
 }
 
 #[test]

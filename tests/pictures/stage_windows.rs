@@ -154,3 +154,64 @@ fn interlaced_rows_follow_the_desktop_when_the_window_is_moved() {
         assert!(differing > 60 && !is_right(&rows, top + 1), "a parity that is off by one goes unseen");
     }
 }
+
+/// The coarse demo with its script, and the first frames of a session of it.
+fn recorded(name: &str) -> PathBuf {
+    let place = folder(name);
+    coarse_demo(&place);
+    common::greenstage(&place, &["view", "tube.toml", "--check", "--record", "all.jsonl"]);
+    let text = std::fs::read_to_string(place.join("all.jsonl")).unwrap();
+    let end = text.match_indices("{\"frame\":").nth(20).unwrap().0;
+    std::fs::write(place.join("session.jsonl"), &text[..end]).unwrap();
+    place
+}
+
+/// The status of `view` with these arguments, and what it said on both outputs.
+fn viewed(place: &Path, display: &Display, arguments: &[&str]) -> (Option<i32>, String) {
+    let log = std::fs::File::create(place.join("said.txt")).unwrap();
+    let mut running = display.run(
+        Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .current_dir(place)
+            .args(["view", "tube.toml", "--no-vsync", "--samples", "1", "--scale", "0.1"])
+            .args(arguments)
+            .stdout(log.try_clone().unwrap())
+            .stderr(log),
+    );
+    let status = running.0.wait().unwrap();
+    (status.code(), std::fs::read_to_string(place.join("said.txt")).unwrap())
+}
+
+#[test]
+fn a_session_that_is_replayed_in_windows_ends_with_its_last_frame() {
+    if require_gpu().is_none() {
+        return;
+    }
+    let Some(display) = Display::start([640, 480]) else { return };
+    let place = recorded("windows-replay");
+    let (status, said) = viewed(&place, &display, &["--replay", "session.jsonl"]);
+    assert_eq!(status, Some(0), "{said}");
+    assert!(said.contains("20 frames, every one in the recorded state"), "{said}");
+}
+
+/// The file of a recording goes away while windows are open: an error of a frame, with a message.
+#[test]
+fn an_error_inside_a_frame_ends_with_a_message_and_its_status() {
+    if require_gpu().is_none() {
+        return;
+    }
+    let Some(display) = Display::start([640, 480]) else { return };
+    let place = recorded("windows-error");
+    let pipe = place.join("pipe.jsonl");
+    let path = std::ffi::CString::new(pipe.to_str().unwrap()).unwrap();
+    // SAFETY: the path outlives the call.
+    assert_eq!(unsafe { libc::mkfifo(path.as_ptr(), 0o600) }, 0);
+    // Takes some frames, and goes.
+    let reader = std::thread::spawn(move || {
+        let mut pipe = std::fs::File::open(pipe).unwrap();
+        std::io::copy(&mut std::io::Read::take(&mut pipe, 20_000), &mut std::io::sink()).unwrap()
+    });
+    let (status, said) = viewed(&place, &display, &["--record", "pipe.jsonl", "--seconds", "200"]);
+    assert_eq!(status, Some(1), "{said}");
+    assert!(said.contains("error: cannot write the recording pipe.jsonl"), "{said}");
+    assert_eq!(reader.join().unwrap(), 20_000);
+}

@@ -117,6 +117,36 @@ fn a_session_of_another_scene_stage_or_program_is_refused() {
     assert_eq!(check(&folder).0, 0);
 }
 
+/// The stage file is named from the recording's folder: both are replayed from anywhere, and moved together.
+#[test]
+fn a_session_on_a_stage_file_is_replayed_from_another_folder() {
+    let folder = folder("replay-elsewhere");
+    for place in ["lab/stages", "lab/sessions", "lab/else"] {
+        std::fs::create_dir_all(folder.join(place)).unwrap();
+    }
+    coarse_demo(&folder.join("lab"));
+    let built_in = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/stages/workbench.toml");
+    std::fs::copy(built_in, folder.join("lab/stages/bench.toml")).unwrap();
+    let record =
+        ["view", "tube.toml", "--stage", "stages/bench.toml", "--check", "--record", "sessions/a.jsonl"];
+    greenstage(&folder.join("lab"), &record);
+    let replay = |from: &str, scene: &str, session: &str| {
+        let output = run(&folder.join(from), 2, &["view", scene, "--check", "--replay", session]);
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    assert_eq!(replay("lab/else", "../tube.toml", "../sessions/a.jsonl").0, Some(0));
+    std::fs::rename(folder.join("lab"), folder.join("moved")).unwrap();
+    let (status, said) = replay(".", "moved/tube.toml", "moved/sessions/a.jsonl");
+    assert_eq!(status, Some(0), "{said}");
+    std::fs::rename(folder.join("moved/stages"), folder.join("moved/else/stages")).unwrap();
+    let (status, said) = replay("moved", "tube.toml", "sessions/a.jsonl");
+    assert_eq!(status, Some(2), "{said}");
+    assert!(
+        said.contains("is not at sessions/../stages/bench.toml") && said.contains("by --stage"),
+        "{said}"
+    );
+}
+
 #[test]
 fn a_window_may_be_elsewhere_at_the_replay_but_not_the_workspace() {
     let folder = folder("replay-stage");

@@ -1,14 +1,20 @@
 //! Haply's Inverse3 through its Inverse Service: JSON over a WebSocket, one state message for each force command.
 //!
-//! In: `inverse3[0].state.cursor_position` in metres, and orientation and buttons of the first `wireless_verse_grip` or
-//! `verse_grip`, if there is one. Out: `set_cursor_force` in newtons; the arm has no torque. The service answers every
-//! command with the next state, so a thread of its own keeps the two in step at the service's own rate; the loop reads and
-//! writes triple buffers. Written from the service's public documentation (version 3.1) and tried against a server of our
-//! own alone. What comes is bounded and strictly read; a service that vanishes is tried again.
+//! In: `inverse3[0].state.cursor_position` in metres, and orientation and buttons of the first `wireless_verse_grip`,
+//! `verse_grip` or `custom_verse_grip`, if there is one. Out: `set_cursor_force` in newtons, under `vector`, or under
+//! `values` where the messages are those of a service before 3.5; the arm has no torque. The service answers every
+//! command with the next state and says nothing else after its greeting, so a thread of its own keeps the two in step at
+//! the service's own rate; the loop reads and writes triple buffers. Written from the service's public documentation
+//! (docs.haply.co/inverseSDK, versions 3.5 and 3.1) and tried against a server of our own alone. What comes is bounded and
+//! strictly read; a service that vanishes is tried again.
 
 use super::device::{Device, News, Push, Reading};
+use crate::base::last_word::LastWord;
+use crate::stage::GripButton;
 use crate::track::device::{DeviceState, Stamp, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use serde::de::IgnoredAny;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -28,6 +34,13 @@ const COMMAND_S: f64 = 0.02;
 const SILENT_S: f64 = 1.0;
 /// Between two attempts to connect, s.
 const RETRY_S: f64 = 1.0;
+/// A service without an arm says nothing of itself: it is asked so often whether there is one, s.
+const ASK_S: f64 = 0.25;
+const ASK: &str = r#"{"session":{"force_render_full_state":{}}}"#;
+const NO_ARM: &str =
+    "the service is up, but has no Inverse3 that says where it is; it is asked again until one is plugged in";
+/// More reasons than this are not told.
+const MOST_TOLD: usize = 16;
 const WAKE: Duration = Duration::from_millis(50);
 
 /// A service, connected or not.
@@ -46,13 +59,15 @@ struct Shared {
 }
 
 impl Haply {
-    /// `host` or `host:port`; connects in the background.
-    pub fn open(place: &str) -> std::io::Result<Haply> {
+    /// `host` or `host:port`, and the buttons that grab and do the second thing; connects in the background.
+    pub fn open(place: &str, buttons: [GripButton; 2]) -> std::io::Result<Haply> {
         let place = if place.contains(':') { place.to_owned() } else { format!("{place}:{PORT}") };
         let (reading, newest) = triple_buffer(&None);
         let (command, commands) = triple_buffer(&(Push::NONE, f64::NEG_INFINITY));
         let shared = Arc::new(Shared::default());
-        let mut link = Link { place: place.clone(), reading, commands, shared: shared.clone() };
+        let told = BTreeSet::new();
+        let mut link =
+            Link { place: place.clone(), buttons, reading, commands, shared: shared.clone(), told };
         let thread = std::thread::Builder::new().name("haply".into()).spawn(move || link.run())?;
         Ok(Haply { place, newest, command, shared, thread: Some(thread) })
     }
@@ -93,30 +108,33 @@ impl Drop for Haply {
 /// The thread's side.
 struct Link {
     place: String,
+    buttons: [GripButton; 2],
     reading: Input<Option<Reading>>,
     commands: Output<(Push, f64)>,
     shared: Arc<Shared>,
+    /// What was said of it since it last told where its arm is.
+    told: BTreeSet<String>,
 }
 
 impl Link {
     fn run(&mut self) {
-        let mut told = String::new();
         while !self.shared.stop.load(Relaxed) {
-            let reason = self.connect().map(|mut socket| self.converse(&mut socket));
-            // Once: it is tried every second.
-            match reason {
-                Ok(reason) => tracing::warn!("haply ws://{}: {reason}", self.place),
-                Err(reason) if reason != told => {
-                    tracing::warn!("haply ws://{}: {reason}; it is tried again", self.place);
-                    told = reason;
-                }
-                Err(_) => {}
+            let (Ok(reason) | Err(reason)) = self.connect().map(|mut socket| self.converse(&mut socket));
+            if !self.shared.stop.load(Relaxed) {
+                self.tell(&format!("{reason}; it is tried again"));
             }
             self.reading.write(None);
             let again_s = now_s() + RETRY_S;
             while now_s() < again_s && !self.shared.stop.load(Relaxed) {
                 std::thread::sleep(WAKE);
             }
+        }
+    }
+
+    /// Says once what will go on until somebody does something about it.
+    fn tell(&mut self, what: &str) {
+        if self.told.len() < MOST_TOLD && self.told.insert(what.to_owned()) {
+            tracing::warn!("haply ws://{}: {what}", self.place);
         }
     }
 
@@ -138,27 +156,41 @@ impl Link {
 
     /// One command for each state, until the connection or this side ends; says why.
     fn converse(&mut self, socket: &mut WebSocket<TcpStream>) -> String {
-        let (mut heard_s, mut id) = (now_s(), None);
+        let (mut heard_s, mut asked_s) = (now_s(), now_s());
+        let mut arm: Option<Commanded> = None;
         let mut heard = DeviceState::default();
         while !self.shared.stop.load(Relaxed) {
+            if arm.is_none() && now_s() - asked_s > ASK_S {
+                asked_s = now_s();
+                if let Err(error) = socket.send(Message::text(ASK)) {
+                    return error.to_string();
+                }
+            }
             match socket.read() {
                 Ok(Message::Text(text)) => {
                     heard_s = now_s();
-                    match parse(&text, heard_s) {
-                        Ok(state) => {
-                            self.reading.write(state.reading.map(|reading| counted(&mut heard, reading)));
-                            id = state.id.or(id);
+                    match parse(&text, heard_s, self.buttons) {
+                        Ok(State { id, key, reading }) => {
+                            match Commanded::next(arm, id, key, socket) {
+                                Ok(next) => arm = next,
+                                Err(error) => return format!("no force is sent: {error}"),
+                            }
+                            match reading {
+                                Some(_) => self.told.clear(),
+                                None => self.tell(NO_ARM),
+                            }
+                            self.reading.write(reading.map(|reading| counted(&mut heard, reading)));
                         }
                         Err(_) => {
                             self.shared.malformed.fetch_add(1, Relaxed);
                         }
                     }
                     // Whatever it said: it may say nothing more until it is answered.
-                    if let Some(id) = &id {
+                    if let Some(arm) = &arm {
                         let (push, at_s) = *self.commands.read();
                         let push = if now_s() - at_s <= COMMAND_S { push } else { Push::NONE };
-                        if let Err(error) = socket.send(Message::text(force_command(id, &push))) {
-                            return error.to_string();
+                        if let Err(error) = arm.send(socket, &push) {
+                            return error;
                         }
                     }
                 }
@@ -176,12 +208,65 @@ impl Link {
                 Err(error) => return error.to_string(),
             }
         }
-        if let Some(id) = &id {
+        if let Some(arm) = &arm {
             // Nobody hears of it if the connection is gone.
-            let _ = socket.send(Message::text(force_command(id, &Push::NONE)));
+            let _ = arm.send(socket, &Push::NONE);
         }
         "ended".to_owned()
     }
+}
+
+/// The arm that is told how to push. However the program ends, it is told to push no more.
+struct Commanded {
+    id: String,
+    key: ForceKey,
+    last_word: LastWord,
+}
+
+impl Commanded {
+    /// The arm that a message names; the one before where it names none.
+    fn next(
+        before: Option<Commanded>,
+        id: Option<String>,
+        key: ForceKey,
+        socket: &mut WebSocket<TcpStream>,
+    ) -> std::io::Result<Option<Commanded>> {
+        let Some(id) = id else { return Ok(before) };
+        // What once was said as 3.5 says it stays 3.5: not every message needs to have all keys.
+        let key =
+            before.as_ref().filter(|before| before.key == ForceKey::Vector).map_or(key, |_| ForceKey::Vector);
+        match before {
+            Some(before) if before.id == id && before.key == key => return Ok(Some(before)),
+            // Nobody hears of it if that arm is gone.
+            Some(before) => drop(before.send(socket, &Push::NONE)),
+            None => {}
+        }
+        let none = masked_text(&force_command(&id, key, &Push::NONE));
+        Ok(Some(Commanded { last_word: LastWord::new(socket.get_ref(), &none)?, id, key }))
+    }
+
+    fn send(&self, socket: &mut WebSocket<TcpStream>, push: &Push) -> Result<(), String> {
+        let command = Message::text(force_command(&self.id, self.key, push));
+        let sent = self.last_word.before(|| socket.send(command)).ok_or("the program ends")?;
+        sent.map_err(|error| error.to_string())
+    }
+}
+
+/// A WebSocket's frame with a text of less than 64 KiB; masked, as a client's must be, with zeros, which change nothing.
+fn masked_text(text: &str) -> Vec<u8> {
+    const FINAL_TEXT: u8 = 0x81;
+    const MASKED: u8 = 0x80;
+    let mut frame = vec![FINAL_TEXT];
+    match u8::try_from(text.len()) {
+        Ok(length) if length < 126 => frame.push(MASKED | length),
+        _ => {
+            frame.push(MASKED | 126);
+            frame.extend((text.len() as u16).to_be_bytes());
+        }
+    }
+    frame.extend([0; 4]);
+    frame.extend(text.bytes());
+    frame
 }
 
 /// A reading with what is known of those before it.
@@ -198,18 +283,33 @@ fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
 pub struct State {
     /// Name of the first arm.
     pub id: Option<String>,
+    /// Where such a service reads its force.
+    pub key: ForceKey,
     /// `None`: there is no arm, or it does not say where it is.
     pub reading: Option<Reading>,
 }
 
+/// The key of the force in `set_cursor_force`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ForceKey {
+    /// Since 3.5.
+    Vector,
+    /// Before: 3.1.
+    Values,
+}
+
 #[derive(serde::Deserialize)]
 struct Said {
+    /// Since 3.5.
+    session_id: Option<IgnoredAny>,
     #[serde(default)]
     inverse3: Vec<Arm>,
     #[serde(default)]
     wireless_verse_grip: Vec<Grip>,
     #[serde(default)]
     verse_grip: Vec<Grip>,
+    #[serde(default)]
+    custom_verse_grip: Vec<Grip>,
 }
 
 #[derive(serde::Deserialize)]
@@ -221,6 +321,8 @@ struct Arm {
 #[derive(serde::Deserialize)]
 struct ArmState {
     cursor_position: Option<Xyz>,
+    /// Since 3.5; before it is `mode`.
+    control_mode: Option<IgnoredAny>,
 }
 
 #[derive(serde::Deserialize)]
@@ -232,14 +334,20 @@ struct Xyz {
 
 #[derive(serde::Deserialize)]
 struct Grip {
+    #[serde(default)]
+    device_id: String,
     state: Option<GripState>,
 }
 
 #[derive(serde::Deserialize)]
 struct GripState {
     orientation: Option<Xyzw>,
+    /// Of a wireless grip, by their names.
     #[serde(default)]
-    buttons: Buttons,
+    buttons: BTreeMap<String, bool>,
+    /// The one of a grip on a wire.
+    #[serde(default)]
+    button: bool,
 }
 
 #[derive(serde::Deserialize)]
@@ -250,31 +358,38 @@ struct Xyzw {
     w: f64,
 }
 
-#[derive(Default, serde::Deserialize)]
-struct Buttons {
-    #[serde(default)]
-    a: bool,
-    #[serde(default)]
-    b: bool,
-}
-
 /// Reads a message of the service; keys that are not needed here are passed over, as it adds some with every version.
-pub fn parse(text: &str, arrived_s: f64) -> Result<State, String> {
+pub fn parse(text: &str, arrived_s: f64, buttons: [GripButton; 2]) -> Result<State, String> {
     let said: Said = serde_json::from_str(text).map_err(|error| error.to_string())?;
-    let grip = said.wireless_verse_grip.into_iter().chain(said.verse_grip).find_map(|grip| grip.state);
-    let Some(arm) = said.inverse3.into_iter().next() else { return Ok(State { id: None, reading: None }) };
+    let is_new = said.session_id.is_some()
+        || said
+            .inverse3
+            .iter()
+            .any(|arm| arm.state.as_ref().is_some_and(|state| state.control_mode.is_some()));
+    let key = if is_new { ForceKey::Vector } else { ForceKey::Values };
+    let Some(arm) = said.inverse3.into_iter().next() else {
+        return Ok(State { id: None, key, reading: None });
+    };
     if arm.device_id.is_empty() || arm.device_id.len() > 64 {
         return Err(format!("a device_id of {} bytes", arm.device_id.len()));
     }
-    let (buttons, rotation) = match grip {
-        Some(GripState { orientation, buttons }) => {
-            let Buttons { a, b } = buttons;
-            let rotation = orientation.map(|q| Quaternion::new(q.w, q.x, q.y, q.z));
-            ([a, b], rotation.map(|q| UnitQuaternion::try_new(q, 0.5).ok_or("an orientation of no length")))
-        }
-        None => ([false; 2], None),
-    };
+    let lists = [said.wireless_verse_grip, said.verse_grip, said.custom_verse_grip];
+    let told = |grip: Grip| grip.state.map(|state| (grip.device_id, state));
+    let grips: Vec<(String, GripState)> = lists.into_iter().flatten().filter_map(told).collect();
+    let first = grips.first();
+    let orientation = first.and_then(|(_, state)| state.orientation.as_ref());
+    let rotation = orientation.map(|q| Quaternion::new(q.w, q.x, q.y, q.z));
+    let rotation = rotation.map(|q| UnitQuaternion::try_new(q, 0.5).ok_or("an orientation of no length"));
     let rotation = rotation.transpose()?.unwrap_or_else(UnitQuaternion::identity);
+    // Some grips stand in two lists, each with other buttons.
+    let is_pressed = |button: GripButton| {
+        let is_same = |(id, _): &&(String, GripState)| first.is_some_and(|(first, _)| first == id);
+        grips.iter().filter(is_same).any(|(_, state)| {
+            let is_named = state.buttons.get(button.name()).copied().unwrap_or(false);
+            is_named || button == GripButton::A && state.button
+        })
+    };
+    let buttons = buttons.map(is_pressed);
     let place = arm.state.and_then(|state| state.cursor_position);
     let reading = place.map(|Xyz { x, y, z }| Reading {
         device_from_handle: Isometry3::from_parts(Translation3::new(x, y, z), rotation),
@@ -284,15 +399,18 @@ pub fn parse(text: &str, arrived_s: f64) -> Result<State, String> {
         tracked: true,
         news: News::default(),
     });
-    Ok(State { id: Some(arm.device_id), reading })
+    Ok(State { id: Some(arm.device_id), key, reading })
 }
 
 /// The command for the arm `id` to push with a force.
-pub fn force_command(id: &str, push: &Push) -> String {
+pub fn force_command(id: &str, key: ForceKey, push: &Push) -> String {
     let [x, y, z] = push.force.into();
-    let values = serde_json::json!({ "x": x, "y": y, "z": z });
-    let command =
-        serde_json::json!({ "device_id": id, "commands": { "set_cursor_force": { "values": values } } });
+    let force = serde_json::json!({ "x": x, "y": y, "z": z });
+    let set = match key {
+        ForceKey::Vector => serde_json::json!({ "vector": force }),
+        ForceKey::Values => serde_json::json!({ "values": force }),
+    };
+    let command = serde_json::json!({ "device_id": id, "commands": { "set_cursor_force": set } });
     serde_json::json!({ "inverse3": [command] }).to_string()
 }
 
@@ -302,6 +420,8 @@ mod tests {
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
+    const USUAL: [GripButton; 2] = [GripButton::A, GripButton::B];
+
     const STATE: &str = r#"{ "inverse3": [{ "device_id": "0A1B", "config": { "handedness": "right" },
         "state": { "cursor_position": { "x": 0.01, "y": -0.12, "z": 0.2 }, "cursor_velocity": { "x": 0, "y": 0, "z": 0 } } }],
         "wireless_verse_grip": [{ "device_id": "77", "state": {
@@ -309,7 +429,7 @@ mod tests {
 
     #[test]
     fn a_state_message_is_read() {
-        let state = parse(STATE, 7.0).unwrap();
+        let state = parse(STATE, 7.0, USUAL).unwrap();
         let reading = state.reading.unwrap();
         assert_eq!(
             (state.id.as_deref(), reading.buttons, reading.arrived_s),
@@ -317,26 +437,79 @@ mod tests {
         );
         assert_eq!(reading.device_from_handle.translation.vector, Vector3::new(0.01, -0.12, 0.2));
         assert!((reading.device_from_handle.rotation.angle() - 2.0 * 0.8f64.acos()).abs() < 1e-12);
-        assert_eq!(parse("{}", 0.0).unwrap(), State { id: None, reading: None });
+        let nothing = State { id: None, key: ForceKey::Values, reading: None };
+        assert_eq!((state.key, parse("{}", 0.0, USUAL).unwrap()), (ForceKey::Values, nothing));
+        assert_eq!(pressed(STATE, [GripButton::C, GripButton::B]), [true, false]);
+    }
+
+    fn pressed(text: &str, buttons: [GripButton; 2]) -> [bool; 2] {
+        parse(text, 0.0, buttons).unwrap().reading.unwrap().buttons
+    }
+
+    /// As the documentation of 3.5 has them: an arm with `control_mode`, a grip on a wire with one `button`, and one grip
+    /// in two lists.
+    #[test]
+    fn messages_of_the_service_3_5_are_read() {
+        let wired = r#"{ "session_id": 7, "inverse3": [{ "device_id": "049D", "state": {
+            "cursor_position": { "x": 0.0, "y": -0.12, "z": 0.15 }, "control_domain": "cartesian", "control_mode": "idle" },
+            "status": { "calibrated": true, "in_use": false, "power_supply": true, "ready": true, "started": true } }],
+            "verse_grip": [{ "device_id": "61548", "state": { "button": true, "hall": 0,
+            "orientation": { "x": 0.0, "y": 0.6, "z": 0.0, "w": 0.8 } }, "status": { "error": 0, "ready": true } }],
+            "wireless_verse_grip": [], "custom_verse_grip": [] }"#;
+        let state = parse(wired, 0.0, USUAL).unwrap();
+        assert_eq!((state.id.as_deref(), state.key), (Some("049D"), ForceKey::Vector));
+        assert_eq!(state.reading.unwrap().buttons, [true, false]);
+        assert_eq!(pressed(wired, [GripButton::C, GripButton::B]), [false, false]);
+        let without = wired.replace("\"session_id\": 7, ", "");
+        assert_eq!(parse(&without, 0.0, USUAL).unwrap().key, ForceKey::Vector, "by the arm's control_mode");
+        let twice = wired.replace(
+            "\"wireless_verse_grip\": []",
+            r#""wireless_verse_grip": [{ "device_id": "3", "state": {
+            "buttons": { "down": false, "up": true, "right": false, "left": false }, "trigger": 3 } }]"#,
+        );
+        let twice = twice.replace(
+            "\"custom_verse_grip\": []",
+            r#""custom_verse_grip": [{ "device_id": "3", "state": {
+            "buttons": { "a": false, "b": true, "c": false }, "extension_data": [0, 3] } }]"#,
+        );
+        assert_eq!(pressed(&twice, [GripButton::Up, GripButton::B]), [true, true]);
+        assert_eq!(pressed(&twice, USUAL), [false, true], "the wired one is another");
     }
 
     #[test]
     fn a_force_command_is_what_the_service_documents() {
         let push = Push { force: Vector3::new(1.0, -2.5, 0.0), torque: Vector3::x() };
-        let text = force_command("0A\"1B", &push);
-        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
-        let arm = &value["inverse3"][0];
-        assert_eq!(arm["device_id"], "0A\"1B");
-        assert_eq!(
-            arm["commands"]["set_cursor_force"]["values"],
-            serde_json::json!({"x": 1.0, "y": -2.5, "z": 0.0})
-        );
+        let force = serde_json::json!({"x": 1.0, "y": -2.5, "z": 0.0});
+        for (key, expected) in [
+            (ForceKey::Vector, serde_json::json!({ "vector": force })),
+            (ForceKey::Values, serde_json::json!({ "values": force })),
+        ] {
+            let text = force_command("0A\"1B", key, &push);
+            let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let arm = &value["inverse3"][0];
+            assert_eq!(arm["device_id"], "0A\"1B");
+            assert_eq!(arm["commands"]["set_cursor_force"], expected);
+        }
+    }
+
+    /// The longest name an arm may have, each character escaped, fits the last word.
+    #[test]
+    fn the_last_word_is_a_frame_that_a_server_reads() {
+        for id in ["049D".to_owned(), "\u{1}".repeat(64)] {
+            let text = force_command(&id, ForceKey::Values, &Push::NONE);
+            let frame = masked_text(&text);
+            assert!(frame.len() <= 512, "{}", frame.len());
+            let pipe = std::io::Cursor::new(frame);
+            let role = tungstenite::protocol::Role::Server;
+            let heard = WebSocket::from_raw_socket(pipe, role, None).read().unwrap();
+            assert_eq!(heard, Message::text(text));
+        }
     }
 
     proptest! {
         #[test]
         fn no_text_panics(text in ".*") {
-            let _ = parse(&text, 0.0);
+            let _ = parse(&text, 0.0, USUAL);
         }
 
         #[test]
@@ -345,7 +518,7 @@ mod tests {
             bytes[at] = byte;
             bytes.truncate(cut.max(1));
             if let Ok(text) = std::str::from_utf8(&bytes) {
-                let _ = parse(text, 0.0);
+                let _ = parse(text, 0.0, USUAL);
             }
         }
     }

@@ -22,6 +22,22 @@ pub fn running() -> usize {
 
 static RUNNING: AtomicUsize = AtomicUsize::new(0);
 
+/// A loop that runs, until it ends or panics.
+struct Counted;
+
+impl Counted {
+    fn new() -> Counted {
+        RUNNING.fetch_add(1, Ordering::SeqCst);
+        Counted
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        RUNNING.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
 /// Ends all loops of the process with no force left, before it ends itself; waits `patience` for them. False: not all ended.
 pub fn stop_all(patience: Duration) -> bool {
     STOPPED.store(true, Ordering::SeqCst);
@@ -80,14 +96,12 @@ impl Loop {
         let (read, readings) = triple_buffer(&None);
         let stop = Arc::new(AtomicBool::new(false));
         let (described, stopped) = (device.describe(), stop.clone());
-        RUNNING.fetch_add(1, Ordering::SeqCst);
+        let counted = Counted::new();
         let work = move || {
             run(control, device, newest, told, read, &stopped);
-            RUNNING.fetch_sub(1, Ordering::SeqCst);
+            drop(counted);
         };
-        let thread = std::thread::Builder::new().name("haptics".into()).spawn(work).inspect_err(|_| {
-            RUNNING.fetch_sub(1, Ordering::SeqCst);
-        })?;
+        let thread = std::thread::Builder::new().name("haptics".into()).spawn(work)?;
         Ok(Loop { device: described, grasp, report, readings: Some(readings), stop, thread: Some(thread) })
     }
 

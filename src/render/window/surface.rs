@@ -22,12 +22,13 @@ pub(super) struct WindowSurface {
     pub(super) monitors: Vec<Monitor>,
     asked: Instant,
     pub(super) canvas: Canvas,
+    /// What it will show next, once it is there to be drawn into. Dropped before its surface: a swap chain whose image is
+    /// still held cannot be destroyed, and says so by a panic.
+    pub(super) frame: Option<SurfaceFrame>,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     /// The swap chain fits the window.
     is_current: bool,
-    /// What it will show next, once it is there to be drawn into.
-    pub(super) frame: Option<SurfaceFrame>,
     /// Last, so that the surface goes before its window.
     pub(super) window: Arc<Window>,
 }
@@ -93,7 +94,7 @@ impl WindowSurface {
         let (is_current, frame) = (false, None);
         let monitors = Vec::new();
         let mut surface =
-            Self { size, place, monitors, asked, canvas, surface, config, is_current, frame, window };
+            Self { size, place, monitors, asked, canvas, frame, surface, config, is_current, window };
         surface.find_place();
         surface
     }

@@ -1,18 +1,29 @@
 //! Addresses of trackers: where to listen, and where a VRPN device is.
 
 use super::vrpn::Address;
-use super::{TrackerKind, TrackingFault, Transport};
+use super::{Listen, TrackerKind, TrackingFault, Transport};
 use std::net::{Ipv4Addr, SocketAddr};
 
 /// Where to listen: an address with its port, or a port alone, which is this machine's own.
-pub fn listen(tracker: &str, key: &'static str, address: &str) -> Result<SocketAddr, TrackingFault> {
+pub fn listen(
+    tracker: &str,
+    key: &'static str,
+    address: &str,
+    interface: Option<Ipv4Addr>,
+) -> Result<Listen, TrackingFault> {
     let local = |port: &str| port.parse().ok().map(|port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
     let port = address.strip_prefix("localhost:").or_else(|| address.strip_prefix(':')).unwrap_or(address);
-    local(port).or_else(|| address.parse().ok()).ok_or_else(|| TrackingFault::Listen {
+    let at = local(port).or_else(|| address.parse().ok()).ok_or_else(|| TrackingFault::Listen {
         tracker: tracker.to_owned(),
         key,
         address: address.chars().take(100).collect(),
-    })
+    })?;
+    let is_group = matches!(at, SocketAddr::V4(at) if at.ip().is_multicast());
+    if interface.is_some() && !is_group {
+        let with = "an IPv4 multicast address in dtrack or osc";
+        return Err(TrackingFault::LoneKey { tracker: tracker.to_owned(), key: "interface", with });
+    }
+    Ok(Listen { at, interface })
 }
 
 /// Where a VRPN device is, and how it is reached.

@@ -8,7 +8,7 @@ use crate::config;
 use crate::stage::ROOM_LIMIT_M;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use toml::Spanned;
 
@@ -19,6 +19,7 @@ pub struct TrackerFile {
     transport: Option<Transport>,
     dtrack: Option<String>,
     osc: Option<String>,
+    interface: Option<Ipv4Addr>,
     euler: Option<EulerOrder>,
     fastrak: Option<PathBuf>,
     baud: Option<u32>,
@@ -159,14 +160,18 @@ fn tracker(name: &str, file: &TrackerFile, others: &Tracking) -> Result<Tracker,
             return Err(TrackingFault::LoneKey { tracker: name.to_owned(), key, with });
         }
     }
+    if file.interface.is_some() && !["dtrack", "osc"].iter().any(|kind| given.contains(kind)) {
+        let (tracker, key) = (name.to_owned(), "interface");
+        return Err(TrackingFault::LoneKey { tracker, key, with: "dtrack or osc" });
+    }
     let kind = match file {
         _ if given.len() > 1 => Err(given.join(" and ")),
         TrackerFile { vrpn: Some(at), .. } => Ok(address::vrpn(name, at, file.transport)?),
         TrackerFile { dtrack: Some(at), .. } => {
-            Ok(TrackerKind::Dtrack { listen: address::listen(name, "dtrack", at)? })
+            Ok(TrackerKind::Dtrack { listen: address::listen(name, "dtrack", at, file.interface)? })
         }
         TrackerFile { osc: Some(at), .. } => Ok(TrackerKind::Osc {
-            listen: address::listen(name, "osc", at)?,
+            listen: address::listen(name, "osc", at, file.interface)?,
             euler: file.euler.unwrap_or_default(),
         }),
         TrackerFile { fastrak: Some(at), .. } => Ok(TrackerKind::Fastrak {
@@ -194,7 +199,7 @@ fn tracker(name: &str, file: &TrackerFile, others: &Tracking) -> Result<Tracker,
 fn same_place(kind: &TrackerKind, others: &Tracking) -> Option<(String, String)> {
     use TrackerKind::{Dtrack, Fastrak, Gamepad, Osc};
     let listens = |kind: &TrackerKind| match kind {
-        Dtrack { listen } | Osc { listen, .. } if listen.port() != 0 => Some(*listen),
+        Dtrack { listen } | Osc { listen, .. } if listen.at.port() != 0 => Some(listen.at),
         _ => None,
     };
     let opens = |kind: &TrackerKind| match kind {

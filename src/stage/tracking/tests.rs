@@ -145,6 +145,11 @@ fn kinds_and_addresses_are_checked() {
         ("dtrack = \"5000\"", "", "none of them"),
         ("dtrack = \"5000\"", "dtrack = \"5000\"\nosc = \"9000\"", "has dtrack and osc"),
         ("dtrack = \"5000\"", "dtrack = \"70000\"", "give the address to listen on"),
+        (
+            "dtrack = \"5000\"",
+            "dtrack = \"5000\"\ninterface = \"10.0.0.5\"",
+            "`interface` of tracker `art` goes with `an IPv4 multicast",
+        ),
         ("dtrack = \"5000\"", "dtrack = \"bench:5000\"", "127.0.0.1:5000"),
         (
             "dtrack = \"5000\"",

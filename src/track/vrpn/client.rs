@@ -8,6 +8,7 @@ use super::codec::{self, Framer, Header};
 use super::ear::Ear;
 use super::force::ForceSender;
 use super::payload::{ForceField, Kind, Payload};
+use crate::base::last_word::LastWord;
 use crate::track::device::{DeviceState, Link, Source, now_s};
 use crate::track::pace::{NEWS_S, Pace};
 use std::io::{ErrorKind, Read, Write};
@@ -23,7 +24,8 @@ pub struct Timing {
     /// How long a server has to take the connection, and then to send its cookie.
     pub connect_s: f64,
     pub ping_s: f64,
-    /// So much silence is a warning, and so much the end of the connection.
+    /// So much silence is a warning, and so much the end of the connection. A device that has answered no ping in the
+    /// first of them is not there.
     pub quiet_s: f64,
     pub down_s: f64,
     /// Between two lobs.
@@ -59,8 +61,14 @@ pub struct Client {
 pub(super) struct Control {
     pub stop: AtomicBool,
     /// The connection, for whoever writes.
-    stream: Mutex<Option<TcpStream>>,
+    writer: Mutex<Option<Writer>>,
     ear: Mutex<Ear>,
+}
+
+struct Writer {
+    /// That the device is to push no more; from the first force on. Dropped before the stream.
+    last_word: Option<LastWord>,
+    stream: TcpStream,
 }
 
 /// Most bytes taken from the stream at once.
@@ -82,7 +90,7 @@ impl Client {
     pub fn with_timing(address: Address, transport: Transport, timing: Timing) -> Client {
         let (input, output) = triple_buffer::triple_buffer(&DeviceState::default());
         let ear = Mutex::new(Ear::new(&address.device, input));
-        let control = Arc::new(Control { stop: AtomicBool::new(false), stream: Mutex::new(None), ear });
+        let control = Arc::new(Control { stop: AtomicBool::new(false), writer: Mutex::new(None), ear });
         let connection = Connection { address: address.clone(), transport, timing, control: control.clone() };
         let thread = match Builder::new().name("vrpn".into()).spawn(move || connection.run()) {
             Ok(thread) => Some(thread.thread().clone()),
@@ -128,15 +136,35 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Control {
-    /// Sends a force field to the device; false where there is no connection.
+    /// Sends a force field to the device; false where there is no connection. None goes out before it is made sure that
+    /// it is taken back however the program ends.
     pub(super) fn push(&self, field: &ForceField) -> bool {
+        let none = message(&Payload::ForceField(ForceField::default()));
+        let prepared = match &mut *lock(&self.writer) {
+            Some(Writer { last_word: last_word @ None, stream }) => LastWord::new(stream, &none)
+                .map(|made| *last_word = Some(made))
+                .inspect_err(|error| tracing::warn!("vrpn: no force is sent: {error}")),
+            _ => Ok(()),
+        };
+        if prepared.is_err() {
+            self.hang_up();
+            return false;
+        }
         self.send(&message(&Payload::ForceField(*field)))
     }
 
     fn send(&self, bytes: &[u8]) -> bool {
-        let mut stream = lock(&self.stream);
-        let sent = stream.as_mut().is_some_and(|stream| stream.write_all(bytes).is_ok());
-        drop(stream);
+        let mut writer = lock(&self.writer);
+        let sent = writer.as_mut().map_or(Some(false), |Writer { last_word, stream }| {
+            let mut write = || stream.write_all(bytes).is_ok();
+            match last_word {
+                Some(last_word) => last_word.before(write),
+                None => Some(write()),
+            }
+        });
+        drop(writer);
+        // The program ends; the connection is left to whom the last word belongs.
+        let Some(sent) = sent else { return false };
         if !sent {
             // What was cut in the middle of a message cannot go on.
             self.hang_up();
@@ -146,8 +174,8 @@ impl Control {
 
     /// Ends the connection, if there is one; its reader wakes up.
     fn hang_up(&self) {
-        if let Some(stream) = lock(&self.stream).take() {
-            let _ = stream.shutdown(Shutdown::Both);
+        if let Some(writer) = lock(&self.writer).take() {
+            let _ = writer.stream.shutdown(Shutdown::Both);
         }
     }
 }
@@ -169,7 +197,7 @@ impl Connection {
             let Err(reason) = self.connect().and_then(|stream| self.converse(stream, was_up));
             self.control.hang_up();
             let mut ear = lock(&self.control.ear);
-            if ear.listener.is_known() && ear.listener.heard_s > began_s {
+            if ear.listener.is_there() && ear.listener.heard_s > began_s {
                 (retry_s, was_up) = (self.timing.first_retry_s, true);
             }
             tracing::info!("vrpn {}: {reason}; again in {retry_s} s", self.address);
@@ -238,7 +266,8 @@ impl Connection {
         let here = stream.local_addr().map_err(text)?.ip();
         let udp = if self.address.udp { UdpSocket::bind((here, 0)).ok() } else { None };
         stream.write_all(&self.introduction(here, udp.as_ref())).map_err(text)?;
-        *lock(&self.control.stream) = Some(stream.try_clone().map_err(text)?);
+        let writing = stream.try_clone().map_err(text)?;
+        *lock(&self.control.writer) = Some(Writer { last_word: None, stream: writing });
         let mut ear = lock(&self.control.ear);
         ear.listener.connected();
         ear.listener.state.counters.reconnects += u64::from(again);
@@ -323,16 +352,19 @@ impl Connection {
                 }
             }
             let silent_s = now_s() - ear.listener.heard_s;
-            if silent_s > self.timing.down_s {
-                return Err(format!("{} for {silent_s:.0} s", ear.listener.why_silent()));
-            }
-            let link = match ear.listener.is_known() {
-                _ if silent_s > self.timing.quiet_s => Link::Quiet,
-                true => Link::Up,
+            let link = match ear.listener.is_there() {
+                false if silent_s > self.timing.quiet_s => return Err(ear.listener.why_missing(silent_s)),
+                // What was missing before is missing until it is there.
+                false if matches!(ear.listener.state.link, Link::Down(_)) => ear.listener.state.link.clone(),
                 false => Link::Waiting,
+                true if silent_s > self.timing.down_s => {
+                    return Err(format!("says nothing for {silent_s:.0} s"));
+                }
+                true if silent_s > self.timing.quiet_s => Link::Quiet,
+                true => Link::Up,
             };
             if link == Link::Quiet && ear.listener.state.link != link {
-                tracing::warn!("vrpn {}: {} for {silent_s:.0} s", self.address, ear.listener.why_silent());
+                tracing::warn!("vrpn {}: says nothing for {silent_s:.0} s", self.address);
             }
             ear.set_link(link);
             ear.listener.state.counters.packets += u64::from(heard > 0);

@@ -4,6 +4,7 @@
 
 use super::client::Control;
 use super::payload::ForceField;
+use crate::track::device::now_s;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle, park_timeout};
@@ -14,6 +15,9 @@ pub struct ForceSender {
     newest: Arc<Newest>,
     thread: Option<JoinHandle<()>>,
 }
+
+/// A force that is not said again for so long is taken back, s: whoever sets it has stopped.
+const SILENT_S: f64 = 0.02;
 
 #[derive(Default)]
 struct Newest {
@@ -26,14 +30,23 @@ impl ForceSender {
         let newest = Arc::new(Newest::default());
         let shared = newest.clone();
         let thread = Builder::new().name("vrpn force".into()).spawn(move || {
-            while !shared.stop.load(Relaxed) && !control.stop.load(Relaxed) {
+            let control = TakenBack(control);
+            // When the force that the device has now was said.
+            let mut said_s = None;
+            while !shared.stop.load(Relaxed) && !control.0.stop.load(Relaxed) {
                 let field = shared.field.lock().unwrap_or_else(PoisonError::into_inner).take();
                 match field {
-                    Some(field) => drop(control.push(&field)),
-                    None => park_timeout(Duration::from_millis(50)),
+                    Some(field) => {
+                        control.0.push(&field);
+                        said_s = (field != ForceField::default()).then(now_s);
+                    }
+                    None if said_s.is_some_and(|said_s| now_s() - said_s > SILENT_S) => {
+                        control.0.push(&ForceField::default());
+                        said_s = None;
+                    }
+                    None => park_timeout(Duration::from_millis(if said_s.is_some() { 5 } else { 50 })),
                 }
             }
-            control.push(&ForceField::default());
         });
         ForceSender { newest, thread: thread.ok() }
     }
@@ -48,6 +61,15 @@ impl ForceSender {
         drop(newest);
         thread.thread().unpark();
         true
+    }
+}
+
+/// However the thread ends, a panic included, the device pushes no more.
+struct TakenBack(Arc<Control>);
+
+impl Drop for TakenBack {
+    fn drop(&mut self) {
+        self.0.push(&ForceField::default());
     }
 }
 

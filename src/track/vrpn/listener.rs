@@ -30,6 +30,8 @@ pub struct Listener {
     /// What a force device says that it pushes with, N, in its own frame.
     pub force: Option<[f64; 3]>,
     sender: Option<i32>,
+    /// It has said something itself on this connection.
+    is_there: bool,
     kinds: PeerKinds,
     others: Vec<String>,
 }
@@ -59,6 +61,7 @@ impl Listener {
             heard_s: now_s(),
             force: None,
             sender: None,
+            is_there: false,
             kinds: PeerKinds::default(),
             others: Vec::new(),
         }
@@ -66,7 +69,7 @@ impl Listener {
 
     /// A new connection: what the last one's numbers meant is forgotten, what the device said is kept.
     pub fn connected(&mut self) {
-        self.sender = None;
+        (self.sender, self.is_there) = (None, false);
         self.kinds = PeerKinds::default();
         self.others.clear();
         self.heard_s = now_s();
@@ -100,18 +103,24 @@ impl Listener {
         }
     }
 
-    /// Whether the server has said that it has the device.
-    pub fn is_known(&self) -> bool {
-        self.sender.is_some()
+    /// Whether the device has said anything on this connection, be it that it is there. That the server names it proves
+    /// nothing: VRPN's own names whatever a client has asked for.
+    pub fn is_there(&self) -> bool {
+        self.is_there && self.sender.is_some()
     }
 
-    /// Why nothing is heard, as far as the server's descriptions tell.
-    pub fn why_silent(&self) -> String {
-        match self.sender {
-            Some(_) => "says nothing".to_owned(),
-            None if self.others.is_empty() => format!("has no device {}", self.device),
-            None => format!("has no device {}, but {}", self.device, self.others.join(", ")),
-        }
+    /// Why nothing is heard of a server's device after `silent_s`: it has answered no ping.
+    pub fn why_missing(&self, silent_s: f64) -> String {
+        let Listener { device, others, .. } = self;
+        let named = if others.is_empty() {
+            "it names no other".to_owned()
+        } else {
+            format!("it names {}", others.join(", "))
+        };
+        format!(
+            "the server is up, but has no device {device}: no answer from it in {silent_s:.0} s ({named}; its vrpn.cfg says \
+             which it has)"
+        )
     }
 
     fn describe(&mut self, message: &Message) {
@@ -126,7 +135,9 @@ impl Listener {
             self.sender = Some(id);
         } else {
             self.sender = self.sender.filter(|known| *known != id);
-            if self.others.len() < MOST_OTHERS {
+            // The connection itself, to VRPN.
+            let is_device = name != "VRPN Control" && !self.others.iter().any(|other| other == name);
+            if is_device && self.others.len() < MOST_OTHERS {
                 self.others.push(name.to_owned());
             }
         }
@@ -136,7 +147,7 @@ impl Listener {
         if self.sender != Some(message.header.sender) {
             return;
         }
-        self.heard_s = now_s();
+        (self.heard_s, self.is_there) = (now_s(), true);
         let Some(kind) = self.kinds.kind(message.header.kind) else { return };
         self.state.counters.messages += 1;
         let measured_s = Some(message.header.time_s());
@@ -237,6 +248,6 @@ mod tests {
             codec::datagram(&bytes).for_each(|message| assert!(listener.take(&message.unwrap())));
         }
         assert_eq!(listener.state.counters.malformed, 4);
-        assert_eq!(listener.why_silent(), "has no device Wand");
+        assert!(listener.why_missing(3.0).contains("(it names no other;"), "{}", listener.why_missing(3.0));
     }
 }

@@ -21,10 +21,12 @@ use std::time::Duration;
 
 /// So many clients are served, and so many asked for by lob are being connected to.
 pub const MOST_CLIENTS: usize = 16;
-const MOST_LOBS: usize = 4;
+const MOST_LOBS: usize = MOST_CLIENTS;
 const LOB_TIMEOUT: Duration = Duration::from_secs(2);
 /// Connections and datagrams taken at once.
 const MOST_AT_ONCE: usize = 8;
+/// A stamp that differs by more from the time of day is of a clock that counts from another moment, s.
+const OTHER_CLOCK_S: f64 = 86_400.0;
 /// As many analog channels as VRPN's own clients hold.
 const MOST_ANALOGS: usize = 128;
 
@@ -58,9 +60,13 @@ pub struct Server {
     /// What was sent last of each device.
     sent: Vec<DeviceState>,
     peers: Vec<Peer>,
-    lobbed: (mpsc::SyncSender<Option<TcpStream>>, mpsc::Receiver<Option<TcpStream>>),
-    connecting: usize,
+    lobbed: (mpsc::SyncSender<Lobbed>, mpsc::Receiver<Lobbed>),
+    /// Whom a thread is connecting to, each by one of its own.
+    connecting: Vec<SocketAddr>,
 }
+
+/// Who asked to be connected to, and the connection, where there is one.
+type Lobbed = (SocketAddr, Option<TcpStream>);
 
 impl Server {
     /// Listens at `place`, TCP and UDP, port 0 for any. Names lose what VRPN does not allow in them.
@@ -78,7 +84,7 @@ impl Server {
             lobs,
             peers: Vec::new(),
             lobbed: mpsc::sync_channel(MOST_LOBS),
-            connecting: 0,
+            connecting: Vec::new(),
         })
     }
 
@@ -159,13 +165,15 @@ impl Server {
         for _ in 0..MOST_AT_ONCE {
             let Ok((bytes, from)) = self.lobs.recv_from(&mut lob) else { break };
             match decode_lob(&lob[..bytes], from.ip()) {
-                Some(place) if self.connecting < MOST_LOBS => self.connect(place),
+                // It asks again until it is connected to.
+                Some(place) if self.connecting.contains(&place) => {}
+                Some(place) if self.connecting.len() < MOST_LOBS => self.connect(place),
                 Some(_) => self.counters.refused += 1,
                 None => self.counters.strange_lobs += 1,
             }
         }
-        while let Ok(connected) = self.lobbed.1.try_recv() {
-            self.connecting -= 1;
+        while let Ok((place, connected)) = self.lobbed.1.try_recv() {
+            self.connecting.retain(|connecting| *connecting != place);
             if let Some(stream) = connected {
                 self.admit(stream);
             }
@@ -185,10 +193,10 @@ impl Server {
     fn connect(&mut self, place: SocketAddr) {
         let done = self.lobbed.0.clone();
         let connect = move || {
-            let _ = done.send(TcpStream::connect_timeout(&place, LOB_TIMEOUT).ok());
+            let _ = done.send((place, TcpStream::connect_timeout(&place, LOB_TIMEOUT).ok()));
         };
         match Builder::new().name("vrpn lob".into()).spawn(connect) {
-            Ok(_) => self.connecting += 1,
+            Ok(_) => self.connecting.push(place),
             Err(_) => self.counters.refused += 1,
         }
     }
@@ -294,8 +302,29 @@ fn dense<T: Copy>(readings: &BTreeMap<i32, Reading<T>>, most: usize) -> impl Ite
     (0..=last).map(|channel| readings.get(&channel).map(|reading| reading.value))
 }
 
-/// When a reading was measured, by the device's clock, or else when it arrived, by the time of day, s.
+/// When a reading was measured, by the device's clock, if that tells the time of day; else when it arrived; s since 1970.
 fn time_of<T>(reading: &Reading<T>) -> f64 {
-    let arrived = || Header::now(0, 0).time_s() - (now_s() - reading.arrived_s);
-    reading.measured_s.filter(|time_s| *time_s >= 0.0).unwrap_or_else(arrived)
+    let arrived_s = Header::now(0, 0).time_s() - (now_s() - reading.arrived_s);
+    let is_time_of_day = |time_s: &f64| (time_s - arrived_s).abs() < OTHER_CLOCK_S;
+    reading.measured_s.filter(is_time_of_day).unwrap_or(arrived_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_are_times_of_the_day_whatever_clock_a_device_has() {
+        let time_s = Header::now(0, 0).time_s();
+        let served_s = |measured_s: Option<f64>| {
+            let mut state = DeviceState::default();
+            state.take_button(0, true, measured_s);
+            time_of(&state.buttons[&0])
+        };
+        assert_eq!(served_s(Some(time_s - 3600.0)), time_s - 3600.0);
+        // Since the machine's start, as a gamepad's; no number; none.
+        for other in [Some(12.5), Some(f64::NAN), Some(-1.0), None] {
+            assert!((served_s(other) - time_s).abs() < 60.0, "{other:?}: {}", served_s(other));
+        }
+    }
 }

@@ -8,7 +8,7 @@ use greenstage::track::udp::{Parser, listen};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
-use std::net::UdpSocket;
+use std::net::{SocketAddr, UdpSocket};
 
 fn message(tracker: &str, half: &str, numbers: [f32; 3]) -> OscPacket {
     let args = numbers.map(OscType::Float).to_vec();
@@ -112,8 +112,8 @@ fn nesting_does_not_overflow_the_stack() {
 
 #[test]
 fn a_listener_hears() {
-    let at = "127.0.0.1:0".parse().unwrap();
-    let mut source = listen("vr", "osc", at, Osc::new(EulerOrder::Yxz)).unwrap();
+    let at: SocketAddr = "127.0.0.1:0".parse().unwrap();
+    let mut source = listen("vr", "osc", at.into(), Osc::new(EulerOrder::Yxz)).unwrap();
     let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
     sender.send_to(&bytes(&message("8", "position", [1.0, 2.0, 3.0])), ("127.0.0.1", port(&source))).unwrap();
     let state = wait(&mut source, "message", |state| !state.sensors.is_empty());

@@ -46,3 +46,22 @@ fn a_device_that_is_dropped_under_force_is_told_to_stop() {
         assert_eq!(last, Some(ForceField::default()), "round {round}");
     }
 }
+
+/// A loop that hangs says nothing more; its connection does not repeat its last word.
+#[test]
+fn a_force_that_is_not_said_again_is_taken_back() {
+    let listener = TcpListener::bind(ANY).unwrap();
+    let mut device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
+    let mut peer = Peer::accept(&listener);
+    peer.hear_cookie();
+    peer.greet("Wand");
+    wait("the device is there", || device.read(now_s()).is_some() || !peer.say(&pose()));
+    device.push(&Push { force: Vector3::new(0.0, 3.0, 0.0), torque: Vector3::zeros() }, now_s());
+    let mut number = None;
+    assert_eq!(field(&mut peer, &mut number).unwrap().force, [0.0, 3.0, 0.0]);
+    assert_eq!(field(&mut peer, &mut number), Some(ForceField::default()));
+}
+
+fn pose() -> Payload {
+    Payload::Pose { sensor: 0, position: [0.1, 0.2, 0.3], quaternion: [0.0, 0.0, 0.0, 1.0] }
+}

@@ -15,6 +15,8 @@ fn pose(x: f64) -> Isometry3<f64> {
 /// Sensors 0 to 19, a negative one, two buttons and three valuators arrive as they were said, to the last bit.
 #[test]
 fn everything_arrives_by_every_way() {
+    // A whole second and a quarter: as a message has it.
+    let measured_s = codec::Header::now(0, 0).time_s().floor() - 3600.0 + 0.25;
     for (transport, udp) in
         [(Transport::Tcp, false), (Transport::Tcp, true), (Transport::Lob, false), (Transport::Lob, true)]
     {
@@ -30,16 +32,16 @@ fn everything_arrives_by_every_way() {
         // Buttons and valuators of before the connection are told to a new client.
         wait("the button is seen", || client.latest().buttons.get(&3).is_some_and(|b| b.value));
         wait("the valuator is seen", || client.latest().valuators.get(&2).is_some_and(|v| v.value == -0.75));
-        puppet.say(|state| state.take_button(0, true, Some(12.5)));
+        puppet.say(|state| state.take_button(0, true, Some(measured_s)));
         wait("the change is seen", || client.latest().buttons[&0].value);
-        assert_eq!(client.latest().buttons[&0].measured_s, Some(12.5));
+        assert_eq!(client.latest().buttons[&0].measured_s, Some(measured_s));
         // Said again and again, since datagrams may be lost.
         let sensors: Vec<i32> = (-1..20).collect();
         let mut said = 0;
         wait("all sensors are seen", || {
             puppet.say(|state| {
                 for sensor in &sensors {
-                    state.take_pose(*sensor, pose(f64::from(*sensor)), Some(1e9 + 0.25), 1.0);
+                    state.take_pose(*sensor, pose(f64::from(*sensor)), Some(measured_s), 1.0);
                 }
             });
             said += 1;
@@ -49,7 +51,7 @@ fn everything_arrives_by_every_way() {
             assert!(
                 (reading.value.to_homogeneous() - pose(f64::from(*sensor)).to_homogeneous()).amax() < 1e-15
             );
-            assert_eq!(reading.measured_s, Some(1e9 + 0.25));
+            assert_eq!(reading.measured_s, Some(measured_s));
             assert!(reading.count <= said);
         }
         counters_reach(&serving, "pings came", |counters| counters.pings > 0);
@@ -188,6 +190,39 @@ fn a_lob_has_the_server_connect_to_the_asker_alone() {
     assert_eq!(serving.counters().accepted, 0);
 }
 
+/// A place on which a connection is neither taken nor refused, as behind a firewall that is silent: nobody accepts, and the
+/// one that may wait for it waits. It is held by what comes with it.
+fn silent_place() -> (std::net::SocketAddr, TcpListener, Vec<TcpStream>) {
+    let listener = TcpListener::bind(ANY).unwrap();
+    let place = listener.local_addr().unwrap();
+    // SAFETY: takes numbers alone, and the socket is open.
+    assert_eq!(unsafe { libc::listen(std::os::fd::AsRawFd::as_raw_fd(&listener), 0) }, 0);
+    let wait = std::time::Duration::from_millis(100);
+    let waiting: Vec<TcpStream> =
+        (0..8).map_while(|_| TcpStream::connect_timeout(&place, wait).ok()).collect();
+    assert!(waiting.len() < 8, "connections are taken");
+    (place, listener, waiting)
+}
+
+/// Each asks once: one that is turned away is never heard of again.
+#[test]
+fn lobs_of_clients_that_cannot_be_reached_hold_nobody_up() {
+    let serving = serve(ANY, &Puppet::default());
+    let udp = UdpSocket::bind(ANY).unwrap();
+    let silent: Vec<_> = (0..6).map(|_| silent_place()).collect();
+    let late = TcpListener::bind(ANY).unwrap();
+    for _ in 0..3 {
+        for (place, ..) in &silent {
+            udp.send_to(format!("127.0.0.1 {}\0", place.port()).as_bytes(), serving.place).unwrap();
+        }
+    }
+    let port = late.local_addr().unwrap().port();
+    udp.send_to(format!("127.0.0.1 {port}\0").as_bytes(), serving.place).unwrap();
+    let mut peer = Peer::accept(&late);
+    assert_eq!(peer.hear_cookie(), codec::cookie());
+    assert_eq!(serving.counters().refused, 0);
+}
+
 #[test]
 fn a_peer_that_is_no_server_of_ours_is_told_and_asked_again() {
     for (cookie, reason) in [
@@ -224,8 +259,19 @@ fn silence_is_a_warning_and_then_the_end() {
     peer.greet("Wrist");
     wait(
         "the device is missed",
-        || matches!(&client.latest().link, Link::Down(said) if said.contains("has no device Wand, but Wrist")),
+        || matches!(&client.latest().link, Link::Down(said) if said.contains("has no device Wand") && said.contains("names Wrist")),
     );
+    // VRPN's own server names what it was asked for: without a pong that proves nothing.
+    let mut peer = Peer::accept(&listener);
+    peer.stream.write_all(&codec::cookie()).unwrap();
+    for name in ["VRPN Control", "Tracker0", "Wand", "Tracker0"] {
+        peer.describe(codec::SENDER_DESCRIPTION, name.len() as i32, name);
+    }
+    wait("it is missed once more", || {
+        let link = &client.latest().link;
+        assert!(!matches!(link, Link::Up | Link::Quiet), "{link:?}");
+        matches!(link, Link::Down(said) if said.contains("has no device Wand") && said.contains("(it names Tracker0;"))
+    });
     // And at last it takes the connection and does not speak at all.
     let _mute = Peer::accept(&listener);
     wait(
@@ -261,7 +307,7 @@ fn a_flood_costs_counters_and_nothing_else() {
     assert_eq!(state.sensors.len(), 256);
     assert_eq!(state.counters.malformed, 20);
     assert_eq!(state.counters.dropped, 20 * (1000 - 256));
-    assert_eq!(state.counters.messages, 20 * 1001 + 1);
+    assert_eq!(state.counters.messages, 20 * 1001 + 2);
     assert_eq!(state.link, Link::Up);
     // Half a message is waited for; a length that cannot be ends the connection.
     let half = say(0, 3.0);

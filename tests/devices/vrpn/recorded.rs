@@ -105,7 +105,7 @@ fn the_optical_tracker_stands_where_it_stood() {
         assert!(listener.take(&message));
         rest = &rest[taken..];
     }
-    assert!(rest.is_empty() && listener.is_known());
+    assert!(rest.is_empty() && listener.is_there());
     let state = &listener.state;
     assert_eq!(state.counters.messages, 2893);
     assert_eq!((state.counters.malformed, state.counters.dropped), (0, 0));
