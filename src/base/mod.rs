@@ -2,5 +2,8 @@
 //!
 //! Imports no other room of ours.
 
+pub mod input;
+pub mod machine;
+pub mod memory;
 pub mod notice;
 pub mod signal;

@@ -23,6 +23,7 @@ pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, prepare, prepare_mesh};
 pub use storage::{Basis, Stored, half_to_single};
 
+use crate::base::machine::TooLarge;
 use crate::fem::AssemblyError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
@@ -50,6 +51,8 @@ pub enum GreenError {
     Assembly { body: String, source: AssemblyError },
     #[error("{body}: {source}")]
     Solve { body: String, source: SolveError },
+    #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
+    Memory { body: String, source: TooLarge },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
     #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
@@ -68,7 +71,7 @@ impl GreenError {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. } => true,
-            GreenError::Solve { .. } => false,
+            GreenError::Solve { .. } | GreenError::Memory { .. } => false,
             GreenError::Io { source, .. } => {
                 use std::io::ErrorKind::{
                     IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,

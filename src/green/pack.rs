@@ -3,14 +3,17 @@
 //! In: a .green file. Out: a .green.zst file that unpacks to the same bytes, and back.
 
 use super::GreenError;
+use crate::base::input;
 use crate::mesh;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// zstd's level: 19 is its smallest without extra memory for whoever unpacks.
 const LEVEL: i32 = 19;
-/// Larger contents are refused, whatever the packed file says.
-const LARGEST: u64 = 1 << 36;
+/// More bytes than these, and these for each packed one, are no columns of numbers: they are refused, whatever the packed
+/// file says.
+const LARGEST: u64 = 1 << 26;
+const LARGEST_RATIO: u64 = 100;
 
 /// The name of the packed file of a .green file: `tube.green.zst`.
 pub fn packed_path(green: &Path) -> PathBuf {
@@ -41,26 +44,46 @@ pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
 }
 
 /// Unpacks `from` into the .green file `to`, written atomically; its hashes are checked when it is opened. Memory does
-/// not grow with what the file claims: it is written as it is unpacked.
+/// not grow with what the file claims: it is written as it is unpacked, up to 64 MiB and 100 times the packed size.
 pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |source| GreenError::Io { path, source }
     };
+    let packed = input::regular(from).map_err(failed(from))?;
+    let largest = LARGEST.max(LARGEST_RATIO * packed);
     let file = std::fs::File::open(from).map_err(failed(from))?;
     let damaged = |error: std::io::Error| GreenError::Damaged {
         path: from.to_owned(),
         reason: format!("it does not unpack ({error})"),
     };
-    let mut decoder = zstd::Decoder::new(file).map_err(damaged)?.take(LARGEST + 1);
+    let mut decoder = zstd::Decoder::new(file).map_err(damaged)?.take(largest + 1);
     let mut size = 0;
     mesh::write_atomically(to, |file| {
         size = std::io::copy(&mut decoder, file)?;
-        if size > LARGEST {
-            return Err(std::io::Error::other(format!("it holds more than {LARGEST} bytes")));
+        if size > largest {
+            let reason =
+                format!("its {packed} bytes hold more than {largest}, and no .green file is so empty");
+            return Err(std::io::Error::other(reason));
         }
         Ok(())
     })
     .map_err(damaged)?;
     Ok(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packed_file_that_grows_without_bound_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let (small, large) = (folder.path().join("bomb.green.zst"), folder.path().join("bomb.green"));
+        let zeros = vec![0u8; LARGEST as usize + 1];
+        std::fs::write(&small, zstd::encode_all(&zeros[..], 1).unwrap()).unwrap();
+        let error = unpack(&small, &large).unwrap_err().to_string();
+        assert!(error.contains("hold more than 67108864"), "{error}");
+        assert!(!large.exists());
+    }
 }

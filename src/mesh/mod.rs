@@ -26,7 +26,7 @@ pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
 
-use crate::base::signal;
+use crate::base::{input, signal};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -80,7 +80,7 @@ pub fn load_quadratic(path: &Path) -> Result<Loaded, MeshError> {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, MeshError> {
-    std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })
+    input::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })
 }
 
 /// [`load`] from a file's `bytes`; `path` tells the format and is named in errors.

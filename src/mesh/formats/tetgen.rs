@@ -22,7 +22,7 @@ fn read(path: &Path, bytes: &[u8]) -> Result<RawMesh, Fault> {
     let small = path.with_extension(if is_node { "ele" } else { "node" });
     let large = path.with_extension(if is_node { "ELE" } else { "NODE" });
     let other = if !small.exists() && large.exists() { large } else { small };
-    let other_bytes = std::fs::read(&other).map_err(|error| {
+    let other_bytes = crate::base::input::read(&other).map_err(|error| {
         let own = if is_node { "nodes" } else { "tetrahedra" };
         Fault::whole(format!("holds the {own} alone, and {} cannot be read: {error}", other.display()))
     })?;

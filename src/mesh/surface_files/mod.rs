@@ -10,6 +10,7 @@ mod stl;
 mod words;
 
 use super::error::{Fault, MeshError};
+use crate::base::input;
 use nalgebra::Vector3;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
@@ -57,7 +58,7 @@ pub fn is_surface_file(path: &Path) -> bool {
 
 /// Reads the surface file at `path`.
 pub fn load(path: &Path) -> Result<LoadedSurface, MeshError> {
-    let bytes = std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
+    let bytes = input::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })?;
     parse(path, &bytes)
 }
 
