@@ -1,14 +1,18 @@
 //! The binary: parse the command line, dispatch, print the error chain.
 
 use clap::Parser;
-use greenstage::base::{notice, signal};
+use greenstage::base::{memory, notice, signal};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
+#[global_allocator]
+static ALLOCATOR: memory::Watched = memory::Watched;
+
 fn main() -> ExitCode {
+    memory::end_in_order();
     if let Err(error) = signal::watch() {
         notice::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
     }

@@ -3,7 +3,10 @@
 //! Imports no other room of ours.
 
 pub mod disjoint;
+pub mod input;
 pub mod last_word;
+pub mod machine;
+pub mod memory;
 pub mod notice;
 pub mod output;
 pub mod signal;

@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     findings.sort_by_key(|finding| finding.severity);
     let effects = effects(&scene);
     if args.json {
-        let value = serde_json::json!({ "scene": args.scene, "findings": findings, "effects": effects });
+        let value = serde_json::json!({ "scene": args.scene.to_string_lossy(), "findings": findings, "effects": effects });
         super::print(&format!("{value:#}\n"))?;
     } else {
         let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();

@@ -106,7 +106,7 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     for notice in &loaded.notices {
         text.push_str(&format!("note: {notice}\n"));
     }
-    let value = json!({ "file": path, "mesh": report, "wrong": trouble, "notices": loaded.notices });
+    let value = json!({ "file": path.to_string_lossy(), "mesh": report, "wrong": trouble, "notices": loaded.notices });
     Ok((text, value))
 }
 
@@ -155,8 +155,7 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     } else {
         text.push_str("not closed: it has no inside to be filled\n");
     }
-    let value =
-        json!({ "file": path, "surface": report, "faults": faults, "notices": notices, "cell": cell });
+    let value = json!({ "file": path.to_string_lossy(), "surface": report, "faults": faults, "notices": notices, "cell": cell });
     Ok((text, value))
 }
 
@@ -222,7 +221,7 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
         tensors.row(&[name, &dtype, &format!("{shape:?}"), &bytes(size as f64)]);
     }
     text.push_str(&format!("\n{}", tensors.text()));
-    Ok((text, json!({ "file": path, "green": file.meta })))
+    Ok((text, json!({ "file": path.to_string_lossy(), "green": file.meta })))
 }
 
 fn scene(path: &Path) -> Result<(String, Value), Failure> {
@@ -259,7 +258,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         Err(_) => "is not there yet",
     };
     text.push_str(&format!("\n{} {state}\n", path.display()));
-    Ok((text, json!({ "scene": scene, "green": path, "state": state })))
+    Ok((text, json!({ "scene": scene, "green": path.to_string_lossy(), "state": state })))
 }
 
 /// The data flow of the bodies that are shown in windows, with one hand.
@@ -280,5 +279,5 @@ fn stage(path: &Path) -> Result<(String, Value), Failure> {
     let found = if path.exists() { Stage::load(path) } else { Stage::find(&path.display().to_string()) };
     let stage = found.map_err(Failure::request)?;
     let text = stage.to_string();
-    Ok((text.clone(), json!({ "file": path, "stage": text.lines().collect::<Vec<_>>() })))
+    Ok((text.clone(), json!({ "file": path.to_string_lossy(), "stage": text.lines().collect::<Vec<_>>() })))
 }

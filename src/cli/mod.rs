@@ -47,6 +47,7 @@ mod writing;
 
 pub use failure::Failure;
 
+use crate::base::machine::{self, ThreadsError};
 use crate::base::text::plain;
 use crate::report::table;
 use clap::{Parser, Subcommand};
@@ -96,6 +97,10 @@ const DEMO: &str = "configs/scenes/tube.toml";
 
 /// Runs the command that was asked for; without one, the demo.
 pub fn run(cli: Cli) -> Result<(), Failure> {
+    machine::start_threads().map_err(|error| match error {
+        ThreadsError::TooMany { .. } => Failure::request(error),
+        ThreadsError::Start { .. } => Failure::work(error),
+    })?;
     match cli.command {
         Some(Command::Precompute(args)) => precompute::run(&args),
         Some(Command::View(args)) => view::run(&args),

@@ -2,6 +2,7 @@
 
 use super::check::Finding;
 use super::{ControlElement, FIELDS, GreenError, Needs, Prepared, RigidMotion, judge};
+use crate::base::machine;
 use crate::fem::{self, AssemblyError, Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::trouble::Severity;
 use crate::mesh::{Surface, TetMesh};
@@ -128,6 +129,9 @@ pub fn solve_prepared(
     let surface = Surface::of(&mesh);
     let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };
 
+    let memory = |source| GreenError::Memory { body: place.clone(), source };
+    let need = assembly_memory(body.element, &mesh, &surface, FIELDS * controls.len());
+    machine::expect("the stiffness matrix with the columns", need).map_err(memory)?;
     progress.begin("assembly", 0);
     let started = Instant::now();
     let unfit = |source| GreenError::Assembly { body: place.clone(), source };
@@ -177,6 +181,29 @@ pub fn solve_prepared(
     })
 }
 
+/// Bytes that assembly takes at its peak, with the prescribed columns and the right-hand sides: 184 for each pair of
+/// nodes that have an element in common, in K and A or in K and its rows, 170 for each tetrahedron, 400 for each node.
+///
+/// With V nodes at corners, T tetrahedra and B triangles of the surface there are F = 2 T + B/2 faces and, by Euler's
+/// formula for one piece without holes, V + F - T - 1 edges. Nodes between the corners make three pairs on an edge, six
+/// more on a face and three more inside. A node of tet4_anp meets its neighbours' neighbours too, about 4.6 times as many.
+fn assembly_memory(element: Element, mesh: &TetMesh, surface: &Surface, columns: usize) -> f64 {
+    let (nodes, tets) = (mesh.nodes.len() as f64, mesh.tets.len() as f64);
+    // Of a curved triangle, the mesh's surface has four.
+    let (corners, triangles) = match element {
+        Element::Tet10 => (nodes / 8.0, surface.triangles.len() as f64 / 4.0),
+        Element::Tet4 | Element::Tet4Anp => (nodes, surface.triangles.len() as f64),
+    };
+    let faces = 2.0 * tets + 0.5 * triangles;
+    let edges = corners + faces - tets;
+    let pairs = match element {
+        Element::Tet4 => edges,
+        Element::Tet4Anp => 4.6 * edges,
+        Element::Tet10 => 3.0 * edges + 6.0 * faces + 3.0 * tets,
+    };
+    184.0 * pairs + 170.0 * tets + 400.0 * nodes + 2.0 * 24.0 * nodes * columns as f64
+}
+
 fn solve_free(
     body: &Body,
     a: &StiffnessMatrix,
@@ -192,9 +219,10 @@ fn solve_free(
     match body.solver.method {
         Method::Cholesky => {
             let symbolic = Symbolic::new(a, progress)?;
+            symbolic.fits(a, rhs.columns)?;
             let factor = Cholesky::new(a, &symbolic, progress)?;
             let (free, mut stats) = factor.solve(rhs, progress)?;
-            stats.conditioning = Some(factor.conditioning(&free, rhs, progress));
+            stats.conditioning = Some(factor.conditioning(&free, rhs, progress)?);
             Ok((free, stats))
         }
         Method::Pcg => {

@@ -1,6 +1,7 @@
 //! Whether a .green file still belongs to its scene.
 
 use super::{GreenError, Needs};
+use crate::base::input;
 use crate::mesh::formats::files_of;
 use crate::scene::{Control, Nodes, Scene};
 use std::path::Path;
@@ -44,6 +45,7 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
 }
 
 fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> std::io::Result<()> {
+    input::regular(path)?;
     let file = std::fs::File::open(path)?;
     hasher.update(&file.metadata()?.len().to_le_bytes());
     hasher.update_reader(file)?;

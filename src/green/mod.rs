@@ -33,6 +33,7 @@ pub use prepare::{Prepared, prepare, prepare_mesh};
 pub use rigid::RigidMotion;
 pub use storage::{Basis, Stored, half_to_single};
 
+use crate::base::machine::TooLarge;
 use crate::base::output::OutputError;
 use crate::fem::AssemblyError;
 use crate::scene::SceneError;
@@ -61,6 +62,8 @@ pub enum GreenError {
     Assembly { body: String, source: AssemblyError },
     #[error("{body}: {source}")]
     Solve { body: String, source: SolveError },
+    #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
+    Memory { body: String, source: TooLarge },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
     #[error(transparent)]
@@ -81,7 +84,7 @@ impl GreenError {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. } => true,
-            GreenError::Solve { .. } => false,
+            GreenError::Solve { .. } | GreenError::Memory { .. } => false,
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {
                 use std::io::ErrorKind::{

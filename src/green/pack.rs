@@ -3,14 +3,16 @@
 //! In: a .green file. Out: a .green.zst file that unpacks to the same bytes, and back.
 
 use super::{GREEN, GreenError, GreenFile, PACKED};
-use crate::base::output;
+use crate::base::{input, output};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// zstd's level: 19 is its smallest without extra memory for whoever unpacks.
 const LEVEL: i32 = 19;
-/// Larger contents are refused, whatever the packed file says.
-const LARGEST: u64 = 1 << 36;
+/// More bytes than these, and these for each packed one, are no columns of numbers: they are refused, whatever the packed
+/// file says.
+const LARGEST: u64 = 1 << 26;
+const LARGEST_RATIO: u64 = 100;
 /// Bytes unpacked at once.
 const PART: usize = 1 << 16;
 
@@ -43,13 +45,15 @@ pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
 }
 
 /// Unpacks `from` into the .green file `to`, which is replaced once what came out is whole and sound. Memory does not
-/// grow with what the file claims: it is written as it is unpacked.
+/// grow with what the file claims: it is written as it is unpacked, up to 64 MiB and 100 times the packed size.
 pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
-    let file =
-        std::fs::File::open(from).map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
+    let unread = |source| GreenError::Io { path: from.to_owned(), source };
+    let packed_size = input::regular(from).map_err(unread)?;
+    let largest = LARGEST.max(LARGEST_RATIO * packed_size);
+    let file = std::fs::File::open(from).map_err(unread)?;
     let damaged = |reason: String| GreenError::Damaged { path: from.to_owned(), reason };
     let unpacked = |error: std::io::Error| damaged(format!("it does not unpack ({error})"));
-    let mut packed = zstd::Decoder::new(file).map_err(unpacked)?.take(LARGEST + 1);
+    let mut packed = zstd::Decoder::new(file).map_err(unpacked)?.take(largest + 1);
     let mut fault = None;
     let mut size = 0;
     let staged = output::stage(to, &GREEN, |file| {
@@ -72,8 +76,10 @@ pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     if let Some(error) = fault {
         return Err(unpacked(error));
     }
-    if size > LARGEST {
-        return Err(damaged(format!("it does not unpack (it holds more than {LARGEST} bytes)")));
+    if size > largest {
+        return Err(damaged(format!(
+            "it does not unpack (its {packed_size} bytes hold more than {largest}, and no .green file is so empty)"
+        )));
     }
     GreenFile::open(staged.now_at()).map_err(|error| match error {
         GreenError::Damaged { reason, .. } => {
@@ -83,4 +89,20 @@ pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     })?;
     staged.put()?;
     Ok(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packed_file_that_grows_without_bound_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let (small, large) = (folder.path().join("bomb.green.zst"), folder.path().join("bomb.green"));
+        let zeros = vec![0u8; LARGEST as usize + 1];
+        std::fs::write(&small, zstd::encode_all(&zeros[..], 1).unwrap()).unwrap();
+        let error = unpack(&small, &large).unwrap_err().to_string();
+        assert!(error.contains("hold more than 67108864"), "{error}");
+        assert!(!large.exists());
+    }
 }

@@ -9,6 +9,7 @@
 
 use super::TetMesh;
 use super::quality::signed_volume;
+use crate::base::machine::{self, TooLarge};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -16,6 +17,8 @@ use std::f64::consts::TAU;
 
 /// More tetrahedra than this are refused.
 pub const MAX_TETRAHEDRA: u128 = 20_000_000;
+/// Bytes that a tetrahedron takes while a mesh is made and checked.
+pub(super) const MEMORY: f64 = 200.0;
 
 /// A tube along x, centred on the origin: (radial + 1)·around·(along + 1) nodes, 5·radial·around·along tetrahedra.
 ///
@@ -77,6 +80,8 @@ pub enum GenerateError {
     Odd { around: u32 },
     #[error("{tetrahedra} tetrahedra are more than {MAX_TETRAHEDRA}: take fewer cells")]
     TooMany { tetrahedra: u128 },
+    #[error("{0}: take fewer cells")]
+    Memory(#[from] TooLarge),
     #[error(
         "tetrahedron {tet} has volume {volume} m³: sizes so small, large or unlike cannot be computed with"
     )]
@@ -183,7 +188,11 @@ fn check_cells(cells: [(&'static str, u32, u32); 3]) -> Result<(), GenerateError
         }
     }
     let tetrahedra = 5 * cells.iter().map(|(_, cells, _)| u128::from(*cells)).product::<u128>();
-    if tetrahedra > MAX_TETRAHEDRA { Err(GenerateError::TooMany { tetrahedra }) } else { Ok(()) }
+    if tetrahedra > MAX_TETRAHEDRA {
+        return Err(GenerateError::TooMany { tetrahedra });
+    }
+    machine::expect(format!("a mesh of {tetrahedra} tetrahedra"), MEMORY * tetrahedra as f64)?;
+    Ok(())
 }
 
 /// Node groups in the making.

@@ -27,7 +27,7 @@ pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
 
-use crate::base::output;
+use crate::base::{input, output};
 use formats::Part;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -82,7 +82,7 @@ pub fn load_quadratic(path: &Path) -> Result<Loaded, MeshError> {
 
 /// Every file of a mesh is read here.
 fn read(path: &Path) -> Result<Vec<u8>, MeshError> {
-    std::fs::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })
+    input::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })
 }
 
 /// [`load`] from a file's `bytes`; `path` tells the format and is named in errors. The other files of a format that is

@@ -16,11 +16,12 @@
 //! isosurface stuffing keeps 1.00 against 0.72. The shortest diagonal at every cut has the same least quality, but made
 //! five shapes of some.
 
-use super::generate::MAX_TETRAHEDRA;
+use super::generate::{MAX_TETRAHEDRA, MEMORY};
 use super::quadratic::{self, Curve};
 use super::quality::{quality, signed_volume};
 use super::trouble::{FLAT, place};
 use super::{EDGES, TetMesh};
+use crate::base::machine::{self, TooLarge};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
@@ -39,6 +40,8 @@ pub enum RefineError {
          begin with fewer"
     )]
     TooMany { before: usize, times: u32, after: u128 },
+    #[error("{0}: refine less often")]
+    Memory(#[from] TooLarge),
     #[error(
         "the node tag {largest} leaves no tags for new nodes beyond it: number the nodes of the mesh from 1 on"
     )]
@@ -77,6 +80,7 @@ pub fn refine(mesh: TetMesh, times: u32, curve: Curve<'_>) -> Result<TetMesh, Re
     if after > MAX_TETRAHEDRA {
         return Err(RefineError::TooMany { before, times, after });
     }
+    machine::expect(format!("a mesh of {after} tetrahedra"), MEMORY * after as f64)?;
     check_tags(&mesh, after as u64)?;
     let sound: Vec<bool> = (0..before).map(|tet| quality(&mesh.corners(tet)) > FLAT).collect();
     let mut mesh = mesh;

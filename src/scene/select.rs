@@ -1,5 +1,6 @@
 //! Which nodes of a mesh a control element holds.
 
+use crate::base::input;
 use crate::config::unknown_name;
 use crate::mesh::trouble::{digits, place};
 use crate::mesh::{Surface, TetMesh, grow};
@@ -156,7 +157,9 @@ fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, S
 }
 
 fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    let text = String::from_utf8(input::read(path).map_err(|error| failed(&error))?)
+        .map_err(|error| failed(&error))?;
     let index: BTreeMap<u64, u32> = mesh.tags.iter().copied().zip(0..).collect();
     let mut nodes = Vec::new();
     for (number, line) in text.lines().enumerate() {

@@ -6,8 +6,9 @@
 
 use super::{
     Column, Conditioning, Ordering, Progress, Silent, SolveError, SolveStats, condition, nested_dissection,
-    residuals,
+    ordering_memory, residuals,
 };
+use crate::base::machine;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
@@ -18,6 +19,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, Mat, Par, Side};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 /// Columns solved together by one thread: fewer waste the cache that holds a supernode, more leave threads idle.
@@ -33,6 +35,9 @@ const REFUSE_ABOVE: f64 = 1e-7;
 const BACKWARD_ABOVE: f64 = 1e-12;
 const REFINEMENTS: usize = 3;
 
+/// Whether a system was solved in this process, so that the threads have their buffers.
+static BUFFERED: AtomicBool = AtomicBool::new(false);
+
 /// The symbolic factorization: the pattern of A and of its factor.
 pub struct Symbolic {
     factor: SymbolicCholesky<usize>,
@@ -45,6 +50,8 @@ pub struct Symbolic {
 impl Symbolic {
     /// Orders the graph of `a` and finds the pattern of its factor.
     pub fn new(a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Symbolic, SolveError> {
+        machine::expect("ordering the unknowns and finding the factor's pattern", ordering_memory(a))
+            .map_err(SolveError::FactorMemory)?;
         progress.begin("ordering", 0);
         let started = Instant::now();
         let ordering = nested_dissection(a)?;
@@ -70,6 +77,41 @@ impl Symbolic {
     pub fn factor_entries(&self) -> usize {
         self.factor.len_val()
     }
+
+    /// Errors where the factor, and the solves for `columns` right-hand sides after it, need more memory than is left.
+    pub fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
+        let entries = self.factor_entries();
+        let what = format!("a factor of {entries} numbers, with the solves for {columns} columns");
+        // Every thread maps the buffers of its matrix products once: two of the size of the largest cache.
+        let threads = if BUFFERED.load(Relaxed) { 0 } else { rayon::current_num_threads() + 1 };
+        let buffers = (2 * threads) as f64 * machine::largest_cache();
+        machine::expect_mapped(what, self.memory(a, columns), buffers).map_err(SolveError::FactorMemory)
+    }
+
+    /// Bytes of the factor, and of what needs more: making it (A's numbers, faer's scratch), the solves (at most five
+    /// fields of all columns at once, a block of columns for each thread), or the estimate of conditioning (|A|, and
+    /// some 30 fields of one column).
+    fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        let entries = self.factor_entries();
+        let scratch =
+            self.factor.factorize_numeric_llt_scratch::<f64>(parallelism(entries), Default::default());
+        let making = 8.0 * self.row_index.len() as f64 + scratch.size_bytes() as f64;
+        let width = block_width(columns).min(columns);
+        let threads = rayon::current_num_threads().min(columns.div_ceil(width.max(1)));
+        let solve = self.factor.solve_in_place_scratch::<f64>(width, Par::Seq).size_bytes() as f64;
+        let field = 24.0 * a.nodes() as f64;
+        let solves = 5.0 * field * columns as f64 + threads as f64 * solve;
+        let conditioning = 100.0 * a.edges.len() as f64 + 30.0 * field + 2.0 * solve;
+        8.0 * entries as f64 + making.max(solves).max(conditioning)
+    }
+}
+
+fn parallelism(entries: usize) -> Par {
+    if entries < PARALLEL_ENTRIES { Par::Seq } else { Par::rayon(0) }
+}
+
+fn block_width(columns: usize) -> usize {
+    (columns / 8).clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end())
 }
 
 fn analyse(
@@ -105,11 +147,15 @@ impl<'a> Cholesky<'a> {
         symbolic: &'a Symbolic,
         progress: &dyn Progress,
     ) -> Result<Cholesky<'a>, SolveError> {
+        symbolic.fits(a, 1)?;
         progress.begin("factorization", 0);
         let started = Instant::now();
         let unknowns = 3 * a.nodes();
         let entries = symbolic.factor_entries();
-        let no_memory = || SolveError::OutOfMemory { entries, gigabytes: 8e-9 * entries as f64 };
+        let no_memory = || {
+            let what = format!("a factor of {entries} numbers");
+            SolveError::FactorMemory(machine::refused(what, symbolic.memory(a, 1)))
+        };
 
         let numbers = lower_values(a);
         let pattern = SymbolicSparseColMatRef::new_checked(
@@ -124,7 +170,7 @@ impl<'a> Cholesky<'a> {
         values.try_reserve_exact(entries).map_err(|_reason| no_memory())?;
         values.resize(entries, 0.0);
 
-        let par = if entries < PARALLEL_ENTRIES { Par::Seq } else { Par::rayon(0) };
+        let par = parallelism(entries);
         let scratch = symbolic.factor.factorize_numeric_llt_scratch::<f64>(par, Default::default());
         let mut memory = MemBuffer::try_new(scratch).map_err(|_reason| no_memory())?;
         symbolic
@@ -154,14 +200,15 @@ impl<'a> Cholesky<'a> {
     ) -> Result<(NodeFields, SolveStats), SolveError> {
         progress.begin("solves", b.columns as u64);
         let started = Instant::now();
-        let mut x = self.substitute(b, progress);
+        let mut x = self.substitute(b, progress)?;
         progress.end();
+        BUFFERED.store(true, Relaxed);
         let (mut relative, mut r) = residuals(self.a, &x, b);
         for _ in 0..REFINEMENTS {
             if relative.iter().all(|&r| r <= REFINE_ABOVE) {
                 break;
             }
-            let correction = self.substitute(&r, &Silent);
+            let correction = self.substitute(&r, &Silent)?;
             let refined =
                 NodeFields { data: x.data.iter().zip(&correction.data).map(|(x, d)| x + d).collect(), ..x };
             let (new_relative, new_r) = residuals(self.a, &refined, b);
@@ -195,7 +242,12 @@ impl<'a> Cholesky<'a> {
     }
 
     /// How exact the solution `x` of A x = b is: a few solves with one column each, on two threads.
-    pub fn conditioning(&self, x: &NodeFields, b: &NodeFields, progress: &dyn Progress) -> Conditioning {
+    pub fn conditioning(
+        &self,
+        x: &NodeFields,
+        b: &NodeFields,
+        progress: &dyn Progress,
+    ) -> Result<Conditioning, SolveError> {
         progress.begin("conditioning", 0);
         let started = Instant::now();
         let inverse = |b: &NodeFields| self.substitute(b, &Silent);
@@ -206,34 +258,41 @@ impl<'a> Cholesky<'a> {
             || condition::forward_error(self.a, &inverse, &column),
         );
         progress.end();
-        Conditioning { scaled_condition, forward_error, seconds: started.elapsed().as_secs_f64() }
+        Ok(Conditioning {
+            scaled_condition: scaled_condition?,
+            forward_error: forward_error?,
+            seconds: started.elapsed().as_secs_f64(),
+        })
     }
 
     /// Forward and backward substitution, each thread its own block of columns.
-    fn substitute(&self, b: &NodeFields, progress: &dyn Progress) -> NodeFields {
+    fn substitute(&self, b: &NodeFields, progress: &dyn Progress) -> Result<NodeFields, SolveError> {
         let rows = 3 * b.nodes;
-        let width = (b.columns / 8).clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end());
+        let width = block_width(b.columns);
         let factor = LltRef::new(&self.symbolic.factor, &self.values);
-        let blocks: Vec<Mat<f64>> = (0..b.columns.div_ceil(width))
+        let blocks = (0..b.columns.div_ceil(width))
             .into_par_iter()
             .map(|block| {
                 let first = block * width;
                 let count = width.min(b.columns - first);
                 let mut x = Mat::from_fn(rows, count, |row, column| b.row(row)[first + column]);
                 let scratch = self.symbolic.factor.solve_in_place_scratch::<f64>(count, Par::Seq);
-                let mut memory = MemBuffer::new(scratch);
+                let mut memory = MemBuffer::try_new(scratch).map_err(|_reason| {
+                    let what = format!("a block of {count} columns");
+                    SolveError::Memory(machine::refused(what, scratch.size_bytes() as f64))
+                })?;
                 factor.solve_in_place_with_conj(Conj::No, x.as_mut(), Par::Seq, MemStack::new(&mut memory));
                 progress.advance(count as u64);
-                x
+                Ok(x)
             })
-            .collect();
+            .collect::<Result<Vec<Mat<f64>>, SolveError>>()?;
         let mut x = NodeFields::zeros(b.nodes, b.columns);
         x.data.par_chunks_mut(b.columns.max(1)).enumerate().with_min_len(256).for_each(|(row, out)| {
             for (column, value) in out.iter_mut().enumerate() {
                 *value = blocks[column / width][(row, column % width)];
             }
         });
-        x
+        Ok(x)
     }
 }
 

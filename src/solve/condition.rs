@@ -3,12 +3,12 @@
 //! In: A, ways to apply A and A⁻¹, and a solution with its residual. Out: two numbers for the closing table and the
 //! .green file. Both cost a few solves with one right-hand side.
 
-use super::Column;
+use super::{Column, SolveError};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::DMatrix;
 
 /// A⁻¹ on one column.
-pub type Inverse<'a> = &'a (dyn Fn(&NodeFields) -> NodeFields + Sync);
+pub type Inverse<'a> = &'a (dyn Fn(&NodeFields) -> Result<NodeFields, SolveError> + Sync);
 
 /// Steps of Lanczos on A and on A⁻¹: the extreme eigenvalues are then known to some ten per cent, from below.
 const STEPS: usize = 12;
@@ -22,7 +22,7 @@ const ROUNDOFF: f64 = 1.1e-16;
 /// Computations, 4th ed., section 10.1); an estimate from below. Scaling by the diagonal takes out what materials and
 /// element sizes do alone, and loses no digit in Cholesky (Higham, Accuracy and Stability of Numerical Algorithms,
 /// 2nd ed., section 10.1.1).
-pub fn scaled_condition(a: &StiffnessMatrix, inverse: Inverse<'_>) -> f64 {
+pub fn scaled_condition(a: &StiffnessMatrix, inverse: Inverse<'_>) -> Result<f64, SolveError> {
     let scale: Vec<f64> = a
         .diagonal
         .iter()
@@ -35,21 +35,26 @@ pub fn scaled_condition(a: &StiffnessMatrix, inverse: Inverse<'_>) -> f64 {
     let largest = largest_eigenvalue(3 * a.nodes(), STEPS, |x| {
         let mut product = NodeFields::zeros(a.nodes(), 1);
         a.multiply(&scaled(x, -1), &mut product);
-        scaled(&product.data, -1).data
-    });
-    let inverse_smallest =
-        largest_eigenvalue(3 * a.nodes(), INVERSE_STEPS, |x| scaled(&inverse(&scaled(x, 1)).data, 1).data);
-    largest * inverse_smallest
+        Ok(scaled(&product.data, -1).data)
+    })?;
+    let inverse_smallest = largest_eigenvalue(3 * a.nodes(), INVERSE_STEPS, |x| {
+        Ok(scaled(&inverse(&scaled(x, 1))?.data, 1).data)
+    })?;
+    Ok(largest * inverse_smallest)
 }
 
 /// The largest eigenvalue of a symmetric matrix of `size` that `apply` multiplies with.
-fn largest_eigenvalue(size: usize, steps: usize, apply: impl Fn(&[f64]) -> Vec<f64>) -> f64 {
+fn largest_eigenvalue(
+    size: usize,
+    steps: usize,
+    apply: impl Fn(&[f64]) -> Result<Vec<f64>, SolveError>,
+) -> Result<f64, SolveError> {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let mut q = start(size);
     let steps = steps.min(size);
     let mut tridiagonal = DMatrix::zeros(steps, steps);
     for step in 0..steps {
-        let mut next = apply(&q);
+        let mut next = apply(&q)?;
         basis.push(q);
         let before = norm(&next);
         tridiagonal[(step, step)] = dot(&next, &basis[step]);
@@ -67,7 +72,7 @@ fn largest_eigenvalue(size: usize, steps: usize, apply: impl Fn(&[f64]) -> Vec<f
         next.iter_mut().for_each(|value| *value /= rest);
         q = next;
     }
-    tridiagonal.symmetric_eigenvalues().max()
+    Ok(tridiagonal.symmetric_eigenvalues().max())
 }
 
 /// Numbers without any structure, of length 1.
@@ -91,31 +96,31 @@ fn start(size: usize) -> Vec<f64> {
 ///
 /// (Higham, section 7.1, equation 7.31, as LAPACK's xPORFS has it), with the norm of A⁻¹ diag(…) found by Hager's
 /// estimator (section 15.2): a bound that is seldom missed and mostly a hundred times too large.
-pub fn forward_error(a: &StiffnessMatrix, inverse: Inverse<'_>, column: &Column) -> f64 {
+pub fn forward_error(a: &StiffnessMatrix, inverse: Inverse<'_>, column: &Column) -> Result<f64, SolveError> {
     let row = |node: usize| 3.0 * (1 + a.neighbours(node).count()) as f64;
     let doubt: Vec<f64> = (0..3 * a.nodes())
         .map(|i| column.r.data[i].abs() + (row(i / 3) + 1.0) * ROUNDOFF * column.sizes.data[i])
         .collect();
     let largest = column.x.data.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    if largest == 0.0 { 0.0 } else { inverse_norm(inverse, &doubt, a.nodes()) / largest }
+    Ok(if largest == 0.0 { 0.0 } else { inverse_norm(inverse, &doubt, a.nodes())? / largest })
 }
 
 /// Estimates ‖A⁻¹ F‖∞ = ‖F A⁻¹‖₁ for F = diag(`weights`) ≥ 0 and symmetric A.
-fn inverse_norm(inverse: Inverse<'_>, weights: &[f64], nodes: usize) -> f64 {
-    let solve = |data: Vec<f64>| inverse(&NodeFields { nodes, columns: 1, data }).data;
+fn inverse_norm(inverse: Inverse<'_>, weights: &[f64], nodes: usize) -> Result<f64, SolveError> {
+    let solve = |data: Vec<f64>| Ok::<_, SolveError>(inverse(&NodeFields { nodes, columns: 1, data })?.data);
     let mut x = vec![1.0 / weights.len() as f64; weights.len()];
     let mut best = 0.0;
     for _ in 0..ROUNDS {
-        let y: Vec<f64> = solve(x.clone()).iter().zip(weights).map(|(y, w)| y * w).collect();
+        let y: Vec<f64> = solve(x.clone())?.iter().zip(weights).map(|(y, w)| y * w).collect();
         let estimate: f64 = y.iter().map(|y| y.abs()).sum();
         if estimate.is_nan() {
-            return f64::NAN;
+            return Ok(f64::NAN);
         }
         if estimate <= best {
             break;
         }
         best = estimate;
-        let z = solve(y.iter().zip(weights).map(|(y, w)| w.copysign(*y)).collect());
+        let z = solve(y.iter().zip(weights).map(|(y, w)| w.copysign(*y)).collect())?;
         let (at, largest) = z
             .iter()
             .enumerate()
@@ -126,7 +131,7 @@ fn inverse_norm(inverse: Inverse<'_>, weights: &[f64], nodes: usize) -> f64 {
         x = vec![0.0; weights.len()];
         x[at] = 1.0;
     }
-    best
+    Ok(best)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -146,7 +151,9 @@ mod tests {
     fn lanczos_finds_the_ends_of_a_known_spectrum() {
         for size in [1, 2, 30, 300] {
             let value = |i: usize| 1.0 + 99.0 * (i as f64 / (size - 1).max(1) as f64).powi(2);
-            let largest = largest_eigenvalue(size, STEPS, |x| (0..size).map(|i| value(i) * x[i]).collect());
+            let largest =
+                largest_eigenvalue(size, STEPS, |x| Ok((0..size).map(|i| value(i) * x[i]).collect()))
+                    .unwrap();
             let exact = value(size - 1);
             assert!(
                 largest <= exact * (1.0 + 1e-12) && largest > 0.95 * exact,
@@ -158,10 +165,10 @@ mod tests {
     #[test]
     fn the_norm_of_a_known_inverse_is_found() {
         // A⁻¹ = diag(1, 2, 3) on one node, F = diag(5, 1, 1): the largest row sum is 5.
-        let inverse = |b: &NodeFields| NodeFields {
-            data: b.data.iter().zip([1.0, 2.0, 3.0]).map(|(b, d)| b * d).collect(),
-            ..b.clone()
+        let inverse = |b: &NodeFields| {
+            let data = b.data.iter().zip([1.0, 2.0, 3.0]).map(|(b, d)| b * d).collect();
+            Ok(NodeFields { data, ..b.clone() })
         };
-        assert_eq!(inverse_norm(&inverse, &[5.0, 1.0, 1.0], 1), 5.0);
+        assert_eq!(inverse_norm(&inverse, &[5.0, 1.0, 1.0], 1).unwrap(), 5.0);
     }
 }

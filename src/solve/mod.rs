@@ -14,10 +14,12 @@ mod progress;
 
 pub use cholesky::{Cholesky, Symbolic};
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
+use ordering::ordering_memory;
 pub use ordering::{Ordering, nested_dissection};
 pub use pcg::Pcg;
 pub use progress::{Progress, Silent};
 
+use crate::base::machine::TooLarge;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use rayon::prelude::*;
 
@@ -72,10 +74,12 @@ pub enum SolveError {
     )]
     NotPositiveDefinite { unknowns: usize, pivot: usize },
     #[error(
-        "the factor needs {entries} numbers ({gigabytes:.1} GB), more than this machine gives; coarsen the mesh, \
-         or write solver = {{ method = \"pcg\" }} in the scene"
+        "{0}; coarsen the mesh, take fewer control elements, write solver = {{ method = \"pcg\" }} in the scene, or \
+         give the program more memory"
     )]
-    OutOfMemory { entries: usize, gigabytes: f64 },
+    FactorMemory(TooLarge),
+    #[error("{0}; coarsen the mesh, take fewer control elements, or give the program more memory")]
+    Memory(#[from] TooLarge),
     #[error(
         "column {column}: relative residual {residual:.1e} is above {limit:.1e} after {iterations} iterations; the \
          matrix is too ill-conditioned for conjugate gradients: look for slivers and large contrasts of stiffness \

@@ -1,6 +1,7 @@
 //! Nested dissection of the node graph by METIS (Karypis and Kumar, SIAM J. Sci. Comput. 20, 1998).
 
 use super::SolveError;
+use crate::base::machine;
 use crate::fem::StiffnessMatrix;
 use std::sync::{Mutex, PoisonError};
 
@@ -13,6 +14,12 @@ static METIS: Mutex<()> = Mutex::new(());
 pub struct Ordering {
     pub forward: Vec<usize>,
     pub inverse: Vec<usize>,
+}
+
+/// Bytes that ordering and finding the factor's pattern take: 200 for each pair of coupled nodes (A's pattern, a permuted
+/// copy of it, METIS' graphs) and 1000 for each node.
+pub fn ordering_memory(matrix: &StiffnessMatrix) -> f64 {
+    200.0 * matrix.edges.len() as f64 + 1000.0 * matrix.nodes() as f64
 }
 
 /// Orders the graph of nodes, whose three unknowns stay together, and expands the result to unknowns.
@@ -49,6 +56,10 @@ pub fn nested_dissection(matrix: &StiffnessMatrix) -> Result<Ordering, SolveErro
                 inverse.as_mut_ptr(),
             )
         };
+        if status == metis_sys::rstatus_et_METIS_ERROR_MEMORY {
+            let refusal = machine::refused(format!("ordering {nodes} nodes"), ordering_memory(matrix));
+            return Err(SolveError::FactorMemory(refusal));
+        }
         if status != metis_sys::rstatus_et_METIS_OK {
             return Err(failed(format!("METIS returned status {status}")));
         }

@@ -2,6 +2,7 @@
 //! are iterated together, so that one pass over the matrix serves them all.
 
 use super::{Conditioning, Progress, SolveError, SolveStats, residuals};
+use crate::base::machine;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -28,6 +29,9 @@ impl Pcg {
         b: &NodeFields,
         progress: &dyn Progress,
     ) -> Result<(NodeFields, SolveStats), SolveError> {
+        // x, r, z, p, A p and a true residual; the inverse blocks.
+        let need = 6.0 * 24.0 * (b.nodes * b.columns) as f64 + 72.0 * b.nodes as f64;
+        machine::expect(format!("iterating {} columns together", b.columns), need)?;
         let started = Instant::now();
         let inverse = inverse_diagonal(a)?;
         let factor_s = started.elapsed().as_secs_f64();

@@ -321,3 +321,15 @@ fn the_crates_documentation_lists_every_public_module() {
         assert!(lib.contains(&format!("//! | [`{module}`] |")), "src/lib.rs does not describe {module}");
     }
 }
+
+/// `eprintln!` panics where standard error cannot be written, and a full disk of logs would cost the work.
+#[test]
+fn notices_go_through_base() {
+    let ours = |(file, text): (String, String)| {
+        let own = text.split("#[cfg(test)]\nmod ").next().unwrap_or("").contains("eprint");
+        (own && !file.ends_with("tests.rs") && !file.contains("/tests/") && file != "src/base/notice.rs")
+            .then_some(file)
+    };
+    let faults: Vec<String> = files("src", "rs").into_iter().filter_map(ours).collect();
+    assert!(faults.is_empty(), "{faults:?} should write `notice!` of base::notice");
+}

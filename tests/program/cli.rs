@@ -1,6 +1,7 @@
 //! The command line as a user types it: what works, and what is refused with status 2, file, entity and remedy.
 
 mod cases;
+mod limits;
 use crate::common;
 
 use common::{csv_rows, folder};

@@ -11,10 +11,12 @@ mod sides;
 mod stencil;
 
 use super::error::MeshError;
+use super::generate::MEMORY;
 use super::surface_check::{SurfaceReport, check};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
 use super::trouble::{digits, place};
 use super::{Loaded, Surface, TetMesh, quality};
+use crate::base::machine;
 use distance::{Depth, Distance};
 use lattice::Lattice;
 use nalgebra::Vector3;
@@ -116,6 +118,8 @@ fn refuse(surface: &TriangleSurface, report: &SurfaceReport, cell: f64) -> Resul
             1.05 * least(MAX_TETRAHEDRA, report.volume)
         ));
     }
+    machine::expect(format!("a mesh of about {tetrahedra:.1e} tetrahedra"), MEMORY * tetrahedra)
+        .map_err(|refusal| format!("{refusal}: take a larger cell"))?;
     Lattice::around(&low, &high, cell, MAX_VERTICES).ok_or_else(|| {
         format!(
             "the lattice of cell {cell} m about the body has more than {MAX_VERTICES} vertices: take cell = {:.1e} or \

@@ -1,0 +1,87 @@
+//! The end where memory that nobody could know the need of is not to be had: one sentence and exit status 1.
+//!
+//! Rust aborts where an allocation fails that cannot be refused. The allocator remembers that, so that the abort's
+//! signal can be told from another and answered. What can be refused (`try_reserve`) is refused as ever.
+
+use libc::{SIGABRT, c_int};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::io::Write;
+
+/// The system's allocator, which remembers the last request of a thread if that was refused.
+pub struct Watched;
+
+thread_local! {
+    /// Bytes of the last request that was refused; 0 where none was.
+    static REFUSED: Cell<usize> = const { Cell::new(0) };
+}
+
+fn watched(memory: *mut u8, bytes: usize) -> *mut u8 {
+    if memory.is_null() {
+        REFUSED.set(bytes);
+    }
+    memory
+}
+
+// SAFETY: every call goes to the system's allocator unchanged, and a thread's cell needs no memory of its own.
+unsafe impl GlobalAlloc for Watched {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller's promise is handed on.
+        watched(unsafe { System.alloc(layout) }, layout.size())
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller's promise is handed on.
+        watched(unsafe { System.alloc_zeroed(layout) }, layout.size())
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // SAFETY: the caller's promise is handed on.
+        watched(unsafe { System.realloc(memory, layout, size) }, size)
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise is handed on.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+/// From now on an allocation that fails ends the program with a sentence and status 1, where [`Watched`] is its
+/// allocator. Where addresses are limited, all threads share one arena, for another would reserve 64 MB of them.
+pub fn end_in_order() {
+    #[cfg(target_env = "gnu")]
+    if super::machine::addresses_are_limited() {
+        // SAFETY: there is no other thread yet, and the call sets a number of the C library.
+        unsafe { libc::mallopt(libc::M_ARENA_MAX, 1) };
+    }
+    let handler: extern "C" fn(c_int) = on_abort;
+    // SAFETY: the handler formats on its own stack and ends the program, or does nothing.
+    unsafe { libc::signal(SIGABRT, handler as libc::sighandler_t) };
+}
+
+/// Any other abort goes on when this returns.
+extern "C" fn on_abort(_signal: c_int) {
+    conclude();
+}
+
+/// Where an allocation of this thread was refused, says so and ends the program. Calls only what a handler of signals may.
+pub fn conclude() {
+    let bytes = REFUSED.get();
+    if bytes == 0 {
+        return;
+    }
+    let mut text = [0u8; 400];
+    let mut rest = &mut text[..];
+    let _ = writeln!(
+        rest,
+        "error: out of memory: {:.1} MB more could not be had; coarsen the mesh, take fewer control elements, write \
+         solver = {{ method = \"pcg\" }} in the scene, or give the program more memory (control group, ulimit)",
+        bytes as f64 / 1e6
+    );
+    let unused = rest.len();
+    // SAFETY: both are allowed in a handler, and the text has this length.
+    unsafe {
+        libc::write(libc::STDERR_FILENO, text.as_ptr().cast(), text.len() - unused);
+        libc::_exit(1);
+    }
+}

@@ -1,0 +1,200 @@
+//! What the system does to the program: signals, a full disk behind its streams, too little memory, files without end.
+
+use super::{folder, greenstage, project, refuse, text};
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A block of `cells`³ cells, without a mesh file.
+fn block(name: &str, cells: u32) -> std::path::PathBuf {
+    let folder = folder(name);
+    let scene = format!(
+        r#"
+[body.block]
+generate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [{cells}, {cells}, {cells}] }} }}
+material = {{ young = 1.0e3, poisson = 0.3 }}
+[body.block.control.high]
+nodes = {{ group = "xmax" }}
+grab = "dragger"
+[body.block.control.low]
+nodes = {{ group = "xmin" }}
+grab = "fixed"
+"#
+    );
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    folder
+}
+
+/// METIS installs a handler of its own for SIGTERM while it orders, and made "ordering failed" of it.
+#[test]
+fn a_request_to_end_is_obeyed_whatever_is_computed() {
+    let folder = block("cli-ended", 24);
+    let mut orderings = 0;
+    for kill in 0..10 {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .args(["precompute", "scene.toml"])
+            .current_dir(&folder)
+            .stderr(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut told = BufReader::new(child.stderr.take().unwrap());
+        let mut line = String::new();
+        while !line.contains("assembly") {
+            line.clear();
+            assert!(told.read_line(&mut line).unwrap() > 0, "it ended by itself");
+        }
+        std::thread::sleep(Duration::from_millis(5 + 12 * kill));
+        let ended = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+        assert!(ended.success());
+        let mut rest = String::new();
+        told.read_to_string(&mut rest).unwrap();
+        assert_eq!(child.wait().unwrap().signal(), Some(15), "{rest}");
+        assert!(rest.contains("interrupted by SIGTERM: scene.green was not written"), "{rest}");
+        orderings += usize::from(!rest.contains("ordering"));
+        let left = std::fs::read_dir(&folder).unwrap().count();
+        assert_eq!(left, 1, "the scene alone");
+    }
+    println!("{orderings} of 10 in the ordering");
+}
+
+#[test]
+fn what_cannot_be_said_costs_no_work() {
+    let folder = project("cli-mute");
+    let full = || File::options().write(true).open("/dev/full").unwrap();
+    let mut precompute = Command::new(env!("CARGO_BIN_EXE_greenstage"));
+    precompute.args(["precompute", "scene.toml"]).current_dir(&folder);
+    assert!(precompute.stderr(full()).stdout(Stdio::null()).status().unwrap().success());
+    assert!(folder.join("scene.green").exists());
+    let failed = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+        .args(["inspect", "scene.green"])
+        .current_dir(&folder)
+        .stdout(full())
+        .output()
+        .unwrap();
+    assert_eq!(failed.status.code(), Some(1));
+    assert!(text(&failed.stderr).contains("No space left"), "{}", text(&failed.stderr));
+    let wrong = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+        .args(["inspect", "missing.green"])
+        .current_dir(&folder)
+        .env("GREENSTAGE_LOG", "trace")
+        .stderr(full())
+        .status()
+        .unwrap();
+    assert_eq!(wrong.code(), Some(2), "and no panic");
+}
+
+#[test]
+fn a_name_that_is_no_text_is_shown_in_json() {
+    let folder = project("cli-bytes");
+    let name = OsStr::from_bytes(b"m\xff.msh");
+    std::fs::copy(folder.join("block.msh"), folder.join(name)).unwrap();
+    let scene = OsStr::from_bytes(b"s\xff.toml");
+    std::fs::copy(folder.join("scene.toml"), folder.join(scene)).unwrap();
+    for (command, file) in [("inspect", name), ("inspect", scene), ("check", scene)] {
+        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+            .args([OsStr::new(command), file, OsStr::new("--json")])
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        assert!(serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap().is_object());
+        assert!(text(&output.stdout).contains('\u{fffd}'));
+    }
+}
+
+#[test]
+fn a_hundred_thousand_threads_are_refused() {
+    let folder = project("cli-threads");
+    let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+        .args(["precompute", "scene.toml"])
+        .current_dir(&folder)
+        .env("RAYON_NUM_THREADS", "100000")
+        .output()
+        .unwrap();
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("RAYON_NUM_THREADS asks for 100000 threads"), "{message}");
+}
+
+/// Runs `precompute` with an address space of so many MB; its status and what it said.
+fn precompute_within(folder: &Path, megabytes: u32) -> (Option<i32>, String) {
+    let command =
+        format!("ulimit -v {} && exec \"$0\" precompute scene.toml --force --quiet", 1000 * megabytes);
+    let output = Command::new("sh")
+        .args(["-c", &command, env!("CARGO_BIN_EXE_greenstage")])
+        .current_dir(folder)
+        .env("RAYON_NUM_THREADS", "2")
+        .output()
+        .unwrap();
+    (output.status.code(), text(&output.stderr))
+}
+
+#[test]
+fn too_little_memory_is_told_with_its_figures() {
+    let folder = block("cli-memory", 20);
+    let mut told = Vec::new();
+    for megabytes in [80, 100, 130, 160, 200, 250, 300, 400, 500, 700] {
+        let (status, message) = precompute_within(&folder, megabytes);
+        if status != Some(0) {
+            assert_eq!(status, Some(1), "{megabytes} MB: {message}");
+            assert!(message.contains("error: ") && message.contains("memory"), "{megabytes} MB: {message}");
+            assert!(!message.contains("panicked"), "{megabytes} MB: {message}");
+            told.push((megabytes, message));
+        }
+    }
+    let figures = told.iter().filter(|(_, message)| message.contains("ulimit -v) leaves")).count();
+    assert!(figures >= 2, "{told:#?}");
+    let (status, message) = precompute_within(&folder, 4000);
+    assert_eq!(status, Some(0), "{message}");
+}
+
+#[test]
+fn files_without_end_are_no_meshes() {
+    let folder = project("cli-endless");
+    let pipe = folder.join("pipe.msh");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let scene = std::fs::read_to_string(folder.join("scene.toml")).unwrap();
+    for mesh in ["/dev/zero", "/dev/urandom", "pipe.msh"] {
+        std::fs::write(folder.join("scene.toml"), scene.replace("block.msh", mesh)).unwrap();
+        for command in ["check", "precompute"] {
+            refuse_in_time(&folder, &[command, "scene.toml"], "device or a pipe");
+        }
+        refuse_in_time(&folder, &["inspect", mesh], "device or a pipe");
+    }
+    refuse(&folder, &["inspect", "."], &["folder"]);
+    assert!(greenstage(&folder, &["inspect", "block.msh"]).status.success());
+}
+
+/// [`refuse`] of a program that may hang.
+fn refuse_in_time(folder: &Path, arguments: &[&str], expected: &str) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+        .args(arguments)
+        .current_dir(folder)
+        .stderr(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let started = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if started.elapsed() > Duration::from_secs(20) {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("{arguments:?} did not end");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let mut message = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+    child.stdout.take().unwrap().read_to_string(&mut message).unwrap();
+    assert_eq!(status.code(), Some(2), "{arguments:?}: {message}");
+    assert!(message.contains(expected), "{arguments:?}: {message}");
+}
