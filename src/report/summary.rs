@@ -22,7 +22,7 @@ pub fn summary(report: &Report) -> String {
     ]);
     for i in ladder(&report.rows, &ONLINE) {
         let Row { setting, cost, error, .. } = &report.rows[i];
-        let knobs = setting.knobs().map(|knob| plain(knob));
+        let knobs = setting.knobs().map(plain);
         let [mesh, solver, storage, model] = knobs.each_ref().map(String::as_str);
         table.row(&[
             mesh,
