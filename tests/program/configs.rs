@@ -286,6 +286,9 @@ fn lengthened(text: &str) -> Vec<(String, usize, usize)> {
     found
 }
 
+/// What is wrong with the text of a file.
+type Parse<'a> = &'a dyn Fn(&str) -> Option<String>;
+
 /// Every array of every kind of file has its length, and an element too many is refused with its line.
 #[test]
 fn no_array_of_any_file_takes_an_element_too_many() {
@@ -294,7 +297,7 @@ fn no_array_of_any_file_takes_an_element_too_many() {
     let stage = |text: &str| Stage::parse(text, path).err().map(|error| error.to_string());
     let script = |text: &str| Script::parse(text, path).err().map(|error| error.to_string());
     let poses = |text: &str| greenstage::cli::poses::parse(text, path).err().map(|error| error.to_string());
-    let kinds: [(&str, usize, &dyn Fn(&str) -> Option<String>); 4] = [
+    let kinds: [(&str, usize, Parse<'_>); 4] = [
         (ARRAYS_OF_A_SCENE, 10, &scene),
         (ARRAYS_OF_A_STAGE, 35, &stage),
         (ARRAYS_OF_A_SCRIPT, 9, &script),
