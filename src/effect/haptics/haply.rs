@@ -7,6 +7,7 @@
 //! own alone. What comes is bounded and strictly read; a service that vanishes is tried again.
 
 use super::device::{Device, News, Push, Reading};
+use crate::base::peak::Peak;
 use crate::track::device::{DeviceState, Stamp, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -29,6 +30,8 @@ const SILENT_S: f64 = 1.0;
 /// Between two attempts to connect, s.
 const RETRY_S: f64 = 1.0;
 const WAKE: Duration = Duration::from_millis(50);
+/// What an answer must be feared to take before the first has come, s.
+const UNHEARD_S: f64 = 2e-3;
 
 /// A service, connected or not.
 pub struct Haply {
@@ -43,6 +46,8 @@ pub struct Haply {
 struct Shared {
     stop: AtomicBool,
     malformed: AtomicU64,
+    /// From a tick's command to the state that answers it, the longest of late: bits of an f64, s; 0 before the first.
+    echo: AtomicU64,
 }
 
 impl Haply {
@@ -75,9 +80,12 @@ impl Device for Haply {
         self.shared.malformed.load(Relaxed)
     }
 
-    /// State and command wait for the service's turn and for a tick; how long its states last shows in their spacing.
+    /// A command waits for the state that it answers, goes its way, and is answered by the next state at the service's turn.
     fn latency_s(&self) -> f64 {
-        1e-3
+        match f64::from_bits(self.shared.echo.load(Relaxed)) {
+            echo_s if echo_s > 0.0 => echo_s,
+            _ => UNHEARD_S,
+        }
     }
 }
 
@@ -140,10 +148,15 @@ impl Link {
     fn converse(&mut self, socket: &mut WebSocket<TcpStream>) -> String {
         let (mut heard_s, mut id) = (now_s(), None);
         let mut heard = DeviceState::default();
+        let (mut commanded_s, mut echo) = (None, Peak::default());
         while !self.shared.stop.load(Relaxed) {
             match socket.read() {
                 Ok(Message::Text(text)) => {
                     heard_s = now_s();
+                    if let Some(commanded_s) = commanded_s {
+                        echo.take(heard_s - commanded_s, heard_s);
+                        self.shared.echo.store(echo.value.to_bits(), Relaxed);
+                    }
                     match parse(&text, heard_s) {
                         Ok(state) => {
                             self.reading.write(state.reading.map(|reading| counted(&mut heard, reading)));
@@ -156,7 +169,9 @@ impl Link {
                     // Whatever it said: it may say nothing more until it is answered.
                     if let Some(id) = &id {
                         let (push, at_s) = *self.commands.read();
-                        let push = if now_s() - at_s <= COMMAND_S { push } else { Push::NONE };
+                        let is_new = now_s() - at_s <= COMMAND_S;
+                        let push = if is_new { push } else { Push::NONE };
+                        commanded_s = is_new.then_some(at_s);
                         if let Err(error) = socket.send(Message::text(force_command(id, &push))) {
                             return error.to_string();
                         }
