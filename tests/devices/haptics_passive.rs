@@ -292,7 +292,9 @@ fn an_age_that_grows_softens_at_once_and_comes_back_slowly() {
     });
     assert!(swing < 1e-5, "{swing}");
     let bearable = |rig: &Rig| rig.control.felt.bearable;
-    assert!((bearable(&rig) - 0.8 / 4.5e-3).abs() < 10.0, "{:?}", rig.control.felt);
+    // The silence when the delay began made τ 8 ms for a while, of which a part is left.
+    let (least, most) = (0.8 / 5e-3, 0.8 / 4.5e-3);
+    assert!((least..=most).contains(&bearable(&rig)), "{:?}", rig.control.felt);
     rig.control.latency_s = 0.0;
     rig.way(x(0.0), x(0.0), 500);
     assert!(bearable(&rig) < 220.0, "{:?}", rig.control.felt);
