@@ -9,6 +9,7 @@ pub mod machine;
 pub mod memory;
 pub mod notice;
 pub mod output;
+pub mod peak;
 pub mod signal;
 pub mod statistics;
 pub mod text;

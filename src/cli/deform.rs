@@ -187,7 +187,7 @@ fn volume_results(
     }
     let solution = green::solve(scene, name, session::needs(scene, name, body)?, &Silent)?;
     for notice in &solution.notices {
-        eprintln!("{notice}");
+        notice!("{notice}");
     }
     let found = asked.iter().map(|asked| volume_result(asked, name, &solution)).collect();
     Ok((Geometry::volume(name, &solution.mesh), found))

@@ -46,9 +46,14 @@ struct Link {
 struct Told {
     stiff: bool,
     slow: bool,
+    /// The age of the poses that was told of, s.
+    age_s: f64,
     silent: bool,
     heard: Instant,
 }
+
+/// Poses that are older than this when their forces act are told of, s; and again when they are twice as old as was told.
+const LATE_S: f64 = 1.5e-3;
 
 /// A device that says nothing for so long is told of.
 const SILENT: Duration = Duration::from_secs(2);
@@ -120,7 +125,7 @@ impl Feel {
                 hold: None,
                 grips: 0,
                 room_from_hand: None,
-                told: Told { stiff: false, slow: false, silent: false, heard: Instant::now() },
+                told: Told { stiff: false, slow: false, age_s: LATE_S, silent: false, heard: Instant::now() },
             })
         };
         let links = world.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
@@ -285,7 +290,7 @@ impl Link {
         Some(Hold { place, way })
     }
 
-    /// Says once each that a device is silent, that it reports slowly, and that a body is too stiff to be felt as it is.
+    /// Says once each that a device is silent, that it reports slowly or late, and that a body is too stiff to be felt as it is.
     fn warn(&mut self, world: &World, held: Option<&Held>) {
         let felt = self.running.report().felt;
         let Haptic { name, rate_hz, damping, .. } = &self.haptic;
@@ -311,13 +316,24 @@ impl Link {
                 felt.bearable
             );
         }
+        if felt.age_s > self.told.age_s {
+            self.told.age_s = 2.0 * felt.age_s;
+            notice!(
+                "warning: haptic {name}: a pose is up to {:.1} ms old when the force from it acts: no more than {:.0} N/m can be \
+                 felt (`greenstage manual haptics`)",
+                1e3 * felt.age_s,
+                felt.bearable
+            );
+        }
         let Some(held) = held.filter(|_| !self.told.stiff && felt.stiffer > 1.0) else { return };
         self.told.stiff = true;
         notice!(
-            "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears at {rate_hz} Hz with {damping} N·s/m of \
-             friction; in those directions it is felt that much softer (`greenstage manual haptics`)",
+            "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears with {damping} N·s/m of friction, a report \
+             every {:.1} ms and poses {:.1} ms old; in those directions it is felt that much softer (`greenstage manual haptics`)",
             world.bodies[self.bodies[held.body]].deformer.body,
             felt.stiffer.ceil(),
+            1e3 * felt.spacing_s,
+            1e3 * felt.age_s,
         );
     }
 }

@@ -109,7 +109,7 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
         let Some(meta) = file.meta.bodies.get(name) else { continue };
         let failed = |source| GreenError::Solve { body: format!("{}: body.{name}", path.display()), source };
         if let Some(warning) = green::judge_file(&format!("body.{name}"), meta).map_err(failed)? {
-            eprintln!("{}: {warning}", path.display());
+            notice!("{}: {warning}", path.display());
         }
     }
     Ok(Ok(file))

@@ -1,9 +1,10 @@
-//! `greenstage verify haptics`: the closed loop of hand, device and stiff body, by stiffness and rate.
+//! `greenstage verify haptics`: the closed loop of hand, device and stiff body, by stiffness and rate, and by delay and jitter.
 
 use super::failure::Failure;
 use super::verify::Args;
-use crate::effect::haptics::stability::{RATES_HZ, Run, STIFFNESSES, boundary, run};
-use crate::effect::haptics::{Hand, Measures};
+use crate::effect::haptics::settling::{MODULI, REPORTS, Settled, settle, still};
+use crate::effect::haptics::stability::{RATES_HZ, Run, START_M, STIFFNESSES, boundary, run};
+use crate::effect::haptics::{Hand, Measures, Reports};
 use crate::report::table::Table;
 use crate::stage::Haptic;
 use rayon::prelude::*;
@@ -38,8 +39,15 @@ pub fn print(args: &Args) -> Result<(), Failure> {
         "The least stiffness that is not stable with the plain force, and K = 2 b / T of theory".to_owned(),
         boundaries,
     ));
+    let mut delays = Vec::new();
+    for (name, measures, hands) in DELAYED {
+        let (table, runs) = delayed(measures, hands);
+        text.push((name.to_owned(), table));
+        delays.push(json!({ "setting": name, "runs": runs }));
+    }
     if args.json {
-        super::print(&format!("{:#}\n", json!({ "settings": all, "boundaries": found })))?;
+        let all = json!({ "settings": all, "boundaries": found, "delays": delays });
+        super::print(&format!("{all:#}\n"))?;
     } else {
         let tables: String =
             text.iter().map(|(name, table)| format!("{name}\n\n{}\n", table.text())).collect();
@@ -50,8 +58,25 @@ pub fn print(args: &Args) -> Result<(), Failure> {
             text.iter().map(|(name, table)| format!("{name}:\n\n{}\n", table.markdown())).collect();
         super::marks::write_between(path, NAME, &tables)?;
     }
-    judge(&all, &found)
+    judge(&all, &found, &delays)
 }
+
+/// A hand and what it is called.
+type Named = (&'static str, Hand);
+
+/// What is tried with delay and jitter.
+const DELAYED: [(&str, Measures, &[Named]); 2] = [
+    (
+        "With delay and jitter, their part in the bound left out, nobody holds the handle",
+        Measures { age: false, ..Measures::ALL },
+        &[("none", Hand::NONE)],
+    ),
+    (
+        "With delay and jitter, all measures",
+        Measures::ALL,
+        &[("none", Hand::NONE), ("light", Hand::LIGHT), ("firm", Hand::FIRM)],
+    ),
+];
 
 fn device(rate_hz: f64) -> Haptic {
     Haptic { rate_hz, ..Haptic::simulated("table") }
@@ -101,8 +126,62 @@ fn boundaries() -> (Table, Vec<serde_json::Value>) {
     (table, found)
 }
 
-/// With all measures nothing may be unstable, and the plain boundary must be the theory's.
-fn judge(all: &[serde_json::Value], boundaries: &[serde_json::Value]) -> Result<(), Failure> {
+/// A row for each way of reporting and hand, a column for each body: how far the handle still moves, and what was made.
+fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value>) {
+    let heading = ["reports", "delay", "jitter", "hand", "bears, N/m"].map(str::to_owned);
+    let moduli = MODULI.map(|young| format!("{young:.0e} Pa"));
+    let mut table = Table { rows: vec![heading.into_iter().chain(moduli).collect()] };
+    let all: Vec<(Reports, Named)> =
+        REPORTS.into_iter().flat_map(|reports| hands.iter().map(move |hand| (reports, *hand))).collect();
+    let runs = |&(reports, (_, hand)): &(Reports, Named)| {
+        MODULI.map(|young| settle(&device(1000.0), reports, young, (hand, still), measures)).to_vec()
+    };
+    let mut found = Vec::new();
+    for ((reports, (hand, _)), row) in all.iter().zip(all.par_iter().map(runs).collect::<Vec<_>>()) {
+        let Reports { every_s, delay_s, jitter_s } = reports;
+        let bears = row.last().copied().flatten().map_or(f64::NAN, |settled| settled.felt.bearable);
+        let head = [
+            format!("{:.0} Hz", 1.0 / every_s),
+            format!("{} ms", 1e3 * delay_s),
+            format!("{} ms", 1e3 * jitter_s),
+            (*hand).to_owned(),
+            format!("{bears:.0}"),
+        ];
+        let cells = row.iter().map(|settled| settled.as_ref().map_or("none".to_owned(), settled_cell));
+        table.rows.push(head.into_iter().chain(cells).collect());
+        for (young, Settled { swing_m, speed, made_j, felt }) in
+            MODULI.iter().zip(&row).filter_map(|(young, settled)| Some((young, (*settled)?)))
+        {
+            found.push(json!({
+                "every_s": every_s, "delay_s": delay_s, "jitter_s": jitter_s, "hand": hand, "young_pa": young,
+                "swing_m": swing_m, "speed": speed, "made_j": made_j, "bearable": felt.bearable, "age_s": felt.age_s,
+            }));
+        }
+    }
+    (table, found)
+}
+
+/// Moved by less than this in the last second it is at rest, m: a sensor resolves no less.
+const REST_M: f64 = 2e-3 * START_M;
+
+/// One digit, for a limit cycle does not repeat itself.
+fn settled_cell(settled: &Settled) -> String {
+    let round = |value: f64| {
+        let power = 10f64.powf(value.log10().floor());
+        format!("{}", (value / power).round() * power)
+    };
+    let swing =
+        if settled.swing_m < REST_M { "rest".to_owned() } else { round(1e3 * settled.swing_m) + " mm" };
+    let made = if settled.made_j < NOTHING_J { "0".to_owned() } else { round(1e3 * settled.made_j) + " mJ" };
+    format!("{swing}, {made}")
+}
+
+/// With all measures nothing may be unstable or make energy, and the plain boundary must be the theory's.
+fn judge(
+    all: &[serde_json::Value],
+    boundaries: &[serde_json::Value],
+    delays: &[serde_json::Value],
+) -> Result<(), Failure> {
     let kept = SETTINGS.iter().zip(all).filter(|((_, measures, _), _)| *measures == Measures::ALL);
     let rows = kept.filter_map(|(_, setting)| setting["runs"].as_array()).flatten();
     let is_kept = rows.flat_map(|row| row.as_array()).flatten().all(|run| run["verdict"] == "stable");
@@ -110,6 +189,14 @@ fn judge(all: &[serde_json::Value], boundaries: &[serde_json::Value]) -> Result<
         let ratio = row["plain"].as_f64().unwrap_or(f64::NAN) / row["theory"].as_f64().unwrap_or(f64::NAN);
         (ratio - 1.0).abs() < 0.1
     });
+    let kept = DELAYED.iter().zip(delays).filter(|((_, measures, _), _)| *measures == Measures::ALL);
+    let mut delayed = kept.filter_map(|(_, setting)| setting["runs"].as_array()).flatten();
+    let is_below = |value: &serde_json::Value, most: f64| value.as_f64().is_some_and(|value| value < most);
+    if !delayed.all(|run| is_below(&run["swing_m"], REST_M) && is_below(&run["made_j"], NOTHING_J)) {
+        return Err(Failure::Work(anyhow::anyhow!(
+            "a loop with delay or jitter does not come to rest, or makes energy"
+        )));
+    }
     match (is_kept, is_theory) {
         (true, true) => Ok(()),
         (false, _) => Err(Failure::Work(anyhow::anyhow!("a loop with all measures is not stable"))),

@@ -34,6 +34,9 @@ pub struct Haptic {
     pub inertia: f64,
     /// Friction that the loop adds, N·s/m.
     pub virtual_damping: f64,
+    /// How old a pose is at worst when the force from it begins to act, s, as far as the user knows; what is measured counts where it
+    /// is more.
+    pub latency_s: f64,
     pub room_from_device: Isometry3<f64>,
     /// From the handle that the device tells to the stylus, whose ray is its -z axis.
     pub sensor_from_body: Isometry3<f64>,
@@ -74,6 +77,9 @@ impl GripButton {
     }
 }
 
+/// The force of a pose that old is none any more, s.
+const MOST_LATENCY_S: f64 = 0.1;
+
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum HapticDevice {
     /// A mass on a spring that the stylus' tracker, or the mouse, pulls.
@@ -101,6 +107,7 @@ impl Haptic {
             mass: 0.1,
             inertia: 1e-4,
             virtual_damping: 0.0,
+            latency_s: 0.0,
             room_from_device: Isometry3::identity(),
             sensor_from_body: Isometry3::identity(),
             buttons: [GripButton::A, GripButton::B],
@@ -135,6 +142,7 @@ pub(super) struct HapticFile {
     virtual_damping: Option<f64>,
     grab: Option<GripButton>,
     second: Option<GripButton>,
+    latency: Option<f64>,
     #[serde(default)]
     room_from_device: MountFile,
     #[serde(default)]
@@ -194,6 +202,7 @@ pub(super) fn check(name: &str, file: &HapticFile) -> Result<Haptic, Fault> {
             0.0,
             1e3,
         )?,
+        latency_s: range("latency", file.latency.unwrap_or(0.0), " of s", 0.0, MOST_LATENCY_S)?,
         room_from_device: mount("room_from_device", &file.room_from_device)?,
         sensor_from_body: mount("sensor_from_body", &file.sensor_from_body)?,
     };
@@ -332,11 +341,12 @@ mod tests {
         assert_eq!(stage("device = \"simulated\"").unwrap().haptics, [Haptic::simulated("right")]);
         let found = stage(
             "device = \"vrpn://10.0.0.5:4000/Phantom0\"\nmax_force = 3.3\nmotion = 2.0\nstylus = \"pen\"\n\
-             room_from_device = { position = [0.0, 0.9, 0.4] }",
+             latency = 0.002\nroom_from_device = { position = [0.0, 0.9, 0.4] }",
         );
         let found = found.unwrap().haptics.remove(0);
         assert_eq!(found.device, HapticDevice::Vrpn("Phantom0@10.0.0.5:4000".into()));
         assert_eq!((found.max_force_n, found.max_torque_nm, found.motion), (3.3, 0.0, 2.0));
+        assert_eq!(found.latency_s, 0.002);
         assert_eq!((found.stylus.as_str(), found.room_from_device.translation.y), ("pen", 0.9));
         let found = stage("device = \"haply://localhost\"\nmax_force = 5").unwrap().haptics.remove(0);
         assert_eq!(found.device, HapticDevice::Haply("localhost".into()));
@@ -408,6 +418,11 @@ mod tests {
             ("device = \"simulated\"\nrate = 10", "rate is 10: it must be a number of Hz between 100"),
             ("device = \"haply://h\"\nmax_force = 5\nmax_torque = 1", "has no torque: remove it"),
             ("device = \"simulated\"\nvirtual_damping = 1.0", "not below the device's own damping"),
+            (
+                "device = \"simulated\"\nlatency = 1.6",
+                "latency is 1.6: it must be a number of s between 0 and 0.1",
+            ),
+            ("device = \"simulated\"\nlatency = -0.001", "latency is -0.001"),
             ("device = \"simulated\"\nmax_forse = 1.0", "did you mean `max_force`?"),
             ("device = \"simulated\"\ngrab = \"c\"", "grab is for the buttons of a Haply grip"),
             ("device = \"haply://h\"\nmax_force = 5\ngrab = \"b\"", "both \"b\": give second another"),

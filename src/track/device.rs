@@ -21,6 +21,8 @@ pub struct DeviceState {
     pub valuators: BTreeMap<i32, Reading<f64>>,
     pub counters: Counters,
     pub link: Link,
+    /// From a question to its answer, s, the longest of late; `None`: it was asked nothing, or has not answered yet.
+    pub round_trip_s: Option<f64>,
 }
 
 /// A value with what is known of it.

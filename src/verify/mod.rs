@@ -130,7 +130,7 @@ pub struct VerifyError {
     pub problem: &'static str,
     pub element: &'static str,
     pub size: u32,
-    pub fault: Fault,
+    pub fault: Box<Fault>,
 }
 
 /// The rows of one problem: quantity by quantity, and in each the elements in their order.
@@ -147,7 +147,7 @@ pub fn run(problem: &Problem, effort: Effort) -> Result<Vec<Row>, VerifyError> {
                 problem: problem.name,
                 element: element.name(),
                 size,
-                fault,
+                fault: Box::new(fault),
             })?;
             for measure in measures {
                 table.add(problem, element, size, measure);

@@ -2,9 +2,10 @@
 //! relies on falls silent. On springs of known stiffness, in virtual time.
 
 use greenstage::deform::{ControlPose, ControlRest};
+use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, News, Push, Reading, Simulated, Way,
+    Control, Device, Elastic, Grasp, Hand, Held, Measures, News, Push, Reading, Reports, Simulated, Way,
 };
 use greenstage::stage::{Haptic, HapticDevice};
 use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
@@ -199,6 +200,109 @@ fn slow_reports_make_a_softer_body_and_no_cycle() {
     println!("{:.0} N/m at {:.1} ms; {swing:.1e} m in the last second", felt.bearable, 1e3 * felt.spacing_s);
     assert!((felt.bearable - 0.8 * 200.0).abs() < 2.0, "{felt:?}");
     assert!(felt.gain == 1.0 && swing < 1e-4, "{swing} {felt:?}");
+}
+
+/// On a body of 1e8 Pa the handle comes to rest within 10 µm, of 5 mm at the start, and gives the hand nothing in ten seconds that
+/// was not put in, also where a fist shakes it all the time. With the age of the poses left out of the bound it goes on by
+/// centimetres with a thousand reports a second, 1.6 ms old, and with two hundred and 0 to 5 ms of jitter is thrown with 0.9 J.
+#[test]
+fn a_late_device_comes_to_rest_and_makes_no_energy() {
+    let haptic = Haptic::simulated("right");
+    let cases = [
+        (REPORTS[2], Hand::NONE, "nobody, 1.6 ms", 5e-3),
+        (REPORTS[4], Hand::NONE, "nobody, 200 Hz with jitter", 0.0),
+        (REPORTS[2], Hand::LIGHT, "a light hand, 1.6 ms", 5e-3),
+        (REPORTS[3], Hand::NONE, "nobody, 3 ms", 5e-3),
+    ];
+    for (reports, hand, name, cycle_m) in cases {
+        let end = |measures| settle(&haptic, reports, 1e8, (hand, still), measures).unwrap();
+        let kept = end(Measures::ALL);
+        let without = end(Measures { age: false, ..Measures::ALL });
+        println!(
+            "{name}: {:.1e} m, {:.1e} J, {:.0} N/m; the age left out {:.1e} m, {:.1} m/s, {:.1e} J",
+            kept.swing_m, kept.made_j, kept.felt.bearable, without.swing_m, without.speed, without.made_j
+        );
+        assert!(kept.swing_m < 1e-5 && kept.made_j < 1e-9, "{name}: {kept:?}");
+        assert!(without.swing_m >= cycle_m && without.made_j > 0.02, "{name}: {without:?}");
+    }
+    for reports in REPORTS {
+        let shaken = settle(&haptic, reports, 1e8, (Hand::FIRM, shaking), Measures::ALL).unwrap();
+        println!("{reports:?}, shaken: {:.1e} J, {:?}", shaken.made_j, shaken.felt.observer);
+        assert!(shaken.swing_m > 1e-3 && shaken.made_j < 1e-9, "{reports:?}: {shaken:?}");
+    }
+}
+
+/// A released handle behind `reports`, of which the loop is told nothing, for so many seconds; what `change` does to it is at
+/// half of the time. How far it moves in the last second.
+fn release(rig: &mut Rig, reports: Reports, span_s: f64, change: impl Fn(&mut Rig, &mut Simulated)) -> f64 {
+    let haptic = rig.control.haptic.clone();
+    let mut device = Simulated::new(&haptic, Hand::NONE);
+    device.reports = reports;
+    let ticks = (span_s * haptic.rate_hz) as u32;
+    let mut swing: f64 = 0.0;
+    for tick in 0..ticks {
+        if tick < 600 {
+            device.device_from_handle.translation.vector = x(5e-3);
+            device.velocity = [Vector3::zeros(); 2];
+        }
+        if tick == ticks / 2 {
+            change(rig, &mut device);
+        }
+        let push = match device.read(rig.now_s() + haptic.period_s()) {
+            Some(reading) => rig.tick(&reading),
+            None => {
+                rig.ticks += 1;
+                Push::NONE
+            }
+        };
+        device.push(&push, 0.0);
+        if tick + 1000 >= ticks {
+            swing = swing.max(device.device_from_handle.translation.vector.norm());
+        }
+    }
+    swing
+}
+
+/// A delay that nothing measures is given in the stage file.
+#[test]
+fn a_delay_that_is_given_counts_where_none_is_measured() {
+    let late = Reports { every_s: 1e-3, delay_s: 2e-3, jitter_s: 0.0 };
+    let swing = |latency_s: f64| {
+        let mut rig = Rig::new(Haptic { latency_s, ..Haptic::simulated("right") }, [2e4; 3]);
+        (release(&mut rig, late, 12.0, |_, _| {}), rig.control.felt)
+    };
+    let (unknown, given) = (swing(0.0), swing(2e-3));
+    println!(
+        "{:.1e} m at {:.0} N/m; given {:.1e} m at {:.0} N/m",
+        unknown.0, unknown.1.bearable, given.0, given.1.bearable
+    );
+    assert!(unknown.0 > 5e-3, "{unknown:?}");
+    assert!(given.0 < 1e-5 && (given.1.bearable - 0.8 / 2.5e-3).abs() < 1.0, "{given:?}");
+}
+
+/// The device's answers take 4 ms more from one moment on: the body is softer at once, and for long after they are quick again.
+#[test]
+fn an_age_that_grows_softens_at_once_and_comes_back_slowly() {
+    let quick = Reports { every_s: 1e-3, ..Reports::default() };
+    let mut rig = Rig::new(Haptic::simulated("right"), [2e4; 3]);
+    let swing = release(&mut rig, quick, 24.0, |rig, device| {
+        device.reports.delay_s = 4e-3;
+        device.velocity[0] = x(0.3);
+        rig.control.latency_s = 4e-3;
+    });
+    assert!(swing < 1e-5, "{swing}");
+    let bearable = |rig: &Rig| rig.control.felt.bearable;
+    // The silence when the delay began made τ 8 ms for a while, of which a part is left.
+    let (least, most) = (0.8 / 5e-3, 0.8 / 4.5e-3);
+    assert!((least..=most).contains(&bearable(&rig)), "{:?}", rig.control.felt);
+    rig.control.latency_s = 0.0;
+    rig.way(x(0.0), x(0.0), 500);
+    assert!(bearable(&rig) < 220.0, "{:?}", rig.control.felt);
+    rig.way(x(0.0), x(0.0), 20_000);
+    assert!(bearable(&rig) > 1000.0, "{:?}", rig.control.felt);
+    rig.control.latency_s = 4e-3;
+    rig.way(x(0.0), x(0.0), 2);
+    assert!(bearable(&rig) < 180.0, "at once: {:?}", rig.control.felt);
 }
 
 /// The renderer blocks while a force is held: the force is gone a fifth of a second later, and comes back by its ramp.

@@ -76,6 +76,9 @@ pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
             (" mJ in all".into(), QUIET),
         ]),
     ];
+    if felt.gain > 0.0 && felt.age_s > felt.spacing_s {
+        rows.push(words(format!("late by {:.1} ms: bears {:.0} N/m", 1e3 * felt.age_s, felt.bearable), FAIR));
+    }
     if felt.gain > 0.0 && felt.stiffer > 1.0 {
         rows.push(words(format!("softened: {:.1} times too stiff for it", felt.stiffer), FAIR));
     }

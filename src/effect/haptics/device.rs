@@ -83,7 +83,8 @@ pub trait Device: Send {
     /// The force from now until the next call.
     fn push(&mut self, push: &Push, now_s: f64);
 
-    /// Seconds from a measurement to the loop and from the loop to the motors, beside the tick itself.
+    /// Seconds from a measurement to the loop and from the loop to the motors, beside the tick itself, at worst of late: as an
+    /// echo measures it, or what must be feared as long as none has come.
     fn latency_s(&self) -> f64 {
         0.0
     }

@@ -10,6 +10,7 @@
 
 use super::device::{Device, News, Push, Reading};
 use crate::base::last_word::LastWord;
+use crate::base::peak::Peak;
 use crate::stage::GripButton;
 use crate::track::device::{DeviceState, Stamp, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -42,6 +43,8 @@ const NO_ARM: &str =
 /// More reasons than this are not told.
 const MOST_TOLD: usize = 16;
 const WAKE: Duration = Duration::from_millis(50);
+/// What an answer must be feared to take before the first has come, s.
+const UNHEARD_S: f64 = 2e-3;
 
 /// A service, connected or not.
 pub struct Haply {
@@ -56,6 +59,8 @@ pub struct Haply {
 struct Shared {
     stop: AtomicBool,
     malformed: AtomicU64,
+    /// From a tick's command to the state that answers it, the longest of late: bits of an f64, s; 0 before the first.
+    echo: AtomicU64,
 }
 
 impl Haply {
@@ -90,9 +95,12 @@ impl Device for Haply {
         self.shared.malformed.load(Relaxed)
     }
 
-    /// State and command wait for the service's turn and for a tick; how long its states last shows in their spacing.
+    /// A command waits for the state that it answers, goes its way, and is answered by the next state at the service's turn.
     fn latency_s(&self) -> f64 {
-        1e-3
+        match f64::from_bits(self.shared.echo.load(Relaxed)) {
+            echo_s if echo_s > 0.0 => echo_s,
+            _ => UNHEARD_S,
+        }
     }
 }
 
@@ -159,6 +167,7 @@ impl Link {
         let (mut heard_s, mut asked_s) = (now_s(), now_s());
         let mut arm: Option<Commanded> = None;
         let mut heard = DeviceState::default();
+        let (mut commanded_s, mut echo) = (None, Peak::default());
         while !self.shared.stop.load(Relaxed) {
             if arm.is_none() && now_s() - asked_s > ASK_S {
                 asked_s = now_s();
@@ -169,6 +178,10 @@ impl Link {
             match socket.read() {
                 Ok(Message::Text(text)) => {
                     heard_s = now_s();
+                    if let Some(commanded_s) = commanded_s {
+                        echo.take(heard_s - commanded_s, heard_s);
+                        self.shared.echo.store(echo.value.to_bits(), Relaxed);
+                    }
                     match parse(&text, heard_s, self.buttons) {
                         Ok(State { id, key, reading }) => {
                             match Commanded::next(arm, id, key, socket) {
@@ -188,7 +201,9 @@ impl Link {
                     // Whatever it said: it may say nothing more until it is answered.
                     if let Some(arm) = &arm {
                         let (push, at_s) = *self.commands.read();
-                        let push = if now_s() - at_s <= COMMAND_S { push } else { Push::NONE };
+                        let is_new = now_s() - at_s <= COMMAND_S;
+                        let push = if is_new { push } else { Push::NONE };
+                        commanded_s = is_new.then_some(at_s);
                         if let Err(error) = arm.send(socket, &push) {
                             return error;
                         }

@@ -7,13 +7,16 @@
 //! [`Elastic`] is the body, [`Held`] the hold on it, [`Control`] a tick with all that keeps it safe, [`Loop`] the thread,
 //! [`Device`] what is held.
 
+pub mod acting;
 pub mod coupling;
+pub mod delay;
 pub mod device;
 pub mod elastic;
 pub mod grasp;
 pub mod haply;
 pub mod passivity;
 pub mod sensed;
+pub mod settling;
 pub mod simulated;
 pub mod stability;
 pub mod thread;
@@ -25,7 +28,7 @@ pub use elastic::{Elastic, Response};
 pub use grasp::{Grasp, Held, Way};
 pub use haply::Haply;
 pub use sensed::Sensed;
-pub use simulated::{Hand, Simulated};
+pub use simulated::{Hand, Reports, Simulated};
 pub use thread::{Clockwork, Loop, Report};
 pub use tick::{Control, Faults, Felt, Measures};
 pub use vrpn::VrpnDevice;

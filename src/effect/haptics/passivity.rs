@@ -3,50 +3,33 @@
 //!
 //! A force that is held for a tick T while the hand moves by Δx is late by T/2 on the mean: a spring K gives back
 //! ½ K Δx² a tick more than it took. The device's friction b eats b Δx²/T. Hence b > K T/2 + |B| with a virtual damper B
-//! (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14, 1997, 37-47);
-//! a further delay t_d of the device counts in full: b > K (T/2 + t_d) + |B|.
+//! (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14, 1997, 37-47). Their
+//! condition is b > T/2 · Re{(1 - e^{-jωT}) H}/(1 - cos ωT) at all ω. With H = K e^{-jωnT}, a delay of n ticks, the right side is
+//! K T/2 · sin((n + ½) ωT)/sin(½ ωT), at most K (T/2 + nT). A delay τ counts in full (so too in the stability of J. J. Gil,
+//! E. Sánchez, T. Hulin, C. Preusche and G. Hirzinger, "Stability boundary for haptic rendering: influence of damping and
+//! delay", J. Computing and Information Science in Engineering 9, 2009, 011005):
 //!
-//! Where the device does not report in every tick, T is the time between two reports ([`Spacing`]). A body that is stiffer is
-//! felt through a virtual coupling ([`super::coupling`]).
+//! ```text
+//! b > K (T/2 + τ) + |B|
+//! ```
+//!
+//! A delay that changes: at t the force is that of a place that is a(t) old, and is wrong by at most K ∫ |v| over that time, so that
+//! it generates at most K ∫∫ |v(t)| |v(s)| ds dt over t - a(t) < s < t. With |v(t)| |v(s)| ≤ ½ v(t)² + ½ v(s)² that is at most
+//! K ∫ ½ (a(t) + a'(t)) v² dt, where a'(s) is how long after s the force still follows from a pose before s. Where poses come
+//! every T, and their forces begin to act up to τ later, for any τ of whole T, that is at most T + 2 τ: the same bound, with the
+//! greatest τ there was. It asks no more of the force than a slope K, and so holds for the coupling to any body. T and τ are those of
+//! [`super::delay`]. A body that is stiffer is felt through a virtual coupling ([`super::coupling`]).
 
 use super::device::Push;
 use nalgebra::Vector3;
 
-/// Of the stiffness that is passive in theory so much is used: a loop's ticks are not all of one length.
+/// Of the stiffness that is passive in theory so much is used: the coupling is made anew only where the lag has changed by 1 %, a
+/// delay between whole periods is worse than the bound by a little, and the body's stiffness is that at the handle.
 pub const MARGIN: f64 = 0.8;
 
-/// Largest stiffness, N/m, that a device of friction `damping` b N·s/m bears: (b - |B|)/(T/2 + t_d), never below 0.
-pub fn largest_stiffness(damping: f64, virtual_damping: f64, period_s: f64, latency_s: f64) -> f64 {
-    ((damping - virtual_damping.abs()) / (0.5 * period_s + latency_s)).max(0.0)
-}
-
-/// The time for which a reading holds: its mean over the last 0.2 s, in which a long one counts by its length. With
-/// times T_i that is Σ T_i²/Σ T_i, for which a spring K generates Σ ½ K v² T_i² what friction eats, Σ b v² T_i.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spacing {
-    pub mean_s: f64,
-    heard_s: Option<f64>,
-}
-
-/// s.
-const SPACING_S: f64 = 0.2;
-/// A longer silence is no spacing, but an absence, s.
-const ABSENT_S: f64 = 0.04;
-
-impl Spacing {
-    /// Steady so far.
-    pub fn new(period_s: f64) -> Spacing {
-        Spacing { mean_s: period_s, heard_s: None }
-    }
-
-    /// A reading that arrived then; the same one again is none.
-    pub fn heard(&mut self, arrived_s: f64) {
-        let Some(last_s) = self.heard_s.replace(arrived_s) else { return };
-        let time_s = arrived_s - last_s;
-        if time_s > 0.0 && time_s < ABSENT_S {
-            self.mean_s += (time_s - self.mean_s) * time_s / (time_s + SPACING_S);
-        }
-    }
+/// Largest stiffness, N/m, that a device of friction `damping` b N·s/m bears: (b - |B|)/(T/2 + τ), never below 0.
+pub fn largest_stiffness(damping: f64, virtual_damping: f64, period_s: f64, age_s: f64) -> f64 {
+    ((damping - virtual_damping.abs()) / (0.5 * period_s + age_s)).max(0.0)
 }
 
 /// The handle's motion between two readings.
@@ -62,8 +45,8 @@ pub struct Motion {
 /// Counts what sampling generates, and brakes until it is taken back (B. Hannaford and J.-H. Ryu, "Time-domain passivity
 /// control of haptic interfaces", IEEE Trans. Robotics and Automation 18, 2002, 1-10).
 ///
-/// A force that is the slope of a potential gives back what the potential loses. The work is exact: the force is held between
-/// two readings, so that it is force · Δx. What it is more than that loss was generated. A ramp of the force, or another
+/// A force that is the slope of a potential gives back what the potential loses. The work is that of the force that acted between
+/// two poses, an older one where messages need time ([`super::acting`]). What it is more than that loss was generated. A ramp of the force, or another
 /// hand on the body, changes the potential without a motion of this handle, and is not counted. What friction eats offsets
 /// what is generated at the same time, and is forgotten within [`RESERVE_S`]: a calm second does not pay for a later cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -124,27 +107,6 @@ mod tests {
         assert_eq!(largest_stiffness(1.0, -0.5, 1e-3, 0.0), 1000.0);
         assert_eq!(largest_stiffness(1.0, 0.0, 1e-3, 1e-3), 1.0 / 1.5e-3);
         assert_eq!(largest_stiffness(1.0, 2.0, 1e-3, 0.0), 0.0);
-    }
-
-    /// Of a hundred reports a second a thousand ticks make no more; a late one among steady ones counts by its length.
-    #[test]
-    fn the_spacing_is_that_of_the_reports() {
-        let mut spacing = Spacing::new(1e-3);
-        let hear = |spacing: &mut Spacing, from_s: f64, to_s: f64, step_s: f64| {
-            for i in 0..((to_s - from_s) / 1e-3).round() as u32 {
-                let now_s = from_s + 1e-3 * f64::from(i);
-                spacing.heard((now_s / step_s + 1e-6).floor() * step_s);
-            }
-        };
-        hear(&mut spacing, 0.0, 2.0, 0.01);
-        assert!((spacing.mean_s - 0.01).abs() < 1e-5, "{spacing:?}");
-        hear(&mut spacing, 2.0, 5.0, 1e-3);
-        assert!((spacing.mean_s - 1e-3).abs() < 1e-6, "{spacing:?}");
-        spacing.heard(5.019);
-        assert!(spacing.mean_s > 1.5e-3 && spacing.mean_s < 4e-3, "{spacing:?}");
-        let before = spacing;
-        spacing.heard(8.0);
-        assert_eq!(spacing.mean_s, before.mean_s, "an absence is no spacing");
     }
 
     fn moved(observer: &mut Observer, force: f64, stored: f64, dx: f64, damping: f64) {

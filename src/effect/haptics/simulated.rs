@@ -1,14 +1,19 @@
 //! A device that is not there: a mass with friction on the spring of a hand, for tests and for a desk without one.
 //!
 //! m x'' = f - b x' - k_h (x - x_h) - b_h x' and the same for the rotation, between two ticks in steps of
-//! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass.
+//! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass. Its [`Reports`] may
+//! be seldom, late and unsteady, as those of a device behind a network.
 
 use super::device::{Device, News, Push, Reading};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use std::collections::VecDeque;
 
 /// Longest step of the integration (Runge-Kutta of order 4 for the place, symplectic Euler for the rotation), s.
 const STEP_S: f64 = 5e-5;
+
+/// Rounding of times that are the same, s.
+const SAME_S: f64 = 1e-9;
 
 /// A hand that holds the handle: mass, spring and damper to where it wants to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,6 +42,36 @@ impl Hand {
         Hand { mass: 0.0, stiffness: 0.0, damping: 0.0, rotational_stiffness: 0.0, rotational_damping: 0.0 };
 }
 
+impl Hand {
+    /// Two fingertips that barely touch it.
+    pub const LIGHT: Hand = Hand {
+        mass: 0.02,
+        stiffness: 50.0,
+        damping: 0.2,
+        rotational_stiffness: 0.2,
+        rotational_damping: 0.002,
+    };
+    /// A fist.
+    pub const FIRM: Hand = Hand {
+        mass: 0.3,
+        stiffness: 1000.0,
+        damping: 10.0,
+        rotational_stiffness: 3.0,
+        rotational_damping: 0.1,
+    };
+}
+
+/// How the device tells its poses. Without anything it tells the one of the moment whenever it is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reports {
+    /// Between two poses, s; 0: the moment's.
+    pub every_s: f64,
+    /// From a pose's measurement to its arrival, and in it the force's way to the motors, s.
+    pub delay_s: f64,
+    /// Each is later by 0 to this, by chance, but does not overtake, s. No stamp tells of it.
+    pub jitter_s: f64,
+}
+
 /// Where a scripted hand wants to be at a time.
 pub type Script = Box<dyn Fn(f64) -> Isometry3<f64> + Send>;
 
@@ -52,6 +87,15 @@ pub struct Simulated {
     pub present: bool,
     /// Work of the hand's spring and damper on the handle since the start, J.
     pub hand_work: f64,
+    /// Work of the loop's push on the handle, and what the device's own friction ate, since the start, J.
+    pub push_work: f64,
+    pub eaten: f64,
+    pub reports: Reports,
+    /// On their way, the eldest first, and the newest that has arrived.
+    under_way: VecDeque<Reading>,
+    arrived: Option<Reading>,
+    reported: u64,
+    next_s: Option<f64>,
     script: Option<Script>,
     target: Isometry3<f64>,
     mass: f64,
@@ -72,6 +116,13 @@ impl Simulated {
             tracked: true,
             present: true,
             hand_work: 0.0,
+            push_work: 0.0,
+            eaten: 0.0,
+            reports: Reports::default(),
+            under_way: VecDeque::new(),
+            arrived: None,
+            reported: 0,
+            next_s: None,
             script: None,
             target: Isometry3::identity(),
             mass: haptic.mass,
@@ -117,6 +168,34 @@ impl Simulated {
         }
     }
 
+    /// The pose of the moment, as it arrives then.
+    fn now(&self, arrived_s: f64) -> Reading {
+        let Simulated { device_from_handle, buttons, tracked, .. } = *self;
+        Reading { device_from_handle, buttons, arrived_s, measured_s: None, tracked, news: News::default() }
+    }
+
+    /// Moves on to `now_s`, sending poses on their way meanwhile; the newest that has arrived.
+    fn hear(&mut self, now_s: f64) -> Option<Reading> {
+        let Reports { every_s, delay_s, jitter_s } = self.reports;
+        // What it did during a longer pause nobody asks for any more.
+        let mut next_s = self.next_s.unwrap_or(now_s).max(now_s - 0.1);
+        while next_s <= now_s + SAME_S {
+            self.advance(next_s);
+            let last_s =
+                self.under_way.back().or(self.arrived.as_ref()).map_or(next_s, |last| last.arrived_s);
+            let arrives_s = next_s + delay_s + jitter_s * chance(self.reported);
+            self.under_way.push_back(self.now(arrives_s.max(last_s)));
+            self.reported += 1;
+            next_s += every_s;
+        }
+        self.next_s = Some(next_s);
+        self.advance(now_s);
+        while self.under_way.front().is_some_and(|first| first.arrived_s <= now_s + SAME_S) {
+            self.arrived = self.under_way.pop_front();
+        }
+        self.arrived
+    }
+
     fn step(&mut self, h: f64) {
         let hand = self.hand;
         let (mass, target) = (self.mass + hand.mass, self.target.translation.vector);
@@ -132,6 +211,8 @@ impl Simulated {
         let new_v = v + (a1 + (a2 + a3) * 2.0 + a4) * (h / 6.0);
         // Trapezoidal rule.
         self.hand_work += 0.5 * (pull(&x, &v) + pull(&new_x, &new_v)).dot(&(new_x - x));
+        self.push_work += push.dot(&(new_x - x));
+        self.eaten += 0.5 * h * b * (v.norm_squared() + new_v.norm_squared());
         self.velocity[0] = new_v;
 
         let rotation = self.device_from_handle.rotation;
@@ -140,6 +221,8 @@ impl Simulated {
         let turn = off * hand.rotational_stiffness - w * hand.rotational_damping;
         let w = w + (self.push.torque + turn - w * self.damping[1]) * (h / self.inertia);
         self.hand_work += turn.dot(&w) * h;
+        self.push_work += self.push.torque.dot(&w) * h;
+        self.eaten += self.damping[1] * w.norm_squared() * h;
         self.velocity[1] = w;
         let mut rotation = UnitQuaternion::from_scaled_axis(w * h) * rotation;
         rotation.renormalize();
@@ -153,20 +236,22 @@ impl Device for Simulated {
     }
 
     fn read(&mut self, now_s: f64) -> Option<Reading> {
-        self.advance(now_s);
-        let Simulated { device_from_handle, buttons, tracked, .. } = *self;
-        self.present.then_some(Reading {
-            device_from_handle,
-            buttons,
-            arrived_s: now_s,
-            measured_s: None,
-            tracked,
-            news: News::default(),
-        })
+        let reading = if self.reports.every_s > 0.0 {
+            self.hear(now_s)
+        } else {
+            self.advance(now_s);
+            Some(self.now(now_s))
+        };
+        reading.filter(|_| self.present)
     }
 
     fn push(&mut self, push: &Push, _now_s: f64) {
         self.push = *push;
+    }
+
+    /// As an echo would tell it, which knows nothing of chance.
+    fn latency_s(&self) -> f64 {
+        self.reports.delay_s
     }
 
     fn hand(&mut self, device_from_hand: &Isometry3<f64>) {
@@ -180,9 +265,38 @@ impl Device for Simulated {
     }
 }
 
+/// From 0 to 1, the same for a number on every machine (S. Vigna's splitmix64).
+fn chance(number: u64) -> f64 {
+    let mut z = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn reports_are_as_late_as_they_are_to_be_and_in_order() {
+        let mut device = Simulated::new(&Haptic::simulated("right"), Hand::NONE);
+        device.reports = Reports { every_s: 5e-3, delay_s: 1e-3, jitter_s: 4e-3 };
+        device.velocity[0].x = 1e-3;
+        let (mut last, mut least_s, mut most_s, mut count) = (-1.0, f64::MAX, 0.0f64, 0);
+        for tick in 0..5000 {
+            let now_s = 1e-3 * f64::from(tick);
+            let Some(reading) = device.read(now_s).filter(|reading| reading.arrived_s > last) else {
+                continue;
+            };
+            assert!(reading.arrived_s <= now_s && now_s - reading.arrived_s < 1e-3 + 1e-9);
+            // Poses are measured at multiples of 5 ms, and none is overtaken.
+            let late_s = reading.arrived_s - 5e-3 * f64::from(count);
+            (last, least_s, most_s, count) =
+                (reading.arrived_s, least_s.min(late_s), most_s.max(late_s), count + 1);
+        }
+        assert!(count > 990 && least_s > 1e-3 && least_s < 1.1e-3, "{count} {least_s}");
+        assert!(most_s < 5e-3 && most_s > 4.9e-3, "{most_s}");
+    }
 
     /// The loop has run for a while when the frame first tells where the hand is.
     #[test]

@@ -138,7 +138,7 @@ pub fn boundary(haptic: &Haptic, hand: Hand, measures: Measures) -> Option<f64> 
 }
 
 /// One control element on a spring in every direction, held at rest by a stylus in the origin.
-fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)> {
+pub(super) fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)> {
     let matrix = DMatrix::from_fn(FIELDS, FIELDS, |i, j| if i == j && i < 3 { stiffness } else { 0.0 });
     let rest = ControlRest { name: "spring".into(), origin: Vector3::zeros(), nodes: 1 };
     let body = Elastic::new("linear", &matrix, &[rest]).ok()?;

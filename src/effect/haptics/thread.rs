@@ -177,6 +177,7 @@ fn run(
         }
         let now = now_s();
         let reading = device.read(now);
+        control.latency_s = device.latency_s();
         let started = Instant::now();
         if news {
             control.take(grasp.output_buffer());

@@ -4,11 +4,13 @@
 //! where energy was generated. Whatever is wrong with the pose, or if the frame says nothing more, the force goes to
 //! zero within [`FADE_S`]. A tick takes no lock and allocates nothing.
 
+use super::acting::{Acting, Given};
 use super::coupling::{Coupling, Give, Limits, handle_stiffness};
+use super::delay::Delay;
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, room_from_handle};
-use super::passivity::{MARGIN, Motion, Observer, Spacing, largest_stiffness};
+use super::passivity::{MARGIN, Motion, Observer, largest_stiffness};
 use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
@@ -27,8 +29,10 @@ pub const SLEW_S: f64 = 0.001;
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
 /// The coupling is made anew after a turn of the handle or the body by so much, rad.
 pub const TURNED: f64 = 0.1;
-/// And when the time between reports has grown or shrunk by this factor.
-const SLOWER: f64 = 1.05;
+/// And when the lag of the force has grown or shrunk by this factor.
+const SLOWER: f64 = 1.01;
+/// By more than this it is another spring, and what it pushed with before is not that one's.
+const OTHER: f64 = 1.05;
 /// Steps towards the hold's place in one tick.
 const MOST_STEPS: usize = 4;
 /// Time constant of the velocity for the virtual damper, s.
@@ -43,11 +47,13 @@ pub struct Measures {
     pub coupling: bool,
     /// The observer's brake.
     pub brake: bool,
+    /// The age of a pose when its force acts, beside the time between two poses.
+    pub age: bool,
 }
 
 impl Measures {
-    pub const ALL: Measures = Measures { limits: true, coupling: true, brake: true };
-    pub const NONE: Measures = Measures { limits: false, coupling: false, brake: false };
+    pub const ALL: Measures = Measures { limits: true, coupling: true, brake: true, age: true };
+    pub const NONE: Measures = Measures { limits: false, coupling: false, brake: false, age: false };
 }
 
 /// Why there was no force at a tick, counted in ticks.
@@ -83,8 +89,10 @@ pub struct Felt {
     pub stiffer: f64,
     /// The largest stiffness that the device bears, N/m.
     pub bearable: f64,
-    /// Time between two reports of the device, s: [`Spacing::mean_s`].
+    /// Mean time between two reports of the device, s: [`Delay::period_s`].
     pub spacing_s: f64,
+    /// How old a pose is at worst when the force from it begins to act, s: [`Delay::age_s`].
+    pub age_s: f64,
     /// The body's strain energy, J.
     pub strain_energy: f64,
     /// The energy whose slope the whole force is, J: of the body and its coupling in the hand's units, but where the force is at
@@ -99,13 +107,14 @@ pub struct Control {
     pub haptic: Haptic,
     pub measures: Measures,
     pub felt: Felt,
-    latency_s: f64,
+    /// How long the device's messages take, both ways, and its own turn, s: [`super::Device::latency_s`] as it is now.
+    pub latency_s: f64,
     bodies: Vec<Elastic>,
     held: Option<Held>,
     /// Where the coupling had the hold in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
-    /// Rotations of handle and body, and the device's lag, when the coupling was made.
+    /// Rotations of handle and body, and the lag of the force, s, when the coupling was made.
     coupled_at: Option<([UnitQuaternion<f64>; 2], f64)>,
     /// Where the coupling has the hold, and the push before gain.
     give: Give,
@@ -119,7 +128,10 @@ pub struct Control {
     news: bool,
     news_s: f64,
     motion: Option<Motion>,
-    spacing: Spacing,
+    delay: Delay,
+    /// When the pose before the newest was measured, and when that one was, s.
+    between_s: [f64; 2],
+    acting: Acting,
     last: Option<Reading>,
     last_s: Option<f64>,
     velocity: [Vector3<f64>; 2],
@@ -128,7 +140,7 @@ pub struct Control {
 impl Control {
     /// `bodies` in the order that [`Held::body`] counts; `latency_s` as the device has it.
     pub fn new(haptic: Haptic, bodies: Vec<Elastic>, latency_s: f64) -> Control {
-        let spacing = Spacing::new(haptic.period_s());
+        let (delay, acting) = (Delay::new(haptic.period_s()), Acting::new(haptic.rate_hz));
         Control {
             haptic,
             measures: Measures::ALL,
@@ -146,7 +158,9 @@ impl Control {
             news: false,
             news_s: 0.0,
             motion: None,
-            spacing,
+            delay,
+            between_s: [0.0; 2],
+            acting,
             last: None,
             last_s: None,
             velocity: [Vector3::zeros(); 2],
@@ -219,8 +233,10 @@ impl Control {
             }
         };
         self.fading.1 = (self.fading.1 - dt / FADE_S).max(0.0);
-        let push = self.limited(wanted.plus(&self.fading.0.scaled(self.fading.1)), dt);
+        let faded = self.fading.0.scaled(self.fading.1);
+        let push = self.limited(wanted.plus(&faded), dt);
         self.felt.push = push;
+        self.acting.give(Given { at_s: now_s, push: push.plus(&faded.scaled(-1.0)), gain: self.felt.gain });
         push
     }
 
@@ -234,6 +250,7 @@ impl Control {
         self.felt.limited = false;
         self.coupled_at = None;
         self.stored = None;
+        self.acting.clear();
     }
 
     /// Takes the device's reading if it can be used. False: there is no force at this tick.
@@ -256,8 +273,11 @@ impl Control {
             return false;
         };
         self.felt.buttons = new.buttons;
-        self.spacing.heard(new.arrived_s);
-        self.felt.spacing_s = self.spacing.mean_s;
+        let sampled_s = self.delay.heard(&new, now_s, self.latency_s);
+        self.between_s = [self.between_s[1], sampled_s];
+        self.felt.spacing_s = self.delay.period_s();
+        self.felt.age_s = self.age_s();
+        let faults = &mut self.felt.faults;
         if !is_sane(&new.device_from_handle) {
             faults.absurd += 1;
             self.last = None;
@@ -332,52 +352,79 @@ impl Control {
         let [v, w] = &self.velocity;
         wanted.force -= v * haptic.virtual_damping * gain;
         if self.measures.brake {
-            let period_s = haptic.period_s().max(self.spacing.mean_s);
+            // A brake lags like every other force.
+            let period_s = 2.0 * self.lag_s();
             let brake = self.felt.observer.brake(v, w, haptic.mass, haptic.inertia, period_s);
             wanted = wanted.plus(&brake);
         }
         Some(wanted)
     }
 
-    /// Tells the observer what the handle's last motion did: the force that was given, less what fades of an earlier hold,
-    /// and the energy stored at its end. A device without torque is counted as if it had one, for the hand that turns it
-    /// changes the body by that much.
+    /// The time between two poses, s.
+    fn period_s(&self) -> f64 {
+        self.haptic.period_s().max(self.delay.period_s())
+    }
+
+    /// How old a pose is when its force begins to act, s.
+    fn age_s(&self) -> f64 {
+        if self.measures.age { self.delay.age_s(self.haptic.latency_s) } else { 0.0 }
+    }
+
+    /// How much the force lags behind the motion, s: half the time that it is held, and the age of its pose.
+    fn lag_s(&self) -> f64 {
+        0.5 * self.period_s() + self.age_s()
+    }
+
+    /// Tells the observer what the handle's last motion did: the force that acted meanwhile, less what fades of an earlier
+    /// hold, and the energy stored at its end. Which force that was is known to the age of the poses only: of the one given last and
+    /// the oldest that it can have been, the one that generates more is counted. A device without torque is counted as if it
+    /// had one, for the hand that turns it changes the body by that much.
     fn count(&mut self, stored: f64, torque: Vector3<f64>, is_unsettled: bool) {
-        let (gain, faded) = (self.felt.gain, self.fading.0.scaled(self.fading.1));
-        let mut given = self.felt.push.plus(&faded.scaled(-1.0));
-        if self.haptic.max_torque_nm <= 0.0 {
-            given.torque = (self.unfelt + torque) * (0.5 * gain);
-        }
+        let half_torque = (self.unfelt + torque) * 0.5;
         self.unfelt = torque;
         let before = std::mem::replace(&mut self.stored, (!is_unsettled).then_some(stored));
-        if let Some((before, motion)) = before.zip(self.motion) {
-            let damping = [self.haptic.damping, self.haptic.rotational_damping];
-            self.felt.observer.moved(&given, gain * (stored - before), &motion, damping);
-        }
+        let Some((before, motion)) = before.zip(self.motion) else { return };
+        let [from_s, until_s] = self.between_s;
+        let acted = |late_s: f64| {
+            let mut given = self.acting.during(from_s - late_s, until_s - late_s)?;
+            if self.haptic.max_torque_nm <= 0.0 {
+                given.push.torque = half_torque * given.gain;
+            }
+            let gained = given.push.force.dot(&motion.dx) + given.push.torque.dot(&motion.turn);
+            Some((gained + given.gain * (stored - before), given))
+        };
+        let Some((at_once, late)) = acted(0.0).zip(acted(self.age_s())) else { return };
+        let (_, given) = if late.0 > at_once.0 { late } else { at_once };
+        let damping = [self.haptic.damping, self.haptic.rotational_damping];
+        self.felt.observer.moved(&given.push, given.gain * (stored - before), &motion, damping);
     }
 
     /// Makes the coupling for a new hold, and anew where handle or body have turned, for its directions are theirs, or where
-    /// the device reports more slowly than before, or faster.
+    /// the force lags more than before, or less: what was stored before and what it pushed with say nothing of it.
     fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
+        let (period_s, age_s, lag_s) = (self.period_s(), self.age_s(), self.lag_s());
         let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
         let mean = UnitQuaternion::from_rotation_matrix(&body.mean());
-        let period_s = haptic.period_s().max(self.spacing.mean_s);
         if let Some(([last, last_mean], last_s)) = &self.coupled_at {
             let is_turned = last.angle_to(&handle.rotation).max(last_mean.angle_to(&mean)) >= TURNED;
-            if !is_turned && period_s < SLOWER * last_s && *last_s < SLOWER * period_s {
+            let change = (lag_s / last_s).max(last_s / lag_s);
+            if !is_turned && change < SLOWER {
                 return Some(());
+            }
+            if is_turned || change > OTHER {
+                self.acting.clear();
             }
         } else {
             self.give = Give::default();
         }
-        self.coupled_at = Some(([handle.rotation, mean], period_s));
+        self.coupled_at = Some(([handle.rotation, mean], lag_s));
         self.stored = None;
         let reach = held.reach(&room_from_handle(haptic, handle), &body.origin())?;
         let jacobian = held.jacobian(haptic, &reach, &body.mean())?;
         let stiffness = handle_stiffness(&body.held_block(), &jacobian) * held.energy_scale(haptic);
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
-        let bearable = MARGIN * largest_stiffness(1.0, b, period_s, self.latency_s);
+        let bearable = MARGIN * largest_stiffness(1.0, b, period_s, age_s);
         let damping = [haptic.damping, haptic.rotational_damping];
         let limits = Limits { force: haptic.max_force_n, torque: haptic.max_torque_nm };
         let limits = self.measures.limits.then_some(limits);

@@ -6,11 +6,15 @@
 
 use super::device::{Device, News, Push, Reading};
 use crate::track::device::{DeviceState, Link, Source};
-use crate::track::vrpn::{Address, Client, ForceField, ForceSender, Transport};
+use crate::track::vrpn::{Address, Client, ForceField, ForceSender, Timing, Transport};
 use nalgebra::Isometry3;
 
 /// A device that moves further than this before it hears of a new force stops pushing, m.
 const RADIUS_M: f32 = 0.1;
+/// Between two echoes of the server, s.
+const ECHO_S: f64 = 0.1;
+/// What a server's answer must be feared to take beside a turn of its own, as long as it has answered no ping, s.
+const UNHEARD_S: f64 = 1e-3;
 
 pub struct VrpnDevice {
     /// Dropped before the client, whose connection it needs to say that the device is to push no more.
@@ -18,14 +22,17 @@ pub struct VrpnDevice {
     client: Client,
     last: Option<Isometry3<f64>>,
     resting: bool,
+    latency_s: f64,
 }
 
 impl VrpnDevice {
     /// `Phantom0@host`, or as VRPN names devices otherwise.
     pub fn open(name: &str) -> Result<VrpnDevice, String> {
         let address = Address::parse(name).map_err(|error| error.to_string())?;
-        let client = Client::open(address, Transport::Tcp);
-        Ok(VrpnDevice { sender: client.force_sender(), client, last: None, resting: true })
+        let timing = Timing { ping_s: ECHO_S, ..Timing::default() };
+        let client = Client::with_timing(address, Transport::Tcp, timing);
+        let (sender, latency_s) = (client.force_sender(), UNHEARD_S);
+        Ok(VrpnDevice { sender, client, last: None, resting: true, latency_s })
     }
 }
 
@@ -52,7 +59,10 @@ impl Device for VrpnDevice {
     }
 
     fn read(&mut self, _now_s: f64) -> Option<Reading> {
-        let reading = reading(self.client.latest());
+        let state = self.client.latest();
+        let reading = reading(state);
+        let turn_s = reading.map_or(0.0, |reading| reading.news.flow.interval_s);
+        self.latency_s = state.round_trip_s.unwrap_or(UNHEARD_S + turn_s);
         self.last = reading.map(|reading| reading.device_from_handle);
         reading
     }
@@ -77,8 +87,8 @@ impl Device for VrpnDevice {
         self.client.latest().counters.malformed
     }
 
-    /// Two ways through a network's stack and the wait for a tick; the server's own loop shows in the spacing of its reports.
+    /// A ping and its pong go the way of a force and the pose that answers it, and wait for the server's turn as they do.
     fn latency_s(&self) -> f64 {
-        1e-3
+        self.latency_s
     }
 }

@@ -330,7 +330,7 @@ impl Connection {
             if self.control.stop.load(Relaxed) {
                 return Err("not listened to any more".to_owned());
             }
-            if now_s() >= next_ping_s {
+            if now_s() >= next_ping_s && lock(&self.control.ear).listener.pings(now_s()) {
                 if !self.control.send(&message(&Payload::Ping)) {
                     return Err("the connection broke".to_owned());
                 }

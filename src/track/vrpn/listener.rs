@@ -5,6 +5,7 @@
 
 use super::codec::{self, Message};
 use super::payload::{Kind, Payload};
+use crate::base::peak::Peak;
 use crate::track::device::{DeviceState, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
@@ -20,6 +21,9 @@ pub struct PeerKinds([Option<i32>; Kind::ALL.len()]);
 const OVERTAKEN_S: f64 = 1.0;
 const JUST_NOW_S: f64 = 0.1;
 
+/// A ping that was not answered for so long never will be, s.
+const UNANSWERED_S: f64 = 0.9;
+
 /// One device's ear.
 #[derive(Clone, Debug)]
 pub struct Listener {
@@ -34,6 +38,9 @@ pub struct Listener {
     is_there: bool,
     kinds: PeerKinds,
     others: Vec<String>,
+    /// When the ping was sent that waits for its pong, s.
+    pinged_s: Option<f64>,
+    round_trip: Peak,
 }
 
 impl PeerKinds {
@@ -64,7 +71,18 @@ impl Listener {
             is_there: false,
             kinds: PeerKinds::default(),
             others: Vec::new(),
+            pinged_s: None,
+            round_trip: Peak::default(),
         }
+    }
+
+    /// A ping is due at `now_s`: false, where one before it still waits for its answer.
+    pub fn pings(&mut self, now_s: f64) -> bool {
+        let is_free = self.pinged_s.is_none_or(|pinged_s| now_s - pinged_s > UNANSWERED_S);
+        if is_free {
+            self.pinged_s = Some(now_s);
+        }
+        is_free
     }
 
     /// A new connection: what the last one's numbers meant is forgotten, what the device said is kept.
@@ -73,6 +91,7 @@ impl Listener {
         self.kinds = PeerKinds::default();
         self.others.clear();
         self.heard_s = now_s();
+        self.pinged_s = None;
     }
 
     /// The connection is gone: nothing is pressed any more.
@@ -174,6 +193,12 @@ impl Listener {
                     self.state.take_valuator(channel as i32, *value, measured_s);
                 }
             }
+            Ok(Payload::Pong) => {
+                if let Some(pinged_s) = self.pinged_s.take() {
+                    self.round_trip.take(self.heard_s - pinged_s, self.heard_s);
+                    self.state.round_trip_s = Some(self.round_trip.value);
+                }
+            }
             Ok(Payload::Force(force)) if force.iter().all(|f| f.is_finite()) => self.force = Some(force),
             Ok(_) => {}
             Err(_) => self.state.counters.malformed += 1,
@@ -238,6 +263,34 @@ mod tests {
         // Set back by little: heard again as soon as nothing else has come for a moment.
         std::thread::sleep(std::time::Duration::from_secs_f64(2.0 * JUST_NOW_S));
         assert_eq!(x_after(989.9, 6.0), (6.0, 1));
+    }
+
+    /// The longest of late counts; a pong that nothing asked for tells nothing, and while one is awaited no other is sent.
+    #[test]
+    fn a_round_trip_is_from_a_ping_to_its_pong() {
+        let mut listener = listener();
+        let mut pong = described(1, codec::TYPE_DESCRIPTION, Kind::Pong.name());
+        codec::datagram(&pong).for_each(|message| assert!(listener.take(&message.unwrap())));
+        pong.clear();
+        encode(&Header::now(0, 1), &Payload::Pong.encode(), &mut pong);
+        let answer = |listener: &mut Listener| {
+            codec::datagram(&pong).for_each(|message| assert!(listener.take(&message.unwrap())));
+            listener.state.round_trip_s
+        };
+        assert_eq!(answer(&mut listener), None);
+        assert!(listener.pings(now_s()) && !listener.pings(now_s()));
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        let longest_s = answer(&mut listener).unwrap();
+        assert!(longest_s >= 0.02, "{longest_s}");
+        assert!(listener.pings(now_s()));
+        let after_s = answer(&mut listener).unwrap();
+        assert!(after_s <= longest_s && after_s > 0.9 * longest_s, "{longest_s} {after_s}");
+        assert!(
+            listener.pings(now_s() - 1.0) && listener.pings(now_s()),
+            "one that is lost is not waited for"
+        );
+        listener.connected();
+        assert!(listener.pings(now_s()));
     }
 
     #[test]

@@ -62,6 +62,39 @@ fn a_force_that_is_not_said_again_is_taken_back() {
     assert_eq!(field(&mut peer, &mut number), Some(ForceField::default()));
 }
 
+/// How long a force and the pose that answers it take is measured by the server's answers to pings; before the first, a turn of the
+/// server and a millisecond are feared.
+#[test]
+fn the_way_of_a_force_is_measured() {
+    let listener = TcpListener::bind(ANY).unwrap();
+    let mut device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
+    let mut peer = Peer::accept(&listener);
+    peer.hear_cookie();
+    peer.greet("Wand");
+    assert!(peer.say(&pose()));
+    wait("the device is there", || device.read(now_s()).is_some());
+    assert_eq!(device.latency_s(), 1e-3);
+    let server = std::thread::spawn(move || {
+        let (mut number, mut pongs) = (None, 0);
+        while let Some((id, kind, payload)) = peer.hear() {
+            let is_ping = || codec::decode_name(&payload) == Ok(Kind::Ping.name());
+            if kind == codec::TYPE_DESCRIPTION && is_ping() {
+                number = Some(id);
+            } else if Some(kind) == number {
+                std::thread::sleep(std::time::Duration::from_millis(30));
+                pongs += 1;
+                if !(peer.say(&Payload::Pong) && peer.say(&pose())) {
+                    break;
+                }
+            }
+        }
+        pongs
+    });
+    wait("a pong is heard", || device.read(now_s()).is_some() && device.latency_s() >= 0.03);
+    drop(device);
+    assert!(server.join().unwrap() >= 1);
+}
+
 fn pose() -> Payload {
     Payload::Pose { sensor: 0, position: [0.1, 0.2, 0.3], quaternion: [0.0, 0.0, 0.0, 1.0] }
 }

@@ -1,0 +1,107 @@
+//! The closed loop of a simulated device whose poses are old when their forces act: does the handle come to rest, and was
+//! energy made?
+//!
+//! The body is a block of [`BLOCK_M`] between the hand and the ground: Young's modulus E is a spring of E · [`BLOCK_M`]. The
+//! handle is held [`START_M`] aside until the loop knows the device and has its whole force; then it is let go. In: how the
+//! device reports, E, the hand, the measures. Out: how far it still moves at the end, and what the handle gave the hand beyond what
+//! the body held when it was let go. Time is virtual: the same on every machine.
+
+use super::device::Device;
+use super::simulated::{Hand, Reports, Simulated};
+use super::stability::{START_M, spring};
+use super::tick::{Felt, Measures};
+use crate::stage::Haptic;
+use nalgebra::{Isometry3, Translation3, Vector3};
+
+/// Sides of the body, m.
+pub const BLOCK_M: f64 = 0.1;
+/// Held, and let go, for so long, s.
+const HELD_S: f64 = 1.0;
+const FREE_S: f64 = 10.0;
+/// How often the loop hears of a frame, s.
+const FRAME_S: f64 = 1.0 / 60.0;
+
+/// Young's moduli, Pa.
+pub const MODULI: [f64; 6] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
+
+/// Devices that report a thousand times a second, later and later, and two hundred times with jitter.
+pub const REPORTS: [Reports; 5] = [
+    Reports { every_s: 1e-3, delay_s: 0.0, jitter_s: 0.0 },
+    Reports { every_s: 1e-3, delay_s: 1e-3, jitter_s: 0.0 },
+    Reports { every_s: 1e-3, delay_s: 1.6e-3, jitter_s: 0.0 },
+    Reports { every_s: 1e-3, delay_s: 3e-3, jitter_s: 0.0 },
+    Reports { every_s: 5e-3, delay_s: 0.0, jitter_s: 5e-3 },
+];
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settled {
+    /// Largest distance from rest in the last second, m.
+    pub swing_m: f64,
+    /// Fastest in the last second, m/s.
+    pub speed: f64,
+    /// Work of the push, less what the device's friction ate and what the body held at the start: the most there was at a time, J.
+    pub made_j: f64,
+    /// What the loop knew at the end.
+    pub felt: Felt,
+}
+
+/// What a hand does that holds the handle.
+pub type Gesture = fn(f64) -> Vector3<f64>;
+
+/// At rest in the middle.
+pub fn still(_time_s: f64) -> Vector3<f64> {
+    Vector3::zeros()
+}
+
+/// 5 mm to and fro, three times a second along x and twice along y: it never settles.
+pub fn shaking(time_s: f64) -> Vector3<f64> {
+    let phase = std::f64::consts::TAU * time_s;
+    Vector3::new((3.0 * phase).sin(), (2.0 * phase).sin(), 0.0) * 5e-3
+}
+
+/// Lets the handle of `haptic` go on a body of the Young's modulus `young`, Pa.
+pub fn settle(
+    haptic: &Haptic,
+    reports: Reports,
+    young: f64,
+    (hand, gesture): (Hand, Gesture),
+    measures: Measures,
+) -> Option<Settled> {
+    let (mut control, grasp) = spring(haptic, young * BLOCK_M)?;
+    control.measures = measures;
+    let mut device = Simulated::new(haptic, hand);
+    device.reports = reports;
+    device.hand(&Isometry3::identity());
+    let period_s = haptic.period_s();
+    let frame = (FRAME_S / period_s).ceil() as u64;
+    let mut held_j = 0.0;
+    let mut settled = Settled { swing_m: 0.0, speed: 0.0, made_j: 0.0, felt: control.felt };
+    for tick in 0..((HELD_S + FREE_S) / period_s) as u64 {
+        let now_s = tick as f64 * period_s;
+        let place = &mut device.device_from_handle.translation.vector;
+        if now_s <= HELD_S {
+            *place = Vector3::new(START_M, 0.0, 0.0);
+            device.velocity = [Vector3::zeros(); 2];
+            (device.push_work, device.eaten, held_j) = (0.0, 0.0, control.felt.stored_energy);
+        } else {
+            device.hand(&Isometry3::from_parts(
+                Translation3::from(gesture(now_s - HELD_S)),
+                device.device_from_handle.rotation,
+            ));
+        }
+        if tick % frame == 0 {
+            control.take(&grasp);
+        }
+        let reading = device.read(now_s);
+        control.latency_s = device.latency_s();
+        let push = control.tick(reading.as_ref(), now_s);
+        device.push(&push, now_s);
+        settled.made_j = settled.made_j.max(device.push_work - device.eaten - held_j);
+        if now_s > HELD_S + FREE_S - 1.0 {
+            settled.swing_m = settled.swing_m.max(device.device_from_handle.translation.vector.norm());
+            settled.speed = settled.speed.max(device.velocity[0].norm());
+        }
+    }
+    Some(Settled { felt: control.felt, ..settled })
+}
