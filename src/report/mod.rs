@@ -35,6 +35,8 @@ pub use panels::panels;
 pub use plot::Picture;
 pub use summary::summary;
 
+use crate::scene::TOLERANCE;
+use crate::solve::ERROR_LIMITS;
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
@@ -125,11 +127,6 @@ pub struct Row {
     pub error: Errors,
 }
 
-/// A row with a larger estimate of its forward error, or a larger tolerance of conjugate gradients, is measured, to show
-/// what it would cost, and never chosen or recommended.
-pub const MOST_FORWARD_ERROR: f64 = 1e-3;
-pub const MOST_TOLERANCE: f64 = 1e-3;
-
 impl Row {
     /// Whether its discretisation is the one that all are measured against: its own error is not known, and it is never
     /// chosen or recommended.
@@ -137,10 +134,11 @@ impl Row {
         self.error.discretisation.worst == 0.0
     }
 
-    /// Whether its solver is accurate for certain, not in the measured poses alone.
+    /// Whether its solver is accurate for certain, not in the measured poses alone: its estimate of its forward error is
+    /// none to warn of. Other rows are measured, to show what they would cost, and never chosen or recommended.
     pub fn is_trusted(&self) -> bool {
-        self.forward_error.is_none_or(|error| error <= MOST_FORWARD_ERROR)
-            && self.setting.tolerance().is_none_or(|tolerance| tolerance <= MOST_TOLERANCE)
+        self.forward_error.is_none_or(|error| error <= ERROR_LIMITS[0])
+            && self.setting.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
     }
 
     pub fn can_be_chosen(&self) -> bool {

@@ -45,9 +45,9 @@ pub struct Scene {
     pub path: PathBuf,
 }
 
-/// Young's moduli, Pa, that can be computed with: from far below any jelly to far above diamond.
 /// Relative residuals at which conjugate gradients may end.
-const TOLERANCE: std::ops::RangeInclusive<f64> = 1e-14..=1e-3;
+pub const TOLERANCE: std::ops::RangeInclusive<f64> = 1e-14..=1e-3;
+/// Young's moduli, Pa, that can be computed with: from far below any jelly to far above diamond.
 const YOUNG: std::ops::RangeInclusive<f64> = 1e-12..=1e24;
 
 fn desktop() -> String {

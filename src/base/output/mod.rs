@@ -20,8 +20,6 @@ use place::{Place, folder_of};
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Once};
 use tempfile::NamedTempFile;
 
 /// What a file is, for whoever may overwrite it.
@@ -164,7 +162,6 @@ pub fn stage(
     kind: &Kind,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<Staged, OutputError> {
-    exceeding_a_limit_is_an_error();
     let place = look(path, kind, &[])?;
     let mut file = match &place {
         Place::File(target) => temporary(folder_of(target)),
@@ -268,18 +265,6 @@ fn sync(file: &File) -> std::io::Result<()> {
         Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
         synced => synced,
     }
-}
-
-/// The signal that comes with a write beyond the limit on a file's size (`ulimit -f`) ends a process where nobody asks
-/// for it; where somebody does, the write is an error like that of a full disk.
-fn exceeding_a_limit_is_an_error() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        let seen = Arc::new(AtomicBool::new(false));
-        if let Err(error) = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, seen) {
-            tracing::warn!("a limit on the size of files will end the program: {error}");
-        }
-    });
 }
 
 #[cfg(test)]
