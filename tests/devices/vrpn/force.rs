@@ -70,7 +70,7 @@ fn the_way_of_a_force_is_measured() {
     let mut device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
     let mut peer = Peer::accept(&listener);
     peer.hear_cookie();
-    peer.greet("Wand");
+    peer.introduce("Wand");
     assert!(peer.say(&pose()));
     wait("the device is there", || device.read(now_s()).is_some());
     assert_eq!(device.latency_s(), 1e-3);

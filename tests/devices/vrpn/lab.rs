@@ -84,14 +84,19 @@ impl Peer {
         Peer::new(listener.accept().unwrap().0)
     }
 
-    /// Says a cookie, that device 0 is `name` and the types are numbered as in `Kind::ALL`, and that the device is there.
+    /// [`Peer::introduce`], and that the device is there.
     pub fn greet(&mut self, name: &str) {
+        self.introduce(name);
+        assert!(self.say(&Payload::Pong));
+    }
+
+    /// Says a cookie, that device 0 is `name` and the types are numbered as in `Kind::ALL`.
+    pub fn introduce(&mut self, name: &str) {
         self.stream.write_all(&codec::cookie()).unwrap();
         self.describe(codec::SENDER_DESCRIPTION, 0, name);
         for kind in greenstage::track::vrpn::payload::Kind::ALL {
             self.describe(codec::TYPE_DESCRIPTION, kind as i32, kind.name());
         }
-        assert!(self.say(&Payload::Pong));
     }
 
     pub fn describe(&mut self, system: i32, id: i32, name: &str) {
