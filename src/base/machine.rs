@@ -15,14 +15,16 @@ const SPARE: [f64; 2] = [0.1, 16e6];
 const LIMITS: &str = "/proc/self/limits";
 const ADDRESSES: &str = "Max address space";
 
-/// Something needs more memory than is left.
+/// Something needs more memory than is left: what, how much, and what is left by whom.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{what} needs {} of memory, and {bound} leaves {}", size(*need), size(*left))]
-pub struct TooLarge {
-    pub what: String,
-    pub need: f64,
-    pub left: f64,
-    pub bound: &'static str,
+#[error("{0}")]
+pub struct TooLarge(Box<str>);
+
+impl TooLarge {
+    fn new(what: &str, need: f64, left: f64, bound: &str) -> TooLarge {
+        let text = format!("{what} needs {} of memory, and {bound} leaves {}", size(need), size(left));
+        TooLarge(text.into())
+    }
 }
 
 fn size(bytes: f64) -> String {
@@ -46,14 +48,15 @@ pub fn expect_mapped(what: impl Into<String>, need: f64, mapped: f64) -> Result<
     if bound.counts_mapped && mapped > 0.0 {
         what += &format!(" (and {} for the threads' buffers, less with RAYON_NUM_THREADS=1)", size(mapped));
     }
-    Err(TooLarge { what, need, left, bound: bound.name })
+    Err(TooLarge::new(&what, need, left, bound.name))
 }
 
 /// The error where the system refused `need` bytes although there seemed to be as many.
 pub fn refused(what: impl Into<String>, need: f64) -> TooLarge {
     let least = bounds().into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
     let (left, bound) = least.map_or((0.0, "the system"), |(left, bound)| (left, bound.name));
-    TooLarge { what: what.into(), need, left, bound }
+    let what: String = what.into();
+    TooLarge::new(&what, need, left, bound)
 }
 
 /// What bounds the memory of a process.
