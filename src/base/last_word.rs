@@ -223,6 +223,9 @@ fn catch_fatal_signals() {
 /// Says the last words, and lets the signal do what it would have done without.
 extern "C" fn die(signal: c_int, info: *mut siginfo_t, _: *mut c_void) {
     speak();
+    if signal == libc::SIGABRT {
+        super::memory::conclude();
+    }
     let at = FATAL.iter().position(|fatal| *fatal == signal);
     let before = at.and_then(|at| BEFORE.get().map(|before| before[at]));
     // SAFETY: the system hands a handler with SA_SIGINFO a valid pointer.
