@@ -19,7 +19,7 @@ pub struct RigidMotion {
     /// alone. `None` without S, or where no two control elements hold one piece.
     pub shift_force: Option<f64>,
     /// The same where forces and moments of shifts and turns are taken together, lengths measured in half the body's
-    /// extent.
+    /// extent; at most 1, which says that no digit is left.
     pub turn_force: Option<f64>,
 }
 
@@ -95,7 +95,8 @@ fn forces(mesh: &TetMesh, controls: &[ControlElement], joined: &[bool], s: &DMat
                 let force = own.dot(answer).abs();
                 let cost = if k < 3 { costs[k] } else { costs[k].max(ROUNDING * largest) };
                 let part = if force == 0.0 { 0.0 } else { force / cost.abs() };
-                worst[usize::from(!is_shift)] = larger(worst[usize::from(!is_shift)], part);
+                let (at, part) = if is_shift { (0, part) } else { (1, part.min(1.0)) };
+                worst[at] = larger(worst[at], part);
             }
         }
     }

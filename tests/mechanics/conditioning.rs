@@ -201,7 +201,7 @@ fn rigid_motions_of_sound_bodies_are_exact() {
     let flat = control("high", "{ group = \"xmax\" }");
     let oblique = control("o", "{ plane = { point = [0, 0, 0], normal = [1, 1, 0], distance = 1e-9 } }");
     let corner = control("c", "{ sphere = { centre = [-0.5, -0.5, -0.5], radius = 0.26 } }");
-    let point = control("p", "{ box = { min = [-0.6, 0.4, 0.4], max = [-0.4, 0.6, 0.6] } }");
+    let point = control("p", "{ box = { min = [0.4, 0.4, 0.4], max = [0.6, 0.6, 0.6] } }");
     for element in ["tet4", "tet4_anp", "tet10"] {
         for controls in
             [all.clone(), corner.clone(), flat.clone() + &corner, corner.clone() + &oblique + &point]
