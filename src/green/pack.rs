@@ -14,7 +14,7 @@ const LEVEL: i32 = 19;
 const LARGEST: u64 = 1 << 26;
 const LARGEST_RATIO: u64 = 100;
 /// Bytes unpacked at once.
-const PART: usize = 1 << 16;
+const PART: usize = 1 << 14;
 
 /// The name of the packed file of a .green file: `tube.green.zst`.
 pub fn packed_path(green: &Path) -> PathBuf {
@@ -57,7 +57,7 @@ pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     let mut fault = None;
     let mut size = 0;
     let staged = output::stage(to, &GREEN, |file| {
-        let mut part = vec![0; PART];
+        let mut part = [0; PART];
         loop {
             match packed.read(&mut part) {
                 Ok(0) => return Ok(()),

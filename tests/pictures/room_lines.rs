@@ -50,10 +50,10 @@ fn pipelines_are_made_with_the_first_thing_that_they_draw() {
     assert_eq!(renderer.made(), ["background", "lines"]);
     let arrow = Arrow { from: Point3::origin(), along: Vector3::x(), radius_m: 0.1, color: [1.0; 3] };
     drawn(&gpu, &mut renderer, before(), &FrameContents { arrows: &[arrow], ..Default::default() });
-    assert_eq!(renderer.made(), ["background", "solid", "lines"]);
+    assert_eq!(renderer.made(), ["solid", "background", "lines"]);
     let grid = Some(Grid::new(Point3::origin(), [1.0, 1.0], 0.1));
     drawn(&gpu, &mut renderer, before(), &FrameContents { grid, ..Default::default() });
-    assert_eq!(renderer.made(), ["background", "solid", "grid", "lines"]);
+    assert_eq!(renderer.made(), ["solid", "background", "grid", "lines"]);
 }
 
 /// The light of a line adds up to its width, near and far, level and slanting, with one and with four samples a pixel.
