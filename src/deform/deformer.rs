@@ -3,11 +3,13 @@
 //! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to
 //! date, and what is asked of the others is summed for the one who asks.
 
+use super::followed::FollowedTurn;
+use super::force::{Wrench, wrenches};
+use super::normals::vertex_normals;
 use super::partial::PartialSum;
-use super::{
-    Coefficients, Columns, ControlPose, ControlPoses, ControlRest, DeformationModel, FollowedTurn, Kind,
-    SumStats, Superposition, Wrench, find_model, not_online, vertex_normals, wrenches,
-};
+use super::pose::{ControlPose, ControlPoses};
+use super::superposition::{Columns, Superposition};
+use super::{Coefficients, ControlRest, DeformationModel, Kind, SumStats, find_model, not_online};
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, Isometry3, Vector3};
 use std::borrow::Cow;

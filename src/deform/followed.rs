@@ -5,7 +5,7 @@
 //! for multiples of 720°, and φ = 2 atan2(q·a, w) + 720° k is the one nearest to the last. Where sin φ/2 is small, near
 //! whole turns, q says little of the axis a, and the last one is kept: φ is then the twist about it.
 
-use super::ControlPose;
+use super::pose::ControlPose;
 use super::rotation::continued;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::PI;

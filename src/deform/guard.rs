@@ -3,7 +3,7 @@
 //! In: control poses as hands made them. Out: poses that are finite, proper and no wilder than the limits below,
 //! and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
 
-use super::ControlPose;
+use super::pose::ControlPose;
 use crate::fem::Polar;
 use nalgebra::{Matrix3, UnitQuaternion};
 

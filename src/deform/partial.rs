@@ -1,6 +1,7 @@
 //! A surface summed at a few of its nodes: all that picking needs where the graphics device deforms the whole.
 
-use super::{Columns, SumStats, Superposition};
+use super::SumStats;
+use super::superposition::{Columns, Superposition};
 use crate::green::{Basis, FIELDS};
 
 /// The columns of some nodes, read once, and their sum.

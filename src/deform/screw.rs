@@ -10,7 +10,7 @@
 //! (ω, v, S) no part of the way is flattened, as it is on that in (T, M), and if all control elements move as one rigid
 //! body, they do so on the whole way.
 
-use super::ControlPose;
+use super::pose::ControlPose;
 use super::rotation::nearest;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 

@@ -4,7 +4,10 @@
 //! nodes, the energy, and the wrenches that hold the control elements. The controlled nodes go the way of [`Screw`]
 //! while [`Newton`] keeps the others in equilibrium. What the other models are measured against; too slow for a frame.
 
-use super::{ControlPose, ControlPoses, Kind, ModelEntry, Screw, Wrench};
+use super::force::Wrench;
+use super::pose::{ControlPose, ControlPoses};
+use super::screw::Screw;
+use super::{Kind, ModelEntry};
 use crate::fem::{COROTATIONAL, Hyperelastic, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
 use crate::mesh::{TetMesh, quality};

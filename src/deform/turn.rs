@@ -1,6 +1,6 @@
 //! How far linear theory is strained: the largest rotation in the part of a deformation that it computes.
 
-use super::Deformer;
+use super::deformer::Deformer;
 use crate::fem::nearest_turn;
 use nalgebra::{Matrix3, Vector3};
 

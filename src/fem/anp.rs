@@ -14,8 +14,11 @@
 //! node can meet, one a node is not. A patch ends where the material does. K couples each node with its neighbours'
 //! neighbours, so it has about four times as many blocks as with [`tet4`].
 
+use super::assembly::{AssemblyError, Elements};
 use super::energy::{StrainRows, Strains};
-use super::{AssemblyError, Elements, Lame, NodeFields, tet4};
+use super::fields::NodeFields;
+use super::material::Lame;
+use super::tet4;
 use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,6 +1,8 @@
 //! Assembly of the stiffness matrix from sets of elements.
 
-use super::{Lame, StiffnessMatrix, anp, tet4, tet10};
+use super::material::Lame;
+use super::stiffness::StiffnessMatrix;
+use super::{anp, tet4, tet10};
 use crate::mesh::TetMesh;
 use nalgebra::Matrix3;
 use rayon::prelude::*;

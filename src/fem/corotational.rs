@@ -12,7 +12,8 @@
 //! (S - I)² + 2 (S - I) = FᵀF - I = H + Hᵀ + HᵀH.
 
 use super::hyperelastic::{Law, Tangent};
-use super::{Lame, Polar};
+use super::material::Lame;
+use super::polar::Polar;
 use nalgebra::{Matrix3, Vector3};
 
 pub const COROTATIONAL: Law = Law {

@@ -12,7 +12,10 @@
 //! δ of their free nodes enter as a(δ_i, δ_j) alone, the square of what they do to a force K u: a(u, δ) = 0
 //! (Galerkin's orthogonality; Strang and Fix, An Analysis of the Finite Element Method, chapter 1).
 
-use super::{AssemblyError, Lame, NodeFields, anp, tet4, tet10};
+use super::assembly::AssemblyError;
+use super::fields::NodeFields;
+use super::material::Lame;
+use super::{anp, tet4, tet10};
 use crate::mesh::TetMesh;
 use nalgebra::{DMatrix, DMatrixView, Vector3};
 use rayon::prelude::*;

@@ -9,8 +9,11 @@
 //!
 //! (Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., sections 6.3, 9.3 and 9.4.)
 
+use super::assembly::{Elements, assemble_elements};
+use super::fields::NodeFields;
+use super::material::Lame;
+use super::stiffness::StiffnessMatrix;
 use super::tet4::Geometry;
-use super::{Elements, Lame, NodeFields, StiffnessMatrix, assemble_elements};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use rayon::prelude::*;
 

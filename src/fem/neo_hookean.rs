@@ -8,8 +8,8 @@
 //! (Smith, de Goes and Kim, ACM Trans. Graph. 37(2), 2018, equation 13 and section 4, without the logarithm that resists
 //! collapse to a point.) It stiffens under compression, where [`super::STVK`] gives way.
 
-use super::Lame;
 use super::hyperelastic::{Law, Tangent};
+use super::material::Lame;
 use nalgebra::Matrix3;
 
 pub const NEO_HOOKEAN: Law = Law {

@@ -8,7 +8,8 @@
 //! Neither B nor C is stored: B b is K applied to b extended by zero, and f_b is K applied to (u, b), both read
 //! at the rows that are asked for.
 
-use super::{NodeFields, StiffnessMatrix};
+use super::fields::NodeFields;
+use super::stiffness::StiffnessMatrix;
 
 /// Free nodes (displacement unknown, no external force) and controlled nodes (displacement prescribed).
 #[derive(Clone, Debug, PartialEq)]

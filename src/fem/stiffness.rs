@@ -1,6 +1,6 @@
 //! The symmetric stiffness matrix in 3×3 blocks: diagonal blocks on nodes, off-diagonal blocks on edges.
 
-use super::NodeFields;
+use super::fields::NodeFields;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 

@@ -8,8 +8,8 @@
 //! (Bonet and Wood, 2nd ed., section 6.4.) Right for large rotations and small strain. Under compression it softens: a
 //! bar gives way at 1/√3 of its length, and nothing resists an element that turns inside out.
 
-use super::Lame;
 use super::hyperelastic::{Law, Tangent};
+use super::material::Lame;
 use nalgebra::Matrix3;
 
 pub const STVK: Law = Law {

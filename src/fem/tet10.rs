@@ -7,8 +7,11 @@
 //! curved element is first projected onto the linear functions, among which that of a straight one lies anyway: near
 //! ν = 1/2 eight points would be eight constraints an element, and stiffen it; the projection leaves four.
 
+use super::assembly::{AssemblyError, Elements};
 use super::energy::{StrainRows, Strains};
-use super::{AssemblyError, Elements, Lame, NodeFields, tet4};
+use super::fields::NodeFields;
+use super::material::Lame;
+use super::tet4;
 use crate::mesh::trouble::FLAT;
 use crate::mesh::{EDGES, TetMesh, quadratic, quality};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};

@@ -4,8 +4,10 @@
 //! quadrature point is exact (Zienkiewicz and Taylor, vol. 1, 5th ed., section 6.2; mind the sign of the cyclic
 //! interchange in its equation 6.5b, which the paper's reference 13 points out).
 
+use super::assembly::{AssemblyError, Elements};
 use super::energy::{StrainRows, Strains};
-use super::{AssemblyError, Elements, Lame, NodeFields};
+use super::fields::NodeFields;
+use super::material::Lame;
 use crate::mesh::trouble::FLAT;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};

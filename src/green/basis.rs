@@ -1,7 +1,10 @@
 //! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
 
 use super::check::Finding;
-use super::{ControlElement, FIELDS, GreenError, Needs, Prepared, RigidMotion, judge};
+use super::control::{ControlElement, FIELDS};
+use super::prepare::Prepared;
+use super::rigid::RigidMotion;
+use super::{GreenError, Needs, judge};
 use crate::base::machine;
 use crate::fem::{self, AssemblyError, Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::trouble::Severity;

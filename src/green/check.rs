@@ -1,8 +1,9 @@
 //! What must be right before anything is factorised: a Cholesky factorization that succeeds proves nothing. It passes
 //! flat and swapped tetrahedra, pieces held at two points and bodies cracked open, and answers with nonsense.
 
+use super::control::ControlElement;
 use super::floating::{Floating, floating};
-use super::{ControlElement, pieces};
+use super::pieces;
 use crate::fem::Lame;
 use crate::mesh::trouble::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};

@@ -5,8 +5,12 @@
 //! `stiffness` where it is needed. The metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the
 //! file as it is.
 
+use super::basis::Precomputed;
 use super::bytes::Bytes;
-use super::{Basis, FIELDS, GREEN, GreenError, Needs, Precomputed, Stored};
+use super::control::FIELDS;
+use super::kind::GREEN;
+use super::storage::{Basis, Stored};
+use super::{GreenError, Needs};
 use crate::base::output;
 use crate::mesh::quality;
 use crate::scene::Storage;
@@ -168,7 +172,7 @@ fn body_meta(body: &Precomputed, columns: &[Stored]) -> BodyMeta {
             independent: control.independent_fields(),
             vanishing: (0..FIELDS)
                 .filter(|&field| control.vanishing[field])
-                .map(|field| super::FIELD_NAMES[field].to_owned())
+                .map(|field| super::control::FIELD_NAMES[field].to_owned())
                 .collect(),
             storage_errors: stored.errors.clone(),
         })

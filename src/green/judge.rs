@@ -1,7 +1,8 @@
 //! Whether a solution may be used: its forward error and what it does with rigid motions, against [`ERROR_LIMITS`].
 
+use super::check::Finding;
 use super::file::BodyMeta;
-use super::{Finding, RigidMotion};
+use super::rigid::RigidMotion;
 use crate::mesh::trouble::Severity;
 use crate::solve::{ERROR_LIMITS, SolveError, SolveStats};
 

@@ -2,7 +2,9 @@
 //!
 //! In: a .green file. Out: a .green.zst file that unpacks to the same bytes, and back.
 
-use super::{GREEN, GreenError, GreenFile, PACKED};
+use super::GreenError;
+use super::file::GreenFile;
+use super::kind::{GREEN, PACKED};
 use crate::base::{input, output};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};

@@ -4,8 +4,8 @@
 //! control elements, are from 1 in every node (a partition of unity), and how far S is from answering rigid motions
 //! with nothing. It costs one pass over the columns, and sees errors that no residual shows.
 
+use super::control::{ControlElement, FIELDS};
 use super::pieces::Pieces;
-use super::{ControlElement, FIELDS};
 use crate::fem::NodeFields;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::{DMatrix, DVector, Vector3};

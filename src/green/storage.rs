@@ -3,7 +3,7 @@
 //! In: the f64 columns of one control element. Out: bytes, a scale per field, and the largest error per field,
 //! measured against the f64 columns. Online, half the bytes are also half the time, which goes on reading them.
 
-use super::FIELDS;
+use super::control::FIELDS;
 use crate::scene::Storage;
 use half::f16;
 

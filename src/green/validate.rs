@@ -3,8 +3,10 @@
 //! In: a container that was read. Out: the first fault, by the name of its tensor or field. A hash tells that a file is as
 //! it was written, and nothing of who wrote it: nothing that is used later is taken on trust.
 
+use super::control::{FIELD_NAMES, FIELDS};
 use super::file::{BodyMeta, ControlMeta, GreenFile, basis_type};
-use super::{Basis, FIELD_NAMES, FIELDS, GreenError, Needs, half_to_single};
+use super::storage::{Basis, half_to_single};
+use super::{GreenError, Needs};
 use crate::mesh::trouble::EXTENT;
 use crate::scene::{Scene, Storage};
 use safetensors::tensor::Dtype;

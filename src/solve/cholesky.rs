@@ -4,10 +4,9 @@
 //! the factor; solves run in blocks of columns, one thread each (faer's own parallel solve is slower than one
 //! thread).
 
-use super::{
-    Column, Conditioning, Ordering, Progress, Silent, SolveError, SolveStats, condition, nested_dissection,
-    ordering_memory, residuals,
-};
+use super::ordering::{Ordering, nested_dissection};
+use super::progress::{Progress, Silent};
+use super::{Column, Conditioning, SolveError, SolveStats, condition, ordering_memory, residuals};
 use crate::base::machine;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use faer::dyn_stack::{MemBuffer, MemStack};

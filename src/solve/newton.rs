@@ -8,7 +8,9 @@
 //! found is a stable equilibrium, joined to the start by stable ones (Crisfield, Non-linear Finite Element Analysis of
 //! Solids and Structures, vol. 1, sections 9.2 to 9.4).
 
-use super::{Cholesky, Progress, Silent, SolveError, Symbolic};
+use super::SolveError;
+use super::cholesky::{Cholesky, Symbolic};
+use super::progress::{Progress, Silent};
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::Matrix3;
 

@@ -1,7 +1,8 @@
 //! Conjugate gradients on the 3×3-block matrix, preconditioned by its diagonal blocks (block-Jacobi); all columns
 //! are iterated together, so that one pass over the matrix serves them all.
 
-use super::{Conditioning, Progress, SolveError, SolveStats, residuals};
+use super::progress::Progress;
+use super::{Conditioning, SolveError, SolveStats, residuals};
 use crate::base::machine;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::Matrix3;

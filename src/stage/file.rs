@@ -4,9 +4,11 @@
 
 use super::fault::{Fault, IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
 use super::haptic::{self, Haptic, HapticFile};
+use super::screen::{MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen};
+use super::stereo::Stereo;
 use super::tracking::{self, SensorFile, StylusFile, TrackerFile, TrackingFault};
 use super::window::{self, MonitorFile, Window, WindowFile};
-use super::{Grid, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Stage, Stereo, Viewer, Workspace};
+use super::{Grid, Stage, Viewer, Workspace};
 use crate::config;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};

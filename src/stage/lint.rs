@@ -4,7 +4,11 @@
 //! meet, shapes of pixels, sides and eyes, windows on their monitors.
 
 use super::overlap::{Overlap, overlaps};
-use super::{Eye, MIN_EYE_DISTANCE_M, Monitor, Screen, Seam, Stage, Stereo, Window};
+use super::screen::{MIN_EYE_DISTANCE_M, Screen};
+use super::seam::Seam;
+use super::stereo::Stereo;
+use super::window::{Monitor, Window};
+use super::{Eye, Stage};
 use nalgebra::Point3;
 
 /// How bad a finding is.
@@ -329,7 +333,7 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
     }
 }
 
-fn tile_lints(stage: &Stage, window: &Window, tile: &super::Tile, found: &mut Vec<Lint>) {
+fn tile_lints(stage: &Stage, window: &Window, tile: &super::window::Tile, found: &mut Vec<Lint>) {
     let entity = format!("window.{}", window.name);
     let screen = &stage.screens[tile.screen];
     let [.., width, height] = tile.rect;

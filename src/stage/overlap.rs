@@ -3,7 +3,7 @@
 //! In: screens. Out: [`Overlap`]s, with the size of what two of them both cover. Screens that only run beside each other
 //! are seams.
 
-use super::Screen;
+use super::screen::Screen;
 use nalgebra::Point3;
 
 /// What two screens of one plane both cover.

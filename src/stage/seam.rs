@@ -3,7 +3,8 @@
 //! In: a [`Stage`]. Out: its [`Seam`]s, of which each tells gap or overlap across the edges, and how far their ends are
 //! off along them.
 
-use super::{Screen, Stage};
+use super::Stage;
+use super::screen::Screen;
 use nalgebra::{Point3, Vector3};
 
 /// An edge of a screen as its viewer names it.

@@ -7,7 +7,9 @@ mod file;
 
 pub(super) use file::{MonitorFile, WindowFile, monitor, window};
 
-use super::{Eye, Screen, Stage, Stereo};
+use super::screen::Screen;
+use super::stereo::Stereo;
+use super::{Eye, Stage};
 use nalgebra::Matrix4;
 
 /// A window on the desktop, in physical pixels.

@@ -1,6 +1,6 @@
 //! For tests: a source that says what the test has it say.
 
-use super::{DeviceState, Source};
+use super::device::{DeviceState, Source};
 use std::sync::{Arc, Mutex};
 
 /// Clones say the same.

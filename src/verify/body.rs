@@ -8,7 +8,8 @@
 //! | 0     D_dd | | u_d | = | D_dd g       |     D the diagonal of K
 //! ```
 
-use super::{Element, Fault, Solution, quadrature};
+use super::solution::Solution;
+use super::{Element, Fault, quadrature};
 use crate::fem::{Lame, NodeFields, StiffnessMatrix};
 use crate::green;
 use crate::mesh::{Block, TetMesh, block, quadratic};

@@ -4,7 +4,9 @@
 //! displacement of that side's middle and of its upper corner. At (0, 44) the stress is singular, so rates are low for
 //! every element (Cook, J. Struct. Div. ASCE 100, 1974, 1851-1863). Plane strain takes Kuhn's split, as the cylinder.
 
-use super::{Body, Bound, Element, Fault, Measure, Problem};
+use super::body::Body;
+use super::solution::{Bound, Measure};
+use super::{Element, Fault, Problem};
 use crate::fem::Lame;
 use nalgebra::Vector3;
 

@@ -11,8 +11,10 @@
 //! a single layer of the generator's five tetrahedra a cell is like crossed triangles, on which linear elements do not
 //! lock (Nagtegaal, Parks and Rice, Comput. Meth. Appl. Mech. Engng. 4, 1974, 153-177); in several layers they do.
 
+use super::body::Body;
 use super::solution::Exact;
-use super::{Body, Bound, Element, Fault, Measure, POISSON, Problem};
+use super::solution::{Bound, Measure};
+use super::{Element, Fault, POISSON, Problem};
 use crate::fem::Lame;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;

@@ -1,6 +1,6 @@
 //! What is known of the elements that are compared.
 
-use super::Bound;
+use super::solution::Bound;
 use crate::scene::Element;
 
 /// The θ whose square λ multiplies in an element's energy; linear in each tetrahedron.

@@ -10,8 +10,10 @@
 //! of the unit cube, whose n³ cells are split after Kuhn; errors inside are measured, and compared with the same
 //! computed elsewhere by another program.
 
+use super::body::Body;
 use super::solution::Exact;
-use super::{Body, Bound, Element, Fault, Measure, POISSON, Problem};
+use super::solution::{Bound, Measure};
+use super::{Element, Fault, POISSON, Problem};
 use crate::fem::Lame;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;

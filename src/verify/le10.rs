@@ -4,7 +4,9 @@
 //! about x = 0 and y = 0; on the outer wall u_x = u_y = 0, and u_z = 0 on its middle line. 1 MPa presses on the top.
 //! σ_yy at D = (2, 0, top), where the hole is sharpest: cells are three times as thin there as on the mean. NAFEMS, The Standard NAFEMS Benchmarks, TNSB Rev. 3, 1990.
 
-use super::{Body, Bound, Element, Fault, Measure, Problem};
+use super::body::Body;
+use super::solution::{Bound, Measure};
+use super::{Element, Fault, Problem};
 use crate::fem::Lame;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;

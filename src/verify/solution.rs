@@ -1,7 +1,8 @@
 //! What a solved body is asked: displacements, stress, errors in the norms of L2 and of energy.
 
+use super::body::Body;
 use super::element::Dilatation;
-use super::{Body, Element, quadrature};
+use super::{Element, quadrature};
 use crate::fem::{Lame, tet4, tet10};
 use crate::mesh::{quadratic, quality};
 use nalgebra::{Matrix3, Vector3};

@@ -11,7 +11,9 @@
 //! by the energy G J θ² a / 8; its relative error is the square of the relative error in energy. At the edges φ has
 //! terms r² log r, so that of quadratic elements falls with h⁴ |log h| instead of h⁴.
 
-use super::{Body, Bound, Element, Fault, Measure, Problem};
+use super::body::Body;
+use super::solution::{Bound, Measure};
+use super::{Element, Fault, Problem};
 use crate::fem::Lame;
 use nalgebra::Vector3;
 use std::f64::consts::PI;

@@ -4,7 +4,9 @@
 //! force spread over the end section, along z or along y; the displacement of the section's middle in its direction. At
 //! the root the section is 1.1 along y and 0.32 along z.
 
-use super::{Body, Bound, Element, Fault, Measure, Problem};
+use super::body::Body;
+use super::solution::{Bound, Measure};
+use super::{Element, Fault, Problem};
 use crate::fem::Lame;
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::FRAC_PI_2;

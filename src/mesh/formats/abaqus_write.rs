@@ -3,8 +3,9 @@
 //! In: a [`TetMesh`]. Out: *NODE with the mesh's own node numbers, *ELEMENT of type C3D4, an *ELSET for each region
 //! but an unnamed 0, an *NSET for each node group.
 
+use super::super::error::MeshError;
 use super::write::{Encoded, check, own_groups, put};
-use crate::mesh::{MeshError, TetMesh};
+use crate::mesh::TetMesh;
 use std::collections::{BTreeMap, BTreeSet};
 
 pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {

@@ -5,7 +5,8 @@
 //! several groups. A group that holds just the nodes of the regions of its name is not written: the reader makes it
 //! from them. Nodes and tetrahedra keep their order.
 
-use crate::mesh::{MeshError, TetMesh};
+use super::super::error::MeshError;
+use crate::mesh::TetMesh;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;

@@ -4,13 +4,14 @@
 //! attribute of a tetrahedron is its region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section
 //! "File formats".
 
+use super::super::error::MeshError;
 use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
 use super::write::{Encoded, check, lost, put};
 use super::{Format, Part};
+use crate::mesh::TetMesh;
 use crate::mesh::assemble::{Kind, RawMesh, RawNode};
 use crate::mesh::error::Fault;
-use crate::mesh::{MeshError, TetMesh};
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 

@@ -3,10 +3,11 @@
 //! In: a [`TetMesh`]. Out: the bytes of one or two files that the reader of the format gives back as the same nodes,
 //! tetrahedra and regions, bit by bit, and a sentence for everything that the format cannot hold.
 
+use super::super::error::MeshError;
 use super::gmsh_write::{Encoding, encode, nodes_of_named_regions};
 use super::{abaqus, abaqus_write, gmsh, medit, tetgen, vtu, vtu_write};
 use crate::base::output::Kind;
-use crate::mesh::{MeshError, TetMesh};
+use crate::mesh::TetMesh;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,10 @@
 //! The discretisations and solvers that a body is solved with.
 
+use super::ladder::Ladder;
 use super::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::green::{self, Needs, Solution};
 use crate::mesh::{TetMesh, quadratic};
-use crate::report::measure::Ladder;
 use crate::scene::{Element, Generate, Method, Scene, Solver, Storage};
 use crate::solve::Progress;
 use nalgebra::Vector3;

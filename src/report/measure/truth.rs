@@ -2,7 +2,8 @@
 
 use super::candidates::{Candidate, Meshes, solved, variant};
 use super::fields::{ask, asked_of, combined, displaced, minus, origins};
-use super::{MeasureError, Norms, Request};
+use super::norms::Norms;
+use super::{MeasureError, Request};
 use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
 use crate::fem::{STVK, nearest_turn, tet4};
 use crate::green;

@@ -1,7 +1,8 @@
 //! Addresses of trackers: where to listen, and where a VRPN device is.
 
+use super::fault::TrackingFault;
 use super::vrpn::Address;
-use super::{Listen, TrackerKind, TrackingFault, Transport};
+use super::{Listen, TrackerKind, Transport};
 use std::net::{Ipv4Addr, SocketAddr};
 
 /// Where to listen: an address with its port, or a port alone, which is this machine's own.

@@ -1,11 +1,12 @@
 //! The tracking keys of a stage file, as they stand there, and their checks.
 
+use super::super::screen::ROOM_LIMIT_M;
+use super::fault::TrackingFault;
 use super::{
     Axis, ButtonId, EulerOrder, LostPolicy, OneEuro, Sensor, Stylus, Tracker, TrackerFrame, TrackerKind,
-    Tracking, TrackingFault, Transport, address,
+    Tracking, Transport, address,
 };
 use crate::config;
-use crate::stage::ROOM_LIMIT_M;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use std::net::{Ipv4Addr, SocketAddr};

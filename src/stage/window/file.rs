@@ -1,9 +1,10 @@
 //! The tables `[[window]]` and `[[monitor]]` of a stage file, as they stand there, and their checks.
 
+use super::super::screen::Screen;
+use super::super::stereo::Stereo;
 use super::{Border, Monitor, MonitorId, Tile, Window};
 use crate::config;
 use crate::stage::fault::{Fault, MAX_PIXELS, PLACES};
-use crate::stage::{Screen, Stereo};
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,6 +1,7 @@
 //! What is known of every sensor, button and valuator: for `greenstage track` and for the overlay.
 
-use super::{Faults, Rig};
+use super::Rig;
+use super::follower::Faults;
 use crate::stage::tracking::LostPolicy;
 use crate::track::Signal;
 use crate::track::device::{Counters, Link, Reading};
