@@ -5,11 +5,13 @@
 
 use super::followed::FollowedTurn;
 use super::force::{Wrench, wrenches};
+use super::model::{Coefficients, ControlRest, DeformationModel, Kind};
+use super::models::{find_model, not_online};
 use super::normals::vertex_normals;
 use super::partial::PartialSum;
 use super::pose::{ControlPose, ControlPoses};
+use super::superposition::SumStats;
 use super::superposition::{Columns, Superposition};
-use super::{Coefficients, ControlRest, DeformationModel, Kind, SumStats, find_model, not_online};
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, Isometry3, Vector3};
 use std::borrow::Cow;

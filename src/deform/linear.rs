@@ -2,8 +2,8 @@
 //!
 //! Exact for the linear theory of elasticity, which holds for small rotations of the control elements.
 
+use super::model::{Coefficients, ControlRest, DeformationModel, Kind, ModelEntry};
 use super::pose::ControlPose;
-use super::{Coefficients, ControlRest, DeformationModel, Kind, ModelEntry};
 use crate::green::Needs;
 use nalgebra::Isometry3;
 

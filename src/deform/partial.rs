@@ -1,6 +1,6 @@
 //! A surface summed at a few of its nodes: all that picking needs where the graphics device deforms the whole.
 
-use super::SumStats;
+use super::superposition::SumStats;
 use super::superposition::{Columns, Superposition};
 use crate::green::{Basis, FIELDS};
 

@@ -5,8 +5,8 @@
 //! the element's share of all held nodes; R̄ = polar(A). Then x = R̄ (X + u(c̄)) + t̄ for the poses
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
+use super::model::{Coefficients, ControlRest, DeformationModel, Kind, ModelEntry};
 use super::pose::ControlPose;
-use super::{Coefficients, ControlRest, DeformationModel, Kind, ModelEntry};
 use crate::fem::Polar;
 use crate::green::Needs;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};

@@ -5,9 +5,9 @@
 //! while [`Newton`] keeps the others in equilibrium. What the other models are measured against; too slow for a frame.
 
 use super::force::Wrench;
+use super::model::{Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Screw;
-use super::{Kind, ModelEntry};
 use crate::fem::{COROTATIONAL, Hyperelastic, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
 use crate::mesh::{TetMesh, quality};

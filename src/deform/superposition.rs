@@ -3,10 +3,18 @@
 //! Every control element keeps its own partial sum. When its coefficients change, that sum is made anew from its
 //! columns and the total from the partial sums, so that nothing drifts however often the body is moved.
 
-use super::SumStats;
 use crate::green::{Basis, FIELDS, half_to_single};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+
+/// What one sum cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SumStats {
+    /// Control elements whose columns were summed again.
+    pub elements_summed: usize,
+    /// Columns read for them.
+    pub columns_read: usize,
+}
 
 /// The basis columns of a body, per control element.
 pub struct Columns<'a> {

@@ -2,9 +2,11 @@
 
 use super::check::Finding;
 use super::control::{ControlElement, FIELDS};
+use super::error::GreenError;
+use super::judge;
+use super::needs::Needs;
 use super::prepare::Prepared;
 use super::rigid::RigidMotion;
-use super::{GreenError, Needs, judge};
 use crate::base::machine;
 use crate::fem::{self, AssemblyError, Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::trouble::Severity;

@@ -8,9 +8,10 @@
 use super::basis::Precomputed;
 use super::bytes::Bytes;
 use super::control::FIELDS;
+use super::error::GreenError;
 use super::kind::GREEN;
+use super::needs::Needs;
 use super::storage::{Basis, Stored};
-use super::{GreenError, Needs};
 use crate::base::output;
 use crate::mesh::quality;
 use crate::scene::Storage;

@@ -1,6 +1,7 @@
 //! Whether a .green file still belongs to its scene.
 
-use super::{GreenError, Needs};
+use super::error::GreenError;
+use super::needs::Needs;
 use crate::base::input;
 use crate::mesh::formats::files_of;
 use crate::scene::{Control, Nodes, Scene};

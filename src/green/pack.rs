@@ -2,7 +2,7 @@
 //!
 //! In: a .green file. Out: a .green.zst file that unpacks to the same bytes, and back.
 
-use super::GreenError;
+use super::error::GreenError;
 use super::file::GreenFile;
 use super::kind::{GREEN, PACKED};
 use crate::base::{input, output};

@@ -4,9 +4,10 @@
 //! it was written, and nothing of who wrote it: nothing that is used later is taken on trust.
 
 use super::control::{FIELD_NAMES, FIELDS};
+use super::error::GreenError;
 use super::file::{BodyMeta, ControlMeta, GreenFile, basis_type};
+use super::needs::Needs;
 use super::storage::{Basis, half_to_single};
-use super::{GreenError, Needs};
 use crate::mesh::trouble::EXTENT;
 use crate::scene::{Scene, Storage};
 use safetensors::tensor::Dtype;

@@ -4,9 +4,14 @@
 //! the factor; solves run in blocks of columns, one thread each (faer's own parallel solve is slower than one
 //! thread).
 
+use super::condition;
+use super::error::SolveError;
+use super::ordering::ordering_memory;
 use super::ordering::{Ordering, nested_dissection};
 use super::progress::{Progress, Silent};
-use super::{Column, Conditioning, SolveError, SolveStats, condition, ordering_memory, residuals};
+use super::residual::Column;
+use super::residual::residuals;
+use super::stats::{Conditioning, SolveStats};
 use crate::base::machine;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use faer::dyn_stack::{MemBuffer, MemStack};

@@ -3,7 +3,8 @@
 //! In: A, ways to apply A and A⁻¹, and a solution with its residual. Out: two numbers for the closing table and the
 //! .green file. Both cost a few solves with one right-hand side.
 
-use super::{Column, SolveError};
+use super::error::SolveError;
+use super::residual::Column;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::DMatrix;
 

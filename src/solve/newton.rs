@@ -8,8 +8,8 @@
 //! found is a stable equilibrium, joined to the start by stable ones (Crisfield, Non-linear Finite Element Analysis of
 //! Solids and Structures, vol. 1, sections 9.2 to 9.4).
 
-use super::SolveError;
 use super::cholesky::{Cholesky, Symbolic};
+use super::error::SolveError;
 use super::progress::{Progress, Silent};
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::Matrix3;

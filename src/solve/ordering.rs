@@ -1,6 +1,6 @@
 //! Nested dissection of the node graph by METIS (Karypis and Kumar, SIAM J. Sci. Comput. 20, 1998).
 
-use super::SolveError;
+use super::error::SolveError;
 use crate::base::machine;
 use crate::fem::StiffnessMatrix;
 use std::sync::{Mutex, PoisonError};

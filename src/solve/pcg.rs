@@ -1,8 +1,10 @@
 //! Conjugate gradients on the 3×3-block matrix, preconditioned by its diagonal blocks (block-Jacobi); all columns
 //! are iterated together, so that one pass over the matrix serves them all.
 
+use super::error::SolveError;
 use super::progress::Progress;
-use super::{Conditioning, SolveError, SolveStats, residuals};
+use super::residual::residuals;
+use super::stats::{Conditioning, SolveStats};
 use crate::base::machine;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::Matrix3;

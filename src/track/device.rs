@@ -4,7 +4,7 @@
 //! over without a lock; calibration, filter and prediction come after it.
 
 use super::flow::Flow;
-use super::normalised;
+use super::state::normalised;
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
 

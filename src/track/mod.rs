@@ -17,6 +17,7 @@ mod pace;
 pub(crate) mod puppet;
 pub mod rig;
 pub mod script;
+mod state;
 pub mod udp;
 pub mod vrpn;
 mod worker;
@@ -27,114 +28,5 @@ pub use mouse::{Mouse, MouseInput};
 pub use open::{OpenError, open};
 pub use rig::Rig;
 pub use script::{Script, ScriptError, ScriptSource};
+pub use state::{HeldPose, Signal, StylusState, TrackerState, normalised, usable};
 pub use worker::{Backoff, Publisher, Worker};
-
-use crate::stage::ROOM_LIMIT_M;
-use nalgebra::{Isometry3, UnitQuaternion};
-
-/// What the trackers say at one instant.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TrackerState {
-    /// `None`: the head is not tracked and stays where the stage has it.
-    #[serde(with = "crate::field::numbers::option")]
-    pub head: Option<Isometry3<f32>>,
-    /// Always the same styli in the same order from one source.
-    pub styli: Vec<StylusState>,
-    pub time_s: f64,
-}
-
-/// A six-degree-of-freedom pointing device with two buttons.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StylusState {
-    #[serde(with = "crate::field::numbers")]
-    pub room_from_stylus: Isometry3<f32>,
-    /// The button that grabs.
-    pub pressed: bool,
-    /// The second button: scales what is held, or whatever else the mode makes of it.
-    pub second: bool,
-    pub signal: Signal,
-    /// The ray starts at the viewer's eye, as the mouse's does: seen end-on, it is to be drawn as if
-    /// held elsewhere, pointing at the place that it hits.
-    pub from_eye: bool,
-}
-
-/// How well a tracked thing is seen now.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Signal {
-    #[default]
-    Live,
-    /// No news for `age_s` seconds: its last pose is held.
-    Held { age_s: f64 },
-    /// For so long that its policy gave it up: it neither grabs nor holds.
-    Lost { age_s: f64 },
-}
-
-/// The last usable pose of a tracked thing, and how many unusable ones came since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HeldPose {
-    #[serde(with = "crate::field::numbers::option")]
-    pub last: Option<Isometry3<f64>>,
-    pub invalid: u64,
-}
-
-impl HeldPose {
-    /// Takes a new pose if it is usable and counts it otherwise; true if it was taken.
-    pub fn update(&mut self, pose: &Isometry3<f32>) -> bool {
-        match usable(pose) {
-            Some(pose) => {
-                self.last = Some(pose);
-                true
-            }
-            None => {
-                self.invalid = self.invalid.saturating_add(1);
-                false
-            }
-        }
-    }
-}
-
-/// The pose in f64, its rotation normalised again; `None` if a number is not finite, the place lies more than
-/// 1 km away, or the quaternion's length is off by more than 1 %.
-pub fn usable(pose: &Isometry3<f32>) -> Option<Isometry3<f64>> {
-    let pose: Isometry3<f64> = pose.cast();
-    let is_in_room = pose.translation.vector.iter().all(|x| x.abs() <= ROOM_LIMIT_M);
-    let is_rotation = (pose.rotation.coords.norm() - 1.0).abs() <= 0.01;
-    (is_in_room && is_rotation).then(|| {
-        let rotation = UnitQuaternion::new_normalize(pose.rotation.into_inner());
-        Isometry3::from_parts(pose.translation, rotation)
-    })
-}
-
-/// The rotation of a quaternion of another length than 1; `None` if its length is not within 0.001 to 1000.
-pub fn normalised(rotation: &UnitQuaternion<f64>) -> Option<UnitQuaternion<f64>> {
-    let length = rotation.coords.norm();
-    (1e-3..=1e3).contains(&length).then(|| UnitQuaternion::new_normalize(*rotation.quaternion()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::{Quaternion, Translation3};
-
-    #[test]
-    fn unusable_poses_are_counted_and_the_last_usable_one_is_held() {
-        let good = Isometry3::translation(1.0, 2.0, 3.0);
-        let mut held = HeldPose::default();
-        assert!(held.update(&good));
-        let zero_quaternion = UnitQuaternion::new_unchecked(Quaternion::new(0.0, 0.0, 0.0, 0.0));
-        for bad in [
-            Isometry3::translation(f32::NAN, 0.0, 0.0),
-            Isometry3::translation(0.0, f32::INFINITY, 0.0),
-            Isometry3::translation(0.0, 0.0, 1e30),
-            Isometry3::from_parts(Translation3::identity(), zero_quaternion),
-            Isometry3::rotation(nalgebra::Vector3::new(f32::NAN, 0.0, 0.0)),
-        ] {
-            assert!(!held.update(&bad), "{bad}");
-        }
-        assert_eq!((held.last, held.invalid), (Some(good.cast()), 5));
-    }
-}

@@ -19,7 +19,7 @@
 //! | Q, E | move the head down, up |
 //! | R | puts the head back where the stage has it |
 
-use super::{StylusState, TrackerState};
+use super::state::{StylusState, TrackerState};
 use crate::stage::{Eye, MIN_EYE_DISTANCE_M, Stage, rotation_towards};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 

@@ -30,7 +30,7 @@ mod source;
 pub use source::ScriptSource;
 
 use super::interpolate::{interpolate, locate};
-use super::{StylusState, TrackerState};
+use super::state::{StylusState, TrackerState};
 use crate::config::{self, ConfigError};
 use crate::stage::{ROOM_LIMIT_M, Stage, rotation_towards};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};

@@ -33,7 +33,7 @@ pub use thread::{Clockwork, Loop, Report};
 pub use tick::{Control, Faults, Felt, Measures};
 pub use vrpn::VrpnDevice;
 
-use super::EffectEntry;
+use super::entry::EffectEntry;
 use crate::green::Needs;
 
 pub(super) const ENTRY: EffectEntry = EffectEntry {

@@ -6,11 +6,13 @@
 
 mod obj;
 mod ply;
+mod raw;
 mod stl;
 mod words;
 
 use super::error::{Fault, MeshError};
 use nalgebra::Vector3;
+use raw::RawSurface;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
@@ -26,17 +28,6 @@ pub struct TriangleSurface {
 pub struct LoadedSurface {
     pub surface: TriangleSurface,
     pub notices: Vec<String>,
-}
-
-/// What a format's reader found: polygons by the indices of their corners, unchecked.
-#[derive(Debug, Default)]
-struct RawSurface {
-    vertices: Vec<Vector3<f64>>,
-    /// Corners of all polygons, one polygon after the other.
-    corners: Vec<u32>,
-    /// How many corners each polygon has, and its byte offset for error messages.
-    polygons: Vec<(u32, usize)>,
-    notices: Vec<String>,
 }
 
 type Read = fn(&[u8]) -> Result<RawSurface, Fault>;

@@ -3,7 +3,7 @@
 //! Texture coordinates, normals, materials, groups and lines do not change the surface and are passed over; free-form
 //! surfaces (`curv`, `surf`, …) are refused, because leaving them out would open holes.
 
-use super::RawSurface;
+use super::raw::RawSurface;
 use super::words::{Word, lines, number, words};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;

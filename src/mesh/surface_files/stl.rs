@@ -3,7 +3,7 @@
 //! A binary file is known by its length, 84 + 50 · triangles, because many begin with "solid" as texts do. Normals
 //! and attribute bytes are not used: the order of the corners tells the outside.
 
-use super::RawSurface;
+use super::raw::RawSurface;
 use super::words::{number, words};
 use crate::mesh::error::Fault;
 use nalgebra::Vector3;

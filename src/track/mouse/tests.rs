@@ -192,8 +192,8 @@ fn no_event_makes_a_pose_unusable() {
         let state = mouse.state(0.0);
         let head = state.head.unwrap();
         assert!(
-            crate::track::usable(&head).is_some()
-                && crate::track::usable(&state.styli[0].room_from_stylus).is_some()
+            super::super::state::usable(&head).is_some()
+                && super::super::state::usable(&state.styli[0].room_from_stylus).is_some()
         );
     }
 }

@@ -3,13 +3,13 @@
 //! In: readings of one sensor. Out: a finite pose at any time, and how well it is seen. Calibration first, then what no
 //! hand does is held back, then filter and prediction; gaps and jumps are bridged instead of shown.
 
+use super::super::state::{Signal, normalised};
 use super::clock::DeviceClock;
 use super::motion::{FASTEST_M_S, FASTEST_RAD_S, Motion};
 use super::one_euro::PoseFilter;
 use crate::stage::ROOM_LIMIT_M;
 use crate::stage::tracking::{Sensor, TrackerFrame};
 use crate::track::device::Reading;
-use crate::track::{Signal, normalised};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 /// A step between two readings that no hand makes is longer than this, beside what its speed allows in the time between

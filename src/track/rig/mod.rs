@@ -20,7 +20,7 @@ pub use one_euro::PoseFilter;
 pub use report::{ChannelReport, SensorReport, TrackerReport};
 
 use super::device::{DeviceState, Link, Source, now_s};
-use super::{Signal, StylusState, TrackerState};
+use super::state::{Signal, StylusState, TrackerState};
 use crate::stage::Tracking;
 use crate::stage::tracking::{ButtonId, TrackerKind};
 use nalgebra::Isometry3;

@@ -1,9 +1,9 @@
 //! What is known of every sensor, button and valuator: for `greenstage track` and for the overlay.
 
+use super::super::state::Signal;
 use super::Rig;
 use super::follower::Faults;
 use crate::stage::tracking::LostPolicy;
-use crate::track::Signal;
 use crate::track::device::{Counters, Link, Reading};
 use nalgebra::Isometry3;
 

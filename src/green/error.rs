@@ -1,0 +1,51 @@
+//! Why a body could not be precomputed, or a .green file not be used.
+
+use crate::base::machine::TooLarge;
+use crate::base::output::OutputError;
+use crate::fem::AssemblyError;
+use crate::scene::SceneError;
+use crate::solve::SolveError;
+use std::path::PathBuf;
+
+#[derive(Debug, thiserror::Error)]
+pub enum GreenError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("{body}: {source}")]
+    Assembly { body: String, source: AssemblyError },
+    #[error("{body}: {source}")]
+    Solve { body: String, source: SolveError },
+    #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
+    Memory { body: String, source: TooLarge },
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
+    Damaged { path: PathBuf, reason: String },
+    #[error(
+        "{}: is stale: the scene, its mesh or the program changed since it was made (its fingerprint is {found}, \
+         the scene's {expected}); run `greenstage precompute` on the scene",
+        path.display()
+    )]
+    Stale { path: PathBuf, found: String, expected: String },
+}
+
+impl GreenError {
+    /// Whether the request or its files are to blame, rather than the work.
+    pub fn is_request(&self) -> bool {
+        match self {
+            GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
+            GreenError::Assembly { .. } => true,
+            GreenError::Solve { .. } | GreenError::Memory { .. } => false,
+            GreenError::Output(error) => error.is_request(),
+            GreenError::Io { source, .. } => {
+                use std::io::ErrorKind::{
+                    IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,
+                };
+                let kind = source.kind();
+                [IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem].contains(&kind)
+            }
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Why a system could not be solved, with the numbers and the remedy.
+
+use super::stats::ERROR_LIMITS;
+use crate::base::machine::TooLarge;
+
+#[derive(Debug, thiserror::Error)]
+pub enum SolveError {
+    #[error("the fill-reducing ordering of {nodes} nodes failed ({reason})")]
+    Ordering { nodes: usize, reason: String },
+    #[error(
+        "the stiffness matrix of {unknowns} unknowns is not positive definite (pivot {pivot}): a part of the body \
+         is held by no control element, or a material is not physical"
+    )]
+    NotPositiveDefinite { unknowns: usize, pivot: usize },
+    #[error(
+        "{0}; coarsen the mesh, take fewer control elements, write solver = {{ method = \"pcg\" }} in the scene, or \
+         give the program more memory"
+    )]
+    FactorMemory(TooLarge),
+    #[error("{0}; coarsen the mesh, take fewer control elements, or give the program more memory")]
+    Memory(#[from] TooLarge),
+    #[error(
+        "column {column}: relative residual {residual:.1e} is above {limit:.1e} after {iterations} iterations; the \
+         matrix is too ill-conditioned for conjugate gradients: look for slivers and large contrasts of stiffness \
+         (`greenstage check`), write solver.method = \"cholesky\", or raise solver.tolerance (to 1e-3 at most)"
+    )]
+    Residual { column: usize, residual: f64, limit: f64, iterations: usize },
+    #[error(
+        "column {column}: relative residual {residual:.1e} and backward error {backward:.1e} after refinement: the \
+         factor is wrong; look for slivers and for large contrasts of stiffness (`greenstage check`)"
+    )]
+    Factor { column: usize, residual: f64, backward: f64 },
+    #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]
+    Inexact { figure: &'static str, value: f64, remedy: &'static str },
+}
