@@ -108,7 +108,10 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
         }
         let Some(meta) = file.meta.bodies.get(name) else { continue };
         let failed = |source| GreenError::Solve { body: format!("{}: body.{name}", path.display()), source };
-        if let Some(warning) = green::judge_file(&format!("body.{name}"), meta).map_err(failed)? {
+        if let Some(warning) =
+            green::judge_file(&format!("body.{name}"), &meta.accuracy.solver, meta.accuracy.forward_error)
+                .map_err(failed)?
+        {
             notice!("{}: {warning}", path.display());
         }
     }

@@ -1,8 +1,8 @@
 //! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
 
-use super::check::Finding;
 use super::control::{ControlElement, FIELDS};
 use super::error::GreenError;
+use super::finding::Finding;
 use super::judge;
 use super::needs::Needs;
 use super::prepare::Prepared;

@@ -2,6 +2,7 @@
 //! flat and swapped tetrahedra, pieces held at two points and bodies cracked open, and answers with nonsense.
 
 use super::control::ControlElement;
+use super::finding::Finding;
 use super::floating::{Floating, floating};
 use super::pieces;
 use crate::fem::Lame;
@@ -9,29 +10,6 @@ use crate::mesh::trouble::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Element, Material};
 use std::collections::BTreeSet;
-
-/// One thing found without solving.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Finding {
-    pub severity: Severity,
-    /// The scene's key it belongs to.
-    pub entity: String,
-    /// What, where, and what to do.
-    pub message: String,
-}
-
-impl Finding {
-    pub fn new(severity: Severity, entity: &str, message: impl Into<String>) -> Finding {
-        Finding { severity, entity: entity.to_owned(), message: message.into() }
-    }
-}
-
-impl std::fmt::Display for Finding {
-    /// "warning: body.tube.material: …".
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}: {}: {}", self.severity, self.entity, self.message)
-    }
-}
 
 /// Poisson's ratio above which linear tetrahedra are called locking.
 const LOCKING: f64 = 0.45;

@@ -1,7 +1,6 @@
 //! Whether a solution may be used: its forward error and what it does with rigid motions, against [`ERROR_LIMITS`].
 
-use super::check::Finding;
-use super::file::BodyMeta;
+use super::finding::Finding;
 use super::rigid::RigidMotion;
 use crate::mesh::trouble::Severity;
 use crate::solve::{ERROR_LIMITS, SolveError, SolveStats};
@@ -37,8 +36,12 @@ pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Ve
 }
 
 /// The same of what a .green file tells of one of its bodies.
-pub fn judge_file(entity: &str, body: &BodyMeta) -> Result<Option<Finding>, SolveError> {
-    body.accuracy.forward_error.map_or(Ok(None), |error| forward(entity, &body.accuracy.solver, error))
+pub fn judge_file(
+    entity: &str,
+    solver: &str,
+    forward_error: Option<f64>,
+) -> Result<Option<Finding>, SolveError> {
+    forward_error.map_or(Ok(None), |error| forward(entity, solver, error))
 }
 
 fn forward(entity: &str, method: &str, error: f64) -> Result<Option<Finding>, SolveError> {

@@ -2,9 +2,9 @@
 //!
 //! In: a mesh and its control elements. Out: [`Finding`]s that name the piece, how far it is from the rest, and the remedy.
 
-use super::check::Finding;
 use super::control::ControlElement;
 use super::control::rank;
+use super::finding::Finding;
 use crate::base::disjoint::DisjointSets;
 use crate::mesh::near::{NearPair, nearest_pair};
 use crate::mesh::quality::Components;

@@ -1,8 +1,9 @@
 //! A body made ready to be solved: its mesh, control elements and materials, and all that was found wrong or odd.
 
-use super::check::{self, Finding};
+use super::check;
 use super::control::ControlElement;
 use super::error::GreenError;
+use super::finding::Finding;
 use crate::fem::Lame;
 use crate::mesh::trouble::Severity;
 use crate::mesh::{Loaded, TetMesh, quality};

@@ -5,7 +5,7 @@
 //! code, and the items that were asked for: place (52), quaternion w x y z (61), switch (66), end of line (1).
 
 use super::device::{DeviceState, Link, now_s};
-use super::open::OpenError;
+use super::open_error::OpenError;
 use super::worker::{Backoff, Publisher, Worker};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::io::{ErrorKind, Read, Write};

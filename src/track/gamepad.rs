@@ -4,7 +4,7 @@
 //! number). Out: button n and valuator n. It has no pose: a stylus takes its buttons from it.
 
 use super::device::{DeviceState, Link};
-use super::open::OpenError;
+use super::open_error::OpenError;
 use super::worker::Worker;
 use std::path::Path;
 

@@ -11,6 +11,7 @@ pub mod gamepad;
 mod interpolate;
 pub mod mouse;
 mod open;
+mod open_error;
 pub mod osc;
 mod pace;
 #[cfg(test)]
@@ -25,7 +26,8 @@ mod worker;
 pub use device::{DeviceState, Source};
 pub use flow::Flow;
 pub use mouse::{Mouse, MouseInput};
-pub use open::{OpenError, open};
+pub use open::open;
+pub use open_error::OpenError;
 pub use rig::Rig;
 pub use script::{Script, ScriptError, ScriptSource};
 pub use state::{HeldPose, Signal, StylusState, TrackerState, normalised, usable};

@@ -1,27 +1,9 @@
 //! The list of sources: what a stage file can name, and what opens it.
 
 use super::device::Source;
+use super::open_error::OpenError;
 use super::{dtrack, fastrak, gamepad, osc, udp, vrpn};
-use crate::stage::tracking::{Listen, TrackerKind};
-
-/// Why a source could not be opened at all; one that is merely absent is waited for.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenError {
-    #[error(
-        "tracker `{tracker}`: cannot listen on {at}: {source}; does another program listen there, and is it an address \
-         of this machine?"
-    )]
-    Listen { tracker: String, at: std::net::SocketAddr, source: std::io::Error },
-    #[error(
-        "tracker `{tracker}`: cannot join the multicast group {place}: {source}; give `interface`, the address that this \
-         machine has on the tracker's network"
-    )]
-    Join { tracker: String, place: Listen, source: std::io::Error },
-    #[error("tracker `{tracker}`: cannot start its thread: {source}")]
-    Thread { tracker: String, source: std::io::Error },
-    #[error("tracker `{tracker}`: {why}")]
-    Unsupported { tracker: String, why: String },
-}
+use crate::stage::tracking::TrackerKind;
 
 /// Opens a source: one line per kind.
 pub fn open(tracker: &str, kind: &TrackerKind) -> Result<Box<dyn Source>, OpenError> {

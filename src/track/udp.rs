@@ -4,7 +4,7 @@
 //! has a greatest size, a flood its share of the time, and no length in it is believed.
 
 use super::device::{DeviceState, Link, now_s};
-use super::open::OpenError;
+use super::open_error::OpenError;
 use super::pace::{NEWS_S, Pace};
 use super::worker::{Publisher, Worker};
 use crate::stage::tracking::Listen;
