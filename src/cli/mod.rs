@@ -127,7 +127,7 @@ fn print(text: &str) -> Result<(), Failure> {
     print_over(0, text)
 }
 
-/// [`print`] over the last `lines` lines of a terminal.
+/// [`print()`] over the last `lines` lines of a terminal.
 fn print_over(lines: usize, text: &str) -> Result<(), Failure> {
     use std::io::{ErrorKind, Write};
     let up = if lines > 0 { format!("\x1b[{lines}A\x1b[J") } else { String::new() };

@@ -24,7 +24,7 @@ pub struct Pcg {
 const RESTARTS: usize = 8;
 
 /// Part of a residual to which the error that it stands for is solved.
-const PROBE: f64 = 1e-6;
+const PROBE: f64 = 1e-4;
 
 impl Pcg {
     /// Solves A x = b from x = 0. Errors where a diagonal block is not positive definite, or where a column's true
@@ -94,10 +94,9 @@ impl Pcg {
         Ok((x, stats))
     }
 
-    /// ‖x̂ - x‖_A / ‖x̂‖_A of the column c whose residual r = b - A x̂ is the largest, by rᵀD⁻¹r / x̂ᵀA x̂ with D the diagonal
-    /// blocks. The residual is no measure where A is ill-conditioned, and the least eigenvalue λ of D⁻¹A is seen only once
-    /// the iteration has converged; so the error d of this one column is solved for, A d = r, and what is left of it, ρ =
-    /// r - A d, is bounded:
+    /// The largest ‖x̂ - x‖_A / ‖x̂‖_A of all columns. The residual r = b - A x̂ is no measure where A is ill-conditioned,
+    /// and the least eigenvalue λ of D⁻¹A, with D the diagonal blocks, is seen only once the iteration has converged; so
+    /// the errors d are solved for, A d = r, to a part of [`PROBE`], and what is left, ρ = r - A d, is bounded:
     ///
     /// ```text
     /// ‖x̂ - x‖_A ≤ ‖d‖_A + (ρᵀD⁻¹ρ / λ)^½
@@ -114,32 +113,28 @@ impl Pcg {
         r: &NodeFields,
         spectrum: &mut Spectrum,
     ) -> f64 {
-        let weighed = |r: &NodeFields| {
-            let mut z = NodeFields::zeros(r.nodes, r.columns);
-            precondition(inverse, r, &mut z);
-            r.dots(&z)
-        };
-        let energies: Vec<f64> = x.dots(b).iter().zip(x.dots(r)).map(|(xb, xr)| xb - xr).collect();
-        let parts = weighed(r)
-            .into_iter()
-            .zip(&energies)
-            .map(|(rz, energy)| if rz == 0.0 { 0.0 } else { rz / energy });
-        let (column, part) =
-            parts.enumerate().fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
-        if part == 0.0 {
+        let norms = r.norms();
+        if norms.iter().all(|norm| *norm == 0.0) {
             return 0.0;
         }
-        let data = (0..3 * r.nodes).map(|row| r.row(row)[column]).collect();
-        let wanted = NodeFields { nodes: r.nodes, columns: 1, data };
-        let mut d = NodeFields::zeros(r.nodes, 1);
+        let energies: Vec<f64> = x.dots(b).iter().zip(x.dots(r)).map(|(xb, xr)| xb - xr).collect();
+        let mut d = NodeFields::zeros(r.nodes, r.columns);
         let probe = Pcg { tolerance: PROBE, ..*self };
-        let norms = wanted.norms();
-        let limit = self.max_iterations;
-        probe.iterate(a, inverse, &mut d, wanted.clone(), &norms, limit, spectrum, &mut |_| {});
-        let (_, left) = residuals(a, &d, &wanted);
-        let known = d.dots(&wanted)[0] - d.dots(&left)[0];
-        let unknown = weighed(&left)[0] / spectrum.ends.map_or(1.0, |[low, _]| low);
-        (known.abs().sqrt() + unknown.sqrt()) / energies[column].sqrt()
+        probe.iterate(a, inverse, &mut d, r.clone(), &norms, self.max_iterations, spectrum, &mut |_| {});
+        let (_, left) = residuals(a, &d, r);
+        let mut z = NodeFields::zeros(left.nodes, left.columns);
+        precondition(inverse, &left, &mut z);
+        let least = spectrum.ends.map_or(1.0, |[low, _]| low);
+        let known = d.dots(r).into_iter().zip(d.dots(&left)).map(|(dr, dl)| (dr - dl).abs().sqrt());
+        let unknown = left.dots(&z).into_iter().map(|rest| (rest / least).sqrt());
+        known
+            .zip(unknown)
+            .zip(&energies)
+            .map(|((known, unknown), energy)| match known + unknown {
+                0.0 => 0.0,
+                error => error / energy.sqrt(),
+            })
+            .fold(0.0, |worst: f64, error| if error > worst || error.is_nan() { error } else { worst })
     }
 
     /// Iterates until the recurrence's residual of every column is below half the tolerance; returns the number of

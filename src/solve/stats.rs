@@ -29,8 +29,8 @@ pub const ERROR_LIMITS: [f64; 2] = [1e-3, 0.1];
 pub struct Conditioning {
     /// Estimate of κ₂ of A scaled by its diagonal (Cholesky), or by its 3×3 diagonal blocks (PCG).
     pub scaled_condition: f64,
-    /// Cholesky: bound on max |x̂ - x| / max |x| of the column with the largest residual. PCG: ‖x̂ - x‖_A / ‖x̂‖_A of the
-    /// column with the largest residual, whose error is solved for.
+    /// Cholesky: bound on max |x̂ - x| / max |x| of the column with the largest residual. PCG: the largest ‖x̂ - x‖_A /
+    /// ‖x̂‖_A of all columns, whose errors are solved for.
     pub forward_error: f64,
     pub seconds: f64,
 }

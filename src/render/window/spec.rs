@@ -27,7 +27,7 @@ pub struct Monitor {
     pub size: [u32; 2],
 }
 
-/// By number, in the order of [`monitors`], or by name.
+/// By number, in the order of [`super::monitors`], or by name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MonitorChoice {
     Number(usize),
