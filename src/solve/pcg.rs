@@ -60,6 +60,7 @@ impl Pcg {
                 r,
                 &b.norms(),
                 self.max_iterations - iterations,
+                None,
                 &mut spectrum,
                 &mut |worst| {
                     let way = (1000.0 * (worst.max(self.tolerance).ln() / self.tolerance.ln())) as u64;
@@ -118,11 +119,16 @@ impl Pcg {
             return 0.0;
         }
         let energies: Vec<f64> = x.dots(b).iter().zip(x.dots(r)).map(|(xb, xr)| xb - xr).collect();
+        let mut z = NodeFields::zeros(r.nodes, r.columns);
+        precondition(inverse, r, &mut z);
+        let parts = r.dots(&z).into_iter().zip(&energies).map(|(rz, energy)| rz / energy);
+        let (watched, _) =
+            parts.enumerate().fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
         let mut d = NodeFields::zeros(r.nodes, r.columns);
         let probe = Pcg { tolerance: PROBE, ..*self };
-        probe.iterate(a, inverse, &mut d, r.clone(), &norms, self.max_iterations, spectrum, &mut |_| {});
+        let limit = self.max_iterations;
+        probe.iterate(a, inverse, &mut d, r.clone(), &norms, limit, Some(watched), spectrum, &mut |_| {});
         let (_, left) = residuals(a, &d, r);
-        let mut z = NodeFields::zeros(left.nodes, left.columns);
         precondition(inverse, &left, &mut z);
         let least = spectrum.ends.map_or(1.0, |[low, _]| low);
         let known = d.dots(r).into_iter().zip(d.dots(&left)).map(|(dr, dl)| (dr - dl).abs().sqrt());
@@ -137,7 +143,8 @@ impl Pcg {
             .fold(0.0, |worst: f64, error| if error > worst || error.is_nan() { error } else { worst })
     }
 
-    /// Iterates until the recurrence's residual of every column is below half the tolerance; returns the number of
+    /// Iterates until the recurrence's residual of every column is below half the tolerance; the spectrum is taken from
+    /// the `watched` column, or from that with the largest residual. Returns the number of
     /// iterations. A column that has arrived is left as it is.
     #[allow(clippy::too_many_arguments, reason = "the state of one iteration, used nowhere else")]
     fn iterate(
@@ -148,6 +155,7 @@ impl Pcg {
         mut r: NodeFields,
         b_norms: &[f64],
         limit: usize,
+        watched: Option<usize>,
         spectrum: &mut Spectrum,
         told: &mut dyn FnMut(f64),
     ) -> usize {
@@ -158,7 +166,8 @@ impl Pcg {
         let mut ap = NodeFields::zeros(r.nodes, m);
         let mut rz = r.dots(&z);
         // The column with the most to do sees most of the spectrum.
-        let slowest = (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most });
+        let slowest =
+            watched.unwrap_or_else(|| (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most }));
         // A restart begins another Krylov space: its coefficients make a tridiagonal of their own.
         let mut coefficients = Vec::new();
         for iteration in 0..limit {

@@ -106,10 +106,10 @@ fn the_error_of_conjugate_gradients_is_bounded() {
                 Ok(found) => found,
                 Err(refused) => {
                     println!("ν = {poisson}, {tolerance}: {refused}");
-                    assert!(
-                        tolerance == "1e-3" && refused.to_string().contains("forward error"),
-                        "{refused}"
-                    );
+                    // A tolerance beyond what f64 holds of this body is not reached, and said so.
+                    let why = if tolerance == "1e-13" { "relative residual" } else { "forward error" };
+                    let may_be = poisson == "0.4999" && ["1e-3", "1e-13"].contains(&tolerance);
+                    assert!(may_be && refused.to_string().contains(why), "{refused}");
                     continue;
                 }
             };
