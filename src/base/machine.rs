@@ -31,7 +31,8 @@ fn size(bytes: f64) -> String {
     if bytes < 1e9 { format!("{:.0} MB", bytes / 1e6) } else { format!("{:.1} GB", bytes / 1e9) }
 }
 
-/// Errors where `need` bytes more than the process has now, and a spare part of a tenth and 16 MB, are not to be had, as far as the system tells.
+/// Errors where `need` bytes more than the process has now, and a tenth of them and 16 MB to spare, are not to be had, as
+/// far as the system tells.
 pub fn expect(what: impl Into<String>, need: f64) -> Result<(), TooLarge> {
     expect_mapped(what, need, 0.0)
 }
