@@ -314,7 +314,7 @@ fn attributes(
     [width, height]: [u32; 2],
 ) -> winit::window::WindowAttributes {
     let mut attributes = Window::default_attributes()
-        // Wayland takes no title with a zero byte.
+        // Names come from files.
         .with_title(one_line(&spec.title))
         .with_inner_size(PhysicalSize::new(width.max(1), height.max(1)))
         .with_decorations(spec.decorated);
