@@ -5,6 +5,7 @@
 
 mod strict;
 
+use crate::base::failure::Failure;
 use serde::de::DeserializeOwned;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -107,6 +108,12 @@ pub fn unknown_name<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a 
     let list: Vec<&str> = known.clone().collect();
     let advice = nearest(name, known).map(|like| format!("; did you mean \"{like}\"?")).unwrap_or_default();
     format!("unknown {kind} \"{name}\" (known: {}){advice}", list.join(", "))
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Failure {
+        Failure::request(error)
+    }
 }
 
 #[cfg(test)]

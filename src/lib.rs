@@ -3,39 +3,47 @@
 //! Two stages meet in one file:
 //!
 //! ```text
-//! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → GreenBasis → tube.green
-//! online    tube.green → Deformer;  Tracker → PickRay → Hands → c → u → Surface → Stage (screen × eye) → Renderer
+//! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → columns → tube.green
+//! online    tube.green → Body;  Tracker → PickRay → Hands → control poses → BodyState → Surface → Stage (screen × eye) → Renderer
 //! ```
 //!
-//! | module | what it holds |
-//! |---|---|
-//! | [`base`] | plain data and services that several rooms share |
-//! | [`config`] | strict TOML: every error names file, line and the nearest known key |
-//! | [`mesh`] | `TetMesh`, `Surface`, regions, quality, file formats, generators |
-//! | [`stage`] | screens, viewer, off-axis projection |
-//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
-//! | [`fem`] | elements, materials, assembly → `StiffnessMatrix`, partition into A, B, C |
-//! | [`solve`] | ordering, Cholesky, PCG → `SolveStats`; Newton's iteration |
-//! | [`green`] | the precomputed bases and the .green file |
-//! | [`deform`] | deformation models: coefficients → displacements |
-//! | [`effect`] | opt-in effects: what no scene lists costs nothing |
-//! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
-//! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script → `TrackerState` |
-//! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
-//! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
-//! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
-//! | [`verify`] | problems with known answers, and how near the elements come to them |
-//! | [`cli`] | one file per subcommand |
-//! | [`manual`] | the manual's chapters in Markdown; `greenstage manual` prints them |
+//! Each room imports only from rooms that stand below it in this table, and no two files import each other.
 //!
-//! Conventions: SI units, radians, right-handed, Y up in the room; transforms are named `a_from_b`;
+//! | room | what it holds |
+//! |---|---|
+//! | [`cli`] | one file per subcommand: its arguments, one call, the printed result |
+//! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
+//! | [`session`] | what drives a world and what becomes of it: input sources, recording, haptic sessions; [`session::Session::advance`] |
+//! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
+//! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
+//! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
+//! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields |
+//! | [`effect`] | opt-in effects: what no scene lists costs nothing |
+//! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
+//! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
+//! | [`green`] | the precomputed columns and the .green file |
+//! | [`solve`] | ordering, Cholesky, PCG, Newton's iteration |
+//! | [`fem`] | elements, material laws, assembly → `StiffnessMatrix`, partition into A, B, C |
+//! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script |
+//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
+//! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
+//! | [`stage`] | screens, viewer, off-axis projection, stereo, windows of a stage |
+//! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
+//! | [`mesh`] | `TetMesh`, `Surface`, regions, quality, file formats, generators |
+//! | [`config`] | strict TOML: every error names file, line and the nearest known key |
+//! | [`manual`] | the manual's chapters in Markdown |
+//! | [`base`] | plain data and services that several rooms share |
+//!
+//! Conventions: SI units, radians, right-handed, Y up in the stage; transforms are named `a_from_b`;
 //! offline arithmetic is f64, online f32.
 
 pub mod base;
 pub mod cli;
 pub mod config;
 pub mod deform;
+pub mod display;
 pub mod effect;
+pub mod export;
 pub mod fem;
 pub mod field;
 pub mod green;
@@ -45,7 +53,9 @@ pub mod mesh;
 pub mod render;
 pub mod report;
 pub mod scene;
+pub mod session;
 pub mod solve;
 pub mod stage;
 pub mod track;
 pub mod verify;
+pub mod world;

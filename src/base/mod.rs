@@ -2,7 +2,9 @@
 //!
 //! Imports no other room of ours.
 
+pub mod bars;
 pub mod disjoint;
+pub mod failure;
 pub mod input;
 pub mod last_word;
 pub mod machine;
@@ -10,6 +12,8 @@ pub mod memory;
 pub mod notice;
 pub mod output;
 pub mod peak;
+pub mod progress;
 pub mod signal;
 pub mod statistics;
+pub mod table;
 pub mod text;

@@ -1,18 +1,16 @@
 //! `greenstage accuracy`: what accuracy costs in time.
 
-use super::failure::Failure;
-use super::playback::{Playback, Source};
-use super::poses;
-use super::progress::Bars;
-use super::render;
-use super::session;
-use super::world::World;
+use crate::base::bars::Bars;
+use crate::base::failure::Failure;
 use crate::base::output::Scratch;
 use crate::config::unknown_name;
+use crate::deform::pose_file;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::green::{self, GreenFile, Needs};
 use crate::report::{self, Limits, Request, measure::poses::random};
 use crate::scene::{Element, Scene, Solver};
+use crate::session::{Playback, Session, open};
+use crate::world::{World, prepare};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -73,8 +71,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         None => scene.body.keys().next().cloned().unwrap_or_default(),
     };
     let needs =
-        |scene: &Scene| -> Needs { session::needs(scene, &name, &scene.body[&name]).unwrap_or_default() };
-    session::needs(&scene, &name, &scene.body[&name])?;
+        |scene: &Scene| -> Needs { prepare::needs(scene, &name, &scene.body[&name]).unwrap_or_default() };
+    prepare::needs(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
     let request = Request {
@@ -104,7 +102,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 /// Whether all that is written can be, before anything is measured.
 fn try_outputs(args: &Args, scene: &Scene) -> Result<(), Failure> {
-    let inputs = session::inputs_and(scene, [args.poses.as_deref()]);
+    let inputs = prepare::inputs_and(scene, [args.poses.as_deref()]);
     report::try_folder(&args.output, &inputs)?;
     args.readme.as_ref().map_or(Ok(()), |readme| super::marks::try_between(readme, "accuracy"))
 }
@@ -129,9 +127,9 @@ fn all_poses(
 ) -> Result<(Vec<(String, ControlPoses)>, String), Failure> {
     if let Some(path) = &args.poses {
         let body = &scene.body[name];
-        let file = poses::load(path)?;
+        let file = pose_file::load(path)?;
         let own = file.iter().filter(|pose| pose.body.as_deref().is_none_or(|body| body == name));
-        let own = own.map(|pose| Ok((pose.name.clone(), poses::control_poses(pose, name, body, path)?)));
+        let own = own.map(|pose| Ok((pose.name.clone(), pose_file::control_poses(pose, name, body, path)?)));
         return Ok((own.collect::<Result<_, Failure>>()?, format!("the pose file {}", path.display())));
     }
     scripted_or_random(scene, name, args.seed, args.quick)
@@ -144,22 +142,24 @@ pub fn scripted_or_random(
     seed: Option<u64>,
     quick: bool,
 ) -> Result<(Vec<(String, ControlPoses)>, String), Failure> {
-    if let (None, Some(script)) = (seed, render::script(scene, None)?) {
+    if let (None, Some(script)) = (seed, open::script(scene, None)?) {
         let count = if quick { QUICK_SCRIPT_POSES } else { SCRIPT_POSES };
         let folder = tempfile::tempdir().map_err(Failure::work)?;
         let path = folder.path().join("script.green");
-        green::write(&path, &session::precompute(scene, true)?)?;
+        green::write(&path, &prepare::precompute(scene, true)?)?;
         let file = Arc::new(GreenFile::open(&path)?);
-        let mut world = World::new(scene, &file, render::stage(scene, None)?)?;
-        let mut playback = Playback::new(Source::Script(&script), count);
+        let world = World::new(scene, &file, open::stage(scene, None)?)?;
+        let duration_s = script.duration_s;
+        let mut session = Session::new(world, Some(script));
+        let mut playback = Playback::new(&session, count)?;
         let mut taken: Vec<(String, ControlPoses)> = Vec::new();
         for frame in 0..count {
-            playback.step_to(&mut world, frame)?;
-            let of_body = world.bodies.iter().find(|body| body.deformer.body == name);
+            playback.step_to(&mut session, frame)?;
+            let of_body = session.world.bodies.iter().find(|body| body.deformer.body == name);
             let Some(poses) = of_body.map(|body| body.deformer.poses.clone()) else { continue };
             let is_rest = poses.iter().all(|pose| *pose == ControlPose::REST);
             if !is_rest && taken.iter().all(|(_, other)| *other != poses) {
-                let time_s = script.duration_s * frame as f64 / (count - 1) as f64;
+                let time_s = duration_s * frame as f64 / (count - 1) as f64;
                 taken.push((format!("{time_s:.2} s"), poses));
             }
         }

@@ -1,18 +1,19 @@
 //! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
 
-use super::device;
-use super::failure::Failure;
-use super::picture::{DrawTimes, Pictures, Targets};
-use super::playback::{Playback, Source};
-use super::table::{Table, bytes, seconds};
-use super::world::{StepTimes, World};
-use super::{bench_haptics, marks, precompute, render, session};
+use super::{bench_haptics, marks, precompute};
+use crate::base::failure::Failure;
 use crate::base::statistics::median;
+use crate::base::table::{Table, bytes, seconds};
 use crate::deform::{BYTES_PER_THREAD, Columns, Superposition, vertex_normals};
+use crate::display::device;
+use crate::display::offscreen::{DrawTimes, Pictures, Targets};
+use crate::display::pictures;
 use crate::green::{Basis, FIELDS, Precomputed};
 use crate::render::DrawCounts;
 use crate::scene::{Scene, Storage};
+use crate::session::{Playback, Request, Session};
 use crate::stage::Stage;
+use crate::world::{StepTimes, prepare};
 use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -66,43 +67,48 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let scene = Scene::load(scene)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
-    session::try_green(&scene, None)?;
+    prepare::try_green(&scene, None)?;
     let scene = super::plan::settled(scene, false, false)?;
-    let show = || render::Show::new(&scene, args.stage.as_deref(), None, args.replay.as_deref());
-    let stage = show()?.world.stage;
-    let offline = session::precompute(&scene, true)?;
+    let (stage, replay) = (args.stage.as_deref(), args.replay.as_deref());
+    let open = || Session::open(&Request { stage, replay, ..Request::of(&scene) });
+    let stage = open()?.world.stage;
+    let offline = prepare::precompute(&scene, true)?;
     let peak_memory = precompute::peak_memory();
     let loops = loops();
     let mut drawn = Vec::new();
     for samples in [4, 1] {
-        let render::Show { mut world, mut replay, .. } = show()?;
-        let script = render::script(&scene, None)?;
-        let mut targets = Targets::new(&mut world, Pictures::Eyes, samples, 1.0, args.device)?;
+        let mut session = open()?;
+        let mut targets = Targets::new(&mut session.world, Pictures::Eyes, samples, 1.0, args.device)?;
         let count = args.frames.max(2);
-        let mut playback = Playback::new(Source::new(script.as_ref(), replay.as_mut())?, count);
+        let mut playback = Playback::new(&session, count)?;
         let mut frames = Vec::new();
         let mut counts = Vec::new();
         for frame in 0..count {
-            let step = playback.step_to(&mut world, frame)?;
-            let draw = targets.draw(&mut world)?;
+            let step = playback.step_to(&mut session, frame)?;
+            let draw = targets.draw(&mut session.world)?;
             let (_, read_s) = targets.read()?;
             frames.push((step, draw, read_s));
             counts.push(targets.draw_counts());
         }
-        replay.map_or(Ok(String::new()), |replay| replay.report())?;
+        session.report()?;
         // The first frame also compiles and allocates.
         let mut measured = Drawn::new(samples, targets.gpu.describe(), &stage, &frames[1..]);
         let mean = |of: fn(&DrawCounts) -> usize| {
             counts[1..].iter().map(|c| of(c) as f64).sum::<f64>() / (count - 1) as f64
         };
         measured.shapes = [mean(|c| c.drawn), mean(|c| c.culled)];
-        let names = world.bodies.iter().map(|body| body.deformer.body.clone());
+        let names = session.world.bodies.iter().map(|body| body.deformer.body.clone());
         measured.bodies = names.zip(targets.bodies.choices).collect();
         drawn.push(measured);
     }
     let resists = scene.body.values().flat_map(|body| &body.effects).any(|effect| effect == "haptics");
-    let world = (resists || args.haptics).then(|| Ok::<_, Failure>(show()?.world)).transpose()?;
-    let ticks = world.map(|world| beside_frames(&scene, world, args.device)).transpose()?.unwrap_or_default();
+    let ticks = match resists || args.haptics {
+        true => beside_frames(
+            Session::open(&Request { stage: args.stage.as_deref(), ..Request::of(&scene) })?,
+            args.device,
+        )?,
+        false => Vec::new(),
+    };
     let mut tables =
         vec![offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
     if !ticks.is_empty() {
@@ -121,21 +127,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Ticks of the force loop beside frames of the scene.
-fn beside_frames(
-    scene: &Scene,
-    mut world: World,
-    device: device::Args,
-) -> Result<Vec<bench_haptics::Row>, Failure> {
-    let script = render::script(scene, None)?;
-    let mut targets = Targets::new(&mut world, Pictures::Eyes, 1, 1.0, device)?;
+/// Ticks of the force loop beside frames of a session.
+fn beside_frames(mut session: Session, device: device::Args) -> Result<Vec<bench_haptics::Row>, Failure> {
+    let mut targets = Targets::new(&mut session.world, Pictures::Eyes, 1, 1.0, device)?;
     let started = Instant::now();
     bench_haptics::measure(|| {
-        if let Some(script) = &script {
-            let time_s = started.elapsed().as_secs_f64() % script.duration_s;
-            world.step(&script.sample(&world.stage, time_s));
-        }
-        targets.draw(&mut world)?;
+        session.advance(started.elapsed().as_secs_f64())?;
+        targets.draw(&mut session.world)?;
         Ok(())
     })
 }
@@ -176,7 +174,7 @@ impl Drawn {
         };
         let frame_s = median(frames.iter().map(whole));
         let read = ("read-back (offscreen only, not counted)", of(|f| f.2));
-        let (screens, pictures) = (stage.screens.len(), render::pictures_name(stage));
+        let (screens, pictures) = (stage.screens.len(), pictures::pictures_name(stage));
         let steps = [steps, vec![read]].concat();
         let (shapes, bodies) = ([0.0; 2], Vec::new());
         Drawn { samples, device, screens, pictures, steps, frame_s, shapes, bodies }

@@ -1,12 +1,12 @@
 //! The table "haptic tick" of `greenstage bench`: work of one tick of the force loop, alone and beside the renderer.
 
-use super::failure::Failure;
+use crate::base::failure::Failure;
+use crate::base::table::{Table, seconds};
 use crate::deform::{ControlPose, ControlRest};
 use crate::effect::haptics::{
     Clockwork, Control, Elastic, Grasp, Hand, Held, Loop, News, Reading, Simulated, Way,
 };
 use crate::green::FIELDS;
-use crate::report::table::{Table, seconds};
 use crate::stage::Haptic;
 use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Vector3};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -102,7 +102,7 @@ fn handle(time_s: f64) -> Isometry3<f64> {
 }
 
 /// A loop on a body of so many control elements, one of them held, S full and of the demo's size.
-pub(super) fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> {
+pub(crate) fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> {
     let rest = |e: usize| ControlRest {
         name: e.to_string(),
         origin: Vector3::new((e as f64).cos(), (e as f64).sin(), 0.1 * e as f64) * 0.5,

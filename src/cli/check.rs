@@ -1,12 +1,14 @@
 //! `greenstage check`: all that can be found wrong with a scene, without solving.
 
-use super::failure::Failure;
-use super::table::{Table, bytes};
-use super::{check_stage, inspect, render, session};
+use super::{check_stage, inspect};
+use crate::base::failure::Failure;
+use crate::base::table::{Table, bytes};
 use crate::deform::{Statics, not_online};
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, Finding, GreenError, Severity};
 use crate::scene::{Body, Scene};
+use crate::session::open;
+use crate::world::prepare;
 use std::path::PathBuf;
 
 /// All that can be found wrong with a scene, without solving it, or with a stage
@@ -33,7 +35,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for (name, body) in &scene.body {
         let entity = format!("body.{name}");
         let error = |message: String| Finding::new(Severity::Error, &entity, message);
-        match session::law(&scene, name, body) {
+        match prepare::law(&scene, name, body) {
             Err(failure) => findings.push(error(failure.to_string())),
             Ok(Some(law)) => {
                 if let Err(unfit) = Statics::suits(&scene, name, law) {
@@ -50,9 +52,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             Err(other) => return Err(other.into()),
         }
     }
-    for problem in
-        [render::stage(&scene, None).err(), render::script(&scene, None).err()].into_iter().flatten()
-    {
+    for problem in [open::stage(&scene, None).err(), open::script(&scene, None).err()].into_iter().flatten() {
         findings.push(Finding::new(Severity::Error, "stage", problem.to_string()));
     }
     findings.sort_by_key(|finding| finding.severity);

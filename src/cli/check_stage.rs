@@ -1,7 +1,7 @@
 //! `greenstage check STAGE`: all that can be found wrong with a stage, at once.
 
-use super::failure::Failure;
-use super::table::count;
+use crate::base::failure::Failure;
+use crate::base::table::count;
 use crate::green::{Finding, Severity};
 use crate::render::window;
 use crate::stage::{Level, Monitor, Stage, Survey, lint};

@@ -1,8 +1,8 @@
 //! `greenstage convert`: a mesh from one format to another.
 
-use super::failure::Failure;
-use super::table::count;
+use crate::base::failure::Failure;
 use crate::base::notice::notice;
+use crate::base::table::count;
 use crate::mesh::{self, formats};
 use std::path::PathBuf;
 

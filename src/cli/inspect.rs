@@ -1,13 +1,15 @@
 //! `greenstage inspect`: what is in a mesh, .green, scene or stage file.
 
-use super::failure::Failure;
-use super::table::{Table, bytes, count};
-use super::world::flow;
-use super::{plan, session};
+use super::plan;
+use crate::base::failure::Failure;
+use crate::base::table::{Table, bytes, count};
 use crate::green::{GreenError, GreenFile};
 use crate::mesh::{self, Surface, quality, stuffing, surface_check, surface_files, trouble};
 use crate::scene::Scene;
+use crate::session::open;
 use crate::stage::Stage;
+use crate::world::flow;
+use crate::world::prepare;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -228,9 +230,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     let scene = Scene::load(path)?;
     let mut text = format!("{}\nstage {}\n", path.display(), scene.stage);
     for (name, body) in &scene.body {
-        let needs = match session::law(&scene, name, body)? {
+        let needs = match prepare::law(&scene, name, body)? {
             Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
-            None if session::needs(&scene, name, body)?.stiffness => "; needs the handle stiffness",
+            None if prepare::needs(&scene, name, body)?.stiffness => "; needs the handle stiffness",
             None => "",
         };
         let loaded = scene.load_mesh(name, body)?;
@@ -249,9 +251,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
             text.push_str(&format!("  control {control_name}: {} nodes, {grab}\n", nodes.len()));
         }
     }
-    let path = session::green_path(&scene);
-    let online = session::online_part(&plan::known(scene.clone())?)?;
-    let state = match session::fresh(&online, &path)? {
+    let path = prepare::green_path(&scene);
+    let online = prepare::online_part(&plan::known(scene.clone())?)?;
+    let state = match prepare::fresh(&online, &path)? {
         _ if online.body.is_empty() => "is not needed",
         Ok(_) => "is fresh",
         Err(GreenError::Stale { .. }) => "is stale",
@@ -266,9 +268,9 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
     if path.extension().is_none_or(|extension| extension != "toml") || is_stage(path)? {
         return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
     }
-    let scene = session::online_part(&plan::known(Scene::load(path)?)?)?;
-    let stage = super::render::stage(&scene, None)?;
-    let (graph, _) = flow::graph(&scene, &stage).map_err(Failure::request)?;
+    let scene = prepare::online_part(&plan::known(Scene::load(path)?)?)?;
+    let stage = open::stage(&scene, None)?;
+    let (graph, _) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
     super::print(&match format {
         GraphFormat::Text => graph.text(),
         GraphFormat::Dot => graph.dot(),

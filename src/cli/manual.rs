@@ -1,7 +1,7 @@
 //! `greenstage manual`: the manual's chapters, as they stand in `src/manual`.
 
-use super::failure::Failure;
-use super::table::Table;
+use crate::base::failure::Failure;
+use crate::base::table::Table;
 use crate::config::unknown_name;
 use crate::manual::CHAPTERS;
 
@@ -90,7 +90,7 @@ mod tests {
                 "toml,scene" => (0, Scene::parse(&text, path).map(drop).map_err(Failure::from)),
                 "toml,stage" => (1, Stage::parse(&text, path).map(drop).map_err(Failure::request)),
                 "toml,script" => (2, Script::parse(&text, path).map(drop).map_err(Failure::request)),
-                "toml,poses" => (3, super::super::poses::parse(&text, path).map(drop)),
+                "toml,poses" => (3, crate::deform::pose_file::parse(&text, path).map(drop)),
                 "toml,tracking" => {
                     let stage = format!("{}{text}", crate::stage::BUILT_IN[0].1);
                     (4, Stage::parse(&stage, path).map(drop).map_err(Failure::request))

@@ -1,6 +1,6 @@
 //! Tables between the marks of a Markdown file: the lines `<!-- NAME: begin -->` and `<!-- NAME: end -->`.
 
-use super::failure::Failure;
+use crate::base::failure::Failure;
 use crate::base::output::{self, Kind};
 use anyhow::Context;
 use std::path::Path;

@@ -1,55 +1,34 @@
 //! The command line: one file per subcommand, each with its arguments and one run function.
 //!
-//! Only here do mechanics and pictures meet. Exit status: 0 done, 1 the work failed, 2 the request or its files
+//! Exit status: 0 done, 1 the work failed, 2 the request or its files
 //! are wrong. Results go to standard output, notices and progress to standard error.
 
 mod accuracy;
-mod aids;
 mod bench;
-mod bench_haptics;
+pub(crate) mod bench_haptics;
 mod check;
 mod check_stage;
 mod convert;
 mod deform;
-mod device;
-mod failure;
-mod feel;
 mod inspect;
-mod interrupt;
-mod keys;
-mod lines;
 mod manual;
 mod marks;
-mod overlay;
 mod pack;
-mod panes;
 mod pattern;
-mod picture;
 mod plan;
-mod playback;
-pub mod poses;
 mod precompute;
-mod progress;
-mod recording;
 mod render;
-mod room;
 mod serve;
-mod session;
 mod sizes;
 mod stability;
 mod stage_view;
-mod statics;
 mod track;
 mod verify;
 mod view;
-mod world;
-mod writing;
 
-pub use failure::Failure;
-
+use crate::base::failure::Failure;
 use crate::base::machine::{self, ThreadsError};
 use crate::base::text::plain;
-use crate::report::table;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 

@@ -1,8 +1,8 @@
 //! `greenstage pack`: a .green file made small for shipping, and back.
 
-use super::failure::Failure;
-use super::table::bytes;
+use crate::base::failure::Failure;
 use crate::base::output;
+use crate::base::table::bytes;
 use crate::green;
 use std::path::PathBuf;
 

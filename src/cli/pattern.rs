@@ -1,20 +1,17 @@
 //! `greenstage pattern`: the test pattern on every screen of a stage, for installing a display.
 
-mod paint;
-
-pub use paint::Pattern;
-
-use super::aids::{Aids, Staged};
-use super::failure::Failure;
-use super::overlay::Readings;
-use super::panes;
-use super::render::{PNG, save};
+use crate::base::failure::Failure;
 use crate::base::output;
-use crate::render::window::{self, AppError, Flow, Input, Key, WindowApp, WindowOptions, Windows};
+use crate::display::application::{self, Options, Shows};
+use crate::display::device;
+use crate::display::pattern::Pattern;
+use crate::display::pictures::{PNG, save};
+use crate::display::screen_windows::ScreenWindows;
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
-use crate::stage::{Eye, Stage, Window};
+use crate::session::Session;
+use crate::stage::{Eye, Stage};
+use crate::world::World;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// Test pattern on every screen of a stage: grid and rulers in centimetres, border, corners, eyes
 ///
@@ -39,57 +36,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(folder) = &args.output {
         return pictures(&stage, &args.stage, folder);
     }
-    let layout = stage.layout();
-    let specs = panes::specs(&stage, &layout, args.scale);
-    let mut aids = Aids::new(&stage, &layout);
-    aids.pattern = true;
-    let swapped = stage.swap_eyes;
-    let (started, limit_s) = (Instant::now(), args.seconds);
-    let mut app = Shown { stage, layout, aids, swapped, started, limit_s };
-    window::run(&specs, WindowOptions { samples: 1, vsync: true }, &mut app).map_err(Failure::work)
-}
-
-/// The stage's windows with the pattern in them; F2 shows the room, F4 swaps the eyes.
-struct Shown {
-    stage: Stage,
-    layout: Vec<Window>,
-    aids: Aids,
-    swapped: bool,
-    /// Of what the window system does not do.
-    started: Instant,
-    limit_s: Option<f64>,
-}
-
-impl WindowApp for Shown {
-    fn start(&mut self, _: &Gpu) -> Result<(), AppError> {
-        Ok(())
-    }
-
-    fn input(&mut self, input: Input) {
-        match input {
-            Input::Key { key: Key::Function(4), pressed: true, .. } => self.swapped = !self.swapped,
-            Input::Key { key: Key::Function(1 | 3), .. } => {}
-            _ => {
-                self.aids.input(&input, &self.stage, &self.layout);
-            }
-        }
-    }
-
-    fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
-        let sizes: Vec<[u32; 2]> = windows.sizes().collect();
-        let staged = Staged {
-            stage: &self.stage,
-            layout: &self.layout,
-            sizes: &sizes,
-            swapped: self.swapped,
-            room_from_head: self.stage.viewer.room_from_head,
-            reports: &[],
-        };
-        let tiles = vec![Vec::new(); sizes.len()];
-        self.aids.draw(windows, &staged, tiles, &FrameContents::default(), |_| Readings::default())?;
-        let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
-        Ok(if is_over { Flow::Quit } else { Flow::Continue })
-    }
+    let screens = ScreenWindows::of_pattern(&stage, args.scale);
+    let session = Session::new(World::of_stage(stage)?, None);
+    let (limit_s, device) = (args.seconds, device::Args::default());
+    let options = Options { samples: 1, vsync: true, limit_s, device };
+    application::run(session, Shows::Screens(screens), options)?;
+    Ok(())
 }
 
 /// One PNG per screen and eye, as many pixels as the screen has.

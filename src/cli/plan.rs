@@ -2,9 +2,8 @@
 //! .green file, chosen anew when the demand changes.
 
 use super::accuracy::scripted_or_random;
-use super::failure::Failure;
-use super::progress::Bars;
-use super::session;
+use crate::base::bars::Bars;
+use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::ControlPose;
 use crate::fem::nearest_turn;
@@ -13,6 +12,7 @@ use crate::report::measure::{machine, settings};
 use crate::report::plan::{Choice, choose};
 use crate::report::{Limits, Request, Row, Setting};
 use crate::scene::{Demand, Element, Method, Scene, SceneError, Solver, Storage};
+use crate::world::prepare;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 
@@ -76,7 +76,7 @@ fn choose_all(
         (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
     }
     for (name, demand) in demands {
-        let needs = session::needs(&plain, &name, &plain.body[&name])?;
+        let needs = prepare::needs(&plain, &name, &plain.body[&name])?;
         let largest = demand.largest().unwrap_or(LARGEST);
         let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, needs)?);
         let Some(table) = source(&plain, &name, key, &demand)? else { continue };
@@ -96,8 +96,8 @@ fn choose_all(
 /// The table in the scene's .green file, shipped or unpacked, where it is of this body, and for a demand in seconds of
 /// this machine.
 fn kept(scene: &Scene, name: &str, key: &str, demand: &Demand) -> Result<Option<Table>, Failure> {
-    let path = session::green_path(scene);
-    session::unpack_shipped(&path)?;
+    let path = prepare::green_path(scene);
+    prepare::unpack_shipped(&path)?;
     let file = match GreenFile::open(&path) {
         Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
             return Ok(None);
@@ -123,7 +123,7 @@ fn measure(scene: &Scene, name: &str, key: String, demand: &Demand, quiet: bool)
         limits: Limits { largest: demand.largest().unwrap_or(LARGEST), refinements: 1, rounds: 60 },
         largest_key: format!("body.{name}.{}.largest", demand.key()),
         quick: true,
-        needs_of: &|scene| session::needs(scene, name, &scene.body[name]).unwrap_or_default(),
+        needs_of: &|scene| prepare::needs(scene, name, &scene.body[name]).unwrap_or_default(),
         command: String::new(),
         scratch: scratch.path(),
     };
@@ -138,11 +138,6 @@ pub fn largest_turn(poses: &[ControlPose]) -> f64 {
     let pairs =
         rotations.iter().enumerate().flat_map(|(i, a)| rotations[..i].iter().map(move |b| a.angle_to(b)));
     pairs.fold(0.0, f64::max)
-}
-
-/// The turn up to which the error of a planned body was measured, with a tenth to spare; nothing of other bodies.
-pub fn range(file: &GreenFile, body: &str) -> Option<f64> {
-    file.meta.bodies.get(body)?.plan.as_ref()?.get("range")?.as_f64().map(|range| 1.1 * range)
 }
 
 fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {

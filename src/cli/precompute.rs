@@ -1,11 +1,11 @@
 //! `greenstage precompute`: the offline stage.
 
-use super::failure::Failure;
-use super::session;
-use super::table::{Table, bytes, seconds};
+use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError};
+use crate::base::table::{Table, bytes, seconds};
 use crate::green::{self, Precomputed};
 use crate::scene::Scene;
+use crate::world::prepare;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -31,20 +31,20 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
-    let path = args.output.clone().unwrap_or_else(|| session::green_path(&scene));
-    let inputs = session::inputs(&scene);
+    let path = args.output.clone().unwrap_or_else(|| prepare::green_path(&scene));
+    let inputs = prepare::inputs(&scene);
     let will_compute = args.force || !path.exists();
     let ask = if will_compute { try_path } else { output::may_replace };
     ask(&path, &green::GREEN, &inputs)?;
     let settled = super::plan::settled(scene, args.quiet, args.force)?;
-    let scene = session::online_part(&settled)?;
+    let scene = prepare::online_part(&settled)?;
     if scene.body.is_empty() {
         let path = args.scene.display();
         return super::print(&format!(
             "{path}: `greenstage deform` solves it anew for every pose; nothing to do\n"
         ));
     }
-    if !args.force && path.exists() && session::fresh(&scene, &path)?.is_ok() {
+    if !args.force && path.exists() && prepare::fresh(&scene, &path)?.is_ok() {
         return super::print(&format!(
             "{} is fresh; nothing to do (--force computes it anew)\n",
             path.display()
@@ -52,11 +52,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     try_path(&path, &green::GREEN, &inputs)?;
     let started = Instant::now();
-    let unwritten = session::unwritten(&path);
-    let bodies = session::precompute(&scene, args.quiet)?;
+    let unwritten = prepare::unwritten(&path);
+    let bodies = prepare::precompute(&scene, args.quiet)?;
     drop(unwritten);
     let writing = Instant::now();
-    let size = green::write(&path, &bodies).map_err(|error| session::unwritable(error, &path))?;
+    let size = green::write(&path, &bodies).map_err(|error| prepare::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));

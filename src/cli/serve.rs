@@ -2,7 +2,7 @@
 //!
 //! In: the newest states of a rig's sources, or of a script. Out: a VRPN server, one device for every tracker.
 
-use super::failure::Failure;
+use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::stage::Stage;
 use crate::track::device::now_s;

@@ -4,11 +4,11 @@
 //! stage is needed, and every size fits. All coefficients change in every frame.
 
 use super::bench;
-use super::device::{self, DeformOn};
-use super::failure::Failure;
-use super::table::{Table, bytes, seconds};
+use crate::base::failure::Failure;
 use crate::base::statistics::median;
+use crate::base::table::{Table, bytes, seconds};
 use crate::deform::{Columns, Superposition, vertex_normals};
+use crate::display::device::{self, DeformOn};
 use crate::green::{Basis, FIELDS, Stored};
 use crate::render::{
     BodyBuffers, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Renderer, View,

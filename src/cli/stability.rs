@@ -1,11 +1,11 @@
 //! `greenstage verify haptics`: the closed loop of hand, device and stiff body, by stiffness and rate, and by delay and jitter.
 
-use super::failure::Failure;
 use super::verify::Args;
+use crate::base::failure::Failure;
+use crate::base::table::Table;
 use crate::effect::haptics::settling::{MODULI, REPORTS, Settled, settle, still};
 use crate::effect::haptics::stability::{RATES_HZ, Run, START_M, STIFFNESSES, boundary, run};
 use crate::effect::haptics::{Hand, Measures, Reports};
-use crate::report::table::Table;
 use crate::stage::Haptic;
 use rayon::prelude::*;
 use serde_json::json;

@@ -1,15 +1,14 @@
 //! `greenstage track`: what every sensor, button and valuator of a stage says, live.
 
-use super::failure::Failure;
-use super::feel::{self, Feel};
 use super::serve::{self, Service};
-use super::table::Table;
+use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::effect::haptics::Sensed;
+use crate::base::table::Table;
+use crate::session::trackers;
 use crate::stage::Stage;
-use crate::track::device::{Link, Source, now_s};
+use crate::track::Signal;
+use crate::track::device::{Link, now_s};
 use crate::track::rig::{Rig, SensorReport, TrackerReport};
-use crate::track::{OpenError, Signal, TrackerState, open};
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -98,25 +97,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// The running trackers of a stage.
 pub fn rig(stage: &str) -> Result<Rig, Failure> {
     let stage = Stage::find(stage).map_err(Failure::request)?;
-    start(&stage, None)?.ok_or_else(|| {
+    trackers::start(&stage, None)?.ok_or_else(|| {
         Failure::wrong(format!(
             "stage {} names no tracker: add a [tracker.NAME] table to its file (`greenstage manual tracking`)",
             stage.name
         ))
-    })
-}
-
-/// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
-pub fn start(stage: &Stage, mut feel: Option<&mut Feel>) -> Result<Option<Rig>, Failure> {
-    Rig::start(&stage.tracking, |name, kind| {
-        let haptic = stage.haptics.iter().find(|haptic| haptic.tracker() == name);
-        match haptic {
-            Some(haptic) => match feel.as_mut().and_then(|feel| feel.source(&haptic.name)) {
-                Some(felt) => Ok(Box::new(felt) as Box<dyn Source>),
-                None => Ok(Box::new(Sensed::alone(feel::open(haptic)?))),
-            },
-            None => Ok(open(name, kind)?),
-        }
     })
 }
 
@@ -139,28 +124,6 @@ pub fn watch(
         }
         std::thread::sleep(Duration::from_secs_f64(step_s));
     }
-}
-
-/// Who moves head and styli, in words.
-pub fn mover(rig: Option<&Rig>) -> &'static str {
-    match rig {
-        Some(rig) if rig.is_pointing() => "moved by trackers",
-        Some(rig) if rig.is_speaking() => "moved by trackers, mouse and keyboard",
-        _ => "moved by mouse and keyboard",
-    }
-}
-
-/// Head and styli as they are tracked; what is not tracked now comes from `other`, behind them.
-pub fn merge(rig: &mut Rig, other: TrackerState) -> TrackerState {
-    let mut state = rig.state(now_s());
-    for notice in rig.take_notices() {
-        notice!("note: {notice}");
-    }
-    state.head = state.head.or(other.head);
-    if !rig.is_pointing() {
-        state.styli.extend(other.styli);
-    }
-    TrackerState { time_s: other.time_s, ..state }
 }
 
 fn text(reports: &[TrackerReport], raw: bool) -> String {
@@ -319,10 +282,4 @@ fn sensor_json(sensor: &SensorReport) -> Value {
         "jumps": sensor.faults.jumps,
         "clock_faults": sensor.faults.clock,
     })
-}
-
-impl From<OpenError> for Failure {
-    fn from(error: OpenError) -> Failure {
-        Failure::work(error)
-    }
 }

@@ -1,10 +1,10 @@
 //! `greenstage verify`: how near the elements come to published and analytic answers, and how fast.
 
 use super::bench::processor;
-use super::failure::Failure;
 use super::marks;
 use super::stability;
-use super::table::{Table, seconds};
+use crate::base::failure::Failure;
+use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::verify::{self, Effort, PROBLEMS, Problem, Row};
 use serde_json::{Value, json};

@@ -13,6 +13,7 @@ mod models;
 mod normals;
 mod partial;
 mod pose;
+pub mod pose_file;
 mod rotation;
 mod screw;
 mod statics;

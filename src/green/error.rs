@@ -1,5 +1,6 @@
 //! Why a body could not be precomputed, or a .green file not be used.
 
+use crate::base::failure::Failure;
 use crate::base::machine::TooLarge;
 use crate::base::output::OutputError;
 use crate::fem::AssemblyError;
@@ -47,5 +48,11 @@ impl GreenError {
                 [IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem].contains(&kind)
             }
         }
+    }
+}
+
+impl From<GreenError> for Failure {
+    fn from(error: GreenError) -> Failure {
+        if error.is_request() { Failure::request(error) } else { Failure::work(error) }
     }
 }

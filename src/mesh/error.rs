@@ -1,5 +1,6 @@
 //! Why a mesh was refused: the file, the place in it, the reason and the remedy.
 
+use crate::base::failure::Failure;
 use crate::base::output::OutputError;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -64,5 +65,14 @@ impl Fault {
             Place::Line(bytes.iter().take(at).filter(|&&byte| byte == b'\n').count() + 1)
         };
         MeshError::Malformed { path, place, reason: self.reason }
+    }
+}
+
+impl From<MeshError> for Failure {
+    fn from(error: MeshError) -> Failure {
+        match error {
+            MeshError::Output(error) => error.into(),
+            error => Failure::request(error),
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! What can go wrong between a frame's data and its picture, with the numbers and the remedy.
 
+use crate::base::failure::Failure;
+
 /// Every failure of the renderer.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
@@ -59,4 +61,13 @@ pub enum RenderError {
     /// What the application returned from its own part of the frame.
     #[error(transparent)]
     App(Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Failure {
+        match error {
+            RenderError::PictureSize { .. } | RenderError::BufferSize { .. } => Failure::request(error),
+            _ => Failure::work(error),
+        }
+    }
 }

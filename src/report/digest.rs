@@ -1,8 +1,8 @@
 //! A report in one Markdown table, for a README: each knob turned alone, the others as in the first row.
 
-use super::table::Table;
 use super::units::{bytes, relative, seconds};
 use super::{Report, Row};
+use crate::base::table::Table;
 
 /// One line for each setting that differs from the first row's in one knob only.
 pub fn digest(report: &Report) -> String {

@@ -1,6 +1,7 @@
 //! The report's folder: accuracy.json, accuracy.csv, index.html and plots/*.svg. Out of accuracy.json: the report.
 
 use super::{Report, SCHEMA, csv, page, panels};
+use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError, Staged};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -160,4 +161,13 @@ fn check(report: &Report) -> Result<(), ReportError> {
         }
     }
     Ok(())
+}
+
+impl From<ReportError> for Failure {
+    fn from(error: ReportError) -> Failure {
+        match error {
+            ReportError::Output(error) => error.into(),
+            error => Failure::work(error),
+        }
+    }
 }

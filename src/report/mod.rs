@@ -23,7 +23,6 @@ mod says;
 mod smooth_panels;
 mod split;
 mod summary;
-pub mod table;
 mod tables;
 mod units;
 

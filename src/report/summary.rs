@@ -1,9 +1,9 @@
 //! What the command says at its end, for a terminal.
 
 use super::answer::{ONLINE, answers, ladder, limit};
-use super::table::Table;
 use super::units::{bytes, relative, seconds};
 use super::{Report, Row};
+use crate::base::table::Table;
 use crate::base::text::plain;
 
 /// The settings that are worth their online time, from cheap to accurate, and the answers in sentences.

@@ -10,6 +10,7 @@ mod select;
 pub use demand::{Accuracy, Budget, Demand};
 pub use select::Nodes;
 
+use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::mesh::{MeshError, generate, refine, surface_files};
 use indexmap::IndexMap;
@@ -373,6 +374,12 @@ impl Scene {
             return Err(self.invalid(entity, "density must be positive and finite, kg/m³"));
         }
         Ok(())
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Failure {
+        Failure::request(error)
     }
 }
 

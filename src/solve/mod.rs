@@ -11,15 +11,14 @@ mod error;
 mod newton;
 mod ordering;
 mod pcg;
-mod progress;
 mod residual;
 mod stats;
 
+pub use crate::base::progress::{Progress, Silent};
 pub use cholesky::{Cholesky, Symbolic};
 pub use error::SolveError;
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use ordering::{Ordering, nested_dissection};
 pub use pcg::Pcg;
-pub use progress::{Progress, Silent};
 pub use residual::residuals;
 pub use stats::{Conditioning, ERROR_LIMITS, SolveStats};

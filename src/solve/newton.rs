@@ -10,7 +10,7 @@
 
 use super::cholesky::{Cholesky, Symbolic};
 use super::error::SolveError;
-use super::progress::{Progress, Silent};
+use crate::base::progress::{Progress, Silent};
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::Matrix3;
 

@@ -2,10 +2,10 @@
 //! are iterated together, so that one pass over the matrix serves them all.
 
 use super::error::SolveError;
-use super::progress::Progress;
 use super::residual::residuals;
 use super::stats::{Conditioning, SolveStats};
 use crate::base::machine;
+use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::Matrix3;
 use rayon::prelude::*;

@@ -1,5 +1,6 @@
 //! Why a tracker could not be opened, and the remedy.
 
+use crate::base::failure::Failure;
 use crate::stage::tracking::Listen;
 
 /// Why a source could not be opened at all; one that is merely absent is waited for.
@@ -19,4 +20,10 @@ pub enum OpenError {
     Thread { tracker: String, source: std::io::Error },
     #[error("tracker `{tracker}`: {why}")]
     Unsupported { tracker: String, why: String },
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Failure {
+        Failure::work(error)
+    }
 }

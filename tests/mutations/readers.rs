@@ -3,7 +3,7 @@
 use crate::common::block_scene;
 use crate::mutate::{Random, mutated};
 use crate::{meshes, surfaces};
-use greenstage::cli::poses;
+use greenstage::deform::pose_file as poses;
 use greenstage::deform::{ControlPose, Deformer};
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::mesh::{

@@ -23,10 +23,39 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
     (
+        "world",
+        &[
+            "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track",
+            "field", "render", "config",
+        ],
+    ),
+    (
+        "export",
+        &[
+            "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
+            "track", "field", "render", "config",
+        ],
+    ),
+    (
+        "session",
+        &[
+            "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
+            "track", "field", "render", "config",
+        ],
+    ),
+    (
+        "display",
+        &[
+            "session", "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve",
+            "stage", "track", "field", "render", "config",
+        ],
+    ),
+    (
         "cli",
         &[
-            "config", "manual", "render", "mesh", "stage", "scene", "fem", "solve", "green", "deform",
-            "effect", "report", "field", "track", "interact", "verify",
+            "display", "session", "export", "world", "report", "verify", "manual", "deform", "effect",
+            "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field", "render",
+            "config",
         ],
     ),
 ];

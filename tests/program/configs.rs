@@ -296,7 +296,8 @@ fn no_array_of_any_file_takes_an_element_too_many() {
     let scene = |text: &str| Scene::parse(text, path).err().map(|error| error.to_string());
     let stage = |text: &str| Stage::parse(text, path).err().map(|error| error.to_string());
     let script = |text: &str| Script::parse(text, path).err().map(|error| error.to_string());
-    let poses = |text: &str| greenstage::cli::poses::parse(text, path).err().map(|error| error.to_string());
+    let poses =
+        |text: &str| greenstage::deform::pose_file::parse(text, path).err().map(|error| error.to_string());
     let kinds: [(&str, usize, Parse<'_>); 4] = [
         (ARRAYS_OF_A_SCENE, 10, &scene),
         (ARRAYS_OF_A_STAGE, 35, &stage),

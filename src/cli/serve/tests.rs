@@ -1,8 +1,6 @@
 //! A stylus that comes by VRPN bends the tube: server, client, rig and world together, over the loopback device.
 
 use super::*;
-use crate::cli::session;
-use crate::cli::world::World;
 use crate::deform::ControlPose;
 use crate::green::{self, GreenFile};
 use crate::scene::Scene;
@@ -10,6 +8,8 @@ use crate::track::device::Link;
 use crate::track::puppet::Puppet;
 use crate::track::vrpn::{Address, Client, Timing, Transport};
 use crate::track::{Signal, StylusState};
+use crate::world::World;
+use crate::world::prepare;
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ fn demo(stage: Stage) -> World {
     let scene = Scene::parse(&text.replace(fine, coarse), Path::new("tube.toml")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tube.green");
-    green::write(&path, &session::precompute(&scene, true).unwrap()).unwrap();
+    green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
     World::new(&scene, &file, stage).unwrap()
 }

@@ -1,0 +1,86 @@
+//! Progress of long work on standard error: bars on a terminal, a line per step elsewhere.
+
+use super::notice::notice;
+use super::progress::Progress;
+use super::text::one_line;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// Shows the steps of the offline stage for one body.
+pub struct Bars {
+    body: String,
+    quiet: bool,
+    current: Mutex<Option<Step>>,
+}
+
+struct Step {
+    name: String,
+    started: Instant,
+    bar: ProgressBar,
+}
+
+impl Bars {
+    pub fn new(body: &str, quiet: bool) -> Bars {
+        Bars { body: one_line(body), quiet, current: Mutex::new(None) }
+    }
+
+    fn with_step(&self, act: impl FnOnce(&mut Option<Step>)) {
+        // A panic elsewhere must not hide behind a poisoned progress bar.
+        act(&mut self.current.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
+    }
+}
+
+impl Drop for Bars {
+    /// Work that failed leaves no bar behind.
+    fn drop(&mut self) {
+        self.with_step(|current| {
+            if let Some(step) = current.take() {
+                step.bar.finish_and_clear();
+            }
+        });
+    }
+}
+
+impl Progress for Bars {
+    fn begin(&self, step: &str, units: u64) {
+        let bar = if self.quiet || !std::io::stderr().is_terminal() {
+            ProgressBar::hidden()
+        } else {
+            let bar = if units > 0 { ProgressBar::new(units) } else { ProgressBar::new_spinner() };
+            let template = if units > 0 {
+                "{prefix:>12}  {msg:<18} {bar:32.green} {percent:>3} %  {elapsed} (left {eta})"
+            } else {
+                "{prefix:>12}  {msg:<18} {spinner:.green} {elapsed}"
+            };
+            let style =
+                ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+            bar.with_style(style).with_prefix(self.body.clone()).with_message(step.to_owned())
+        };
+        bar.enable_steady_tick(Duration::from_millis(100));
+        self.with_step(|current| {
+            *current = Some(Step { name: step.to_owned(), started: Instant::now(), bar });
+        });
+    }
+
+    fn advance(&self, units: u64) {
+        self.with_step(|current| {
+            if let Some(step) = current {
+                step.bar.inc(units);
+            }
+        });
+    }
+
+    fn end(&self) {
+        self.with_step(|current| {
+            if let Some(step) = current.take() {
+                step.bar.finish_and_clear();
+                if !self.quiet {
+                    let seconds = step.started.elapsed().as_secs_f64();
+                    notice!("{:>12}  {:<18} {seconds:8.3} s", self.body, step.name);
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,140 @@
+//! The window application: a session moved on once a frame, and drawn into windows.
+//!
+//! In: a [`Session`], and what its windows show ([`Shows`]): the screens of the stage, or the stage as a model from outside.
+//! Out: pictures of all windows, presented together, until a window is closed, the time is over, or a recording ends.
+
+use super::bodies::GpuBodies;
+use super::device;
+use super::model_window::ModelWindow;
+use super::screen_windows::ScreenWindows;
+use super::window_frame::WindowFrame;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::render::Gpu;
+use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
+use crate::session::{Progress, Session};
+use std::time::Instant;
+
+/// What the windows show.
+pub enum Shows {
+    Screens(ScreenWindows),
+    Model(ModelWindow),
+}
+
+impl Shows {
+    fn specs(&self, session: &Session) -> Vec<WindowSpec> {
+        match self {
+            Shows::Screens(screens) => screens.specs(&session.world.stage),
+            Shows::Model(model) => vec![model.spec(&session.world.stage)],
+        }
+    }
+
+    fn input(&mut self, input: Input, session: &mut Session) {
+        match self {
+            Shows::Screens(screens) => screens.input(input, session),
+            Shows::Model(model) => model.input(&input),
+        }
+    }
+
+    fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
+        match self {
+            Shows::Screens(screens) => screens.draw(frame),
+            Shows::Model(model) => model.draw(frame),
+        }
+    }
+}
+
+/// How the windows draw, and for how long.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// 1 or 4 samples a pixel.
+    pub samples: u32,
+    /// Wait for the display's refresh.
+    pub vsync: bool,
+    /// The windows close after so many seconds.
+    pub limit_s: Option<f64>,
+    pub device: device::Args,
+}
+
+/// How it went.
+pub struct Finished {
+    pub session: Session,
+    pub frames: u32,
+    pub lasted_s: f64,
+}
+
+/// Opens the windows and runs the session until they close.
+pub fn run(session: Session, shows: Shows, options: Options) -> Result<Finished, Failure> {
+    let specs = shows.specs(&session);
+    let now = Instant::now();
+    let mut app = Application {
+        session,
+        shows,
+        options,
+        bodies: None,
+        started: now,
+        last: now,
+        frames: 0,
+        failure: None,
+    };
+    let drawn = WindowOptions { samples: options.samples, vsync: options.vsync };
+    window::run(&specs, drawn, &mut app).map_err(Failure::work)?;
+    match app.failure {
+        Some(failure) => Err(failure),
+        None => Ok(Finished {
+            lasted_s: app.started.elapsed().as_secs_f64(),
+            frames: app.frames,
+            session: app.session,
+        }),
+    }
+}
+
+struct Application {
+    session: Session,
+    shows: Shows,
+    options: Options,
+    bodies: Option<GpuBodies>,
+    started: Instant,
+    last: Instant,
+    frames: u32,
+    /// What ended it before its time.
+    failure: Option<Failure>,
+}
+
+impl WindowApp for Application {
+    fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
+        let world = &mut self.session.world;
+        notice!("{}: drawing on {}", world.stage.name, gpu.describe());
+        self.bodies = Some(GpuBodies::new(gpu, world, self.options.device)?);
+        (self.started, self.last) = (Instant::now(), Instant::now());
+        Ok(())
+    }
+
+    fn input(&mut self, input: Input) {
+        self.shows.input(input, &mut self.session);
+    }
+
+    fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
+        let Some(bodies) = &mut self.bodies else { return Ok(Flow::Continue) };
+        let step_s = self.last.elapsed().as_secs_f64();
+        self.last = Instant::now();
+        if self.frames == 0 {
+            self.options.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+        }
+        match self.session.advance(self.started.elapsed().as_secs_f64()) {
+            Ok(Progress::Running) => {}
+            Ok(Progress::Ended) => return Ok(Flow::Quit),
+            Err(failure) => {
+                self.failure = Some(failure);
+                return Ok(Flow::Quit);
+            }
+        }
+        let mechanics_s = self.session.world.times.total_s();
+        let track_s = (self.last.elapsed().as_secs_f64() - mechanics_s).max(0.0);
+        let session = &mut self.session;
+        self.shows.draw(&mut WindowFrame { windows, session, bodies, step_s, track_s })?;
+        self.frames += 1;
+        let is_over = |limit_s| self.started.elapsed().as_secs_f64() >= limit_s;
+        Ok(if self.options.limit_s.is_some_and(is_over) { Flow::Quit } else { Flow::Continue })
+    }
+}

@@ -1,0 +1,71 @@
+//! The bodies of a world on a graphics device: buffers per body, uploaded once a frame, drawn for every screen and eye.
+
+use super::device::{self, Choice};
+use crate::base::notice::notice;
+use crate::render::{BodyBuffers, BodyInstance, FrameContents, Gpu, RenderError};
+use crate::world::{PlacedBody, World};
+use std::time::Instant;
+
+/// The buffers of all bodies of a world.
+pub struct GpuBodies {
+    buffers: Vec<BodyBuffers>,
+    /// Where each body deforms.
+    pub choices: Vec<Choice>,
+}
+
+impl GpuBodies {
+    /// Each body deforms where it is asked to, or is faster; which is told.
+    pub fn new(gpu: &Gpu, world: &mut World, asked: device::Args) -> Result<GpuBodies, RenderError> {
+        let mut bodies = GpuBodies { buffers: Vec::new(), choices: Vec::new() };
+        for body in &mut world.bodies {
+            let (buffers, choice) = device::buffers(gpu, body, asked.deform)?;
+            notice!("body.{}: {}", body.deformer.body, choice.describe());
+            bodies.buffers.push(buffers);
+            bodies.choices.push(choice);
+        }
+        Ok(bodies)
+    }
+
+    /// Where the bodies deform, for the overlay.
+    pub fn deformation(&self) -> String {
+        device::brief(&self.choices)
+    }
+
+    /// Uploads what changed; returns the time it took, s.
+    pub fn upload(&mut self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
+        let started = Instant::now();
+        for (buffers, body) in self.buffers.iter_mut().zip(&mut world.bodies) {
+            let moved = std::mem::take(&mut body.moved);
+            if moved && buffers.is_deformed_here() {
+                buffers.deform(gpu, &device::coefficients(body))?;
+            } else if moved {
+                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
+            }
+            if std::mem::take(&mut body.recolour) {
+                buffers.set_colors(gpu, &body.colours())?;
+            }
+        }
+        Ok(started.elapsed().as_secs_f64())
+    }
+
+    /// The bodies at their places.
+    pub fn instances(&self, world: &World) -> Vec<BodyInstance<'_>> {
+        let matrix = |body: &PlacedBody| body.room_from_surface().to_homogeneous().cast();
+        self.buffers
+            .iter()
+            .zip(&world.bodies)
+            .map(|(buffers, body)| BodyInstance { buffers, room_from_body: matrix(body) })
+            .collect()
+    }
+}
+
+/// What is drawn in this frame.
+pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> FrameContents<'a> {
+    FrameContents {
+        bodies: instances,
+        styli: &world.styli,
+        arrows: &world.arrows,
+        grid: world.grid(),
+        ..Default::default()
+    }
+}

@@ -1,0 +1,246 @@
+//! What the graphics device does of a frame's work: deform the bodies, draw both eyes in one pass. Asked for, or chosen
+//! by measuring on the body itself when the program starts.
+
+use crate::base::failure::Failure;
+use crate::base::table::seconds;
+use crate::green::Basis;
+use crate::render::{BodyBuffers, ColumnData, Gpu, RenderError, Renderer};
+use crate::world::PlacedBody;
+use serde_json::{Value, json};
+use std::time::Instant;
+
+/// The options of every command that draws.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct Args {
+    /// Where bodies deform; auto measures both at the start and takes the faster
+    #[arg(long, value_enum, default_value = "auto")]
+    pub deform: DeformOn,
+    /// Both eyes of a screen in one pass; auto where the device has it and is no software device
+    #[arg(long, value_enum, default_value = "auto")]
+    pub multiview: Multiview,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum DeformOn {
+    #[default]
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Multiview {
+    #[default]
+    Auto,
+    On,
+    Off,
+}
+
+impl Args {
+    /// What a session that is recorded or replayed can have: the state that is compared frame by frame holds every
+    /// vertex, so its bodies deform on the CPU.
+    pub fn for_session(mut self, is_recorded: bool) -> Result<Args, Failure> {
+        if is_recorded && self.deform == DeformOn::Gpu {
+            return Err(Failure::wrong(
+                "--deform gpu leaves the vertices on the graphics device, and a recording compares them in every \
+                 frame: leave --deform out",
+            ));
+        }
+        if is_recorded {
+            self.deform = DeformOn::Cpu;
+        }
+        Ok(self)
+    }
+}
+
+impl Multiview {
+    /// Tells the renderer; an error where it is asked for and the device cannot.
+    pub fn apply(self, gpu: &Gpu, renderer: &mut Renderer) -> Result<(), RenderError> {
+        match self {
+            Multiview::Auto => {}
+            Multiview::Off => renderer.multiview = false,
+            Multiview::On if gpu.can_multiview(renderer.samples) => renderer.multiview = true,
+            Multiview::On => {
+                let (adapter, samples) = (gpu.adapter_name.clone(), renderer.samples);
+                return Err(RenderError::NoMultiview { adapter, samples });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where a body deforms, and why.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    pub on_device: bool,
+    pub why: Why,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Why {
+    Asked,
+    /// The graphics device is software: it computes on the CPU itself, and worse.
+    Software,
+    /// The columns are more than the graphics device binds at once.
+    TooLarge,
+    /// Time of one deformation on the CPU, its upload included, and on the device, s.
+    Measured {
+        cpu_s: f64,
+        device_s: f64,
+    },
+}
+
+impl Choice {
+    /// The faster; the CPU where they are equal.
+    pub fn by_time(cpu_s: f64, device_s: f64) -> Choice {
+        Choice { on_device: device_s < cpu_s, why: Why::Measured { cpu_s, device_s } }
+    }
+
+    /// For logs and tables.
+    pub fn describe(&self) -> String {
+        let place = if self.on_device { "on the graphics device" } else { "on the CPU" };
+        match self.why {
+            Why::Asked => format!("deforms {place}, as asked for"),
+            Why::Software => format!("deforms {place}, since the graphics device is software"),
+            Why::TooLarge => {
+                format!("deforms {place}, since it is more than the graphics device binds at once")
+            }
+            Why::Measured { cpu_s, device_s } => {
+                format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))
+            }
+        }
+    }
+
+    /// In the 40 letters that the overlay has for it; the chosen place first.
+    pub fn brief(&self) -> String {
+        let ms = |s: f64| match 1e3 * s {
+            ms if ms < 9.995 => format!("{ms:.2}"),
+            ms if ms < 99.95 => format!("{ms:.1}"),
+            ms => format!("{ms:.0}"),
+        };
+        let place = if self.on_device { "device" } else { "CPU" };
+        match self.why {
+            Why::Asked => format!("deforms on {place}, as asked for"),
+            Why::Software => format!("deforms on {place}: the device is software"),
+            Why::TooLarge => format!("deforms on {place}: too large for device"),
+            Why::Measured { cpu_s, device_s } => match self.on_device {
+                true => format!("deforms on device {} ms, CPU {} ms", ms(device_s), ms(cpu_s)),
+                false => format!("deforms on CPU {} ms, device {} ms", ms(cpu_s), ms(device_s)),
+            },
+        }
+    }
+
+    pub fn json(&self) -> Value {
+        let on = if self.on_device { "device" } else { "cpu" };
+        match self.why {
+            Why::Asked => json!({ "on": on, "why": "asked" }),
+            Why::Software => json!({ "on": on, "why": "software" }),
+            Why::TooLarge => json!({ "on": on, "why": "too large" }),
+            Why::Measured { cpu_s, device_s } => {
+                json!({ "on": on, "why": "measured", "cpu_s": cpu_s, "device_s": device_s })
+            }
+        }
+    }
+}
+
+/// Where the bodies of a scene deform, in the overlay's 40 letters.
+pub fn brief(choices: &[Choice]) -> String {
+    match choices {
+        [] => String::new(),
+        [choice] => choice.brief(),
+        several => match several.iter().filter(|choice| choice.on_device).count() {
+            0 => format!("{} bodies deform on CPU", several.len()),
+            on_device if on_device == several.len() => format!("{on_device} bodies deform on device"),
+            on_device => {
+                format!("bodies deform: {on_device} on device, {} on CPU", several.len() - on_device)
+            }
+        },
+    }
+}
+
+/// The buffers of a body that deforms where it is asked to. On the device, the CPU sums only what can be picked.
+pub fn buffers(
+    gpu: &Gpu,
+    body: &mut PlacedBody,
+    asked: DeformOn,
+) -> Result<(BodyBuffers, Choice), RenderError> {
+    let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.triangles(), &body.colours());
+    let fixed = |on_device, why| Choice { on_device, why };
+    let (mut buffers, choice) = match asked {
+        DeformOn::Cpu => (plain(body)?, fixed(false, Why::Asked)),
+        DeformOn::Auto if gpu.is_software => (plain(body)?, fixed(false, Why::Software)),
+        DeformOn::Gpu => (with_columns(gpu, body)?, fixed(true, Why::Asked)),
+        DeformOn::Auto => match with_columns(gpu, body) {
+            Err(RenderError::BufferSize { .. }) => (plain(body)?, fixed(false, Why::TooLarge)),
+            made => {
+                let mut made = made?;
+                let [cpu, device] = measure(gpu, body, &mut made)?;
+                let choice = Choice::by_time(cpu, device);
+                (if choice.on_device { made } else { plain(body)? }, choice)
+            }
+        },
+    };
+    if choice.on_device {
+        let nodes = body.pickable();
+        body.deformer.sum_only_at(nodes);
+        buffers.deform(gpu, &coefficients(body))?;
+    }
+    body.moved = true;
+    Ok((buffers, choice))
+}
+
+fn with_columns(gpu: &Gpu, body: &PlacedBody) -> Result<BodyBuffers, RenderError> {
+    let deformer = &body.deformer;
+    let elements: Vec<ColumnData<'_>> = deformer.columns().elements.iter().map(on_device).collect();
+    BodyBuffers::with_columns(gpu, deformer.triangles(), &body.colours(), deformer.rest(), &elements)
+}
+
+/// Columns as the device takes them.
+pub fn on_device<'a>(basis: &Basis<'a>) -> ColumnData<'a> {
+    match *basis {
+        Basis::F32(values) => ColumnData::F32(values),
+        Basis::F16 { bits, scales } => ColumnData::F16 { bits, scales },
+        Basis::Int16 { values, scales } => ColumnData::Int16 { values, scales },
+    }
+}
+
+/// The body's coefficients as the device takes them.
+pub fn coefficients(body: &PlacedBody) -> Vec<f32> {
+    body.deformer.coefficients.c.as_flattened().iter().map(|c| *c as f32).collect()
+}
+
+/// Deformations that are timed; one more goes before them.
+const TIMED: usize = 3;
+
+/// Median time of one deformation of all columns on the CPU, upload included, and on the device, s. The body is left as
+/// it was.
+fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Result<[f64; 2], RenderError> {
+    let before = body.deformer.coefficients.clone();
+    let mut times = [Vec::new(), Vec::new()];
+    for round in 0..=TIMED {
+        let step = 1e-4 * (round + 1) as f64;
+        body.deformer.coefficients.c.iter_mut().for_each(|c| *c = [step; crate::green::FIELDS]);
+        for (on_device, times) in times.iter_mut().enumerate() {
+            let started = Instant::now();
+            if on_device == 1 {
+                buffers.deform(gpu, &coefficients(body))?;
+            } else {
+                body.deformer.deform();
+                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
+            }
+            gpu.finish()?;
+            if round > 0 {
+                times.push(started.elapsed().as_secs_f64());
+            }
+        }
+    }
+    body.deformer.coefficients = before;
+    body.deformer.deform();
+    Ok(times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        times[TIMED / 2]
+    }))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,177 @@
+//! The stage as a model in a window of its own, or in a picture: dragging turns it, the wheel zooms.
+
+use super::bodies::{GpuBodies, contents};
+use super::device;
+use super::stage_model::{Camera, Orbit, StageModel, write_names};
+use super::window_frame::WindowFrame;
+use crate::base::failure::Failure;
+use crate::render::window::{AppError, Input, WindowSpec};
+use crate::render::{COLOR_FORMAT, EyePicture, Gpu, Offscreen, Overlay, Renderer, Show, Tile, Viewport};
+use crate::session::Session;
+use crate::stage::Stage;
+use image::RgbaImage;
+
+/// A window that looks at the stage from outside.
+pub struct ModelWindow {
+    orbit: Orbit,
+    size: [u32; 2],
+    overlay: Option<Overlay>,
+}
+
+impl ModelWindow {
+    pub fn new(camera: Camera, size: [u32; 2]) -> ModelWindow {
+        ModelWindow { orbit: Orbit::new(camera), size, overlay: None }
+    }
+
+    pub(super) fn spec(&self, stage: &Stage) -> WindowSpec {
+        WindowSpec {
+            title: format!("greenstage – {} – room", stage.name),
+            monitor: None,
+            position: None,
+            size: self.size,
+            fills: false,
+            decorated: true,
+            fullscreen: false,
+            unmanaged: false,
+        }
+    }
+
+    pub(super) fn input(&mut self, input: &Input) {
+        self.orbit.handle(input);
+    }
+
+    pub(super) fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
+        let WindowFrame { windows, session, bodies, .. } = frame;
+        bodies.upload(&windows.gpu, &mut session.world)?;
+        let model = model(session, &self.orbit.camera);
+        let instances = bodies.instances(&session.world);
+        let contents = model.contents(contents(&session.world, &instances));
+        let size = windows.sizes().next().unwrap_or([0, 0]);
+        let view = self.orbit.camera.view(f64::from(size[0]) / f64::from(size[1].max(1)));
+        let tile = Tile { rect: [0, 0, size[0], size[1]], show: Show::One(Viewport::full(size, view)[0]) };
+        let tiles = if size.contains(&0) { vec![] } else { vec![tile] };
+        let overlay = &mut self.overlay;
+        let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+            let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
+            let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model));
+            });
+            overlay.draw(gpu, [(picture.texture, &sheet)])
+        };
+        windows.draw(&[tiles], |_| &contents, Some(&mut paint))?;
+        Ok(())
+    }
+}
+
+/// The stage of a session with its viewer's head, and all sensors that its trackers speak of.
+fn model(session: &mut Session, camera: &Camera) -> StageModel {
+    let reports = session.input.tracker_reports();
+    let world = &session.world;
+    let mut model = StageModel::new(&world.stage, &world.room_from_head, &camera.eye());
+    model.add_sensors(&reports);
+    model
+}
+
+/// The stage of a session from outside as a picture.
+pub fn picture(
+    session: &mut Session,
+    camera: &Camera,
+    size: [u32; 2],
+    samples: u32,
+) -> Result<RgbaImage, Failure> {
+    let gpu = Gpu::headless().map_err(Failure::work)?;
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
+    let target = Offscreen::new(&gpu, &renderer, size)?;
+    let view = camera.view(f64::from(size[0]) / f64::from(size[1]));
+    let model = model(session, camera);
+    let mut bodies = GpuBodies::new(&gpu, &mut session.world, device::Args::default())?;
+    bodies.upload(&gpu, &mut session.world)?;
+    let instances = bodies.instances(&session.world);
+    let contents = model.contents(contents(&session.world, &instances));
+    renderer.draw(&gpu, &[target.picture(&Viewport::full(size, view))], &contents)?;
+    let mut overlay = Overlay::new(COLOR_FORMAT);
+    let sheet = overlay.lay_out(size, |painter| {
+        view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model));
+    });
+    overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
+    Ok(target.read(&gpu)?.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::BUILT_IN;
+    use crate::track::device::{DeviceState, Source, now_s};
+    use crate::track::rig::Rig;
+    use crate::world::World;
+    use nalgebra::{Isometry3, Point3};
+    use std::path::Path;
+    use std::sync::{Arc, Mutex};
+
+    #[derive(Clone, Default)]
+    struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
+
+    impl Source for Puppet {
+        fn describe(&self) -> String {
+            "puppet".into()
+        }
+
+        fn latest(&mut self) -> &DeviceState {
+            self.1 = self.0.lock().unwrap().clone();
+            &self.1
+        }
+    }
+
+    const TRACKING: &str = "
+[tracker.lab]
+dtrack = \"0\"
+room_from_tracker = { position = [0.0, 1.0, 0.0] }
+[sensor.head]
+tracker = \"lab\"
+id = 0
+[sensor.wand]
+tracker = \"lab\"
+id = 1
+[stylus.right]
+sensor = \"wand\"
+";
+
+    #[test]
+    fn an_installer_sees_head_stylus_and_every_sensor_where_the_calibration_puts_them() {
+        let text = BUILT_IN[0].1.replacen("[viewer]", "[viewer]\nhead = \"head\"", 1) + TRACKING;
+        let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
+        let puppet = Puppet::default();
+        let rig = Rig::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
+        let viewer = stage.viewer.room_from_head;
+        let mut session = Session::new(World::of_stage(stage).unwrap(), None);
+        session.input.trackers = Some(rig);
+        let drawn = |session: &mut Session| {
+            session.advance(0.0).unwrap();
+            let camera = Camera::of(&session.world.stage);
+            let model = model(session, &camera);
+            let said = |model: &StageModel, of: &str| {
+                model.labels.iter().find(|label| label.text.starts_with(of)).map(|label| label.place)
+            };
+            let styli = session.world.styli.clone();
+            (styli, said(&model, "head"), said(&model, "wand"), said(&model, "7 of lab"), model)
+        };
+        let (styli, head, wand, seventh, model) = drawn(&mut session);
+        assert!(styli.is_empty() && [head, wand, seventh] == [None; 3], "nobody has spoken");
+        let eyes = model.balls.iter().filter(|ball| ball.radius_m == 0.016).count();
+        assert_eq!(eyes, 2);
+        for (sensor, place) in [(0, [0.2, 0.6, 1.2]), (1, [0.3, 0.2, 0.5]), (7, [1.0, 0.0, 0.0])] {
+            let [x, y, z] = place;
+            puppet.0.lock().unwrap().take_pose(sensor, Isometry3::translation(x, y, z), None, 1.0);
+        }
+        let (styli, head, wand, seventh, _) = drawn(&mut session);
+        let off = |found: Option<Point3<f64>>, x: f64, y: f64, z: f64| {
+            (found.unwrap() - Point3::new(x, y, z)).norm()
+        };
+        assert!(off(head, 0.2, 1.6, 1.2) < 1e-6 && off(wand, 0.3, 1.2, 0.5) < 1e-6);
+        assert!(off(seventh, 1.0, 1.0, 0.0) < 1e-6, "one that the stage does not name");
+        let tip = styli[0].room_from_stylus.fixed_view::<3, 1>(0, 3).into_owned();
+        assert!((tip - nalgebra::Vector3::new(0.3, 1.2, 0.5)).norm() < 1e-6, "{tip}");
+        let moved = session.world.room_from_head.translation.vector - viewer.translation.vector;
+        assert!(moved.norm() > 0.1, "the head is where its sensor is");
+    }
+}

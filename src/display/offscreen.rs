@@ -1,0 +1,261 @@
+//! A world in offscreen pictures: one per screen and eye, per screen with both eyes joined, or per window.
+
+use super::bodies::{GpuBodies, contents};
+use super::device;
+use super::overlay::{FrameTimes, History, Panel, Readings};
+use super::window_layout;
+use crate::render::window::Monitor;
+use crate::render::{
+    COLOR_FORMAT, Canvas, DrawCounts, EyePicture, Gpu, Overlay, Readable, RenderError, Renderer, Target,
+    Tile, TilePainter,
+};
+use crate::stage::{self, Stage, Stereo, Window};
+use crate::world::{StepTimes, World};
+use image::RgbaImage;
+use std::collections::BTreeSet;
+
+/// Offscreen targets for every picture of a stage.
+pub struct Targets {
+    pub gpu: Gpu,
+    renderer: Renderer,
+    painter: TilePainter,
+    pub bodies: GpuBodies,
+    pictures: Vec<OneTarget>,
+    /// Those of the stage file, where the pictures are of its windows.
+    monitors: Vec<Monitor>,
+    swapped: bool,
+    /// Shown on the screen that the viewer looks at, where it is asked for.
+    panel: Option<(Overlay, History)>,
+}
+
+/// Which pictures are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pictures {
+    /// One per screen and eye.
+    Eyes,
+    /// One per screen, both eyes joined so.
+    Joined(Stereo),
+    /// One per window, as it would be presented.
+    Windows,
+}
+
+/// The picture that a window would show.
+struct OneTarget {
+    window: Window,
+    name: String,
+    /// Its top left pixel on the desktop.
+    desktop: [i32; 2],
+    canvas: Canvas,
+    image: Readable,
+}
+
+/// A picture and the screen and eye it belongs to.
+pub type NamedImage<'a> = (&'a str, RgbaImage);
+
+/// Time of the drawing of one frame, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DrawTimes {
+    pub upload_s: f64,
+    pub encode_s: f64,
+    pub draw_s: f64,
+}
+
+impl Targets {
+    /// Targets of `scale` times the screens' own pixels, or the windows'.
+    pub fn new(
+        world: &mut World,
+        asked_for: Pictures,
+        samples: u32,
+        scale: f64,
+        asked: device::Args,
+    ) -> Result<Targets, RenderError> {
+        let gpu = Gpu::headless()?;
+        let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
+        asked.multiview.apply(&gpu, &mut renderer)?;
+        let bodies = GpuBodies::new(&gpu, world, asked)?;
+        let painter = TilePainter::new(COLOR_FORMAT);
+        let mut pictures = Vec::new();
+        for (window, name) in windows(&world.stage, asked_for) {
+            let (desktop, size) = match (asked_for, window.tiles.as_slice()) {
+                // Whole pixels of the screen first, so that both halves of a picture come out alike.
+                (Pictures::Eyes | Pictures::Joined(_), [tile]) => {
+                    let pixels = window_layout::scaled(world.stage.screens[tile.screen].pixels, scale);
+                    ([0, 0], tile.stereo.window_size(pixels))
+                }
+                _ => {
+                    let place = window.on_desktop(&world.stage.monitors);
+                    let (at, size) = place.unwrap_or(([0, 0], window.size));
+                    (window_layout::moved(at, scale), window_layout::scaled(size, scale))
+                }
+            };
+            let image = Readable::new(&gpu, size)?;
+            pictures.push(OneTarget { window, name, desktop, canvas: Canvas::default(), image });
+        }
+        let monitor = |monitor: &stage::Monitor| Monitor {
+            name: monitor.name.clone(),
+            at: window_layout::moved(monitor.at, scale),
+            size: window_layout::scaled(monitor.size, scale),
+        };
+        let monitors = match asked_for {
+            Pictures::Windows => world.stage.monitors.iter().map(monitor).collect(),
+            Pictures::Eyes | Pictures::Joined(_) => Vec::new(),
+        };
+        Ok(Targets {
+            gpu,
+            renderer,
+            painter,
+            bodies,
+            pictures,
+            monitors,
+            swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
+            panel: None,
+        })
+    }
+
+    /// With the overlay on the screen that the viewer looks at.
+    pub fn with_overlay(self) -> Targets {
+        Targets { panel: Some((Overlay::new(COLOR_FORMAT), History::default())), ..self }
+    }
+
+    /// Pictures of a frame.
+    pub fn count(&self) -> usize {
+        self.pictures.len()
+    }
+
+    /// What the last frame drew and left out.
+    pub fn draw_counts(&self) -> DrawCounts {
+        self.renderer.counts
+    }
+
+    /// Draws the world into all targets with one upload and one submission, and waits for the device.
+    pub fn draw(&mut self, world: &mut World) -> Result<DrawTimes, RenderError> {
+        let upload_s = self.bodies.upload(&self.gpu, world)?;
+        let tiles: Vec<Vec<Tile>> = self
+            .pictures
+            .iter()
+            .map(|target| window_layout::tiles(world, &target.window, target.image.size, self.swapped))
+            .collect();
+        let instances = self.bodies.instances(world);
+        let contents = contents(world, &instances);
+        let layout: Vec<(Window, [u32; 2])> = match &self.panel {
+            Some(_) => {
+                self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect()
+            }
+            None => Vec::new(),
+        };
+        let mut targets: Vec<Target<'_>> = self
+            .pictures
+            .iter_mut()
+            .zip(&tiles)
+            .enumerate()
+            .map(|(window, (OneTarget { canvas, image, desktop, .. }, tiles))| Target {
+                window,
+                canvas,
+                texture: &image.view,
+                size: image.size,
+                desktop: *desktop,
+                monitors: &self.monitors,
+                tiles,
+                contents: &contents,
+            })
+            .collect();
+        let deformation = self.bodies.deformation();
+        let encode = match &mut self.panel {
+            None => self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?,
+            Some((overlay, history)) => {
+                let readings = Readings {
+                    device: self.gpu.adapter_name.clone(),
+                    deformation: deformation.clone(),
+                    source: "offscreen; present is the drawing".to_owned(),
+                    warnings: world.warnings.clone(),
+                    ..Readings::of(world)
+                };
+                let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+                    let (window, size) = &layout[picture.window];
+                    let part = window_layout::part(&world.stage, window, *size, picture, self.swapped);
+                    let Some(part) = part.filter(|part| part.screen == world.stage.faced_screen()) else {
+                        return Ok(());
+                    };
+                    let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                        Panel { painter, rect: part.rect, readings: &readings, history }.paint();
+                    });
+                    overlay.draw(gpu, [(picture.texture, &sheet)])
+                };
+                self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
+            }
+        };
+        let draw_s = self.gpu.wait()?.as_secs_f64();
+        let encode_s = encode.as_secs_f64();
+        if let Some((_, history)) = &mut self.panel {
+            let StepTimes { interact_s, deform_s, normals_s } = world.times;
+            let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
+            history.push(FrameTimes { steps, whole_s: steps.iter().sum() });
+        }
+        Ok(DrawTimes { upload_s, encode_s, draw_s })
+    }
+
+    /// Reads all pictures back, named by screen and eye; and the time it took, s.
+    pub fn read(&self) -> Result<(Vec<NamedImage<'_>>, f64), RenderError> {
+        let mut read_s = 0.0;
+        let mut images = Vec::new();
+        for target in &self.pictures {
+            let (image, time) = target.image.read(&self.gpu)?;
+            read_s += time.as_secs_f64();
+            images.push((target.name.as_str(), image));
+        }
+        Ok((images, read_s))
+    }
+}
+
+/// The pictures to be made, by name: SCREEN-EYE, or SCREEN-STEREO where both eyes are in one, or the window's own name.
+fn windows(stage: &Stage, pictures: Pictures) -> Vec<(Window, String)> {
+    let stereo = match pictures {
+        Pictures::Eyes => None,
+        Pictures::Joined(stereo) => Some(stereo),
+        Pictures::Windows => {
+            let layout = stage.layout();
+            let names = file_names(layout.iter().map(|window| window.name.as_str()));
+            return layout.into_iter().zip(names).collect();
+        }
+    };
+    let usual = match stage.stereo.eyes() {
+        [_] => stage.stereo,
+        _ => Stereo::Separate,
+    };
+    let stage = Stage { stereo: stereo.unwrap_or(usual), ..stage.clone() };
+    let named = |window: Window| {
+        let tile = &window.tiles[0];
+        let kind = match tile.stereo.eyes() {
+            [eye] => eye.name(),
+            _ => tile.stereo.name(),
+        };
+        let name = format!("{}-{kind}", stage.screens[tile.screen].name);
+        (window, name)
+    };
+    stage.usual_layout().into_iter().map(named).collect()
+}
+
+/// Names of windows as names of files: letters, digits and `-`; one that was there before gets a number.
+fn file_names<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let mut unique = |name: &str| {
+        let plain: String = name.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
+        let numbered = (2..).map(|number| format!("{plain}-{number}"));
+        let free = std::iter::once(plain.clone()).chain(numbered).find(|name| !taken.contains(name));
+        let free = free.unwrap_or(plain);
+        taken.insert(free.clone());
+        free
+    };
+    names.map(&mut unique).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_of_one_name_make_two_files_in_the_folder() {
+        let names = file_names(["wall left", "../a/b", "wall left", "wall-left", "é"].into_iter());
+        assert_eq!(names, ["wall-left", "---a-b", "wall-left-2", "wall-left-3", "é"]);
+    }
+}

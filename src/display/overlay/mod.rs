@@ -1,0 +1,17 @@
+//! The overlay in a picture: where a frame's time goes, how fresh the trackers are, what bends how far, what is wrong.
+//!
+//! In: a world and the steps of its last frames, as plain [`Readings`] and [`History`]. Out: two columns of small
+//! aligned letters at the left and right edge and a strip at the bottom ([`Panel`]); the middle stays free.
+
+mod panel;
+mod readings;
+mod row;
+mod rows;
+mod times;
+
+pub use panel::Panel;
+pub use readings::{BodyReading, ControlReading, HandDoes, HandReading, Readings, SensorReading, TurnLimits};
+pub use times::{ACQUIRE, FrameTimes, History, STEPS};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,188 @@
+//! What the overlay says beside times, read off a world as plain values.
+
+use crate::deform::{ControlPose, Wrench, local_turn};
+use crate::session::haptic::HapticReading;
+use crate::track::Signal;
+use crate::track::rig::TrackerReport;
+use crate::world::flow::StylusFields;
+use crate::world::{Highlight, PlacedBody, World};
+use std::f64::consts::PI;
+
+/// Triangles of a body whose turns are looked at.
+const PIECES: usize = 256;
+
+/// What the overlay says beside times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Readings {
+    pub stage: String,
+    pub device: String,
+    /// Where bodies are deformed.
+    pub deformation: String,
+    /// Who moves head and styli where no tracker does.
+    pub source: String,
+    pub sensors: Vec<SensorReading>,
+    /// Where the stage has force devices and a body is felt.
+    pub felt: Vec<HapticReading>,
+    /// How held elements move.
+    pub mode: String,
+    pub hands: Vec<HandReading>,
+    /// How much can be undone, and how much done again.
+    pub undo: [usize; 2],
+    pub bodies: Vec<BodyReading>,
+    /// When, in seconds since the start, and what; newest last.
+    pub warnings: Vec<(f64, String)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorReading {
+    pub name: String,
+    pub rate_hz: f64,
+    pub age_s: f64,
+    pub signal: Signal,
+}
+
+/// A stylus, as the stage names it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HandReading {
+    pub name: String,
+    pub does: HandDoes,
+}
+
+/// Body and control element as `tube.right`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HandDoes {
+    Holds(String),
+    PointsAt(String),
+    Nothing,
+    Lost,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyReading {
+    pub name: String,
+    pub model: String,
+    pub effects: Vec<String>,
+    pub controls: Vec<ControlReading>,
+    /// As its limits have it, rad.
+    pub turn: f64,
+    pub limits: TurnLimits,
+    /// Strain energy, J, where the handle stiffness is there.
+    pub energy: Option<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControlReading {
+    pub name: String,
+    pub pose: ControlPose,
+    pub held: bool,
+    pub wrench: Option<Wrench>,
+}
+
+/// Up to which turn a model is good, and up to which it is fair, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurnLimits {
+    pub good: f64,
+    pub fair: f64,
+    /// For this very body, by the plan of its accuracy, between two control elements ([`crate::deform::Deformer::largest_turn`]). Else
+    /// of any piece of the surface ([`local_turn`]), by the table of [`TurnLimits::of_model`].
+    pub is_measured: bool,
+}
+
+impl TurnLimits {
+    /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, against
+    /// St. Venant-Kirchhoff statics on the same mesh: linear, held at one end, 10° and 30°; rotation, which takes the
+    /// mean of both ends' turns out and leaves half of it either way, 15° and 45°. The error grows with the square of
+    /// the angle.
+    pub fn of_model(model: &str) -> Self {
+        let [good, fair] = if model == "rotation" { [15.0, 45.0] } else { [10.0, 30.0] };
+        Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
+    }
+
+    /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
+    /// surface tells, it is theirs.
+    pub(super) fn of_body(body: &PlacedBody) -> (f64, Self) {
+        let apart = body.deformer.largest_turn();
+        match body.range {
+            Some(range) => (apart, Self { good: range, fair: range, is_measured: true }),
+            None if apart > PI => (apart, Self::of_model(&body.model)),
+            None => (local_turn(&body.deformer, PIECES), Self::of_model(&body.model)),
+        }
+    }
+}
+
+impl SensorReading {
+    /// The sensors that the stage names.
+    pub fn of(reports: &[TrackerReport]) -> Vec<Self> {
+        let sensors = reports.iter().flat_map(|report| &report.sensors);
+        let named = sensors.filter_map(|sensor| {
+            let name = sensor.name.clone()?;
+            Some(Self { name, rate_hz: sensor.rate_hz, age_s: sensor.age_s, signal: sensor.signal })
+        });
+        named.collect()
+    }
+}
+
+impl Readings {
+    /// All that a world tells; device and trackers are for others to add.
+    pub fn of(world: &World) -> Self {
+        let bodies = world.bodies.iter().map(body_reading).collect();
+        Self {
+            stage: world.stage.name.clone(),
+            mode: world.mode().name(),
+            hands: hands(world),
+            undo: world.undo_depth(),
+            bodies,
+            ..Self::default()
+        }
+    }
+}
+
+fn hands(world: &World) -> Vec<HandReading> {
+    let hands = &world.graph.get(world.fields.hands).hands;
+    let name = |target: usize| {
+        let (b, c) = *world.fields.targets.get(target)?;
+        let deformer = &world.bodies[b].deformer;
+        Some(format!("{}.{}", deformer.body, deformer.controls[c].name))
+    };
+    let of = |(i, fields): (usize, &StylusFields)| {
+        let stylus = world.graph.get(fields.stylus).as_ref()?;
+        let hit = world.graph.get(fields.hit).as_ref();
+        let held = hands.grip(i).and_then(|grip| name(grip.target));
+        let does = match (held, hit.and_then(|hit| name(hit.target))) {
+            _ if matches!(stylus.signal, Signal::Lost { .. }) => HandDoes::Lost,
+            (Some(held), _) => HandDoes::Holds(held),
+            (None, Some(hit)) => HandDoes::PointsAt(hit),
+            (None, None) => HandDoes::Nothing,
+        };
+        Some(HandReading { name: world.fields.stylus_name(i), does })
+    };
+    world.fields.styli.iter().enumerate().filter_map(of).collect()
+}
+
+pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
+    let deformer = &body.deformer;
+    // A file may hold S for its model alone; force is shown where the scene asks for it.
+    let felt = body.effects.iter().any(|effect| effect == "haptics");
+    let (wrenches, energy) = match deformer.wrenches().filter(|_| felt) {
+        Some((wrenches, energy)) => (wrenches.into_iter().map(Some).collect(), Some(energy)),
+        None => (vec![None; deformer.controls.len()], None),
+    };
+    let controls = deformer.controls.iter().zip(&deformer.poses).zip(&body.controls).zip(wrenches);
+    let (turn, limits) = TurnLimits::of_body(body);
+    BodyReading {
+        name: deformer.body.clone(),
+        model: body.model.clone(),
+        effects: body.effects.clone(),
+        controls: controls
+            .map(|(((rest, pose), placed), wrench)| ControlReading {
+                name: rest.name.clone(),
+                pose: *pose,
+                held: placed.highlight == Highlight::Held,
+                wrench,
+            })
+            .collect(),
+        turn,
+        limits,
+        energy,
+    }
+}

@@ -1,0 +1,87 @@
+//! Rows of the overlay's left column: what hands do, and how force devices do.
+
+use super::readings::{HandDoes, HandReading, Readings};
+use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
+use crate::base::table::seconds;
+use crate::display::lettering::{INK, QUIET};
+use crate::session::haptic::HapticReading;
+
+/// How held elements move, what each hand does, how much can be undone.
+pub fn hand_rows(readings: &Readings) -> Vec<Row> {
+    let [undo, redo] = readings.undo;
+    let mut rows = vec![
+        Row::Words(vec![("mode ".into(), QUIET), (clipped(&readings.mode, LETTERS - 5), INK)]),
+        Row::Words(vec![
+            ("undo ".into(), QUIET),
+            (format!("{undo:<4}"), INK),
+            ("  redo ".into(), QUIET),
+            (redo.to_string(), INK),
+        ]),
+    ];
+    rows.extend(readings.hands.iter().map(hand_row));
+    rows
+}
+
+fn hand_row(hand: &HandReading) -> Row {
+    let (what, target, ink) = match &hand.does {
+        HandDoes::Holds(target) => ("holds ", target.as_str(), GOOD),
+        HandDoes::PointsAt(target) => ("at ", target.as_str(), INK),
+        HandDoes::Nothing => ("free", "", INK),
+        HandDoes::Lost => ("lost", "", INK),
+    };
+    let name = format!("{:<12} ", clipped(&hand.name, 12));
+    let target = clipped(target, LETTERS - 13 - what.len());
+    let what_ink = if hand.does == HandDoes::Lost { BAD } else { QUIET };
+    Row::Words(vec![(name, INK), (what.to_owned(), what_ink), (target, ink)])
+}
+
+/// A force device: is it felt, how hard, how the loop keeps time, and whether it had to be tamed.
+pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
+    let HapticReading { felt, clockwork, .. } = haptic;
+    let (state, ink) = match () {
+        () if felt.room_from_handle.is_none() => ("no device", BAD),
+        () if felt.gain >= 1.0 => ("felt", GOOD),
+        () if felt.gain > 0.0 => ("fading in", FAIR),
+        () if haptic.holds => ("no force", BAD),
+        () => ("nothing held", QUIET),
+    };
+    let limited = if felt.limited { "  at its limit" } else { "" };
+    let (passive, passive_ink) =
+        if felt.observer.energy < 0.0 { ("brakes", FAIR) } else { ("passive", GOOD) };
+    let mut rows = vec![
+        Row::Words(vec![(format!("haptic {:<14}", clipped(&haptic.name, 14)), INK), (state.into(), ink)]),
+        Row::Words(vec![
+            ("force".into(), QUIET),
+            (fixed(felt.push.force.norm(), 8, 2), INK),
+            (format!(" N of {:.1}", haptic.max_force_n), QUIET),
+            (limited.into(), FAIR),
+        ]),
+        Row::Words(vec![
+            ("rate ".into(), QUIET),
+            (format!("{:>8.0}", clockwork.rate_hz), INK),
+            (" Hz  late ".into(), QUIET),
+            (clockwork.late.to_string(), INK),
+            ("  out ".into(), QUIET),
+            (clockwork.missed.to_string(), INK),
+        ]),
+        Row::Words(vec![
+            ("work p50 ".into(), QUIET),
+            (seconds(clockwork.work_p50_s), INK),
+            ("  p99 ".into(), QUIET),
+            (seconds(clockwork.work_p99_s), INK),
+        ]),
+        Row::Words(vec![
+            (format!("{passive:<8}"), passive_ink),
+            ("braked ".into(), QUIET),
+            (format!("{:.3}", 1e3 * felt.observer.braked), INK),
+            (" mJ in all".into(), QUIET),
+        ]),
+    ];
+    if felt.gain > 0.0 && felt.age_s > felt.spacing_s {
+        rows.push(words(format!("late by {:.1} ms: bears {:.0} N/m", 1e3 * felt.age_s, felt.bearable), FAIR));
+    }
+    if felt.gain > 0.0 && felt.stiffer > 1.0 {
+        rows.push(words(format!("softened: {:.1} times too stiff for it", felt.stiffer), FAIR));
+    }
+    rows
+}

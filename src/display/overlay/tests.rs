@@ -1,0 +1,184 @@
+//! The overlay as a picture, from readings that never change.
+
+use super::*;
+use crate::deform::{ControlPose, Wrench};
+use crate::effect::haptics::Push;
+use crate::effect::haptics::{Clockwork, Felt};
+use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, RenderError, Renderer, Viewport};
+use crate::session::haptic::HapticReading;
+use crate::track::Signal;
+use image::RgbImage;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use std::path::Path;
+
+const SIZE: [u32; 2] = [960, 600];
+
+fn readings(turn: f64) -> Readings {
+    let control = |name: &str, turn: f64| ControlReading {
+        name: name.to_owned(),
+        pose: ControlPose {
+            translation: Vector3::new(-0.0825, 0.3276, 0.0) * turn,
+            matrix: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) * Matrix3::identity(),
+        },
+        held: turn > 0.0,
+        wrench: Some(Wrench { force: Vector3::new(1.5, -12.25, 0.0), moment: Vector3::new(0.0, 0.25, -3.0) }),
+    };
+    let sensor =
+        |name: &str, age_s: f64, signal| SensorReading { name: name.into(), rate_hz: 119.9, age_s, signal };
+    Readings {
+        stage: "workbench".into(),
+        device: "a device by Vulkan".into(),
+        deformation: "deformed on the CPU".into(),
+        source: String::new(),
+        sensors: vec![
+            sensor("head", 0.004, Signal::Live),
+            sensor("wand", 0.31, Signal::Held { age_s: 0.31 }),
+            sensor("other", 62.0, Signal::Lost { age_s: 62.0 }),
+        ],
+        felt: vec![HapticReading {
+            name: "pen".into(),
+            felt: Felt {
+                room_from_handle: Some(nalgebra::Isometry3::identity()),
+                push: Push { force: Vector3::new(0.0, -3.0, 1.0) * turn, torque: Vector3::zeros() },
+                gain: 1.0,
+                limited: true,
+                stiffer: 3.25,
+                ..Felt::default()
+            },
+            clockwork: Clockwork {
+                ticks: 61_234,
+                rate_hz: 999.8,
+                late: 12,
+                missed: 3,
+                work_p50_s: 1.1e-6,
+                work_p99_s: 2.4e-6,
+                ..Clockwork::default()
+            },
+            max_force_n: 3.3,
+            holds: true,
+        }],
+        mode: "translate along the body's x".into(),
+        hands: [
+            ("pen", HandDoes::Holds("tube.right".into())),
+            ("wand", HandDoes::PointsAt("tube.left".into())),
+            ("other", HandDoes::Lost),
+        ]
+        .map(|(name, does)| HandReading { name: name.into(), does })
+        .to_vec(),
+        undo: [4, 1],
+        bodies: vec![BodyReading {
+            name: "tube".into(),
+            model: "linear".into(),
+            effects: vec!["haptics".into()],
+            controls: vec![control("left", 0.0), control("right", turn)],
+            turn,
+            limits: TurnLimits::of_model("linear"),
+            energy: Some(0.1234),
+        }],
+        warnings: vec![(
+            12.3,
+            "left eye: screen `table` stays black: the eye is 0.120 m behind its plane".into(),
+        )],
+    }
+}
+
+fn history() -> History {
+    let mut history = History::default();
+    for k in 0..90 {
+        let ms = |mean: f64| 1e-3 * mean * (1.0 + 0.3 * f64::from(k % 7));
+        let steps = [0.02, 0.05, 0.4, 0.3, 0.2, 1.5, 0.1, 4.0].map(ms);
+        history.push(FrameTimes { steps, whole_s: steps.iter().sum::<f64>() * 1.1 });
+    }
+    history
+}
+
+fn picture(gpu: &Gpu, readings: &Readings) -> RgbImage {
+    let mut renderer = Renderer::new(gpu, COLOR_FORMAT, 1).unwrap();
+    let target = Offscreen::new(gpu, &renderer, SIZE).unwrap();
+    renderer.draw(gpu, &[target.picture(&Viewport::full(SIZE, None))], &FrameContents::default()).unwrap();
+    let (mut overlay, history) = (Overlay::new(COLOR_FORMAT), history());
+    let sheet = overlay.lay_out(SIZE, |painter| {
+        Panel { painter, rect: painter.clip_rect(), readings, history: &history }.paint();
+    });
+    overlay.draw(gpu, [(&target.image.view, &sheet)]).unwrap();
+    image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
+}
+
+/// As in tests/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
+#[test]
+fn the_overlay_matches_its_golden_picture_and_leaves_the_middle_free() {
+    let gpu = match Gpu::headless() {
+        Ok(gpu) => gpu,
+        Err(error @ RenderError::NoAdapter(_)) => {
+            assert!(std::env::var("GREENSTAGE_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
+            eprintln!("SKIPPED: {error}");
+            return;
+        }
+        Err(error) => panic!("{error}"),
+    };
+    let [now, wrong] = [0.3, 1.0].map(|turn| picture(&gpu, &readings(turn)));
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/overlay.png");
+    if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
+        now.save(&path).unwrap();
+    }
+    let golden = image::open(&path).unwrap().to_rgb8();
+    let [alike, wrong] =
+        [&now, &wrong].map(|picture| image_compare::rgb_hybrid_compare(&golden, picture).unwrap().score);
+    println!("overlay: {alike:.4}; the wrong one {wrong:.4}");
+    assert!(alike > 0.985 && 3.0 * (1.0 - alike) < 1.0 - wrong, "{alike:.4}; the wrong one {wrong:.4}");
+    let [width, height] = SIZE;
+    let middle = now.enumerate_pixels().filter(|(x, y, _)| {
+        (width / 3..2 * width / 3).contains(x) && (height / 4..3 * height / 4).contains(y)
+    });
+    assert!(middle.into_iter().all(|(.., pixel)| pixel.0 == [0; 3]), "the middle is free");
+}
+
+#[test]
+fn the_history_keeps_the_last_120_frames() {
+    let mut history = History::default();
+    for k in 0..500 {
+        history.push(FrameTimes { whole_s: f64::from(k), ..FrameTimes::default() });
+    }
+    assert_eq!((history.frames.len(), history.worst_s()), (120, 499.0));
+    assert_eq!(history.mean(|frame| frame.whole_s), 439.5);
+    assert_eq!(History::default().mean(|frame| frame.whole_s), 0.0);
+}
+
+#[test]
+fn a_measured_range_goes_before_the_models_table() {
+    let mut world = crate::world::tests::world("overlay-range");
+    let body = &mut world.bodies[0];
+    let aside = ControlPose { translation: Vector3::new(0.0, 0.5, 0.0), ..ControlPose::REST };
+    body.deformer.evaluate(&[ControlPose::REST, aside]);
+    let (turn, limits) = TurnLimits::of_body(body);
+    assert_eq!(limits, TurnLimits::of_model("rotation"));
+    assert!(turn > 0.1 && limits.good < limits.fair && !limits.is_measured, "the middle turns: {turn}");
+    body.range = Some(0.7);
+    let (turn, limits) = TurnLimits::of_body(body);
+    assert_eq!((turn, limits), (0.0, TurnLimits { good: 0.7, fair: 0.7, is_measured: true }));
+}
+
+/// Two whole turns, followed in steps: the poses are those at rest, and the overlay knows better; undone, it is at rest.
+#[test]
+fn whole_turns_are_counted_and_not_called_good() {
+    for range in [None, Some(0.7)] {
+        let mut world = crate::world::tests::world("overlay-turns");
+        let body = &mut world.bodies[0];
+        body.range = range;
+        for degrees in (0..=720).step_by(10) {
+            let angle = f64::from(degrees).to_radians();
+            let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), angle).matrix();
+            body.deformer.evaluate(&[ControlPose::REST, ControlPose { matrix, ..ControlPose::REST }]);
+            let (turn, limits) = TurnLimits::of_body(body);
+            let is_followed = degrees > 180 || range.is_some();
+            assert!(!is_followed || (turn - angle).abs() < 1e-9, "{degrees}°: {}°", turn.to_degrees());
+            assert!(degrees <= 180 || turn > limits.fair, "{degrees}°: {}°", turn.to_degrees());
+        }
+        let shown = panel::gauge_words(&readings::body_reading(body)).concat();
+        assert_eq!(shown, "turn  720.0°  beyond  2.0 turns");
+        body.deformer.set_turn(1, crate::deform::FollowedTurn::REST);
+        body.deformer.evaluate(&[ControlPose::REST; 2]);
+        let shown = panel::gauge_words(&readings::body_reading(body)).concat();
+        assert_eq!(shown, "turn    0.0°  good");
+    }
+}

@@ -1,0 +1,44 @@
+//! How long the steps of the last frames took.
+
+use std::collections::VecDeque;
+
+/// Steps of a frame in their order, as the overlay names them.
+pub const STEPS: [&str; 8] =
+    ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
+/// Which of [`STEPS`] waits for the images of the frame after.
+pub const ACQUIRE: usize = 6;
+/// Frames that are kept.
+pub(super) const FRAMES: usize = 120;
+
+/// The last frames, step by step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Newest last.
+    pub frames: VecDeque<FrameTimes>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameTimes {
+    /// As [`STEPS`], s.
+    pub steps: [f64; 8],
+    /// From this frame to the next, what no step tells included, s.
+    pub whole_s: f64,
+}
+
+impl History {
+    pub fn push(&mut self, times: FrameTimes) {
+        if self.frames.len() == FRAMES {
+            self.frames.pop_front();
+        }
+        self.frames.push_back(times);
+    }
+
+    pub(super) fn mean(&self, of: impl Fn(&FrameTimes) -> f64) -> f64 {
+        // A sum of nothing is -0.
+        self.frames.iter().map(of).fold(0.0, std::ops::Add::add) / self.frames.len().max(1) as f64
+    }
+
+    pub(super) fn worst_s(&self) -> f64 {
+        self.frames.iter().map(|frame| frame.whole_s).fold(0.0, f64::max)
+    }
+}

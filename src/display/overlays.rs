@@ -1,0 +1,273 @@
+//! What a lab engineer calls up over the pictures of a stage: overlay (F1), room from outside (F2), test pattern (F3).
+//!
+//! In: keys, and the frame as it would be drawn. Out: the frame with the overlays in it. An overlay lies on the glass, the same
+//! for both eyes, drawn before eyes are joined, so that it can be read in every kind of stereo. What is not called up
+//! costs nothing.
+
+use super::overlay::{History, Panel, Readings};
+use super::pattern::Pattern;
+use super::stage_model::{Camera, Orbit, StageModel, write_names};
+use super::window_layout;
+use crate::render::window::{Input, Key, WindowTimes, Windows};
+use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Sheet, Tile};
+use crate::stage::{Stage, Window};
+use crate::track::rig::TrackerReport;
+use nalgebra::Isometry3;
+
+/// The overlays of all windows of a stage.
+pub struct Overlays {
+    /// Per screen: is the overlay over it?
+    pub panels: Vec<bool>,
+    pub pattern: bool,
+    /// Steps of the frames since an overlay was called up.
+    pub history: History,
+    /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
+    leader: Vec<usize>,
+    /// Per leader: where the room is looked at from, instead of its screens.
+    outside: Vec<Option<Orbit>>,
+    /// The last of each leader, for the next time.
+    kept: Vec<Option<Orbit>>,
+    overlay: Option<Overlay>,
+}
+
+/// The stage as it is in this frame.
+pub struct StageFrame<'a> {
+    pub stage: &'a Stage,
+    pub layout: &'a [Window],
+    pub sizes: &'a [[u32; 2]],
+    pub swapped: bool,
+    pub room_from_head: Isometry3<f64>,
+    /// What the trackers say, where somebody wants to see it.
+    pub reports: &'a [TrackerReport],
+}
+
+impl Overlays {
+    pub fn new(stage: &Stage, layout: &[Window]) -> Self {
+        let is_shared = |a: &Window, b: &Window| {
+            a.tiles.iter().any(|tile| b.tiles.iter().any(|other| other.screen == tile.screen))
+        };
+        let leader = |window: &Window| layout.iter().position(|first| is_shared(first, window)).unwrap_or(0);
+        Self {
+            panels: vec![false; stage.screens.len()],
+            pattern: false,
+            history: History::default(),
+            leader: layout.iter().map(leader).collect(),
+            outside: vec![None; layout.len()],
+            kept: vec![None; layout.len()],
+            overlay: None,
+        }
+    }
+
+    pub fn has_panel(&self) -> bool {
+        self.panels.contains(&true)
+    }
+
+    /// Whether what the trackers say is shown anywhere.
+    pub fn wants_reports(&self) -> bool {
+        self.has_panel() || self.outside.iter().any(Option::is_some)
+    }
+
+    /// Takes an input that is meant for the overlays; false leaves it to the scene.
+    pub fn input(&mut self, input: &Input, stage: &Stage, layout: &[Window]) -> bool {
+        match *input {
+            Input::Key { window, key: Key::Function(number @ 1..=3), pressed } => {
+                if pressed {
+                    self.toggle(number, window, stage, layout);
+                }
+                true
+            }
+            Input::Cursor { window, .. } | Input::Button { window, .. } | Input::Wheel { window, .. } => {
+                let leader = self.leader[window];
+                let Some(orbit) = &mut self.outside[leader] else { return false };
+                orbit.handle(input);
+                // What was pressed over the scene is let go there too.
+                !matches!(input, Input::Button { pressed: false, .. })
+            }
+            Input::Focus { .. } => {
+                self.outside.iter_mut().flatten().for_each(|orbit| orbit.handle(input));
+                false
+            }
+            _ => false,
+        }
+    }
+
+    fn toggle(&mut self, number: u8, window: usize, stage: &Stage, layout: &[Window]) {
+        match number {
+            1 => {
+                let screens: Vec<usize> = layout[window].tiles.iter().map(|tile| tile.screen).collect();
+                let shown = screens.iter().any(|&screen| self.panels[screen]);
+                screens.iter().for_each(|&screen| self.panels[screen] = false);
+                let faced = Some(stage.faced_screen()).filter(|faced| screens.contains(faced));
+                if let Some(screen) = faced.or(screens.first().copied()).filter(|_| !shown) {
+                    self.panels[screen] = true;
+                }
+                if !self.has_panel() {
+                    self.history = History::default();
+                }
+            }
+            2 => {
+                if !self.leave_room(window) {
+                    let leader = self.leader[window];
+                    self.outside[leader] = self.kept[leader].or_else(|| Some(Orbit::new(Camera::of(stage))));
+                }
+            }
+            // In a window that shows the room, the key calls for what cannot be seen there.
+            _ => self.pattern = self.leave_room(window) || !self.pattern,
+        }
+    }
+
+    /// Back to the window's screens; false where it shows them already.
+    fn leave_room(&mut self, window: usize) -> bool {
+        let leader = self.leader[window];
+        let Some(orbit) = self.outside[leader].take() else { return false };
+        self.kept[leader] = Some(Orbit::new(orbit.camera));
+        true
+    }
+
+    /// Draws a frame: `tiles` and `contents` as they are without overlays. `readings` is asked when an overlay is shown.
+    ///
+    /// # Errors
+    /// As of [`Windows::draw`].
+    pub fn draw(
+        &mut self,
+        windows: &mut Windows,
+        frame: &StageFrame<'_>,
+        tiles: Vec<Vec<Tile>>,
+        contents: &FrameContents<'_>,
+        readings: impl FnOnce(&Gpu) -> Readings,
+    ) -> Result<WindowTimes, RenderError> {
+        let is_plain = !self.pattern && !self.has_panel() && self.outside.iter().all(Option::is_none);
+        if is_plain {
+            return windows.draw(&tiles, |_| contents, None);
+        }
+        let tiles = self.tiles(frame, tiles);
+        let Self { leader, outside, overlay, panels, pattern, history, .. } = self;
+        let of = |orbit: &Option<Orbit>| {
+            let camera = orbit.as_ref()?.camera;
+            let mut room = StageModel::new(frame.stage, &frame.room_from_head, &camera.eye());
+            room.add_sensors(frame.reports);
+            Some((camera, room))
+        };
+        let rooms: Vec<Option<(Camera, StageModel)>> = outside.iter().map(of).collect();
+        let outer: Vec<Option<FrameContents<'_>>> =
+            rooms.iter().map(|room| Some(room.as_ref()?.1.contents(*contents))).collect();
+        let readings = panels.contains(&true).then(|| readings(&windows.gpu));
+        // Both eyes get the same overlay.
+        let mut panel: Option<Sheet> = None;
+        let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+            let Some((window, &size)) = frame.layout.get(picture.window).zip(frame.sizes.get(picture.window))
+            else {
+                return Ok(());
+            };
+            let Some(part) = window_layout::part(frame.stage, window, size, picture, frame.swapped) else {
+                return Ok(());
+            };
+            let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
+            let screen = &frame.stage.screens[part.screen];
+            let room = rooms[leader[picture.window]].as_ref();
+            if let Some((camera, room)) = room {
+                let view = camera.view(window_layout::aspect(screen, &part.visible));
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    view.iter().for_each(|view| write_names(painter, part.rect, view, room));
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            } else if *pattern {
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    let painter = &painter.with_clip_rect(part.rect);
+                    let (on_screen, stage) = (part.visible.on_screen, frame.stage.name.as_str());
+                    Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            }
+            if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
+                let is_same = |sheet: &Sheet| sheet.size == picture.texture_size && picture.slot == 1;
+                let sheet = match panel.take().filter(is_same) {
+                    Some(sheet) => sheet,
+                    None => overlay.lay_out(picture.texture_size, |painter| {
+                        Panel { painter, rect: part.rect, readings, history }.paint();
+                    }),
+                };
+                overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
+            }
+            Ok(())
+        };
+        windows.draw(&tiles, |window| outer[leader[window]].as_ref().unwrap_or(contents), Some(&mut paint))
+    }
+
+    /// Windows that look at the room show it to both eyes, those with the pattern nothing below it.
+    fn tiles(&self, frame: &StageFrame<'_>, mut tiles: Vec<Vec<Tile>>) -> Vec<Vec<Tile>> {
+        for (index, (tiles, (window, size))) in
+            tiles.iter_mut().zip(frame.layout.iter().zip(frame.sizes)).enumerate()
+        {
+            if let Some(orbit) = &self.outside[self.leader[index]] {
+                *tiles =
+                    window_layout::flat_tiles(frame.stage, window, *size, |aspect| orbit.camera.view(aspect));
+            } else if self.pattern {
+                *tiles = window_layout::flat_tiles(frame.stage, window, *size, |_| None);
+            }
+        }
+        tiles
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_shows_in_its_window_what_it_calls_up() {
+        let stage = Stage::find("workbench").unwrap();
+        let layout = stage.layout();
+        let mut overlays = Overlays::new(&stage, &layout);
+        let mut press = |key: u8, window: usize| {
+            let key = Key::Function(key);
+            assert!(overlays.input(&Input::Key { window, key, pressed: true }, &stage, &layout));
+            assert!(overlays.input(&Input::Key { window, key, pressed: false }, &stage, &layout));
+            let seen =
+                (0..4).map(|window| overlays.outside[overlays.leader[window]].is_some()).collect::<Vec<_>>();
+            (seen, overlays.pattern, overlays.panels.clone())
+        };
+        let (table, no_room, no_panel) = (vec![true, true, false, false], vec![false; 4], vec![false; 2]);
+        assert_eq!(press(2, 1), (table.clone(), false, no_panel.clone()), "both eyes' windows");
+        assert_eq!(
+            press(3, 2),
+            (table.clone(), true, no_panel.clone()),
+            "an operator's window keeps the room"
+        );
+        assert_eq!(
+            press(3, 0),
+            (no_room.clone(), true, no_panel.clone()),
+            "over the room, the pattern is called"
+        );
+        assert_eq!(press(3, 1), (no_room.clone(), false, no_panel.clone()));
+        assert_eq!(press(3, 1), (no_room.clone(), true, no_panel.clone()));
+        assert_eq!(press(2, 0), (table, true, no_panel.clone()), "over the pattern, the room");
+        assert_eq!(press(2, 1), (no_room.clone(), true, no_panel));
+        assert_eq!(press(1, 2), (no_room, true, vec![false, true]));
+    }
+
+    #[test]
+    fn a_window_of_many_screens_shows_one_overlay() {
+        let stage = Stage::find("lbench").unwrap();
+        let layout = stage.layout();
+        let mut overlays = Overlays::new(&stage, &layout);
+        overlays.toggle(1, 0, &stage, &layout);
+        assert_eq!(overlays.panels.iter().filter(|&&shown| shown).count(), 1);
+        assert!(overlays.panels[stage.faced_screen()], "where the viewer looks");
+        overlays.toggle(1, 0, &stage, &layout);
+        assert!(!overlays.has_panel());
+    }
+
+    #[test]
+    fn a_button_pressed_over_the_scene_is_let_go_though_the_room_came_between() {
+        use crate::render::window::Button;
+        let stage = Stage::find("desktop").unwrap();
+        let layout = stage.layout();
+        let mut overlays = Overlays::new(&stage, &layout);
+        let button = |pressed| Input::Button { window: 0, button: Button::Left, pressed };
+        assert!(!overlays.input(&button(true), &stage, &layout));
+        overlays.toggle(2, 0, &stage, &layout);
+        assert!(!overlays.input(&button(false), &stage, &layout), "the scene hears of it");
+        assert!(overlays.input(&button(true), &stage, &layout), "a drag turns the room");
+    }
+}

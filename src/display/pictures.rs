@@ -1,0 +1,164 @@
+//! A session as PNG files: every picture of every frame, and a contact sheet.
+
+use super::device;
+use super::offscreen::{DrawTimes, Pictures, Targets};
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::base::output::{self, Kind};
+use crate::base::table::seconds;
+use crate::session::{Playback, Session};
+use crate::stage::{Stage, Stereo};
+use image::{ImageFormat, RgbaImage, imageops};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Width of one picture on the contact sheet.
+const SHEET_PICTURE: u32 = 400;
+const SHEET_GAP: u32 = 8;
+const SHEET: &str = "contact-sheet.png";
+
+pub const PNG: Kind = Kind { name: "a PNG file", recognizes: |head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
+
+/// What is drawn of a session.
+#[derive(Clone, Debug)]
+pub struct PictureRequest {
+    /// Folder for the pictures.
+    pub folder: PathBuf,
+    /// Frames, evenly over the script or the recording; 1 or more.
+    pub frames: usize,
+    pub pictures: Pictures,
+    /// Samples a pixel, 1 or 4.
+    pub samples: u32,
+    /// Size against the screens' own pixels.
+    pub scale: f64,
+    /// With the overlay on the screen that the viewer looks at.
+    pub overlay: bool,
+    pub device: device::Args,
+}
+
+impl PictureRequest {
+    /// Makes the folder, and looks whether everything can be written there, before anything is solved.
+    pub fn try_folder(&self, inputs: &[PathBuf]) -> Result<(), Failure> {
+        output::make_folder(&self.folder)?;
+        output::try_path(&self.folder.join(SHEET), &PNG, inputs)?;
+        let pictures = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        let mut pictures = pictures.map(|entry| entry.path()).filter(|path| is_frame(path, self.frames));
+        Ok(pictures.try_for_each(|path| output::may_replace(&path, &PNG, inputs))?)
+    }
+
+    /// Draws all frames into the folder, with a contact sheet of first, middle and last; tells what was written, how long
+    /// it took, and how a replay went.
+    pub fn draw(&self, session: &mut Session) -> Result<String, Failure> {
+        let folder = &self.folder;
+        output::make_folder(folder)?;
+        let is_recorded = session.input.replay.is_some() || session.recorder.is_some();
+        let device = self.device.for_session(is_recorded)?;
+        let mut targets = Targets::new(&mut session.world, self.pictures, self.samples, self.scale, device)?;
+        if self.overlay {
+            targets = targets.with_overlay();
+        }
+        notice!("{}: drawing on {}", session.world.stage.name, targets.gpu.describe());
+        let shown = [0, self.frames / 2, self.frames - 1];
+        let bar = indicatif::ProgressBar::new(self.frames as u64).with_message("frames");
+        let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();
+        let (mut drawn_s, mut mechanics_s, mut count) = (0.0, 0.0, 0);
+        let started = Instant::now();
+        let mut playback = Playback::new(session, self.frames)?;
+        for frame in 0..self.frames {
+            mechanics_s += playback.step_to(session, frame)?.total_s();
+            let DrawTimes { upload_s, encode_s, draw_s } =
+                targets.draw(&mut session.world).map_err(Failure::work)?;
+            drawn_s += upload_s + encode_s + draw_s;
+            let (images, _) = targets.read().map_err(Failure::work)?;
+            for (name, image) in &images {
+                save(image, &folder.join(format!("frame{frame:04}-{name}.png")))?;
+                count += 1;
+            }
+            if shown.contains(&frame) {
+                sheet.push(images.into_iter().map(|(_, image)| small(&image)).collect());
+            }
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let path = folder.join(SHEET);
+        let stage = &session.world.stage;
+        let screens = stage.screens.len();
+        // Windows lie as they are listed.
+        let (count_of_frame, name, from_top) = match self.pictures {
+            Pictures::Windows => (targets.count(), "windows", (0..targets.count()).collect()),
+            _ => (screens, pictures_name(stage), stage.screens_from_top()),
+        };
+        save(&contact_sheet(&sheet, &from_top), &path)?;
+        let drawn = format!(
+            "{count} pictures in {} (all steps, PNG files too: {})\n\
+             drawing {:.1} {name}/s, a frame of {screens} screen(s) {}; its mechanics {}\ncontact sheet {}\n",
+            folder.display(),
+            seconds(started.elapsed().as_secs_f64()),
+            (self.frames * count_of_frame) as f64 / drawn_s,
+            seconds(drawn_s / self.frames as f64),
+            seconds(mechanics_s / self.frames as f64),
+            path.display()
+        );
+        Ok(drawn + &session.report()?)
+    }
+}
+
+/// Whether a file has the name of a picture of one of the first `frames` frames.
+fn is_frame(path: &Path, frames: usize) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let number = name.and_then(|name| {
+        name.strip_prefix("frame")?.strip_suffix(".png")?.split_once('-')?.0.parse::<usize>().ok()
+    });
+    number.is_some_and(|number| number < frames)
+}
+
+/// What is counted as one: both eyes of a screen, or its one picture.
+pub fn pictures_name(stage: &Stage) -> &'static str {
+    if stage.stereo == Stereo::Mono { "pictures" } else { "stereo pairs" }
+}
+
+pub fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, ImageFormat::Png).map_err(Failure::work)?;
+    Ok(output::write(path, &PNG, |file| file.write_all(bytes.get_ref()))?)
+}
+
+fn small(image: &RgbaImage) -> RgbaImage {
+    let width = SHEET_PICTURE.min(image.width());
+    let height = (u64::from(image.height()) * u64::from(width) / u64::from(image.width())).max(1) as u32;
+    imageops::resize(image, width, height, imageops::FilterType::Triangle)
+}
+
+/// Frames from left to right, in each one column per eye; a column shows the screens from the highest to the lowest,
+/// so that a wall stands on the table before it. Each row is as high as its highest picture.
+fn contact_sheet(frames: &[Vec<RgbaImage>], from_top: &[usize]) -> RgbaImage {
+    let screens = from_top.len();
+    let pictures = frames.iter().map(Vec::len).max().unwrap_or(0);
+    let eyes = pictures.checked_div(screens).unwrap_or(0).max(1);
+    let width = frames.iter().flatten().map(RgbaImage::width).max().unwrap_or(1);
+    let heights: Vec<u32> = from_top
+        .iter()
+        .map(|&screen| {
+            let row = frames.iter().flat_map(|frame| frame.iter().skip(screen * eyes).take(eyes));
+            row.map(RgbaImage::height).max().unwrap_or(0) + 1
+        })
+        .collect();
+    let frame_width = eyes as u32 * (width + SHEET_GAP) + 2 * SHEET_GAP;
+    let background = image::Rgba([24, 26, 30, 255]);
+    let mut sheet = RgbaImage::from_pixel(
+        frames.len() as u32 * frame_width + SHEET_GAP,
+        heights.iter().sum::<u32>() + 2 * SHEET_GAP,
+        background,
+    );
+    for (f, frame) in frames.iter().enumerate() {
+        for (p, image) in frame.iter().enumerate() {
+            let (screen, eye) = (p / eyes, p % eyes);
+            let x = 2 * SHEET_GAP + f as u32 * frame_width + eye as u32 * (width + SHEET_GAP);
+            let row = from_top.iter().position(|&s| s == screen).unwrap_or(screen);
+            let y = SHEET_GAP + heights.iter().take(row).sum::<u32>();
+            imageops::replace(&mut sheet, image, i64::from(x), i64::from(y));
+        }
+    }
+    sheet
+}

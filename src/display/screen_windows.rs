@@ -1,0 +1,149 @@
+//! The windows of a stage: what each eye sees on each screen, overlays, and mouse and keyboard.
+
+use super::bodies::contents;
+use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
+use super::overlays::{Overlays, StageFrame};
+use super::window_frame::WindowFrame;
+use super::window_layout;
+use crate::render::window::{AppError, Button, Input, Key, WindowSpec};
+use crate::render::{Gpu, Tile};
+use crate::session::{HapticSession, Session};
+use crate::stage::{Stage, Window};
+use crate::track::MouseInput;
+use crate::track::mouse::Button as MouseButton;
+use crate::world::StepTimes;
+
+/// Windows that show the screens of a stage.
+pub struct ScreenWindows {
+    pub overlays: Overlays,
+    layout: Vec<Window>,
+    scale: f64,
+    /// Of each window, now.
+    sizes: Vec<[u32; 2]>,
+    /// Each eye is shown what the other should see.
+    swapped: bool,
+    /// The test pattern alone, instead of the scene.
+    pattern_alone: bool,
+    /// Of the frame before, for the overlay.
+    times: FrameTimes,
+}
+
+impl ScreenWindows {
+    /// All windows of the stage, at `scale` times their sizes; without one, full size for a single window and for those
+    /// of a stage file, else half.
+    pub fn new(stage: &Stage, scale: Option<f64>) -> ScreenWindows {
+        let layout = stage.layout();
+        let is_usual = stage.windows.is_empty();
+        ScreenWindows {
+            overlays: Overlays::new(stage, &layout),
+            scale: scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 }),
+            sizes: vec![[0, 0]; layout.len()],
+            layout,
+            swapped: stage.swap_eyes,
+            pattern_alone: false,
+            times: FrameTimes::default(),
+        }
+    }
+
+    /// With the overlay on the screen that the viewer looks at.
+    pub fn with_overlay(mut self, stage: &Stage) -> ScreenWindows {
+        self.overlays.panels[stage.faced_screen()] = true;
+        self
+    }
+
+    /// The test pattern on every screen; only F2 (the stage from outside) and F4 (eyes swapped) act.
+    pub fn of_pattern(stage: &Stage, scale: f64) -> ScreenWindows {
+        let mut screens = ScreenWindows::new(stage, Some(scale));
+        (screens.overlays.pattern, screens.pattern_alone) = (true, true);
+        screens
+    }
+
+    pub(super) fn specs(&self, stage: &Stage) -> Vec<WindowSpec> {
+        window_layout::specs(stage, &self.layout, self.scale)
+    }
+
+    pub(super) fn input(&mut self, input: Input, session: &mut Session) {
+        if let Input::Key { key: Key::Function(4), pressed: true, .. } = input {
+            self.swapped = !self.swapped;
+        }
+        if self.pattern_alone && matches!(input, Input::Key { key: Key::Function(1 | 3), .. }) {
+            return;
+        }
+        if self.overlays.input(&input, &session.world.stage, &self.layout) {
+            return;
+        }
+        match input {
+            Input::Cursor { window, position } => {
+                let (stage, position) = (&session.world.stage, position.map(f64::from));
+                let (layout, size) = (&self.layout[window], self.sizes[window]);
+                if let Some((screen, ndc)) = window_layout::at_cursor(stage, layout, size, position) {
+                    session.mouse(MouseInput::Cursor { screen, ndc });
+                }
+            }
+            Input::Button { button, pressed, .. } => {
+                let button = match button {
+                    Button::Left => MouseButton::Left,
+                    Button::Middle => MouseButton::Middle,
+                    Button::Right => MouseButton::Right,
+                    Button::Other(_) if pressed => return session.take_over(),
+                    Button::Other(_) => return,
+                };
+                session.mouse(MouseInput::Button { button, pressed });
+            }
+            Input::Wheel { lines, .. } => session.mouse(MouseInput::Wheel { notches: lines.into() }),
+            Input::Key { key, pressed, .. } => session.key(key, pressed),
+            Input::Focus { focused: false, .. } => session.mouse(MouseInput::FocusLost),
+            _ => {}
+        }
+    }
+
+    pub(super) fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
+        let WindowFrame { windows, session, bodies, step_s, track_s } = frame;
+        self.sizes = windows.sizes().collect();
+        let tiles = self.tiles(session);
+        let StepTimes { interact_s, deform_s, normals_s } = session.world.times;
+        if self.overlays.has_panel() {
+            self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
+            self.overlays.history.push(FrameTimes { whole_s: *step_s, ..self.times });
+        }
+        let upload_s = bodies.upload(&windows.gpu, &mut session.world)?;
+        let is_wanted = self.overlays.wants_reports();
+        let reports = if is_wanted { session.input.tracker_reports() } else { Vec::new() };
+        let haptics = session.haptics.as_mut().filter(|_| self.overlays.has_panel());
+        let felt = haptics.map(HapticSession::readings).unwrap_or_default();
+        let world = &session.world;
+        let stage_frame = StageFrame {
+            stage: &world.stage,
+            layout: &self.layout,
+            sizes: &self.sizes,
+            swapped: self.swapped,
+            room_from_head: world.room_from_head,
+            reports: &reports,
+        };
+        let (deformation, source) = (bodies.deformation(), session.input.describe());
+        let readings = |gpu: &Gpu| Readings {
+            device: gpu.adapter_name.clone(),
+            deformation,
+            source: source.to_owned(),
+            warnings: world.warnings.clone(),
+            sensors: SensorReading::of(&reports),
+            felt,
+            ..Readings::of(world)
+        };
+        let instances = bodies.instances(world);
+        let contents = contents(world, &instances);
+        let drawn = self.overlays.draw(windows, &stage_frame, tiles, &contents, readings)?;
+        let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
+        self.times.steps = [*track_s, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, present_s];
+        Ok(())
+    }
+
+    fn tiles(&self, session: &mut Session) -> Vec<Vec<Tile>> {
+        if self.pattern_alone {
+            return vec![Vec::new(); self.layout.len()];
+        }
+        let world = &mut session.world;
+        let windows = self.layout.iter().zip(&self.sizes);
+        windows.map(|(window, size)| window_layout::tiles(world, window, *size, self.swapped)).collect()
+    }
+}

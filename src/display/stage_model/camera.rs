@@ -1,0 +1,187 @@
+//! An eye outside that goes round a point: an ordinary view, through a screen that floats in the room.
+
+use super::extent::{ball_about, outline};
+use crate::render::View;
+use crate::render::window::{Button, Input};
+use crate::stage::{Screen, Stage, rotation_towards};
+use nalgebra::{Point3, Vector3};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// An eye outside, which goes round a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    pub target: Point3<f64>,
+    /// About the vertical, from +z towards +x, and above the horizon; rad.
+    pub azimuth: f64,
+    pub elevation: f64,
+    pub distance_m: f64,
+}
+
+/// Vertical opening angle, rad.
+const OPENING: f64 = 40.0 * TAU / 360.0;
+/// Share of the picture that everything takes up at first, in pictures at least so wide against their height.
+const MARGIN: f64 = 0.93;
+const NARROWEST: f64 = 4.0 / 3.0;
+const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
+
+impl Camera {
+    /// From the viewer's side, above and to the right, so far away that everything is in the picture.
+    pub fn of(stage: &Stage) -> Self {
+        let points = outline(stage);
+        let viewer = stage.viewer.room_from_head.translation.vector - stage.workspace.centre.coords;
+        let behind = if viewer.xz().norm() > 1e-3 { viewer.x.atan2(viewer.z) } else { 0.0 };
+        let (target, _) = ball_about(&points);
+        let mut camera = Self { target, azimuth: behind + 0.8, elevation: 0.42, distance_m: 1.0 };
+        let away = camera.eye() - target;
+        let right = Vector3::y().cross(&away).normalize();
+        let up = away.cross(&right);
+        let slope = MARGIN * (OPENING / 2.0).tan();
+        let needed = |point: &Point3<f64>| {
+            let offset = point - target;
+            let aside = offset.dot(&up).abs().max(offset.dot(&right).abs() / NARROWEST);
+            offset.dot(&away) + aside / slope
+        };
+        camera.distance_m = points.iter().map(needed).fold(0.0, f64::max);
+        camera
+    }
+
+    /// The same target from another place; a place on the target itself looks from its side.
+    pub fn from(stage: &Stage, place: Point3<f64>) -> Self {
+        let camera = Self::of(stage);
+        let away = place - camera.target;
+        let distance_m = away.norm();
+        if distance_m < 1e-6 {
+            return camera;
+        }
+        Self {
+            azimuth: away.x.atan2(away.z),
+            elevation: (away.y / distance_m).asin().clamp(-STEEPEST, STEEPEST),
+            distance_m,
+            ..camera
+        }
+    }
+
+    /// Turns by a drag over parts of the picture's height: half a turn across it.
+    pub fn turn(&mut self, [x, y]: [f64; 2]) {
+        if x.is_finite() && y.is_finite() {
+            self.azimuth = (self.azimuth - x * TAU / 2.0) % TAU;
+            self.elevation = (self.elevation + y * TAU / 2.0).clamp(-STEEPEST, STEEPEST);
+        }
+    }
+
+    /// Nearer for positive `notches` of a wheel, 10 % each.
+    pub fn zoom(&mut self, notches: f64) {
+        if notches.is_finite() {
+            self.distance_m = (self.distance_m * 0.9f64.powf(notches.clamp(-50.0, 50.0))).clamp(0.05, 500.0);
+        }
+    }
+
+    pub fn eye(&self) -> Point3<f64> {
+        let Self { target, azimuth, elevation, distance_m } = self;
+        let level = elevation.cos();
+        let away = Vector3::new(level * azimuth.sin(), elevation.sin(), level * azimuth.cos());
+        target + away * *distance_m
+    }
+
+    /// The view in pictures of this width to height, as they are seen; `None` where it is none.
+    pub fn view(&self, aspect: f64) -> Option<View> {
+        if !(aspect.is_finite() && aspect > 0.0) {
+            return None;
+        }
+        let eye = self.eye();
+        let rotation = rotation_towards(&(self.target - eye), 0.0)?;
+        let half_height = self.distance_m * (OPENING / 2.0).tan();
+        let up = rotation * Vector3::y() * half_height;
+        let right = rotation * Vector3::x() * (half_height * aspect);
+        let screen = Screen {
+            name: "camera".to_owned(),
+            lower_left: self.target - right - up,
+            lower_right: self.target + right - up,
+            upper_left: self.target - right + up,
+            pixels: [1, 1],
+        };
+        let view = screen.view(&eye, 0.02).ok()?;
+        Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room })
+    }
+}
+
+/// A camera that the mouse turns and zooms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    pub camera: Camera,
+    /// Where the cursor was last, as a share of the window.
+    cursor: Option<[f32; 2]>,
+    dragging: bool,
+}
+
+impl Orbit {
+    pub fn new(camera: Camera) -> Self {
+        Self { camera, cursor: None, dragging: false }
+    }
+
+    /// Dragging with the left button turns, the wheel zooms.
+    pub fn handle(&mut self, input: &Input) {
+        match *input {
+            Input::Cursor { position, .. } => {
+                if let Some([x, y]) = self.cursor.filter(|_| self.dragging) {
+                    self.camera.turn([position[0] - x, position[1] - y].map(f64::from));
+                }
+                self.cursor = Some(position);
+            }
+            Input::Button { button: Button::Left, pressed, .. } => self.dragging = pressed,
+            Input::Wheel { lines, .. } => self.camera.zoom(lines.into()),
+            Input::Focus { focused: false, .. } => self.dragging = false,
+            _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::BUILT_IN;
+
+    #[test]
+    fn everything_is_in_the_first_picture_of_every_stage() {
+        for (name, _) in BUILT_IN {
+            let stage = Stage::find(name).unwrap();
+            let view = Camera::of(&stage).view(4.0 / 3.0).unwrap();
+            let places = outline(&stage).into_iter().map(|point| {
+                let clip = view.clip_from_room * point.cast::<f32>().to_homogeneous();
+                assert!(clip.w > clip.z, "{name}: {point} is before the near plane");
+                (clip.x / clip.w).abs().max((clip.y / clip.w).abs())
+            });
+            let outermost = places.fold(0.0, f32::max);
+            assert!((0.6..=1.0).contains(&outermost), "{name}: {outermost}");
+        }
+    }
+
+    #[test]
+    fn a_drag_turns_half_round_and_never_over_the_top() {
+        let mut orbit = Orbit::new(Camera::of(&Stage::find("workbench").unwrap()));
+        let before = orbit.camera;
+        let cursor = |x, y| Input::Cursor { window: 0, position: [x, y] };
+        let button = |pressed| Input::Button { window: 0, button: Button::Left, pressed };
+        orbit.handle(&cursor(0.2, 0.5));
+        assert_eq!(orbit.camera, before, "nothing is pressed");
+        for input in [button(true), cursor(1.2, 0.5), button(false), cursor(0.0, 0.0)] {
+            orbit.handle(&input);
+        }
+        let (was, now) = (before.eye() - before.target, orbit.camera.eye() - before.target);
+        assert!((was.xz() + now.xz()).norm() < 1e-9 && (was.y - now.y).abs() < 1e-9, "{was} {now}");
+        for input in [button(true), cursor(0.0, 40.0), cursor(f32::NAN, 0.0)] {
+            orbit.handle(&input);
+        }
+        orbit.handle(&Input::Wheel { window: 0, lines: f32::INFINITY });
+        assert!(orbit.camera.view(1.0).is_some(), "{orbit:?}");
+    }
+
+    #[test]
+    fn the_same_place_gives_the_same_eye() {
+        let stage = Stage::find("cyberstage").unwrap();
+        for place in [[3.0, 2.0, 4.0], [-1.0, 0.5, -3.0], [0.0, 9.0, 0.0]] {
+            let place = Point3::from(place);
+            assert!((Camera::from(&stage, place).eye() - place).norm() < 0.02, "{place}");
+        }
+    }
+}

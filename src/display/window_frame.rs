@@ -1,0 +1,16 @@
+//! One frame on its way into the windows.
+
+use super::bodies::GpuBodies;
+use crate::render::window::Windows;
+use crate::session::Session;
+
+/// One frame on its way into the windows.
+pub struct WindowFrame<'a> {
+    pub windows: &'a mut Windows,
+    pub session: &'a mut Session,
+    pub bodies: &'a mut GpuBodies,
+    /// From the frame before to this one, s.
+    pub step_s: f64,
+    /// What reading trackers took, s.
+    pub track_s: f64,
+}

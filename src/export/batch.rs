@@ -1,0 +1,189 @@
+//! Bodies in a list of poses: by superposition from the .green file, over all nodes, or solved anew for every pose.
+
+use super::result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet};
+use super::statics;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::deform::pose_file::{self, Pose};
+use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
+use crate::green::{self, FIELDS, GreenFile, Solution};
+use crate::scene::{Body, Scene};
+use crate::solve::Silent;
+use crate::world::prepare;
+use nalgebra::{UnitQuaternion, Vector3};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A pose, and the body that it is for.
+pub struct Asked<'a> {
+    pub pose: &'a str,
+    pub body: &'a str,
+    pub control: ControlPoses,
+}
+
+/// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
+pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
+    let names = || scene.body.keys().map(String::as_str);
+    let wrong =
+        |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
+    let body = match &pose.body {
+        None if scene.body.len() == 1 => names().next(),
+        None => return Err(wrong(format!("name its body: {}", names().collect::<Vec<_>>().join(", ")))),
+        Some(name) => names().find(|known| known == name),
+    };
+    let Some(body) = body else {
+        let name = pose.body.as_deref().unwrap_or_default();
+        return Err(wrong(crate::config::unknown_name("body", name, names())));
+    };
+    Ok(Asked {
+        pose: &pose.name,
+        body,
+        control: pose_file::control_poses(pose, body, &scene.body[body], path)?,
+    })
+}
+
+/// All bodies of a scene in the poses that are asked for, and a table of how the solves went, where there were some.
+///
+/// The .green file is read from `green`, or found or made beside the scene; with `all_nodes` the linear theory is solved
+/// in f64 instead.
+pub fn solve(
+    scene: &Scene,
+    asked: &[Asked<'_>],
+    green: Option<&Path>,
+    all_nodes: bool,
+) -> Result<(ResultSet, String), Failure> {
+    let online = prepare::online_part(scene)?;
+    let file = match online.body.is_empty() || all_nodes {
+        true => None,
+        false => Some(prepare::green_file(&online, green)?),
+    };
+    let (mut set, mut tables) = (ResultSet::default(), String::new());
+    for (name, body) in &scene.body {
+        let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
+        // The linear theory takes matrices as they are, not as turns.
+        let doubtful =
+            |asked: &Asked| pose_file::doubtful_turn(&asked.control, body).filter(|_| body.model != "linear");
+        for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
+            notice!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
+        }
+        let (shape, found) = match (prepare::law(scene, name, body)?, &file) {
+            (None, Some(file)) => surface_results(file, name, body, &own)?,
+            (None, None) => volume_results(scene, name, body, &own)?,
+            (Some(law), _) => {
+                let poses: Vec<_> = own.iter().map(|asked| (asked.pose, &asked.control)).collect();
+                let solved = statics::solve(scene, name, law, &poses)?;
+                tables += &format!("\n{}", solved.table.text());
+                static_results(name, body, solved, &own, &mut set.missed)
+            }
+        };
+        set.geometry.push(shape);
+        set.results.extend(found);
+    }
+    let order = |result: &PoseResult| {
+        asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
+    };
+    set.results.sort_by_key(order);
+    Ok((set, tables))
+}
+
+/// Whether there will be forces, and whether the .green file is needed, before anything is solved.
+pub fn requirements(scene: &Scene) -> Result<(bool, bool), Failure> {
+    let (mut has_forces, mut has_columns) = (false, false);
+    for (name, body) in &scene.body {
+        let is_static = prepare::law(scene, name, body)?.is_some();
+        has_columns |= !is_static;
+        has_forces |= is_static || prepare::needs(scene, name, body)?.stiffness;
+    }
+    Ok((has_forces, has_columns))
+}
+
+fn control_forces(body: &Body, (wrenches, energy): (Vec<Wrench>, f64)) -> ControlForces {
+    ControlForces { controls: body.control.keys().cloned().zip(wrenches).collect(), energy }
+}
+
+fn surface_results(
+    file: &Arc<GreenFile>,
+    name: &str,
+    body: &Body,
+    asked: &[&Asked<'_>],
+) -> Result<(Geometry, Vec<PoseResult>), Failure> {
+    let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
+    let found = asked.iter().map(|asked| surface_result(asked, body, &mut deformer)).collect();
+    Ok((Geometry::surface(&deformer), found))
+}
+
+fn surface_result(asked: &Asked<'_>, scene_body: &Body, body: &mut Deformer) -> PoseResult {
+    body.forget();
+    if body.evaluate(&asked.control).is_some() && body.coefficients.rotation_undefined {
+        notice!(
+            "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
+             defined, and the result not to be trusted; model = \"linear\" has no such pose",
+            asked.pose,
+            body.body
+        );
+    }
+    PoseResult {
+        pose: asked.pose.to_owned(),
+        body: body.body.clone(),
+        displacement: (0..body.node_count()).map(|i| body.displacement(i)).collect(),
+        wrenches: body.wrenches().map(|found| control_forces(scene_body, found)),
+    }
+}
+
+fn volume_results(
+    scene: &Scene,
+    name: &str,
+    body: &Body,
+    asked: &[&Asked<'_>],
+) -> Result<(Geometry, Vec<PoseResult>), Failure> {
+    if body.model != "linear" {
+        return Err(Failure::request(scene.invalid(
+            &format!("body.{name}.model"),
+            format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
+        )));
+    }
+    let solution = green::solve(scene, name, prepare::needs(scene, name, body)?, &Silent)?;
+    for notice in &solution.notices {
+        notice!("{notice}");
+    }
+    let found = asked.iter().map(|asked| volume_result(asked, name, body, &solution)).collect();
+    Ok((Geometry::volume(name, &solution.mesh), found))
+}
+
+fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution) -> PoseResult {
+    let coefficients: Vec<[f64; FIELDS]> = asked.control.iter().map(ControlPose::coefficients).collect();
+    let c = coefficients.as_flattened();
+    let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+    PoseResult {
+        pose: asked.pose.to_owned(),
+        body: name.to_owned(),
+        displacement: (0..solution.mesh.nodes.len())
+            .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
+            .collect(),
+        wrenches: solution
+            .stiffness
+            .as_ref()
+            .map(|s| control_forces(body, wrenches(s, &coefficients, UnitQuaternion::identity()))),
+    }
+}
+
+fn static_results(
+    name: &str,
+    body: &Body,
+    solved: statics::Solved,
+    asked: &[&Asked<'_>],
+    missed: &mut Vec<Missed>,
+) -> (Geometry, Vec<PoseResult>) {
+    let mut found = Vec::new();
+    for (asked, settled) in asked.iter().zip(solved.settled) {
+        let (pose, name) = (asked.pose.to_owned(), name.to_owned());
+        match settled {
+            Ok(Settled { displacement, wrenches, energy, .. }) => {
+                let wrenches = Some(control_forces(body, (wrenches, energy)));
+                found.push(PoseResult { pose, body: name, displacement, wrenches });
+            }
+            Err(why) => missed.push(Missed { pose, body: name, why }),
+        }
+    }
+    (Geometry::volume(name, &solved.statics.mesh), found)
+}

@@ -1,0 +1,79 @@
+//! Tables: `pose,node,ux,uy,uz` and `pose,control,fx,fy,fz,mx,my,mz,energy`, in m, N, N·m and J.
+
+use super::exporter::Exporter;
+use super::result_set::ResultSet;
+use crate::base::output::Kind;
+use crate::deform::Wrench;
+use std::fmt::Write;
+
+const DISPLACEMENT_HEADING: &str = "pose,node,ux,uy,uz\n";
+const FORCE_HEADING: &str = "pose,control,fx,fy,fz,mx,my,mz,energy\n";
+
+/// The displacement of every node, by the mesh's node tags.
+pub const DISPLACEMENTS: Exporter = Exporter {
+    suffix: ".csv",
+    kind: Kind {
+        name: "a table of displacements by `deform`",
+        recognizes: |head| head.starts_with(DISPLACEMENT_HEADING.as_bytes()),
+    },
+    needs_forces: false,
+    write: displacements,
+};
+
+/// Force and moment of every control element, and the energy of its body.
+pub const FORCES: Exporter = Exporter {
+    suffix: ".forces.csv",
+    kind: Kind {
+        name: "a table of forces by `deform`",
+        recognizes: |head| head.starts_with(FORCE_HEADING.as_bytes()),
+    },
+    needs_forces: true,
+    write: forces,
+};
+
+fn displacements(set: &ResultSet) -> Vec<u8> {
+    let mut text = DISPLACEMENT_HEADING.to_owned();
+    for result in &set.results {
+        let label = quoted(&set.label(result));
+        let tags = set.geometry.iter().find(|g| g.body == result.body).map_or(&[][..], |g| &g.tags);
+        for (tag, u) in tags.iter().zip(&result.displacement) {
+            // Writing into a String cannot fail.
+            let _ = writeln!(text, "{label},{tag},{:e},{:e},{:e}", u.x, u.y, u.z);
+        }
+    }
+    text.into_bytes()
+}
+
+fn forces(set: &ResultSet) -> Vec<u8> {
+    let mut text = FORCE_HEADING.to_owned();
+    for result in &set.results {
+        let Some(forces) = &result.wrenches else { continue };
+        let label = quoted(&set.label(result));
+        for (control, Wrench { force: f, moment: m }) in &forces.controls {
+            let name = quoted(control);
+            let numbers = [f.x, f.y, f.z, m.x, m.y, m.z, forces.energy].map(|value| format!("{value:e}"));
+            let _ = writeln!(text, "{label},{name},{}", numbers.join(","));
+        }
+    }
+    text.into_bytes()
+}
+
+/// A name as a cell of a CSV file (RFC 4180).
+fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_with_commas_and_quotes_stay_one_cell() {
+        assert_eq!(quoted("bend 30"), "bend 30");
+        assert_eq!(quoted("a,b \"c\""), "\"a,b \"\"c\"\"\"");
+    }
+}

@@ -1,0 +1,76 @@
+//! The files that a result set is written into, all of them whole or none.
+
+use super::exporters::EXPORTERS;
+use super::result_set::ResultSet;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::base::output;
+use anyhow::Context;
+use std::path::{Path, PathBuf};
+
+/// Files of one name, of which each exporter adds its suffix.
+pub struct Files {
+    stem: PathBuf,
+}
+
+impl Files {
+    /// Those of OUT, or OUT.csv.
+    pub fn of(output: &Path) -> Result<Files, Failure> {
+        let is_csv = output.extension().is_some_and(|extension| extension == "csv");
+        let stem = if is_csv { output.with_extension("") } else { output.to_owned() };
+        let is_named = stem.file_name().is_some() && !output.as_os_str().as_encoded_bytes().ends_with(b"/");
+        let is_special = std::fs::metadata(output).is_ok_and(|found| !found.is_file() && !found.is_dir());
+        if !is_named || is_special {
+            let suffixes: Vec<String> =
+                EXPORTERS.iter().map(|exporter| format!("OUT{}", exporter.suffix)).collect();
+            return Err(Failure::wrong(format!(
+                "{}: {} are written: OUT names files in a folder, as out/part",
+                output.display(),
+                suffixes.join(", ")
+            )));
+        }
+        Ok(Files { stem })
+    }
+
+    fn path(&self, suffix: &str) -> PathBuf {
+        let mut name = self.stem.clone().into_os_string();
+        name.push(suffix);
+        PathBuf::from(name)
+    }
+
+    /// Makes the folder and looks whether everything can be written there, before anything is solved.
+    pub fn try_all(&self, inputs: &[PathBuf], has_forces: bool) -> Result<(), Failure> {
+        for exporter in EXPORTERS.iter().filter(|exporter| has_forces || !exporter.needs_forces) {
+            let path = self.path(exporter.suffix);
+            output::make_folder_of(&path)?;
+            output::try_path(&path, &exporter.kind, inputs)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the files and removes those of an earlier run that have no successor; their paths.
+    pub fn write(&self, set: &ResultSet) -> Result<Vec<PathBuf>, Failure> {
+        let (mut staged, mut old) = (Vec::new(), Vec::new());
+        for exporter in EXPORTERS {
+            let path = self.path(exporter.suffix);
+            if exporter.needs_forces && !set.has_forces() {
+                old.extend(output::is(&path, &exporter.kind).then_some(path));
+                continue;
+            }
+            let contents = (exporter.write)(set);
+            staged.push((output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?, path));
+        }
+        let mut written = Vec::new();
+        for (staged, path) in staged {
+            staged.put()?;
+            written.push(path);
+        }
+        for old in old {
+            std::fs::remove_file(&old)
+                .with_context(|| old.display().to_string())
+                .map_err(Failure::Request)?;
+            notice!("note: {} was of an earlier run with haptics and is removed", old.display());
+        }
+        Ok(written)
+    }
+}

@@ -1,0 +1,18 @@
+//! Displacements and forces of a scene's bodies in a list of poses, as files.
+//!
+//! In: a scene and poses. Out: a [`ResultSet`] ([`batch`] makes it, by superposition or by solving anew), and the files
+//! that [`EXPORTERS`] write of it.
+
+pub mod batch;
+pub mod csv;
+pub mod exporter;
+pub mod exporters;
+pub mod files;
+pub mod result_set;
+pub mod statics;
+pub mod vtu;
+
+pub use exporter::Exporter;
+pub use exporters::EXPORTERS;
+pub use files::Files;
+pub use result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet};

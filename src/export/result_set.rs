@@ -1,0 +1,97 @@
+//! Displacements and forces of bodies in a number of poses, as exporters take them.
+
+use crate::deform::{Deformer, Wrench};
+use crate::mesh::TetMesh;
+use nalgebra::Vector3;
+
+/// What came of a scene's bodies in a number of poses.
+#[derive(Clone, Debug, Default)]
+pub struct ResultSet {
+    /// One per body.
+    pub geometry: Vec<Geometry>,
+    /// In the order in which the poses were asked for.
+    pub results: Vec<PoseResult>,
+    pub missed: Vec<Missed>,
+}
+
+/// One body in one pose.
+#[derive(Clone, Debug)]
+pub struct PoseResult {
+    pub pose: String,
+    pub body: String,
+    /// m, by the order of the geometry's nodes.
+    pub displacement: Vec<Vector3<f64>>,
+    /// Forces and moments on the control elements, and the strain energy, J, where the body has them.
+    pub wrenches: Option<ControlForces>,
+}
+
+/// Forces and moments on the control elements of a body.
+#[derive(Clone, Debug)]
+pub struct ControlForces {
+    /// Name and wrench, in the scene's order.
+    pub controls: Vec<(String, Wrench)>,
+    /// Strain energy, J.
+    pub energy: f64,
+}
+
+/// A pose in which a body has no equilibrium.
+#[derive(Clone, Debug)]
+pub struct Missed {
+    pub pose: String,
+    pub body: String,
+    /// With both names.
+    pub why: String,
+}
+
+impl ResultSet {
+    /// What a result is called in tables: in a scene of several bodies POSE/BODY, else POSE.
+    pub fn label(&self, result: &PoseResult) -> String {
+        match self.geometry.len() {
+            0 | 1 => result.pose.clone(),
+            _ => format!("{}/{}", result.pose, result.body),
+        }
+    }
+
+    pub fn has_forces(&self) -> bool {
+        self.results.iter().any(|result| result.wrenches.is_some())
+    }
+}
+
+/// Where the displacements of one body belong: node tags, rest positions, cells.
+#[derive(Clone, Debug)]
+pub struct Geometry {
+    pub body: String,
+    pub tags: Vec<u64>,
+    pub rest: Vec<Vector3<f64>>,
+    /// Triangles or tetrahedra.
+    pub cells: Vec<Vec<u32>>,
+}
+
+impl Geometry {
+    pub fn surface(body: &Deformer) -> Geometry {
+        Geometry {
+            body: body.body.clone(),
+            tags: body.tags().to_vec(),
+            rest: body.rest().iter().map(|x| Vector3::from(*x).cast() + body.centre).collect(),
+            cells: body.triangles().iter().map(|triangle| triangle.to_vec()).collect(),
+        }
+    }
+
+    pub fn volume(name: &str, mesh: &TetMesh) -> Geometry {
+        Geometry {
+            body: name.to_owned(),
+            tags: mesh.tags.clone(),
+            rest: mesh.nodes.clone(),
+            cells: (0..mesh.tets.len()).map(|tet| vtk_cell(mesh, tet)).collect(),
+        }
+    }
+}
+
+/// The nodes of a tetrahedron in VTK's order, whose last two mid-side nodes change places with ours.
+fn vtk_cell(mesh: &TetMesh, tet: usize) -> Vec<u32> {
+    let mut nodes = mesh.tets[tet].to_vec();
+    if let Some(&[a, b, c, d, e, f]) = mesh.mids.get(tet) {
+        nodes.extend([a, b, c, d, f, e]);
+    }
+    nodes
+}

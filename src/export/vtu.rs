@@ -1,0 +1,129 @@
+//! A VTU file for ParaView: the deformed bodies at rest, and a displacement field for every pose.
+
+use super::exporter::Exporter;
+use super::result_set::ResultSet;
+use crate::base::output::Kind;
+use crate::base::text::one_line;
+use crate::mesh::formats::vtu_write::{self, Cell, Piece};
+use nalgebra::Vector3;
+
+/// The surface of bodies that are shown online, all tetrahedra of others.
+pub const SURFACE: Exporter = Exporter {
+    suffix: ".vtu",
+    // A mesh in this format, as `convert` writes it, has no displacements.
+    kind: Kind {
+        name: "a VTU file by `deform`",
+        recognizes: |head| {
+            let mark = b" Vectors=\"displacement ";
+            head.starts_with(b"<VTKFile ") && head.windows(mark.len()).any(|window| window == mark)
+        },
+    },
+    needs_forces: false,
+    write: surface,
+};
+
+fn surface(set: &ResultSet) -> Vec<u8> {
+    vtu_write::encode(&pieces(set))
+}
+
+/// One piece per body: rest points, its cells, one displacement field a pose. Every piece has the fields of all
+/// poses, as VTK asks for; a body that a pose does not name is at rest in it, one that has no equilibrium there is NaN.
+fn pieces(set: &ResultSet) -> Vec<Piece<'_>> {
+    let ResultSet { geometry, results, missed } = set;
+    let mut poses: Vec<&str> = Vec::new();
+    for result in results {
+        if !poses.contains(&result.pose.as_str()) {
+            poses.push(&result.pose);
+        }
+    }
+    geometry
+        .iter()
+        .map(|g| {
+            let field = |pose: &&str| {
+                let result = results.iter().find(|result| result.body == g.body && result.pose == *pose);
+                let is_missed = || missed.iter().any(|missed| missed.body == g.body && missed.pose == *pose);
+                let u = match result {
+                    Some(result) => result.displacement.clone(),
+                    None => {
+                        let unknown = if is_missed() { f64::NAN } else { 0.0 };
+                        vec![Vector3::repeat(unknown); g.rest.len()]
+                    }
+                };
+                (one_line(format_args!("displacement {pose}")), u)
+            };
+            let cell = match g.cells.first().map_or(3, Vec::len) {
+                3 => Cell::Triangle,
+                4 => Cell::Tetra,
+                _ => Cell::QuadraticTetra,
+            };
+            let connectivity = g.cells.concat();
+            Piece {
+                points: &g.rest,
+                cell,
+                connectivity,
+                vectors: poses.iter().map(field).collect(),
+                numbers: None,
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::result_set::{Geometry, PoseResult};
+
+    #[test]
+    fn names_of_poses_leave_the_file_readable() {
+        let rest = vec![Vector3::zeros(), Vector3::x(), Vector3::y()];
+        let geometry = [Geometry { body: "a".into(), tags: vec![1, 2, 3], rest, cells: vec![vec![0, 1, 2]] }];
+        let poses = ["\u{1b}[2Jevil", "a\n\"b\" <&> 'c'", "\u{0}\u{202e}\u{ffff}", "röhre"];
+        let results = poses.map(|pose| PoseResult {
+            pose: pose.into(),
+            body: "a".into(),
+            displacement: vec![Vector3::x(); 3],
+            wrenches: None,
+        });
+        let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
+        let text = String::from_utf8(surface(&set)).unwrap();
+        assert!(!text.contains(['\u{1b}', '\u{0}', '\u{202e}', '\u{ffff}']));
+        let mut reader = quick_xml::Reader::from_str(&text);
+        let mut names = Vec::new();
+        loop {
+            match reader.read_event().unwrap() {
+                quick_xml::events::Event::Eof => break,
+                quick_xml::events::Event::Start(start) if start.name().as_ref() == b"DataArray" => {
+                    let name = start.try_get_attribute("Name").unwrap().unwrap();
+                    names.push(
+                        name.normalized_value(quick_xml::XmlVersion::Implicit1_0).unwrap().into_owned(),
+                    );
+                }
+                _ => {}
+            }
+        }
+        names.retain(|name| name.starts_with("displacement"));
+        let expected = ["\\u001b[2Jevil", "a\\n\"b\" <&> 'c'", "\\u0000\\u202e\\uffff", "röhre"];
+        assert_eq!(names, expected.map(|pose| format!("displacement {pose}")));
+    }
+
+    #[test]
+    fn every_piece_has_the_fields_of_all_poses() {
+        let geometry = ["a", "b"].map(|body| Geometry {
+            body: body.into(),
+            tags: vec![1],
+            rest: vec![Vector3::zeros()],
+            cells: vec![vec![0, 0, 0]],
+        });
+        let results = [("pull", "b"), ("push", "a")].map(|(pose, body)| PoseResult {
+            pose: pose.into(),
+            body: body.into(),
+            displacement: vec![Vector3::x()],
+            wrenches: None,
+        });
+        let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
+        for piece in pieces(&set) {
+            let names: Vec<&str> = piece.vectors.iter().map(|(name, _)| name.as_str()).collect();
+            assert_eq!(names, ["displacement pull", "displacement push"]);
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! A session: a world, who moves it, the force devices that are felt, and the file that it is recorded in.
+
+use super::haptic::HapticSession;
+use super::input::{Change, InputSource, Leader};
+use super::keys;
+use super::recording::{Recorder, Replay};
+use crate::base::failure::Failure;
+use crate::green::GreenFile;
+use crate::interact::Action;
+use crate::render::window::Key;
+use crate::scene::Scene;
+use crate::track::{Mouse, MouseInput, Script};
+use crate::world::World;
+use std::sync::Arc;
+
+/// A world that is moved on.
+pub struct Session {
+    pub world: World,
+    pub input: InputSource,
+    /// Loops of force devices, where the stage has some and a body asks for them.
+    pub haptics: Option<HapticSession>,
+    pub recorder: Option<Recorder>,
+    /// Of a scene; a stage alone has none.
+    pub file: Option<Arc<GreenFile>>,
+}
+
+/// How far a session has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    Running,
+    /// The recording has no more frames.
+    Ended,
+}
+
+impl Session {
+    /// A world moved by a script, or by nobody.
+    pub fn new(world: World, script: Option<Script>) -> Session {
+        let mut input = InputSource::default();
+        input.script = script;
+        Session { world, input, haptics: None, recorder: None, file: None }
+    }
+
+    /// Mouse and keyboard move what nothing else does.
+    pub fn attach_mouse(&mut self) {
+        self.input.mouse = Some(Mouse::new(self.world.stage.clone()));
+    }
+
+    /// Starts the force devices of the stage, where a body of the scene asks for them.
+    pub fn start_haptics(&mut self, scene: &Scene) -> Result<(), Failure> {
+        if let Some(file) = &self.file {
+            self.haptics = HapticSession::start(scene, file, &self.world)?;
+        }
+        Ok(())
+    }
+
+    /// Starts the trackers of the stage.
+    pub fn start_trackers(&mut self) -> Result<(), Failure> {
+        self.input.trackers = super::trackers::start(&self.world.stage, self.haptics.as_mut())?;
+        Ok(())
+    }
+
+    /// Moves the world on to `time_s` since the start: through all frames of a recording up to then, or by one frame of
+    /// whoever leads.
+    pub fn advance(&mut self, time_s: f64) -> Result<Progress, Failure> {
+        if self.input.leader() == Leader::Recording {
+            return self.replay_until(time_s);
+        }
+        let (mut state, changes) = self.input.state(&self.world.stage, time_s);
+        for change in changes {
+            self.apply(change);
+        }
+        match &mut self.haptics {
+            None => {
+                self.world.step_at(time_s, &state);
+            }
+            Some(haptics) => haptics.step(&mut self.world, time_s, &mut state),
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.frame(&mut self.world, &state)?;
+        }
+        if let Some(mouse) = &mut self.input.mouse {
+            mouse.hit_distance_m = self.world.hit_distance_m();
+        }
+        Ok(Progress::Running)
+    }
+
+    fn apply(&mut self, change: Change) {
+        self.world.act(match change {
+            Change::LetGo => Action::LetGo,
+            Change::Reset => Action::Reset,
+        });
+    }
+
+    /// Plays all frames of the recording up to `time_s` after its first.
+    fn replay_until(&mut self, time_s: f64) -> Result<Progress, Failure> {
+        let Some(replay) = &mut self.input.replay else { return Ok(Progress::Ended) };
+        while let Some(frame_s) = replay.next_time_s()? {
+            if frame_s > time_s {
+                return Ok(Progress::Running);
+            }
+            replay.play_next(&mut self.world, Some(time_s))?;
+        }
+        Ok(Progress::Ended)
+    }
+
+    /// Plays the next frame of the recording; false at its end.
+    pub fn play_frame(&mut self) -> Result<bool, Failure> {
+        match &mut self.input.replay {
+            Some(replay) => replay.play_next(&mut self.world, None),
+            None => Ok(false),
+        }
+    }
+
+    /// Takes what a person does with the mouse. A press takes over from a script.
+    pub fn mouse(&mut self, input: MouseInput<'_>) {
+        if let MouseInput::Button { pressed: true, .. } = input {
+            self.take_over();
+        }
+        let Some(mouse) = &mut self.input.mouse else { return };
+        match input {
+            MouseInput::Wheel { notches } if mouse.control && !mouse.is_grabbing() => {
+                self.world.act(keys::scale(notches));
+            }
+            input => mouse.handle(input),
+        }
+    }
+
+    /// Takes a key that is pressed or released. Any but function and modifier keys takes over from a script.
+    pub fn key(&mut self, key: Key, pressed: bool) {
+        let is_neutral = matches!(key, Key::Function(_) | Key::Shift | Key::Control | Key::Alt);
+        if pressed && !is_neutral {
+            self.take_over();
+        }
+        let Some(mouse) = &mut self.input.mouse else { return };
+        let action = keys::action(key, mouse.control, &self.world).filter(|_| pressed);
+        if let Some(action) = action {
+            self.world.act(action);
+        }
+        let mut typed = [0; 4];
+        if let Some(name) = keys::name(key, &mut typed) {
+            mouse.handle(MouseInput::Key { name, pressed });
+        }
+    }
+
+    /// A person takes over from the script, where one leads; what it held is let go.
+    pub fn take_over(&mut self) {
+        if let Some(change) = self.input.take_over() {
+            self.apply(change);
+        }
+    }
+
+    /// How the session ended: the force loops, the replay, the recording. A replay that came to other states is a failure.
+    pub fn report(&mut self) -> Result<String, Failure> {
+        let recorded = self.recorder.as_mut().map_or(Ok(String::new()), Recorder::report)?;
+        let replayed = self.input.replay.as_ref().map_or(Ok(String::new()), Replay::report)?;
+        Ok(format!("{replayed}{recorded}"))
+    }
+}

@@ -1,0 +1,345 @@
+//! The force loops of a session: one for each device of the stage, if a body lists an effect that gives forces.
+//!
+//! A real device is a tracker of the stage, and its loop that tracker's source; a simulated one moves its stylus before a
+//! frame. After the frame the loop is told what the stylus holds. Where no body asks for it, or the stage has no
+//! device, there is no [`HapticSession`], no loop and no call in the frame.
+
+use super::interrupt;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::base::table::seconds;
+use crate::effect::find_effect;
+use crate::effect::haptics::{
+    Clockwork, Control, Device, Elastic, Faults, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated,
+    VrpnDevice, Way,
+};
+use crate::green::GreenFile;
+use crate::interact::Mode;
+use crate::scene::Scene;
+use crate::stage::{Haptic, HapticDevice, Stage};
+use crate::track::{TrackerState, usable};
+use crate::world::World;
+use nalgebra::Isometry3;
+use std::time::{Duration, Instant};
+
+pub struct HapticSession {
+    links: Vec<Link>,
+}
+
+/// What a force device and its loop do now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HapticReading {
+    pub name: String,
+    pub felt: Felt,
+    pub clockwork: Clockwork,
+    pub max_force_n: f64,
+    /// Its stylus holds something that is felt.
+    pub holds: bool,
+}
+
+/// One device and its loop.
+struct Link {
+    haptic: Haptic,
+    running: Loop,
+    /// Number of its stylus.
+    stylus: usize,
+    /// Numbers in the world of the bodies that it can feel.
+    bodies: Vec<usize>,
+    hold: Option<Hold>,
+    grips: u64,
+    /// Where the tracker, or the mouse, has the hand of a simulated device.
+    room_from_hand: Option<Isometry3<f64>>,
+    told: Told,
+}
+
+/// What was said of a device, once each, and since when it says nothing.
+struct Told {
+    stiff: bool,
+    slow: bool,
+    /// The age of the poses that was told of, s.
+    age_s: f64,
+    silent: bool,
+    heard: Instant,
+}
+
+/// Poses that are older than this when their forces act are told of, s; and again when they are twice as old as was told.
+const LATE_S: f64 = 1.5e-3;
+
+/// A device that says nothing for so long is told of.
+const SILENT: Duration = Duration::from_secs(2);
+
+#[derive(Clone, Copy)]
+struct Hold {
+    place: (usize, usize),
+    way: Way,
+}
+
+impl Hold {
+    fn goes_on(&self, last: &Hold) -> bool {
+        let is_same = match (&self.way, &last.way) {
+            (Way::Rigid(now), Way::Rigid(then)) => (now - then).norm() < SAME_HOLD,
+            (Way::Carried { carrying: now, .. }, Way::Carried { carrying: then, .. }) => {
+                now.begun() == then.begun()
+            }
+            _ => false,
+        };
+        is_same && self.place == last.place
+    }
+}
+
+/// A hold whose matrix is off by more than this since it began is another one; an element that is off by more does not
+/// follow.
+const SAME_HOLD: f64 = 1e-3;
+
+impl HapticSession {
+    /// Starts the loops; `None` where nothing asks for one.
+    pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Option<HapticSession>, Failure> {
+        let wants = |effect: &String| find_effect(effect).is_ok_and(|effect| effect.needs.stiffness);
+        let (mut bodies, mut elastic) = (Vec::new(), Vec::new());
+        for (b, (name, body)) in scene.body.iter().enumerate() {
+            let stiffness = file.stiffness(name).filter(|_| body.effects.iter().any(wants));
+            if let Some(stiffness) = stiffness {
+                let made = Elastic::new(&body.model, &stiffness, &world.bodies[b].deformer.controls);
+                elastic.push(made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))?);
+                bodies.push(b);
+            }
+        }
+        if bodies.is_empty() || world.stage.haptics.is_empty() {
+            return Ok(None);
+        }
+        let link = |haptic: &Haptic| {
+            let stylus = stylus_number(haptic, &world.stage)?;
+            let device = open(haptic)?;
+            let control = Control::new(haptic.clone(), elastic.clone(), device.latency_s());
+            let running = Loop::start(control, device).map_err(Failure::work)?;
+            notice!("haptic {}: {}, {} Hz", haptic.name, running.device, haptic.rate_hz);
+            Ok(Link {
+                haptic: haptic.clone(),
+                running,
+                stylus,
+                bodies: bodies.clone(),
+                hold: None,
+                grips: 0,
+                room_from_hand: None,
+                told: Told { stiff: false, slow: false, age_s: LATE_S, silent: false, heard: Instant::now() },
+            })
+        };
+        let links = world.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
+        interrupt::end_without_force();
+        Ok(Some(HapticSession { links }))
+    }
+
+    /// What the device of this name measures, as a tracker's source; once.
+    pub fn source(&mut self, name: &str) -> Option<Sensed> {
+        self.links.iter_mut().find(|link| link.haptic.name == name)?.running.source()
+    }
+
+    /// A frame of the world, which its force devices take part in.
+    pub fn step(&mut self, world: &mut World, clock_s: f64, state: &mut TrackerState) {
+        self.move_styli(state);
+        world.step_at(clock_s, state);
+        self.tell(world);
+    }
+
+    /// Puts simulated devices in the place of their styli.
+    fn move_styli(&mut self, state: &mut TrackerState) {
+        for link in self.links.iter_mut().filter(|link| link.haptic.device == HapticDevice::Simulated) {
+            let felt = link.running.report().felt;
+            link.drag_along(&felt, state);
+        }
+    }
+
+    /// Tells the loops what is held after a frame.
+    fn tell(&mut self, world: &World) {
+        for link in &mut self.links {
+            let held = link.held(world);
+            let poses = held.map(|held| &world.bodies[link.bodies[held.body]].deformer.poses);
+            let room_from_hand = link.room_from_hand;
+            link.running.tell(|grasp| {
+                (grasp.held, grasp.room_from_hand) = (held, room_from_hand);
+                grasp.poses.clear();
+                grasp.poses.extend(poses.into_iter().flatten());
+            });
+            link.warn(world, held.as_ref());
+        }
+    }
+
+    /// What each device does now.
+    pub fn readings(&mut self) -> Vec<HapticReading> {
+        let of = |link: &mut Link| {
+            let Report { felt, clockwork, .. } = *link.running.report();
+            HapticReading {
+                name: link.haptic.name.clone(),
+                felt,
+                clockwork,
+                max_force_n: link.haptic.max_force_n,
+                holds: link.hold.is_some(),
+            }
+        };
+        self.links.iter_mut().map(of).collect()
+    }
+
+    /// How the loops did, a line for each.
+    pub fn summary(&mut self) -> String {
+        let line = |link: &mut Link| {
+            let Report { felt, clockwork: clock, malformed } = *link.running.report();
+            let [p50, p99, late] = [clock.work_p50_s, clock.work_p99_s, clock.late_p99_s].map(seconds);
+            let name = &link.haptic.name;
+            let told = format!(
+                "haptic {name}: {} ticks, {} late, {} left out; work p50 {p50}, p99 {p99}; late by p99 {late}\n",
+                clock.ticks, clock.late, clock.missed
+            );
+            let Faults { lost, absurd, jumps, backward, unattended, undefined } = felt.faults;
+            let faults = [
+                (lost, "without news of the device"),
+                (absurd, "with a pose that cannot be"),
+                (jumps, "with a jump"),
+                (backward, "with an older reading"),
+                (unattended, "without news of the frame"),
+                (undefined, "without a mean rotation"),
+                (malformed, "messages not understood"),
+            ];
+            let seen: Vec<String> = faults
+                .iter()
+                .filter(|(count, _)| *count > 0)
+                .map(|(count, what)| format!("{count} {what}"))
+                .collect();
+            if seen.is_empty() { told } else { format!("{told}haptic {name}: ticks {}\n", seen.join(", ")) }
+        };
+        self.links.iter_mut().map(line).collect()
+    }
+}
+
+fn stylus_number(haptic: &Haptic, stage: &Stage) -> Result<usize, Failure> {
+    let known = stage.stylus_names();
+    known.iter().position(|name| *name == haptic.stylus).ok_or_else(|| {
+        let message = crate::config::unknown_name("stylus", &haptic.stylus, known.iter().copied());
+        Failure::wrong(format!("haptic.{}.stylus: {message}", haptic.name))
+    })
+}
+
+/// Opens the device that a stage names.
+pub fn open(haptic: &Haptic) -> Result<Box<dyn Device>, Failure> {
+    let wrong = |message: String| Failure::wrong(format!("haptic.{}: {message}", haptic.name));
+    Ok(match &haptic.device {
+        HapticDevice::Simulated => Box::new(Simulated::new(haptic, Hand::FINGERS)),
+        HapticDevice::Vrpn(name) => Box::new(VrpnDevice::open(name).map_err(wrong)?),
+        HapticDevice::Haply(place) => {
+            Box::new(Haply::open(place, haptic.buttons).map_err(|error| wrong(error.to_string()))?)
+        }
+    })
+}
+
+impl Link {
+    /// The stylus of a simulated device goes where its mass is; the tracker's or the mouse's is the hand that pulls it.
+    fn drag_along(&mut self, felt: &Felt, state: &mut TrackerState) {
+        let Some(stylus) = state.styli.get_mut(self.stylus) else {
+            self.room_from_hand = None;
+            return;
+        };
+        let was_pulled = self.room_from_hand.is_some();
+        self.room_from_hand = usable(&stylus.room_from_stylus).or(self.room_from_hand);
+        if let Some(pose) = felt.room_from_handle.filter(|_| was_pulled) {
+            stylus.room_from_stylus = pose.cast();
+        }
+    }
+
+    /// What this link's stylus holds; `None` too where the element does not go where the hand wants it, beyond the limits
+    /// of a pose.
+    fn held(&mut self, world: &World) -> Option<Held> {
+        let now = self.holds_now(world);
+        let goes_on = now.zip(self.hold).is_some_and(|(now, last)| now.goes_on(&last));
+        if !goes_on {
+            self.grips += u64::from(now.is_some());
+        }
+        // The other hand of a hold moves; what one hand holds freely stays as it was taken.
+        if !goes_on || matches!(now, Some(Hold { way: Way::Carried { .. }, .. })) {
+            self.hold = now;
+        }
+        let hold = self.hold?;
+        let (b, element) = hold.place;
+        let body = &world.bodies[b];
+        Some(Held {
+            grip: self.grips,
+            body: self.bodies.iter().position(|body| *body == b)?,
+            element,
+            room_from_body: body.room_from_body,
+            way: hold.way,
+            mean: body.deformer.body_from_surface().rotation.to_rotation_matrix(),
+        })
+    }
+
+    fn holds_now(&self, world: &World) -> Option<Hold> {
+        let hands = &world.graph.get(world.fields.hands).hands;
+        let target = hands.grip(self.stylus)?.target;
+        let holders =
+            (0..world.fields.styli.len()).filter(|&i| hands.grip(i).is_some_and(|g| g.target == target));
+        let stylus = world.graph.get(world.fields.styli.get(self.stylus)?.stylus).as_ref()?;
+        let place = *world.fields.targets.get(target)?;
+        if !self.bodies.contains(&place.0) {
+            return None;
+        }
+        let handle_from_stylus = self.haptic.sensor_from_body;
+        let (body, pose) = (&world.bodies[place.0], hands.room_from_stylus(self.stylus)?);
+        let shown = body.room_from_element(place.1, body.deformer.poses.get(place.1)?);
+        let way = if hands.mode == Mode::FREE && holders.count() == 1 && !stylus.second {
+            let handle_from_room = handle_from_stylus * pose.inverse();
+            Way::Rigid(handle_from_room.to_homogeneous() * shown)
+        } else {
+            let carrying = hands.carrying(self.stylus)?;
+            let is_followed = (carrying.now()? - shown).norm() < SAME_HOLD;
+            is_followed.then_some(Way::Carried { carrying, handle_from_stylus })?
+        };
+        Some(Hold { place, way })
+    }
+
+    /// Says once each that a device is silent, that it reports slowly or late, and that a body is too stiff to be felt as it is.
+    fn warn(&mut self, world: &World, held: Option<&Held>) {
+        let felt = self.running.report().felt;
+        let Haptic { name, rate_hz, damping, .. } = &self.haptic;
+        if felt.room_from_handle.is_some() {
+            self.told.heard = Instant::now();
+        } else if !self.told.silent && self.told.heard.elapsed() > SILENT {
+            self.told.silent = true;
+            notice!(
+                "warning: haptic {name}: {} has not said where it is for {} s: is it on, its service running, its address right?",
+                self.running.device,
+                SILENT.as_secs()
+            );
+        }
+        if felt.gain <= 0.0 {
+            return;
+        }
+        if !self.told.slow && felt.spacing_s * rate_hz > 2.0 {
+            self.told.slow = true;
+            notice!(
+                "warning: haptic {name}: it reports {:.0} times a second, the loop runs at {rate_hz} Hz: no more than {:.0} N/m can \
+                 be felt (`greenstage manual haptics`)",
+                1.0 / felt.spacing_s,
+                felt.bearable
+            );
+        }
+        if felt.age_s > self.told.age_s {
+            self.told.age_s = 2.0 * felt.age_s;
+            notice!(
+                "warning: haptic {name}: a pose is up to {:.1} ms old when the force from it acts: no more than {:.0} N/m can be \
+                 felt (`greenstage manual haptics`)",
+                1e3 * felt.age_s,
+                felt.bearable
+            );
+        }
+        let Some(held) = held.filter(|_| !self.told.stiff && felt.stiffer > 1.0) else { return };
+        self.told.stiff = true;
+        notice!(
+            "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears with {damping} N·s/m of friction, a report \
+             every {:.1} ms and poses {:.1} ms old; in those directions it is felt that much softer (`greenstage manual haptics`)",
+            world.bodies[self.bodies[held.body]].deformer.body,
+            felt.stiffer.ceil(),
+            1e3 * felt.spacing_s,
+            1e3 * felt.age_s,
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests;

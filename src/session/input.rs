@@ -1,0 +1,121 @@
+//! Who moves head and styli: a recording before trackers, trackers before a script, a script before mouse and keyboard.
+//!
+//! In: a stage's trackers, a script, and what a person does with mouse and keyboard. Out: one [`TrackerState`] a frame.
+//! A script leads until a tracker speaks or a person presses a button or a key; then it is over.
+
+use super::recording::Replay;
+use super::trackers;
+use crate::base::notice::notice;
+use crate::stage::Stage;
+use crate::track::device::now_s;
+use crate::track::rig::TrackerReport;
+use crate::track::{Mouse, Rig, Script, TrackerState};
+
+/// What may move a world, in the order of precedence.
+#[derive(Default)]
+pub struct InputSource {
+    pub replay: Option<Replay>,
+    /// Tracked devices, where the stage names some.
+    pub trackers: Option<Rig>,
+    pub script: Option<Script>,
+    pub mouse: Option<Mouse>,
+    /// How often the script has begun anew.
+    round: u32,
+    /// When the last state was made, s.
+    last_s: f64,
+}
+
+/// Who moves head and styli now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leader {
+    Recording,
+    Script,
+    /// Trackers, and whatever they do not move by mouse and keyboard.
+    Trackers,
+    Mouse,
+    Nobody,
+}
+
+/// Pause between two rounds of a script, each of which starts at rest, s.
+const PAUSE_S: f64 = 1.0;
+
+/// What becomes of a world before a state is applied to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// The script is over: what it held is let go.
+    LetGo,
+    /// The script begins anew.
+    Reset,
+}
+
+impl InputSource {
+    pub fn leader(&self) -> Leader {
+        match self {
+            InputSource { replay: Some(_), .. } => Leader::Recording,
+            InputSource { script: Some(_), .. } => Leader::Script,
+            InputSource { trackers: Some(rig), .. } if rig.is_speaking() => Leader::Trackers,
+            InputSource { mouse: Some(_), .. } => Leader::Mouse,
+            _ => Leader::Nobody,
+        }
+    }
+
+    /// Who moves head and styli, in words.
+    pub fn describe(&self) -> &'static str {
+        match self.leader() {
+            Leader::Recording => "moved by a recording",
+            Leader::Script => "moved by the script",
+            Leader::Trackers if self.trackers.as_ref().is_some_and(Rig::is_pointing) => "moved by trackers",
+            Leader::Trackers => "moved by trackers, mouse and keyboard",
+            Leader::Mouse | Leader::Nobody => "moved by mouse and keyboard",
+        }
+    }
+
+    /// A person takes over from the script, where one leads.
+    pub fn take_over(&mut self) -> Option<Change> {
+        if self.leader() != Leader::Script {
+            return None;
+        }
+        self.script.take().map(|_| Change::LetGo)
+    }
+
+    /// Head and styli at `time_s` since the start, and what has to be done with the world before: trackers where they
+    /// speak, and for what they do not tell the script, or else mouse and keyboard.
+    pub fn state(&mut self, stage: &Stage, time_s: f64) -> (TrackerState, Vec<Change>) {
+        let mut changes = Vec::new();
+        let step_s = (time_s - self.last_s).max(0.0);
+        self.last_s = time_s;
+        if let (Some(rig), Some(mouse)) = (&mut self.trackers, &mut self.mouse) {
+            mouse.tracked_head = rig.state(now_s()).head.map(|head| head.cast());
+        }
+        let mut state = match (&self.script, &mut self.mouse) {
+            (Some(script), _) => {
+                let round_s = script.duration_s + PAUSE_S;
+                let round = (time_s / round_s) as u32;
+                if std::mem::replace(&mut self.round, round) != round {
+                    changes.push(Change::Reset);
+                }
+                script.sample(stage, time_s % round_s)
+            }
+            (None, Some(mouse)) => {
+                mouse.advance(step_s);
+                mouse.state(time_s)
+            }
+            (None, None) => TrackerState { time_s, ..TrackerState::default() },
+        };
+        if let Some(rig) = &mut self.trackers {
+            state = trackers::merge(rig, state);
+            for told in rig.take_notices() {
+                notice!("note: {told}");
+            }
+            if rig.is_speaking() {
+                changes.extend(self.take_over());
+            }
+        }
+        (state, changes)
+    }
+
+    /// What the trackers say of all their sensors.
+    pub fn tracker_reports(&mut self) -> Vec<TrackerReport> {
+        self.trackers.as_mut().map(|rig| rig.report(now_s())).unwrap_or_default()
+    }
+}

@@ -1,0 +1,232 @@
+//! However a program ends while a device pushes, the last force that the device is told is none: a process of its own is
+//! ended in each way, and its device, a server of ours, notes what it is told.
+
+use super::*;
+use crate::base::signal;
+use crate::cli::bench_haptics::control;
+use crate::effect::haptics::{Device, Haply, Loop, VrpnDevice};
+use crate::stage::GripButton;
+use crate::track::vrpn::codec::{self, Framer, Header};
+use crate::track::vrpn::payload::{Kind, Payload};
+use libc::{SIGABRT, SIGBUS, SIGHUP, SIGINT, SIGQUIT, SIGSEGV, SIGTERM, SIGUSR1, SIGXCPU};
+use std::io::{BufRead, ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant;
+use tungstenite::Message;
+
+const DEVICE: &str = "GREENSTAGE_TEST_DEVICE";
+const WAY_OUT: &str = "GREENSTAGE_TEST_WAY_OUT";
+
+/// Not a test of its own: the process that the others end, or that ends itself once it is told to on standard input.
+#[test]
+fn child() -> Result<(), &'static str> {
+    let Ok(device) = std::env::var(DEVICE) else { return Ok(()) };
+    // A core of it is of no use to anybody.
+    let none = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    // SAFETY: the limits outlive the call.
+    unsafe { libc::setrlimit(libc::RLIMIT_CORE, &raw const none) };
+    signal::watch().unwrap();
+    end_without_force();
+    let device: Box<dyn Device> = match device.split_once(' ').unwrap() {
+        ("vrpn", place) => Box::new(VrpnDevice::open(&format!("Phantom0@tcp://{place}")).unwrap()),
+        (_, place) => Box::new(Haply::open(place, [GripButton::A, GripButton::B]).unwrap()),
+    };
+    let (control, grasp) = control("linear", 2).unwrap();
+    let mut running = Loop::start(control, device).unwrap();
+    let (told, is_told) = channel();
+    std::thread::spawn(move || told.send(std::io::stdin().lock().read_line(&mut String::new()).is_ok()));
+    let started = Instant::now();
+    while is_told.try_recv().is_err() {
+        assert!(started.elapsed() < Duration::from_secs(120), "never ended");
+        running.tell(|told| told.clone_from(&grasp));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    match std::env::var(WAY_OUT).unwrap().as_str() {
+        "end" => {}
+        "error" => return Err("as of a frame"),
+        "panic" => panic!("as of a frame"),
+        "panic in a destructor" => {
+            struct Falls;
+            impl Drop for Falls {
+                fn drop(&mut self) {
+                    panic!("as of a swap chain");
+                }
+            }
+            let _falls = Falls;
+            panic!("as of a frame");
+        }
+        "abort" => std::process::abort(),
+        "fault" => {
+            // SAFETY: none: nobody has this page, and that is the way out.
+            let byte = unsafe { std::ptr::without_provenance::<u8>(64).read_volatile() };
+            println!("{byte}");
+        }
+        other => panic!("{other}?"),
+    }
+    Ok(())
+}
+
+/// A device that stands aside of rest with its button down, and gives the size of each force that it is told, N; until
+/// its client has gone.
+struct Played {
+    name: String,
+    forces: Receiver<f64>,
+}
+
+fn vrpn() -> Played {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let name = format!("vrpn {}", listener.local_addr().unwrap());
+    let (told, forces) = channel();
+    std::thread::spawn(move || serve_vrpn(&mut listener.accept().unwrap().0, &told));
+    Played { name, forces }
+}
+
+fn serve_vrpn(stream: &mut TcpStream, told: &Sender<f64>) {
+    stream.set_read_timeout(Some(Duration::from_millis(2))).unwrap();
+    let mut greeting = codec::cookie().to_vec();
+    let described = |id: i32, kind: i32, name: &str, bytes: &mut Vec<u8>| {
+        codec::encode(&Header::now(id, kind), &codec::encode_name(name), bytes);
+    };
+    described(0, codec::SENDER_DESCRIPTION, "Phantom0", &mut greeting);
+    described(0, codec::TYPE_DESCRIPTION, Kind::PosQuat.name(), &mut greeting);
+    described(1, codec::TYPE_DESCRIPTION, Kind::ButtonChange.name(), &mut greeting);
+    stream.write_all(&greeting).unwrap();
+    let (mut framer, mut field, mut has_cookie) = (Framer::default(), None, false);
+    loop {
+        let mut bytes = Vec::new();
+        let (position, quaternion) = ([0.01, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]);
+        let pose = Payload::Pose { sensor: 0, position, quaternion };
+        codec::encode(&Header::now(0, 0), &pose.encode(), &mut bytes);
+        codec::encode(
+            &Header::now(0, 1),
+            &Payload::ButtonChange { button: 0, state: 1 }.encode(),
+            &mut bytes,
+        );
+        // Nobody to hear it: what was said by the one that has gone is read all the same.
+        let _ = stream.write_all(&bytes);
+        match stream.read(framer.space()) {
+            Ok(0) => return,
+            Ok(count) => framer.wrote(count),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            Err(_) => return,
+        }
+        has_cookie = has_cookie || framer.cookie().is_some();
+        while has_cookie && let Some(message) = framer.message().unwrap() {
+            let header = message.header;
+            let is_field = || codec::decode_name(message.payload) == Ok(Kind::ForceField.name());
+            if header.kind == codec::TYPE_DESCRIPTION && is_field() {
+                field = Some(header.sender);
+            } else if Some(header.kind) == field
+                && let Ok(Payload::ForceField(field)) = Payload::decode(Kind::ForceField, message.payload)
+            {
+                let size = field.force.iter().map(|f| f64::from(f.abs())).sum();
+                told.send(size).unwrap();
+            }
+        }
+    }
+}
+
+fn haply() -> Played {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let name = format!("haply {}", listener.local_addr().unwrap());
+    let (told, forces) = channel();
+    std::thread::spawn(move || {
+        let state = r#"{ "session_id": 1, "inverse3": [{ "device_id": "049D", "state": {
+            "cursor_position": { "x": 0.01, "y": 0.0, "z": 0.0 } } }],
+            "verse_grip": [{ "device_id": "7", "state": { "button": true } }] }"#;
+        let mut socket = tungstenite::accept(listener.accept().unwrap().0).unwrap();
+        let _ = socket.send(Message::text(state));
+        while let Ok(message) = socket.read() {
+            let Message::Text(text) = message else { continue };
+            let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let force = &value["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
+            let sizes = ["x", "y", "z"].map(|axis| force[axis].as_f64().unwrap().abs());
+            told.send(sizes.iter().sum()).unwrap();
+            let _ = socket.send(Message::text(state));
+        }
+    });
+    Played { name, forces }
+}
+
+fn start(device: &Played, way_out: &str) -> Child {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command
+        .args(["--exact", "cli::interrupt::tests::child", "--nocapture"])
+        .envs([(DEVICE, device.name.as_str()), (WAY_OUT, way_out)])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    // SAFETY: the call changes the signal mask alone. The tests' own first thread must block the signals too, and it runs
+    // before `child` can say so.
+    unsafe { command.pre_exec(signal::block) }.spawn().unwrap()
+}
+
+/// Ends a process while its device pushes; its status, and the last force.
+fn ended(device: &Played, way_out: &str, signal: Option<i32>) -> (ExitStatus, f64) {
+    let mut child = start(device, way_out);
+    while device.forces.recv_timeout(Duration::from_secs(60)).unwrap() == 0.0 {}
+    match signal {
+        // SAFETY: takes numbers alone; the child was not waited for yet, so the number is its own.
+        Some(signal) => assert_eq!(unsafe { libc::kill(child.id() as i32, signal) }, 0),
+        None => child.stdin.take().unwrap().write_all(b"go\n").unwrap(),
+    }
+    let status = child.wait().unwrap();
+    (status, device.forces.iter().last().unwrap_or(f64::NAN))
+}
+
+#[test]
+fn a_program_that_is_told_to_end_leaves_no_force() {
+    for device in [vrpn(), haply()] {
+        let (status, last) = ended(&device, "", Some(SIGTERM));
+        assert_eq!((status.signal(), last), (Some(SIGTERM), 0.0), "{}", device.name);
+    }
+    for signal in [SIGINT, SIGHUP] {
+        let (status, last) = ended(&vrpn(), "", Some(signal));
+        assert_eq!((status.signal(), last), (Some(signal), 0.0), "as the signal ends a program");
+    }
+}
+
+#[test]
+fn a_program_that_is_ended_by_a_fault_or_a_limit_leaves_no_force() {
+    for signal in [SIGBUS, SIGSEGV, SIGABRT, SIGQUIT, SIGUSR1, SIGXCPU] {
+        let (status, last) = ended(&vrpn(), "", Some(signal));
+        assert_eq!((status.signal(), last), (Some(signal), 0.0));
+    }
+    let (status, last) = ended(&haply(), "", Some(SIGBUS));
+    assert_eq!((status.signal(), last), (Some(SIGBUS), 0.0));
+}
+
+/// Ctrl-Z would stop it while its device pushes.
+#[test]
+fn a_program_that_pushes_is_not_stopped() {
+    let device = vrpn();
+    let mut child = start(&device, "end");
+    while device.forces.recv_timeout(Duration::from_secs(60)).unwrap() == 0.0 {}
+    // SAFETY: takes numbers alone; the child was not waited for yet, so the number is its own.
+    assert_eq!(unsafe { libc::kill(child.id() as i32, libc::SIGTSTP) }, 0);
+    child.stdin.take().unwrap().write_all(b"go\n").unwrap();
+    assert!(child.wait().unwrap().success());
+    assert_eq!(device.forces.iter().last(), Some(0.0));
+}
+
+#[test]
+fn a_program_that_ends_itself_in_any_way_leaves_no_force() {
+    for (way_out, signal, code) in [
+        ("end", None, Some(0)),
+        ("error", None, Some(101)),
+        ("panic", None, Some(101)),
+        ("panic in a destructor", Some(SIGABRT), None),
+        ("abort", Some(SIGABRT), None),
+        ("fault", Some(SIGSEGV), None),
+    ] {
+        let (status, last) = ended(&vrpn(), way_out, None);
+        assert_eq!((status.signal(), status.code(), last), (signal, code, 0.0), "{way_out}");
+    }
+    for (way_out, signal) in [("end", None), ("abort", Some(SIGABRT))] {
+        let (status, last) = ended(&haply(), way_out, None);
+        assert_eq!((status.signal(), last), (signal, 0.0), "{way_out}");
+    }
+}

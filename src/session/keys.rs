@@ -1,0 +1,59 @@
+//! Keys and wheel of a window as commands to the world.
+
+use crate::interact::{Action, Axis, Freedom, Mode};
+use crate::render::window::Key;
+use crate::track::mouse::BINDINGS;
+use crate::world::World;
+
+/// The scene grows by this factor a line of the wheel.
+const SCALE_PER_LINE: f64 = 1.1;
+/// More lines at once are a fault of the device.
+const MOST_LINES: f64 = 20.0;
+
+/// What a key commands when it is pressed, with or without Ctrl; `None` for one that commands nothing.
+pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
+    let only = |freedom| Action::SetMode(Mode { freedom, axis: None });
+    let along = |axis| Action::SetMode(world.mode().along(axis));
+    Some(match (key, control) {
+        (Key::Char('z'), true) => Action::Undo,
+        (Key::Char('y'), true) => Action::Redo,
+        // Ctrl may still be down from undo and redo.
+        (Key::Backspace, _) => Action::SnapBack,
+        (Key::Home, _) => Action::ResetNavigation,
+        (_, true) => return None,
+        (Key::Char('f'), _) => only(Freedom::Free),
+        (Key::Char('t'), _) => only(Freedom::Translate),
+        (Key::Char('g'), _) => only(Freedom::Rotate),
+        (Key::Char('x'), _) => along(Axis::X),
+        (Key::Char('y'), _) => along(Axis::Y),
+        (Key::Char('z'), _) => along(Axis::Z),
+        (Key::Char('p'), _) => Action::SetAside(world.pointed_body(world.cursor()?)?),
+        _ => return None,
+    })
+}
+
+/// What so many lines of the wheel command with Ctrl and nothing in the hand.
+pub fn scale(lines: f64) -> Action {
+    let lines = if lines.is_finite() { lines.clamp(-MOST_LINES, MOST_LINES) } else { 0.0 };
+    Action::ScaleScene(SCALE_PER_LINE.powf(lines))
+}
+
+/// What mouse and keys do, for `--help` and the start of a session.
+pub fn bindings() -> String {
+    let rows: Vec<String> = BINDINGS.iter().map(|(input, what)| format!("  {input:<36} {what}")).collect();
+    format!("Mouse and keyboard:\n{}", rows.join("\n"))
+}
+
+/// What [`crate::track::Mouse`] calls a key, where it knows it; a letter is written into `typed`.
+pub fn name(key: Key, typed: &mut [u8; 4]) -> Option<&str> {
+    Some(match key {
+        Key::Char(c) => c.encode_utf8(typed),
+        Key::Left => "ArrowLeft",
+        Key::Right => "ArrowRight",
+        Key::Up => "ArrowUp",
+        Key::Down => "ArrowDown",
+        Key::Control => "Control",
+        Key::Shift => "Shift",
+        _ => return None,
+    })
+}

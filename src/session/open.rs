@@ -1,0 +1,95 @@
+//! A session opened from what was asked for: scene, stage, script, .green file, recordings.
+
+use super::advance::Session;
+use super::recording::{Origin, Recorder, Replay};
+use crate::base::failure::Failure;
+use crate::scene::Scene;
+use crate::stage::Stage;
+use crate::track::Script;
+use crate::world::{World, prepare};
+use std::path::Path;
+
+/// What a session is opened with; what is not named is the scene's.
+#[derive(Clone, Copy, Debug)]
+pub struct Request<'a> {
+    pub scene: &'a Scene,
+    /// A built-in stage, or a stage file.
+    pub stage: Option<&'a str>,
+    pub script: Option<&'a Path>,
+    /// A .green file that is only read.
+    pub green: Option<&'a Path>,
+    /// A session that moves everything, on its own stage unless another is named.
+    pub replay: Option<&'a Path>,
+    /// Where every step is written down.
+    pub record: Option<&'a Path>,
+}
+
+impl<'a> Request<'a> {
+    /// With everything as the scene has it.
+    pub fn of(scene: &'a Scene) -> Request<'a> {
+        Request { scene, stage: None, script: None, green: None, replay: None, record: None }
+    }
+}
+
+impl Session {
+    /// Makes the .green file where it is missing or stale; the trackers and force devices are not started.
+    pub fn open(request: &Request<'_>) -> Result<Session, Failure> {
+        let scene = request.scene;
+        let script = script(scene, request.script)?;
+        let mut replay = request.replay.map(Replay::open).transpose()?;
+        let named = match (request.stage, &replay) {
+            (Some(asked), _) => Some(asked.to_owned()),
+            (None, Some(replay)) => Some(replay.stage()?),
+            (None, None) => None,
+        };
+        let stage = stage(scene, named.as_deref())?;
+        let file = prepare::green_file(scene, request.green)?;
+        let mut world = World::new(scene, &file, stage)?;
+        let named = named.unwrap_or_else(|| stage_of_scene(scene));
+        let origin = Origin { scene, file: &file, stage: &named };
+        if let Some(replay) = &mut replay {
+            replay.start(&origin, &mut world)?;
+        }
+        let recorder = request.record.map(|path| Recorder::create(path, &origin, &world)).transpose()?;
+        let mut session = Session::new(world, script);
+        (session.input.replay, session.recorder) = (replay, recorder);
+        session.file = Some(file);
+        Ok(session)
+    }
+}
+
+/// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
+pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
+    let name = asked.map_or_else(|| stage_of_scene(scene), str::to_owned);
+    Stage::find(&name).map_err(|error| match asked {
+        Some(_) => Failure::request(error),
+        None => Failure::request(scene.invalid("stage", error.to_string())),
+    })
+}
+
+/// The scene's stage, as it is found from where the program runs.
+fn stage_of_scene(scene: &Scene) -> String {
+    if scene.stage.ends_with(".toml") {
+        scene.resolve(Path::new(&scene.stage)).display().to_string()
+    } else {
+        scene.stage.clone()
+    }
+}
+
+/// The script that is asked for, else the scene's, if it has one; a path in the scene file is relative to it.
+pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Failure> {
+    let of_scene = || match &scene.script {
+        Some(path) if path.extension().is_some_and(|e| e == "toml") => Some(scene.resolve(path)),
+        other => other.clone(),
+    };
+    asked
+        .map(Path::to_owned)
+        .or_else(of_scene)
+        .map(|name| {
+            Script::find(&name.display().to_string()).map_err(|error| match asked {
+                Some(_) => Failure::request(error),
+                None => Failure::request(scene.invalid("script", error.to_string())),
+            })
+        })
+        .transpose()
+}

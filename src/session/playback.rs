@@ -1,0 +1,94 @@
+//! A session played in a number of pictures, where nobody moves it by hand: a script, a recording, or nothing.
+
+use super::advance::Session;
+use super::input::Leader;
+use crate::base::failure::Failure;
+use crate::base::statistics::{median, quantile};
+use crate::base::table::seconds;
+use crate::world::StepTimes;
+
+/// A session played in a number of pictures, with fine steps between them that nobody sees: a grab needs the moment at
+/// which the button goes down.
+pub struct Playback {
+    source: Source,
+    /// Pictures over the whole of it, 1 or more.
+    frames: usize,
+    done: u64,
+}
+
+#[derive(Clone, Copy)]
+enum Source {
+    /// Nothing moves.
+    Rest,
+    Script {
+        duration_s: f64,
+    },
+    /// A recording of so many frames.
+    Recording {
+        length: u64,
+    },
+}
+
+/// Fine steps over a whole script, at least.
+const SCRIPT_STEPS: usize = 240;
+
+impl Source {
+    fn of(session: &Session) -> Result<Source, Failure> {
+        Ok(match (session.input.leader(), &session.input.replay, &session.input.script) {
+            (Leader::Recording, Some(replay), _) => Source::Recording { length: replay.length()? },
+            (Leader::Script, _, Some(script)) => Source::Script { duration_s: script.duration_s },
+            _ => Source::Rest,
+        })
+    }
+}
+
+impl Playback {
+    /// Of `frames` pictures over the session's recording, or its script.
+    pub fn new(session: &Session, frames: usize) -> Result<Playback, Failure> {
+        Ok(Playback { source: Source::of(session)?, frames: frames.max(1), done: 0 })
+    }
+
+    /// Moves the session on to picture `frame`, counted from 0; returns what the mechanics of the last step took.
+    pub fn step_to(&mut self, session: &mut Session, frame: usize) -> Result<StepTimes, Failure> {
+        match self.source {
+            Source::Rest => {
+                session.advance(0.0)?;
+            }
+            Source::Script { duration_s } => {
+                let between = SCRIPT_STEPS.div_ceil(self.frames) as u64;
+                let last = ((self.frames as u64 - 1) * between).max(1);
+                while self.done <= frame as u64 * between {
+                    session.advance(duration_s * self.done as f64 / last as f64)?;
+                    self.done += 1;
+                }
+            }
+            Source::Recording { length } => {
+                // A single picture is of the end.
+                let (last, pictures) = (length.saturating_sub(1), self.frames as u64 - 1);
+                let until = (last * frame as u64).checked_div(pictures).unwrap_or(last);
+                while self.done <= until && session.play_frame()? {
+                    self.done += 1;
+                }
+            }
+        }
+        Ok(session.world.times)
+    }
+}
+
+/// Plays the script or the recording without windows and devices: every frame's state against the recorded one, and
+/// what the mechanics took, in words.
+pub fn check(session: &mut Session) -> Result<String, Failure> {
+    let frames = match Source::of(session)? {
+        Source::Rest => 1,
+        Source::Script { .. } => SCRIPT_STEPS,
+        Source::Recording { length } => length as usize,
+    };
+    let mut playback = Playback::new(session, frames)?;
+    let mut times = Vec::new();
+    for frame in 0..frames {
+        times.push(playback.step_to(session, frame)?.total_s());
+    }
+    let report = session.report()?;
+    let (middle, most) = (median(times.iter().copied()), quantile(times.iter().copied(), 0.99));
+    Ok(format!("{report}mechanics of a frame: median {}, 99 % within {}\n", seconds(middle), seconds(most)))
+}

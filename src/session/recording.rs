@@ -1,0 +1,349 @@
+//! A session as a file: what the trackers said and what was commanded, frame by frame, and the state that came of it.
+//!
+//! Lines of JSON: a header (scene, stage, program), the state of all fields at the start ([`crate::field::Graph::write`]),
+//! then a line a frame. It grows under its own name ([`output::stream`]), and a thread hands each line to the system at
+//! once, so that a crash costs the last few at most; a file that ends in the middle of a line is read up to there.
+
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::base::output::{self, Kind};
+use crate::field::{StreamError, read_line};
+use crate::green::GreenFile;
+use crate::interact::Action;
+use crate::scene::Scene;
+use crate::session::lines::Lines;
+use crate::track::TrackerState;
+use crate::world::World;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::{Component, Path, PathBuf};
+
+const VERSION: u32 = 2;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    greenstage: String,
+    version: u32,
+    program: String,
+    /// The name of a built-in stage, or the path of a stage file from the recording's own folder.
+    stage: String,
+    /// blake3 over everything of the scene, and of the stage (workspace and viewer), that the state depends on.
+    scene_hash: String,
+    stage_hash: String,
+    styli: usize,
+}
+
+/// One frame of a session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// From 0.
+    pub frame: u64,
+    /// Carried out before the frame.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actions: Vec<Action>,
+    pub state: TrackerState,
+    /// [`World::state_hash`] after it.
+    pub hash: String,
+}
+
+/// What a recording must fit.
+pub struct Origin<'a> {
+    pub scene: &'a Scene,
+    pub file: &'a GreenFile,
+    /// A built-in stage, or the path of a stage file from where the program runs.
+    pub stage: &'a str,
+}
+
+impl Origin<'_> {
+    fn header(&self, world: &World, recording: &Path) -> Header {
+        let mut scene = blake3::Hasher::new();
+        for (name, body) in &self.scene.body {
+            let basis = self.file.meta.bodies.get(name).map_or("", |meta| meta.fingerprint.as_str());
+            let grabs: Vec<_> = body.control.iter().map(|(name, control)| (name, control.grab)).collect();
+            scene.update(format!("{:?}", (name, basis, &body.model, &body.place, grabs)).as_bytes());
+        }
+        let stage = format!("{:?}", (world.stage.workspace, world.stage.viewer.room_from_head));
+        Header {
+            greenstage: "recording".into(),
+            version: VERSION,
+            program: env!("CARGO_PKG_VERSION").into(),
+            stage: stage_from(recording, self.stage),
+            scene_hash: scene.finalize().to_hex().to_string(),
+            stage_hash: blake3::hash(stage.as_bytes()).to_hex().to_string(),
+            styli: world.styli_count(),
+        }
+    }
+}
+
+const KIND: Kind =
+    Kind { name: "a recording", recognizes: |head| head.starts_with(b"{\"greenstage\":\"recording\"") };
+
+/// Whether a session can be written to `path`, before anything is solved.
+pub fn try_path(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+    Ok(output::try_path(path, &KIND, inputs)?)
+}
+
+/// Writes a session down.
+pub struct Recorder {
+    path: PathBuf,
+    lines: Lines,
+    frames: u64,
+}
+
+impl Recorder {
+    /// Starts a new file; an older recording is replaced once the new one's start is written.
+    pub fn create(path: &Path, origin: &Origin<'_>, world: &World) -> Result<Recorder, Failure> {
+        let mut text = line(&origin.header(world, path))?;
+        world.write(&mut text)?;
+        let file = output::stream(path, &KIND, &text)?;
+        let lines = Lines::write(Vec::new(), file).map_err(Failure::work)?;
+        Ok(Recorder { path: path.to_owned(), lines, frames: 0 })
+    }
+
+    /// The frame that `world` has just made of `state`.
+    pub fn frame(&mut self, world: &mut World, state: &TrackerState) -> Result<(), Failure> {
+        let frame = Frame {
+            frame: self.frames,
+            actions: world.actions.clone(),
+            state: state.clone(),
+            hash: world.state_hash(),
+        };
+        self.frames += 1;
+        let queued = self.lines.queue(line(&frame)?);
+        queued.map_err(|error| self.failed(&error))
+    }
+
+    /// Ends it; what is said of it, once everything is written.
+    pub fn report(&mut self) -> Result<String, Failure> {
+        self.lines.finish().map_err(|error| self.failed(&error))?;
+        Ok(format!("{} frames recorded in {}\n", self.frames, self.path.display()))
+    }
+
+    fn failed(&self, error: &std::io::Error) -> Failure {
+        Failure::work(anyhow::anyhow!("cannot write the recording {}: {error}", self.path.display()))
+    }
+}
+
+/// Whatever ends in `.toml` is a path, as in [`Stage::find`](crate::stage::Stage::find).
+fn is_file(stage: &str) -> bool {
+    stage.ends_with(".toml")
+}
+
+fn folder_of(recording: &Path) -> &Path {
+    recording.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A stage as a recording names it: a file by its path from the recording's folder, so that both may be moved together and
+/// replayed from anywhere. Where one of the two is not there, the path as it is.
+fn stage_from(recording: &Path, stage: &str) -> String {
+    if !is_file(stage) {
+        return stage.to_owned();
+    }
+    let places = std::fs::canonicalize(folder_of(recording)).ok().zip(std::fs::canonicalize(stage).ok());
+    let from = |(folder, file): (PathBuf, PathBuf)| {
+        let shared = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+        let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+        up.chain(file.components().skip(shared)).collect::<PathBuf>()
+    };
+    places.map(from).unwrap_or_else(|| PathBuf::from(stage)).display().to_string()
+}
+
+fn line(value: &impl Serialize) -> Result<Vec<u8>, Failure> {
+    let mut text = serde_json::to_vec(value).map_err(Failure::work)?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+/// Reads a session, and compares what comes of it with what came of it then.
+pub struct Replay {
+    path: PathBuf,
+    input: BufReader<File>,
+    line: u64,
+    header: Header,
+    /// Read, and played.
+    frames: u64,
+    played: u64,
+    /// Read and not yet played.
+    next: Option<Frame>,
+    /// The tracker's time at the first frame, s.
+    first_s: Option<f64>,
+    /// The first frame with another state, and how many there are.
+    pub first_difference: Option<Frame>,
+    pub differences: u64,
+}
+
+impl Replay {
+    pub fn open(path: &Path) -> Result<Replay, Failure> {
+        let refused = |error: String| Failure::wrong(format!("{}: {error}", path.display()));
+        let file = File::open(path).map_err(|error| refused(error.to_string()))?;
+        let mut input = BufReader::new(file);
+        let text = read_line(&mut input, 1).map_err(|error| refused(error.to_string()))?.unwrap_or_default();
+        let header: Header = serde_json::from_slice(&text).map_err(|error| {
+            refused(format!("line 1: not a recording of `greenstage view --record`: {error}"))
+        })?;
+        if header.greenstage != "recording" || header.version != VERSION {
+            let (kind, version) = (&header.greenstage, header.version);
+            return Err(refused(format!(
+                "line 1: not a recording of version {VERSION}, but {kind} of version {version}"
+            )));
+        }
+        let path = path.to_owned();
+        Ok(Replay {
+            path,
+            input,
+            line: 1,
+            header,
+            frames: 0,
+            played: 0,
+            next: None,
+            first_s: None,
+            first_difference: None,
+            differences: 0,
+        })
+    }
+
+    /// The stage on which it was recorded: the name of a built-in one, or the path of a file that is there.
+    pub fn stage(&self) -> Result<String, Failure> {
+        let stage = &self.header.stage;
+        if !is_file(stage) {
+            return Ok(stage.clone());
+        }
+        let path = folder_of(&self.path).join(stage);
+        if path.is_file() {
+            return Ok(path.display().to_string());
+        }
+        Err(self.wrong(&format!(
+            "the stage file that it was recorded on is not at {}: move it there, or name it by --stage",
+            path.display()
+        )))
+    }
+
+    /// Brings a new world to the start of the session; refuses one of another scene, stage or program.
+    pub fn start(&mut self, origin: &Origin<'_>, world: &mut World) -> Result<(), Failure> {
+        let (then, now) = (&self.header, origin.header(world, &self.path));
+        let fault = if then.program != now.program {
+            format!("it was recorded by greenstage {}, this is {}", then.program, now.program)
+        } else if then.scene_hash != now.scene_hash {
+            let scene = origin.scene.path.display();
+            format!(
+                "it was recorded with another scene than {scene}, or that has changed since: record it anew"
+            )
+        } else if then.stage_hash != now.stage_hash && then.stage == now.stage {
+            format!("the stage {} has changed since it was recorded: record it anew", now.stage)
+        } else if then.stage_hash != now.stage_hash {
+            format!("it was recorded on the stage {}, not on {}: leave out --stage", then.stage, now.stage)
+        } else {
+            world.have_styli(self.header.styli);
+            let read = world.graph.read(&mut self.input, &mut self.line);
+            return read.map_err(|error| self.wrong(&error.to_string()));
+        };
+        Err(self.wrong(&fault))
+    }
+
+    /// How many whole frames there are from here to the end; one that was cut off is told.
+    pub fn length(&self) -> Result<u64, Failure> {
+        let (frames, is_cut) = self.left()?;
+        if is_cut {
+            self.tell_cut(self.frames + frames);
+        }
+        Ok(frames)
+    }
+
+    /// How many whole frames follow, and whether one that was cut off comes after them.
+    fn left(&self) -> Result<(u64, bool), Failure> {
+        let refused = |error: std::io::Error| self.wrong(&error.to_string());
+        let mut file = BufReader::new(File::open(&self.path).map_err(refused)?);
+        let (mut lines, mut last) = (0, b'\n');
+        loop {
+            let part = file.fill_buf().map_err(refused)?;
+            let length = part.len();
+            let Some(&end) = part.last() else { break };
+            lines += part.iter().filter(|byte| **byte == b'\n').count() as u64;
+            last = end;
+            file.consume(length);
+        }
+        Ok((lines.saturating_sub(self.line), last != b'\n'))
+    }
+
+    fn tell_cut(&self, frame: u64) {
+        let path = self.path.display();
+        notice!(
+            "note: {path}: it ends in the middle of frame {frame}, which is left out: the program was stopped"
+        );
+    }
+
+    /// The next frame; `None` at the end. One that was cut off in the middle is the end, and is told.
+    fn next_frame(&mut self) -> Result<Option<Frame>, Failure> {
+        self.line += 1;
+        let text = match read_line(&mut self.input, self.line) {
+            Ok(Some(text)) => text,
+            Ok(None) => return Ok(None),
+            Err(StreamError::Truncated { .. }) => {
+                self.tell_cut(self.frames);
+                return Ok(None);
+            }
+            Err(error) => return Err(self.wrong(&error.to_string())),
+        };
+        let frame: Frame = serde_json::from_slice(&text)
+            .map_err(|error| self.wrong(&format!("line {}: not a frame: {error}", self.line)))?;
+        if frame.frame != self.frames {
+            let (line, expected, found) = (self.line, self.frames, frame.frame);
+            return Err(self.wrong(&format!("line {line}: frame {found} stands where {expected} should")));
+        }
+        self.frames += 1;
+        Ok(Some(frame))
+    }
+
+    /// When the next frame is, s after the first; `None` at the end.
+    pub fn next_time_s(&mut self) -> Result<Option<f64>, Failure> {
+        if self.next.is_none() {
+            self.next = self.next_frame()?;
+        }
+        let first_s = &mut self.first_s;
+        Ok(self.next.as_ref().map(|frame| frame.state.time_s - *first_s.get_or_insert(frame.state.time_s)))
+    }
+
+    /// Lets `world` go through the next frame, and compares its state; false at the end. `clock_s` is the time since the
+    /// start, where it is not the recorded one.
+    pub fn play_next(&mut self, world: &mut World, clock_s: Option<f64>) -> Result<bool, Failure> {
+        self.next_time_s()?;
+        let Some(frame) = self.next.take() else { return Ok(false) };
+        for action in &frame.actions {
+            world.act(*action);
+        }
+        world.step_at(clock_s.unwrap_or(frame.state.time_s), &frame.state);
+        self.played += 1;
+        if world.state_hash() != frame.hash {
+            self.differences += 1;
+            self.first_difference.get_or_insert(frame);
+        }
+        Ok(true)
+    }
+
+    fn wrong(&self, fault: &str) -> Failure {
+        Failure::wrong(format!("{}: {fault}", self.path.display()))
+    }
+
+    /// How it went; the work failed where a state differed, or where no frame was played.
+    pub fn report(&self) -> Result<String, Failure> {
+        let path = self.path.display();
+        let total = self.frames + self.left()?.0;
+        let part = if self.played < total { format!(" of {total}") } else { String::new() };
+        match &self.first_difference {
+            None if self.played == 0 => {
+                Err(Failure::work(anyhow::anyhow!("{path}: none of its {total} frames was played")))
+            }
+            None => Ok(format!("{path}: {}{part} frames, every one in the recorded state\n", self.played)),
+            Some(first) => Err(Failure::work(anyhow::anyhow!(
+                "{path}: {} of {} frames are in another state than was recorded, the first of them frame {} at {:.3} s",
+                self.differences,
+                self.played,
+                first.frame,
+                first.state.time_s
+            ))),
+        }
+    }
+}

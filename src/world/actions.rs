@@ -1,0 +1,260 @@
+//! What commands do to a world: undo and redo, the way back to rest, navigation, bodies set aside.
+//!
+//! In: [`Action`]s, and what the hands asked for in a frame. Out: poses and places, given to the graph between frames.
+//! Times are those of the tracker's states, so that a replay does the same.
+
+use super::body::PlacedBody;
+use super::edit_state::{Change, EditState, Posed, REST};
+use super::flow::{BodyPlace, HandState};
+use super::frame::World;
+use crate::base::failure::Failure;
+use crate::deform::{ControlPose, FollowedTurn, PoseGuard};
+use crate::interact::{Action, Asked, Ease, Hands, Mode, PickRay, pick, place_aside, towards_rest};
+use crate::stage::Workspace;
+use crate::track::Signal;
+use nalgebra::Similarity3;
+use std::collections::BTreeSet;
+
+impl World {
+    /// Writes the state of all fields, from which a new world of the same scene and stage goes on as this one. What
+    /// lies beside them has no place there: an error says what is not at rest.
+    pub fn write(&self, out: &mut impl std::io::Write) -> Result<(), Failure> {
+        if let Some(what) = self.edit.is_unsaved() {
+            return Err(Failure::wrong(format!(
+                "the state cannot be written: {what}, which a stream does not hold"
+            )));
+        }
+        self.graph.write(out).map_err(Failure::work)
+    }
+
+    /// Carries out a command, between frames.
+    pub fn act(&mut self, action: Action) {
+        self.pending.push(action);
+        let time_s = *self.graph.get(self.fields.time);
+        match action {
+            Action::LetGo => self.let_go(),
+            Action::Reset => self.reset(),
+            Action::Undo => {
+                self.release();
+                let entry = self.edit.history.undo().unwrap_or_default();
+                self.put_targets(entry.iter().map(|change| (change.target, change.before)));
+            }
+            Action::Redo => {
+                self.release();
+                let entry = self.edit.history.redo().unwrap_or_default();
+                self.put_targets(entry.iter().map(|change| (change.target, change.after)));
+            }
+            Action::SnapBack => self.snap_back(time_s),
+            Action::ResetNavigation => {
+                self.edit.navigation.reset(time_s);
+                for b in 0..self.bodies.len() {
+                    if self.edit.asides[b].is_aside {
+                        self.edit.asides[b].toggle(time_s, &self.bodies[b].room_from_body);
+                    }
+                }
+            }
+            Action::SetMode(mode) => self.change_hands(|hands| hands.mode = mode),
+            Action::SetAside(b) if b < self.bodies.len() => self.set_aside(b, time_s),
+            Action::SetAside(_) => {}
+            Action::ScaleScene(factor) => self.edit.navigation.scale(factor),
+        }
+    }
+
+    /// How held elements move.
+    pub fn mode(&self) -> Mode {
+        self.graph.get(self.fields.hands).hands.mode
+    }
+
+    /// The stylus that does what the keys say: one that aims from the eye, as the mouse does, else the first that is seen.
+    pub fn cursor(&self) -> Option<usize> {
+        let seen = |i: usize| {
+            let stylus = self.graph.get(self.fields.styli[i].stylus).as_ref()?;
+            (!matches!(stylus.signal, Signal::Lost { .. })).then_some((!stylus.from_eye, i))
+        };
+        (0..self.fields.styli.len()).filter_map(seen).min().map(|(_, i)| i)
+    }
+
+    /// How much can be undone, and how much done again.
+    pub fn undo_depth(&self) -> [usize; 2] {
+        self.edit.history.depth()
+    }
+
+    /// The body that stylus `i` points at, anywhere on its surface.
+    pub fn pointed_body(&self, i: usize) -> Option<usize> {
+        let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;
+        let ray = PickRay::from_stylus(stylus)?;
+        let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.positions()).collect();
+        let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
+        let targets: Vec<_> = self
+            .bodies
+            .iter()
+            .zip(&shapes)
+            .zip(&positions)
+            .map(|((body, shape), positions)| body.whole(shape, positions))
+            .collect();
+        let hit = self.graph.get(self.fields.styli[i].hit).as_ref();
+        let touched = hit.and_then(|hit| self.fields.targets.get(hit.target)).map(|&(body, _)| body);
+        touched.or_else(|| pick(&ray, &targets).map(|hit| hit.target))
+    }
+
+    /// Every stylus lets go of what it holds; a button that is down grabs again.
+    pub fn let_go(&mut self) {
+        self.finish_grabs(&BTreeSet::new());
+        self.change_hands(|hands| {
+            let mode = hands.mode;
+            *hands = Hands::new(hands.radius_m);
+            hands.mode = mode;
+        });
+    }
+
+    /// Lets go of everything and puts every body back to rest and to its place; nothing can be undone.
+    pub fn reset(&mut self) {
+        self.let_go();
+        for stylus in 0..self.fields.styli.len() {
+            self.put(self.fields.styli[stylus].stylus, None);
+        }
+        self.put_targets((0..self.fields.targets.len()).map(|target| (target, REST)));
+        for (body, fields) in self.bodies.iter_mut().zip(&self.fields.bodies) {
+            for pose in &fields.poses {
+                self.graph.restore(*pose, ControlPose::REST);
+            }
+            body.deformer.forget();
+        }
+        self.edit = EditState::new(&self.stage.workspace, self.bodies.len(), self.fields.targets.len());
+        self.place_bodies(0.0);
+        self.evaluate();
+    }
+
+    /// Before the graph's frame: elements on their way to rest go a step.
+    pub(super) fn ease(&mut self, time_s: f64) {
+        let Some((ease, from)) = self.edit.easing.take() else { return };
+        let share = ease.share(time_s);
+        let step = |(target, from): &(usize, Posed)| {
+            let (translation, matrix, turn) =
+                towards_rest(&from.pose.translation, &from.pose.matrix, &from.turn.quaternion, share);
+            (*target, Posed { pose: ControlPose { translation, matrix }, turn: FollowedTurn::of(turn) })
+        };
+        let steps: Vec<_> = from.iter().map(step).collect();
+        self.put_targets(steps);
+        self.edit.easing = (share < 1.0).then_some((ease, from));
+    }
+
+    /// After the graph's frame: grabs that ended become history, the scene goes where it was carried.
+    pub(super) fn follow_hands(&mut self, time_s: f64) {
+        let HandState { hands, asked } = self.graph.get(self.fields.hands);
+        let mut held = hands.held();
+        held.retain(|&target| target < self.fields.targets.len());
+        let Asked { navigating, double_pressed, .. } = asked.clone();
+        self.finish_grabs(&held);
+        if let Some((_, from)) = &mut self.edit.easing {
+            from.retain(|(target, _)| !held.contains(target));
+        }
+        for target in (0..self.fields.targets.len()).filter(|target| !held.contains(target)) {
+            if self.edit.before[target].pose != self.pose(target) {
+                self.edit.before[target] = self.posed(target);
+            }
+        }
+        self.edit.held = held;
+        for hand in double_pressed {
+            if let Some(body) = self.pointed_body(hand) {
+                self.set_aside(body, time_s);
+            }
+        }
+        self.edit.navigation.step(&navigating, time_s);
+        self.place_bodies(time_s);
+    }
+
+    /// Puts every body where navigation and the places aside have it; what is held goes along.
+    fn place_bodies(&mut self, time_s: f64) {
+        let Workspace { centre, radius_m } = self.stage.workspace;
+        let mut moved = false;
+        for b in 0..self.bodies.len() {
+            let body = &self.bodies[b];
+            let home = self.edit.navigation.room_from_scene * body.home;
+            let aside = place_aside(&centre, radius_m, b, &body.ball.0, body.ball.1);
+            let place: Similarity3<f64> = self.edit.asides[b].place(time_s, &home, &aside);
+            moved |= place != body.room_from_body;
+            self.bodies[b].room_from_body = place;
+            self.put(self.fields.bodies[b].place, BodyPlace(place));
+        }
+        if moved && !self.edit.held.is_empty() {
+            self.change_hands(Hands::rebase);
+        }
+    }
+
+    fn snap_back(&mut self, time_s: f64) {
+        self.release();
+        let away: Vec<(usize, Posed)> = (0..self.fields.targets.len())
+            .map(|target| (target, self.posed(target)))
+            .filter(|(_, posed)| {
+                posed.pose != ControlPose::REST || posed.turn.against(&FollowedTurn::REST) > 1.0
+            })
+            .collect();
+        if !away.is_empty() {
+            let change = |&(target, before): &(usize, Posed)| Change { target, before, after: REST };
+            self.edit.history.push(away.iter().map(change).collect());
+            self.edit.easing = Some((Ease::start(time_s), away));
+        }
+    }
+
+    fn set_aside(&mut self, b: usize, time_s: f64) {
+        let targets = self.fields.targets.clone();
+        let kept = self.edit.held.iter().copied().filter(|&target| targets[target].0 != b).collect();
+        self.finish_grabs(&kept);
+        self.change_hands(|hands| {
+            hands.let_go(|target| targets.get(target).is_none_or(|&(body, _)| body == b))
+        });
+        self.edit.asides[b].toggle(time_s, &self.bodies[b].room_from_body);
+    }
+
+    /// Everything held is let go, and its way becomes history; what was on its way to rest stays where it is.
+    fn release(&mut self) {
+        self.finish_grabs(&BTreeSet::new());
+        self.change_hands(|hands| hands.let_go(|_| true));
+        self.edit.easing = None;
+    }
+
+    /// Grabs of what is not in `held` any more become an entry of the history each.
+    fn finish_grabs(&mut self, held: &BTreeSet<usize>) {
+        for target in std::mem::take(&mut self.edit.held) {
+            if held.contains(&target) {
+                self.edit.held.insert(target);
+                continue;
+            }
+            let (before, after) = (self.edit.before[target], self.posed(target));
+            if before.pose != after.pose {
+                self.edit.history.push(vec![Change { target, before, after }]);
+            }
+        }
+    }
+
+    fn change_hands(&mut self, change: impl FnOnce(&mut Hands)) {
+        let mut grasp = self.graph.get(self.fields.hands).clone();
+        change(&mut grasp.hands);
+        grasp.asked = Asked::default();
+        self.graph.restore(self.fields.hands, grasp);
+    }
+
+    fn pose(&self, target: usize) -> ControlPose {
+        let (b, c) = self.fields.targets[target];
+        *self.graph.get(self.fields.bodies[b].poses[c])
+    }
+
+    fn posed(&self, target: usize) -> Posed {
+        let (b, c) = self.fields.targets[target];
+        Posed { pose: self.pose(target), turn: self.bodies[b].deformer.turn(c) }
+    }
+
+    /// Gives control elements poses that the program chose; no limit of a hand applies.
+    fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
+        for (target, posed) in targets {
+            let (b, c) = self.fields.targets[target];
+            self.bodies[b].controls[c].guard = PoseGuard::default();
+            self.bodies[b].deformer.set_turn(c, posed.turn);
+            self.graph.restore(self.fields.bodies[b].poses[c], posed.pose);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,237 @@
+//! A body at its place in the room: its deformer, what of it can be taken, how it is coloured.
+
+use super::force_scale::{self, ForceScale};
+use super::highlight::Highlight;
+use super::times::StepTimes;
+use crate::deform::{ControlPose, Deformer, PoseGuard};
+use crate::green::GreenFile;
+use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
+use crate::mesh::Surface;
+use crate::scene::{Body, Grab, Place, Scene};
+use crate::stage::Stage;
+use nalgebra::{Matrix4, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
+
+/// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
+const PASSING_BY: f64 = 0.05;
+
+/// A body at its place in the room.
+pub struct PlacedBody {
+    pub deformer: Deformer,
+    /// Where it is shown now.
+    pub room_from_body: Similarity3<f64>,
+    /// Where it is as long as nobody navigates.
+    pub home: Similarity3<f64>,
+    /// Middle and radius of a ball about it at rest, in its frame.
+    pub ball: (Point3<f64>, f64),
+    /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
+    pub controls: Vec<PlacedControl>,
+    /// Names of its model and its effects, as in the scene.
+    pub model: String,
+    pub effects: Vec<String>,
+    /// Where the scene lists an effect of forces: how they are shown.
+    pub force_scale: Option<ForceScale>,
+    /// Largest turn for which a planned body's error was measured, rad.
+    pub range: Option<f64>,
+    /// That it was left has been said.
+    range_left: bool,
+    /// How near a ray must pass a node of a control element that it misses, m in the room.
+    passing_m: f64,
+    /// Deformed, or coloured anew, since it was last uploaded.
+    pub moved: bool,
+    pub recolour: bool,
+    /// How often it was deformed, and what that took in this frame.
+    pub deformations: u64,
+    /// Of its deformed positions, after so many deformations.
+    pub(super) positions_hash: Option<(u64, blake3::Hash)>,
+    pub times: StepTimes,
+    /// What went wrong in this frame.
+    pub warnings: Vec<String>,
+}
+
+pub struct PlacedControl {
+    pub grab: Grab,
+    pub highlight: Highlight,
+    pub(super) guard: PoseGuard,
+    shape: PickShape,
+    /// Its surface nodes as balls, for a ray that passes by.
+    near: PickShape,
+}
+
+/// The turn up to which the error of a planned body was measured, rad, with a tenth to spare; nothing of other bodies.
+fn measured_range(file: &GreenFile, body: &str) -> Option<f64> {
+    file.meta.bodies.get(body)?.plan.as_ref()?.get("range")?.as_f64().map(|range| 1.1 * range)
+}
+
+/// All bodies of a scene at their places.
+pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &Stage) -> Vec<PlacedBody> {
+    let fitted = fit(scene, &deformers, stage);
+    let place = |(deformer, body): (Deformer, &Body)| {
+        let mesh_from_body = Translation3::from(deformer.centre);
+        let room_from_mesh = body.place.as_ref().map_or(fitted, placed);
+        let home = room_from_mesh * mesh_from_body;
+        let ball = ball(&deformer);
+        PlacedBody {
+            room_from_body: home,
+            home,
+            ball,
+            force_scale: force_scale::scale(body, &deformer, ball.1, file),
+            controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
+            model: body.model.clone(),
+            effects: body.effects.clone(),
+            range: measured_range(file, &deformer.body),
+            range_left: false,
+            passing_m: PASSING_BY * stage.workspace.radius_m,
+            moved: true,
+            recolour: true,
+            deformations: 0,
+            positions_hash: None,
+            times: StepTimes::default(),
+            warnings: Vec::new(),
+            deformer,
+        }
+    };
+    deformers.into_iter().zip(scene.body.values()).map(place).collect()
+}
+
+impl PlacedBody {
+    /// From the frame in which the deformed surface stands.
+    pub fn room_from_surface(&self) -> Similarity3<f64> {
+        self.room_from_body * *self.deformer.body_from_surface()
+    }
+
+    /// Control element `c` as a thing to be hit; `near`: where a ray passes within a hand's aim.
+    pub fn pick_target(&self, c: usize, near: bool) -> PickTarget<'_> {
+        let control = &self.controls[c];
+        PickTarget {
+            shape: if near { &control.near } else { &control.shape },
+            positions: bytemuck::cast_slice(self.deformer.kept_positions()),
+            ball_radius_m: (self.passing_m / self.room_from_body.scaling()) as f32,
+            room_from_body: self.room_from_surface(),
+        }
+    }
+
+    /// Surface nodes that picking looks at: those of all control elements.
+    pub fn pickable(&self) -> Vec<u32> {
+        let of = |c: usize| self.deformer.control_nodes(c).iter().copied();
+        let nodes: std::collections::BTreeSet<u32> = (0..self.controls.len()).flat_map(of).collect();
+        nodes.into_iter().collect()
+    }
+
+    /// The matrix in the room of control element `c` at `pose`.
+    pub fn room_from_element(&self, c: usize, pose: &ControlPose) -> Matrix4<f64> {
+        let origin = Point3::from(self.deformer.controls[c].origin);
+        room_from_element(&self.room_from_body, &origin, &pose.translation, &pose.matrix)
+    }
+
+    /// The pose of control element `c` whose matrix in the room is this; `None` where it is not finite.
+    pub fn pose_of(&self, c: usize, room_from_element: &Matrix4<f64>) -> Option<ControlPose> {
+        let origin = Point3::from(self.deformer.controls[c].origin);
+        let (translation, matrix) = control_pose_in_body(room_from_element, &self.room_from_body, &origin)?;
+        Some(ControlPose { translation, matrix })
+    }
+
+    /// The whole surface as a thing to be hit; `shape` is [`PlacedBody::whole_shape`], `positions` are those of
+    /// the deformer.
+    pub fn whole<'a>(&self, shape: &'a PickShape, positions: &'a [[f32; 3]]) -> PickTarget<'a> {
+        PickTarget {
+            shape,
+            positions: bytemuck::cast_slice(positions),
+            ball_radius_m: 0.0,
+            room_from_body: self.room_from_surface(),
+        }
+    }
+
+    /// All triangles, made when asked for.
+    pub fn whole_shape(&self) -> PickShape {
+        PickShape { triangles: self.deformer.triangles().to_vec(), points: Vec::new() }
+    }
+
+    /// `pose` if a body can follow it after `last`, or what it can follow instead.
+    pub(super) fn admit(&mut self, c: usize, last: &ControlPose, pose: &ControlPose) -> ControlPose {
+        let (admitted, faults) = self.controls[c].guard.admit(last, pose);
+        for fault in faults {
+            let (body, name) = (&self.deformer.body, &self.deformer.controls[c].name);
+            self.warnings.push(format!("body.{body}.control.{name}: {}", fault.explain()));
+        }
+        admitted
+    }
+
+    /// Says once where a planned body leaves what was measured of it.
+    pub(super) fn check_range(&mut self) {
+        let left = |range: &f64| !self.range_left && self.deformer.largest_turn() > *range;
+        if let Some(range) = self.range.filter(left) {
+            self.range_left = true;
+            let (body, degrees) = (&self.deformer.body, range.to_degrees());
+            let warning = format!(
+                "body.{body}: control elements turn by more than {degrees:.0}° against each other, for which the \
+                 accuracy asked for was not measured"
+            );
+            self.warnings.push(warning);
+        }
+    }
+
+    /// sRGB and mark per vertex: a quiet blue body, grey elements that are fixed, orange ones that can be taken,
+    /// brighter under the ray and green in the hand.
+    pub fn colours(&self) -> Vec<[u8; 4]> {
+        let mut colours = vec![[96, 142, 186, 0]; self.deformer.node_count()];
+        for (c, control) in self.controls.iter().enumerate() {
+            let [r, g, b] = match (control.grab, control.highlight) {
+                (Grab::Fixed, _) => [128, 130, 136],
+                (Grab::Dragger, Highlight::Idle) => [224, 138, 52],
+                (Grab::Dragger, Highlight::Hovered) => [255, 186, 96],
+                (Grab::Dragger, Highlight::Held) => [170, 214, 84],
+            };
+            for &vertex in self.deformer.control_nodes(c) {
+                colours[vertex as usize] = [r, g, b, 255];
+            }
+        }
+        colours
+    }
+}
+
+fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Vec<PlacedControl> {
+    let surface = Surface {
+        triangles: deformer.triangles().to_vec(),
+        nodes: (0..deformer.node_count() as u32).collect(),
+    };
+    grabs
+        .enumerate()
+        .map(|(c, grab)| PlacedControl {
+            grab,
+            highlight: Highlight::Idle,
+            guard: PoseGuard::default(),
+            shape: PickShape::new(&surface, deformer.control_nodes(c)),
+            near: PickShape { triangles: Vec::new(), points: deformer.control_nodes(c).to_vec() },
+        })
+        .collect()
+}
+
+/// A ball about the body at rest.
+fn ball(deformer: &Deformer) -> (Point3<f64>, f64) {
+    let corners = deformer.rest().iter().map(|x| Vector3::from(*x).cast::<f64>());
+    let Some((low, high)) = corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))) else {
+        return (Point3::origin(), 1.0);
+    };
+    (Point3::from((low + high) / 2.0), (high - low).norm() / 2.0)
+}
+
+fn placed(place: &Place) -> Similarity3<f64> {
+    Similarity3::from_parts(
+        Translation3::from(Vector3::from(place.position)),
+        UnitQuaternion::from_scaled_axis(Vector3::from(place.rotation)),
+        place.scale,
+    )
+}
+
+/// room_from_mesh that fits all bodies without a place of their own, together, into the stage's workspace.
+fn fit(scene: &Scene, deformers: &[Deformer], stage: &Stage) -> Similarity3<f64> {
+    let unplaced = deformers.iter().zip(scene.body.values()).filter(|(_, body)| body.place.is_none());
+    let mut corners = unplaced.flat_map(|(deformer, _)| {
+        deformer.rest().iter().map(|x| Point3::from(Vector3::from(*x).cast::<f64>() + deformer.centre))
+    });
+    let Some(first) = corners.next() else {
+        return Similarity3::identity();
+    };
+    let (low, high) = corners.fold((first, first), |(low, high), x| (low.inf(&x), high.sup(&x)));
+    stage.workspace.room_from_body(low, high).unwrap_or_else(Similarity3::identity)
+}

@@ -1,0 +1,298 @@
+//! The world as a graph of fields: stylus → hit → hands → control pose → coefficients → surface.
+//!
+//! | field | type | made from |
+//! |---|---|---|
+//! | `tracker.head` | tracked pose | set from outside |
+//! | `tracker.time` | number | set from outside |
+//! | `head` | pose | `tracker.head`, `head.previous`: the last usable one |
+//! | `stylus.right` | stylus | set from outside |
+//! | `body.B.place` | place | set from outside: navigation, and bodies set aside |
+//! | `hit.right` | hit | `stylus.right`, `hands.previous`, every `place`, every `surface.previous`: the body as it was seen |
+//! | `hands` | hands | `tracker.time`, every `stylus` and `hit`, `hands.previous`, every `pose.previous` |
+//! | `body.B.control.C.pose` | control pose | `hands`, `pose.previous` |
+//! | `body.B.coefficients` | coefficients | every `pose` of the body: the paper's `fieldHasChanged` |
+//! | `body.B.surface` | surface | `coefficients`: the paper's `evaluate` |
+//!
+//! The functions act on the bodies (their deformers) and on nothing else outside the graph.
+
+use super::body::PlacedBody;
+use super::hand;
+use crate::deform::{Coefficients, ControlPose};
+use crate::field::{Each, Field, FieldError, Graph, Value};
+use crate::interact::{Asked, Element, Hands, Hit};
+use crate::scene::{Body, Grab};
+use crate::stage::Stage;
+use crate::track::{StylusState, usable};
+use indexmap::IndexMap;
+use nalgebra::{Isometry3, Similarity3};
+use serde::{Deserialize, Serialize};
+
+/// What the graph's functions act on beside its fields.
+pub type Bodies = Vec<PlacedBody>;
+
+/// The fields of a world by what they are.
+pub struct Fields {
+    /// Of the styli that the stage knows.
+    names: Vec<String>,
+    pub tracked_head: Field<Tracked>,
+    pub time: Field<f64>,
+    pub head: Field<Pose>,
+    pub styli: Vec<StylusFields>,
+    pub hands: Field<HandState>,
+    pub bodies: Vec<BodyFields>,
+    /// Control elements that can be taken, as (body, control element): what a hit and a dragger number.
+    pub targets: Vec<(usize, usize)>,
+}
+
+/// One stylus, and what it points at with nothing in the hand.
+#[derive(Clone, Copy)]
+pub struct StylusFields {
+    pub stylus: Field<Option<StylusState>>,
+    pub hit: Field<Option<Hit>>,
+}
+
+pub struct BodyFields {
+    pub place: Field<BodyPlace>,
+    /// Per control element. That of a fixed one can be set.
+    pub poses: Vec<Field<ControlPose>>,
+    pub surface: Field<Surface>,
+}
+
+/// A head as the tracker has it, where it has one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Tracked(#[serde(with = "crate::field::numbers::option")] pub Option<Isometry3<f32>>);
+
+/// A place and an orientation in the room.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Pose(#[serde(with = "crate::field::numbers")] pub Isometry3<f64>);
+
+/// All hands, and what they ask for in this frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HandState {
+    pub hands: Hands,
+    pub asked: Asked,
+}
+
+/// room_from_body.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct BodyPlace(#[serde(with = "crate::field::numbers")] pub Similarity3<f64>);
+
+/// A deformed surface by how often it was deformed; its vertices are the deformer's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Surface(pub u64);
+
+impl Value for Tracked {
+    const TYPE: &'static str = "tracked pose";
+}
+
+impl Value for Pose {
+    const TYPE: &'static str = "pose";
+}
+
+impl Value for HandState {
+    const TYPE: &'static str = "hands";
+}
+
+impl Value for BodyPlace {
+    const TYPE: &'static str = "place";
+}
+
+impl Value for Surface {
+    const TYPE: &'static str = "surface";
+}
+
+impl Value for Option<StylusState> {
+    const TYPE: &'static str = "stylus";
+}
+
+impl Value for Option<Hit> {
+    const TYPE: &'static str = "hit";
+}
+
+impl Value for ControlPose {
+    const TYPE: &'static str = "control pose";
+}
+
+impl Value for Coefficients {
+    const TYPE: &'static str = "coefficients";
+}
+
+/// The graph of the bodies of a scene on a stage, with a head that stands where the viewer's does as long as none is tracked, and
+/// one stylus.
+pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bodies>, Fields), FieldError> {
+    let (head, radius_m) = (stage.viewer.room_from_head, stage.workspace.radius_m);
+    let mut graph = Graph::default();
+    let time = graph.field("tracker.time", 0.0)?;
+    let tracked_head = graph.field("tracker.head", Tracked::default())?;
+    let room_from_head = graph.field("head", Pose(head))?;
+    let last = graph.previous(room_from_head)?;
+    graph.compute(room_from_head, "usable", (tracked_head, last), |_, (head, last): (&Tracked, &Pose)| {
+        head.0.as_ref().and_then(usable).map_or(*last, Pose)
+    })?;
+    let hands = HandState { hands: Hands::new(radius_m), asked: Asked::default() };
+    let mut fields = Fields {
+        names: stage.stylus_names().into_iter().map(str::to_owned).collect(),
+        tracked_head,
+        time,
+        head: room_from_head,
+        styli: Vec::new(),
+        hands: graph.field("hands", hands)?,
+        bodies: Vec::new(),
+        targets: targets(bodies),
+    };
+    for (b, (name, body)) in bodies.iter().enumerate() {
+        fields.bodies.push(body_fields(&mut graph, b, name, body)?);
+    }
+    fields.add_stylus(&mut graph)?;
+    for target in 0..fields.targets.len() {
+        fields.connect_pose(&mut graph, target)?;
+    }
+    Ok((graph, fields))
+}
+
+/// All control elements that can be taken, as (body, control element).
+fn targets(bodies: &IndexMap<String, Body>) -> Vec<(usize, usize)> {
+    let of = |(b, body): (usize, &Body)| {
+        let takable = body.control.values().enumerate().filter(|(_, c)| c.grab == Grab::Dragger);
+        takable.map(move |(c, _)| (b, c)).collect::<Vec<_>>()
+    };
+    bodies.values().enumerate().flat_map(of).collect()
+}
+
+/// Poses → coefficients → surface of body `b`.
+fn body_fields(
+    graph: &mut Graph<Bodies>,
+    b: usize,
+    name: &str,
+    body: &Body,
+) -> Result<BodyFields, FieldError> {
+    let pose =
+        |control: &String| graph.field(format!("body.{name}.control.{control}.pose"), ControlPose::REST);
+    let poses: Vec<_> = body.control.keys().map(pose).collect::<Result<_, _>>()?;
+    let place = graph.field(format!("body.{name}.place"), BodyPlace(Similarity3::identity()))?;
+    let coefficients =
+        graph.field(format!("body.{name}.coefficients"), Coefficients::at_rest(poses.len()))?;
+    let surface = graph.field(format!("body.{name}.surface"), Surface(0))?;
+    let mut taken = Vec::new();
+    graph.compute(
+        coefficients,
+        "coefficients",
+        poses.clone(),
+        move |bodies: &mut Bodies, poses: Each<'_, Field<ControlPose>>| {
+            taken.clear();
+            taken.extend(poses.iter().copied());
+            let body = &mut bodies[b];
+            body.deformer.take(&taken);
+            body.check_range();
+            body.deformer.coefficients.clone()
+        },
+    )?;
+    graph.compute(surface, "sum", coefficients, move |bodies: &mut Bodies, _: &Coefficients| {
+        let body = &mut bodies[b];
+        body.deformer.deform();
+        (body.moved, body.deformations) = (true, body.deformations + 1);
+        body.times.deform_s = body.deformer.times.deform_s;
+        body.times.normals_s = body.deformer.times.normals_s;
+        Surface(body.deformations)
+    })?;
+    Ok(BodyFields { place, poses, surface })
+}
+
+impl Fields {
+    /// As the stage names it; one that it does not know, such as the mouse's beside tracked ones, by its number.
+    pub fn stylus_name(&self, number: usize) -> String {
+        let by_number = || {
+            let mut name = (number + 1).to_string();
+            while self.names.contains(&name) {
+                name.push('\'');
+            }
+            name
+        };
+        self.names.get(number).cloned().unwrap_or_else(by_number)
+    }
+
+    /// One more stylus, at which the hands look from now on.
+    pub fn add_stylus(&mut self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
+        let number = self.styli.len();
+        let name = self.stylus_name(number);
+        let stylus = graph.field(format!("stylus.{name}"), None)?;
+        let hit = graph.field(format!("hit.{name}"), None)?;
+        let last = graph.previous(self.hands)?;
+        let mut shown = Vec::new();
+        for body in &self.bodies {
+            shown.push((body.place, graph.previous(body.surface)?));
+        }
+        let targets = self.targets.clone();
+        graph.compute(
+            hit,
+            "pick",
+            (stylus, last, shown),
+            move |bodies: &mut Bodies, (stylus, last, _)| {
+                let (stylus, last): (&Option<StylusState>, &HandState) = (stylus, last);
+                let free = stylus.as_ref().filter(|_| last.hands.grip(number).is_none())?;
+                hand::pick(free, bodies, &targets, last.hands.radius_m)
+            },
+        )?;
+        self.styli.push(StylusFields { stylus, hit });
+        self.connect_hands(graph)
+    }
+
+    /// The hands take hold of what their styli point at.
+    fn connect_hands(&self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
+        let last = graph.previous(self.hands)?;
+        graph.disconnect(self.hands);
+        let styli: Vec<_> = self.styli.iter().map(|fields| fields.stylus).collect();
+        let hits: Vec<_> = self.styli.iter().map(|fields| fields.hit).collect();
+        let mut poses = Vec::new();
+        for &(b, c) in &self.targets {
+            poses.push(graph.previous(self.bodies[b].poses[c])?);
+        }
+        let targets = self.targets.clone();
+        let (mut seen_styli, mut seen_hits) = (Vec::new(), Vec::new());
+        graph.compute(
+            self.hands,
+            "hold",
+            (self.time, styli, hits, last, poses),
+            move |bodies: &mut Bodies, (time, styli, hits, last, poses)| {
+                let (last, time): (&HandState, &f64) = (last, time);
+                seen_styli.clear();
+                seen_styli.extend(styli.iter().copied());
+                seen_hits.clear();
+                seen_hits.extend(hits.iter().copied());
+                let element = |target: usize| {
+                    let known = targets.get(target).zip(poses.get(target));
+                    known.map(|(&(b, c), pose)| Element {
+                        room_from_body: bodies[b].room_from_body,
+                        room_from_element: bodies[b].room_from_element(c, pose),
+                    })
+                };
+                let mut hands = last.hands.clone();
+                let asked = hands.step(&seen_styli, *time, &seen_hits, element);
+                HandState { hands, asked }
+            },
+        )
+    }
+
+    /// A control element goes where hands carry it, as far as a body can follow; else it stays.
+    fn connect_pose(&self, graph: &mut Graph<Bodies>, target: usize) -> Result<(), FieldError> {
+        let (b, c) = self.targets[target];
+        let pose = self.bodies[b].poses[c];
+        let last = graph.previous(pose)?;
+        graph.compute(
+            pose,
+            "follow",
+            (self.hands, last),
+            move |bodies: &mut Bodies, (hands, last): (&HandState, &ControlPose)| {
+                let drag = hands.asked.drags.iter().find(|drag| drag.target == target);
+                let body = &mut bodies[b];
+                let asked = drag.and_then(|drag| body.pose_of(c, &drag.room_from_element));
+                body.admit(c, last, &asked.unwrap_or(*last))
+            },
+        )
+    }
+}

@@ -1,0 +1,48 @@
+//! The force that a hand feels, without a device: an arrow at the control element that is held, and its value.
+//!
+//! In: bodies whose scene lists an effect that needs the handle stiffness S, and what is held. Out: [`HeldForce`]s and
+//! their arrows. A body without such an effect has no [`ForceScale`](super::force_scale::ForceScale), and nothing here is called for it.
+
+use super::body::PlacedBody;
+use crate::interact::force_arrow;
+use crate::render::Arrow;
+use nalgebra::{Point3, Vector3};
+
+/// Length of the arrow of a force at full scale, against the workspace's radius.
+const LONGEST: f64 = 0.6;
+/// Radius of an arrow's shaft, against the workspace's.
+const SHAFT: f64 = 0.012;
+
+/// The force of the body on the hand that holds one of its control elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeldForce {
+    pub body: usize,
+    pub control: usize,
+    /// N, along the room's axes.
+    pub force_n: Vector3<f64>,
+    /// The force of the longest arrow, N.
+    pub full_n: f64,
+}
+
+/// The force on control element `c` of body number `b`: what S c says that the hand must apply, reversed.
+pub fn held_force(b: usize, body: &PlacedBody, c: usize) -> Option<HeldForce> {
+    let full_n = *body.force_scale.as_ref()?.full_n.get(c)?;
+    let (wrenches, _) = body.deformer.wrenches()?;
+    let force_n = -(body.room_from_body.isometry.rotation * wrenches[c].force);
+    Some(HeldForce { body: b, control: c, force_n, full_n })
+}
+
+/// The arrow of a force at `place` of a control element about `origin`: green where it is weak, by yellow to red at full
+/// scale. One that pulls outward starts at the place, one that pushes inward ends there: neither is hidden in the body.
+pub fn arrow(force: &HeldForce, place: &Point3<f64>, origin: &Point3<f64>, radius_m: f64) -> Option<Arrow> {
+    let arrow = force_arrow(place, &force.force_n, force.full_n, LONGEST * radius_m)?;
+    let strength = arrow.strength as f32;
+    let is_inward = arrow.along.dot(&(place - origin)) < 0.0;
+    let from = if is_inward { arrow.from - arrow.along } else { arrow.from };
+    Some(Arrow {
+        from: from.cast(),
+        along: arrow.along.cast(),
+        radius_m: (SHAFT * radius_m) as f32,
+        color: [(2.0 * strength).min(1.0), (2.0 - 2.0 * strength).min(0.9), 0.05],
+    })
+}

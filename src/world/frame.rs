@@ -1,0 +1,232 @@
+//! The world in one frame, from what the trackers say to what is drawn: hands, control poses, deformed bodies, eyes.
+//!
+//! In: a scene, its .green file, a stage, and a [`TrackerState`] per frame. Out: deformed bodies at their places,
+//! styli with their rays, and one view per screen and eye. Everything that moves is a field of one graph
+//! ([`flow`](super::flow)), which is evaluated once a frame.
+
+use super::body;
+use super::edit_state::EditState;
+use super::flow::{self, Bodies, BodyPlace, Fields, Tracked};
+use super::force::{self, HeldForce};
+use super::hand::{self, Held};
+use super::highlight::Highlight;
+use super::prepare;
+use super::times::StepTimes;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::field::{Field, Graph, Value};
+use crate::green::GreenFile;
+use crate::interact::Action;
+use crate::render::{Arrow, Grid, StylusShape, View};
+use crate::scene::Scene;
+use crate::stage::{Eye, Stage};
+use crate::track::{Signal, TrackerState};
+use indexmap::IndexMap;
+use nalgebra::{Isometry3, Point3};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A ray or a view nearer to the eye than this is cut off, m.
+const NEAR_M: f64 = 0.05;
+
+/// All that moves.
+pub struct World {
+    pub stage: Stage,
+    pub bodies: Bodies,
+    pub room_from_head: Isometry3<f64>,
+    /// What each stylus looks like in this frame.
+    pub styli: Vec<StylusShape>,
+    /// What held elements pull with, and how it is shown; of bodies whose scene wants it.
+    pub forces: Vec<HeldForce>,
+    pub arrows: Vec<Arrow>,
+    /// What the mechanics of this frame took.
+    pub times: StepTimes,
+    /// What is wrong, each told once; with the time since the start at which it was, s.
+    pub warnings: Vec<(f64, String)>,
+    /// Time since the start of the session, s; a script's own time begins anew with every round.
+    clock_s: f64,
+    pub graph: Graph<Bodies>,
+    pub fields: Fields,
+    pub edit: EditState,
+    /// What was commanded before this frame, and what has been since.
+    pub actions: Vec<Action>,
+    pub(super) pending: Vec<Action>,
+    /// Why a screen is black: what was told already.
+    told: BTreeSet<String>,
+}
+
+impl World {
+    /// The bodies of a scene, from its .green file, at their places on the stage.
+    pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
+        let bodies = body::place(scene, file, prepare::deformers(scene, file)?, &stage);
+        let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
+        Ok(World::of(stage, bodies, graph, fields))
+    }
+
+    /// A stage without bodies: head and styli alone.
+    pub fn of_stage(stage: Stage) -> Result<World, Failure> {
+        let (graph, fields) = flow::graph(&IndexMap::new(), &stage).map_err(Failure::request)?;
+        Ok(World::of(stage, Bodies::new(), graph, fields))
+    }
+
+    fn of(stage: Stage, bodies: Bodies, graph: Graph<Bodies>, fields: Fields) -> World {
+        let mut world = World {
+            edit: EditState::new(&stage.workspace, bodies.len(), fields.targets.len()),
+            room_from_head: stage.viewer.room_from_head,
+            stage,
+            bodies,
+            styli: Vec::new(),
+            forces: Vec::new(),
+            arrows: Vec::new(),
+            times: StepTimes::default(),
+            warnings: Vec::new(),
+            clock_s: 0.0,
+            graph,
+            fields,
+            actions: Vec::new(),
+            pending: Vec::new(),
+            told: BTreeSet::new(),
+        };
+        for b in 0..world.bodies.len() {
+            world.put(world.fields.bodies[b].place, BodyPlace(world.bodies[b].room_from_body));
+        }
+        world
+    }
+
+    /// Moves everything to what the trackers say: one evaluation of the graph.
+    pub fn step(&mut self, state: &TrackerState) -> StepTimes {
+        self.step_at(state.time_s, state)
+    }
+
+    /// The same at another time since the start of the session than the tracker's, s.
+    pub fn step_at(&mut self, clock_s: f64, state: &TrackerState) -> StepTimes {
+        let started = Instant::now();
+        self.clock_s = clock_s;
+        std::mem::swap(&mut self.actions, &mut self.pending);
+        self.pending.clear();
+        self.have_styli(state.styli.len());
+        self.put(self.fields.tracked_head, Tracked(state.head));
+        self.put(self.fields.time, state.time_s);
+        for stylus in 0..self.fields.styli.len() {
+            self.put(self.fields.styli[stylus].stylus, state.styli.get(stylus).copied());
+        }
+        self.ease(state.time_s);
+        self.evaluate();
+        self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
+        self.times
+    }
+
+    /// Sets a field that is fed from outside.
+    pub(super) fn put<T: Value>(&mut self, field: Field<T>, value: T) {
+        if let Err(error) = self.graph.set(field, value) {
+            unreachable!("nothing is connected to what is fed from outside: {error}");
+        }
+    }
+
+    /// Evaluates the graph, and takes over what pictures show of it.
+    pub(super) fn evaluate(&mut self) {
+        for body in &mut self.bodies {
+            body.times = StepTimes::default();
+        }
+        self.graph.evaluate(&mut self.bodies);
+        self.times = StepTimes::default();
+        let mut warnings = Vec::new();
+        for body in &mut self.bodies {
+            self.times.deform_s += body.times.deform_s;
+            self.times.normals_s += body.times.normals_s;
+            warnings.append(&mut body.warnings);
+        }
+        for warning in warnings {
+            self.warn(warning);
+        }
+        self.room_from_head = self.graph.get(self.fields.head).0;
+        self.follow_hands(*self.graph.get(self.fields.time));
+        self.show_hands();
+    }
+
+    /// Tells it once, and the overlay.
+    pub fn warn(&mut self, warning: String) {
+        if self.warnings.iter().all(|(_, told)| *told != warning) {
+            notice!("note: {warning}");
+            self.warnings.push((self.clock_s, warning));
+        }
+    }
+
+    /// Styli as they are drawn, what they feel, and the colours of what they point at.
+    fn show_hands(&mut self) {
+        let (graph, workspace) = (&self.graph, &self.stage.workspace);
+        let hands = &graph.get(self.fields.hands).hands;
+        let mut touched: Vec<((usize, usize), Highlight)> = Vec::new();
+        (self.styli, self.forces, self.arrows) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, fields) in self.fields.styli.iter().enumerate() {
+            // One that is lost is not drawn where it was.
+            let seen = graph.get(fields.stylus).as_ref().filter(|s| !matches!(s.signal, Signal::Lost { .. }));
+            let (Some(stylus), Some(pose)) = (seen, hands.room_from_stylus(i)) else {
+                continue;
+            };
+            let hit = graph.get(fields.hit).as_ref();
+            let grip = hands.grip(i).zip(hands.grip(i).and_then(|grip| self.fields.targets.get(grip.target)));
+            let held = grip.map(|(grip, &(b, c))| {
+                let now = self.bodies[b].room_from_element(c, graph.get(self.fields.bodies[b].poses[c]));
+                let place = now.transform_point(&grip.place_in_element);
+                touched.push(((b, c), Highlight::Held));
+                let is_told = self.forces.iter().any(|force| (force.body, force.control) == (b, c));
+                if self.bodies[b].force_scale.is_some() && !is_told {
+                    let force = force::held_force(b, &self.bodies[b], c);
+                    let origin = now.transform_point(&Point3::origin());
+                    let shown =
+                        force.as_ref().and_then(|f| force::arrow(f, &place, &origin, workspace.radius_m));
+                    self.forces.extend(force);
+                    self.arrows.extend(shown);
+                }
+                Held { grip, place }
+            });
+            let hit = hit.filter(|_| held.is_none());
+            let target = hit.and_then(|hit| self.fields.targets.get(hit.target));
+            touched.extend(target.map(|&target| (target, Highlight::Hovered)));
+            self.styli.push(hand::shape(stylus, pose, hit, held, workspace));
+        }
+        for (b, body) in self.bodies.iter_mut().enumerate() {
+            for (c, control) in body.controls.iter_mut().enumerate() {
+                let by = touched.iter().filter(|(target, _)| *target == (b, c));
+                let highlight = by.map(|(_, highlight)| *highlight).max().unwrap_or(Highlight::Idle);
+                body.recolour |= control.highlight != highlight;
+                control.highlight = highlight;
+            }
+        }
+    }
+
+    /// Distance from the first stylus to what it points at, for the mouse to grab there.
+    pub fn hit_distance_m(&self) -> Option<f64> {
+        let stylus = self.styli.first()?;
+        let hit: Point3<f64> = stylus.hit?.cast();
+        let eye = self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre);
+        Some((hit - eye).norm())
+    }
+
+    /// The view of every screen for `eye`; `None` where that screen stays black. Why is said once.
+    pub fn view(&mut self, screen: usize, eye: Eye) -> Option<View> {
+        let place = self.stage.viewer.eye_in_room(&self.room_from_head, eye);
+        match self.stage.screens[screen].view(&place, NEAR_M) {
+            Ok(view) => Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room }),
+            Err(unseen) => {
+                let key = format!("{screen} {eye:?} {:?}", std::mem::discriminant(&unseen));
+                if self.told.insert(key) {
+                    self.warn(format!("{} eye: {unseen}", eye.name()));
+                }
+                None
+            }
+        }
+    }
+
+    /// The floor grid of the stage.
+    pub fn grid(&self) -> Option<Grid> {
+        self.stage.grid.map(|grid| {
+            let centre = self.stage.workspace.centre;
+            let centre = Point3::new(centre.x, grid.height_m, centre.z).cast::<f32>();
+            let half = grid.half_size_m as f32;
+            Grid::new(centre, [half, half], half / 8.0)
+        })
+    }
+}

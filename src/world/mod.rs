@@ -1,0 +1,29 @@
+//! All that moves in one frame: bodies at their places, hands, the graph of fields that joins them.
+//!
+//! In: a [`Scene`](crate::scene::Scene), its .green file ([`prepare`] finds or makes it), a stage, and what the trackers
+//! say. Out: a [`World`] that [`World::step`] moves on by one frame. It knows no window and no device.
+
+pub mod actions;
+pub mod body;
+pub mod edit_state;
+pub mod flow;
+pub mod force;
+pub mod force_scale;
+pub mod frame;
+pub mod hand;
+pub mod highlight;
+pub mod prepare;
+pub mod state_hash;
+pub mod times;
+
+pub use body::PlacedBody;
+pub use edit_state::EditState;
+pub use flow::{Bodies, Fields};
+pub use force::HeldForce;
+pub use frame::World;
+pub use hand::shape;
+pub use highlight::Highlight;
+pub use times::StepTimes;
+
+#[cfg(test)]
+pub mod tests;

@@ -1,0 +1,201 @@
+//! A scene made ready for the online stage: its .green file found fresh or made, its models and effects known.
+
+use crate::base::bars::Bars;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::base::output::{self, OutputError};
+use crate::base::signal::{OnEnd, on_end};
+use crate::deform::{Deformer, Kind, find_model, not_online};
+use crate::effect::find_effect;
+use crate::fem::Law;
+use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
+use crate::mesh::formats::files_of;
+use crate::scene::{Body, Nodes, Scene};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The law under which `greenstage deform` solves a body anew for every pose; `None` for a model that is shown from the
+/// .green file. Errors name an unknown model or effect.
+pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law>, Failure> {
+    for effect in &body.effects {
+        find_effect(effect).map_err(|message| wrong(scene, name, "effects", message))?;
+    }
+    match find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?.kind {
+        Kind::Static(law) => Ok(Some(law)),
+        Kind::Online(_) => Ok(None),
+    }
+}
+
+/// What the model and the effects of a body need beside the basis columns. Errors name an unknown one, and refuse a
+/// model that has no part in the .green file.
+pub fn needs(scene: &Scene, name: &str, body: &Body) -> Result<Needs, Failure> {
+    if law(scene, name, body)?.is_some() {
+        return Err(wrong(scene, name, "model", not_online(&body.model)));
+    }
+    let effects = body.effects.iter().filter_map(|effect| find_effect(effect).ok());
+    let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
+    Ok(effects.fold(model.needs, |needs, effect| needs.and(effect.needs)))
+}
+
+fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {
+    Failure::request(scene.invalid(&format!("body.{name}.{key}"), message))
+}
+
+/// The scene with those of its bodies alone that are shown from the .green file; maybe none.
+pub fn online_part(scene: &Scene) -> Result<Scene, Failure> {
+    let mut part = scene.clone();
+    part.body.clear();
+    for (name, body) in &scene.body {
+        if law(scene, name, body)?.is_none() {
+            part.body.insert(name.clone(), body.clone());
+        }
+    }
+    Ok(part)
+}
+
+/// The files that a run of the scene reads: itself, its stage and script, its meshes and lists of nodes.
+pub fn inputs(scene: &Scene) -> Vec<PathBuf> {
+    let mut files = vec![scene.path.clone(), scene.resolve(Path::new(&scene.stage))];
+    files.extend(scene.script.iter().map(|script| scene.resolve(script)));
+    for body in scene.body.values() {
+        files.extend(body.mesh.iter().flat_map(|mesh| files_of(&scene.resolve(mesh))));
+        files.extend(body.control.values().filter_map(|control| match &control.nodes {
+            Nodes::File(path) => Some(scene.resolve(path)),
+            _ => None,
+        }));
+    }
+    files
+}
+
+/// [`inputs`], and what else a command was told to read.
+pub fn inputs_and<'a>(scene: &Scene, others: impl IntoIterator<Item = Option<&'a Path>>) -> Vec<PathBuf> {
+    let mut files = inputs(scene);
+    files.extend(others.into_iter().flatten().map(Path::to_owned));
+    files
+}
+
+/// Whether the scene's .green file, where it is missing, can be written: before anything is measured or solved. One
+/// that the user names is only read.
+pub fn try_green(scene: &Scene, named: Option<&Path>) -> Result<(), Failure> {
+    let path = green_path(scene);
+    if named.is_some() {
+        return Ok(());
+    }
+    let is_there = path.exists() || green::packed_path(&path).exists();
+    let ask = if is_there { output::may_replace } else { output::try_path };
+    ask(&path, &green::GREEN, &inputs(scene)).map_err(|error| unwritable(error.into(), &path))
+}
+
+/// Where the .green file of a scene stands unless told otherwise: beside the scene.
+pub fn green_path(scene: &Scene) -> PathBuf {
+    scene.path.with_extension("green")
+}
+
+/// The scene's .green file if it is there and belongs to the scene as it is now; why not, otherwise.
+///
+/// A damaged file is an error, not a reason: it is never replaced without a word.
+pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>, Failure> {
+    let file = match GreenFile::open(path) {
+        Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            return Ok(Err(GreenError::Io { path: path.to_owned(), source }));
+        }
+        other => other?,
+    };
+    for (name, body) in &scene.body {
+        match file.check_belongs(scene, name, needs(scene, name, body)?) {
+            Err(stale @ GreenError::Stale { .. }) => return Ok(Err(stale)),
+            other => other?,
+        }
+        let Some(meta) = file.meta.bodies.get(name) else { continue };
+        let failed = |source| GreenError::Solve { body: format!("{}: body.{name}", path.display()), source };
+        if let Some(warning) =
+            green::judge_file(&format!("body.{name}"), &meta.accuracy.solver, meta.accuracy.forward_error)
+                .map_err(failed)?
+        {
+            notice!("{}: {warning}", path.display());
+        }
+    }
+    Ok(Ok(file))
+}
+
+/// Precomputes every body of the scene.
+pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failure> {
+    scene
+        .body
+        .iter()
+        .map(|(name, body)| {
+            let needs = needs(scene, name, body)?;
+            let precomputed = green::precompute(scene, name, needs, &Bars::new(name, quiet))?;
+            for notice in &precomputed.solution.notices {
+                notice!("{notice}");
+            }
+            Ok(precomputed)
+        })
+        .collect()
+}
+
+/// The scene's .green file, made now where it is missing or stale. A file named by the user is only read.
+pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>, Failure> {
+    if let Some(path) = named {
+        return Ok(Arc::new(fresh(scene, path)??));
+    }
+    for (name, body) in &scene.body {
+        needs(scene, name, body)?;
+    }
+    let path = green_path(scene);
+    unpack_shipped(&path)?;
+    let reason = match fresh(scene, &path)? {
+        Ok(file) => return Ok(Arc::new(file)),
+        Err(GreenError::Stale { .. }) => "is stale (the scene, its mesh or the program changed)",
+        Err(_) => "is not there yet",
+    };
+    notice!("{} {reason}: precomputing", path.display());
+    let tried = output::try_path(&path, &green::GREEN, &inputs(scene));
+    tried.map_err(|error: OutputError| unwritable(error.into(), &path))?;
+    let unwritten = unwritten(&path);
+    let bodies = precompute(scene, false)?;
+    drop(unwritten);
+    green::write(&path, &bodies).map_err(|error| unwritable(error, &path))?;
+    Ok(Arc::new(GreenFile::open(&path)?))
+}
+
+/// Tells what a signal to end costs before `path` is written.
+pub fn unwritten(path: &Path) -> OnEnd {
+    let (named, was_there) = (path.display().to_string(), path.exists());
+    on_end(move || {
+        Some(if was_there { format!("{named} is as it was") } else { format!("{named} was not written") })
+    })
+}
+
+/// Unpacks the packed file beside `path` where the .green file itself is missing.
+pub fn unpack_shipped(path: &Path) -> Result<(), Failure> {
+    let shipped = green::packed_path(path);
+    if !path.exists() && shipped.exists() {
+        notice!("{} is unpacked", shipped.display());
+        green::unpack(&shipped, path).map_err(|error| unwritable(error, path))?;
+    }
+    Ok(())
+}
+
+/// An error about the .green file; one in writing it with the remedy.
+pub fn unwritable(error: GreenError, path: &Path) -> Failure {
+    if !matches!(error, GreenError::Output(_)) {
+        return error.into();
+    }
+    let advice = format!(
+        "cannot write {}; name another place: `greenstage precompute SCENE -o FILE`, then `--green FILE`",
+        path.display()
+    );
+    let is_request = error.is_request();
+    let advised = anyhow::Error::from(error).context(advice);
+    if is_request { Failure::Request(advised) } else { Failure::Work(advised) }
+}
+
+/// A deformer for every body of the scene, in the scene's order.
+pub fn deformers(scene: &Scene, file: &Arc<GreenFile>) -> Result<Vec<Deformer>, Failure> {
+    scene
+        .body
+        .iter()
+        .map(|(name, body)| Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong))
+        .collect()
+}
