@@ -12,7 +12,7 @@ use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
 use super::material::Lame;
 use super::tet4;
-use crate::mesh::trouble::FLAT;
+use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{EDGES, TetMesh, quadratic, quality};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use rayon::prelude::*;

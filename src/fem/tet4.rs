@@ -8,7 +8,7 @@ use super::assembly::{AssemblyError, Elements};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
 use super::material::Lame;
-use crate::mesh::trouble::FLAT;
+use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;

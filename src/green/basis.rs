@@ -9,7 +9,7 @@ use super::prepare::Prepared;
 use super::rigid::RigidMotion;
 use crate::base::machine;
 use crate::fem::{self, AssemblyError, Lame, NodeFields, Partition, StiffnessMatrix};
-use crate::mesh::trouble::Severity;
+use crate::mesh::diagnostics::Severity;
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{Body, Element, Method, Scene, Storage};
 use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};

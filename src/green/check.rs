@@ -6,7 +6,7 @@ use super::finding::Finding;
 use super::floating::{Floating, floating};
 use super::pieces;
 use crate::fem::Lame;
-use crate::mesh::trouble::{self, Severity, digits, place};
+use crate::mesh::diagnostics::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Element, Material};
 use std::collections::BTreeSet;
@@ -21,8 +21,8 @@ const USUAL_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
 
 /// What is wrong with the mesh itself; pieces are judged by [`support`].
 pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Finding> {
-    let found = trouble::find(mesh).into_iter().filter(|trouble| trouble.severity < Severity::Note);
-    let found = found.map(|trouble| Finding::new(trouble.severity, entity, trouble.message));
+    let found = diagnostics::find(mesh).into_iter().filter(|found| found.severity < Severity::Note);
+    let found = found.map(|found| Finding::new(found.severity, entity, found.message));
     found.chain(unit(entity, mesh)).collect()
 }
 

@@ -23,7 +23,7 @@ mod rigid;
 mod storage;
 mod validate;
 
-pub use crate::mesh::trouble::Severity;
+pub use crate::mesh::diagnostics::Severity;
 pub use basis::{Precomputed, Solution, StepTimes, assemble, precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;

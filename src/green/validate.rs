@@ -8,7 +8,7 @@ use super::error::GreenError;
 use super::file::{BodyMeta, ControlMeta, GreenFile, basis_type};
 use super::needs::Needs;
 use super::storage::{Basis, half_to_single};
-use crate::mesh::trouble::EXTENT;
+use crate::mesh::diagnostics::EXTENT;
 use crate::scene::{Scene, Storage};
 use safetensors::tensor::Dtype;
 

@@ -2,7 +2,7 @@
 
 use super::{Body, Control, Element, Generate, Scene, SceneError, Tetrahedralise};
 use crate::mesh::quadratic::{Curve, straight};
-use crate::mesh::{self, Loaded, TetMesh, generate, refine, stuffing, surface_files};
+use crate::mesh::{self, Loaded, TetMesh, generate, isosurface_stuffing, refine, surface_files};
 use std::path::Path;
 
 impl Scene {
@@ -60,14 +60,14 @@ impl Scene {
             source: Box::new(source),
         };
         match body.tetrahedralise {
-            Some(Tetrahedralise { cell }) => stuffing::load(&file, cell).map_err(failed),
+            Some(Tetrahedralise { cell }) => isosurface_stuffing::load(&file, cell).map_err(failed),
             None if surface_files::is_surface_file(&file) => {
                 let surface = surface_files::load(&file).map_err(failed)?.surface;
                 let message = format!(
                     "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a thirtieth of \
                      its longest extent)",
                     file.display(),
-                    stuffing::suggested_cell(&surface)
+                    isosurface_stuffing::suggested_cell(&surface)
                 );
                 Err(self.invalid(&format!("body.{name}.mesh"), message))
             }
