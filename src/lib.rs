@@ -13,9 +13,9 @@
 //! | [`config`] | strict TOML: every error names file, line and the nearest known key |
 //! | [`mesh`] | `TetMesh`, `Surface`, regions, quality, file formats, generators |
 //! | [`stage`] | screens, viewer, off-axis projection |
-//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
 //! | [`fem`] | elements, materials, assembly → `StiffnessMatrix`, partition into A, B, C |
 //! | [`solve`] | ordering, Cholesky, PCG → `SolveStats`; Newton's iteration |
+//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
 //! | [`green`] | the precomputed bases and the .green file |
 //! | [`deform`] | deformation models: coefficients → displacements |
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |

@@ -8,7 +8,7 @@ use super::pieces;
 use crate::fem::Lame;
 use crate::mesh::diagnostics::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::{Body, Element, Material};
+use crate::scene::{Body, Material};
 use std::collections::BTreeSet;
 
 /// Poisson's ratio above which linear tetrahedra are called locking.
@@ -78,7 +78,7 @@ pub fn materials(
     let mut findings = Vec::new();
     let named = std::iter::once(("material".to_owned(), &body.material))
         .chain(body.region.iter().map(|(region, material)| (format!("region.{region}"), material)));
-    let locks = body.element == Element::Tet4;
+    let locks = body.element.locks;
     for (key, Material { poisson, .. }) in named.filter(|(_, material)| locks && material.poisson > LOCKING) {
         let message = format!(
             "Poisson's ratio {poisson} is nearly incompressible: linear tetrahedra lock and the body is too stiff, the \

@@ -24,7 +24,7 @@ mod storage;
 mod validate;
 
 pub use crate::mesh::diagnostics::Severity;
-pub use basis::{Precomputed, Solution, StepTimes, assemble, precompute, refuse, solve, solve_prepared};
+pub use basis::{Precomputed, Solution, StepTimes, precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};

@@ -41,8 +41,8 @@ impl GreenFile {
             let [found, expected] = [meta.needs, needs].map(|needs| needs.stiffness.to_string());
             return differs("needs.stiffness", found, expected);
         }
-        if meta.element != body.element.name() {
-            return differs("element", meta.element.clone(), body.element.name().into());
+        if meta.element != body.element.name {
+            return differs("element", meta.element.clone(), body.element.name.into());
         }
         if meta.accuracy.storage != body.storage {
             let [found, expected] =

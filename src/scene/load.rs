@@ -1,6 +1,6 @@
 //! The mesh of a scene's body: read, filled or generated, and refined.
 
-use super::{Body, Control, Element, Generate, Scene, SceneError, Tetrahedralise};
+use super::{Body, Control, Generate, Scene, SceneError, Tetrahedralise};
 use crate::mesh::quadratic::{Curve, straight};
 use crate::mesh::{self, Loaded, TetMesh, generate, isosurface_stuffing, refine, surface_files};
 use std::path::Path;
@@ -41,13 +41,15 @@ impl Scene {
                 nodes.len()
             ));
         }
-        if body.element == Element::Tet10 && loaded.mesh.mids.is_empty() {
+        if body.element.order == 2 && loaded.mesh.mids.is_empty() {
             let before = loaded.mesh.nodes.len();
             refine::check_tags(&loaded.mesh, loaded.mesh.tets.len() as u64)
                 .map_err(|error| self.invalid(&format!("body.{name}.element"), error.to_string()))?;
             loaded.mesh = mesh::quadratic(loaded.mesh, curve);
             let added = loaded.mesh.nodes.len() - before;
-            loaded.notices.push(format!("{added} nodes were added between the corners, for tet10"));
+            loaded
+                .notices
+                .push(format!("{added} nodes were added between the corners, for {}", body.element.name));
         }
         Ok(loaded)
     }
@@ -71,7 +73,7 @@ impl Scene {
                 );
                 Err(self.invalid(&format!("body.{name}.mesh"), message))
             }
-            None if body.element == Element::Tet10 => mesh::load_quadratic(&file).map_err(failed),
+            None if body.element.order == 2 => mesh::load_quadratic(&file).map_err(failed),
             None => mesh::load(&file).map_err(failed),
         }
     }
