@@ -22,10 +22,10 @@
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`green`] | the precomputed columns and the .green file |
+//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
 //! | [`solve`] | ordering, Cholesky, PCG, Newton's iteration |
 //! | [`fem`] | elements, material laws, assembly → `StiffnessMatrix`, partition into A, B, C |
 //! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script |
-//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
 //! | [`stage`] | screens, viewer, off-axis projection, stereo, windows of a stage |
 //! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |

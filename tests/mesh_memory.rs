@@ -55,9 +55,9 @@ fn peak_ratio(name: &str, bytes: &[u8]) -> f64 {
 /// Valid files of every written format cost less than 20 times their bytes; and so do files of forged counts.
 fn formats_stay_below_20_times_the_file() {
     let mesh = block(&Block { size: [1.0; 3], cells: [16; 3] }).unwrap();
-    for writer in greenstage::mesh::formats::WRITERS.iter().filter(|writer| writer.name != "tetgen") {
-        let name = format!("m.{}", writer.extensions[0]);
-        let bytes = (writer.encode)(&mesh).unwrap().files.remove(0).1;
+    for writer in greenstage::mesh::formats::writers().filter(|writer| writer.name != "tetgen") {
+        let name = format!("m.{}", writer.files[0].0);
+        let bytes = (writer.encode)(&mesh).unwrap().files.remove(0);
         let ratio = peak_ratio(&name, &bytes);
         assert!(ratio < 20.0, "{}: {ratio:.1}", writer.name);
     }

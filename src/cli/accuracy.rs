@@ -6,9 +6,10 @@ use crate::base::output::Scratch;
 use crate::config::unknown_name;
 use crate::deform::pose_file;
 use crate::deform::{ControlPose, ControlPoses};
+use crate::fem::TET4;
 use crate::green::{self, GreenFile, Needs};
 use crate::report::{self, Limits, Request, measure::poses::random};
-use crate::scene::{Element, Scene, Solver};
+use crate::scene::{Scene, Solver};
 use crate::session::{Playback, Session, open};
 use crate::world::{World, prepare};
 use std::path::PathBuf;
@@ -169,7 +170,7 @@ pub fn scripted_or_random(
     }
     let seed = seed.unwrap_or(SEED);
     let mut plain = scene.clone();
-    (plain.body[name].element, plain.body[name].solver) = (Element::Tet4, Solver::default());
+    (plain.body[name].element, plain.body[name].solver) = (&TET4, Solver::default());
     let prepared = green::prepare(&plain, name)?;
     let origins: Vec<_> = prepared.controls.iter().map(|control| control.origin).collect();
     let (low, high) = crate::mesh::quality::bounding_box(&prepared.mesh.nodes);

@@ -37,7 +37,7 @@ pub struct Args {
 
 fn encodings() -> clap::builder::PossibleValuesParser {
     let value = |writer: &formats::Writer| clap::builder::PossibleValue::new(writer.name).help(writer.about);
-    formats::WRITERS.iter().map(value).collect::<Vec<_>>().into()
+    formats::writers().map(value).collect::<Vec<_>>().into()
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {

@@ -4,7 +4,7 @@ use super::plan;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
 use crate::green::{GreenError, GreenFile};
-use crate::mesh::{self, Surface, quality, stuffing, surface_check, surface_files, trouble};
+use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::scene::Scene;
 use crate::session::open;
 use crate::stage::Stage;
@@ -97,18 +97,19 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
         text.push_str(&format!("\n{}", groups.text()));
     }
     text.push_str(&format!("\n{}", histogram(&report.quality)));
-    let trouble = trouble::find(&loaded.mesh);
-    text.push_str(match trouble.is_empty() {
+    let found = diagnostics::find(&loaded.mesh);
+    text.push_str(match found.is_empty() {
         true => "nothing wrong is found\n",
         false => "what is wrong\n",
     });
-    for line in &trouble {
+    for line in &found {
         text.push_str(&format!("  {}: {}\n", line.severity, line.message));
     }
     for notice in &loaded.notices {
         text.push_str(&format!("note: {notice}\n"));
     }
-    let value = json!({ "file": path.to_string_lossy(), "mesh": report, "wrong": trouble, "notices": loaded.notices });
+    let value =
+        json!({ "file": path.to_string_lossy(), "mesh": report, "wrong": found, "notices": loaded.notices });
     Ok((text, value))
 }
 
@@ -148,7 +149,7 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     let wrong = faults.iter().map(|fault| format!("wrong: {fault}\n"));
     let notes = notices.iter().map(|notice| format!("note: {notice}\n"));
     text.extend(wrong.chain(notes));
-    let cell = stuffing::suggested_cell(&surface);
+    let cell = isosurface_stuffing::suggested_cell(&surface);
     if report.holes.is_empty() && report.unorientable_edges == 0 {
         text.push_str(&format!(
             "closed: a scene can fill it, tetrahedralise = {{ cell = {cell} }} makes about {:.0} tetrahedra\n",

@@ -6,12 +6,13 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::ControlPose;
+use crate::fem::find_element;
 use crate::fem::nearest_turn;
 use crate::green::{self, GreenError, GreenFile};
 use crate::report::measure::{machine, settings};
 use crate::report::plan::{Choice, choose};
 use crate::report::{Limits, Request, Row, Setting};
-use crate::scene::{Demand, Element, Method, Scene, SceneError, Solver, Storage};
+use crate::scene::{Demand, Method, Scene, SceneError, Solver, Storage};
 use crate::world::prepare;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -145,7 +146,7 @@ fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {
     let body = &mut scene.body[name];
     body.refine = *refine;
     body.model = model.clone();
-    if let Some(known) = Element::ALL.into_iter().find(|known| known.name() == element) {
+    if let Some(known) = find_element(element) {
         body.element = known;
     }
     if let Some(known) = Storage::ALL.into_iter().find(|known| known.name() == storage) {

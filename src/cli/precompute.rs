@@ -89,7 +89,7 @@ pub fn report(body: &Precomputed) -> Table {
             "{} nodes, {} {}, surface {} nodes and {} triangles",
             mesh.nodes.len(),
             mesh.tets.len(),
-            solution.element.name(),
+            solution.element.name,
             solution.surface.nodes.len(),
             solution.surface.triangles.len()
         ),

@@ -6,7 +6,7 @@ use super::stability;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
-use crate::verify::{self, Effort, PROBLEMS, Problem, Row};
+use crate::verify::{self, ConvergenceRow, Effort, PROBLEMS, Problem};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -132,7 +132,7 @@ fn chosen(names: &[String]) -> Result<Vec<&'static Problem>, Failure> {
     names.iter().map(find).collect()
 }
 
-fn judge(rows: &[Row]) -> Result<(), Failure> {
+fn judge(rows: &[ConvergenceRow]) -> Result<(), Failure> {
     let missed: Vec<String> = rows
         .iter()
         .filter(|row| !row.holds())
@@ -145,7 +145,7 @@ fn judge(rows: &[Row]) -> Result<(), Failure> {
     Err(Failure::Work(anyhow::anyhow!("{count} of {all} rows miss their bound: {}", missed.join(", "))))
 }
 
-fn section(problem: &Problem, rows: &[Row]) -> String {
+fn section(problem: &Problem, rows: &[ConvergenceRow]) -> String {
     let mut table = Table::new(&[
         "quantity",
         "element",
@@ -192,13 +192,13 @@ fn significant(value: f64, digits: i32) -> String {
     format!("{value:.decimals$}")
 }
 
-fn as_json(row: &Row) -> Value {
+fn as_json(row: &ConvergenceRow) -> Value {
     let mut value = json!(row);
     value["holds"] = json!(row.holds());
     value
 }
 
-fn required(row: &Row) -> String {
+fn required(row: &ConvergenceRow) -> String {
     let error = row.bound.error.map(|most| format!("error ≤ {}", percent(most)));
     let rate = row.bound.rate.map(|least| format!("rate ≥ {least:.1}"));
     let missed = (!row.holds()).then(|| "MISSED".to_owned());

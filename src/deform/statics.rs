@@ -8,10 +8,12 @@ use super::force::Wrench;
 use super::model::{Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Screw;
-use crate::fem::{COROTATIONAL, Hyperelastic, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
+use crate::fem::{
+    COROTATIONAL, Hyperelastic, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, TET4, tet4,
+};
 use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::{Body, Element, Method, Scene, SceneError};
+use crate::scene::{Body, Method, Scene, SceneError};
 use crate::solve::{Counts, Equilibrium, Newton, NewtonError, Progress, Setback, SolveError, Symbolic};
 use nalgebra::{Matrix3, Vector3};
 
@@ -116,7 +118,7 @@ impl Statics {
     pub fn suits(scene: &Scene, name: &str, law: &Law) -> Result<(), SceneError> {
         let Body { element, solver, .. } = &scene.body[name];
         let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
-        if *element != Element::Tet4 {
+        if *element != &TET4 {
             let message =
                 format!("model \"{}\" is for linear tetrahedra: write element = \"tet4\"", law.name);
             return wrong("element", message);

@@ -14,7 +14,8 @@
 //! node can meet, one a node is not. A patch ends where the material does. K couples each node with its neighbours'
 //! neighbours, so it has about four times as many blocks as with [`tet4`].
 
-use super::assembly::{AssemblyError, Elements};
+use super::assembly::{ElementSet, Elements};
+use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
 use super::material::Lame;
@@ -22,13 +23,23 @@ use super::tet4;
 use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};
 
-/// The elements' own part, and the patches around the nodes. Errors where a tetrahedron is flat or inverted.
-pub fn split<'a>(mesh: &'a TetMesh, lame: &[Lame]) -> Result<(tet4::Tetrahedra<'a>, Patches), AssemblyError> {
-    let own: Vec<Lame> = lame.iter().map(|lame| Lame { lambda: 0.0, mu: lame.mu }).collect();
-    let tetrahedra = tet4::Tetrahedra::new(mesh, &own)?;
-    let patches = Patches::new(&tetrahedra, lame);
-    Ok((tetrahedra, patches))
-}
+/// The linear tetrahedron with average nodal pressure. A node meets its neighbours' neighbours too: about 4.6 times as
+/// many as with [`tet4`], which makes the rows of K three times as dear to solve.
+pub const TET4_ANP: Element = Element {
+    name: "tet4_anp",
+    order: 1,
+    dilatation: Dilatation::Nodal,
+    locks: false,
+    pairs: [4.6, 0.0, 0.0],
+    unknown_cost: 3.0,
+    sets: |mesh, lame| {
+        // The elements' own part, and the patches around the nodes.
+        let own: Vec<Lame> = lame.iter().map(|lame| Lame { lambda: 0.0, mu: lame.mu }).collect();
+        let tetrahedra = tet4::Tetrahedra::new(mesh, &own)?;
+        let patches = Patches::new(&tetrahedra, lame);
+        Ok(vec![Box::new(tetrahedra), Box::new(patches)])
+    },
+};
 
 /// The nodes' patches: element p adds λ V g_a ⊗ g_b, where θ_p = Σ_a g_a · u_a.
 pub struct Patches {
@@ -82,6 +93,8 @@ fn tetrahedra_of_nodes(mesh: &TetMesh) -> Vec<Vec<u32>> {
     }
     of_node
 }
+
+impl ElementSet for Patches {}
 
 impl Elements for Patches {
     fn count(&self) -> usize {

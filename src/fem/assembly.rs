@@ -1,9 +1,7 @@
 //! Assembly of the stiffness matrix from sets of elements.
 
-use super::material::Lame;
+use super::energy::Strains;
 use super::stiffness::StiffnessMatrix;
-use super::{anp, tet4, tet10};
-use crate::mesh::TetMesh;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -14,6 +12,11 @@ pub enum AssemblyError {
          remove it or move a node: its stiffness would be infinite or wrong"
     )]
     Degenerate { index: usize, tags: [u64; 4], volume: f64, relative: f64 },
+    #[error(
+        "{element} is an element of order {needed}, the mesh of order {order}: quadratic elements need nodes between \
+         the corners, linear ones a mesh without"
+    )]
+    Order { element: &'static str, needed: u32, order: u32 },
 }
 
 /// A set of elements of one kind, each of which adds a symmetric matrix of 3×3 blocks on its own nodes to K.
@@ -27,31 +30,15 @@ pub trait Elements: Sync {
     fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]);
 }
 
-/// K = Σ_e K_e with Lamé's constants `lame[e]` per tetrahedron: linear tetrahedra ([`tet4`]), or quadratic ones
-/// ([`tet10`]) where the mesh has nodes between the corners.
-///
-/// Errors where a tetrahedron is flat or inverted.
-pub fn assemble(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
-    let nodes = mesh.nodes.len();
-    if mesh.mids.is_empty() {
-        return Ok(assemble_elements(nodes, &[&tet4::Tetrahedra::new(mesh, lame)?]));
-    }
-    Ok(assemble_elements(nodes, &[&tet10::Tetrahedra::new(mesh, lame)?]))
-}
-
-/// K of linear tetrahedra whose pressure is averaged at the nodes, so that they do not lock near ν = 1/2 ([`anp`]).
-/// `mesh` must be linear: nodes between corners would have no stiffness.
-pub fn assemble_anp(mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
-    let (tetrahedra, patches) = anp::split(mesh, lame)?;
-    Ok(assemble_elements(mesh.nodes.len(), &[&tetrahedra, &patches]))
-}
+/// What the sets of an element do: they are assembled, and tell their strains.
+pub trait ElementSet: Elements + Strains {}
 
 /// K = Σ K_e over all sets of elements, on nodes 0..`nodes`.
 ///
 /// Parallel over nodes: every node sums the blocks of its own row over its elements in ascending order, so the
 /// result has the same bits on every thread count.
-pub fn assemble_elements(nodes: usize, sets: &[&dyn Elements]) -> StiffnessMatrix {
-    let incident: Vec<Incidence> = sets.iter().map(|set| incidence(nodes, *set)).collect();
+pub fn assemble_elements<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>]) -> StiffnessMatrix {
+    let incident: Vec<Incidence> = sets.iter().map(|set| incidence(nodes, set.as_ref())).collect();
     let mut matrix = StiffnessMatrix::zeros(nodes, edges(nodes, sets, &incident));
     let rows: Vec<(Matrix3<f64>, Vec<Matrix3<f64>>)> = (0..nodes)
         .into_par_iter()
@@ -99,7 +86,7 @@ impl Incidence {
     }
 }
 
-fn incidence(nodes: usize, set: &dyn Elements) -> Incidence {
+fn incidence<E: Elements + ?Sized>(nodes: usize, set: &E) -> Incidence {
     let mut start = vec![0; nodes + 1];
     for &node in (0..set.count()).flat_map(|element| set.nodes(element)) {
         start[node as usize + 1] += 1;
@@ -119,7 +106,7 @@ fn incidence(nodes: usize, set: &dyn Elements) -> Incidence {
 }
 
 /// All pairs i < j of nodes with a common element, sorted.
-fn edges(nodes: usize, sets: &[&dyn Elements], incident: &[Incidence]) -> Vec<[u32; 2]> {
+fn edges<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>], incident: &[Incidence]) -> Vec<[u32; 2]> {
     let per_node: Vec<Vec<[u32; 2]>> = (0..nodes)
         .into_par_iter()
         .with_min_len(64)

@@ -12,11 +12,7 @@
 //! δ of their free nodes enter as a(δ_i, δ_j) alone, the square of what they do to a force K u: a(u, δ) = 0
 //! (Galerkin's orthogonality; Strang and Fix, An Analysis of the Finite Element Method, chapter 1).
 
-use super::assembly::AssemblyError;
 use super::fields::NodeFields;
-use super::material::Lame;
-use super::{anp, tet4, tet10};
-use crate::mesh::TetMesh;
 use nalgebra::{DMatrix, DMatrixView, Vector3};
 use rayon::prelude::*;
 
@@ -110,26 +106,8 @@ const PARTS: usize = 64;
 /// Strains that are multiplied with each other at a time.
 const ROWS: usize = 512;
 
-/// S_ij of all fields over linear tetrahedra, or quadratic ones where the mesh has nodes between the corners. Errors as
-/// [`super::assemble`].
-pub fn energies(mesh: &TetMesh, lame: &[Lame], fields: &NodeFields) -> Result<DMatrix<f64>, AssemblyError> {
-    if mesh.mids.is_empty() {
-        return Ok(energies_of(&[&tet4::Tetrahedra::new(mesh, lame)?], fields));
-    }
-    Ok(energies_of(&[&tet10::Tetrahedra::new(mesh, lame)?], fields))
-}
-
-/// S_ij of all fields over linear tetrahedra whose pressure is averaged at the nodes.
-pub fn energies_anp(
-    mesh: &TetMesh,
-    lame: &[Lame],
-    fields: &NodeFields,
-) -> Result<DMatrix<f64>, AssemblyError> {
-    let (tetrahedra, patches) = anp::split(mesh, lame)?;
-    Ok(energies_of(&[&tetrahedra, &patches], fields))
-}
-
-fn energies_of(sets: &[&dyn Strains], fields: &NodeFields) -> DMatrix<f64> {
+/// S_ij of all fields over all sets of elements.
+pub fn mutual_energies<S: Strains + ?Sized>(sets: &[Box<S>], fields: &NodeFields) -> DMatrix<f64> {
     let m = fields.columns;
     let mut total = DMatrix::zeros(m, m);
     for set in sets {
@@ -156,8 +134,8 @@ fn energies_of(sets: &[&dyn Strains], fields: &NodeFields) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::{StiffnessMatrix, assemble, assemble_anp};
-    use crate::mesh::{Block, block, quadratic};
+    use crate::fem::{Lame, StiffnessMatrix, TET4, TET4_ANP, TET10};
+    use crate::mesh::{Block, TetMesh, block, quadratic};
 
     fn body() -> (TetMesh, Vec<Lame>) {
         let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [2, 2, 2] }).unwrap();
@@ -187,17 +165,11 @@ mod tests {
         let bulged = |a: &Vector3<f64>, b: &Vector3<f64>| (a + b) * 0.5 + (a - b).cross(&Vector3::x()) * 0.05;
         let straight = quadratic::quadratic(mesh.clone(), &quadratic::straight);
         let curved = quadratic::quadratic(mesh.clone(), &bulged);
-        let cases = [
-            (assemble(&mesh, &lame), &mesh, false),
-            (assemble_anp(&mesh, &lame), &mesh, true),
-            (assemble(&straight, &lame), &straight, false),
-            (assemble(&curved, &lame), &curved, false),
-        ];
-        for (k, mesh, averaged) in cases {
+        let cases = [(&TET4, &mesh), (&TET4_ANP, &mesh), (&TET10, &straight), (&TET10, &curved)];
+        for (element, mesh) in cases {
             let fields = some_fields(mesh.nodes.len());
-            let expected = by_matrix(&k.unwrap(), &fields);
-            let of = if averaged { energies_anp } else { energies };
-            let found = of(mesh, &lame, &fields).unwrap();
+            let expected = by_matrix(&element.assemble(mesh, &lame).unwrap(), &fields);
+            let found = element.energies(mesh, &lame, &fields).unwrap();
             assert!((&found - &expected).amax() < 1e-13 * expected.amax(), "{found}{expected}");
         }
     }
@@ -214,8 +186,8 @@ mod tests {
                 fields.row_mut(3 * node + axis).copy_from_slice(&[1.1, turned]);
             }
         }
-        for found in [energies(&mesh, &lame, &fields), energies_anp(&mesh, &lame, &fields)] {
-            let found = found.unwrap();
+        for element in [&TET4, &TET4_ANP] {
+            let found = element.energies(&mesh, &lame, &fields).unwrap();
             assert!(found[(0, 0)] == 0.0 && found[(1, 1)].abs() < 1e-10, "{found}");
         }
     }

@@ -98,7 +98,7 @@ impl Hyperelastic<'_> {
 
     /// The tangent stiffness K = ∂f/∂u over `nodes` nodes, N/m.
     pub fn tangent(&self, gradients: &[Matrix3<f64>], nodes: usize) -> StiffnessMatrix {
-        assemble_elements(nodes, &[&Displaced { body: self, gradients }])
+        assemble_elements(nodes, &[Box::new(Displaced { body: self, gradients })])
     }
 }
 

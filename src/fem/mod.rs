@@ -1,12 +1,14 @@
 //! The finite element method: tetrahedra and material constants in, the stiffness matrix K of K u = f out.
 //!
-//! Elements are linear tetrahedra (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed.,
+//! The elements of [`ELEMENTS`] are linear tetrahedra (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed.,
 //! section 6.2), the same with nodal pressures, and quadratic tetrahedra; K is kept in 3×3 blocks on the nodes and edges
 //! of the mesh (the paper's figure 4). At large strain the linear ones have a law of [`LAWS`], and K is their tangent.
 
-pub mod anp;
+mod anp;
 mod assembly;
 mod corotational;
+mod element;
+mod elements;
 mod energy;
 mod fields;
 mod hyperelastic;
@@ -14,14 +16,18 @@ mod material;
 mod neo_hookean;
 mod partition;
 mod polar;
+pub mod quadrature;
 mod stiffness;
 mod stvk;
 pub mod tet10;
 pub mod tet4;
 
-pub use assembly::{AssemblyError, Elements, assemble, assemble_anp, assemble_elements};
+pub use anp::TET4_ANP;
+pub use assembly::{AssemblyError, ElementSet, Elements, assemble_elements};
 pub use corotational::COROTATIONAL;
-pub use energy::{energies, energies_anp};
+pub use element::{Dilatation, Element};
+pub use elements::{ELEMENTS, find_element};
+pub use energy::{Strains, mutual_energies};
 pub use fields::NodeFields;
 pub use hyperelastic::{Hyperelastic, Law, Tangent};
 pub use material::Lame;
@@ -30,6 +36,8 @@ pub use partition::Partition;
 pub use polar::{Polar, nearest_turn};
 pub use stiffness::StiffnessMatrix;
 pub use stvk::STVK;
+pub use tet4::TET4;
+pub use tet10::TET10;
 
 /// The laws of large strain; a new one is one file and one line here.
 pub const LAWS: &[&Law] = &[&STVK, &NEO_HOOKEAN, &COROTATIONAL];

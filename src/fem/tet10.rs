@@ -7,15 +7,28 @@
 //! curved element is first projected onto the linear functions, among which that of a straight one lies anyway: near
 //! ν = 1/2 eight points would be eight constraints an element, and stiffen it; the projection leaves four.
 
-use super::assembly::{AssemblyError, Elements};
+use super::assembly::{AssemblyError, ElementSet, Elements};
+use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
 use super::material::Lame;
+use super::quadrature::{CURVED, Rule, STRAIGHT};
 use super::tet4;
-use crate::mesh::trouble::FLAT;
+use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{EDGES, TetMesh, quadratic, quality};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use rayon::prelude::*;
+
+/// The quadratic tetrahedron.
+pub const TET10: Element = Element {
+    name: "tet10",
+    order: 2,
+    dilatation: Dilatation::Own,
+    locks: false,
+    pairs: [3.0, 6.0, 3.0],
+    unknown_cost: 1.0,
+    sets: |mesh, lame| Ok(vec![Box::new(Tetrahedra::new(mesh, lame)?)]),
+};
 
 /// One point of an element: its share of the volume, m³, and the shape gradients there, 1/m; Σ G_a = 0.
 #[derive(Clone, Copy, Debug)]
@@ -23,33 +36,6 @@ pub struct Point {
     pub volume: f64,
     pub gradients: [Vector3<f64>; 10],
 }
-
-/// Barycentric coordinates and weights of a rule; the weights' sum is 1.
-pub type Rule = [([f64; 4], f64)];
-
-pub const NEAR: f64 = 0.585_410_196_624_968_5;
-pub const FAR: f64 = 0.138_196_601_125_010_5;
-const THIRD: f64 = 1.0 / 3.0;
-
-/// Four points, of degree 2 (Zienkiewicz and Taylor, vol. 1, 5th ed., table 9.3).
-pub const STRAIGHT: &Rule = &[
-    ([NEAR, FAR, FAR, FAR], 0.25),
-    ([FAR, NEAR, FAR, FAR], 0.25),
-    ([FAR, FAR, NEAR, FAR], 0.25),
-    ([FAR, FAR, FAR, NEAR], 0.25),
-];
-
-/// The corners and the faces' centres, of degree 3 (Keast, Comput. Methods Appl. Mech. Engng. 55, 1986, 339-348).
-pub const CURVED: &Rule = &[
-    ([1.0, 0.0, 0.0, 0.0], 1.0 / 40.0),
-    ([0.0, 1.0, 0.0, 0.0], 1.0 / 40.0),
-    ([0.0, 0.0, 1.0, 0.0], 1.0 / 40.0),
-    ([0.0, 0.0, 0.0, 1.0], 1.0 / 40.0),
-    ([0.0, THIRD, THIRD, THIRD], 9.0 / 40.0),
-    ([THIRD, 0.0, THIRD, THIRD], 9.0 / 40.0),
-    ([THIRD, THIRD, 0.0, THIRD], 9.0 / 40.0),
-    ([THIRD, THIRD, THIRD, 0.0], 9.0 / 40.0),
-];
 
 /// The rule for an element with nodes `x`.
 pub fn rule(x: &[Vector3<f64>; 10]) -> &'static Rule {
@@ -176,6 +162,8 @@ impl<'a> Tetrahedra<'a> {
     }
 }
 
+impl ElementSet for Tetrahedra<'_> {}
+
 impl Elements for Tetrahedra<'_> {
     fn count(&self) -> usize {
         self.nodes.len()
@@ -251,21 +239,6 @@ mod tests {
         let volume: f64 = points(&x).unwrap().iter().map(|point| point.volume).sum();
         assert!((volume - quality::signed_volume(&[x[0], x[1], x[2], x[3]])).abs() < 1e-15);
         assert_eq!((rule(&x).len(), rule(&curved()).len()), (4, 8));
-    }
-
-    /// ∫ L₀ᵃ L₁ᵇ L₂ᶜ dV / V = 3! a! b! c! / (a + b + c + 3)!.
-    #[test]
-    fn rules_are_exact_to_their_degree() {
-        let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
-        for (rule, degree) in [(STRAIGHT, 2), (CURVED, 3)] {
-            for (a, b, c) in
-                (0..64).map(|i| (i / 16, i / 4 % 4, i % 4)).filter(|(a, b, c)| a + b + c <= degree)
-            {
-                let sum: f64 = rule.iter().map(|(l, w)| w * l[0].powi(a) * l[1].powi(b) * l[2].powi(c)).sum();
-                let exact = 6.0 * factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3);
-                assert!((sum - exact).abs() < 1e-15, "degree {degree}, {a} {b} {c}: {sum} {exact}");
-            }
-        }
     }
 
     /// An affine motion has its own strain at every point, straight or curved; a quadratic one where it is straight.

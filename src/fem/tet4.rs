@@ -4,14 +4,26 @@
 //! quadrature point is exact (Zienkiewicz and Taylor, vol. 1, 5th ed., section 6.2; mind the sign of the cyclic
 //! interchange in its equation 6.5b, which the paper's reference 13 points out).
 
-use super::assembly::{AssemblyError, Elements};
+use super::assembly::{AssemblyError, ElementSet, Elements};
+use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
 use super::material::Lame;
-use crate::mesh::trouble::FLAT;
+use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+
+/// The linear tetrahedron.
+pub const TET4: Element = Element {
+    name: "tet4",
+    order: 1,
+    dilatation: Dilatation::Own,
+    locks: true,
+    pairs: [1.0, 0.0, 0.0],
+    unknown_cost: 1.0,
+    sets: |mesh, lame| Ok(vec![Box::new(Tetrahedra::new(mesh, lame)?)]),
+};
 
 /// Volume and shape gradients of one tetrahedron.
 #[derive(Clone, Copy, Debug)]
@@ -72,6 +84,8 @@ impl<'a> Tetrahedra<'a> {
         Ok(Tetrahedra { mesh, lame: lame.to_vec(), geometry })
     }
 }
+
+impl ElementSet for Tetrahedra<'_> {}
 
 impl Elements for Tetrahedra<'_> {
     fn count(&self) -> usize {

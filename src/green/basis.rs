@@ -8,10 +8,10 @@ use super::needs::Needs;
 use super::prepare::Prepared;
 use super::rigid::RigidMotion;
 use crate::base::machine;
-use crate::fem::{self, AssemblyError, Lame, NodeFields, Partition, StiffnessMatrix};
-use crate::mesh::trouble::Severity;
+use crate::fem::{Element, NodeFields, Partition, StiffnessMatrix};
+use crate::mesh::diagnostics::Severity;
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::{Body, Element, Method, Scene, Storage};
+use crate::scene::{Body, Method, Scene, Storage};
 use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};
 use nalgebra::DMatrix;
 use std::time::Instant;
@@ -27,7 +27,7 @@ pub struct StepTimes {
 /// The full f64 solution of one body: every basis field over every node.
 #[derive(Clone)]
 pub struct Solution {
-    pub element: Element,
+    pub element: &'static Element,
     pub mesh: TetMesh,
     pub surface: Surface,
     pub controls: Vec<ControlElement>,
@@ -110,14 +110,6 @@ pub fn solve(
     Ok(solution)
 }
 
-/// K of tetrahedra with the nodes of this element, and a material each.
-pub fn assemble(element: Element, mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
-    match element {
-        Element::Tet4 | Element::Tet10 => fem::assemble(mesh, lame),
-        Element::Tet4Anp => fem::assemble_anp(mesh, lame),
-    }
-}
-
 /// [`solve`] of a body that was prepared, as it is in `prepared`.
 pub fn solve_prepared(
     scene: &Scene,
@@ -140,7 +132,7 @@ pub fn solve_prepared(
     progress.begin("assembly", 0);
     let started = Instant::now();
     let unfit = |source| GreenError::Assembly { body: place.clone(), source };
-    let k = assemble(body.element, &mesh, &lame).map_err(unfit)?;
+    let k = body.element.assemble(&mesh, &lame).map_err(unfit)?;
     let partition = Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
     let a = partition.a(&k);
     times.assembly_s = started.elapsed().as_secs_f64();
@@ -159,7 +151,10 @@ pub fn solve_prepared(
     if needs.stiffness {
         progress.begin("handle stiffness", 0);
         let started = Instant::now();
-        stiffness = Some(handle_stiffness(body.element, &mesh, &lame, &fields).map_err(unfit)?);
+        // S_ij = a(u⁽ⁱ⁾, u⁽ʲ⁾), the generalised force on field i for a unit of field j. It equals the reactions' work Φᵀ f_b
+        // with f_b = Bᵀ u + C b, but where a held part is stiff, f_b is left over of sums that are larger by its contrast;
+        // strains of a rigid motion are 0 there.
+        stiffness = Some(body.element.energies(&mesh, &lame, &fields).map_err(unfit)?);
         asymmetry = Some(reciprocity(&k, &partition, &fields));
         times.stiffness_s = started.elapsed().as_secs_f64();
         progress.end();
@@ -191,21 +186,19 @@ pub fn solve_prepared(
 ///
 /// With V nodes at corners, T tetrahedra and B triangles of the surface there are F = 2 T + B/2 faces and, by Euler's
 /// formula for one piece without holes, V + F - T - 1 edges. Nodes between the corners make three pairs on an edge, six
-/// more on a face and three more inside. A node of tet4_anp meets its neighbours' neighbours too, about 4.6 times as many.
-fn assembly_memory(element: Element, mesh: &TetMesh, surface: &Surface, columns: usize) -> f64 {
+/// more on a face and three more inside ([`Element::pairs`]).
+fn assembly_memory(element: &Element, mesh: &TetMesh, surface: &Surface, columns: usize) -> f64 {
     let (nodes, tets) = (mesh.nodes.len() as f64, mesh.tets.len() as f64);
     // Of a curved triangle, the mesh's surface has four.
-    let (corners, triangles) = match element {
-        Element::Tet10 => (nodes / 8.0, surface.triangles.len() as f64 / 4.0),
-        Element::Tet4 | Element::Tet4Anp => (nodes, surface.triangles.len() as f64),
+    let triangles = surface.triangles.len() as f64;
+    let (corners, triangles) = match element.order {
+        1 => (nodes, triangles),
+        _ => (nodes / 8.0, triangles / 4.0),
     };
     let faces = 2.0 * tets + 0.5 * triangles;
     let edges = corners + faces - tets;
-    let pairs = match element {
-        Element::Tet4 => edges,
-        Element::Tet4Anp => 4.6 * edges,
-        Element::Tet10 => 3.0 * edges + 6.0 * faces + 3.0 * tets,
-    };
+    let [on_edge, on_face, inside] = element.pairs;
+    let pairs = on_edge * edges + on_face * faces + inside * tets;
     184.0 * pairs + 170.0 * tets + 400.0 * nodes + 2.0 * 24.0 * nodes * columns as f64
 }
 
@@ -234,21 +227,6 @@ fn solve_free(
             let pcg = Pcg { tolerance: body.solver.tolerance, max_iterations: body.solver.max_iterations };
             pcg.solve(a, rhs, progress)
         }
-    }
-}
-
-/// S_ij = a(u⁽ⁱ⁾, u⁽ʲ⁾), the strain energies of the basis fields, element by element ([`fem::energies`]): the generalised
-/// force on field i for a unit of field j. It equals the reactions' work Φᵀ f_b with f_b = Bᵀ u + C b, but where a held
-/// part is stiff, f_b is left over of sums that are larger by its contrast; strains of a rigid motion are 0 there.
-fn handle_stiffness(
-    element: Element,
-    mesh: &TetMesh,
-    lame: &[Lame],
-    fields: &NodeFields,
-) -> Result<DMatrix<f64>, AssemblyError> {
-    match element {
-        Element::Tet4 | Element::Tet10 => fem::energies(mesh, lame, fields),
-        Element::Tet4Anp => fem::energies_anp(mesh, lame, fields),
     }
 }
 

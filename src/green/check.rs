@@ -6,9 +6,9 @@ use super::finding::Finding;
 use super::floating::{Floating, floating};
 use super::pieces;
 use crate::fem::Lame;
-use crate::mesh::trouble::{self, Severity, digits, place};
+use crate::mesh::diagnostics::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::{Body, Element, Material};
+use crate::scene::{Body, Material};
 use std::collections::BTreeSet;
 
 /// Poisson's ratio above which linear tetrahedra are called locking.
@@ -21,8 +21,8 @@ const USUAL_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
 
 /// What is wrong with the mesh itself; pieces are judged by [`support`].
 pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Finding> {
-    let found = trouble::find(mesh).into_iter().filter(|trouble| trouble.severity < Severity::Note);
-    let found = found.map(|trouble| Finding::new(trouble.severity, entity, trouble.message));
+    let found = diagnostics::find(mesh).into_iter().filter(|found| found.severity < Severity::Note);
+    let found = found.map(|found| Finding::new(found.severity, entity, found.message));
     found.chain(unit(entity, mesh)).collect()
 }
 
@@ -78,7 +78,7 @@ pub fn materials(
     let mut findings = Vec::new();
     let named = std::iter::once(("material".to_owned(), &body.material))
         .chain(body.region.iter().map(|(region, material)| (format!("region.{region}"), material)));
-    let locks = body.element == Element::Tet4;
+    let locks = body.element.locks;
     for (key, Material { poisson, .. }) in named.filter(|(_, material)| locks && material.poisson > LOCKING) {
         let message = format!(
             "Poisson's ratio {poisson} is nearly incompressible: linear tetrahedra lock and the body is too stiff, the \

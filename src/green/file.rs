@@ -183,7 +183,7 @@ fn body_meta(body: &Precomputed, columns: &[Stored]) -> BodyMeta {
         fingerprint: body.fingerprint.clone(),
         needs: body.needs,
         centre: centre.into(),
-        element: solution.element.name().into(),
+        element: solution.element.name.into(),
         mesh_nodes: solution.mesh.nodes.len(),
         mesh_tets: solution.mesh.tets.len(),
         surface_nodes: solution.surface.nodes.len(),

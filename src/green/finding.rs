@@ -1,6 +1,6 @@
 //! One thing found wrong, or worth a word, in a body.
 
-use crate::mesh::trouble::Severity;
+use crate::mesh::diagnostics::Severity;
 
 /// One thing found without solving.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

@@ -2,7 +2,7 @@
 
 use super::finding::Finding;
 use super::rigid::RigidMotion;
-use crate::mesh::trouble::Severity;
+use crate::mesh::diagnostics::Severity;
 use crate::solve::{ERROR_LIMITS, SolveError, SolveStats};
 
 const SHIFT: &str = "the error of the displacements when all control elements are shifted alike (the columns of a shift \

@@ -23,8 +23,8 @@ mod rigid;
 mod storage;
 mod validate;
 
-pub use crate::mesh::trouble::Severity;
-pub use basis::{Precomputed, Solution, StepTimes, assemble, precompute, refuse, solve, solve_prepared};
+pub use crate::mesh::diagnostics::Severity;
+pub use basis::{Precomputed, Solution, StepTimes, precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};

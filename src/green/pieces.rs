@@ -6,9 +6,9 @@ use super::control::ControlElement;
 use super::control::rank;
 use super::finding::Finding;
 use crate::base::disjoint::DisjointSets;
+use crate::mesh::diagnostics::{self, Severity, digits, place};
 use crate::mesh::near::{NearPair, nearest_pair};
 use crate::mesh::quality::Components;
-use crate::mesh::trouble::{self, Severity, digits, place};
 use crate::mesh::{TetMesh, quality};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
@@ -92,7 +92,7 @@ pub fn find(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Fi
 fn loose(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pieces) -> Vec<Finding> {
     let mut controlled = vec![false; mesh.nodes.len()];
     controls.iter().flat_map(|control| &control.nodes).for_each(|&node| controlled[node as usize] = true);
-    let (count, hinges) = (pieces.components.nodes.len(), trouble::hinges(mesh, &pieces.components));
+    let (count, hinges) = (pieces.components.nodes.len(), diagnostics::hinges(mesh, &pieces.components));
     let mut findings = Vec::new();
     for (piece, nodes) in pieces.components.nodes.iter().enumerate() {
         let held: Vec<u32> = nodes.iter().copied().filter(|&node| controlled[node as usize]).collect();

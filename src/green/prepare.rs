@@ -5,7 +5,7 @@ use super::control::ControlElement;
 use super::error::GreenError;
 use super::finding::Finding;
 use crate::fem::Lame;
-use crate::mesh::trouble::Severity;
+use crate::mesh::diagnostics::Severity;
 use crate::mesh::{Loaded, TetMesh, quality};
 use crate::scene::{Body, Material, Scene};
 use std::collections::{BTreeMap, BTreeSet};

@@ -8,7 +8,7 @@ use super::error::GreenError;
 use super::file::{BodyMeta, ControlMeta, GreenFile, basis_type};
 use super::needs::Needs;
 use super::storage::{Basis, half_to_single};
-use crate::mesh::trouble::EXTENT;
+use crate::mesh::diagnostics::EXTENT;
 use crate::scene::{Scene, Storage};
 use safetensors::tensor::Dtype;
 
@@ -41,8 +41,8 @@ impl GreenFile {
             let [found, expected] = [meta.needs, needs].map(|needs| needs.stiffness.to_string());
             return differs("needs.stiffness", found, expected);
         }
-        if meta.element != body.element.name() {
-            return differs("element", meta.element.clone(), body.element.name().into());
+        if meta.element != body.element.name {
+            return differs("element", meta.element.clone(), body.element.name.into());
         }
         if meta.accuracy.storage != body.storage {
             let [found, expected] =

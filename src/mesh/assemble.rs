@@ -3,9 +3,9 @@
 //! In: a [`RawMesh`], nodes and elements by their tags as a format's reader found them. Out: tetrahedra by
 //! index, checked, positively oriented, every node used, physical groups as regions and node groups.
 
-use super::error::Fault;
+use super::error::FormatFault;
 use super::quality::signed_volume;
-use super::{EDGES, Loaded, TetMesh, quadratic};
+use super::tet_mesh::{EDGES, Loaded, TetMesh, edges_of};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -29,7 +29,7 @@ pub struct RawMesh {
 
 impl RawMesh {
     /// Adds an element of the group `number`, which stands in for its geometric entity; 0 is no group.
-    pub fn add(&mut self, kind: Kind, tag: u64, number: i32, at: usize, nodes: &[u64]) {
+    pub fn add(&mut self, kind: ElementShape, tag: u64, number: i32, at: usize, nodes: &[u64]) {
         if number > 0 {
             let key = (kind.dimension, number);
             self.physicals.entry(key).or_insert_with(|| vec![number.unsigned_abs()]);
@@ -49,7 +49,7 @@ pub struct RawNode {
 #[derive(Clone, Copy, Debug)]
 pub struct RawElement {
     pub tag: u64,
-    pub kind: Kind,
+    pub kind: ElementShape,
     pub entity: i32,
     pub at: usize,
 }
@@ -57,15 +57,15 @@ pub struct RawElement {
 /// An element's shape. A tetrahedron's first four nodes are its corners, whatever its order; the six nodes between
 /// them stand on the edges 01, 12, 02, 03, 23, 13, as in Gmsh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kind {
+pub struct ElementShape {
     pub dimension: u8,
     pub nodes: u8,
     pub is_tetrahedron: bool,
 }
 
-impl Kind {
-    pub const TETRAHEDRON: Kind = Kind { dimension: 3, nodes: 4, is_tetrahedron: true };
-    pub const TETRAHEDRON_10: Kind = Kind { dimension: 3, nodes: 10, is_tetrahedron: true };
+impl ElementShape {
+    pub const TETRAHEDRON: ElementShape = ElementShape { dimension: 3, nodes: 4, is_tetrahedron: true };
+    pub const TETRAHEDRON_10: ElementShape = ElementShape { dimension: 3, nodes: 10, is_tetrahedron: true };
 }
 
 /// A node that belongs to no tetrahedron.
@@ -81,7 +81,7 @@ pub enum Order {
 }
 
 /// Checks `raw` and builds the mesh, with a notice for everything that was repaired or left out.
-pub fn assemble(mut raw: RawMesh, order: Order) -> Result<Loaded, Fault> {
+pub fn assemble(mut raw: RawMesh, order: Order) -> Result<Loaded, FormatFault> {
     let corners = resolve(&raw)?;
     raw.corners = Vec::new();
     let (mut tets, elements) = tetrahedra(&raw, &corners)?;
@@ -115,25 +115,24 @@ pub fn assemble(mut raw: RawMesh, order: Order) -> Result<Loaded, Fault> {
             .map(|(edge, &mid)| (edge.map(|node| index[node as usize]), index[mid as usize]))
             .map(|([a, b], mid)| ([a.min(b), a.max(b)], mid))
             .collect();
-        mesh.mids =
-            mesh.tets.iter().map(|tet| quadratic::edges_of(tet).map(|edge| renumbered[&edge])).collect();
+        mesh.mids = mesh.tets.iter().map(|tet| edges_of(tet).map(|edge| renumbered[&edge])).collect();
     }
     Ok(Loaded { mesh, notices })
 }
 
 /// The node index of each element corner.
-fn resolve(raw: &RawMesh) -> Result<Vec<u32>, Fault> {
+fn resolve(raw: &RawMesh) -> Result<Vec<u32>, FormatFault> {
     if raw.nodes.len() >= DROPPED as usize {
-        return Err(Fault::whole(format!("{} nodes are more than 2³² - 2", raw.nodes.len())));
+        return Err(FormatFault::whole(format!("{} nodes are more than 2³² - 2", raw.nodes.len())));
     }
     let mut index_of = HashMap::with_capacity(raw.nodes.len());
     for (node, index) in raw.nodes.iter().zip(0u32..) {
         if !node.position.iter().all(|x| x.is_finite()) {
             let reason = format!("node {} has a coordinate that is no finite number", node.tag);
-            return Err(Fault::at(node.at, reason));
+            return Err(FormatFault::at(node.at, reason));
         }
         if index_of.insert(node.tag, index).is_some() {
-            return Err(Fault::at(node.at, format!("node {} is defined twice", node.tag)));
+            return Err(FormatFault::at(node.at, format!("node {} is defined twice", node.tag)));
         }
     }
     let mut corners = Vec::with_capacity(raw.corners.len());
@@ -142,7 +141,7 @@ fn resolve(raw: &RawMesh) -> Result<Vec<u32>, Fault> {
             let &index = index_of.get(tag).ok_or_else(|| {
                 let reason =
                     format!("element {} names node {tag}, which the file does not define", element.tag);
-                Fault::at(element.at, reason)
+                FormatFault::at(element.at, reason)
             })?;
             corners.push(index);
         }
@@ -163,7 +162,7 @@ fn with_corners<'a, T>(
 }
 
 /// The corners of all tetrahedra, and the element each comes from.
-fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawElement>), Fault> {
+fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawElement>), FormatFault> {
     let mut tets = Vec::new();
     let mut elements = Vec::new();
     for (element, nodes) in with_corners(raw, corners) {
@@ -173,7 +172,7 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
         if a == b || a == c || a == d || b == c || b == d || c == d {
             let tags = [a, b, c, d].map(|node| raw.nodes[node as usize].tag);
             let reason = format!("tetrahedron {} names a node twice: {tags:?}", element.tag);
-            return Err(Fault::at(element.at, reason));
+            return Err(FormatFault::at(element.at, reason));
         }
         tets.push([a, b, c, d]);
         elements.push(*element);
@@ -186,7 +185,7 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
                               physical groups, Gmsh saves it only where the volume is in one"
             ),
         };
-        return Err(Fault::whole(reason));
+        return Err(FormatFault::whole(reason));
     }
     Ok((tets, elements))
 }
@@ -194,10 +193,10 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
 /// The node between the corners of each edge (ascending) of the 10-node tetrahedra. Refuses one edge with two such
 /// nodes, where the body would be cracked open, a node that is between and a corner too, and other tetrahedra beside
 /// those of 10 nodes.
-fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, Fault> {
+fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, FormatFault> {
     let mut mids = HashMap::new();
     let mut edge_of: HashMap<u32, [u32; 2]> = HashMap::new();
-    let ten = with_corners(raw, corners).filter(|(element, _)| element.kind == Kind::TETRAHEDRON_10);
+    let ten = with_corners(raw, corners).filter(|(element, _)| element.kind == ElementShape::TETRAHEDRON_10);
     for (element, nodes) in ten {
         let tag = |node: u32| raw.nodes[node as usize].tag;
         for ([i, j], &mid) in EDGES.iter().zip(nodes.iter().skip(4)) {
@@ -211,7 +210,7 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
                     tag(mid),
                     tag(other)
                 );
-                return Err(Fault::at(element.at, reason));
+                return Err(FormatFault::at(element.at, reason));
             }
             if *edge_of.entry(mid).or_insert(edge) != edge {
                 let reason = format!(
@@ -219,7 +218,7 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
                     tag(mid),
                     element.tag
                 );
-                return Err(Fault::at(element.at, reason));
+                return Err(FormatFault::at(element.at, reason));
             }
         }
     }
@@ -227,26 +226,26 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
         return Ok(mids);
     }
     for (element, nodes) in with_corners(raw, corners).filter(|(element, _)| element.kind.is_tetrahedron) {
-        if element.kind != Kind::TETRAHEDRON_10 {
+        if element.kind != ElementShape::TETRAHEDRON_10 {
             let reason = format!(
                 "tetrahedron {} has {} nodes, others have 10: quadratic elements need all alike (gmsh: SetOrder 2), \
                  element = \"tet4\" takes the corners of all",
                 element.tag, element.kind.nodes
             );
-            return Err(Fault::at(element.at, reason));
+            return Err(FormatFault::at(element.at, reason));
         }
         if let Some(node) = nodes.iter().take(4).find(|node| edge_of.contains_key(node)) {
             let reason = format!(
                 "node {} is a corner of tetrahedron {} and lies between the corners of another",
                 raw.nodes[*node as usize].tag, element.tag
             );
-            return Err(Fault::at(element.at, reason));
+            return Err(FormatFault::at(element.at, reason));
         }
     }
     Ok(mids)
 }
 
-fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) -> Result<(), Fault> {
+fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) -> Result<(), FormatFault> {
     let mut sorted: Vec<([u32; 4], usize)> = tets.iter().copied().zip(0..).collect();
     for (tet, _) in &mut sorted {
         tet.sort_unstable();
@@ -263,7 +262,7 @@ fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) 
          one for each physical group of a volume; save as 4.1)",
         second.tag, first.tag
     );
-    Err(Fault::at(second.at, reason))
+    Err(FormatFault::at(second.at, reason))
 }
 
 /// Swaps two corners of each tetrahedron of negative volume; one of zero volume is left as it is.
@@ -272,14 +271,14 @@ fn orient(
     tets: &mut [[u32; 4]],
     elements: &[RawElement],
     notices: &mut Vec<String>,
-) -> Result<(), Fault> {
+) -> Result<(), FormatFault> {
     let mut flipped = Vec::new();
     for (tet, element) in tets.iter_mut().zip(elements) {
         let volume = signed_volume(&tet.map(|node| raw.nodes[node as usize].position));
         if !volume.is_finite() {
             let reason =
                 format!("tetrahedron {}: its coordinates are too large to compute with", element.tag);
-            return Err(Fault::at(element.at, reason));
+            return Err(FormatFault::at(element.at, reason));
         }
         if volume < 0.0 {
             tet.swap(2, 3);
@@ -313,11 +312,11 @@ fn used_nodes(
     let mut is_between = vec![false; raw.nodes.len()];
     for (element, nodes) in with_corners(raw, corners) {
         match element.kind {
-            Kind { is_tetrahedron: true, nodes: 5.., .. } => {
+            ElementShape { is_tetrahedron: true, nodes: 5.., .. } => {
                 high_order += 1;
                 nodes.iter().skip(4).for_each(|&node| is_between[node as usize] = true);
             }
-            Kind { is_tetrahedron: false, dimension: 3, .. } => other_solids += 1,
+            ElementShape { is_tetrahedron: false, dimension: 3, .. } => other_solids += 1,
             _ => {}
         }
     }

@@ -38,18 +38,18 @@ impl fmt::Display for Place {
 
 /// What a format's reader objects to: at a byte offset, or in the file as a whole.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fault {
+pub struct FormatFault {
     pub at: Option<usize>,
     pub reason: String,
 }
 
-impl Fault {
-    pub fn at(at: usize, reason: impl Into<String>) -> Fault {
-        Fault { at: Some(at), reason: reason.into() }
+impl FormatFault {
+    pub fn at(at: usize, reason: impl Into<String>) -> FormatFault {
+        FormatFault { at: Some(at), reason: reason.into() }
     }
 
-    pub fn whole(reason: impl Into<String>) -> Fault {
-        Fault { at: None, reason: reason.into() }
+    pub fn whole(reason: impl Into<String>) -> FormatFault {
+        FormatFault { at: None, reason: reason.into() }
     }
 
     /// The error that names the file and, from its `bytes`, the line. A file with a zero byte is no text:

@@ -7,8 +7,8 @@
 //! space diagonal) the worst quality in a cube is 0.77 instead of 0.66, there are a sixth fewer elements, and no
 //! direction is preferred, where Kuhn's parallel diagonals wind around a tube like a thread.
 
-use super::TetMesh;
 use super::quality::signed_volume;
+use super::tet_mesh::TetMesh;
 use crate::base::machine::{self, TooLarge};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

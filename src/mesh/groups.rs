@@ -10,9 +10,8 @@
 //!    that runs through the body, so that a wall does not grow inward;
 //! 3. else every edge between two of its nodes belongs to it.
 
-use super::TetMesh;
-use super::quadratic::edges_of;
 use super::surface::surface_edges;
+use super::tet_mesh::{TetMesh, edges_of};
 
 /// Adds node `first` + i, which stands on the edge `ends[i]` (ascending) of a linear mesh, to the groups of `mesh` that
 /// it belongs to.

@@ -8,7 +8,8 @@
 //!
 //! with barycentric coordinates L (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., section 8.10).
 
-use super::{EDGES, TetMesh, groups};
+use super::groups;
+use super::tet_mesh::{EDGES, TetMesh, edges_of};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;
 
@@ -25,7 +26,7 @@ pub fn straight(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
 
 /// `mesh` with a node between every two corners that share an edge, placed by `curve`, its tag above all others. It
 /// joins groups that hold both ends: of a volume along its tetrahedra, of a part of the surface along the surface, so
-/// that a wall does not grow inward, else along every edge. A mesh that is quadratic already is returned as it is.
+/// that a wall does not geodesic inward, else along every edge. A mesh that is quadratic already is returned as it is.
 pub fn quadratic(mesh: TetMesh, curve: Curve<'_>) -> TetMesh {
     if !mesh.mids.is_empty() {
         return mesh;
@@ -55,11 +56,6 @@ pub(super) fn with_mids(mut mesh: TetMesh, middle: Middle<'_>) -> TetMesh {
     groups::join(&mut mesh, first, &ends);
     mesh.mids = mids;
     mesh
-}
-
-/// The six edges of a tetrahedron in the order of [`EDGES`], each ascending.
-pub fn edges_of(tet: &[u32; 4]) -> [[u32; 2]; 6] {
-    EDGES.map(|edge| edge.map(|corner| tet[corner])).map(|[a, b]| [a.min(b), a.max(b)])
 }
 
 /// The ten nodes of tetrahedron `tet` of a quadratic mesh: corners, then mids.
@@ -118,7 +114,7 @@ pub fn least_jacobian(mesh: &TetMesh, tet: usize) -> f64 {
 mod tests {
     use super::*;
     use crate::mesh::generate::RING;
-    use crate::mesh::{Block, Surface, block, grow, quality, tube};
+    use crate::mesh::{Block, Surface, block, geodesic, quality, tube};
 
     #[test]
     fn shapes_are_one_at_their_own_node_and_sum_to_one() {
@@ -135,7 +131,7 @@ mod tests {
     fn a_straight_mesh_has_jacobian_one_and_one_node_an_edge() {
         let linear = block(&Block { size: [1.0, 2.0, 3.0], cells: [2, 3, 2] }).unwrap();
         let mesh = quadratic(linear.clone(), &straight);
-        assert_eq!(mesh.nodes.len(), linear.nodes.len() + grow::edges(&linear).len());
+        assert_eq!(mesh.nodes.len(), linear.nodes.len() + geodesic::edges(&linear).len());
         assert_eq!(mesh.tags.last(), Some(&(mesh.nodes.len() as u64)));
         for tet in 0..mesh.tets.len() {
             assert!((least_jacobian(&mesh, tet) - 1.0).abs() < 1e-12);

@@ -4,8 +4,8 @@
 //! the volume over the cube of the root-mean-square edge (the inverse of Parthasarathy, Graichen and Hathaway, Finite
 //! Elem. Anal. Des. 15, 1994, normalised), 1 for a regular tetrahedron and 0 for a flat one.
 
-use super::surface::sorted_faces;
-use super::{Surface, TetMesh};
+use super::surface::{Surface, sorted_faces};
+use super::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -16,11 +16,11 @@
 //! isosurface stuffing keeps 1.00 against 0.72. The shortest diagonal at every cut has the same least quality, but made
 //! five shapes of some.
 
+use super::diagnostics::{FLAT, place};
 use super::generate::{MAX_TETRAHEDRA, MEMORY};
 use super::quadratic::{self, Curve};
 use super::quality::{quality, signed_volume};
-use super::trouble::{FLAT, place};
-use super::{EDGES, TetMesh};
+use super::tet_mesh::{EDGES, TetMesh};
 use crate::base::machine::{self, TooLarge};
 use nalgebra::Vector3;
 use std::collections::HashMap;

@@ -3,8 +3,17 @@
 //! In: a [`TetMesh`]. Out: the faces that belong to one tetrahedron only, as outward triangles in the order of
 //! their tetrahedra; a face of a quadratic mesh as four. Faces between two regions belong to two tetrahedra, so they are none of these.
 
-use super::{EDGES, Surface, TetMesh};
+use super::tet_mesh::{EDGES, TetMesh};
 use nalgebra::Vector3;
+
+/// The outer surface of a [`TetMesh`]: triangles oriented outward over the surface nodes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// Corners as indices into `nodes`.
+    pub triangles: Vec<[u32; 3]>,
+    /// Mesh node of each surface node, ascending.
+    pub nodes: Vec<u32>,
+}
 
 /// The faces of a positively oriented tetrahedron, counter-clockwise as seen from outside; face i lies opposite
 /// corner 3 - i.

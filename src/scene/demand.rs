@@ -1,6 +1,7 @@
 //! What a scene may ask of a body instead of naming its knobs: an accuracy, or a budget.
 
-use super::{Body, Element, Solver, Storage};
+use super::{Body, Solver, Storage};
+use crate::fem::Element;
 use serde::{Deserialize, Serialize};
 
 /// Largest relative errors over the measured poses.
@@ -82,7 +83,7 @@ pub(super) fn check(body: &Body) -> Result<(), (&'static str, &'static str)> {
     if numbers.peek().is_none() || !numbers.chain(largest).all(|value| value > 0.0 && value.is_finite()) {
         return Err((key, "one positive number or more is needed"));
     }
-    let is_free = body.element == Element::default()
+    let is_free = body.element == <&Element>::default()
         && body.storage == Storage::default()
         && body.solver == Solver::default()
         && body.model == super::linear()

@@ -1,8 +1,8 @@
 //! The mesh of a scene's body: read, filled or generated, and refined.
 
-use super::{Body, Control, Element, Generate, Scene, SceneError, Tetrahedralise};
+use super::{Body, Control, Generate, Scene, SceneError, Tetrahedralise};
 use crate::mesh::quadratic::{Curve, straight};
-use crate::mesh::{self, Loaded, TetMesh, generate, refine, stuffing, surface_files};
+use crate::mesh::{self, Loaded, TetMesh, generate, isosurface_stuffing, refine, surface_files};
 use std::path::Path;
 
 impl Scene {
@@ -41,13 +41,15 @@ impl Scene {
                 nodes.len()
             ));
         }
-        if body.element == Element::Tet10 && loaded.mesh.mids.is_empty() {
+        if body.element.order == 2 && loaded.mesh.mids.is_empty() {
             let before = loaded.mesh.nodes.len();
             refine::check_tags(&loaded.mesh, loaded.mesh.tets.len() as u64)
                 .map_err(|error| self.invalid(&format!("body.{name}.element"), error.to_string()))?;
             loaded.mesh = mesh::quadratic(loaded.mesh, curve);
             let added = loaded.mesh.nodes.len() - before;
-            loaded.notices.push(format!("{added} nodes were added between the corners, for tet10"));
+            loaded
+                .notices
+                .push(format!("{added} nodes were added between the corners, for {}", body.element.name));
         }
         Ok(loaded)
     }
@@ -60,18 +62,18 @@ impl Scene {
             source: Box::new(source),
         };
         match body.tetrahedralise {
-            Some(Tetrahedralise { cell }) => stuffing::load(&file, cell).map_err(failed),
+            Some(Tetrahedralise { cell }) => isosurface_stuffing::load(&file, cell).map_err(failed),
             None if surface_files::is_surface_file(&file) => {
                 let surface = surface_files::load(&file).map_err(failed)?.surface;
                 let message = format!(
                     "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a thirtieth of \
                      its longest extent)",
                     file.display(),
-                    stuffing::suggested_cell(&surface)
+                    isosurface_stuffing::suggested_cell(&surface)
                 );
                 Err(self.invalid(&format!("body.{name}.mesh"), message))
             }
-            None if body.element == Element::Tet10 => mesh::load_quadratic(&file).map_err(failed),
+            None if body.element.order == 2 => mesh::load_quadratic(&file).map_err(failed),
             None => mesh::load(&file).map_err(failed),
         }
     }

@@ -12,6 +12,7 @@ pub use select::Nodes;
 
 use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
+use crate::fem::Element;
 use crate::mesh::{MeshError, generate, refine, surface_files};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -67,7 +68,7 @@ pub struct Body {
     #[serde(default)]
     pub refine: u32,
     #[serde(default)]
-    pub element: Element,
+    pub element: &'static Element,
     pub material: Material,
     /// Materials of single regions, by the region's number or name; `material` holds for all others.
     #[serde(default)]
@@ -109,32 +110,6 @@ pub enum Generate {
 pub struct Tetrahedralise {
     /// Edge of a lattice cube, m; tetrahedra have edges of about this length.
     pub cell: f64,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Element {
-    /// Linear tetrahedron, four nodes.
-    #[default]
-    Tet4,
-    /// Linear tetrahedron with average nodal pressure, which does not lock near Poisson's ratio 1/2.
-    Tet4Anp,
-    /// Quadratic tetrahedron, ten nodes.
-    Tet10,
-}
-
-impl Element {
-    /// From the least accurate on.
-    pub const ALL: [Element; 3] = [Element::Tet4, Element::Tet4Anp, Element::Tet10];
-
-    /// As scenes name it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Element::Tet4 => "tet4",
-            Element::Tet4Anp => "tet4_anp",
-            Element::Tet10 => "tet10",
-        }
-    }
 }
 
 /// Numbers of the precomputed displacements in the .green file and in memory.
@@ -386,6 +361,7 @@ impl From<SceneError> for Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fem::TET4;
 
     const BLOCK: &str = r#"
 [body.block]
@@ -407,7 +383,7 @@ grab = "fixed"
         let scene = Scene::parse(BLOCK, Path::new("scene.toml")).unwrap();
         let body = &scene.body["block"];
         assert_eq!((scene.stage.as_str(), body.model.as_str()), ("desktop", "linear"));
-        assert_eq!((body.element, body.solver.method), (Element::Tet4, Method::Cholesky));
+        assert_eq!((body.element, body.solver.method), (&TET4, Method::Cholesky));
         assert!(body.effects.is_empty() && body.place.is_none());
     }
 

@@ -2,8 +2,8 @@
 
 use crate::base::input;
 use crate::config::unknown_name;
-use crate::mesh::trouble::{digits, place};
-use crate::mesh::{Surface, TetMesh, grow};
+use crate::mesh::diagnostics::{digits, place};
+use crate::mesh::{Surface, TetMesh, geodesic};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -30,8 +30,9 @@ pub enum Nodes {
         distance: f64,
     },
     /// From the surface node nearest to `from`: all nodes that a path of edges of tetrahedra of at most `radius`
-    /// reaches ([`grow::within`]).
-    Grow {
+    /// reaches ([`geodesic::within`]).
+    #[serde(rename = "grow")]
+    Geodesic {
         from: [f64; 3],
         radius: f64,
     },
@@ -55,7 +56,7 @@ impl Nodes {
                     return Err(format!("sphere: centre {centre:?} must be finite, radius {radius} above 0"));
                 }
             }
-            Nodes::Grow { from, radius } => {
+            Nodes::Geodesic { from, radius } => {
                 if !(finite(from) && *radius > 0.0 && radius.is_finite()) {
                     return Err(format!("grow: from {from:?} must be finite, radius {radius} above 0"));
                 }
@@ -105,7 +106,7 @@ impl Nodes {
                 let normal = (normal / normal.amax()).normalize();
                 within(&|x| normal.dot(&(x - point)).abs() <= *distance)
             }
-            Nodes::Grow { from, radius } => grown(mesh, &Vector3::from(*from), *radius)?,
+            Nodes::Geodesic { from, radius } => grown(mesh, &Vector3::from(*from), *radius)?,
             Nodes::File(path) => group(mesh, &file_group(path))?,
         };
         if nodes.is_empty() {
@@ -141,7 +142,7 @@ fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
 }
 
 fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, String> {
-    let Some((start, distance)) = grow::nearest(mesh, &Surface::of(mesh).nodes, from) else {
+    let Some((start, distance)) = geodesic::nearest(mesh, &Surface::of(mesh).nodes, from) else {
         return Ok(Vec::new());
     };
     if distance > radius {
@@ -153,7 +154,7 @@ fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, S
             place(&mesh.nodes[start as usize])
         ));
     }
-    Ok(grow::within(mesh, start, radius))
+    Ok(geodesic::within(mesh, start, radius))
 }
 
 fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
@@ -224,19 +225,19 @@ mod tests {
         let chosen = |nodes: Nodes| nodes.select(&mesh).unwrap();
 
         assert!(right(&chosen(Nodes::Sphere { centre: from, radius: 0.5 })) > 0);
-        let grown = chosen(Nodes::Grow { from, radius: 0.5 });
+        let grown = chosen(Nodes::Geodesic { from, radius: 0.5 });
         assert!(right(&grown) == 0 && grown.len() > 50, "{}", grown.len());
         // Down the finger, 0.8 m, across the web, 0.2 m.
-        assert_eq!(right(&chosen(Nodes::Grow { from, radius: 0.97 })), 0);
-        assert!(right(&chosen(Nodes::Grow { from, radius: 1.03 })) > 0);
+        assert_eq!(right(&chosen(Nodes::Geodesic { from, radius: 0.97 })), 0);
+        assert!(right(&chosen(Nodes::Geodesic { from, radius: 1.03 })) > 0);
 
-        let off = Nodes::Grow { from: [0.0, 0.0, 0.5], radius: 0.09 };
+        let off = Nodes::Geodesic { from: [0.0, 0.0, 0.5], radius: 0.09 };
         let error = off.select(&mesh).unwrap_err();
         assert!(
             error.contains("0.1000 m away from the nearest surface node (tag ") && error.contains("0.09 m")
         );
-        assert!(Nodes::Grow { from, radius: 0.0 }.check().unwrap_err().contains("radius 0 above 0"));
-        assert!(Nodes::Grow { from: [f64::NAN; 3], radius: 1.0 }.check().is_err());
+        assert!(Nodes::Geodesic { from, radius: 0.0 }.check().unwrap_err().contains("radius 0 above 0"));
+        assert!(Nodes::Geodesic { from: [f64::NAN; 3], radius: 1.0 }.check().is_err());
     }
 
     fn tag_file(name: &str, text: &[u8]) -> Result<Vec<u32>, String> {

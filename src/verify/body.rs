@@ -8,10 +8,11 @@
 //! | 0     D_dd | | u_d | = | D_dd g       |     D the diagonal of K
 //! ```
 
+use super::problem::ProblemError;
+use super::quadrature;
 use super::solution::Solution;
-use super::{Element, Fault, quadrature};
+use crate::fem::Element;
 use crate::fem::{Lame, NodeFields, StiffnessMatrix};
-use crate::green;
 use crate::mesh::{Block, TetMesh, block, quadratic};
 use crate::solve::{Cholesky, Silent, Symbolic};
 use nalgebra::Vector3;
@@ -31,29 +32,29 @@ impl Body {
     /// The unit block [0, 1]³ of `cells`, five tetrahedra each, mapped by `shape`; nodes between corners are mapped too,
     /// so that they lie on curved walls.
     pub fn new(
-        element: Element,
+        element: &Element,
         cells: [u32; 3],
         shape: impl Fn(&Vector3<f64>) -> Vector3<f64>,
-    ) -> Result<Body, Fault> {
+    ) -> Result<Body, ProblemError> {
         Ok(Body::from_block(element, block(&Block { size: [1.0; 3], cells })?, shape))
     }
 
     /// As [`Body::new`], with the six tetrahedra of Kuhn's split around the diagonal from (0, 0, 0) to (1, 1, 1) in each
     /// cell.
     pub fn kuhn(
-        element: Element,
+        element: &Element,
         cells: [u32; 3],
         shape: impl Fn(&Vector3<f64>) -> Vector3<f64>,
-    ) -> Result<Body, Fault> {
+    ) -> Result<Body, ProblemError> {
         let mut mesh = block(&Block { size: [1.0; 3], cells })?;
         mesh.tets = kuhn(cells);
         mesh.regions = vec![0; mesh.tets.len()];
         Ok(Body::from_block(element, mesh, shape))
     }
 
-    fn from_block(element: Element, mesh: TetMesh, shape: impl Fn(&Vector3<f64>) -> Vector3<f64>) -> Body {
+    fn from_block(element: &Element, mesh: TetMesh, shape: impl Fn(&Vector3<f64>) -> Vector3<f64>) -> Body {
         let mut mesh =
-            if element.order() == 2 { quadratic::quadratic(mesh, &quadratic::straight) } else { mesh };
+            if element.order == 2 { quadratic::quadratic(mesh, &quadratic::straight) } else { mesh };
         let place: Vec<_> = mesh.nodes.iter().map(|node| node.add_scalar(0.5)).collect();
         mesh.nodes = place.iter().map(shape).collect();
         let nodes = mesh.nodes.len();
@@ -61,10 +62,10 @@ impl Body {
     }
 
     /// The node at `place` of the unit block.
-    pub fn node_at(&self, place: [f64; 3]) -> Result<usize, Fault> {
+    pub fn node_at(&self, place: [f64; 3]) -> Result<usize, ProblemError> {
         let wanted = Vector3::from(place);
         let near = |at: &Vector3<f64>| (at - wanted).amax() < 1e-9;
-        self.place.iter().position(near).ok_or(Fault::NoNode(place[0], place[1], place[2]))
+        self.place.iter().position(near).ok_or(ProblemError::NoNode(place[0], place[1], place[2]))
     }
 
     /// Prescribes component `axis` of all nodes whose place in the unit block is `on`, by the position of the node.
@@ -99,9 +100,9 @@ impl Body {
     }
 
     /// Displacements of one material throughout.
-    pub fn solve(&self, element: Element, lame: Lame) -> Result<Solution, Fault> {
+    pub fn solve(&self, element: &Element, lame: Lame) -> Result<Solution, ProblemError> {
         let started = Instant::now();
-        let k = green::assemble(element, &self.mesh, &vec![lame; self.mesh.tets.len()])?;
+        let k = element.assemble(&self.mesh, &vec![lame; self.mesh.tets.len()])?;
         let constrained = constrain(&k, &self.fixed);
         let symbolic = Symbolic::new(&constrained, &Silent)?;
         let factor = Cholesky::new(&constrained, &symbolic, &Silent)?;
@@ -187,6 +188,7 @@ mod tests {
     use super::super::Solution;
     use super::*;
     use crate::fem::Partition;
+    use crate::fem::{ELEMENTS, TET4};
     use nalgebra::Matrix3;
     use std::f64::consts::FRAC_PI_2;
 
@@ -198,7 +200,7 @@ mod tests {
         Vector3::new((1.0 + place.x) * cos, (1.0 + place.x) * sin, place.z)
     }
 
-    fn bodies(element: Element, shape: fn(&Vector3<f64>) -> Vector3<f64>) -> [Body; 2] {
+    fn bodies(element: &Element, shape: fn(&Vector3<f64>) -> Vector3<f64>) -> [Body; 2] {
         [Body::new(element, CELLS, shape).unwrap(), Body::kuhn(element, CELLS, shape).unwrap()]
     }
 
@@ -208,7 +210,7 @@ mod tests {
         let (young, poisson) = (5.0, 0.3);
         let lame = Lame::from_young_poisson(young, poisson);
         let shape = |place: &Vector3<f64>| Vector3::new(2.0 * place.x, place.y, 0.5 * place.z);
-        for element in Element::ALL {
+        for &element in ELEMENTS {
             for mut body in bodies(element, shape) {
                 for axis in 0..3 {
                     body.fix(|place| place[axis] == 0.0, axis, |_| 0.0);
@@ -217,14 +219,14 @@ mod tests {
                 let solution = body.solve(element, lame).unwrap();
                 for (x, u) in body.mesh.nodes.iter().zip(&solution.displacement) {
                     let expected = Vector3::new(x.x, -poisson * x.y, -poisson * x.z) * (2.0 / young);
-                    assert!((u - expected).amax() < 1e-13, "{}: {u} at {x}", element.name());
+                    assert!((u - expected).amax() < 1e-13, "{}: {u} at {x}", element.name);
                 }
                 // W = σ²V/(2E) with V = 1.
-                assert!((solution.energy - 0.4).abs() < 1e-13, "{}: {}", element.name(), solution.energy);
+                assert!((solution.energy - 0.4).abs() < 1e-13, "{}: {}", element.name, solution.energy);
                 let corner = body.node_at([1.0, 1.0, 0.0]).unwrap();
-                let stress = solution.stress_at(&body, element, lame, corner);
+                let stress = solution.stress_at(&body.mesh, element, lame, corner);
                 let expected = Matrix3::from_diagonal(&Vector3::new(2.0, 0.0, 0.0));
-                assert!((stress - expected).amax() < 1e-12, "{}: {stress}", element.name());
+                assert!((stress - expected).amax() < 1e-12, "{}: {stress}", element.name);
             }
         }
     }
@@ -235,7 +237,7 @@ mod tests {
         let lame = Lame::from_young_poisson(1.0, 0.4);
         let prescribed = |x: &Vector3<f64>, axis: usize| x[(axis + 1) % 3] * x.z - 0.1 * x.x;
         let is_held = |place: &Vector3<f64>| place.y == 0.0 || place.x == 1.0;
-        for element in Element::ALL {
+        for &element in ELEMENTS {
             for mut body in bodies(element, ring) {
                 for axis in 0..3 {
                     body.fix(is_held, axis, |x| prescribed(x, axis));
@@ -243,7 +245,7 @@ mod tests {
                 let Solution { displacement, .. } = body.solve(element, lame).unwrap();
 
                 let nodes = body.mesh.nodes.len();
-                let k = green::assemble(element, &body.mesh, &vec![lame; body.mesh.tets.len()]).unwrap();
+                let k = element.assemble(&body.mesh, &vec![lame; body.mesh.tets.len()]).unwrap();
                 let held = (0..nodes as u32).filter(|&node| is_held(&body.place[node as usize]));
                 let partition = Partition::new(nodes, held);
                 let mut fields = NodeFields::zeros(nodes, 1);
@@ -261,7 +263,7 @@ mod tests {
                 for (node, u) in displacement.iter().enumerate() {
                     for axis in 0..3 {
                         let apart = (u[axis] - fields.data[3 * node + axis]).abs();
-                        assert!(apart < 1e-12, "{}: {apart}", element.name());
+                        assert!(apart < 1e-12, "{}: {apart}", element.name);
                     }
                 }
             }
@@ -272,32 +274,24 @@ mod tests {
     /// -(1, 1, 0) for radius and height 1. The area itself is the curved wall's to the order of the faces.
     #[test]
     fn pressure_on_curved_walls_has_its_resultant() {
-        for element in Element::ALL {
+        for &element in ELEMENTS {
             for mut body in bodies(element, ring) {
                 body.load(|place| place.x == 0.0, |_, normal| *normal);
                 let sum = |force: &NodeFields| {
                     force.data.chunks_exact(3).map(|f| Vector3::new(f[0], f[1], f[2])).sum::<Vector3<f64>>()
                 };
-                assert!(
-                    (sum(&body.force) + Vector3::new(1.0, 1.0, 0.0)).amax() < 1e-14,
-                    "{}",
-                    element.name()
-                );
+                assert!((sum(&body.force) + Vector3::new(1.0, 1.0, 0.0)).amax() < 1e-14, "{}", element.name);
                 body.force = NodeFields::zeros(body.mesh.nodes.len(), 1);
                 body.load(|place| place.x == 0.0, |_, _| Vector3::z());
                 let error = (sum(&body.force).z / FRAC_PI_2 - 1.0).abs();
-                assert!(
-                    error < if element.order() == 2 { 4e-4 } else { 0.02 },
-                    "{}: {error}",
-                    element.name()
-                );
+                assert!(error < if element.order == 2 { 4e-4 } else { 0.02 }, "{}: {error}", element.name);
             }
         }
     }
 
     #[test]
     fn kuhns_tetrahedra_fill_the_block() {
-        let body = Body::kuhn(Element::Tet4, CELLS, |place| *place).unwrap();
+        let body = Body::kuhn(&TET4, CELLS, |place| *place).unwrap();
         let volumes: Vec<f64> = (0..body.mesh.tets.len())
             .map(|tet| crate::mesh::quality::signed_volume(&body.mesh.corners(tet)))
             .collect();

@@ -5,8 +5,9 @@
 //! every element (Cook, J. Struct. Div. ASCE 100, 1974, 1851-1863). Plane strain takes Kuhn's split, as the cylinder.
 
 use super::body::Body;
+use super::problem::{Problem, ProblemError};
 use super::solution::{Bound, Measure};
-use super::{Element, Fault, Problem};
+use crate::fem::Element;
 use crate::fem::Lame;
 use nalgebra::Vector3;
 
@@ -39,7 +40,7 @@ fn shape(place: &Vector3<f64>, thickness: f64) -> Vector3<f64> {
     Vector3::new(48.0 * place.x, 44.0 * place.x + place.y * (44.0 - 28.0 * place.x), thickness * place.z)
 }
 
-fn plane_stress(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn plane_stress(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
     const HALF: f64 = 0.5;
     let n = element.cells(size);
     let mut body = Body::new(element, [n, n, 1], |place| shape(place, HALF))?;
@@ -48,7 +49,7 @@ fn plane_stress(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     measure(&body, element, Lame::from_young_poisson(1.0, 1.0 / 3.0), STRESS_VALUES, STRESS_KNOWN_TO)
 }
 
-fn plane_strain(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn plane_strain(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
     let n = element.cells(size);
     let height = 48.0 / f64::from(n);
     let mut body = Body::kuhn(element, [n, n, 1], |place| shape(place, height))?;
@@ -67,14 +68,14 @@ fn clamp_and_load(body: &mut Body, shear: f64) {
 
 fn measure(
     body: &Body,
-    element: Element,
+    element: &Element,
     lame: Lame,
     reference: [f64; 2],
     known_to: f64,
-) -> Result<Vec<Measure>, Fault> {
+) -> Result<Vec<Measure>, ProblemError> {
     let solution = body.solve(element, lame)?;
-    let bound = if element.order() == 2 { Bound::error(WITHIN) } else { Bound::NONE };
-    let vertical = |y: f64| Ok::<f64, Fault>(solution.displacement[body.node_at([1.0, y, 0.0])?].y);
+    let bound = if element.order == 2 { Bound::error(WITHIN) } else { Bound::NONE };
+    let vertical = |y: f64| Ok::<f64, ProblemError>(solution.displacement[body.node_at([1.0, y, 0.0])?].y);
     Ok(vec![
         solution.value("v(48, 52)", vertical(0.5)?, reference[0], known_to, bound),
         solution.value("v(48, 60)", vertical(1.0)?, reference[1], known_to, bound),

@@ -12,9 +12,10 @@
 //! lock (Nagtegaal, Parks and Rice, Comput. Meth. Appl. Mech. Engng. 4, 1974, 153-177); in several layers they do.
 
 use super::body::Body;
+use super::problem::{POISSON, Problem, ProblemError};
 use super::solution::Exact;
 use super::solution::{Bound, Measure};
-use super::{Element, Fault, POISSON, Problem};
+use crate::fem::Element;
 use crate::fem::Lame;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
@@ -62,7 +63,7 @@ impl Exact for Cylinder {
     }
 }
 
-fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
     let n = element.cells(size);
     let height = (OUTER - INNER) / f64::from(n);
     let mut body = Body::kuhn(element, [n, 2 * n, 1], |place| {
@@ -81,7 +82,7 @@ fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
         let exact = Cylinder { poisson };
         let lame = Lame::from_young_poisson(YOUNG, poisson);
         let solution = body.solve(element, lame)?;
-        let norms = solution.norms(&body, element, lame, &exact);
+        let norms = solution.norms(&body.mesh, element, lame, &exact);
         let reference = exact.displacement(&body.mesh.nodes[inner]).x;
         let value = solution.displacement[inner].x;
         let (l2, energy) = element.promised(poisson);

@@ -1,43 +1,18 @@
 //! What is known of the elements that are compared.
 
 use super::solution::Bound;
-use crate::scene::Element;
-
-/// The θ whose square λ multiplies in an element's energy; linear in each tetrahedron.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Dilatation {
-    /// That of the displacement, in each tetrahedron projected in L2 onto the linear functions, where it is not one: in
-    /// curved quadratic ones.
-    Own,
-    /// The mean over the patch of each node, linear between nodes.
-    Nodal,
-}
+use crate::fem::{Dilatation, Element};
 
 impl Element {
-    /// Degree of the displacement: 1 has nodes at corners, 2 between them too.
-    pub fn order(self) -> u32 {
-        match self {
-            Element::Tet4 | Element::Tet4Anp => 1,
-            Element::Tet10 => 2,
-        }
-    }
-
-    pub fn dilatation(self) -> Dilatation {
-        match self {
-            Element::Tet4 | Element::Tet10 => Dilatation::Own,
-            Element::Tet4Anp => Dilatation::Nodal,
-        }
-    }
-
     /// Cells for a problem's `size`: that many of quadratic elements, twice as many of linear ones, so that both have
     /// about as many nodes.
-    pub fn cells(self, size: u32) -> u32 {
-        2 * size / self.order()
+    pub fn cells(&self, size: u32) -> u32 {
+        2 * size / self.order
     }
 
     /// Whether it is the plain displacement element of its order, that any other program has too.
-    pub fn is_standard(self) -> bool {
-        self.dilatation() == Dilatation::Own
+    pub fn is_standard(&self) -> bool {
+        self.dilatation == Dilatation::Own
     }
 
     /// The least rates in L2 and in energy that theory promises where the solution is smooth, less 0.3: what a rate
@@ -48,11 +23,11 @@ impl Element {
     /// (Babuška and Suri, Numer. Math. 62, 1992, 439-463, on triangles): h² in L2, h in energy; only where h is small
     /// against √(μ/λ), on finer meshes than here, the h² of a constant that grows as √λ is less. For mean pressures
     /// nothing is proven there.
-    pub fn promised(self, poisson: f64) -> (Bound, Bound) {
+    pub fn promised(&self, poisson: f64) -> (Bound, Bound) {
         const SHORT: f64 = 0.3;
-        let order = f64::from(self.order());
+        let order = f64::from(self.order);
         let is_near_half = poisson > 0.4;
-        if is_near_half && self.order() == 1 {
+        if is_near_half && self.order == 1 {
             return (Bound::NONE, Bound::NONE);
         }
         let lost = if is_near_half { 1.0 } else { 0.0 };

@@ -1,10 +1,9 @@
 //! What a solved body is asked: displacements, stress, errors in the norms of L2 and of energy.
 
-use super::body::Body;
-use super::element::Dilatation;
-use super::{Element, quadrature};
-use crate::fem::{Lame, tet4, tet10};
-use crate::mesh::{quadratic, quality};
+use super::quadrature;
+use crate::fem::quadrature::tetrahedron_rule;
+use crate::fem::{Dilatation, Element, Lame, tet4, tet10};
+use crate::mesh::{TetMesh, quadratic, quality};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
@@ -93,15 +92,15 @@ impl Solution {
     }
 
     /// Relative errors against `exact`, by a rule of degree 7 on the mesh's own domain.
-    pub fn norms(&self, body: &Body, element: Element, lame: Lame, exact: &impl Exact) -> Norms {
-        let dilatations = self.dilatations(body, element);
+    pub fn norms(&self, mesh: &TetMesh, element: &Element, lame: Lame, exact: &impl Exact) -> Norms {
+        let dilatations = self.dilatations(mesh, element);
         let energy = |strain: &Matrix3<f64>, dilatation: f64| {
             2.0 * lame.mu * strain.norm_squared() + lame.lambda * dilatation * dilatation
         };
         let (mut error, mut size) = ([0.0; 2], [0.0; 2]);
-        for tet in 0..body.mesh.tets.len() {
-            for (at, weight) in quadrature::tetrahedron_rule() {
-                let Some(point) = quadrature::point(&body.mesh, tet, &at) else { continue };
+        for tet in 0..mesh.tets.len() {
+            for (at, weight) in tetrahedron_rule() {
+                let Some(point) = quadrature::point(mesh, tet, &at) else { continue };
                 let volume = weight * point.determinant / 6.0;
                 let (u, h) = self.field(&point);
                 let (strain, exact_strain) = (symmetric(&h), symmetric(&exact.gradient(&point.x)));
@@ -118,13 +117,13 @@ impl Solution {
     }
 
     /// σ = λ θ I + 2μ ε at a corner: the mean of the stresses that the tetrahedra around it have there, by their volumes.
-    pub fn stress_at(&self, body: &Body, element: Element, lame: Lame, corner: usize) -> Matrix3<f64> {
-        let dilatations = self.dilatations(body, element);
+    pub fn stress_at(&self, mesh: &TetMesh, element: &Element, lame: Lame, corner: usize) -> Matrix3<f64> {
+        let dilatations = self.dilatations(mesh, element);
         let (mut sum, mut total) = (Matrix3::zeros(), 0.0);
-        for (tet, corners) in body.mesh.tets.iter().enumerate() {
+        for (tet, corners) in mesh.tets.iter().enumerate() {
             let Some(own) = corners.iter().position(|&node| node as usize == corner) else { continue };
             let at = std::array::from_fn(|i| if i == own { 1.0 } else { 0.0 });
-            let Some(point) = quadrature::point(&body.mesh, tet, &at) else { continue };
+            let Some(point) = quadrature::point(mesh, tet, &at) else { continue };
             let strain = symmetric(&self.field(&point).1);
             let stress = Matrix3::from_diagonal_element(lame.lambda * dilatations[tet][own])
                 + strain * (2.0 * lame.mu);
@@ -145,36 +144,36 @@ impl Solution {
     }
 
     /// θ at the corners of each tetrahedron, as its energy has it; linear between them, 0 in a folded one.
-    fn dilatations(&self, body: &Body, element: Element) -> Vec<[f64; 4]> {
+    fn dilatations(&self, mesh: &TetMesh, element: &Element) -> Vec<[f64; 4]> {
         let own = |tet: usize| {
-            if body.mesh.mids.is_empty() {
-                let corners = body.mesh.tets[tet].map(|node| self.displacement[node as usize]);
-                let geometry = tet4::geometry(body.mesh.corners(tet))?;
+            if mesh.mids.is_empty() {
+                let corners = mesh.tets[tet].map(|node| self.displacement[node as usize]);
+                let geometry = tet4::geometry(mesh.corners(tet))?;
                 let terms = geometry.gradients.iter().zip(&corners).map(|(gradient, u)| gradient.dot(u));
                 return Some([terms.sum(); 4]);
             }
-            let nodes = quadratic::nodes(&body.mesh, tet).map(|node| node as usize);
-            tet10::dilatation(&nodes.map(|n| body.mesh.nodes[n]), &nodes.map(|n| self.displacement[n]))
+            let nodes = quadratic::nodes(mesh, tet).map(|node| node as usize);
+            tet10::dilatation(&nodes.map(|n| mesh.nodes[n]), &nodes.map(|n| self.displacement[n]))
         };
-        let own: Vec<[f64; 4]> = (0..body.mesh.tets.len()).map(|tet| own(tet).unwrap_or_default()).collect();
-        match element.dilatation() {
+        let own: Vec<[f64; 4]> = (0..mesh.tets.len()).map(|tet| own(tet).unwrap_or_default()).collect();
+        match element.dilatation {
             Dilatation::Own => own,
-            Dilatation::Nodal => self.patch_means(body, &own),
+            Dilatation::Nodal => self.patch_means(mesh, &own),
         }
     }
 
     /// θ_p = Σ V_e θ_e / Σ V_e over the tetrahedra around each node p.
-    fn patch_means(&self, body: &Body, own: &[[f64; 4]]) -> Vec<[f64; 4]> {
+    fn patch_means(&self, mesh: &TetMesh, own: &[[f64; 4]]) -> Vec<[f64; 4]> {
         let mut sums = vec![(0.0, 0.0); self.displacement.len()];
-        for (tet, corners) in body.mesh.tets.iter().enumerate() {
-            let volume = quality::signed_volume(&body.mesh.corners(tet));
+        for (tet, corners) in mesh.tets.iter().enumerate() {
+            let volume = quality::signed_volume(&mesh.corners(tet));
             for &corner in corners {
                 let sum = &mut sums[corner as usize];
                 *sum = (sum.0 + volume * own[tet][0], sum.1 + volume);
             }
         }
         let mean = |node: u32| sums[node as usize].0 / sums[node as usize].1;
-        body.mesh.tets.iter().map(|corners| corners.map(mean)).collect()
+        mesh.tets.iter().map(|corners| corners.map(mean)).collect()
     }
 }
 
@@ -186,6 +185,8 @@ fn symmetric(h: &Matrix3<f64>) -> Matrix3<f64> {
 mod tests {
     use super::*;
     use crate::fem::NodeFields;
+    use crate::fem::{ELEMENTS, TET10};
+    use crate::verify::Body;
 
     struct Shear;
 
@@ -203,14 +204,14 @@ mod tests {
     #[test]
     fn norms_are_relative() {
         let lame = Lame::from_young_poisson(1.0, 0.3);
-        for element in Element::ALL {
+        for &element in ELEMENTS {
             let body = Body::new(element, [2, 1, 1], |place| *place).unwrap();
             for part in [1.0, 0.5, 0.0] {
                 let displacement = body.mesh.nodes.iter().map(|x| Shear.displacement(x) * part).collect();
                 let solution = Solution { displacement, energy: 0.0, seconds: 0.0 };
-                let norms = solution.norms(&body, element, lame, &Shear);
-                assert!((norms.l2 - (1.0 - part)).abs() < 1e-14, "{}: {norms:?}", element.name());
-                assert!((norms.energy - (1.0 - part)).abs() < 1e-14, "{}: {norms:?}", element.name());
+                let norms = solution.norms(&body.mesh, element, lame, &Shear);
+                assert!((norms.l2 - (1.0 - part)).abs() < 1e-14, "{}: {norms:?}", element.name);
+                assert!((norms.energy - (1.0 - part)).abs() < 1e-14, "{}: {norms:?}", element.name);
             }
         }
     }
@@ -220,10 +221,10 @@ mod tests {
     #[test]
     fn the_norm_of_energy_is_that_of_the_elements() {
         let lame = Lame { lambda: 1.0, mu: 0.0 };
-        let element = Element::Tet10;
+        let element = &TET10;
         let bulge = |x: &Vector3<f64>| x + Vector3::new(0.2 * x.y * x.y, 0.1 * x.x * x.z, 0.2 * x.x * x.y);
         let body = Body::kuhn(element, [1, 1, 1], bulge).unwrap();
-        let k = crate::fem::assemble(&body.mesh, &vec![lame; body.mesh.tets.len()]).unwrap();
+        let k = element.assemble(&body.mesh, &vec![lame; body.mesh.tets.len()]).unwrap();
         let size = 3 * body.mesh.nodes.len();
         let mut columns = NodeFields::zeros(body.mesh.nodes.len(), size);
         (0..size).for_each(|i| columns.data[i * size + i] = 1.0);
@@ -240,7 +241,7 @@ mod tests {
             };
             let displacement = body.mesh.nodes.iter().enumerate().map(displaced).collect();
             let norms =
-                Solution { displacement, energy: 0.0, seconds: 0.0 }.norms(&body, element, lame, &Shear);
+                Solution { displacement, energy: 0.0, seconds: 0.0 }.norms(&body.mesh, element, lame, &Shear);
             assert!(norms.energy < 1e-6, "{}", norms.energy);
         }
     }

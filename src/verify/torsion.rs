@@ -12,8 +12,9 @@
 //! terms r² log r, so that of quadratic elements falls with h⁴ |log h| instead of h⁴.
 
 use super::body::Body;
+use super::problem::{Problem, ProblemError};
 use super::solution::{Bound, Measure};
-use super::{Element, Fault, Problem};
+use crate::fem::Element;
 use crate::fem::Lame;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -37,7 +38,7 @@ fn torsion_constant() -> f64 {
     (1.0 - 192.0 / PI.powi(5) * sum) / 3.0
 }
 
-fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
     const TWIST: f64 = 1.0;
     const LENGTH: f64 = 0.25;
     let n = element.cells(size);
@@ -50,7 +51,7 @@ fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
     let lame = Lame::from_young_poisson(1.0, 0.3);
     let solution = body.solve(element, lame)?;
     let value = 2.0 * solution.energy / (lame.mu * TWIST * TWIST * LENGTH);
-    let bound = Bound::rate(if element.order() == 2 { LEAST_QUADRATIC } else { LEAST_LINEAR });
+    let bound = Bound::rate(if element.order == 2 { LEAST_QUADRATIC } else { LEAST_LINEAR });
     Ok(vec![solution.value("J/a⁴", value, torsion_constant(), 0.0, bound)])
 }
 

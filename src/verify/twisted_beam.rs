@@ -5,8 +5,9 @@
 //! the root the section is 1.1 along y and 0.32 along z.
 
 use super::body::Body;
+use super::problem::{Problem, ProblemError};
 use super::solution::{Bound, Measure};
-use super::{Element, Fault, Problem};
+use crate::fem::Element;
 use crate::fem::Lame;
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::FRAC_PI_2;
@@ -37,9 +38,9 @@ fn shape(place: &Vector3<f64>) -> Vector3<f64> {
         + Vector3::new(LENGTH * place.x, 0.0, 0.0)
 }
 
-fn solve(element: Element, size: u32) -> Result<Vec<Measure>, Fault> {
+fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
     let n = element.cells(size);
-    let bound = if element.order() == 2 { Bound::error(WITHIN) } else { Bound::NONE };
+    let bound = if element.order == 2 { Bound::error(WITHIN) } else { Bound::NONE };
     let mut measures = Vec::new();
     for (quantity, axis, reference) in [("u_z for F_z", 2, ALONG_Z), ("u_y for F_y", 1, ALONG_Y)] {
         let mut body = Body::new(element, [12 * n, 2 * n, n], shape)?;

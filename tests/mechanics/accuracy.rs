@@ -4,12 +4,12 @@ use crate::common;
 
 use common::{case_poses, folder, scene, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
-use greenstage::fem::STVK;
+use greenstage::fem::{Element, STVK, TET4, TET10};
 use greenstage::green::{self, Needs};
 use greenstage::report::measure::poses::random;
 use greenstage::report::plan::{choose, miss, time};
 use greenstage::report::{Limits, Report, Request, Row, measure};
-use greenstage::scene::{Accuracy, Budget, Demand, Element, Scene};
+use greenstage::scene::{Accuracy, Budget, Demand, Scene};
 use greenstage::solve::Silent;
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -155,14 +155,14 @@ fn errors_of_energy_and_force_are_against_the_equilibrium() {
     let name = "held";
     let report = report_of(name, scene, &poses(scene, &[0.4]), 0);
     let poses = &poses(scene, &[0.4])[0].1;
-    let solved = |element: Element| {
+    let solved = |element: &'static Element| {
         let mut scene = scene.clone();
         scene.body["b"].element = element;
         let solution = green::solve(&scene, "b", Needs { stiffness: true }, &Silent).unwrap();
         let c: Vec<_> = poses.iter().map(ControlPose::coefficients).collect();
         wrenches(solution.stiffness.as_ref().unwrap(), &c, UnitQuaternion::identity())
     };
-    let (coarse, fine) = (solved(Element::Tet4), solved(Element::Tet10));
+    let (coarse, fine) = (solved(&TET4), solved(&TET10));
     let settled = Statics::new(scene, "b", &STVK, &Silent).unwrap().solve(poses, &Silent).unwrap();
     let linear = |element: &str| &row(&report, 0, element, "cholesky", "f32", "linear").error;
 

@@ -3,7 +3,7 @@
 use crate::common;
 
 use common::scene;
-use greenstage::fem::{Lame, NodeFields, Partition, assemble};
+use greenstage::fem::{Lame, NodeFields, Partition};
 use greenstage::green::{self, FIELDS, Needs, Solution};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
@@ -26,7 +26,10 @@ fn solve(poisson: &str, extra: &str) -> Solution {
 /// κ₂ of A scaled by its diagonal, from all its eigenvalues.
 fn dense_condition(solution: &Solution, poisson: f64) -> f64 {
     let mesh = &solution.mesh;
-    let k = assemble(mesh, &vec![Lame::from_young_poisson(1e3, poisson); mesh.tets.len()]).unwrap();
+    let k = solution
+        .element
+        .assemble(mesh, &vec![Lame::from_young_poisson(1e3, poisson); mesh.tets.len()])
+        .unwrap();
     let held = solution.controls.iter().flat_map(|control| control.nodes.iter().copied());
     let a = Partition::new(mesh.nodes.len(), held).a(&k);
     let n = 3 * a.nodes();
@@ -73,7 +76,8 @@ fn the_forward_error_is_bounded_and_not_by_nonsense() {
 /// ‖x̂ - x‖_A / ‖x‖_A of conjugate gradients, the largest of all columns.
 fn energy_error(pcg: &Solution, exact: &Solution, poisson: f64) -> f64 {
     let mesh = &pcg.mesh;
-    let k = assemble(mesh, &vec![Lame::from_young_poisson(1e3, poisson); mesh.tets.len()]).unwrap();
+    let k =
+        pcg.element.assemble(mesh, &vec![Lame::from_young_poisson(1e3, poisson); mesh.tets.len()]).unwrap();
     let held = pcg.controls.iter().flat_map(|control| control.nodes.iter().copied());
     let partition = Partition::new(mesh.nodes.len(), held);
     let a = partition.a(&k);

@@ -3,7 +3,7 @@
 use crate::common;
 
 use common::{block_scene, shared};
-use greenstage::fem::{self, Lame, NodeFields, Partition, StiffnessMatrix, assemble, tet4};
+use greenstage::fem::{Lame, NodeFields, Partition, StiffnessMatrix, TET4, TET4_ANP, TET10, tet4};
 use greenstage::green::{self, Needs};
 use greenstage::mesh::{self, TetMesh, generate};
 use greenstage::solve::{Cholesky, Silent, Symbolic};
@@ -51,9 +51,9 @@ fn elements(cells: [u32; 3]) -> Vec<(&'static str, TetMesh, StiffnessMatrix)> {
     }
     let lame = uniform(&linear);
     let k = [
-        assemble(&linear, &lame).unwrap(),
-        fem::assemble_anp(&linear, &lame).unwrap(),
-        assemble(&curved, &lame).unwrap(),
+        TET4.assemble(&linear, &lame).unwrap(),
+        TET4_ANP.assemble(&linear, &lame).unwrap(),
+        TET10.assemble(&curved, &lame).unwrap(),
     ];
     let meshes = [linear.clone(), linear, curved];
     let named = ["tet4", "tet4_anp", "tet10"].into_iter().zip(meshes);

@@ -5,16 +5,16 @@
 use crate::common;
 
 use common::block_scene;
-use greenstage::fem::{Lame, NodeFields, assemble};
+use greenstage::fem::{Lame, NodeFields};
 use greenstage::green::{self, Needs};
 use greenstage::solve::Silent;
-use greenstage::verify::hard_cases::{Outcome, Row, run};
+use greenstage::verify::hard_cases::{CaseRow, Outcome, run};
 use std::collections::BTreeSet;
 
 #[test]
 fn every_case_is_what_it_must_be() {
     let rows = run().unwrap();
-    let missed: Vec<&Row> = rows.iter().filter(|row| !row.holds()).collect();
+    let missed: Vec<&CaseRow> = rows.iter().filter(|row| !row.holds()).collect();
     assert!(missed.is_empty(), "{missed:#?}");
     // 27 and 28 belong to models that are not here.
     let numbers: BTreeSet<u32> = rows.iter().map(|row| row.number).collect();
@@ -31,11 +31,11 @@ fn every_case_is_what_it_must_be() {
 fn rows_that_prove_nothing_do_not_hold() {
     let row = run().unwrap().into_iter().find(|row| row.number == 2).unwrap();
     assert!(row.holds());
-    assert!(!Row { error: Some(f64::NAN), ..row.clone() }.holds());
-    assert!(!Row { error: None, ..row.clone() }.holds());
-    assert!(!Row { error: row.bound.map(|bound| 1.1 * bound), ..row.clone() }.holds());
-    assert!(!Row { outcome: Outcome::Solved, ..row.clone() }.holds());
-    assert!(!Row { said: String::new(), ..row.clone() }.holds());
+    assert!(!CaseRow { error: Some(f64::NAN), ..row.clone() }.holds());
+    assert!(!CaseRow { error: None, ..row.clone() }.holds());
+    assert!(!CaseRow { error: row.bound.map(|bound| 1.1 * bound), ..row.clone() }.holds());
+    assert!(!CaseRow { outcome: Outcome::Solved, ..row.clone() }.holds());
+    assert!(!CaseRow { said: String::new(), ..row.clone() }.holds());
 }
 
 /// The factor is right only if the answer is in equilibrium: no force on any free node, whatever the material.
@@ -44,7 +44,7 @@ fn free_nodes_are_in_equilibrium() {
     let solution =
         green::solve(&block_scene([5, 5, 5], ""), "block", Needs { stiffness: true }, &Silent).unwrap();
     let lame = Lame::from_young_poisson(1e3, 0.3);
-    let k = assemble(&solution.mesh, &vec![lame; solution.mesh.tets.len()]).unwrap();
+    let k = solution.element.assemble(&solution.mesh, &vec![lame; solution.mesh.tets.len()]).unwrap();
     let mut force = NodeFields::zeros(solution.mesh.nodes.len(), solution.fields.columns);
     k.multiply(&solution.fields, &mut force);
     let largest = force.data.iter().fold(0.0f64, |m, f| m.max(f.abs()));

@@ -3,7 +3,7 @@
 use crate::common;
 
 use common::{block_scene, some_pose};
-use greenstage::fem::{Lame, NodeFields, Partition, assemble, tet4};
+use greenstage::fem::{Lame, NodeFields, Partition, TET4, tet4};
 use greenstage::green::{self, FIELDS, Needs, Solution};
 use greenstage::mesh::{Surface, TetMesh, generate, quality};
 use greenstage::scene::Scene;
@@ -69,7 +69,7 @@ fn solve_lame(exact: &LameCylinder, n: u32) -> (f64, f64, f64) {
     })
     .unwrap();
     let lame = Lame::from_young_poisson(exact.young, exact.poisson);
-    let k = assemble(&mesh, &vec![lame; mesh.tets.len()]).unwrap();
+    let k = TET4.assemble(&mesh, &vec![lame; mesh.tets.len()]).unwrap();
     let ends = mesh.groups["left"].iter().chain(&mesh.groups["right"]).copied();
     let partition = Partition::new(mesh.nodes.len(), ends);
 
@@ -203,7 +203,7 @@ fn handle_stiffness_is_reciprocal() {
 fn handle_stiffness_is_the_second_derivative_of_the_energy() {
     let (_, solution) = solved_block();
     let lame = Lame::from_young_poisson(1e3, 0.3);
-    let k = assemble(&solution.mesh, &vec![lame; solution.mesh.tets.len()]).unwrap();
+    let k = solution.element.assemble(&solution.mesh, &vec![lame; solution.mesh.tets.len()]).unwrap();
     let energy = |c: &[f64]| {
         let data = (0..3 * solution.mesh.nodes.len())
             .map(|row| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum())

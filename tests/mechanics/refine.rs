@@ -4,13 +4,13 @@ use crate::common;
 
 use common::{block_scene, scene};
 use greenstage::green::{self, Needs};
+use greenstage::mesh::isosurface_stuffing::tetrahedralise;
 use greenstage::mesh::quadratic::{least_jacobian, quadratic, straight};
 use greenstage::mesh::quality::{components, overlapping_faces, quality_report, signed_volume};
 use greenstage::mesh::refine::refine;
-use greenstage::mesh::stuffing::tetrahedralise;
 use greenstage::mesh::surface_check::check;
 use greenstage::mesh::surface_files::TriangleSurface;
-use greenstage::mesh::{Block, Surface, TetMesh, Tube, block, trouble, tube};
+use greenstage::mesh::{Block, Surface, TetMesh, Tube, block, diagnostics, tube};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::{DMatrix, Vector3};
@@ -80,7 +80,7 @@ fn straight_bodies_keep_volume_area_nodes_and_regions() {
         };
         assert!((0..3).all(|region| (of_region(region) - before(region)).abs() < 1e-12));
         assert_eq!(mesh.region_names, coarse.region_names);
-        assert_eq!(trouble::find(&mesh), []);
+        assert_eq!(diagnostics::find(&mesh), []);
     }
 }
 

@@ -98,7 +98,7 @@ fn rigid_motion_costs_nothing_and_turns_the_answer() {
 /// The displacements that the linear theory has for control element 0 moved by `shift` and turned by `turn`.
 fn linear_answer(statics: &Statics, shift: Vector3<f64>, turn: Vector3<f64>) -> Vec<Vector3<f64>> {
     let mesh = &statics.mesh;
-    let k = fem::assemble(mesh, &vec![Lame::from_young_poisson(1e3, 0.3); mesh.tets.len()]).unwrap();
+    let k = fem::TET4.assemble(mesh, &vec![Lame::from_young_poisson(1e3, 0.3); mesh.tets.len()]).unwrap();
     let controlled = statics.controls.iter().flat_map(|control| control.nodes.iter().copied());
     let partition = Partition::new(mesh.nodes.len(), controlled);
     let mut u = NodeFields::zeros(mesh.nodes.len(), 1);

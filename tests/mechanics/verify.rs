@@ -3,18 +3,18 @@
 use crate::common;
 
 use common::folder;
-use greenstage::verify::{Bound, Effort, Level, PROBLEMS, Row, run};
+use greenstage::verify::{Bound, ConvergenceRow, Effort, Level, PROBLEMS, run};
 use std::process::Command;
 
-fn solve(name: &str, effort: Effort) -> Vec<Row> {
+fn solve(name: &str, effort: Effort) -> Vec<ConvergenceRow> {
     run(PROBLEMS.iter().find(|problem| problem.name == name).unwrap(), effort).unwrap()
 }
 
-fn row<'a>(rows: &'a [Row], quantity: &str, element: &str) -> &'a Row {
+fn row<'a>(rows: &'a [ConvergenceRow], quantity: &str, element: &str) -> &'a ConvergenceRow {
     rows.iter().find(|row| row.quantity == quantity && row.element == element).unwrap()
 }
 
-fn finest(row: &Row) -> f64 {
+fn finest(row: &ConvergenceRow) -> f64 {
     row.levels.last().unwrap().error
 }
 
@@ -90,7 +90,7 @@ fn errors_are_required_to_be_those_of_another_program() {
 #[test]
 fn a_bound_is_missed_by_too_much_too_slow_and_no_number() {
     let level = Level { h: 0.5, nodes: 8, value: 1.1, error: 0.1, seconds: 0.0 };
-    let row = |bound: Bound, rate: Option<f64>, error: f64| Row {
+    let row = |bound: Bound, rate: Option<f64>, error: f64| ConvergenceRow {
         problem: String::new(),
         quantity: String::new(),
         element: String::new(),

@@ -3,11 +3,11 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod isosurface_stuffing;
 mod mesh_formats;
 mod mesh_geometry;
 mod mesh_malformed;
 mod mesh_quadratic;
 mod mesh_roundtrip;
 mod mesh_shared;
-mod stuffing;
 mod surface_files;

@@ -3,7 +3,7 @@
 
 mod small;
 
-use greenstage::mesh::{Block, Loaded, TetMesh, block, formats::WRITERS, load, parse, save};
+use greenstage::mesh::{Block, Loaded, TetMesh, block, formats::writers, load, parse, save};
 use nalgebra::Vector3;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -291,8 +291,8 @@ proptest! {
     #[test]
     fn every_writer_gives_back_the_mesh(mesh in any_mesh()) {
         let folder = tempfile::tempdir().unwrap();
-        for writer in WRITERS {
-            let path = folder.path().join("m").with_extension(writer.extensions[0]);
+        for writer in writers() {
+            let path = folder.path().join("m").with_extension(writer.files[0].0);
             let lost = save(&path, &mesh, Some(writer.name)).unwrap();
             let loaded = load(&path).map_err(|error| error.to_string());
             prop_assert!(loaded.is_ok(), "{}: {:?}", writer.name, loaded);

@@ -135,8 +135,13 @@ fn survives(name: &str, bytes: &[u8]) {
         assert!(surface.triangles.iter().flatten().all(|&vertex| vertex < count));
         assert!(surface.vertices.len() <= bytes.len() && surface.triangles.len() <= bytes.len());
         let report = check(&mut surface, &mut notices);
-        let cell = greenstage::mesh::stuffing::suggested_cell(&surface);
-        let filled = greenstage::mesh::stuffing::tetrahedralise(&surface, &report, 4.0 * cell, &mut notices);
+        let cell = greenstage::mesh::isosurface_stuffing::suggested_cell(&surface);
+        let filled = greenstage::mesh::isosurface_stuffing::tetrahedralise(
+            &surface,
+            &report,
+            4.0 * cell,
+            &mut notices,
+        );
         if let Ok(mesh) = filled {
             assert!((0..mesh.tets.len()).all(|t| signed_volume(&mesh.corners(t)) > 0.0));
         }

@@ -7,7 +7,7 @@ use greenstage::deform::pose_file as poses;
 use greenstage::deform::{ControlPose, Deformer};
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::mesh::{
-    self, Block, Order, Surface, block, formats, quality, surface_check, surface_files, trouble,
+    self, Block, Order, Surface, block, diagnostics, formats, quality, surface_check, surface_files,
 };
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
@@ -131,8 +131,8 @@ fn mesh_seeds(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut mesh = block(&Block { size: [1.0; 3], cells: [1; 3] }).unwrap();
     mesh.regions[2] = 7;
     mesh.region_names.insert(7, "core".into());
-    for writer in formats::WRITERS {
-        for (extension, bytes) in (writer.encode)(&mesh).unwrap().files {
+    for writer in formats::writers() {
+        for ((extension, _), bytes) in writer.files.iter().zip((writer.encode)(&mesh).unwrap().files) {
             let path = folder.join(format!("{}.{extension}", writer.name));
             std::fs::write(&path, &bytes).unwrap();
             seeds.push((path.to_str().unwrap().to_owned(), bytes));
@@ -147,7 +147,7 @@ fn read_mesh(path: &Path, bytes: &[u8]) -> Then {
     let mesh = mesh::parse_as(path, bytes, order).ok()?.mesh;
     Some(Box::new(move || {
         let surface = Surface::of(&mesh);
-        drop((quality::report(&mesh, &surface), trouble::find(&mesh)));
+        drop((quality::report(&mesh, &surface), diagnostics::find(&mesh)));
     }))
 }
 

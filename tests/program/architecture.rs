@@ -13,9 +13,9 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("stage", &["config"]),
     ("field", &["config"]),
     ("track", &["stage", "field", "config"]),
-    ("scene", &["mesh", "stage", "config"]),
     ("fem", &["mesh", "config"]),
     ("solve", &["fem", "config"]),
+    ("scene", &["mesh", "fem", "solve", "stage", "config"]),
     ("green", &["scene", "mesh", "fem", "solve", "config"]),
     ("deform", &["field", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("interact", &["mesh", "field", "track", "stage", "config"]),
@@ -266,7 +266,7 @@ fn circle(imports: &BTreeMap<String, BTreeSet<String>>, file: &str) -> BTreeSet<
 }
 
 /// Rooms whose files still import each other in circles; none may join them.
-const WITH_CIRCLES: [&str; 8] = ["cli", "fem", "mesh", "report", "scene", "stage", "track", "verify"];
+const WITH_CIRCLES: [&str; 5] = ["cli", "report", "scene", "stage", "track"];
 
 /// Neither directly nor by a longer way, a parent and its child included: what children share stands in a leaf.
 #[test]

@@ -4,27 +4,38 @@
 //! [`super::abaqus_sets`]). After "Abaqus Keywords Reference Guide" and G. Dhondt, "CalculiX CrunchiX User's Manual",
 //! chapter "Input deck format". Keywords of the analysis are passed over; what would move or make nodes is refused.
 
+use super::abaqus_lines::{Keyword, data_line, fields, skip_data};
 use super::abaqus_sets::Sets;
+use super::abaqus_write::encode;
+use super::format::{Format, Part, Writer};
 use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
-use super::{Format, Part};
-use crate::mesh::assemble::{Kind, RawMesh, RawNode};
-use crate::mesh::error::Fault;
+use crate::base::output::Kind;
+use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
+use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 
 pub const FORMAT: Format = Format {
     name: "Abaqus and CalculiX",
     extensions: &["inp"],
-    recognizes: |bytes| {
-        let head = bytes.get(..bytes.len().min(2000)).unwrap_or_default().to_ascii_uppercase();
-        [&b"*HEADING"[..], b"*NODE"].iter().any(|word| head.windows(word.len()).any(|window| window == *word))
-    },
+    recognizes,
     others: |_| Vec::new(),
     read,
+    writers: &[Writer {
+        name: "abaqus",
+        about: "Abaqus and CalculiX, regions and node groups as sets",
+        files: &[("inp", Kind { name: "an Abaqus mesh", recognizes })],
+        encode,
+    }],
 };
 
-fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
+fn recognizes(bytes: &[u8]) -> bool {
+    let head = bytes.get(..bytes.len().min(2000)).unwrap_or_default().to_ascii_uppercase();
+    [&b"*HEADING"[..], b"*NODE"].iter().any(|word| head.windows(word.len()).any(|window| window == *word))
+}
+
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     let mut deck = Deck { lines: Words::new(bytes, None), raw: RawMesh::default(), others: BTreeMap::new() };
     let mut node_sets = Sets::new(bytes.len());
     let mut element_sets = Sets::new(bytes.len());
@@ -35,7 +46,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
         }
         if !line.starts_with(b"*") {
             let reason = format!("expected a keyword (*NAME), found `{}`", excerpt(line));
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
         let keyword = Keyword::read(at, line, &mut deck.lines)?;
         match keyword.name.as_str() {
@@ -63,22 +74,22 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
             }
             "INCLUDE" => {
                 let reason = "*INCLUDE is not followed: put the lines of that file in its place";
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
             "PART" | "INSTANCE" => {
                 if !once.insert(keyword.name.clone()) {
                     let reason = "a second part or instance: save the model without parts and assemblies";
-                    return Err(Fault::at(at, reason));
+                    return Err(FormatFault::at(at, reason));
                 }
                 if data_line(&mut deck.lines).is_some() {
                     let reason = "an instance that is moved: save the model without parts and assemblies";
-                    return Err(Fault::at(at, reason));
+                    return Err(FormatFault::at(at, reason));
                 }
             }
             "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM" => {
                 let reason =
                     format!("*{} makes or moves nodes and is not read: save a flat file", keyword.name);
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
             _ => skip_data(&mut deck.lines),
         }
@@ -97,78 +108,11 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
                 kinds.join(", ")
             ),
         };
-        return Err(Fault::whole(reason));
+        return Err(FormatFault::whole(reason));
     }
     node_sets.to_groups(&mut raw)?;
     element_sets.to_regions(&mut raw)?;
     Ok(raw)
-}
-
-/// `*NAME, KEY=VALUE, KEY`, in upper case but for the values.
-pub struct Keyword {
-    pub at: usize,
-    pub name: String,
-    parameters: Vec<(String, String)>,
-}
-
-impl Keyword {
-    /// The keyword line that begins with `line`; where that ends in a comma, the next one continues it.
-    fn read(at: usize, line: &[u8], lines: &mut Words) -> Result<Keyword, Fault> {
-        let mut text = String::from_utf8_lossy(line).into_owned();
-        while text.ends_with(',') {
-            let Some(line) = data_line(lines) else { break };
-            text.push_str(&String::from_utf8_lossy(line.1));
-        }
-        let mut fields = text.trim_start_matches('*').split(',').map(str::trim);
-        let name = fields.next().unwrap_or_default().to_uppercase();
-        let name = name.split_whitespace().collect::<Vec<_>>().join(" ");
-        const MOST_PARAMETERS: usize = 100;
-        let parameters = fields.filter(|field| !field.is_empty()).take(MOST_PARAMETERS).map(|field| {
-            let (key, value) = field.split_once('=').unwrap_or((field, ""));
-            (key.trim().to_uppercase(), value.trim().trim_matches('"').to_owned())
-        });
-        let parameters = parameters.collect();
-        let keyword = Keyword { at, name, parameters };
-        if matches!(keyword.name.as_str(), "NODE" | "ELEMENT" | "NSET" | "ELSET") && keyword.has("INPUT") {
-            let reason = "INPUT= names another file, which is not followed: put its lines in its place";
-            return Err(Fault::at(at, reason));
-        }
-        Ok(keyword)
-    }
-
-    pub fn value(&self, key: &str) -> Option<&str> {
-        self.parameters.iter().find(|(known, _)| known == key).map(|(_, value)| value.as_str())
-    }
-
-    pub fn has(&self, key: &str) -> bool {
-        self.value(key).is_some()
-    }
-}
-
-/// The next line of data and its offset, comments and empty lines passed over; `None` before a keyword.
-pub fn data_line<'a>(lines: &mut Words<'a>) -> Option<(usize, &'a [u8])> {
-    loop {
-        let mut ahead = *lines;
-        let (at, line) = ahead.full_line()?;
-        match line {
-            [b'*', b'*', ..] => *lines = ahead,
-            [b'*', ..] => return None,
-            _ => {
-                *lines = ahead;
-                return Some((at, line));
-            }
-        }
-    }
-}
-
-fn skip_data(lines: &mut Words) {
-    while data_line(lines).is_some() {}
-}
-
-/// The fields of a line of data, those behind a last comma left away.
-pub fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let line = line.strip_suffix(b",").unwrap_or(line);
-    line.split(|&byte| byte == b',').map(<[u8]>::trim_ascii)
 }
 
 struct Deck<'a> {
@@ -180,9 +124,9 @@ struct Deck<'a> {
 
 impl Deck<'_> {
     /// Lines of number, x, y, z; coordinates that are left away are 0.
-    fn nodes(&mut self, keyword: &Keyword) -> Result<(), Fault> {
+    fn nodes(&mut self, keyword: &Keyword) -> Result<(), FormatFault> {
         if keyword.value("SYSTEM").is_some_and(|system| !system.eq_ignore_ascii_case("R")) {
-            return Err(Fault::at(
+            return Err(FormatFault::at(
                 keyword.at,
                 "nodes in cylinder or sphere coordinates: save them as x, y, z",
             ));
@@ -200,12 +144,12 @@ impl Deck<'_> {
     }
 
     /// Number and nodes of each element, over as many lines as they take.
-    fn elements(&mut self, keyword: &Keyword) -> Result<(), Fault> {
+    fn elements(&mut self, keyword: &Keyword) -> Result<(), FormatFault> {
         let name = keyword.value("TYPE").unwrap_or_default().to_uppercase();
         let kind = match name.as_str() {
-            "C3D4" | "C3D4H" => Kind::TETRAHEDRON,
+            "C3D4" | "C3D4H" => ElementShape::TETRAHEDRON,
             "C3D10" | "C3D10M" | "C3D10H" | "C3D10MH" | "C3D10I" | "C3D10HS" | "C3D10T" => {
-                Kind::TETRAHEDRON_10
+                ElementShape::TETRAHEDRON_10
             }
             _ => {
                 let mut continued = false;
@@ -227,7 +171,7 @@ impl Deck<'_> {
                 for field in fields(line) {
                     let number = parsed(field, line_at, "the number of a node")?;
                     let place = numbers[..wanted].get_mut(found).ok_or_else(|| {
-                        Fault::at(line_at, format!("more than the {} nodes of a {name}", kind.nodes))
+                        FormatFault::at(line_at, format!("more than the {} nodes of a {name}", kind.nodes))
                     })?;
                     *place = number;
                     found += 1;
@@ -236,10 +180,13 @@ impl Deck<'_> {
                     break;
                 }
                 (line_at, line) = data_line(&mut self.lines).ok_or_else(|| {
-                    Fault::at(at, format!("{} of the {} nodes of a {name}", found.max(1) - 1, kind.nodes))
+                    FormatFault::at(
+                        at,
+                        format!("{} of the {} nodes of a {name}", found.max(1) - 1, kind.nodes),
+                    )
                 })?;
             }
-            if kind == Kind::TETRAHEDRON_10 {
+            if kind == ElementShape::TETRAHEDRON_10 {
                 numbers.swap(9, 10);
             }
             self.raw.add(kind, numbers[0], 0, at, &numbers[1..wanted]);
@@ -249,7 +196,7 @@ impl Deck<'_> {
 }
 
 /// A number that may be written as in Fortran, 1.5D-3.
-fn real(field: &[u8], at: usize) -> Result<f64, Fault> {
+fn real(field: &[u8], at: usize) -> Result<f64, FormatFault> {
     match parsed(field, at, "a number") {
         Err(_) if field.iter().any(|byte| matches!(byte, b'd' | b'D')) => {
             let e = |byte: &u8| if matches!(byte, b'd' | b'D') { b'e' } else { *byte };

@@ -5,11 +5,11 @@
 //! the file names first; every set that loses elements by this stays a node group of all its nodes. Regions are
 //! numbered from 1 as the file names them; a set `Region_7` is region 7 without a name, as our writer puts it.
 
-use super::abaqus::{Keyword, data_line, fields};
+use super::abaqus_lines::{Keyword, data_line, fields};
 use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
 use crate::mesh::assemble::RawMesh;
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -43,9 +43,12 @@ impl Sets {
     }
 
     /// The set of that name, new where there is none.
-    fn set(&mut self, name: &str, at: usize) -> Result<usize, Fault> {
+    fn set(&mut self, name: &str, at: usize) -> Result<usize, FormatFault> {
         if self.list.len() > 1000 + self.bytes / 100 {
-            return Err(Fault::at(at, format!("more than {} sets in such a file", self.list.len() - 1)));
+            return Err(FormatFault::at(
+                at,
+                format!("more than {} sets in such a file", self.list.len() - 1),
+            ));
         }
         let next = self.list.len();
         let index = *self.by_name.entry(name.to_uppercase()).or_insert(next);
@@ -55,16 +58,17 @@ impl Sets {
         Ok(index)
     }
 
-    pub fn add_span(&mut self, name: &str, span: Range<usize>, at: usize) -> Result<(), Fault> {
+    pub fn add_span(&mut self, name: &str, span: Range<usize>, at: usize) -> Result<(), FormatFault> {
         let index = self.set(name, at)?;
         self.list[index].spans.push(span);
         Ok(())
     }
 
     /// The lines of a set; `key` is the parameter that names it.
-    pub fn read(&mut self, keyword: &Keyword, key: &str, lines: &mut Words) -> Result<(), Fault> {
+    pub fn read(&mut self, keyword: &Keyword, key: &str, lines: &mut Words) -> Result<(), FormatFault> {
         let name = keyword.value(key).filter(|name| !name.is_empty());
-        let name = name.ok_or_else(|| Fault::at(keyword.at, format!("a set without a name: {key}=…")))?;
+        let name =
+            name.ok_or_else(|| FormatFault::at(keyword.at, format!("a set without a name: {key}=…")))?;
         let index = self.set(name, keyword.at)?;
         while let Some((at, line)) = data_line(lines) {
             if keyword.has("GENERATE") {
@@ -78,7 +82,7 @@ impl Sets {
                 }
                 if found < 2 || range[2] == 0 || fields(line).count() > 3 {
                     let reason = format!("expected first, last and step, found `{}`", excerpt(line));
-                    return Err(Fault::at(at, reason));
+                    return Err(FormatFault::at(at, reason));
                 }
                 self.list[index].ranges.push(range);
                 continue;
@@ -91,7 +95,7 @@ impl Sets {
                 let part = String::from_utf8_lossy(field).trim_matches('"').to_uppercase();
                 let part = self.by_name.get(&part).copied().filter(|&part| part < index);
                 let part = part.ok_or_else(|| {
-                    Fault::at(at, format!("`{}` is no set that stands before this one", excerpt(field)))
+                    FormatFault::at(at, format!("`{}` is no set that stands before this one", excerpt(field)))
                 })?;
                 self.list[index].parts.push(part);
             }
@@ -101,7 +105,7 @@ impl Sets {
 
     /// The members of each set as sorted, unique indices; `tags` are all numbers with their indices, sorted. `most`
     /// bounds all sets together. Also the numbers that are none, for each set.
-    fn resolve(&self, tags: &[(u64, u32)], most: usize) -> Result<Vec<(Vec<u32>, usize)>, Fault> {
+    fn resolve(&self, tags: &[(u64, u32)], most: usize) -> Result<Vec<(Vec<u32>, usize)>, FormatFault> {
         let mut resolved: Vec<(Vec<u32>, usize)> = Vec::with_capacity(self.list.len());
         let mut total = 0;
         for set in &self.list {
@@ -109,7 +113,7 @@ impl Sets {
             let mut room = |added: usize| {
                 total += added;
                 let reason = "its sets hold far more members than the file has room for";
-                if total > most { Err(Fault::whole(reason)) } else { Ok(()) }
+                if total > most { Err(FormatFault::whole(reason)) } else { Ok(()) }
             };
             for tag in &set.tags {
                 match tags.binary_search_by_key(tag, |(tag, _)| *tag) {
@@ -142,7 +146,7 @@ impl Sets {
     }
 
     /// Node sets to node groups.
-    pub fn to_groups(&self, raw: &mut RawMesh) -> Result<(), Fault> {
+    pub fn to_groups(&self, raw: &mut RawMesh) -> Result<(), FormatFault> {
         let tags = sorted(raw.nodes.iter().map(|node| node.tag));
         for (set, (members, missing)) in self.list.iter().zip(self.resolve(&tags, self.bytes / 2)?) {
             if missing > 0 {
@@ -155,11 +159,11 @@ impl Sets {
     }
 
     /// Element sets to regions.
-    pub fn to_regions(&self, raw: &mut RawMesh) -> Result<(), Fault> {
+    pub fn to_regions(&self, raw: &mut RawMesh) -> Result<(), FormatFault> {
         let tags = sorted(raw.elements.iter().map(|element| element.tag));
         if let Some(pair) = tags.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             let second = raw.elements[pair[1].1 as usize];
-            return Err(Fault::at(second.at, format!("element {} is defined twice", second.tag)));
+            return Err(FormatFault::at(second.at, format!("element {} is defined twice", second.tag)));
         }
         let sets = self.resolve(&tags, self.bytes / 4)?;
         let has_section = |set: &Set| self.sections.contains(&set.name.to_uppercase());
@@ -217,7 +221,7 @@ impl Sets {
         raw: &mut RawMesh,
         sets: &[(Vec<u32>, usize)],
         owner: &[usize],
-    ) -> Result<(), Fault> {
+    ) -> Result<(), FormatFault> {
         let mut corners = Vec::with_capacity(raw.elements.len());
         let mut first = 0;
         for element in &raw.elements {
@@ -248,7 +252,7 @@ impl Sets {
             group.dedup();
             total += group.len();
             if total > self.bytes {
-                return Err(Fault::whole(
+                return Err(FormatFault::whole(
                     "its element sets hold far more members than the file has room for",
                 ));
             }

@@ -3,9 +3,10 @@
 //! In: a [`TetMesh`]. Out: *NODE with the mesh's own node numbers, *ELEMENT of type C3D4, an *ELSET for each region
 //! but an unnamed 0, an *NSET for each node group.
 
-use super::super::error::MeshError;
-use super::write::{Encoded, check, own_groups, put};
-use crate::mesh::TetMesh;
+use super::format::Encoded;
+use super::write::{check, own_groups, put};
+use crate::mesh::error::MeshError;
+use crate::mesh::tet_mesh::TetMesh;
 use std::collections::{BTreeMap, BTreeSet};
 
 pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
@@ -65,7 +66,7 @@ pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
         put(&mut text, format_args!("*NSET, NSET=\"{name}\"\n"));
         members(&mut text, nodes.iter().map(|&node| mesh.tags[node as usize]));
     }
-    Ok(Encoded { files: vec![("inp", text.into_bytes())], lost })
+    Ok(Encoded { files: vec![text.into_bytes()], lost })
 }
 
 /// Up to 16 numbers a line, as Abaqus wants it.

@@ -3,20 +3,60 @@
 //! In: bytes. Out: a [`RawMesh`]. After the Gmsh reference manual, chapter "Gmsh file formats", sections "MSH file
 //! format" and "Legacy formats". Sections may stand in any order; unknown ones are skipped.
 
+use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::{Mode, Scanner, excerpt};
+use super::gmsh_write::{Encoding, encode};
+use super::gmsh2;
 use super::gmsh4::{self, Layout};
-use super::{Format, Part, gmsh2};
-use crate::mesh::assemble::{Kind, RawMesh};
-use crate::mesh::error::Fault;
+use crate::base::output::Kind;
+use crate::mesh::assemble::RawMesh;
+use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::tet_mesh::TetMesh;
 use std::collections::BTreeSet;
+
+const MSH: &[(&str, Kind)] = &[("msh", Kind { name: "a Gmsh mesh", recognizes })];
 
 pub const FORMAT: Format = Format {
     name: "Gmsh 2.2, 4.0 and 4.1",
     extensions: &["msh"],
-    recognizes: |bytes| bytes.starts_with(b"$MeshFormat"),
+    recognizes,
     others: |_| Vec::new(),
     read,
+    writers: &[
+        Writer {
+            name: "msh41",
+            about: "Gmsh 4.1, text",
+            files: MSH,
+            encode: |mesh| encoded(mesh, Encoding::Gmsh41Text),
+        },
+        Writer {
+            name: "msh41-binary",
+            about: "Gmsh 4.1, binary",
+            files: MSH,
+            encode: |mesh| encoded(mesh, Encoding::Gmsh41Binary),
+        },
+        Writer {
+            name: "msh22",
+            about: "Gmsh 2.2, text",
+            files: MSH,
+            encode: |mesh| encoded(mesh, Encoding::Gmsh22Text),
+        },
+        Writer {
+            name: "msh22-binary",
+            about: "Gmsh 2.2, binary",
+            files: MSH,
+            encode: |mesh| encoded(mesh, Encoding::Gmsh22Binary),
+        },
+    ],
 };
+
+fn recognizes(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"$MeshFormat")
+}
+
+fn encoded(mesh: &TetMesh, encoding: Encoding) -> Result<Encoded, MeshError> {
+    Ok(Encoded { files: vec![encode(mesh, encoding)?], lost: Vec::new() })
+}
 
 const ADVICE: &str = "convert it with `gmsh old.msh -save -format msh41 -o new.msh`";
 
@@ -26,7 +66,7 @@ enum Version {
     V4(gmsh4::Layout),
 }
 
-fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     use Version::{V2, V4};
     let mut scan = Scanner::new(bytes);
     let mut raw = RawMesh::default();
@@ -39,16 +79,16 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
         let Some(name) = scan.section()? else { break };
         match (name, version) {
             ("NOD" | "ELM", _) => {
-                return Err(Fault::at(at, format!("Gmsh 1.0 is not read: {ADVICE}")));
+                return Err(FormatFault::at(at, format!("Gmsh 1.0 is not read: {ADVICE}")));
             }
             ("MeshFormat", None) => version = Some(mesh_format(&mut scan)?),
             ("Nodes" | "Elements" | "Entities" | "PartitionedEntities" | "PhysicalNames", None) => {
-                return Err(Fault::at(at, format!("${name} stands before $MeshFormat")));
+                return Err(FormatFault::at(at, format!("${name} stands before $MeshFormat")));
             }
             ("ParametricNodes", _) => {
                 let reason = "nodes with parametric coordinates are read in Gmsh 4.1 only: save with \
                               Mesh.SaveParametric = 0, or as 4.1";
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
             ("PhysicalNames", _) => physical_names(&mut scan, &mut raw)?,
             ("Nodes", Some(V2)) => gmsh2::nodes(&mut scan, &mut raw)?,
@@ -57,7 +97,10 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
             ("Elements", Some(V4(layout))) => gmsh4::elements(&mut scan, &mut raw, layout)?,
             ("Entities", Some(V4(layout))) => gmsh4::entities(&mut scan, &mut raw, layout)?,
             ("PartitionedEntities", Some(V4(Layout::Old))) => {
-                return Err(Fault::at(at, format!("a partitioned mesh of Gmsh 4.0 is not read: {ADVICE}")));
+                return Err(FormatFault::at(
+                    at,
+                    format!("a partitioned mesh of Gmsh 4.0 is not read: {ADVICE}"),
+                ));
             }
             ("PartitionedEntities", Some(V4(Layout::New))) => {
                 gmsh4::partitioned_entities(&mut scan, &mut raw)?;
@@ -70,12 +113,12 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
         }
         scan.end_section(name)?;
         if !seen.insert(name) {
-            return Err(Fault::at(at, format!("a second section ${name}")));
+            return Err(FormatFault::at(at, format!("a second section ${name}")));
         }
     }
     for name in ["MeshFormat", "Nodes", "Elements"] {
         if !seen.contains(name) {
-            return Err(Fault::whole(format!("no section ${name}: is this a whole Gmsh mesh file?")));
+            return Err(FormatFault::whole(format!("no section ${name}: is this a whole Gmsh mesh file?")));
         }
     }
     if !skipped.is_empty() {
@@ -87,14 +130,14 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
 }
 
 /// `version file-type data-size`, and in a binary file the number 1 that tells the byte order.
-fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
+fn mesh_format(scan: &mut Scanner) -> Result<Version, FormatFault> {
     let at = scan.at();
     let line = String::from_utf8_lossy(scan.line());
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let &[version, file_type, data_size] = words.as_slice() else {
         let reason =
             format!("expected version, file type and data size, found `{}`", excerpt(line.as_bytes()));
-        return Err(Fault::at(at, reason));
+        return Err(FormatFault::at(at, reason));
     };
     let version = match version {
         "2" | "2.0" | "2.1" | "2.2" => Version::V2,
@@ -103,7 +146,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         other => {
             let reason =
                 format!("Gmsh {} is not read, only 2.2, 4.0 and 4.1: {ADVICE}", excerpt(other.as_bytes()));
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
     };
     match file_type {
@@ -112,7 +155,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         other => {
             let reason =
                 format!("file type {} is neither 0 (text) nor 1 (binary)", excerpt(other.as_bytes()));
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
     }
     let size_bytes = match (version, data_size) {
@@ -120,7 +163,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         (Version::V4(_), "8") => 8,
         _ => {
             let reason = format!("data size {} is not read", excerpt(data_size.as_bytes()));
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
     };
     let at = scan.at();
@@ -128,7 +171,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
         [1, 0, 0, 0] => false,
         [0, 0, 0, 1] => true,
         other => {
-            return Err(Fault::at(
+            return Err(FormatFault::at(
                 at,
                 format!("expected the number 1 that tells the byte order, found {other:?}"),
             ));
@@ -139,18 +182,18 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, Fault> {
 }
 
 /// Lines of `dimension number "name"`; text in binary files too.
-fn physical_names(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
+fn physical_names(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     for _ in 0..scan.count_line()? {
         scan.skip_white();
         let at = scan.at();
         let line = scan.line();
         let (key, name) = physical_name(line).ok_or_else(|| {
             let reason = format!("expected `dimension number \"name\"` in UTF-8, found `{}`", excerpt(line));
-            Fault::at(at, reason)
+            FormatFault::at(at, reason)
         })?;
         if let Some(other) = raw.names.insert(key, name.to_owned()) {
             let reason = format!("physical group {} of dimension {} is also named \"{other}\"", key.1, key.0);
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
     }
     Ok(())
@@ -163,49 +206,4 @@ fn physical_name(line: &[u8]) -> Option<((u8, u32), &str)> {
     let dimension = words.next()?.parse().ok().filter(|dimension| *dimension <= 3)?;
     let number: i32 = words.next()?.parse().ok()?;
     words.next().is_none().then_some(((dimension, number.unsigned_abs()), name))
-}
-
-/// Dimension and nodes of Gmsh's element type `number`.
-pub fn kind(number: i32) -> Option<Kind> {
-    let (dimension, nodes) = match number {
-        15 => (0, 1),
-        1 => (1, 2),
-        8 => (1, 3),
-        26 => (1, 4),
-        27 => (1, 5),
-        28 => (1, 6),
-        2 => (2, 3),
-        9 => (2, 6),
-        20 => (2, 9),
-        21 => (2, 10),
-        22 => (2, 12),
-        23 | 24 => (2, 15),
-        25 => (2, 21),
-        3 => (2, 4),
-        16 => (2, 8),
-        10 => (2, 9),
-        4 => (3, 4),
-        11 => (3, 10),
-        29 => (3, 20),
-        30 => (3, 35),
-        31 => (3, 56),
-        5 => (3, 8),
-        17 => (3, 20),
-        12 => (3, 27),
-        6 => (3, 6),
-        18 => (3, 15),
-        13 => (3, 18),
-        7 => (3, 5),
-        19 => (3, 13),
-        14 => (3, 14),
-        92 => (3, 64),
-        93 => (3, 125),
-        _ => return None,
-    };
-    Some(Kind { dimension, nodes, is_tetrahedron: matches!(number, 4 | 11 | 29 | 30 | 31) })
-}
-
-/// [`kind`], refused at `at` when unknown.
-pub fn known_kind(number: i32, at: usize) -> Result<Kind, Fault> {
-    kind(number).ok_or_else(|| Fault::at(at, format!("element type {number} is not known")))
 }

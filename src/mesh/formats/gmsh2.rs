@@ -2,13 +2,13 @@
 //!
 //! An element's first tag is its physical group, which stands in for the geometric entity of version 4.
 
-use super::gmsh::known_kind;
 use super::gmsh_scan::{Mode, Scanner};
-use crate::mesh::assemble::{Kind, RawElement, RawMesh, RawNode};
-use crate::mesh::error::Fault;
+use super::gmsh_types::known_kind;
+use crate::mesh::assemble::{ElementShape, RawElement, RawMesh, RawNode};
+use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;
 
-pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
+pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     for _ in 0..scan.count_line()? {
         let at = scan.at();
         let tag = scan.size()?;
@@ -19,7 +19,7 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
     Ok(())
 }
 
-pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
+pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     let at = scan.at();
     let mut left = scan.count_line()?;
     while left > 0 {
@@ -33,11 +33,11 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
             left -= 1;
             continue;
         }
-        let kind: Kind = known_kind(scan.int()?, header_at)?;
+        let kind: ElementShape = known_kind(scan.int()?, header_at)?;
         let (follow, tag_count) = (scan.size()?, scan.size()?);
         left = left
             .checked_sub(follow)
-            .ok_or_else(|| Fault::at(at, "more elements than the section's count says".to_owned()))?;
+            .ok_or_else(|| FormatFault::at(at, "more elements than the section's count says".to_owned()))?;
         for _ in 0..follow {
             let at = scan.at();
             let tag = scan.size()?;
@@ -53,7 +53,7 @@ fn element(
     raw: &mut RawMesh,
     mut element: RawElement,
     tag_count: u64,
-) -> Result<(), Fault> {
+) -> Result<(), FormatFault> {
     for i in 0..tag_count {
         let tag = scan.int()?;
         if i == 0 {

@@ -2,10 +2,10 @@
 //!
 //! Both say the same in another order: see [`Layout`].
 
-use super::gmsh::known_kind;
 use super::gmsh_scan::Scanner;
+use super::gmsh_types::known_kind;
 use crate::mesh::assemble::{RawElement, RawMesh, RawNode};
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,18 +18,18 @@ pub enum Layout {
 }
 
 impl Layout {
-    fn tag(self, scan: &mut Scanner) -> Result<u64, Fault> {
+    fn tag(self, scan: &mut Scanner) -> Result<u64, FormatFault> {
         match self {
             Layout::New => scan.size(),
             Layout::Old => {
                 let (at, tag) = (scan.at(), scan.int()?);
-                u64::try_from(tag).map_err(|_negative| Fault::at(at, format!("{tag} is no tag")))
+                u64::try_from(tag).map_err(|_negative| FormatFault::at(at, format!("{tag} is no tag")))
             }
         }
     }
 
     /// Dimension and tag of the entity of a block.
-    fn entity(self, scan: &mut Scanner) -> Result<(u8, i32), Fault> {
+    fn entity(self, scan: &mut Scanner) -> Result<(u8, i32), FormatFault> {
         match self {
             Layout::New => Ok((dimension(scan)?, scan.int()?)),
             Layout::Old => {
@@ -41,12 +41,12 @@ impl Layout {
 }
 
 /// The physical groups of each geometric entity.
-pub fn entities(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), Fault> {
+pub fn entities(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), FormatFault> {
     entity_lists(scan, raw, false, if layout == Layout::Old { 6 } else { 3 })
 }
 
 /// The same for a partitioned mesh, whose elements stand on entities of their own.
-pub fn partitioned_entities(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), Fault> {
+pub fn partitioned_entities(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     scan.size()?;
     scan.end_line()?;
     let ghosts = scan.size()?;
@@ -64,7 +64,7 @@ fn entity_lists(
     raw: &mut RawMesh,
     is_partitioned: bool,
     point_reals: usize,
-) -> Result<(), Fault> {
+) -> Result<(), FormatFault> {
     let counts = [scan.size()?, scan.size()?, scan.size()?, scan.size()?];
     scan.end_line()?;
     for (dimension, count) in (0u8..).zip(counts) {
@@ -86,7 +86,10 @@ fn entity_lists(
             }
             scan.end_line()?;
             if raw.physicals.insert((dimension, tag), physicals).is_some() {
-                return Err(Fault::at(at, format!("entity {tag} of dimension {dimension} is listed twice")));
+                return Err(FormatFault::at(
+                    at,
+                    format!("entity {tag} of dimension {dimension} is listed twice"),
+                ));
             }
         }
     }
@@ -94,7 +97,7 @@ fn entity_lists(
 }
 
 /// A count and that many numbers.
-fn ints(scan: &mut Scanner, mut each: impl FnMut(i32)) -> Result<(), Fault> {
+fn ints(scan: &mut Scanner, mut each: impl FnMut(i32)) -> Result<(), FormatFault> {
     for _ in 0..scan.size()? {
         each(scan.int()?);
     }
@@ -102,7 +105,7 @@ fn ints(scan: &mut Scanner, mut each: impl FnMut(i32)) -> Result<(), Fault> {
 }
 
 /// Blocks and nodes of a section, as its head counts them; the least and greatest tag are not needed.
-fn head(scan: &mut Scanner, layout: Layout) -> Result<(u64, u64), Fault> {
+fn head(scan: &mut Scanner, layout: Layout) -> Result<(u64, u64), FormatFault> {
     let counts = (scan.size()?, scan.size()?);
     if layout == Layout::New {
         scan.size()?;
@@ -112,23 +115,23 @@ fn head(scan: &mut Scanner, layout: Layout) -> Result<(u64, u64), Fault> {
     Ok(counts)
 }
 
-fn dimension(scan: &mut Scanner) -> Result<u8, Fault> {
+fn dimension(scan: &mut Scanner) -> Result<u8, FormatFault> {
     let (at, dimension) = (scan.at(), scan.int()?);
     match u8::try_from(dimension) {
         Ok(dimension @ 0..=3) => Ok(dimension),
-        _ => Err(Fault::at(at, format!("{dimension} is no dimension from 0 to 3"))),
+        _ => Err(FormatFault::at(at, format!("{dimension} is no dimension from 0 to 3"))),
     }
 }
 
 /// Refuses a section whose blocks do not hold what its head says.
-fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), Fault> {
+fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), FormatFault> {
     if said == found as u64 {
         return Ok(());
     }
-    Err(Fault::at(at, format!("the section's head says {said} {what}, its blocks hold {found}")))
+    Err(FormatFault::at(at, format!("the section's head says {said} {what}, its blocks hold {found}")))
 }
 
-pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), Fault> {
+pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), FormatFault> {
     let section_at = scan.at();
     let (blocks, total) = head(scan, layout)?;
     for _ in 0..blocks {
@@ -138,7 +141,7 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<()
             0 => 0,
             1 => dimension,
             other => {
-                return Err(Fault::at(at, format!("parametric is {other}, neither 0 nor 1")));
+                return Err(FormatFault::at(at, format!("parametric is {other}, neither 0 nor 1")));
             }
         };
         let count = scan.size()?;
@@ -164,7 +167,7 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<()
 }
 
 /// Three coordinates, and the parameters behind them.
-fn coordinates(scan: &mut Scanner, node: Option<&mut RawNode>, parameters: u8) -> Result<(), Fault> {
+fn coordinates(scan: &mut Scanner, node: Option<&mut RawNode>, parameters: u8) -> Result<(), FormatFault> {
     let position = Vector3::new(scan.real()?, scan.real()?, scan.real()?);
     if let Some(node) = node {
         node.position = position;
@@ -175,7 +178,7 @@ fn coordinates(scan: &mut Scanner, node: Option<&mut RawNode>, parameters: u8) -
     scan.end_line()
 }
 
-pub fn elements(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), Fault> {
+pub fn elements(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), FormatFault> {
     let section_at = scan.at();
     let (blocks, total) = head(scan, layout)?;
     for _ in 0..blocks {
@@ -185,7 +188,7 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result
         if kind.dimension != dimension {
             let reason =
                 format!("elements of dimension {} on an entity of dimension {dimension}", kind.dimension);
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
         let count = scan.size()?;
         scan.end_line()?;

@@ -1,9 +1,9 @@
 //! The words and numbers of a Gmsh file, one after the other, text and binary alike.
 //!
-//! In: bytes. Out: sections, lines and numbers, or a [`Fault`] at the offset where something else stands. Nothing
+//! In: bytes. Out: sections, lines and numbers, or a [`FormatFault`] at the offset where something else stands. Nothing
 //! is allocated here, so a count in a file cannot cost memory.
 
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use std::str::FromStr;
 
 /// How numbers are written.
@@ -57,7 +57,7 @@ impl<'a> Scanner<'a> {
     }
 
     /// The name of the section that begins here; `None` at the end of the file.
-    pub fn section(&mut self) -> Result<Option<&'a str>, Fault> {
+    pub fn section(&mut self) -> Result<Option<&'a str>, FormatFault> {
         self.skip_white();
         let at = self.at;
         if self.rest().is_empty() {
@@ -67,7 +67,7 @@ impl<'a> Scanner<'a> {
         let name = line.strip_prefix(b"$").and_then(|name| std::str::from_utf8(name).ok());
         let Some(name) = name.filter(|name| !name.is_empty()) else {
             let reason = format!("expected a section ($Name), found `{}`", excerpt(line));
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         };
         if self.mode == Mode::Text {
             self.skip_white();
@@ -76,24 +76,24 @@ impl<'a> Scanner<'a> {
     }
 
     /// Expects `$EndNAME`.
-    pub fn end_section(&mut self, name: &str) -> Result<(), Fault> {
+    pub fn end_section(&mut self, name: &str) -> Result<(), FormatFault> {
         self.skip_white();
         let at = self.at;
         let line = self.line();
         match line.strip_prefix(b"$End") {
             Some(end) if end == name.as_bytes() => Ok(()),
-            _ if line.is_empty() => Err(Fault::at(at, format!("the file ends before $End{name}"))),
-            _ => Err(Fault::at(at, format!("expected $End{name}, found `{}`", excerpt(line)))),
+            _ if line.is_empty() => Err(FormatFault::at(at, format!("the file ends before $End{name}"))),
+            _ => Err(FormatFault::at(at, format!("expected $End{name}, found `{}`", excerpt(line)))),
         }
     }
 
     /// Moves behind `$EndNAME`, whatever stands before it; the section began at `start`.
-    pub fn skip_section(&mut self, start: usize, name: &str) -> Result<(), Fault> {
+    pub fn skip_section(&mut self, start: usize, name: &str) -> Result<(), FormatFault> {
         let end = format!("$End{name}");
         loop {
             let rest = self.rest();
             let Some(found) = rest.windows(end.len()).position(|window| window == end.as_bytes()) else {
-                return Err(Fault::at(start, format!("the section has no {end}")));
+                return Err(FormatFault::at(start, format!("the section has no {end}")));
             };
             self.at += found;
             if self.line() == end.as_bytes() {
@@ -103,18 +103,18 @@ impl<'a> Scanner<'a> {
     }
 
     /// A line that holds one count; it is text in binary files too.
-    pub fn count_line(&mut self) -> Result<u64, Fault> {
+    pub fn count_line(&mut self) -> Result<u64, FormatFault> {
         let at = self.at;
         let line = self.line();
         if self.mode == Mode::Text {
             self.skip_white();
         }
         let count = std::str::from_utf8(line).ok().and_then(|text| text.parse().ok());
-        count.ok_or_else(|| Fault::at(at, format!("expected a count, found `{}`", excerpt(line))))
+        count.ok_or_else(|| FormatFault::at(at, format!("expected a count, found `{}`", excerpt(line))))
     }
 
     /// A 32-bit number: a type, a dimension, an entity or a physical group.
-    pub fn int(&mut self) -> Result<i32, Fault> {
+    pub fn int(&mut self) -> Result<i32, FormatFault> {
         match self.mode {
             Mode::Text => self.number("a whole number"),
             Mode::Binary { big_endian, .. } => {
@@ -125,7 +125,7 @@ impl<'a> Scanner<'a> {
     }
 
     /// A count or a tag.
-    pub fn size(&mut self) -> Result<u64, Fault> {
+    pub fn size(&mut self) -> Result<u64, FormatFault> {
         match self.mode {
             Mode::Text => self.number("a count or tag"),
             Mode::Binary { big_endian, size_bytes: 8 } => {
@@ -134,12 +134,13 @@ impl<'a> Scanner<'a> {
             }
             Mode::Binary { .. } => {
                 let (at, size) = (self.at, self.int()?);
-                u64::try_from(size).map_err(|_negative| Fault::at(at, format!("{size} is no count or tag")))
+                u64::try_from(size)
+                    .map_err(|_negative| FormatFault::at(at, format!("{size} is no count or tag")))
             }
         }
     }
 
-    pub fn real(&mut self) -> Result<f64, Fault> {
+    pub fn real(&mut self) -> Result<f64, FormatFault> {
         match self.mode {
             Mode::Text => self.number("a number"),
             Mode::Binary { big_endian, .. } => {
@@ -150,12 +151,15 @@ impl<'a> Scanner<'a> {
     }
 
     /// In a text, expects the end of the line; binary files have none.
-    pub fn end_line(&mut self) -> Result<(), Fault> {
+    pub fn end_line(&mut self) -> Result<(), FormatFault> {
         if self.mode == Mode::Text {
             self.skip_blanks();
             if !matches!(self.rest().first(), None | Some(b'\n')) {
                 let at = self.at;
-                return Err(Fault::at(at, format!("the line should end before `{}`", excerpt(self.line()))));
+                return Err(FormatFault::at(
+                    at,
+                    format!("the line should end before `{}`", excerpt(self.line())),
+                ));
             }
             self.skip_white();
         }
@@ -163,15 +167,15 @@ impl<'a> Scanner<'a> {
     }
 
     /// The next `N` bytes.
-    pub fn take<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+    pub fn take<const N: usize>(&mut self) -> Result<[u8; N], FormatFault> {
         let bytes = self.rest().first_chunk();
-        let bytes = *bytes.ok_or_else(|| Fault::at(self.bytes.len(), "the file ends too early"))?;
+        let bytes = *bytes.ok_or_else(|| FormatFault::at(self.bytes.len(), "the file ends too early"))?;
         self.at += N;
         Ok(bytes)
     }
 
     /// The next word of this line as a number.
-    fn number<T: FromStr>(&mut self, what: &str) -> Result<T, Fault> {
+    fn number<T: FromStr>(&mut self, what: &str) -> Result<T, FormatFault> {
         self.skip_blanks();
         let (at, rest) = (self.at, self.rest());
         let length = rest.iter().take_while(|byte| !byte.is_ascii_whitespace()).count();
@@ -180,7 +184,7 @@ impl<'a> Scanner<'a> {
         if let Some(number) = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok()) {
             return Ok(number);
         }
-        Err(Fault::at(
+        Err(FormatFault::at(
             at,
             match word {
                 [] if rest.is_empty() => "the file ends too early".to_owned(),

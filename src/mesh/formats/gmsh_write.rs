@@ -5,8 +5,9 @@
 //! several groups. A group that holds just the nodes of the regions of its name is not written: the reader makes it
 //! from them. Nodes and tetrahedra keep their order.
 
-use super::super::error::MeshError;
-use crate::mesh::TetMesh;
+use super::write::{check_indices, own_groups};
+use crate::mesh::error::MeshError;
+use crate::mesh::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
@@ -95,13 +96,7 @@ impl<'a> Plan<'a> {
             let too_large = |_| refuse(format!("{what} {number} is above {}", i32::MAX));
             i32::try_from(number).map_err(too_large)
         };
-        if mesh.tags.len() != mesh.nodes.len() || mesh.regions.len() != mesh.tets.len() {
-            return Err(refuse("its nodes and tags, or tetrahedra and regions, differ in number".to_owned()));
-        }
-        let corners = mesh.tets.iter().flatten().chain(mesh.groups.values().flatten());
-        if let Some(node) = corners.copied().find(|&node| node as usize >= mesh.nodes.len()) {
-            return Err(refuse(format!("node index {node} is not below {}", mesh.nodes.len())));
-        }
+        check_indices(mesh).map_err(refuse)?;
         for name in mesh.groups.keys().chain(mesh.region_names.values()) {
             if name.contains(|c: char| c == '"' || c.is_control()) {
                 return Err(refuse(format!("the name {name:?} holds a quote or a control character")));
@@ -115,15 +110,13 @@ impl<'a> Plan<'a> {
         let regions: Vec<i32> =
             mesh.regions.iter().map(|&region| int("region", region.into())).collect::<Result<_, _>>()?;
         let distinct: BTreeSet<i32> = regions.iter().copied().collect();
-        let implied = nodes_of_named_regions(mesh);
-        let groups = mesh.groups.iter().filter(|&(name, nodes)| implied.get(name.as_str()) != Some(nodes));
         let named = mesh.region_names.iter();
         Ok(Plan {
             mesh,
             volumes: distinct.into_iter().zip(1..).collect(),
             regions,
             groups: (1..)
-                .zip(groups)
+                .zip(own_groups(mesh))
                 .map(|(i, (name, nodes))| (i, name.as_str(), nodes.as_slice()))
                 .collect(),
             region_names: named
@@ -280,23 +273,6 @@ impl<'a> Plan<'a> {
         }
         out.end_section("Entities");
     }
-}
-
-/// The node groups that the reader makes from named regions.
-pub fn nodes_of_named_regions(mesh: &TetMesh) -> BTreeMap<&str, Vec<u32>> {
-    let mut nodes: BTreeMap<&str, Vec<u32>> =
-        mesh.region_names.values().map(|name| (name.as_str(), Vec::new())).collect();
-    for (tet, region) in mesh.tets.iter().zip(&mesh.regions) {
-        let name = mesh.region_names.get(region).map(String::as_str);
-        if let Some(nodes) = name.and_then(|name| nodes.get_mut(name)) {
-            nodes.extend(tet);
-        }
-    }
-    for nodes in nodes.values_mut() {
-        nodes.sort_unstable();
-        nodes.dedup();
-    }
-    nodes
 }
 
 /// Numbers as text, separated by blanks, or as bytes.

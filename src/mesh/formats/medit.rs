@@ -4,25 +4,38 @@
 //! node group of an edge or a face. After P. Frey, "MEDIT: An interactive mesh visualization software" (INRIA RT-0253,
 //! 2001), appendix.
 
+use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::excerpt;
 use super::words::Words;
-use super::{Format, Part};
-use crate::mesh::assemble::{Kind, RawMesh, RawNode};
-use crate::mesh::error::Fault;
+use super::write::{check, lost, put};
+use crate::base::output::Kind;
+use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
+use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
 pub const FORMAT: Format = Format {
     name: "Medit",
     extensions: &["mesh", "meshb"],
-    recognizes: |bytes| bytes.starts_with(b"MeshVersion"),
+    recognizes,
     others: |_| Vec::new(),
     read,
+    writers: &[Writer {
+        name: "medit",
+        about: "Medit, regions as references",
+        files: &[("mesh", Kind { name: "a Medit mesh", recognizes })],
+        encode,
+    }],
 };
 
-fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
+fn recognizes(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"MeshVersion")
+}
+
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     if matches!(bytes.first_chunk(), Some([1, 0, 0, 0] | [0, 0, 0, 1])) {
-        return Err(Fault::whole(
+        return Err(FormatFault::whole(
             "a binary Medit file is not read: save it as text, or `gmsh part.meshb -save -format mesh -o part.mesh`",
         ));
     }
@@ -38,7 +51,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
         other => {
             let found = excerpt(other.unwrap_or_default());
             let reason = format!("expected `MeshVersionFormatted`, found `{found}`: this is no Medit file");
-            return Err(Fault::at(0, reason));
+            return Err(FormatFault::at(0, reason));
         }
     }
     loop {
@@ -47,18 +60,18 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
         let Some(keyword) = words.word() else { break };
         let name = excerpt(keyword);
         if !seen.insert(name.clone()) || seen.len() > 100 {
-            return Err(Fault::at(at, format!("a second section {name}, or the hundredth")));
+            return Err(FormatFault::at(at, format!("a second section {name}, or the hundredth")));
         }
         match name.as_str() {
             "End" => break,
             "Dimension" => {
                 let dimension: u32 = words.number("a dimension")?;
                 if dimension != 3 {
-                    return Err(Fault::at(at, format!("a mesh in {dimension} dimensions, not 3")));
+                    return Err(FormatFault::at(at, format!("a mesh in {dimension} dimensions, not 3")));
                 }
             }
             "Vertices" => vertices(&mut words, &mut raw, &mut has_references)?,
-            "Tetrahedra" => elements(&mut words, &mut raw, Kind::TETRAHEDRON)?,
+            "Tetrahedra" => elements(&mut words, &mut raw, ElementShape::TETRAHEDRON)?,
             "Edges" => elements(&mut words, &mut raw, other(1, 2))?,
             "Triangles" => elements(&mut words, &mut raw, other(2, 3))?,
             "Quadrilaterals" => elements(&mut words, &mut raw, other(2, 4))?,
@@ -72,12 +85,12 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
             _ => {
                 let reason =
                     format!("expected a section, found `{}`: more entries than said?", excerpt(keyword));
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
         }
     }
     if !seen.contains("Vertices") {
-        return Err(Fault::whole("no section Vertices: is this a whole Medit file?"));
+        return Err(FormatFault::whole("no section Vertices: is this a whole Medit file?"));
     }
     if has_references {
         raw.notices.push("references of vertices are not used".to_owned());
@@ -89,11 +102,11 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
     Ok(raw)
 }
 
-fn other(dimension: u8, nodes: u8) -> Kind {
-    Kind { dimension, nodes, is_tetrahedron: false }
+fn other(dimension: u8, nodes: u8) -> ElementShape {
+    ElementShape { dimension, nodes, is_tetrahedron: false }
 }
 
-fn vertices(words: &mut Words, raw: &mut RawMesh, has_references: &mut bool) -> Result<(), Fault> {
+fn vertices(words: &mut Words, raw: &mut RawMesh, has_references: &mut bool) -> Result<(), FormatFault> {
     let count: u64 = words.number("a count")?;
     for tag in 1..=count {
         words.skip_white();
@@ -107,7 +120,7 @@ fn vertices(words: &mut Words, raw: &mut RawMesh, has_references: &mut bool) -> 
 }
 
 /// Nodes and reference of each element; it is numbered within its section.
-fn elements(words: &mut Words, raw: &mut RawMesh, kind: Kind) -> Result<(), Fault> {
+fn elements(words: &mut Words, raw: &mut RawMesh, kind: ElementShape) -> Result<(), FormatFault> {
     let count: u64 = words.number("a count")?;
     let mut nodes = [0; 8];
     for tag in 1..=count {
@@ -132,4 +145,20 @@ fn skip_numbers(words: &mut Words) {
             _ => return,
         }
     }
+}
+
+fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
+    check(mesh, "Medit")?;
+    let mut text = String::from("MeshVersionFormatted 2\nDimension 3\n");
+    put(&mut text, format_args!("Vertices\n{}\n", mesh.nodes.len()));
+    for x in &mesh.nodes {
+        put(&mut text, format_args!("{:?} {:?} {:?} 0\n", x.x, x.y, x.z));
+    }
+    put(&mut text, format_args!("Tetrahedra\n{}\n", mesh.tets.len()));
+    for (tet, region) in mesh.tets.iter().zip(&mesh.regions) {
+        let [a, b, c, d] = tet.map(|node| u64::from(node) + 1);
+        put(&mut text, format_args!("{a} {b} {c} {d} {region}\n"));
+    }
+    text.push_str("End\n");
+    Ok(Encoded { files: vec![text.into_bytes()], lost: lost(mesh, 1) })
 }

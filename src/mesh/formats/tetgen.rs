@@ -4,19 +4,33 @@
 //! attribute of a tetrahedron is its region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section
 //! "File formats".
 
-use super::super::error::MeshError;
+use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
-use super::write::{Encoded, check, lost, put};
-use super::{Format, Part};
-use crate::mesh::TetMesh;
-use crate::mesh::assemble::{Kind, RawMesh, RawNode};
-use crate::mesh::error::Fault;
+use super::write::{check, lost, put};
+use crate::base::output::Kind;
+use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
+use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 
-pub const FORMAT: Format =
-    Format { name: "TetGen", extensions: &["node", "ele"], recognizes: |_| false, others, read };
+pub const FORMAT: Format = Format {
+    name: "TetGen",
+    extensions: &["node", "ele"],
+    recognizes: |_| false,
+    others,
+    read,
+    writers: &[Writer {
+        name: "tetgen",
+        about: "TetGen, a pair of files, regions as attribute",
+        files: &[
+            ("node", Kind { name: "a TetGen .node file", recognizes: opens_nodes }),
+            ("ele", Kind { name: "a TetGen .ele file", recognizes: opens_elements }),
+        ],
+        encode,
+    }],
+};
 
 fn is_node(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("node"))
@@ -30,12 +44,12 @@ fn others(path: &Path) -> Vec<PathBuf> {
 }
 
 /// Whether a .node file begins so: nodes, 3 dimensions, attributes, marks.
-pub fn opens_nodes(head: &[u8]) -> bool {
+fn opens_nodes(head: &[u8]) -> bool {
     matches!(first_numbers(head)[..], [_, 3] | [_, 3, _] | [_, 3, _, _])
 }
 
 /// Whether a .ele file begins so: tetrahedra, nodes of each, attributes.
-pub fn opens_elements(head: &[u8]) -> bool {
+fn opens_elements(head: &[u8]) -> bool {
     matches!(first_numbers(head)[..], [_, 4 | 10] | [_, 4 | 10, _])
 }
 
@@ -47,12 +61,13 @@ fn first_numbers(head: &[u8]) -> Vec<u64> {
     numbers.collect::<Option<_>>().unwrap_or_default()
 }
 
-fn read(bytes: &[u8], others: &[Part]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], others: &[Part]) -> Result<RawMesh, FormatFault> {
     let [other] = others else {
-        return Err(Fault::whole("a TetGen mesh is a .node file and an .ele file"));
+        return Err(FormatFault::whole("a TetGen mesh is a .node file and an .ele file"));
     };
     // A fault in the file that was not named names that file itself.
-    let in_other = |fault: Fault| Fault::whole(fault.in_file(&other.path, &other.bytes).to_string());
+    let in_other =
+        |fault: FormatFault| FormatFault::whole(fault.in_file(&other.path, &other.bytes).to_string());
     let mut raw = RawMesh::default();
     if is_node(&other.path) {
         nodes(&other.bytes, &mut raw).map_err(in_other)?;
@@ -73,49 +88,49 @@ struct Line<'a> {
 
 impl<'a> Line<'a> {
     /// The next line that says something, with `count` words or, where that is 0, any number.
-    fn next(words: &mut Words<'a>, count: usize) -> Result<Line<'a>, Fault> {
+    fn next(words: &mut Words<'a>, count: usize) -> Result<Line<'a>, FormatFault> {
         let Some((at, line)) = words.full_line() else {
-            return Err(Fault::at(words.at, "the file ends before the entries that its head counts"));
+            return Err(FormatFault::at(words.at, "the file ends before the entries that its head counts"));
         };
         let split = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         let line = Line { at, words: split.take(1000).collect() };
         if count > 0 && line.words.len() != count {
             let reason = format!("{count} numbers are expected here, found {}", line.words.len());
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
         Ok(line)
     }
 
-    fn count(&self, i: usize, default: u64) -> Result<u64, Fault> {
+    fn count(&self, i: usize, default: u64) -> Result<u64, FormatFault> {
         self.words.get(i).map_or(Ok(default), |word| parsed(word, self.at, "a count"))
     }
 
-    fn columns(&self, i: usize) -> Result<usize, Fault> {
+    fn columns(&self, i: usize) -> Result<usize, FormatFault> {
         let count = self.count(i, 0)?;
         usize::try_from(count).ok().filter(|&count| count <= 100).ok_or_else(|| {
-            Fault::at(self.at, format!("{count} columns of attributes or markers are too many"))
+            FormatFault::at(self.at, format!("{count} columns of attributes or markers are too many"))
         })
     }
 }
 
 /// Refuses words behind the last entry.
-fn end(words: &mut Words) -> Result<(), Fault> {
+fn end(words: &mut Words) -> Result<(), FormatFault> {
     match words.full_line() {
         None => Ok(()),
         Some((at, line)) => {
             let reason = format!("more entries than the file's head says: `{}`", excerpt(line));
-            Err(Fault::at(at, reason))
+            Err(FormatFault::at(at, reason))
         }
     }
 }
 
 /// Head: nodes, dimension, attributes, markers. Each line: number, x, y, z, attributes, marker.
-fn nodes(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
+fn nodes(bytes: &[u8], raw: &mut RawMesh) -> Result<(), FormatFault> {
     let mut words = Words::new(bytes, Some(b'#'));
     let head = Line::next(&mut words, 0)?;
     let (count, dimension) = (head.count(0, 0)?, head.count(1, 3)?);
     if dimension != 3 {
-        return Err(Fault::at(head.at, format!("nodes in {dimension} dimensions, not 3")));
+        return Err(FormatFault::at(head.at, format!("nodes in {dimension} dimensions, not 3")));
     }
     let (attributes, markers) = (head.columns(2)?, head.columns(3)?);
     let mut has_markers = false;
@@ -128,10 +143,10 @@ fn nodes(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
         let expected = first.saturating_add(raw.nodes.len() as u64);
         if tag != expected || first > 1 {
             let reason = format!("node {tag}: nodes are numbered in sequence from 0 or from 1");
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
         if !position.iter().all(|x| x.is_finite()) {
-            return Err(Fault::at(at, format!("node {tag} has a coordinate that is no finite number")));
+            return Err(FormatFault::at(at, format!("node {tag} has a coordinate that is no finite number")));
         }
         has_markers |= markers > 0 && words[words.len() - 1] != b"0";
         raw.nodes.push(RawNode { tag, position, at });
@@ -143,14 +158,16 @@ fn nodes(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
 }
 
 /// Head: tetrahedra, nodes of each (4 or 10), attributes. Each line: number, nodes, attributes.
-fn elements(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
+fn elements(bytes: &[u8], raw: &mut RawMesh) -> Result<(), FormatFault> {
     let mut words = Words::new(bytes, Some(b'#'));
     let head = Line::next(&mut words, 0)?;
     let (count, size, attributes) = (head.count(0, 0)?, head.count(1, 4)?, head.columns(2)?);
     let size = match size {
         4 => 4,
         10 => 10,
-        other => return Err(Fault::at(head.at, format!("tetrahedra of {other} nodes, neither 4 nor 10"))),
+        other => {
+            return Err(FormatFault::at(head.at, format!("tetrahedra of {other} nodes, neither 4 nor 10")));
+        }
     };
     let mut odd = 0;
     for _ in 0..count {
@@ -169,7 +186,7 @@ fn elements(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
                 odd += 1;
             }
         }
-        raw.add(Kind::TETRAHEDRON, tag, region, at, &nodes);
+        raw.add(ElementShape::TETRAHEDRON, tag, region, at, &nodes);
     }
     if odd > 0 {
         let reason = "tetrahedra have an attribute that is no whole number: their region is 0";
@@ -186,7 +203,7 @@ fn elements(bytes: &[u8], raw: &mut RawMesh) -> Result<(), Fault> {
 }
 
 /// Numbers of nodes are kept where they run from 0 or from 1, as TetGen wants them.
-pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
+fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
     check(mesh, "TetGen")?;
     let first = u64::from(mesh.tags.first() != Some(&0));
     let mut nodes = format!("{} 3 0 0\n", mesh.nodes.len());
@@ -198,6 +215,6 @@ pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
         let [a, b, c, d] = tet.map(|node| u64::from(node) + first);
         put(&mut elements, format_args!("{number} {a} {b} {c} {d} {region}\n"));
     }
-    let files = vec![("node", nodes.into_bytes()), ("ele", elements.into_bytes())];
+    let files = vec![nodes.into_bytes(), elements.into_bytes()];
     Ok(Encoded { files, lost: lost(mesh, first) })
 }

@@ -4,12 +4,12 @@
 //! Guide", chapter "VTK File Formats", and for version 5 (OFFSETS and CONNECTIVITY) the sources of VTK 9. Attributes
 //! other than a region array are passed over.
 
+use super::format::{Format, Part};
 use super::gmsh_scan::excerpt;
 use super::vtk_cells::{Cells, index, region_rank};
 use super::words::{Words, parsed};
-use super::{Format, Part};
 use crate::mesh::assemble::{RawMesh, RawNode};
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;
 
 pub const FORMAT: Format = Format {
@@ -18,6 +18,7 @@ pub const FORMAT: Format = Format {
     recognizes: |bytes| bytes.starts_with(b"# vtk DataFile"),
     others: |_| Vec::new(),
     read,
+    writers: &[],
 };
 
 /// A number as a file holds it; all are read as f64, which is exact up to 2⁵³.
@@ -64,7 +65,7 @@ impl Scalar {
 }
 
 /// The name of a number's type in a legacy file.
-fn scalar(name: &str, at: usize) -> Result<Scalar, Fault> {
+fn scalar(name: &str, at: usize) -> Result<Scalar, FormatFault> {
     Ok(match name.to_lowercase().as_str() {
         "char" | "signed_char" | "vtktypeint8" => Scalar::I8,
         "unsigned_char" | "vtktypeuint8" => Scalar::U8,
@@ -78,7 +79,7 @@ fn scalar(name: &str, at: usize) -> Result<Scalar, Fault> {
         "double" => Scalar::F64,
         other => {
             let name = excerpt(other.as_bytes());
-            return Err(Fault::at(
+            return Err(FormatFault::at(
                 at,
                 format!("numbers of type `{name}` are not read: save without this array"),
             ));
@@ -86,7 +87,7 @@ fn scalar(name: &str, at: usize) -> Result<Scalar, Fault> {
     })
 }
 
-fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     let mut reader = Reader::open(bytes)?;
     while let Some((at, line)) = reader.words.full_line() {
         let text = String::from_utf8_lossy(line);
@@ -95,7 +96,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
     }
     let Reader { mut raw, cells, version, .. } = reader;
     if version.is_empty() || raw.nodes.is_empty() {
-        return Err(Fault::whole("no POINTS: is this a whole VTK file?"));
+        return Err(FormatFault::whole("no POINTS: is this a whole VTK file?"));
     }
     cells.add_to(&mut raw, 0, 0)?;
     Ok(raw)
@@ -113,7 +114,7 @@ struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Version, title and encoding: the first three lines.
-    fn open(bytes: &'a [u8]) -> Result<Reader<'a>, Fault> {
+    fn open(bytes: &'a [u8]) -> Result<Reader<'a>, FormatFault> {
         let mut words = Words::new(bytes, None);
         let (_, head) = words.line().unwrap_or_default();
         let version = head.strip_prefix(b"# vtk DataFile Version ").unwrap_or_default();
@@ -121,7 +122,7 @@ impl<'a> Reader<'a> {
         let major = version.split('.').next().unwrap_or_default();
         if !matches!(major, "1" | "2" | "3" | "4" | "5") {
             let reason = format!("expected `# vtk DataFile Version 1 to 5`, found `{}`", excerpt(head));
-            return Err(Fault::at(0, reason));
+            return Err(FormatFault::at(0, reason));
         }
         words.line();
         let (at, encoding) = words.full_line().unwrap_or((words.at, b""));
@@ -129,7 +130,7 @@ impl<'a> Reader<'a> {
             b"ASCII" => false,
             b"BINARY" => true,
             _ => {
-                return Err(Fault::at(
+                return Err(FormatFault::at(
                     at,
                     format!("expected ASCII or BINARY, found `{}`", excerpt(encoding)),
                 ));
@@ -139,15 +140,15 @@ impl<'a> Reader<'a> {
         Ok(Reader { words, is_binary, version, raw, cells, attributes: (false, 0) })
     }
 
-    fn section(&mut self, at: usize, words: &[&str]) -> Result<(), Fault> {
-        let count = |i: usize| -> Result<u64, Fault> {
+    fn section(&mut self, at: usize, words: &[&str]) -> Result<(), FormatFault> {
+        let count = |i: usize| -> Result<u64, FormatFault> {
             parsed(words.get(i).unwrap_or(&"").as_bytes(), at, "a count")
         };
         let kind = |i: usize| scalar(words.get(i).unwrap_or(&""), at);
         let keyword = words.first().map(|word| word.to_uppercase()).unwrap_or_default();
         let (of_cells, entries) = self.attributes;
         let times = |n: u64| {
-            entries.checked_mul(n).ok_or_else(|| Fault::at(at, format!("{entries} times {n} values")))
+            entries.checked_mul(n).ok_or_else(|| FormatFault::at(at, format!("{entries} times {n} values")))
         };
         match keyword.as_str() {
             "DATASET" if words.get(1).is_some_and(|kind| kind.eq_ignore_ascii_case("UNSTRUCTURED_GRID")) => {}
@@ -157,7 +158,7 @@ impl<'a> Reader<'a> {
                     "a dataset of type `{}`: only UNSTRUCTURED_GRID holds tetrahedra",
                     excerpt(found.as_bytes())
                 );
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
             "POINTS" if self.raw.nodes.is_empty() => self.points(at, count(1)?, kind(2)?)?,
             "CELLS" if self.cells.ends.is_empty() => {
@@ -176,7 +177,9 @@ impl<'a> Reader<'a> {
                 };
                 numbers(&mut self.words, self.is_binary, Scalar::I32, count(1)?, each)?;
             }
-            "POINTS" | "CELLS" | "CELL_TYPES" => return Err(Fault::at(at, format!("a second {keyword}"))),
+            "POINTS" | "CELLS" | "CELL_TYPES" => {
+                return Err(FormatFault::at(at, format!("a second {keyword}")));
+            }
             "CELL_DATA" => self.attributes = (true, count(1)?),
             "POINT_DATA" => self.attributes = (false, count(1)?),
             "FIELD" => self.field(count(2)?, of_cells)?,
@@ -192,7 +195,8 @@ impl<'a> Reader<'a> {
                 self.array(name, kind(2)?, times(components)?)?;
             }
             "LOOKUP_TABLE" => {
-                let values = count(2)?.checked_mul(4).ok_or_else(|| Fault::at(at, "too many colours"))?;
+                let values =
+                    count(2)?.checked_mul(4).ok_or_else(|| FormatFault::at(at, "too many colours"))?;
                 self.array(None, Scalar::U8, values)?;
             }
             "COLOR_SCALARS" => self.array(None, Scalar::U8, times(count(2)?)?)?,
@@ -203,14 +207,14 @@ impl<'a> Reader<'a> {
             "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => self.array(None, kind(2)?, times(1)?)?,
             _ => {
                 let reason = format!("expected a VTK section, found `{}`", excerpt(keyword.as_bytes()));
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
         }
         Ok(())
     }
 
-    fn points(&mut self, at: usize, count: u64, kind: Scalar) -> Result<(), Fault> {
-        let values = count.checked_mul(3).ok_or_else(|| Fault::at(at, format!("{count} points")))?;
+    fn points(&mut self, at: usize, count: u64, kind: Scalar) -> Result<(), FormatFault> {
+        let values = count.checked_mul(3).ok_or_else(|| FormatFault::at(at, format!("{count} points")))?;
         let nodes = &mut self.raw.nodes;
         let (mut position, mut axis) = (Vector3::zeros(), 0);
         let each = |at: usize, value: f64| {
@@ -225,7 +229,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Up to version 4: for each cell the number of its points, and these.
-    fn cells_2(&mut self, at: usize, count: u64, size: u64) -> Result<(), Fault> {
+    fn cells_2(&mut self, at: usize, count: u64, size: u64) -> Result<(), FormatFault> {
         let cells = &mut self.cells;
         cells.at.clear();
         let mut left = 0;
@@ -245,13 +249,13 @@ impl<'a> Reader<'a> {
         if cells.ends.len() as u64 != count || left > 0 {
             let reason =
                 format!("{count} cells of {size} numbers are said, {} cells found", cells.ends.len());
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
         Ok(())
     }
 
     /// From version 5 on: where each cell begins, with the end of the last, then all points.
-    fn cells_5(&mut self, at: usize, offsets: u64, size: u64) -> Result<(), Fault> {
+    fn cells_5(&mut self, at: usize, offsets: u64, size: u64) -> Result<(), FormatFault> {
         for (name, count) in [("OFFSETS", offsets), ("CONNECTIVITY", size)] {
             let (line_at, line) = self.words.full_line().unwrap_or((self.words.at, b""));
             let text = String::from_utf8_lossy(line);
@@ -259,7 +263,7 @@ impl<'a> Reader<'a> {
                 text.split_once(' ').filter(|(found, _)| found.eq_ignore_ascii_case(name))
             else {
                 let reason = format!("expected {name} and a type of numbers, found `{}`", excerpt(line));
-                return Err(Fault::at(line_at, reason));
+                return Err(FormatFault::at(line_at, reason));
             };
             let (kind, cells) = (scalar(kind.trim(), line_at)?, &mut self.cells);
             let each = |at: usize, value: f64| {
@@ -274,13 +278,13 @@ impl<'a> Reader<'a> {
             numbers(&mut self.words, self.is_binary, kind, count, each)?;
         }
         if !self.cells.ends.is_empty() && self.cells.ends.remove(0) != 0 {
-            return Err(Fault::at(at, "the first of OFFSETS is not 0"));
+            return Err(FormatFault::at(at, "the first of OFFSETS is not 0"));
         }
         Ok(())
     }
 
     /// Arrays, each with a line of name, components, entries and type.
-    fn field(&mut self, arrays: u64, of_cells: bool) -> Result<(), Fault> {
+    fn field(&mut self, arrays: u64, of_cells: bool) -> Result<(), FormatFault> {
         for _ in 0..arrays {
             let (mut at, mut line) = self.words.full_line().unwrap_or((self.words.at, b""));
             if line == b"METADATA" {
@@ -292,11 +296,12 @@ impl<'a> Reader<'a> {
             let &[name, components, entries, kind] = words.as_slice() else {
                 let reason =
                     format!("expected name, components, entries and type, found `{}`", excerpt(line));
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             };
             let components: u64 = parsed(components.as_bytes(), at, "a count")?;
             let entries: u64 = parsed(entries.as_bytes(), at, "a count")?;
-            let values = components.checked_mul(entries).ok_or_else(|| Fault::at(at, "too many values"))?;
+            let values =
+                components.checked_mul(entries).ok_or_else(|| FormatFault::at(at, "too many values"))?;
             let name = (of_cells && components == 1).then_some(name);
             self.array(name, scalar(kind, at)?, values)?;
         }
@@ -304,7 +309,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Passes over an array, or takes its values for regions where `name` is more wanted than what is there.
-    fn array(&mut self, name: Option<&str>, kind: Scalar, count: u64) -> Result<(), Fault> {
+    fn array(&mut self, name: Option<&str>, kind: Scalar, count: u64) -> Result<(), FormatFault> {
         let rank_of = |name: &str| region_rank(name).unwrap_or(usize::MAX);
         let there = self.cells.regions.as_ref().map_or(usize::MAX, |(name, _)| rank_of(name));
         let mut values = Vec::new();
@@ -329,8 +334,8 @@ fn numbers(
     is_binary: bool,
     kind: Scalar,
     count: u64,
-    mut each: impl FnMut(usize, f64) -> Result<(), Fault>,
-) -> Result<(), Fault> {
+    mut each: impl FnMut(usize, f64) -> Result<(), FormatFault>,
+) -> Result<(), FormatFault> {
     if !is_binary {
         for _ in 0..count {
             words.skip_white();
@@ -343,7 +348,7 @@ fn numbers(
     let length = usize::try_from(count).ok().and_then(|count| count.checked_mul(size));
     let Some(bytes) = length.and_then(|length| words.rest().get(..length)) else {
         let reason = format!("the file ends before {count} numbers of {size} bytes");
-        return Err(Fault::at(words.at, reason));
+        return Err(FormatFault::at(words.at, reason));
     };
     for number in bytes.chunks_exact(size) {
         let mut wide = [0; 8];

@@ -4,8 +4,8 @@
 //! regions, and the cells of lower dimension that have a number as node groups. Cell types and the order of their
 //! nodes are in "The VTK User's Guide", chapter "VTK File Formats".
 
-use crate::mesh::assemble::{Kind, RawMesh};
-use crate::mesh::error::Fault;
+use crate::mesh::assemble::{ElementShape, RawMesh};
+use crate::mesh::error::FormatFault;
 use std::collections::BTreeMap;
 
 /// Names of cell arrays that are taken for region numbers, most wanted first, in lower case.
@@ -43,11 +43,11 @@ pub struct Cells {
 }
 
 /// A number that stands for a node or a count.
-pub fn index(value: f64, at: usize) -> Result<u32, Fault> {
+pub fn index(value: f64, at: usize) -> Result<u32, FormatFault> {
     if value >= 0.0 && value < f64::from(u32::MAX) && value.fract() == 0.0 {
         return Ok(value as u32);
     }
-    Err(Fault::at(at, format!("{value} is no number of a point")))
+    Err(FormatFault::at(at, format!("{value} is no number of a point")))
 }
 
 /// Dimension and points of the cell types that can be used or counted.
@@ -74,11 +74,11 @@ fn shape(kind: u8) -> Option<(u8, u8)> {
 
 impl Cells {
     /// Adds the cells to `raw`, whose nodes from `first_node` on are those of this block.
-    pub fn add_to(mut self, raw: &mut RawMesh, first_node: u64, first_cell: u64) -> Result<(), Fault> {
+    pub fn add_to(mut self, raw: &mut RawMesh, first_node: u64, first_cell: u64) -> Result<(), FormatFault> {
         let at = self.at.first().copied().unwrap_or(0);
         if self.types.len() != self.ends.len() {
             let reason = format!("{} cells, but {} cell types", self.ends.len(), self.types.len());
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
         let numbers = self.region_numbers(raw);
         let mut left_out: BTreeMap<u8, usize> = BTreeMap::new();
@@ -90,7 +90,7 @@ impl Cells {
                     "cell {i} ends at entry {end} of the connectivity, which has {} and has been read to {start}",
                     self.connectivity.len()
                 );
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             };
             start = end;
             let number = numbers.as_ref().and_then(|numbers| numbers.get(i)).copied().unwrap_or(0);
@@ -100,7 +100,7 @@ impl Cells {
             };
             if nodes.len() != usize::from(size) {
                 let reason = format!("cell {i} of type {kind} has {} points, not {size}", nodes.len());
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
             if dimension < 3 && number <= 0 {
                 *left_out.entry(kind).or_default() += 1;
@@ -111,7 +111,7 @@ impl Cells {
             if kind == 24 {
                 tags.swap(8, 9);
             }
-            let kind = Kind { dimension, nodes: size, is_tetrahedron };
+            let kind = ElementShape { dimension, nodes: size, is_tetrahedron };
             raw.add(kind, first_cell + i as u64, number, at, &tags);
         }
         for (kind, count) in left_out {

@@ -4,12 +4,16 @@
 //! In: bytes. Out: a [`RawMesh`] whose nodes and elements are numbered from 0 through all pieces. After "VTK XML
 //! Formats" of the VTK documentation. The XML is read to AppendedData only, since what follows is no XML.
 
+use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::excerpt;
 use super::vtk_cells::{Cells, index, region_rank};
-use super::vtu_array::{Array, Coding, Source};
-use super::{Format, Part};
+use super::vtu_array::{Array, ArrayData, Coding};
+use super::vtu_write;
+use super::write::{check, lost};
+use crate::base::output::Kind;
 use crate::mesh::assemble::{RawMesh, RawNode};
-use crate::mesh::error::Fault;
+use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
@@ -17,10 +21,34 @@ use quick_xml::{Reader, XmlVersion};
 pub const FORMAT: Format = Format {
     name: "VTK XML",
     extensions: &["vtu"],
-    recognizes: |bytes| bytes.windows(8).take(200).any(|window| window == b"<VTKFile"),
+    recognizes,
     others: |_| Vec::new(),
     read,
+    writers: &[Writer {
+        name: "vtu",
+        about: "VTK XML, regions as a cell array",
+        files: &[("vtu", Kind { name: "a VTU file", recognizes })],
+        encode,
+    }],
 };
+
+fn recognizes(bytes: &[u8]) -> bool {
+    bytes.windows(8).take(200).any(|window| window == b"<VTKFile")
+}
+
+fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
+    check(mesh, "VTU")?;
+    // The check above has found all of them in range.
+    let regions = || mesh.regions.iter().map(|&region| region as i32).collect();
+    let piece = vtu_write::Piece {
+        points: &mesh.nodes,
+        cell: vtu_write::Cell::Tetra,
+        connectivity: mesh.tets.as_flattened().to_vec(),
+        vectors: Vec::new(),
+        numbers: mesh.regions.iter().any(|&region| region != 0).then(|| ("region", regions())),
+    };
+    Ok(Encoded { files: vec![vtu_write::encode(&[piece])], lost: lost(mesh, 0) })
+}
 
 /// What the XML says of one piece.
 #[derive(Default)]
@@ -31,7 +59,7 @@ struct Piece<'a> {
     arrays: Vec<Array<'a>>,
 }
 
-fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
+fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     let (pieces, mut coding) = outline(bytes)?;
     let mut raw = RawMesh::default();
     let mut first_cell = 0;
@@ -50,7 +78,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, Fault> {
 }
 
 /// The arrays of all pieces, unread, and how their bytes are to be taken.
-fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), Fault> {
+fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), FormatFault> {
     let mut xml = Reader::from_reader(bytes);
     let mut coding = Coding::new(bytes);
     let mut pieces: Vec<Piece> = Vec::new();
@@ -58,9 +86,9 @@ fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), Fault> {
     loop {
         let at = offset(xml.buffer_position());
         let event = xml.read_event();
-        match event
-            .map_err(|error| Fault::at(offset(xml.error_position()), format!("this is no XML: {error}")))?
-        {
+        match event.map_err(|error| {
+            FormatFault::at(offset(xml.error_position()), format!("this is no XML: {error}"))
+        })? {
             Event::Start(tag) => {
                 let name = open(&tag, &path, at, &mut pieces, &mut coding)?;
                 if name == "AppendedData" {
@@ -83,20 +111,20 @@ fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), Fault> {
                 }
             }
             Event::GeneralRef(_) if path.last().is_some_and(|name| name == WANTED) => {
-                return Err(Fault::at(at, "a reference (&…;) within an array of numbers"));
+                return Err(FormatFault::at(at, "a reference (&…;) within an array of numbers"));
             }
             Event::End(_) => {
                 path.pop();
             }
             Event::Eof => match path.last() {
-                Some(name) => return Err(Fault::at(at, format!("the file ends within <{name}>"))),
+                Some(name) => return Err(FormatFault::at(at, format!("the file ends within <{name}>"))),
                 None => break,
             },
             _ => {}
         }
     }
     if pieces.is_empty() {
-        return Err(Fault::whole("no Piece of an UnstructuredGrid: is this a whole .vtu file?"));
+        return Err(FormatFault::whole("no Piece of an UnstructuredGrid: is this a whole .vtu file?"));
     }
     Ok((pieces, coding))
 }
@@ -115,19 +143,19 @@ fn open<'a>(
     at: usize,
     pieces: &mut Vec<Piece<'a>>,
     coding: &mut Coding,
-) -> Result<String, Fault> {
+) -> Result<String, FormatFault> {
     const DEEPEST: usize = 100;
     let name = String::from_utf8_lossy(tag.local_name().as_ref()).into_owned();
     let parent = path.last().map_or("", String::as_str);
     if path.len() > DEEPEST {
-        return Err(Fault::at(at, format!("more than {DEEPEST} elements within each other")));
+        return Err(FormatFault::at(at, format!("more than {DEEPEST} elements within each other")));
     }
     match (parent, name.as_str()) {
         ("", "VTKFile") => {
             let kind = attribute(tag, "type", at)?.unwrap_or_default();
             if kind != "UnstructuredGrid" {
                 let kind = excerpt(kind.as_bytes());
-                return Err(Fault::at(
+                return Err(FormatFault::at(
                     at,
                     format!("a file of type `{kind}`: only UnstructuredGrid holds tetrahedra"),
                 ));
@@ -138,14 +166,14 @@ fn open<'a>(
         }
         ("", other) => {
             let reason = format!("expected <VTKFile>, found <{}>", excerpt(other.as_bytes()));
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
         ("UnstructuredGrid", "Piece") => {
-            let count = |key: &str| -> Result<u64, Fault> {
+            let count = |key: &str| -> Result<u64, FormatFault> {
                 let text = attribute(tag, key, at)?.unwrap_or_default();
                 let count = text.trim().parse().ok();
                 count.ok_or_else(|| {
-                    Fault::at(at, format!("{key} is no count: `{}`", excerpt(text.as_bytes())))
+                    FormatFault::at(at, format!("{key} is no count: `{}`", excerpt(text.as_bytes())))
                 })
             };
             let (points, cells) = (count("NumberOfPoints")?, count("NumberOfCells")?);
@@ -171,21 +199,21 @@ fn open<'a>(
     Ok(name)
 }
 
-fn array<'a>(tag: &BytesStart, name: String, at: usize) -> Result<Array<'a>, Fault> {
-    let text = |key: &str| Ok::<_, Fault>(attribute(tag, key, at)?.unwrap_or_default());
+fn array<'a>(tag: &BytesStart, name: String, at: usize) -> Result<Array<'a>, FormatFault> {
+    let text = |key: &str| Ok::<_, FormatFault>(attribute(tag, key, at)?.unwrap_or_default());
     let source = match text("format")?.as_str() {
-        "ascii" | "" => Source::Text(b""),
-        "binary" => Source::Base64(b""),
+        "ascii" | "" => ArrayData::Text(b""),
+        "binary" => ArrayData::Base64(b""),
         "appended" => {
             let offset = text("offset")?;
             let number = offset.trim().parse().ok();
-            Source::Appended(number.ok_or_else(|| {
-                Fault::at(at, format!("offset is no count: `{}`", excerpt(offset.as_bytes())))
+            ArrayData::Appended(number.ok_or_else(|| {
+                FormatFault::at(at, format!("offset is no count: `{}`", excerpt(offset.as_bytes())))
             })?)
         }
         other => {
             let reason = format!("format `{}` is none of ascii, binary, appended", excerpt(other.as_bytes()));
-            return Err(Fault::at(at, reason));
+            return Err(FormatFault::at(at, reason));
         }
     };
     let kind = text("type")?;
@@ -195,8 +223,8 @@ fn array<'a>(tag: &BytesStart, name: String, at: usize) -> Result<Array<'a>, Fau
 }
 
 /// The value of an attribute, unescaped.
-fn attribute(tag: &BytesStart, key: &str, at: usize) -> Result<Option<String>, Fault> {
-    let wrong = |error: &dyn std::fmt::Display| Fault::at(at, format!("attribute {key}: {error}"));
+fn attribute(tag: &BytesStart, key: &str, at: usize) -> Result<Option<String>, FormatFault> {
+    let wrong = |error: &dyn std::fmt::Display| FormatFault::at(at, format!("attribute {key}: {error}"));
     let found = tag.try_get_attribute(key).map_err(|error| wrong(&error))?;
     let Some(found) = found else {
         return Ok(None);
@@ -206,15 +234,18 @@ fn attribute(tag: &BytesStart, key: &str, at: usize) -> Result<Option<String>, F
 }
 
 /// Adds the nodes of a piece to `raw`, and reads its cells.
-fn piece_cells(piece: &Piece, coding: &mut Coding, raw: &mut RawMesh) -> Result<Cells, Fault> {
+fn piece_cells(piece: &Piece, coding: &mut Coding, raw: &mut RawMesh) -> Result<Cells, FormatFault> {
     let find = |name: &str| {
         let found = piece.arrays.iter().find(|array| array.name == name);
-        found.ok_or_else(|| Fault::at(piece.at, format!("the piece has no array \"{name}\"")))
+        found.ok_or_else(|| FormatFault::at(piece.at, format!("the piece has no array \"{name}\"")))
     };
     let first = raw.nodes.len();
     let points = find("Points")?;
     if points.components != 3 {
-        return Err(Fault::at(points.at, format!("points have {} components, not 3", points.components)));
+        return Err(FormatFault::at(
+            points.at,
+            format!("points have {} components, not 3", points.components),
+        ));
     }
     let (mut position, mut axis) = (Vector3::zeros(), 0);
     coding.numbers(points, |at, value| {
@@ -260,9 +291,9 @@ fn piece_cells(piece: &Piece, coding: &mut Coding, raw: &mut RawMesh) -> Result<
 }
 
 /// Refuses an array that does not hold what the piece's head says.
-fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), Fault> {
+fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), FormatFault> {
     if said == found as u64 {
         return Ok(());
     }
-    Err(Fault::at(at, format!("the piece's head says {said} {what}, the array holds {found}")))
+    Err(FormatFault::at(at, format!("the piece's head says {said} {what}, the array holds {found}")))
 }

@@ -6,7 +6,7 @@
 
 use super::vtk::Scalar;
 use super::words::Words;
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use std::io::{Cursor, Read};
 
 /// An array as the XML tells of it.
@@ -15,12 +15,12 @@ pub struct Array<'a> {
     /// `Float64`, `Int32`, …
     pub kind: String,
     pub components: usize,
-    pub source: Source<'a>,
+    pub source: ArrayData<'a>,
     pub at: usize,
 }
 
 #[derive(Clone, Copy)]
-pub enum Source<'a> {
+pub enum ArrayData<'a> {
     Text(&'a [u8]),
     Base64(&'a [u8]),
     /// So many bytes behind the start of the appended data.
@@ -29,17 +29,17 @@ pub enum Source<'a> {
 
 impl<'a> Array<'a> {
     /// Gives the array its text, which begins at `at`.
-    pub fn put(&mut self, text: &'a [u8], at: usize) -> Result<(), Fault> {
+    pub fn put(&mut self, text: &'a [u8], at: usize) -> Result<(), FormatFault> {
         match &mut self.source {
-            Source::Text(there) | Source::Base64(there) if there.is_empty() => *there = text,
-            Source::Appended(_) => return Ok(()),
-            _ => return Err(Fault::at(at, "a second text within one array")),
+            ArrayData::Text(there) | ArrayData::Base64(there) if there.is_empty() => *there = text,
+            ArrayData::Appended(_) => return Ok(()),
+            _ => return Err(FormatFault::at(at, "a second text within one array")),
         }
         self.at = at;
         Ok(())
     }
 
-    fn scalar(&self) -> Result<Scalar, Fault> {
+    fn scalar(&self) -> Result<Scalar, FormatFault> {
         Ok(match self.kind.as_str() {
             "Int8" => Scalar::I8,
             "UInt8" => Scalar::U8,
@@ -53,7 +53,7 @@ impl<'a> Array<'a> {
             "Float64" => Scalar::F64,
             other => {
                 let reason = format!("numbers of type `{}` are not read", other.escape_debug());
-                return Err(Fault::at(self.at, reason));
+                return Err(FormatFault::at(self.at, reason));
             }
         })
     }
@@ -82,18 +82,18 @@ impl<'a> Coding<'a> {
     }
 
     /// The appended data begins somewhere from `at` on.
-    pub fn appended(&mut self, at: usize, encoding: Option<String>) -> Result<(), Fault> {
+    pub fn appended(&mut self, at: usize, encoding: Option<String>) -> Result<(), FormatFault> {
         let rest = self.bytes.get(at..).unwrap_or_default();
         let white = rest.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
         let Some(data) = rest[white..].strip_prefix(b"_") else {
-            return Err(Fault::at(at, "appended data does not begin with `_`"));
+            return Err(FormatFault::at(at, "appended data does not begin with `_`"));
         };
         let is_base64 = match encoding.as_deref() {
             Some("raw") => false,
             None | Some("base64") => true,
             Some(other) => {
                 let reason = format!("appended data in `{}`, neither raw nor base64", other.escape_debug());
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
         };
         self.appended = Some((data, at + white + 1, is_base64));
@@ -104,13 +104,14 @@ impl<'a> Coding<'a> {
     pub fn numbers(
         &mut self,
         array: &Array,
-        mut each: impl FnMut(usize, f64) -> Result<(), Fault>,
-    ) -> Result<(), Fault> {
+        mut each: impl FnMut(usize, f64) -> Result<(), FormatFault>,
+    ) -> Result<(), FormatFault> {
         let kind = array.scalar()?;
         let (at, mut bytes) = match array.source {
-            Source::Text(text) => {
+            ArrayData::Text(text) => {
                 let mut words = Words::new(text, None);
-                let in_file = |fault: Fault| Fault { at: fault.at.map(|at| at + array.at), ..fault };
+                let in_file =
+                    |fault: FormatFault| FormatFault { at: fault.at.map(|at| at + array.at), ..fault };
                 loop {
                     words.skip_white();
                     if words.rest().is_empty() {
@@ -120,10 +121,10 @@ impl<'a> Coding<'a> {
                     each(at, words.number("a number").map_err(in_file)?)?;
                 }
             }
-            Source::Base64(text) => (array.at, Bytes { bytes: text, coded: Some(Vec::new()) }),
-            Source::Appended(offset) => {
+            ArrayData::Base64(text) => (array.at, Bytes { bytes: text, coded: Some(Vec::new()) }),
+            ArrayData::Appended(offset) => {
                 let Some((data, start, is_base64)) = self.appended else {
-                    return Err(Fault::at(array.at, "the array is appended, but nothing is"));
+                    return Err(FormatFault::at(array.at, "the array is appended, but nothing is"));
                 };
                 let bytes = data.get(offset..).unwrap_or_default();
                 (start.saturating_add(offset), Bytes { bytes, coded: is_base64.then(Vec::new) })
@@ -145,16 +146,16 @@ impl<'a> Coding<'a> {
                     "data compressed by `{}` is not read: save with zlib, or without compression",
                     other.escape_debug()
                 );
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
         }
         match sink.filled {
             0 => Ok(()),
-            left => Err(Fault::at(at, format!("{left} bytes are left behind the last number"))),
+            left => Err(FormatFault::at(at, format!("{left} bytes are left behind the last number"))),
         }
     }
 
-    fn length(&self, bytes: &mut Bytes, at: usize) -> Result<u64, Fault> {
+    fn length(&self, bytes: &mut Bytes, at: usize) -> Result<u64, FormatFault> {
         let mut number = [0; 8];
         let size = if self.wide { 8 } else { 4 };
         if self.big_endian {
@@ -165,7 +166,7 @@ impl<'a> Coding<'a> {
         Ok(u64::from_le_bytes(number))
     }
 
-    fn copy(&self, bytes: &mut Bytes, length: u64, at: usize, sink: &mut Sink) -> Result<(), Fault> {
+    fn copy(&self, bytes: &mut Bytes, length: u64, at: usize, sink: &mut Sink) -> Result<(), FormatFault> {
         let mut left = length;
         let mut chunk = [0; 4096];
         while left > 0 {
@@ -179,7 +180,7 @@ impl<'a> Coding<'a> {
 
     /// Blocks of zlib data behind the header: number of blocks, size of a block and of the last one where that is
     /// smaller, compressed size of each.
-    fn inflate(&mut self, bytes: &mut Bytes, at: usize, sink: &mut Sink) -> Result<(), Fault> {
+    fn inflate(&mut self, bytes: &mut Bytes, at: usize, sink: &mut Sink) -> Result<(), FormatFault> {
         let blocks = self.length(bytes, at)?;
         if blocks == 0 {
             return Ok(());
@@ -200,14 +201,14 @@ impl<'a> Coding<'a> {
                     "the arrays hold more than {} times the file's bytes: save it without compression",
                     Coding::MOST_INFLATION
                 );
-                Fault::at(at, reason)
+                FormatFault::at(at, reason)
             })?;
             decoder.reset(Cursor::new(packed));
             let mut unpacked = (&mut decoder).take(said);
             let (mut found, mut chunk) = (0, [0; 4096]);
             loop {
                 let size = unpacked.read(&mut chunk).map_err(|error| {
-                    Fault::at(at, format!("compressed block {i} cannot be unpacked: {error}"))
+                    FormatFault::at(at, format!("compressed block {i} cannot be unpacked: {error}"))
                 })?;
                 if size == 0 {
                     break;
@@ -217,7 +218,7 @@ impl<'a> Coding<'a> {
             }
             if found != said {
                 let reason = format!("compressed block {i} holds {found} bytes, its header says {said}");
-                return Err(Fault::at(at, reason));
+                return Err(FormatFault::at(at, reason));
             }
         }
         Ok(())
@@ -232,8 +233,8 @@ struct Bytes<'a> {
 }
 
 impl Bytes<'_> {
-    fn fill(&mut self, out: &mut [u8], at: usize) -> Result<(), Fault> {
-        let early = || Fault::at(at, "the array's data ends too early");
+    fn fill(&mut self, out: &mut [u8], at: usize) -> Result<(), FormatFault> {
+        let early = || FormatFault::at(at, "the array's data ends too early");
         if self.coded.is_none() {
             let (head, tail) = self.bytes.split_at_checked(out.len()).ok_or_else(early)?;
             out.copy_from_slice(head);
@@ -250,9 +251,9 @@ impl Bytes<'_> {
     }
 
     /// The next `size` bytes; no more is taken from memory than there is.
-    fn next(&mut self, size: u64, at: usize) -> Result<Vec<u8>, Fault> {
+    fn next(&mut self, size: u64, at: usize) -> Result<Vec<u8>, FormatFault> {
         let size = usize::try_from(size).ok().filter(|&size| size <= self.bytes.len());
-        let size = size.ok_or_else(|| Fault::at(at, "the array's data ends too early"))?;
+        let size = size.ok_or_else(|| FormatFault::at(at, "the array's data ends too early"))?;
         let mut out = vec![0; size];
         self.fill(&mut out, at)?;
         Ok(out)
@@ -302,11 +303,11 @@ struct Sink<'a> {
     /// Bytes of the next number that have come.
     filled: usize,
     number: [u8; 8],
-    each: &'a mut dyn FnMut(usize, f64) -> Result<(), Fault>,
+    each: &'a mut dyn FnMut(usize, f64) -> Result<(), FormatFault>,
 }
 
 impl Sink<'_> {
-    fn put(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+    fn put(&mut self, bytes: &[u8]) -> Result<(), FormatFault> {
         let size = self.kind.size();
         for &byte in bytes {
             let place = if self.big_endian { 8 - size + self.filled } else { 7 - self.filled };

@@ -1,10 +1,10 @@
 //! The words, numbers and lines of a text file, one after the other.
 //!
-//! In: bytes. Out: words with their offsets, or a [`Fault`] where something else stands. Nothing is allocated here,
+//! In: bytes. Out: words with their offsets, or a [`FormatFault`] where something else stands. Nothing is allocated here,
 //! so a count in a file cannot cost memory.
 
 use super::gmsh_scan::excerpt;
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use std::str::FromStr;
 
 #[derive(Clone, Copy)]
@@ -46,11 +46,11 @@ impl<'a> Words<'a> {
         (length > 0).then(|| &rest[..length])
     }
 
-    pub fn number<T: FromStr>(&mut self, what: &str) -> Result<T, Fault> {
+    pub fn number<T: FromStr>(&mut self, what: &str) -> Result<T, FormatFault> {
         self.skip_white();
         let at = self.at;
         let Some(word) = self.word() else {
-            return Err(Fault::at(at, format!("the file ends where {what} is expected")));
+            return Err(FormatFault::at(at, format!("the file ends where {what} is expected")));
         };
         parsed(word, at, what)
     }
@@ -78,7 +78,7 @@ impl<'a> Words<'a> {
 }
 
 /// A word as a number.
-pub fn parsed<T: FromStr>(word: &[u8], at: usize, what: &str) -> Result<T, Fault> {
+pub fn parsed<T: FromStr>(word: &[u8], at: usize, what: &str) -> Result<T, FormatFault> {
     let number = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-    number.ok_or_else(|| Fault::at(at, format!("expected {what}, found `{}`", excerpt(word))))
+    number.ok_or_else(|| FormatFault::at(at, format!("expected {what}, found `{}`", excerpt(word))))
 }

@@ -10,7 +10,7 @@ mod raw;
 mod stl;
 mod words;
 
-use super::error::{Fault, MeshError};
+use super::error::{FormatFault, MeshError};
 use nalgebra::Vector3;
 use raw::RawSurface;
 use std::collections::{BTreeSet, HashMap};
@@ -30,7 +30,7 @@ pub struct LoadedSurface {
     pub notices: Vec<String>,
 }
 
-type Read = fn(&[u8]) -> Result<RawSurface, Fault>;
+type Read = fn(&[u8]) -> Result<RawSurface, FormatFault>;
 
 /// Every format that can be read: name, extension in lower case, reader.
 const FORMATS: &[(&str, &str, Read)] =
@@ -55,7 +55,7 @@ pub fn load(path: &Path) -> Result<LoadedSurface, MeshError> {
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<LoadedSurface, MeshError> {
     let unknown = || {
         let known: Vec<String> = FORMATS.iter().map(|(name, end, _)| format!("{name} (.{end})")).collect();
-        Fault::whole(format!("not a surface file that can be read; known are {}", known.join(", ")))
+        FormatFault::whole(format!("not a surface file that can be read; known are {}", known.join(", ")))
     };
     reader(path)
         .ok_or_else(unknown)
@@ -66,10 +66,10 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<LoadedSurface, MeshError> {
 
 /// Joins vertices of equal coordinates, cuts polygons into fans, and drops triangles that name a vertex twice or
 /// stand in the file twice.
-fn weld(raw: RawSurface) -> Result<LoadedSurface, Fault> {
+fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
     let mut notices = raw.notices;
     if raw.vertices.len() >= u32::MAX as usize {
-        return Err(Fault::whole(format!("{} vertices are more than 2³² - 2", raw.vertices.len())));
+        return Err(FormatFault::whole(format!("{} vertices are more than 2³² - 2", raw.vertices.len())));
     }
     let mut surface = TriangleSurface::default();
     let mut index_of = HashMap::new();
@@ -77,7 +77,7 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, Fault> {
     for (number, vertex) in raw.vertices.iter().enumerate() {
         if !vertex.iter().all(|x| x.is_finite() && x.abs() < 1e100) {
             let [x, y, z]: [f64; 3] = (*vertex).into();
-            return Err(Fault::whole(format!(
+            return Err(FormatFault::whole(format!(
                 "vertex {} at ({x}, {y}, {z}) has a coordinate that is no finite number to compute with",
                 number + 1
             )));
@@ -97,13 +97,13 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, Fault> {
     for &(sides, at) in &raw.polygons {
         let (polygon, after) = rest
             .split_at_checked(sides as usize)
-            .ok_or_else(|| Fault::at(at, "the face has fewer corners than it says"))?;
+            .ok_or_else(|| FormatFault::at(at, "the face has fewer corners than it says"))?;
         rest = after;
-        let corner = |i: usize| -> Result<u32, Fault> {
+        let corner = |i: usize| -> Result<u32, FormatFault> {
             let named = polygon[i] as usize;
             index.get(named).copied().ok_or_else(|| {
                 let reason = format!("a face names vertex {}, and there are {}", named + 1, index.len());
-                Fault::at(at, reason)
+                FormatFault::at(at, reason)
             })
         };
         if sides < 3 {
@@ -124,7 +124,7 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, Fault> {
         }
     }
     if surface.triangles.is_empty() {
-        return Err(Fault::whole("the file has no triangle"));
+        return Err(FormatFault::whole("the file has no triangle"));
     }
     let joined = raw.vertices.len() - surface.vertices.len();
     // In an STL file every triangle brings its own corners: joining them is reading, not repair.

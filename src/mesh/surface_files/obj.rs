@@ -5,10 +5,10 @@
 
 use super::raw::RawSurface;
 use super::words::{Word, lines, number, words};
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;
 
-pub fn read(bytes: &[u8]) -> Result<RawSurface, Fault> {
+pub fn read(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
     let mut raw = RawSurface::default();
     let mut line_joined: Vec<u8> = Vec::new();
     for (at, line) in lines(bytes) {
@@ -24,14 +24,14 @@ pub fn read(bytes: &[u8]) -> Result<RawSurface, Fault> {
         } else {
             line_joined.extend_from_slice(line);
             read_line(at.min(bytes.len()), &line_joined, &mut raw)
-                .map_err(|fault| Fault { at: Some(at), ..fault })?;
+                .map_err(|fault| FormatFault { at: Some(at), ..fault })?;
             line_joined.clear();
         }
     }
     Ok(raw)
 }
 
-fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), Fault> {
+fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), FormatFault> {
     let line = line.split(|&byte| byte == b'#').next().unwrap_or(line);
     let end = at + line.len();
     let mut words = words(line, at);
@@ -52,7 +52,7 @@ fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), Fault> 
             raw.polygons.push((sides, at));
         }
         b"curv" | b"curv2" | b"surf" => {
-            return Err(Fault::at(at, "free-form curves and surfaces are not read: export triangles"));
+            return Err(FormatFault::at(at, "free-form curves and surfaces are not read: export triangles"));
         }
         _ => {}
     }
@@ -60,11 +60,14 @@ fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), Fault> 
 }
 
 /// The vertex of `7`, `7/1`, `7//3` or `-1` (the last one so far), from 0.
-fn corner(word: Word, vertices: usize) -> Result<u32, Fault> {
+fn corner(word: Word, vertices: usize) -> Result<u32, FormatFault> {
     let text = word.text.split(|&byte| byte == b'/').next().unwrap_or(word.text);
     let number: i64 = Word { text, at: word.at }.parse("a vertex number")?;
     let index = if number < 0 { vertices as i64 + number } else { number - 1 };
     u32::try_from(index).ok().filter(|_| number != 0).ok_or_else(|| {
-        Fault::at(word.at, format!("vertex number {number} points nowhere; {vertices} are defined so far"))
+        FormatFault::at(
+            word.at,
+            format!("vertex number {number} points nowhere; {vertices} are defined so far"),
+        )
     })
 }

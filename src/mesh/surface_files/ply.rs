@@ -5,11 +5,11 @@
 
 use super::raw::RawSurface;
 use super::words::{lines, words};
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum NumberType {
     I8,
     U8,
     I16,
@@ -30,8 +30,8 @@ enum Form {
 struct Property {
     name: Vec<u8>,
     /// Of a list: the kind of its length.
-    length: Option<Kind>,
-    kind: Kind,
+    length: Option<NumberType>,
+    kind: NumberType,
 }
 
 struct Element {
@@ -43,7 +43,7 @@ struct Element {
 /// More than these on one element are no mesh.
 const MOST_PROPERTIES: usize = 256;
 
-pub fn read(bytes: &[u8]) -> Result<RawSurface, Fault> {
+pub fn read(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
     let (form, elements, body) = header(bytes)?;
     let mut data = Data { bytes, at: body, form };
     let mut raw = RawSurface::default();
@@ -53,22 +53,22 @@ pub fn read(bytes: &[u8]) -> Result<RawSurface, Fault> {
     Ok(raw)
 }
 
-fn kind(name: &[u8], at: usize) -> Result<Kind, Fault> {
+fn kind(name: &[u8], at: usize) -> Result<NumberType, FormatFault> {
     Ok(match name {
-        b"char" | b"int8" => Kind::I8,
-        b"uchar" | b"uint8" => Kind::U8,
-        b"short" | b"int16" => Kind::I16,
-        b"ushort" | b"uint16" => Kind::U16,
-        b"int" | b"int32" => Kind::I32,
-        b"uint" | b"uint32" => Kind::U32,
-        b"float" | b"float32" => Kind::F32,
-        b"double" | b"float64" => Kind::F64,
-        _ => return Err(Fault::at(at, "unknown kind of number in a property")),
+        b"char" | b"int8" => NumberType::I8,
+        b"uchar" | b"uint8" => NumberType::U8,
+        b"short" | b"int16" => NumberType::I16,
+        b"ushort" | b"uint16" => NumberType::U16,
+        b"int" | b"int32" => NumberType::I32,
+        b"uint" | b"uint32" => NumberType::U32,
+        b"float" | b"float32" => NumberType::F32,
+        b"double" | b"float64" => NumberType::F64,
+        _ => return Err(FormatFault::at(at, "unknown kind of number in a property")),
     })
 }
 
 /// The form, the elements in their order, and where the data begin.
-fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), Fault> {
+fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), FormatFault> {
     let mut form = None;
     let mut elements: Vec<Element> = Vec::new();
     for (number, (at, line)) in lines(bytes).enumerate() {
@@ -76,14 +76,14 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), Fault> {
         let texts: Vec<&[u8]> = line_words.iter().map(|word| word.text).collect();
         match texts.as_slice() {
             [b"ply"] if number == 0 => {}
-            _ if number == 0 => return Err(Fault::at(at, "the first line of a PLY file is \"ply\"")),
+            _ if number == 0 => return Err(FormatFault::at(at, "the first line of a PLY file is \"ply\"")),
             [b"format", name, ..] => {
                 form = Some(match *name {
                     b"ascii" => Form::Text,
                     b"binary_little_endian" => Form::Little,
                     b"binary_big_endian" => Form::Big,
                     _ => {
-                        return Err(Fault::at(
+                        return Err(FormatFault::at(
                             at,
                             "the format is ascii, binary_little_endian or binary_big_endian",
                         ));
@@ -100,24 +100,25 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), Fault> {
                         (Some(self::kind(length, at)?), self::kind(item, at)?, name)
                     }
                     [item, name] => (None, self::kind(item, at)?, name),
-                    _ => return Err(Fault::at(at, "a property is \"property KIND NAME\" or a list")),
+                    _ => return Err(FormatFault::at(at, "a property is \"property KIND NAME\" or a list")),
                 };
-                let element =
-                    elements.last_mut().ok_or_else(|| Fault::at(at, "a property before any element"))?;
+                let element = elements
+                    .last_mut()
+                    .ok_or_else(|| FormatFault::at(at, "a property before any element"))?;
                 if element.properties.len() == MOST_PROPERTIES {
-                    return Err(Fault::at(at, format!("more than {MOST_PROPERTIES} properties")));
+                    return Err(FormatFault::at(at, format!("more than {MOST_PROPERTIES} properties")));
                 }
                 element.properties.push(Property { name: name.to_vec(), length, kind });
             }
             [b"end_header"] => {
-                let form = form.ok_or_else(|| Fault::at(at, "the header names no format"))?;
+                let form = form.ok_or_else(|| FormatFault::at(at, "the header names no format"))?;
                 return Ok((form, elements, (at + line.len() + 1).min(bytes.len())));
             }
             [b"comment" | b"obj_info", ..] | [] => {}
-            _ => return Err(Fault::at(at, "not a line of a PLY header")),
+            _ => return Err(FormatFault::at(at, "not a line of a PLY header")),
         }
     }
-    Err(Fault::whole("the PLY header has no end_header"))
+    Err(FormatFault::whole("the PLY header has no end_header"))
 }
 
 /// Reads on through the data.
@@ -128,8 +129,8 @@ struct Data<'a> {
 }
 
 impl Data<'_> {
-    fn number(&mut self, kind: Kind) -> Result<f64, Fault> {
-        let cut = |at| Fault::at(at, "the file ends before all its elements: it is cut short");
+    fn number(&mut self, kind: NumberType) -> Result<f64, FormatFault> {
+        let cut = |at| FormatFault::at(at, "the file ends before all its elements: it is cut short");
         if self.form == Form::Text {
             let rest = &self.bytes[self.at..];
             let begin = rest.iter().position(|b| !b.is_ascii_whitespace()).ok_or_else(|| cut(self.at))?;
@@ -139,10 +140,10 @@ impl Data<'_> {
             return super::words::Word { text: &self.bytes[at..at + length], at }.parse("a number");
         }
         let size = match kind {
-            Kind::I8 | Kind::U8 => 1,
-            Kind::I16 | Kind::U16 => 2,
-            Kind::I32 | Kind::U32 | Kind::F32 => 4,
-            Kind::F64 => 8,
+            NumberType::I8 | NumberType::U8 => 1,
+            NumberType::I16 | NumberType::U16 => 2,
+            NumberType::I32 | NumberType::U32 | NumberType::F32 => 4,
+            NumberType::F64 => 8,
         };
         let found = self.bytes.get(self.at..self.at + size).ok_or_else(|| cut(self.at))?;
         self.at += size;
@@ -153,42 +154,42 @@ impl Data<'_> {
         }
         let [a, b, c, d, ..] = little;
         Ok(match kind {
-            Kind::I8 => f64::from(a as i8),
-            Kind::U8 => f64::from(a),
-            Kind::I16 => f64::from(i16::from_le_bytes([a, b])),
-            Kind::U16 => f64::from(u16::from_le_bytes([a, b])),
-            Kind::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
-            Kind::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
-            Kind::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
-            Kind::F64 => f64::from_le_bytes(little),
+            NumberType::I8 => f64::from(a as i8),
+            NumberType::U8 => f64::from(a),
+            NumberType::I16 => f64::from(i16::from_le_bytes([a, b])),
+            NumberType::U16 => f64::from(u16::from_le_bytes([a, b])),
+            NumberType::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
+            NumberType::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
+            NumberType::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
+            NumberType::F64 => f64::from_le_bytes(little),
         })
     }
 
     /// A number that must be a whole one from 0 to 2³² - 2.
-    fn whole(&mut self, kind: Kind, what: &str) -> Result<u32, Fault> {
+    fn whole(&mut self, kind: NumberType, what: &str) -> Result<u32, FormatFault> {
         let at = self.at;
         let number = self.number(kind)?;
         if number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number) {
             Ok(number as u32)
         } else {
-            Err(Fault::at(at, format!("{number} is no {what}")))
+            Err(FormatFault::at(at, format!("{number} is no {what}")))
         }
     }
 }
 
-fn read_element(element: &Element, data: &mut Data, raw: &mut RawSurface) -> Result<(), Fault> {
+fn read_element(element: &Element, data: &mut Data, raw: &mut RawSurface) -> Result<(), FormatFault> {
     let column = |names: &[&[u8]]| element.properties.iter().position(|p| names.contains(&p.name.as_slice()));
     let axes = [column(&[b"x"]), column(&[b"y"]), column(&[b"z"])];
     let faces = column(&[b"vertex_indices", b"vertex_index"]);
     let (is_vertex, is_face) = (element.name == b"vertex", element.name == b"face");
     if is_vertex && axes.contains(&None) {
-        return Err(Fault::whole("the vertices have no properties x, y and z"));
+        return Err(FormatFault::whole("the vertices have no properties x, y and z"));
     }
     if is_face && faces.is_none_or(|c| element.properties[c].length.is_none()) {
-        return Err(Fault::whole("the faces have no list vertex_indices"));
+        return Err(FormatFault::whole("the faces have no list vertex_indices"));
     }
     if element.name == b"tristrips" {
-        return Err(Fault::whole("triangle strips are not read: export faces"));
+        return Err(FormatFault::whole("triangle strips are not read: export faces"));
     }
     // Without properties nothing is stored, however many elements there are.
     if element.properties.is_empty() {

@@ -5,13 +5,13 @@
 
 use super::raw::RawSurface;
 use super::words::{number, words};
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;
 
-pub fn read(bytes: &[u8]) -> Result<RawSurface, Fault> {
+pub fn read(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
     let count = bytes.get(80..HEADER).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
     let need = |count: u32| HEADER as u64 + RECORD as u64 * u64::from(count);
     match count {
@@ -23,12 +23,12 @@ pub fn read(bytes: &[u8]) -> Result<RawSurface, Fault> {
             raw.notices.push(format!("{} bytes after the last triangle were left out", bytes.len() - used));
             Ok(raw)
         }
-        Some(count) => Err(Fault::whole(format!(
+        Some(count) => Err(FormatFault::whole(format!(
             "the header says {count} triangles, which are {} bytes, but the file has {}: it is cut short, or no STL",
             need(count),
             bytes.len()
         ))),
-        None => Err(Fault::whole("neither a text that begins with \"solid\" nor a binary STL file")),
+        None => Err(FormatFault::whole("neither a text that begins with \"solid\" nor a binary STL file")),
     }
 }
 
@@ -51,7 +51,7 @@ fn binary(bytes: &[u8]) -> RawSurface {
 }
 
 /// Only `vertex` and `endloop` matter; everything between is passed over, so that names of any form do no harm.
-fn text(bytes: &[u8]) -> Result<RawSurface, Fault> {
+fn text(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
     let mut raw = RawSurface::default();
     let mut sides = 0;
     let (mut after_loop, mut closed) = (false, false);
@@ -66,7 +66,10 @@ fn text(bytes: &[u8]) -> Result<RawSurface, Fault> {
             sides += 1;
         } else if is("endloop") {
             if sides != 3 {
-                return Err(Fault::at(word.at, format!("a facet has {sides} corners; three are needed")));
+                return Err(FormatFault::at(
+                    word.at,
+                    format!("a facet has {sides} corners; three are needed"),
+                ));
             }
             raw.polygons.push((sides, word.at));
             (sides, after_loop) = (0, false);
@@ -76,7 +79,7 @@ fn text(bytes: &[u8]) -> Result<RawSurface, Fault> {
         closed = is("endsolid") || (closed && !is("facet"));
     }
     if sides != 0 || after_loop {
-        return Err(Fault::at(bytes.len(), "the file ends inside a facet: it is cut short"));
+        return Err(FormatFault::at(bytes.len(), "the file ends inside a facet: it is cut short"));
     }
     if !closed {
         raw.notices.push("the last \"endsolid\" is missing: the file may be cut short".into());

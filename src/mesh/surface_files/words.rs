@@ -1,6 +1,6 @@
 //! Words of a text, each with its byte offset, line by line where a format needs it.
 
-use crate::mesh::error::Fault;
+use crate::mesh::error::FormatFault;
 
 /// A word of a text and where it begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,13 +36,13 @@ impl Word<'_> {
         String::from_utf8_lossy(&self.text[..self.text.len().min(40)]).into_owned()
     }
 
-    pub fn parse<T: std::str::FromStr>(&self, what: &str) -> Result<T, Fault> {
+    pub fn parse<T: std::str::FromStr>(&self, what: &str) -> Result<T, FormatFault> {
         let parsed = std::str::from_utf8(self.text).ok().and_then(|text| text.parse().ok());
-        parsed.ok_or_else(|| Fault::at(self.at, format!("{:?} is not {what}", self.shown())))
+        parsed.ok_or_else(|| FormatFault::at(self.at, format!("{:?} is not {what}", self.shown())))
     }
 }
 
 /// The next word as a number; `end` is the offset to name where there is none.
-pub fn number<'a>(words: &mut impl Iterator<Item = Word<'a>>, end: usize) -> Result<f64, Fault> {
-    words.next().ok_or_else(|| Fault::at(end, "a coordinate is missing"))?.parse("a number")
+pub fn number<'a>(words: &mut impl Iterator<Item = Word<'a>>, end: usize) -> Result<f64, FormatFault> {
+    words.next().ok_or_else(|| FormatFault::at(end, "a coordinate is missing"))?.parse("a number")
 }

@@ -3,9 +3,10 @@
 use super::ladder::Ladder;
 use super::{MeasureError, Request};
 use crate::base::statistics::median;
+use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, Needs, Solution};
 use crate::mesh::{TetMesh, quadratic};
-use crate::scene::{Element, Generate, Method, Scene, Solver, Storage};
+use crate::scene::{Generate, Method, Scene, Solver, Storage};
 use crate::solve::Progress;
 use nalgebra::Vector3;
 
@@ -17,14 +18,6 @@ pub struct Limits {
     pub refinements: u32,
     /// Rounds of the online race.
     pub rounds: usize,
-}
-
-/// What one of its unknowns costs against one of tet4: rows of K of averaged pressures are longer.
-fn cost(element: Element) -> f64 {
-    match element {
-        Element::Tet4 | Element::Tet10 => 1.0,
-        Element::Tet4Anp => 3.0,
-    }
 }
 
 /// Tolerances of conjugate gradients that are tried.
@@ -54,7 +47,7 @@ impl Meshes {
             if 3.0 * grown as f64 > request.limits.largest {
                 break;
             }
-            let scene = variant(request, refine, Element::Tet4, Solver::default());
+            let scene = variant(request, refine, &TET4, Solver::default());
             let mesh = scene.load_mesh(request.body, &scene.body[request.body])?.mesh;
             let nodes = quadratic::quadratic(mesh.clone(), &curve).nodes.len();
             if 3.0 * nodes as f64 <= request.limits.largest {
@@ -68,7 +61,7 @@ impl Meshes {
         }
         let ladder = Ladder::new(linear.clone(), &curve);
         let meshes = Meshes { linear, ladder };
-        let scene = variant(request, 0, Element::Tet10, Solver::default());
+        let scene = variant(request, 0, &TET10, Solver::default());
         let ten = scene.load_mesh(request.body, &scene.body[request.body])?.mesh;
         if ten.nodes != meshes.ladder.levels[0].nodes {
             return Err(MeasureError::TenNodes);
@@ -77,25 +70,22 @@ impl Meshes {
     }
 
     /// Those with the element's nodes, by refinement.
-    fn of(&self, element: Element) -> &[TetMesh] {
-        match element {
-            Element::Tet4 | Element::Tet4Anp => &self.linear,
-            Element::Tet10 => &self.ladder.levels,
-        }
+    fn of(&self, element: &Element) -> &[TetMesh] {
+        if element.order == 1 { &self.linear } else { &self.ladder.levels }
     }
 
-    pub fn affords(&self, request: &Request<'_>, refine: usize, element: Element) -> bool {
+    pub fn affords(&self, request: &Request<'_>, refine: usize, element: &Element) -> bool {
         let unknowns = |mesh: &TetMesh| 3.0 * mesh.nodes.len() as f64;
         self.of(element)
             .get(refine)
-            .is_some_and(|mesh| unknowns(mesh) * cost(element) <= request.limits.largest)
+            .is_some_and(|mesh| unknowns(mesh) * element.unknown_cost <= request.limits.largest)
     }
 }
 
 /// One discretisation, solved.
 pub struct Candidate {
     pub refine: u32,
-    pub element: Element,
+    pub element: &'static Element,
     /// "cholesky", or "pcg 1e-6".
     pub solver: String,
     pub solution: Solution,
@@ -111,7 +101,7 @@ impl Candidate {
 }
 
 /// The scene with its body's knobs set.
-pub fn variant(request: &Request<'_>, refine: u32, element: Element, solver: Solver) -> Scene {
+pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, solver: Solver) -> Scene {
     let mut scene = request.scene.clone();
     let body = &mut scene.body[request.body];
     (body.refine, body.element, body.solver) =
@@ -128,12 +118,12 @@ pub fn solve(
 ) -> Result<Vec<Candidate>, MeasureError> {
     let mut candidates = Vec::new();
     for refine in 0..meshes.linear.len() as u32 {
-        for element in Element::ALL.into_iter().filter(|e| meshes.affords(request, refine as usize, *e)) {
+        for element in ELEMENTS.iter().copied().filter(|e| meshes.affords(request, refine as usize, e)) {
             match candidate(request, refine, element, Solver::default(), progress) {
                 Ok(candidate) => candidates.push(candidate),
                 // Averaged pressures can be too ill-conditioned where the other elements, which the rest is measured
                 // against, are not.
-                Err(MeasureError::Green(_)) if element == Element::Tet4Anp => {}
+                Err(MeasureError::Green(_)) if element.dilatation == Dilatation::Nodal => {}
                 Err(error) => return Err(error),
             }
         }
@@ -156,7 +146,7 @@ pub fn solve(
 fn candidate(
     request: &Request<'_>,
     refine: u32,
-    element: Element,
+    element: &'static Element,
     solver: Solver,
     progress: &dyn Progress,
 ) -> Result<Candidate, MeasureError> {
@@ -188,7 +178,12 @@ pub fn solved(
 }
 
 /// The mesh of one element on one refinement, for the smooth problem.
-pub fn smooth_mesh(meshes: &Meshes, request: &Request<'_>, element: Element, refine: u32) -> Option<TetMesh> {
+pub fn smooth_mesh(
+    meshes: &Meshes,
+    request: &Request<'_>,
+    element: &'static Element,
+    refine: u32,
+) -> Option<TetMesh> {
     let refine = refine as usize;
     meshes.affords(request, refine, element).then(|| meshes.of(element)[refine].clone())
 }

@@ -34,7 +34,7 @@ use crate::green::{GreenError, Needs};
 use crate::mesh::TetMesh;
 use crate::scene::{Scene, SceneError};
 use crate::solve::Progress;
-use crate::verify::Fault;
+use crate::verify::ProblemError;
 use std::path::Path;
 
 /// What is to be measured.
@@ -67,7 +67,7 @@ pub enum MeasureError {
     #[error("the norms' matrix: {0}")]
     Assembly(#[from] AssemblyError),
     #[error("the smooth problem: {0}")]
-    Smooth(#[from] Fault),
+    Smooth(#[from] ProblemError),
     #[error(
         "the reference needs tet10 on this mesh, {nodes} nodes and three times as many unknowns, more than {largest:.0}; \
          raise {key} (a million unknowns take some 10 GB), or take a coarser mesh"

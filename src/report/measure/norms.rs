@@ -1,8 +1,8 @@
 //! Norms of displacement fields over the volume of a body.
 
+use crate::fem::quadrature::tetrahedron_rule;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use crate::mesh::{TetMesh, quadratic};
-use crate::verify::quadrature::tetrahedron_rule;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -70,7 +70,7 @@ impl<'a> Norms<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::{Lame, assemble};
+    use crate::fem::{Lame, TET10};
     use crate::mesh::{Block, block};
 
     /// |e|² = x² + 4 has the mean 1/12 + 4 on a centred unit cube; a uniform stretch ε has W/V = (λ + 2μ) ε²/2.
@@ -79,7 +79,7 @@ mod tests {
         let linear = block(&Block { size: [1.0; 3], cells: [2; 3] }).unwrap();
         let mesh = quadratic::quadratic(linear, &quadratic::straight);
         let lame = Lame::from_young_poisson(3.0, 0.2);
-        let stiffness = assemble(&mesh, &vec![lame; mesh.tets.len()]).unwrap();
+        let stiffness = TET10.assemble(&mesh, &vec![lame; mesh.tets.len()]).unwrap();
         let norms = Norms::new(&mesh, stiffness);
         let field: Vec<_> = mesh.nodes.iter().map(|x| Vector3::new(x.x, 2.0, 0.0)).collect();
         assert!((norms.l2(&field) - (1.0 / 12.0 + 4.0f64).sqrt()).abs() < 1e-14);
@@ -93,7 +93,8 @@ mod tests {
     fn squares_of_quadratic_fields_are_integrated_exactly() {
         let linear = block(&Block { size: [1.0; 3], cells: [1; 3] }).unwrap();
         let mesh = quadratic::quadratic(linear, &quadratic::straight);
-        let stiffness = assemble(&mesh, &vec![Lame::from_young_poisson(1.0, 0.3); mesh.tets.len()]).unwrap();
+        let stiffness =
+            TET10.assemble(&mesh, &vec![Lame::from_young_poisson(1.0, 0.3); mesh.tets.len()]).unwrap();
         let field: Vec<_> = mesh.nodes.iter().map(|x| Vector3::new(0.0, x.x * x.x, 0.0)).collect();
         let found = Norms::new(&mesh, stiffness).l2(&field);
         assert!((found - (1.0 / 80.0f64).sqrt()).abs() < 1e-14, "{found}");

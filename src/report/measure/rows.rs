@@ -57,7 +57,7 @@ pub fn rows(
             for pose in 0..truth.poses.len() {
                 let parts =
                     Parts::new(meshes, candidates, candidate, truth, model, pose).ok_or_else(|| {
-                        let (element, pose) = (candidate.element.name(), &truth.poses[pose].name);
+                        let (element, pose) = (candidate.element.name, &truth.poses[pose].name);
                         MeasureError::Model(format!(
                             "pose {pose}: {} with {element} cannot be measured",
                             model.name
@@ -80,7 +80,7 @@ pub fn rows(
                 rows.push(Row {
                     setting: Setting {
                         refine: candidate.refine,
-                        element: candidate.element.name().into(),
+                        element: candidate.element.name.into(),
                         solver: candidate.solver.clone(),
                         storage: storage.name().into(),
                         model: model.name.into(),
@@ -235,7 +235,7 @@ fn written(
     let name = format!(
         "{}-{}-{}-{}.green",
         candidate.refine,
-        candidate.element.name(),
+        candidate.element.name,
         candidate.solver,
         storage.name()
     );

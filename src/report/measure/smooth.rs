@@ -2,12 +2,13 @@
 //!
 //! The field of a point force beside the body (Kelvin) is prescribed on its whole surface; inside it is known exactly.
 
+use crate::fem::ELEMENTS;
 use crate::fem::Lame;
 use crate::fem::NodeFields;
 use crate::mesh::{Surface, TetMesh, quality};
 use crate::report::SmoothRow;
 use crate::solve::Progress;
-use crate::verify::{Body, Element, Exact, Fault, Kelvin, Level, rate};
+use crate::verify::{Body, Element, Exact, Kelvin, Level, ProblemError, rate};
 use nalgebra::{Matrix3, Vector3};
 
 /// Poisson's ratio of the problem, where nothing locks: it tells of meshes and elements, not of the material.
@@ -32,13 +33,13 @@ impl Exact for Placed {
 
 /// Errors of every element on the meshes that `mesh_of` has of it: by refinement, none where it is too large.
 pub fn measure(
-    mesh_of: &dyn Fn(Element, u32) -> Option<TetMesh>,
+    mesh_of: &dyn Fn(&'static Element, u32) -> Option<TetMesh>,
     levels: u32,
     progress: &dyn Progress,
-) -> Result<Vec<SmoothRow>, Fault> {
+) -> Result<Vec<SmoothRow>, ProblemError> {
     let mut rows = Vec::new();
-    progress.begin("smooth problem", Element::ALL.len() as u64 * u64::from(levels));
-    for element in Element::ALL {
+    progress.begin("smooth problem", ELEMENTS.len() as u64 * u64::from(levels));
+    for &element in ELEMENTS {
         let mut own = Vec::new();
         for refine in 0..levels {
             if let Some(mesh) = mesh_of(element, refine) {
@@ -59,7 +60,7 @@ pub fn measure(
     Ok(rows)
 }
 
-fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, Fault> {
+fn solve(element: &Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, ProblemError> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let size = (high - low).amax();
     let lame = Lame::from_young_poisson(1.0, POISSON);
@@ -75,10 +76,10 @@ fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, Faul
     let place = mesh.nodes.clone();
     let body = Body { place, force: NodeFields::zeros(nodes, 1), fixed, mesh };
     let solution = body.solve(element, lame)?;
-    let norms = solution.norms(&body, element, lame, &exact);
-    let order = f64::from(element.order());
+    let norms = solution.norms(&body.mesh, element, lame, &exact);
+    let order = f64::from(element.order);
     Ok(SmoothRow {
-        element: element.name().into(),
+        element: element.name.into(),
         refine,
         h,
         l2: norms.l2,

@@ -5,11 +5,11 @@ use super::fields::{ask, asked_of, combined, displaced, minus, origins};
 use super::norms::Norms;
 use super::{MeasureError, Request};
 use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
-use crate::fem::{STVK, nearest_turn, tet4};
+use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
 use crate::report::ModelError;
-use crate::scene::{Element, Scene, Solver};
+use crate::scene::{Scene, Solver};
 use crate::solve::Progress;
 use nalgebra::{Matrix3, Vector3};
 
@@ -91,16 +91,16 @@ impl<'a> Truth<'a> {
     ) -> Result<Truth<'a>, MeasureError> {
         let cholesky = |c: &&(usize, &Candidate)| c.1.solver == "cholesky";
         let all: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
-        let finest = all.iter().filter(cholesky).max_by_key(|(_, c)| (c.element == Element::Tet10, c.refine));
-        let base = all.iter().filter(cholesky).find(|(_, c)| c.refine == 0 && c.element == Element::Tet4);
+        let finest = all.iter().filter(cholesky).max_by_key(|(_, c)| (c.element.order, c.refine));
+        let base = all.iter().filter(cholesky).find(|(_, c)| c.refine == 0 && c.element == &TET4);
         let (Some(&(finest, _)), Some(&(own, _))) = (finest, base) else {
             return Err(MeasureError::NoPose("the scene's own mesh is too large".into()));
         };
         let top = meshes.ladder.levels.len() as u32 - 1;
-        let scene = variant(request, top, Element::Tet10, Solver::default());
+        let scene = variant(request, top, &TET10, Solver::default());
         let prepared = green::prepare(&scene, request.body)?;
-        let stiffness = crate::fem::assemble(meshes.ladder.top(), &prepared.lame)?;
-        let plain = variant(request, 0, Element::Tet4, Solver::default());
+        let stiffness = TET10.assemble(meshes.ladder.top(), &prepared.lame)?;
+        let plain = variant(request, 0, &TET4, Solver::default());
         let soft = match softened(&plain, request.body) {
             Some(scene) => Some(solved(&scene, request, Solver::default(), progress)?),
             None => None,
@@ -132,7 +132,7 @@ impl<'a> Truth<'a> {
         candidates: &[Candidate],
         progress: &dyn Progress,
     ) -> Result<(), MeasureError> {
-        let scene = variant(request, 0, Element::Tet4, Solver::default());
+        let scene = variant(request, 0, &TET4, Solver::default());
         let scene = softened(&scene, request.body).unwrap_or(scene);
         let mut statics = Statics::new(&scene, request.body, &STVK, progress)?;
         let own = &self.base(candidates).solution.clone();
@@ -231,7 +231,7 @@ impl<'a> Truth<'a> {
             format!(
                 "discretisation: {} on the scene's mesh refined {} times, {} nodes; what is as fine as that cannot be \
                  told from it",
-                finest.element.name(),
+                finest.element.name,
                 finest.refine,
                 finest.solution.mesh.nodes.len()
             ),

@@ -1,6 +1,6 @@
 //! Case 30: files that name what is not there, or say things twice.
 
-use super::{Rows, verdict};
+use super::case::{CaseRows, verdict};
 use crate::mesh::parse;
 use std::path::Path;
 
@@ -12,7 +12,7 @@ fn forged(from: &str, to: &str) -> String {
         .replacen(from, to, 1)
 }
 
-pub(super) fn rows() -> Rows {
+pub(super) fn rows() -> CaseRows {
     let cases = [
         (
             "an element of a node that is not there",

@@ -1,7 +1,7 @@
 //! Case 26: a cube pressed further than its material bears. Newton's iteration finds turned elements and calls it done;
 //! here the least det F decides.
 
-use super::{ENDS, Must, Outcome, Row, Rows};
+use super::case::{CaseRow, CaseRows, ENDS, Must, Outcome};
 use crate::deform::{ControlPose, Kind, Settled, Statics, StaticsError, find_model};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
@@ -14,7 +14,7 @@ generate = { block = { size = [1.0, 1.0, 1.0], cells = [4, 4, 4] } }
 material = { young = 1.0e6, poisson = 0.3 }
 "#;
 
-pub(super) fn rows() -> Rows {
+pub(super) fn rows() -> CaseRows {
     let scene = Scene::parse(&format!("{CUBE}{ENDS}"), Path::new("hard-cases.toml"))?;
     let cases = [
         ("stvk", 0.8, Must::solve("residual", 1e-10)),
@@ -24,7 +24,7 @@ pub(super) fn rows() -> Rows {
     cases.into_iter().map(|(model, height, must)| Ok(pressed(&scene, model, height, must)?)).collect()
 }
 
-fn pressed(scene: &Scene, model: &str, height: f64, must: Must) -> Result<Row, SceneError> {
+fn pressed(scene: &Scene, model: &str, height: f64, must: Must) -> Result<CaseRow, SceneError> {
     let law = match find_model(model).map(|entry| &entry.kind) {
         Ok(Kind::Static(law)) => law,
         _ => return Err(scene.invalid("body.b.model", format!("no model of large strain is called {model}"))),
@@ -40,7 +40,7 @@ fn pressed(scene: &Scene, model: &str, height: f64, must: Must) -> Result<Row, S
         Ok(settled) => (Outcome::Solved, format!("{} inverted", settled.inverted.len()), Some(f64::NAN)),
         Err(error) => (Outcome::Refused, error.to_string(), None),
     };
-    Ok(Row {
+    Ok(CaseRow {
         number: 26,
         case: format!("clamped cube pressed to {:.0} % of its height, {model}", 100.0 * height),
         required: must.outcome,

@@ -1,11 +1,13 @@
 //! Cases 1 to 7: Poisson's ratios from -1 to ½ and beyond, and parts that are far stiffer or softer than the rest.
 
-use super::{Asked, Must, Rows, base, cells, difference, largest, refused, solved, stiffness_difference};
+use super::case::{
+    Asked, CaseRows, Must, base, cells, difference, largest, refused, solved, stiffness_difference,
+};
 use crate::green::{FIELDS, Solution};
 use crate::mesh::TetMesh;
 use nalgebra::Vector3;
 
-pub(super) fn rows() -> Rows {
+pub(super) fn rows() -> CaseRows {
     let mut rows = poissons_ratio()?;
     rows.extend(held_contrast()?);
     rows.extend(inclusions()?);
@@ -25,7 +27,7 @@ fn backwards(mesh: &TetMesh) -> TetMesh {
     }
 }
 
-fn poissons_ratio() -> Rows {
+fn poissons_ratio() -> CaseRows {
     const AGAINST: &str = "S against another ordering";
     let mut rows = Vec::new();
     for (number, poisson, must) in [
@@ -65,7 +67,7 @@ fn stiffer(mesh: &TetMesh, contrast: f64) -> Asked {
 /// Any contrast where the stiff part is held. The reference is the limit of a rigid half, whose own motion is that of
 /// its control element; a finite contrast is off it by about its inverse. Forces are those of the soft half alone, held
 /// where the stiff one begins.
-fn held_contrast() -> Rows {
+fn held_contrast() -> CaseRows {
     let half = with_region(base()?, |x| x.z > 0.0);
     let alone = Asked::new(cells([1.0; 3], [5; 3])?).solve()?;
     let mut rows = Vec::new();
@@ -102,7 +104,7 @@ fn pull_difference(a: &Solution, b: &Solution) -> f64 {
 }
 
 /// Soft inclusions are harmless; a stiff one that floats loses its six rigid motions in rounding as the contrast grows.
-fn inclusions() -> Rows {
+fn inclusions() -> CaseRows {
     let inclusion = with_region(base()?, |x| x.norm() < 0.35);
     let mut rows = Vec::new();
     for contrast in [1e-4, 1e-12] {

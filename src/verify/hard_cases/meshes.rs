@@ -1,13 +1,13 @@
 //! Cases 8 to 16, 21 and 22: slivers, folds, cracks, loose pieces, units and places.
 
-use super::{Asked, Must, Rows, base, cells, difference, refused, solved, stiffness_difference};
+use super::case::{Asked, CaseRows, Must, base, cells, difference, refused, solved, stiffness_difference};
 use crate::green::{FIELDS, GreenError};
 use crate::mesh::{Encoding, Loaded, MeshError, TetMesh, encode, parse};
 use crate::scene::SceneError;
 use nalgebra::Vector3;
 use std::path::Path;
 
-pub(super) fn rows() -> Rows {
+pub(super) fn rows() -> CaseRows {
     let mut rows = slivers()?;
     rows.extend(orientation()?);
     rows.extend(pieces()?);
@@ -29,7 +29,7 @@ fn squeezed(height: f64) -> Result<TetMesh, GreenError> {
     Ok(mesh)
 }
 
-fn slivers() -> Rows {
+fn slivers() -> CaseRows {
     let reference = Asked::new(base()?).solve()?;
     let mut rows = Vec::new();
     for height in [1e-2, 1e-4, 1e-6] {
@@ -60,7 +60,7 @@ fn read(mesh: &TetMesh) -> Result<Loaded, GreenError> {
     parse(Path::new("body.msh"), &bytes).map_err(failed)
 }
 
-fn orientation() -> Rows {
+fn orientation() -> CaseRows {
     let reference = Asked::new(base()?).solve()?;
     let must = |words| Must { words, ..Must::solve("against the sound mesh", 1e-13) };
     let mut rows = Vec::new();
@@ -129,7 +129,7 @@ fn stacked(blocks: u32) -> Result<TetMesh, GreenError> {
     Ok(mesh)
 }
 
-fn pieces() -> Rows {
+fn pieces() -> CaseRows {
     let beside = |x: f64, y: f64, z: f64, merge| joined(Vector3::new(x, y, z), merge).map(Asked::new);
     let crack = Must::warn("25 pairs of nodes lie at the same place", "residual", 1e-12);
     let gap = Must::warn("merge nodes with a tolerance above 1.000e-7 m", "residual", 1e-12);
@@ -159,7 +159,7 @@ fn pieces() -> Rows {
     ])
 }
 
-fn units_and_places() -> Rows {
+fn units_and_places() -> CaseRows {
     let scaled = |unit: f64, offset: f64| -> Result<Asked, GreenError> {
         let mut mesh = base()?;
         mesh.nodes.iter_mut().for_each(|x| *x = *x * unit + Vector3::repeat(offset));

@@ -1,10 +1,11 @@
 //! Hard cases: bodies, materials, units, supports, poses and files with which a solver can go wrong in silence.
 //!
-//! In: nothing; every case is built in memory. Out: [`Row`]s: whether the case was solved, solved with a warning or
+//! In: nothing; every case is built in memory. Out: [`CaseRow`]s: whether the case was solved, solved with a warning or
 //! refused, as required; in which words; and the error that was measured, with the bound it must keep.
 //!
 //! The base case is a block of 1 × 1 × 2 m in 5 × 5 × 10 cells, of E = 1 MPa and ν = 0.3, held at both ends of z.
 
+mod case;
 mod files;
 mod large;
 mod materials;
@@ -12,223 +13,14 @@ mod meshes;
 mod poses;
 mod supports;
 
-use crate::green::{self, Finding, GreenError, Needs, Severity, Solution};
-use crate::mesh::{Block, Loaded, TetMesh, block};
-use crate::scene::{Scene, SceneError};
-use crate::solve::Silent;
-use serde::Serialize;
-use std::path::Path;
-
-/// What is done with a case; ordered as severities are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Outcome {
-    Solved,
-    Warned,
-    Refused,
-}
-
-/// One case, and what became of it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
-    /// Of the list in the manual's chapter check.
-    pub number: u32,
-    pub case: String,
-    pub required: Outcome,
-    pub outcome: Outcome,
-    /// What must be said, and the sentence that was.
-    pub words: &'static str,
-    pub said: String,
-    /// What was measured, its relative error and the largest that is allowed; nothing of what is refused.
-    pub measured: &'static str,
-    pub error: Option<f64>,
-    pub bound: Option<f64>,
-}
-
-impl Row {
-    /// Whether the outcome is the required one, in the required words, and the error within its bound. NaN is not.
-    pub fn holds(&self) -> bool {
-        let within = match (self.error, self.bound) {
-            (Some(error), Some(bound)) => error <= bound,
-            (error, bound) => error.is_none() && bound.is_none(),
-        };
-        self.outcome == self.required && self.said.contains(self.words) && within
-    }
-}
-
-type Rows = Result<Vec<Row>, GreenError>;
+pub use case::{CaseRow, CaseRows, Outcome};
 
 /// Builds, solves and judges all cases, in the order of their numbers. Errors where a reference cannot be solved.
-pub fn run() -> Rows {
+pub fn run() -> CaseRows {
     let mut rows = Vec::new();
     for cases in [materials::rows, meshes::rows, supports::rows, poses::rows, large::rows, files::rows] {
         rows.extend(cases()?);
     }
     rows.sort_by_key(|row| row.number);
     Ok(rows)
-}
-
-const HAPTICS: Needs = Needs { stiffness: true };
-
-const ENDS: &str = r#"
-[body.b.control.low]
-nodes = { group = "zmin" }
-grab = "fixed"
-[body.b.control.high]
-nodes = { group = "zmax" }
-grab = "dragger"
-"#;
-
-/// The mesh of the base case.
-fn base() -> Result<TetMesh, GreenError> {
-    cells([1.0, 1.0, 2.0], [5, 5, 10])
-}
-
-fn cells(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, GreenError> {
-    block(&Block { size, cells }).map_err(|source| {
-        let (path, entity) = (Path::new("hard-cases.toml").to_owned(), "body.b.generate".into());
-        SceneError::Generate { path, entity, source }.into()
-    })
-}
-
-/// A body to be judged and solved.
-struct Asked {
-    mesh: Loaded,
-    /// TOML beside the mesh; without a material there, that of the base case.
-    extra: String,
-    /// TOML of the control elements.
-    controls: String,
-}
-
-impl Asked {
-    /// `mesh` of the base case's material, held at its ends.
-    fn new(mesh: TetMesh) -> Asked {
-        Asked { mesh: Loaded { mesh, notices: Vec::new() }, extra: String::new(), controls: ENDS.into() }
-    }
-
-    fn with(self, extra: impl Into<String>) -> Asked {
-        Asked { extra: extra.into(), ..self }
-    }
-
-    fn scene(&self) -> Result<Scene, SceneError> {
-        let material = match self.extra.contains("material") {
-            true => "",
-            false => "material = { young = 1.0e6, poisson = 0.3 }\n",
-        };
-        let text = format!("[body.b]\nmesh = \"body.msh\"\n{material}{}{}", self.extra, self.controls);
-        Scene::parse(&text, Path::new("hard-cases.toml"))
-    }
-
-    fn solve(&self) -> Result<Solution, GreenError> {
-        self.judge_and_solve().map(|(_, solution)| solution)
-    }
-
-    fn judge_and_solve(&self) -> Result<(Vec<Finding>, Solution), GreenError> {
-        let scene = self.scene()?;
-        let prepared = green::prepare_mesh(&scene, "b", self.mesh.clone())?;
-        let solution = green::solve_prepared(&scene, "b", prepared, HAPTICS, &Silent)?;
-        Ok((solution.notices.clone(), solution))
-    }
-}
-
-/// What a case must come to.
-struct Must {
-    outcome: Outcome,
-    words: &'static str,
-    measured: &'static str,
-    bound: f64,
-}
-
-impl Must {
-    const fn solve(measured: &'static str, bound: f64) -> Must {
-        Must { outcome: Outcome::Solved, words: "", measured, bound }
-    }
-
-    const fn warn(words: &'static str, measured: &'static str, bound: f64) -> Must {
-        Must { outcome: Outcome::Warned, words, measured, bound }
-    }
-}
-
-/// Judges and solves a body that must not be refused, and measures its solution.
-fn solved(
-    number: u32,
-    case: impl Into<String>,
-    must: Must,
-    asked: &Asked,
-    measure: impl FnOnce(&Solution) -> Result<f64, GreenError>,
-) -> Result<Row, GreenError> {
-    let Must { outcome: required, words, measured, bound } = must;
-    let row = |outcome, said, error| Row {
-        number,
-        case: case.into(),
-        required,
-        outcome,
-        words,
-        said,
-        measured,
-        error,
-        bound: Some(bound),
-    };
-    let (findings, solution) = match asked.judge_and_solve() {
-        Ok(done) => done,
-        Err(error) => return Ok(row(Outcome::Refused, error.to_string(), None)),
-    };
-    let warning = |finding: &&Finding| finding.severity == Severity::Warning;
-    let outcome =
-        if findings.iter().any(|finding| warning(&finding)) { Outcome::Warned } else { Outcome::Solved };
-    // The sentence that is asked for, be it a note; else the first warning.
-    let asked_for = findings.iter().find(|finding| !words.is_empty() && finding.message.contains(words));
-    let said =
-        asked_for.or(findings.iter().find(warning)).map_or(String::new(), |finding| finding.message.clone());
-    Ok(row(outcome, said, Some(measure(&solution)?)))
-}
-
-/// Judges a body that must be refused, in these words.
-fn refused(number: u32, case: impl Into<String>, words: &'static str, asked: &Asked) -> Row {
-    verdict(number, case, words, asked.solve().err().map(|error| error.to_string()))
-}
-
-/// The row of what must be refused: `said` is the refusal, if there was one.
-fn verdict(number: u32, case: impl Into<String>, words: &'static str, said: Option<String>) -> Row {
-    let outcome = if said.is_some() { Outcome::Refused } else { Outcome::Solved };
-    Row {
-        number,
-        case: case.into(),
-        required: Outcome::Refused,
-        outcome,
-        words,
-        said: said.unwrap_or_default(),
-        measured: "",
-        error: None,
-        bound: None,
-    }
-}
-
-/// Worst relative difference of two solutions' fields, column by column, each against its own norm. Column c of `a` is
-/// multiplied by `scale(c)`.
-fn difference(a: &Solution, b: &Solution, scale: impl Fn(usize) -> f64) -> f64 {
-    if (a.fields.columns, a.fields.nodes) != (b.fields.columns, b.fields.nodes) {
-        return f64::NAN;
-    }
-    let rows = 3 * a.mesh.nodes.len();
-    let of_column = |c: usize| {
-        let pairs = (0..rows).map(|row| (a.fields.row(row)[c] * scale(c), b.fields.row(row)[c]));
-        let (error, norm) =
-            pairs.fold((0.0, 0.0), |(error, norm), (a, b)| (error + (a - b).powi(2), norm + b * b));
-        if norm == 0.0 { error } else { (error / norm).sqrt() }
-    };
-    largest((0..a.fields.columns).map(of_column))
-}
-
-/// NaN where one of the values is, or where there are none: nothing was measured then.
-fn largest(values: impl Iterator<Item = f64>) -> f64 {
-    values.reduce(|most, value| if value > most || value.is_nan() { value } else { most }).unwrap_or(f64::NAN)
-}
-
-/// Relative difference of two handle stiffnesses.
-fn stiffness_difference(a: &Solution, b: &Solution) -> f64 {
-    match (&a.stiffness, &b.stiffness) {
-        (Some(a), Some(b)) if a.shape() == b.shape() => (a - b).amax() / b.amax(),
-        _ => f64::NAN,
-    }
 }

@@ -1,6 +1,6 @@
 //! Cases 23 to 25 and 29: what a tracked hand may do, and bodies far from their origin in single precision.
 
-use super::{Asked, Must, Outcome, Row, Rows, base, largest};
+use super::case::{Asked, CaseRow, CaseRows, Must, Outcome, base, largest};
 use crate::deform::{
     CATCH_UP, Columns, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseGuard, STRETCH,
     Superposition, SurfaceDisplacements, find_model,
@@ -9,7 +9,7 @@ use crate::fem::nearest_turn;
 use crate::green::{Basis, FIELDS, Solution};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 
-pub(super) fn rows() -> Rows {
+pub(super) fn rows() -> CaseRows {
     let mut rows = turns()?;
     rows.extend(guarded());
     rows.extend(far_away()?);
@@ -17,8 +17,8 @@ pub(super) fn rows() -> Rows {
 }
 
 /// A row of what the online stage does; `fault` is what it said.
-fn row(number: u32, case: impl Into<String>, must: Must, fault: Option<PoseFault>, error: f64) -> Row {
-    Row {
+fn row(number: u32, case: impl Into<String>, must: Must, fault: Option<PoseFault>, error: f64) -> CaseRow {
+    CaseRow {
         number,
         case: case.into(),
         required: must.outcome,
@@ -101,7 +101,7 @@ impl Online {
 const STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
 /// Hands that turn on and on: the mean rotation of `rotation` follows beyond half a turn.
-fn turns() -> Rows {
+fn turns() -> CaseRows {
     let body = Online::new(&Asked::new(base()?).solve()?, Vector3::zeros());
     let turn = |frame: usize| Rotation3::from_axis_angle(&Vector3::z_axis(), frame as f64 * STEP);
     let both = (0..=72).map(|frame| vec![body.turned(0, &turn(frame)), body.turned(1, &turn(frame))]);
@@ -163,7 +163,7 @@ fn turns() -> Rows {
 }
 
 /// Matrices that no body can follow, and numbers that are none.
-fn guarded() -> Vec<Row> {
+fn guarded() -> Vec<CaseRow> {
     let matrix = |matrix: Matrix3<f64>| ControlPose { matrix, ..ControlPose::REST };
     let diagonal = |x: f64, y: f64, z: f64| matrix(Matrix3::from_diagonal(&Vector3::new(x, y, z)));
     let beyond = |pose: &ControlPose| {
@@ -206,7 +206,7 @@ fn guarded() -> Vec<Row> {
 }
 
 /// Columns about the control elements' own centres keep their digits in single precision wherever the body stands.
-fn far_away() -> Rows {
+fn far_away() -> CaseRows {
     let mut rows = Vec::new();
     for lengths in [10.0, 1e3, 1e5] {
         let shift = Vector3::new(2.0 * lengths, 0.0, 0.0);

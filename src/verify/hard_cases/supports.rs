@@ -1,6 +1,6 @@
 //! Cases 17 to 20: control elements of few nodes, on a line, in a plane, with shared nodes, of all nodes and none.
 
-use super::{Asked, Must, Rows, base, refused, solved, verdict};
+use super::case::{Asked, CaseRows, Must, base, refused, solved, verdict};
 use crate::green::{FIELDS, GreenError};
 
 /// A control element called c.
@@ -8,7 +8,7 @@ fn control(nodes: &str) -> String {
     format!("\n[body.b.control.c]\nnodes = {nodes}\ngrab = \"fixed\"\n")
 }
 
-pub(super) fn rows() -> Rows {
+pub(super) fn rows() -> CaseRows {
     let only = |nodes: &str| -> Result<Asked, GreenError> {
         Ok(Asked { controls: control(nodes), ..Asked::new(base()?) })
     };
@@ -17,7 +17,8 @@ pub(super) fn rows() -> Rows {
     let edge = "{ box = { min = [-0.6, -0.6, -1.1], max = [-0.4, 0.6, -0.9] } }";
     let around_corner = "{ sphere = { centre = [-0.5, -0.5, -1.0], radius = 0.21 } }";
     let all = "{ box = { min = [-9.0, -9.0, -9.0], max = [9.0, 9.0, 9.0] } }";
-    let overlapping = super::ENDS.to_owned() + &control("{ box = { min = [-1, -1, 0.5], max = [1, 1, 1] } }");
+    let overlapping =
+        super::case::ENDS.to_owned() + &control("{ box = { min = [-1, -1, 0.5], max = [1, 1, 1] } }");
     let unheld = Asked { controls: String::new(), ..Asked::new(base()?) };
     Ok(vec![
         refused(17, "held at one node", "single node", &only(corner)?),
@@ -40,7 +41,7 @@ pub(super) fn rows() -> Rows {
                 let rows = 0..3 * solution.mesh.nodes.len();
                 let largest =
                     rows.flat_map(|row| zero.iter().map(move |&c| solution.fields.row(row)[c].abs()));
-                Ok(if zero.len() == 6 { super::largest(largest) } else { f64::NAN })
+                Ok(if zero.len() == 6 { super::case::largest(largest) } else { f64::NAN })
             },
         )?,
         refused(
@@ -56,7 +57,7 @@ pub(super) fn rows() -> Rows {
             &only(all)?,
             |solution| {
                 let nodes = 0..solution.mesh.nodes.len();
-                Ok(super::largest(nodes.map(|node| (solution.fields.row(3 * node)[0] - 1.0).abs())))
+                Ok(super::case::largest(nodes.map(|node| (solution.fields.row(3 * node)[0] - 1.0).abs())))
             },
         )?,
         verdict(

@@ -10,12 +10,14 @@ pub mod lattice;
 mod sides;
 mod stencil;
 
+use super::diagnostics::{digits, place};
 use super::error::MeshError;
 use super::generate::MEMORY;
+use super::quality;
+use super::surface::Surface;
 use super::surface_check::{SurfaceReport, check};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
-use super::trouble::{digits, place};
-use super::{Loaded, Surface, TetMesh, quality};
+use super::tet_mesh::{Loaded, TetMesh};
 use crate::base::machine;
 use distance::{Depth, Distance};
 use lattice::Lattice;

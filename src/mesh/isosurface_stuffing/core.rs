@@ -5,7 +5,7 @@
 //! with good dihedral angles (SIGGRAPH 2007). Without their grading: all cells have one size.
 //!
 //! The two constants below are ours: they maximise the least angle over random signs and cut points, which know no
-//! surface (`tests/stuffing.rs`: 10.77° to 164.1°).
+//! surface (`tests/meshes/isosurface_stuffing.rs`: 10.77° to 164.1°).
 
 use super::lattice::{Lattice, STEPS};
 use super::stencil::{Corner, fill};

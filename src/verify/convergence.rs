@@ -1,6 +1,19 @@
 //! The order of convergence from a sequence of meshes.
 
-use super::Level;
+use serde::Serialize;
+
+/// One mesh of a [`ConvergenceRow`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Level {
+    /// Size of a cell as a part of the body's.
+    pub h: f64,
+    pub nodes: usize,
+    pub value: f64,
+    /// Relative.
+    pub error: f64,
+    /// From assembly to displacements.
+    pub seconds: f64,
+}
 
 /// Slope of log(error) over log(h) by least squares, over the levels whose error is more than twice what the reference
 /// is `known_to`: nearer, the error tells of the reference. `None` of fewer than two such levels, or where an error is

@@ -3,9 +3,10 @@
 //! In: a [`TetMesh`]. Out: one sentence for each kind of trouble, the worst first, with places and the tags of some
 //! nodes, and what to do. The measures are relative: the same body in metres and nanometres gives the same sentences.
 
+use super::quadratic;
 use super::quality::{Components, bounding_box, components, overlapping_faces, quality};
 use super::surface::{FACES, sorted_faces};
-use super::{TetMesh, quadratic};
+use super::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -42,17 +43,17 @@ impl std::fmt::Display for Severity {
     }
 }
 
-/// One kind of trouble: how bad, and what, where and what to do.
+/// One thing that is wrong with a mesh: how severe it is, what it is, where, and what to do about it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Trouble {
+pub struct Diagnostic {
     pub severity: Severity,
     pub message: String,
 }
 
 /// All that is wrong, the worst first; empty for a sound mesh.
-pub fn find(mesh: &TetMesh) -> Vec<Trouble> {
+pub fn find(mesh: &TetMesh) -> Vec<Diagnostic> {
     let mut found = Vec::new();
-    let mut say = |severity, message: String| found.push(Trouble { severity, message });
+    let mut say = |severity, message: String| found.push(Diagnostic { severity, message });
     elements(mesh, &mut say);
     curved(mesh, &mut say);
     overlaps(mesh, &mut say);
@@ -76,7 +77,7 @@ pub fn find(mesh: &TetMesh) -> Vec<Trouble> {
         );
         say(Severity::Warning, message);
     }
-    found.sort_by_key(|trouble| trouble.severity);
+    found.sort_by_key(|found| found.severity);
     found
 }
 

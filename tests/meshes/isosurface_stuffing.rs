@@ -1,9 +1,9 @@
 //! Isosurface stuffing: the dihedral angles that its authors prove, conforming meshes, volume and distance that
 //! converge, and what is refused.
 
-use greenstage::mesh::stuffing::core::{ALPHA_LONG, ALPHA_SHORT, stuff};
-use greenstage::mesh::stuffing::lattice::Lattice;
-use greenstage::mesh::stuffing::tetrahedralise;
+use greenstage::mesh::isosurface_stuffing::core::{ALPHA_LONG, ALPHA_SHORT, stuff};
+use greenstage::mesh::isosurface_stuffing::lattice::Lattice;
+use greenstage::mesh::isosurface_stuffing::tetrahedralise;
 use greenstage::mesh::surface_check::check;
 use greenstage::mesh::surface_files::TriangleSurface;
 use greenstage::mesh::{Surface, TetMesh, quality};

@@ -4,8 +4,7 @@
 //! Numerische Mathematik 1, 1959). Edges of all tetrahedra count, those inside the body too: what grows on a wall then
 //! has the wall's thickness, and never crosses a gap, which no edge does.
 
-use super::quadratic::edges_of;
-use super::{EDGES, TetMesh};
+use super::tet_mesh::{EDGES, TetMesh, edges_of};
 use nalgebra::Vector3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

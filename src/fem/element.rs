@@ -1,0 +1,79 @@
+//! What an entry of the list of elements holds: everything that the program knows of a kind of element.
+//!
+//! In: a mesh with the element's nodes, Lamé's constants for each tetrahedron, displacement fields. Out: the stiffness
+//! matrix and the strain energies, summed over the sets of elements that the entry makes of the mesh.
+
+use super::assembly::{AssemblyError, ElementSet, assemble_elements};
+use super::energy::mutual_energies;
+use super::fields::NodeFields;
+use super::material::Lame;
+use super::stiffness::StiffnessMatrix;
+use crate::mesh::TetMesh;
+use nalgebra::DMatrix;
+
+/// The sets of elements of a mesh, whose contributions are added up.
+pub type ElementSets<'a> = Vec<Box<dyn ElementSet + 'a>>;
+
+/// A kind of element.
+#[derive(Debug)]
+pub struct Element {
+    /// As scenes name it.
+    pub name: &'static str,
+    /// Degree of the displacement: 1 has nodes at corners, 2 between them too.
+    pub order: u32,
+    pub dilatation: Dilatation,
+    /// Whether it becomes too stiff near Poisson's ratio 1/2, however fine the mesh is that can be afforded.
+    pub locks: bool,
+    /// Pairs of nodes with an element in common for each edge, face and tetrahedron of the mesh: what the stiffness
+    /// matrix holds blocks for.
+    pub pairs: [f64; 3],
+    /// What the solve of one unknown costs against one of tet4.
+    pub unknown_cost: f64,
+    /// Errors where a tetrahedron is flat, inverted or folded.
+    pub sets: for<'a> fn(&'a TetMesh, &'a [Lame]) -> Result<ElementSets<'a>, AssemblyError>,
+}
+
+/// The dilatation θ whose square λ multiplies in an element's energy; linear in each tetrahedron.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Dilatation {
+    /// That of the displacement, in each tetrahedron projected in L2 onto the linear functions, where it is not one: in
+    /// curved quadratic ones.
+    Own,
+    /// The mean over the patch of each node, linear between nodes.
+    Nodal,
+}
+
+impl Element {
+    /// K = Σ_e K_e with Lamé's constants `lame[e]` per tetrahedron.
+    ///
+    /// Errors where a tetrahedron is flat or inverted, or where the mesh has not the nodes of this element.
+    pub fn assemble(&self, mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
+        Ok(assemble_elements(mesh.nodes.len(), &self.sets_of(mesh, lame)?))
+    }
+
+    /// S_ij = a(u_i, u_j) of all fields, element by element ([`mutual_energies`]). Errors as [`Element::assemble`].
+    pub fn energies(
+        &self,
+        mesh: &TetMesh,
+        lame: &[Lame],
+        fields: &NodeFields,
+    ) -> Result<DMatrix<f64>, AssemblyError> {
+        Ok(mutual_energies(&self.sets_of(mesh, lame)?, fields))
+    }
+
+    fn sets_of<'a>(&self, mesh: &'a TetMesh, lame: &'a [Lame]) -> Result<ElementSets<'a>, AssemblyError> {
+        let order = if mesh.mids.is_empty() { 1 } else { 2 };
+        if order != self.order {
+            return Err(AssemblyError::Order { element: self.name, needed: self.order, order });
+        }
+        (self.sets)(mesh, lame)
+    }
+}
+
+impl PartialEq for Element {
+    fn eq(&self, other: &Element) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Element {}

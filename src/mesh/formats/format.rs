@@ -1,0 +1,87 @@
+//! What an entry of the list of formats holds: how a mesh file is recognised, read and written.
+//!
+//! In: a file's bytes, or a [`TetMesh`]. Out: a [`RawMesh`] that is not yet checked, or the bytes of one or two files
+//! that the reader of the format gives back as the same nodes, tetrahedra and regions, bit by bit.
+
+use crate::base::output::Kind;
+use crate::mesh::assemble::RawMesh;
+use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::tet_mesh::TetMesh;
+use std::path::{Path, PathBuf};
+
+/// One file format.
+pub struct Format {
+    pub name: &'static str,
+    /// In lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// Whether these are the first bytes of such a file, whatever its name.
+    pub recognizes: fn(&[u8]) -> bool,
+    /// The files beside the one of this path over which such a mesh is spread, found by their names.
+    pub others: fn(&Path) -> Vec<PathBuf>,
+    /// From the bytes of the named file, and the others in their order. A reader opens no file itself: what it is given
+    /// here is what the fingerprint of a precomputed body covers.
+    pub read: fn(&[u8], &[Part]) -> Result<RawMesh, FormatFault>,
+    /// The ways to write it, the usual one first; none where it can only be read.
+    pub writers: &'static [Writer],
+}
+
+/// Another file of a mesh.
+pub struct Part {
+    pub path: PathBuf,
+    pub bytes: Vec<u8>,
+}
+
+/// How a format is written in one encoding.
+pub struct Writer {
+    pub name: &'static str,
+    pub about: &'static str,
+    /// The extension of each file that it makes, and what may stand there and be overwritten. Where there is one file
+    /// only, its name is the user's.
+    pub files: &'static [(&'static str, Kind)],
+    pub encode: fn(&TetMesh) -> Result<Encoded, MeshError>,
+}
+
+/// Files in the order of [`Writer::files`].
+pub struct Encoded {
+    pub files: Vec<Vec<u8>>,
+    /// What the format cannot hold, one sentence each.
+    pub lost: Vec<String>,
+}
+
+impl Writer {
+    fn has(&self, extension: &str) -> bool {
+        self.files.iter().any(|(known, _)| *known == extension)
+    }
+
+    /// The files that it makes for `path`, in the order of [`Writer::files`].
+    pub fn targets(&self, path: &Path) -> impl Iterator<Item = (PathBuf, &'static Kind)> {
+        let is_alone = self.files.len() == 1;
+        let name = move |extension| if is_alone { path.to_owned() } else { path.with_extension(extension) };
+        self.files.iter().map(move |(extension, kind)| (name(extension), kind))
+    }
+}
+
+/// The extension of `path` in lower case, without the dot; empty where there is none.
+pub fn extension(path: &Path) -> String {
+    path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// The writer for the extension of `path` among `writers`, or the one called `name` if it has that extension.
+pub fn find_writer<'a>(
+    writers: impl Iterator<Item = &'a Writer> + Clone,
+    path: &Path,
+    name: Option<&str>,
+) -> Result<&'a Writer, MeshError> {
+    let extension = extension(path);
+    let mut fitting = writers.clone().filter(|writer| writer.has(&extension));
+    fitting.find(|writer| name.is_none_or(|name| writer.name == name)).ok_or_else(|| {
+        let listed = |writer: &Writer| {
+            let extensions: Vec<&str> = writer.files.iter().map(|(extension, _)| *extension).collect();
+            format!("{} (.{})", writer.name, extensions.join(", ."))
+        };
+        let known: Vec<String> = writers.map(listed).collect();
+        let asked = name.map_or(String::new(), |name| format!(" as {name}"));
+        let reason = format!("cannot be written{asked}; known are {}", known.join(", "));
+        MeshError::Refused { path: path.to_owned(), reason }
+    })
+}

@@ -1,0 +1,34 @@
+//! What an entry of the list of problems holds.
+
+use super::solution::Measure;
+use crate::fem::{AssemblyError, Element};
+use crate::mesh::GenerateError;
+use crate::solve::SolveError;
+
+/// A problem with a known answer.
+pub struct Problem {
+    pub name: &'static str,
+    /// One sentence: body, supports, loads, what is compared.
+    pub about: &'static str,
+    /// Where the answer is from.
+    pub source: &'static str,
+    /// Of the meshes from coarse to fine, see [`Element::cells`]; effort chooses how many are solved.
+    pub sizes: [u32; 4],
+    pub solve: fn(&Element, u32) -> Result<Vec<Measure>, ProblemError>,
+}
+
+/// Poisson's ratios on the way to incompressible.
+pub const POISSON: [f64; 4] = [0.3, 0.49, 0.499, 0.4999];
+
+/// Why one mesh could not be solved.
+#[derive(Debug, thiserror::Error)]
+pub enum ProblemError {
+    #[error(transparent)]
+    Mesh(#[from] GenerateError),
+    #[error(transparent)]
+    Assembly(#[from] AssemblyError),
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    #[error("no node lies at ({0}, {1}, {2}) of the unit block")]
+    NoNode(f64, f64, f64),
+}
