@@ -11,7 +11,7 @@ use super::room::{Camera, Orbit, Room, write_names};
 use crate::render::window::{Input, Key, WindowTimes, Windows};
 use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Sheet, Tile};
 use crate::stage::{Stage, Window};
-use crate::track::rig::TrackerReport;
+use crate::track::tracker_set::TrackerReport;
 use nalgebra::Isometry3;
 
 /// The aids of all windows of a stage.

@@ -35,7 +35,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let stage = Stage::find(&args.stage).map_err(Failure::request)?;
+    let stage = Stage::find(&args.stage).and_then(crate::track::checked).map_err(Failure::request)?;
     if let Some(folder) = &args.output {
         return pictures(&stage, &args.stage, folder);
     }

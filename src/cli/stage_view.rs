@@ -17,8 +17,8 @@ use crate::render::{
 use crate::scene::Scene;
 use crate::stage::Stage;
 use crate::track::device::now_s;
-use crate::track::rig::TrackerReport;
-use crate::track::{Rig, Script, Signal, StylusState, TrackerState, usable};
+use crate::track::tracker_set::TrackerReport;
+use crate::track::{Script, Signal, StylusState, TrackerSet, TrackerState, usable};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -117,7 +117,7 @@ fn show(args: &Args, seen: Seen, camera: Camera) -> Result<(), Failure> {
 }
 
 struct Outside {
-    rig: Option<Rig>,
+    rig: Option<TrackerSet>,
     seen: Seen,
     bodies: Option<Bodies>,
     orbit: Orbit,
@@ -202,7 +202,9 @@ impl Seen {
                 let text = format!("{} is a stage itself: leave --stage {stage} away", path.display());
                 return Err(Failure::wrong(text));
             }
-            let stage = Stage::find(&path.display().to_string()).map_err(Failure::request)?;
+            let stage = Stage::find(&path.display().to_string())
+                .and_then(crate::track::checked)
+                .map_err(Failure::request)?;
             return Ok(Seen::Stage(Box::new(stage), TrackerState::default()));
         }
         let scene = Scene::load(path)?;
@@ -223,7 +225,7 @@ impl Seen {
 
     /// Moves everything to what the trackers say now, as long as none has spoken to what the script does; tells of all
     /// sensors.
-    fn step(&mut self, rig: Option<&mut Rig>, time_s: f64, round: &mut u32) -> Vec<TrackerReport> {
+    fn step(&mut self, rig: Option<&mut TrackerSet>, time_s: f64, round: &mut u32) -> Vec<TrackerReport> {
         let mut state = match self {
             Seen::Scene(world, Some(script)) => scripted(world, script, time_s, round),
             _ => TrackerState { time_s, ..TrackerState::default() },
@@ -318,9 +320,8 @@ fn play(world: &mut World, script: Option<&Script>, time_s: f64) {
 mod tests {
     use super::*;
     use crate::stage::BUILT_IN;
-    use crate::track::device::{DeviceState, Source};
+    use crate::track::FakeSource;
     use nalgebra::{Isometry3, Point3};
-    use std::sync::{Arc, Mutex};
 
     #[test]
     fn a_word_that_is_no_number_is_refused_wherever_it_stands() {
@@ -331,20 +332,6 @@ mod tests {
         }
         for wrong in ["1280xfoox960", "1280", "x1280x960", "8x960", "1280x960x2", "-1280x960"] {
             assert!(size(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[derive(Clone, Default)]
-    struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
-
-    impl Source for Puppet {
-        fn describe(&self) -> String {
-            "puppet".into()
-        }
-
-        fn latest(&mut self) -> &DeviceState {
-            self.1 = self.0.lock().unwrap().clone();
-            &self.1
         }
     }
 
@@ -366,11 +353,11 @@ sensor = \"wand\"
     fn an_installer_sees_head_stylus_and_every_sensor_where_the_calibration_puts_them() {
         let text = BUILT_IN[0].1.replacen("[viewer]", "[viewer]\nhead = \"head\"", 1) + TRACKING;
         let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
-        let puppet = Puppet::default();
-        let mut rig = Rig::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
+        let puppet = FakeSource::default();
+        let mut rig = TrackerSet::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
         let viewer = stage.viewer.room_from_head;
         let mut seen = Seen::Stage(Box::new(stage), TrackerState::default());
-        let drawn = |seen: &mut Seen, rig: &mut Rig| {
+        let drawn = |seen: &mut Seen, rig: &mut TrackerSet| {
             let reports = seen.step(Some(rig), 0.0, &mut 0);
             let mut room = seen.room(&Camera::of(seen.stage()));
             room.add_sensors(&reports);
@@ -385,7 +372,7 @@ sensor = \"wand\"
         assert_eq!(eyes(&room), 2);
         for (sensor, place) in [(0, [0.2, 0.6, 1.2]), (1, [0.3, 0.2, 0.5]), (7, [1.0, 0.0, 0.0])] {
             let [x, y, z] = place;
-            puppet.0.lock().unwrap().take_pose(sensor, Isometry3::translation(x, y, z), None, 1.0);
+            puppet.change(|state| state.take_pose(sensor, Isometry3::translation(x, y, z), None, 1.0));
         }
         let (styli, head, wand, seventh, _) = drawn(&mut seen, &mut rig);
         let off = |found: Option<Point3<f64>>, x: f64, y: f64, z: f64| {

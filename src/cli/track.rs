@@ -5,10 +5,11 @@ use super::feel::{self, Feel};
 use super::serve::{self, Service};
 use super::table::Table;
 use crate::base::notice::notice;
-use crate::effect::haptics::Sensed;
+use crate::effect::haptics::HapticSource;
 use crate::stage::Stage;
+use crate::track::TrackerSet;
 use crate::track::device::{Link, Source, now_s};
-use crate::track::rig::{Rig, SensorReport, TrackerReport};
+use crate::track::tracker_set::{SensorReport, TrackerReport};
 use crate::track::{OpenError, Signal, TrackerState, open};
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
@@ -59,7 +60,9 @@ const STEP_S: f64 = 0.005;
 pub fn run(args: &Args) -> Result<(), Failure> {
     let stage = args.stage.as_deref();
     if let (Some(script), Some(place)) = (&args.script, args.serve) {
-        let stage = Stage::find(stage.unwrap_or("workbench")).map_err(Failure::request)?;
+        let stage = Stage::find(stage.unwrap_or("workbench"))
+            .and_then(crate::track::checked)
+            .map_err(Failure::request)?;
         return serve::script(place, script, stage, args.rate, args.seconds);
     }
     let mut rig = rig(stage.unwrap_or_default())?;
@@ -96,8 +99,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// The running trackers of a stage.
-pub fn rig(stage: &str) -> Result<Rig, Failure> {
-    let stage = Stage::find(stage).map_err(Failure::request)?;
+pub fn rig(stage: &str) -> Result<TrackerSet, Failure> {
+    let stage = Stage::find(stage).and_then(crate::track::checked).map_err(Failure::request)?;
     start(&stage, None)?.ok_or_else(|| {
         Failure::wrong(format!(
             "stage {} names no tracker: add a [tracker.NAME] table to its file (`greenstage manual tracking`)",
@@ -107,13 +110,13 @@ pub fn rig(stage: &str) -> Result<Rig, Failure> {
 }
 
 /// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
-pub fn start(stage: &Stage, mut feel: Option<&mut Feel>) -> Result<Option<Rig>, Failure> {
-    Rig::start(&stage.tracking, |name, kind| {
+pub fn start(stage: &Stage, mut feel: Option<&mut Feel>) -> Result<Option<TrackerSet>, Failure> {
+    TrackerSet::start(&stage.tracking, |name, kind| {
         let haptic = stage.haptics.iter().find(|haptic| haptic.tracker() == name);
         match haptic {
             Some(haptic) => match feel.as_mut().and_then(|feel| feel.source(&haptic.name)) {
                 Some(felt) => Ok(Box::new(felt) as Box<dyn Source>),
-                None => Ok(Box::new(Sensed::alone(feel::open(haptic)?))),
+                None => Ok(Box::new(HapticSource::alone(feel::open(haptic)?))),
             },
             None => Ok(open(name, kind)?),
         }
@@ -121,12 +124,12 @@ pub fn start(stage: &Stage, mut feel: Option<&mut Feel>) -> Result<Option<Rig>, 
 }
 
 /// Asks the rig every `step_s` seconds, for `limit_s` or for ever: `each` gets the rig, the time, and whether it is the
-/// last one. Whoever passes poses on does it there, by [`Rig::devices`] or [`Rig::state`].
+/// last one. Whoever passes poses on does it there, by [`TrackerSet::devices`] or [`TrackerSet::state`].
 pub fn watch(
-    rig: &mut Rig,
+    rig: &mut TrackerSet,
     step_s: f64,
     limit_s: Option<f64>,
-    mut each: impl FnMut(&mut Rig, f64, bool) -> Result<(), Failure>,
+    mut each: impl FnMut(&mut TrackerSet, f64, bool) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let started_s = now_s();
     loop {
@@ -142,7 +145,7 @@ pub fn watch(
 }
 
 /// Who moves head and styli, in words.
-pub fn mover(rig: Option<&Rig>) -> &'static str {
+pub fn mover(rig: Option<&TrackerSet>) -> &'static str {
     match rig {
         Some(rig) if rig.is_pointing() => "moved by trackers",
         Some(rig) if rig.is_speaking() => "moved by trackers, mouse and keyboard",
@@ -151,7 +154,7 @@ pub fn mover(rig: Option<&Rig>) -> &'static str {
 }
 
 /// Head and styli as they are tracked; what is not tracked now comes from `other`, behind them.
-pub fn merge(rig: &mut Rig, other: TrackerState) -> TrackerState {
+pub fn merge(rig: &mut TrackerSet, other: TrackerState) -> TrackerState {
     let mut state = rig.state(now_s());
     for notice in rig.take_notices() {
         notice!("note: {notice}");

@@ -20,7 +20,7 @@ use crate::scene::Scene;
 use crate::stage::Window;
 use crate::track::device::now_s;
 use crate::track::mouse::Button as MouseButton;
-use crate::track::{Mouse, MouseInput, Rig, Script, TrackerState};
+use crate::track::{Mouse, MouseInput, Script, TrackerSet, TrackerState};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -209,7 +209,7 @@ struct Viewer {
     limit_s: Option<f64>,
     device: device::Args,
     /// What follows head and hands, where the stage names something.
-    rig: Option<Rig>,
+    rig: Option<TrackerSet>,
 }
 
 impl WindowApp for Viewer {

@@ -11,8 +11,11 @@
 //! | marker m, m < 100 | 2000 + m | | |
 
 use super::device::DeviceState;
-use super::udp::Parser;
+use super::listen::Listen;
+use super::source_entry::{SourceEntry, SourceSettings, keys};
+use super::udp::{Parser, UdpSettings};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use std::net::Ipv4Addr;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 const FLYSTICK: i32 = 1000;
@@ -32,6 +35,21 @@ const DAY_S: f64 = 86_400.0;
 /// A date that was right once is right as long as it makes the time differ by less than this from our own, s: the
 /// controller's clock may be in another time zone.
 const OTHER_DAY_S: f64 = 0.75 * DAY_S;
+
+pub const SOURCE: SourceEntry = SourceEntry { key: "dtrack", more_keys: &["interface"], read };
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    dtrack: String,
+    interface: Option<Ipv4Addr>,
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
+    let Keys { dtrack, interface } = keys(tracker, table)?;
+    let place = Listen::parse(tracker, "dtrack", &dtrack, interface)?;
+    Ok(Box::new(UdpSettings { kind: "dtrack", place, parser: Dtrack::default() }))
+}
 
 /// The state between frames.
 #[derive(Clone, Copy, Debug, Default)]

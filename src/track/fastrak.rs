@@ -4,8 +4,9 @@
 //! button s. From the 3SPACE FASTRAK user manual (OPM00PI002, rev. G, 2012): a record is `0`, the station, an error
 //! code, and the items that were asked for: place (52), quaternion w x y z (61), switch (66), end of line (1).
 
-use super::device::{DeviceState, Link, now_s};
+use super::device::{DeviceState, Link, Source, now_s};
 use super::open_error::OpenError;
+use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
 use super::worker::{Backoff, Publisher, Worker};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::io::{ErrorKind, Read, Write};
@@ -23,6 +24,40 @@ const LONGEST_LINE: usize = 256;
 /// Without a record for so long the device is commanded anew, s.
 const SILENCE_S: f64 = 3.0;
 const WAKE: Duration = Duration::from_millis(50);
+
+pub const SOURCE: SourceEntry = SourceEntry { key: "fastrak", more_keys: &["baud"], read };
+
+/// A serial line, as a stage file names it.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Settings {
+    fastrak: PathBuf,
+    #[serde(default = "usual_baud")]
+    baud: u32,
+}
+
+fn usual_baud() -> u32 {
+    115_200
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
+    let Settings { fastrak, baud } = keys(tracker, table)?;
+    let fastrak = device(tracker, "fastrak", fastrak, "/dev/ttyUSB0 or COM3")?;
+    if !(300..=4_000_000).contains(&baud) {
+        return Err(format!("baud is {baud}: it must be a number between 300 and 4000000"));
+    }
+    Ok(Box::new(Settings { fastrak, baud }))
+}
+
+impl SourceSettings for Settings {
+    fn exclusive_use(&self) -> Option<ExclusiveUse> {
+        Some(ExclusiveUse::Opens(self.fastrak.clone()))
+    }
+
+    fn open(self: Box<Self>, tracker: &str) -> Result<Box<dyn Source>, OpenError> {
+        Ok(Box::new(open(tracker, &self.fastrak, self.baud)?))
+    }
+}
 
 /// Opens the serial line `device`, now or when it appears.
 pub fn open(tracker: &str, device: &Path, baud: u32) -> Result<Worker, OpenError> {

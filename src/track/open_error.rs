@@ -1,6 +1,7 @@
 //! Why a tracker could not be opened, and the remedy.
 
-use crate::stage::tracking::Listen;
+use super::listen::Listen;
+use crate::stage::StageError;
 
 /// Why a source could not be opened at all; one that is merely absent is waited for.
 #[derive(Debug, thiserror::Error)]
@@ -17,6 +18,8 @@ pub enum OpenError {
     Join { tracker: String, place: Listen, source: std::io::Error },
     #[error("tracker `{tracker}`: cannot start its thread: {source}")]
     Thread { tracker: String, source: std::io::Error },
+    #[error(transparent)]
+    Stage(#[from] StageError),
     #[error("tracker `{tracker}`: {why}")]
     Unsupported { tracker: String, why: String },
 }

@@ -4,16 +4,49 @@
 //! `euler` says. Out: sensors 1 to 8, and 0 for `head`. Senders from Unity are left-handed: `mirror = "z"`.
 
 use super::device::DeviceState;
-use super::udp::Parser;
-use crate::stage::tracking::EulerOrder;
+use super::listen::Listen;
+use super::source_entry::{SourceEntry, SourceSettings, keys};
+use super::udp::{Parser, UdpSettings};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rosc::{OscMessage, OscPacket, OscType};
+use std::net::Ipv4Addr;
 
 /// What these trackers send is far shorter, bytes.
 const LARGEST: usize = 4 << 10;
 /// Bundles within bundles and arrays within arrays go no deeper, as the decoder recurses into them.
 const DEEPEST: usize = 32;
 const SENSORS: usize = 9;
+
+pub const SOURCE: SourceEntry = SourceEntry { key: "osc", more_keys: &["interface", "euler"], read };
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    osc: String,
+    interface: Option<Ipv4Addr>,
+    #[serde(default)]
+    euler: EulerOrder,
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
+    let Keys { osc, interface, euler } = keys(tracker, table)?;
+    let place = Listen::parse(tracker, "osc", &osc, interface)?;
+    Ok(Box::new(UdpSettings { kind: "osc", place, parser: Osc::new(euler) }))
+}
+
+/// The order of three turns about the tracker's axes: `yxz` is R = Ry Rx Rz. Whatever the order, the message has the
+/// angle about x first, then y, then z.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EulerOrder {
+    Xyz,
+    Xzy,
+    #[default]
+    Yxz,
+    Yzx,
+    Zxy,
+    Zyx,
+}
 
 /// The state between messages.
 #[derive(Clone, Copy, Debug)]

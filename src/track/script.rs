@@ -25,10 +25,6 @@
 //!
 //! The first key frame states all that the script moves; what a later one does not state holds as it was.
 
-mod source;
-
-pub use source::ScriptSource;
-
 use super::interpolate::{interpolate, locate};
 use super::state::{StylusState, TrackerState};
 use crate::config::{self, ConfigError};
@@ -85,12 +81,12 @@ pub enum ScriptError {
     #[error("{}: the script has no key frame: add a [[key]] with time and what it moves", path.display())]
     Empty { path: PathBuf },
     #[error("{}:{line}: key frame {key}: {fault}", path.display())]
-    Invalid { path: PathBuf, line: usize, key: usize, fault: Fault },
+    Invalid { path: PathBuf, line: usize, key: usize, fault: KeyFrameFault },
 }
 
 /// What is wrong with a key frame, and what to do about it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Fault {
+pub enum KeyFrameFault {
     #[error("time is {time_s}: give seconds between 0 and {LONGEST_S}")]
     Time { time_s: f64 },
     #[error(
@@ -254,23 +250,23 @@ impl Script {
     }
 
     /// Adds one key frame to every track.
-    fn push(&mut self, key: &KeyFile) -> Result<(), Fault> {
+    fn push(&mut self, key: &KeyFile) -> Result<(), KeyFrameFault> {
         let time_s = key.time;
         if !(0.0..=LONGEST_S).contains(&time_s) {
-            return Err(Fault::Time { time_s });
+            return Err(KeyFrameFault::Time { time_s });
         }
         let is_first = self.times_s.is_empty();
         if let Some(&previous_s) = self.times_s.last()
             && previous_s >= time_s
         {
-            return Err(Fault::Order { time_s, previous_s });
+            return Err(KeyFrameFault::Order { time_s, previous_s });
         }
         self.times_s.push(time_s);
 
         let previous = self.head.last().copied();
         match &key.head {
             Some(_) if previous.is_none() && !is_first => {
-                return Err(Fault::Unknown { who: "the head".to_owned(), hint: String::new() });
+                return Err(KeyFrameFault::Unknown { who: "the head".to_owned(), hint: String::new() });
             }
             Some(head) => self.head.push(head_key(head, previous)?),
             None => self.head.extend(previous),
@@ -282,7 +278,7 @@ impl Script {
             } else if !self.styli.contains_key(name) {
                 let nearest = config::nearest(name, self.styli.keys().map(String::as_str));
                 let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
-                return Err(Fault::Unknown { who: format!("stylus `{name}`"), hint });
+                return Err(KeyFrameFault::Unknown { who: format!("stylus `{name}`"), hint });
             }
         }
         for (name, keys) in &mut self.styli {
@@ -296,7 +292,7 @@ impl Script {
     }
 }
 
-fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault> {
+fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, KeyFrameFault> {
     let HeadFile { offset, position, target, direction, rotation, roll } = *head;
     let pose = PoseFile { who: "the head", position, target, direction, rotation, roll };
     let Some(offset) = offset else {
@@ -307,12 +303,16 @@ fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault
         return Ok(HeadKey::Pose(pose.resolve(previous)?));
     };
     if position.or(target).or(direction).or(rotation).is_some() || roll.is_some() {
-        return Err(Fault::OffsetAndPose);
+        return Err(KeyFrameFault::OffsetAndPose);
     }
     Ok(HeadKey::Offset(pose.vector("offset", offset)?))
 }
 
-fn stylus_key(name: &str, stylus: &StylusFile, previous: Option<StylusKey>) -> Result<StylusKey, Fault> {
+fn stylus_key(
+    name: &str,
+    stylus: &StylusFile,
+    previous: Option<StylusKey>,
+) -> Result<StylusKey, KeyFrameFault> {
     let StylusFile { position, target, direction, rotation, roll, pressed, second } = *stylus;
     let who = format!("stylus `{name}`");
     let pose = PoseFile { who: &who, position, target, direction, rotation, roll };
@@ -325,8 +325,8 @@ fn stylus_key(name: &str, stylus: &StylusFile, previous: Option<StylusKey>) -> R
 
 impl PoseFile<'_> {
     /// The whole pose; what is not stated is the previous one's.
-    fn resolve(&self, previous: Option<Isometry3<f64>>) -> Result<Isometry3<f64>, Fault> {
-        let missing = |what| Fault::Missing { who: self.who.to_owned(), what };
+    fn resolve(&self, previous: Option<Isometry3<f64>>) -> Result<Isometry3<f64>, KeyFrameFault> {
+        let missing = |what| KeyFrameFault::Missing { who: self.who.to_owned(), what };
         let position = match self.position {
             Some(position) => self.vector("position", position)?,
             None => previous.ok_or_else(|| missing("position"))?.translation.vector,
@@ -340,7 +340,7 @@ impl PoseFile<'_> {
         Ok(Isometry3::from_parts(Translation3::from(position), rotation))
     }
 
-    fn orientation(&self, position: &Point3<f64>) -> Result<Option<UnitQuaternion<f64>>, Fault> {
+    fn orientation(&self, position: &Point3<f64>) -> Result<Option<UnitQuaternion<f64>>, KeyFrameFault> {
         let direction = match (self.target, self.direction, self.rotation) {
             (None, None, None) if self.roll.is_none() => return Ok(None),
             (None, None, Some(rotation)) if self.roll.is_none() => {
@@ -349,31 +349,31 @@ impl PoseFile<'_> {
             (Some(target), None, None) => self.vector("target", target)? - position.coords,
             (None, Some(direction), None) => self.vector("direction", direction)?,
             (None, None, _) => {
-                return Err(Fault::LoneRoll { who: self.who.to_owned() });
+                return Err(KeyFrameFault::LoneRoll { who: self.who.to_owned() });
             }
             _ => {
-                return Err(Fault::SeveralOrientations { who: self.who.to_owned() });
+                return Err(KeyFrameFault::SeveralOrientations { who: self.who.to_owned() });
             }
         };
         let roll = self.number("roll", self.roll.unwrap_or(0.0))?;
         match rotation_towards(&direction, roll) {
             Some(rotation) => Ok(Some(rotation)),
-            None => Err(Fault::NoDirection { who: self.who.to_owned() }),
+            None => Err(KeyFrameFault::NoDirection { who: self.who.to_owned() }),
         }
     }
 
-    fn vector(&self, what: &'static str, numbers: [f64; 3]) -> Result<Vector3<f64>, Fault> {
+    fn vector(&self, what: &'static str, numbers: [f64; 3]) -> Result<Vector3<f64>, KeyFrameFault> {
         for value in numbers {
             self.number(what, value)?;
         }
         Ok(numbers.into())
     }
 
-    fn number(&self, what: &'static str, value: f64) -> Result<f64, Fault> {
+    fn number(&self, what: &'static str, value: f64) -> Result<f64, KeyFrameFault> {
         if value.abs() <= ROOM_LIMIT_M {
             Ok(value)
         } else {
-            Err(Fault::Number { who: self.who.to_owned(), what, value })
+            Err(KeyFrameFault::Number { who: self.who.to_owned(), what, value })
         }
     }
 }

@@ -3,11 +3,12 @@
 //! In: a parser of one datagram. Out: a running [`Worker`]. Nothing that arrives costs more than a counter: a datagram
 //! has a greatest size, a flood its share of the time, and no length in it is believed.
 
-use super::device::{DeviceState, Link, now_s};
+use super::device::{DeviceState, Link, Source, now_s};
+use super::listen::Listen;
 use super::open_error::OpenError;
-use super::pace::{NEWS_S, Pace};
+use super::rate_limiter::{PUBLISH_S, RateLimiter};
+use super::source_entry::{ExclusiveUse, SourceSettings};
 use super::worker::{Publisher, Worker};
-use crate::stage::tracking::Listen;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::Duration;
 
@@ -19,6 +20,23 @@ const WAKE: Duration = Duration::from_millis(50);
 pub trait Parser: Send + 'static {
     /// False if nothing of it could be read; the listener counts that.
     fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool;
+}
+
+/// Where the datagrams of a protocol are listened for, as a stage file says.
+pub struct UdpSettings<P> {
+    pub kind: &'static str,
+    pub place: Listen,
+    pub parser: P,
+}
+
+impl<P: Parser> SourceSettings for UdpSettings<P> {
+    fn exclusive_use(&self) -> Option<ExclusiveUse> {
+        Some(ExclusiveUse::Listens(self.place.at))
+    }
+
+    fn open(self: Box<Self>, tracker: &str) -> Result<Box<dyn Source>, OpenError> {
+        Ok(Box::new(listen(tracker, self.kind, self.place, self.parser)?))
+    }
 }
 
 /// A tracker of which nothing good comes for longer is quiet, and then gone, s.
@@ -65,7 +83,7 @@ fn scope(at: SocketAddr) -> u32 {
 fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, silence: Silence) {
     use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     let mut datagram = vec![0; LARGEST + 1];
-    let (mut heard_s, mut pace, mut is_waiting) = (None, Pace::default(), false);
+    let (mut heard_s, mut limiter, mut is_waiting) = (None, RateLimiter::default(), false);
     while !publisher.is_stopped() {
         let received = socket.recv(&mut datagram);
         let began_s = now_s();
@@ -87,16 +105,14 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
             }
         }
         silence.judge(&mut publisher, heard_s.map_or(0.0, |heard_s| began_s - heard_s));
-        let waited = std::mem::replace(&mut is_waiting, publisher.publish_news(is_news));
+        let waited = std::mem::replace(&mut is_waiting, publisher.publish_changed(is_news));
         if waited != is_waiting {
-            let wake = if is_waiting { Duration::from_secs_f64(NEWS_S) } else { WAKE };
-            // Without it news may wait until the next datagram, at most as long as without news.
+            let wake = if is_waiting { Duration::from_secs_f64(PUBLISH_S) } else { WAKE };
+            // If this fails, a state waits for the next datagram, at most as long as where nothing changed.
             let _ = socket.set_read_timeout(Some(wake));
         }
-        if let Some(wait_s) = pace.worked(began_s, now_s()).filter(|_| is_news) {
-            publisher.state.counters.throttled += 1;
-            publisher.publish();
-            std::thread::sleep(Duration::from_secs_f64(wait_s));
+        if is_news {
+            publisher.throttle(&mut limiter, began_s).into_iter().for_each(std::thread::sleep);
         }
     }
 }

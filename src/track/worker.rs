@@ -3,13 +3,14 @@
 //! In: a function that runs until it is told to stop. Out: a [`Source`]. What a source needs besides its protocol is
 //! here: publishing, being stopped, and waiting longer after each failure.
 
-use super::device::{DeviceState, Link, Source, now_s};
-use super::pace::NEWS_S;
+use super::device::{DeviceState, Link, Source};
+use super::publisher::StatePublisher;
+use super::rate_limiter::RateLimiter;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
-use triple_buffer::{Input, Output, triple_buffer};
+use triple_buffer::Output;
 
 /// A running source; dropped, it stops.
 pub struct Worker {
@@ -21,11 +22,9 @@ pub struct Worker {
 
 /// The thread's side of it.
 pub struct Publisher {
-    /// What the source has said; seen by others once it is published.
+    /// What the source has said; others see it once it is published.
     pub state: DeviceState,
-    newest: Input<DeviceState>,
-    published_s: f64,
-    is_waiting: bool,
+    newest: StatePublisher,
     stop: Arc<AtomicBool>,
 }
 
@@ -44,15 +43,9 @@ impl Worker {
         description: String,
         run: impl FnOnce(Publisher) + Send + 'static,
     ) -> std::io::Result<Worker> {
-        let (input, newest) = triple_buffer(&DeviceState::default());
+        let (publisher, newest) = StatePublisher::new();
         let stop = Arc::new(AtomicBool::new(false));
-        let publisher = Publisher {
-            state: DeviceState::default(),
-            newest: input,
-            published_s: 0.0,
-            is_waiting: false,
-            stop: stop.clone(),
-        };
+        let publisher = Publisher { state: DeviceState::default(), newest: publisher, stop: stop.clone() };
         let name = description.chars().filter(|c| *c != '\0').take(15).collect();
         let thread = std::thread::Builder::new().name(name).spawn(move || run(publisher))?;
         Ok(Worker { description, newest, stop, thread: Some(thread) })
@@ -87,20 +80,18 @@ impl Drop for Worker {
 }
 
 impl Publisher {
-    /// Hands the state over; the newest one wins.
     pub fn publish(&mut self) {
-        self.newest.input_buffer_mut().clone_from(&self.state);
-        self.newest.publish();
-        (self.published_s, self.is_waiting) = (now_s(), false);
+        self.newest.publish(&self.state);
     }
 
-    /// Hands the state over if there is news, and if it was not done a moment ago; true: it is to be asked again soon.
-    pub fn publish_news(&mut self, is_news: bool) -> bool {
-        self.is_waiting |= is_news;
-        if self.is_waiting && now_s() - self.published_s >= NEWS_S {
-            self.publish();
-        }
-        self.is_waiting
+    /// Publishes a state that has changed, unless that was done a moment ago; true: ask again soon.
+    pub fn publish_changed(&mut self, has_changed: bool) -> bool {
+        self.newest.publish_changed(&self.state, has_changed)
+    }
+
+    /// The source has worked since `began_s`: how long it must wait, if it has used up its share of the time.
+    pub fn throttle(&mut self, limiter: &mut RateLimiter, began_s: f64) -> Option<Duration> {
+        self.newest.throttle(&mut self.state, limiter, began_s)
     }
 
     pub fn is_stopped(&self) -> bool {
@@ -109,11 +100,7 @@ impl Publisher {
 
     /// Says why the source is gone, once per reason.
     pub fn down(&mut self, reason: impl Into<String>) {
-        let link = Link::Down(reason.into());
-        if self.state.link != link {
-            self.state.link = link;
-            self.publish();
-        }
+        self.newest.set_link(&mut self.state, Link::Down(reason.into()));
     }
 
     /// Waits; false if it was stopped meanwhile.

@@ -11,9 +11,9 @@ pub use panel::Panel;
 use super::world::flow::StylusFields;
 use super::world::{Mood, PlacedBody, World};
 use crate::deform::{ControlPose, Wrench, local_turn};
-use crate::effect::haptics::{Clockwork, Felt};
+use crate::effect::haptics::{LoopState, LoopTiming};
 use crate::track::Signal;
-use crate::track::rig::TrackerReport;
+use crate::track::tracker_set::TrackerReport;
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 
@@ -94,8 +94,8 @@ pub struct SensorReading {
 #[derive(Clone, Debug, PartialEq)]
 pub struct HapticReading {
     pub name: String,
-    pub felt: Felt,
-    pub clockwork: Clockwork,
+    pub felt: LoopState,
+    pub clockwork: LoopTiming,
     pub max_force_n: f64,
     /// Its stylus holds something that is felt.
     pub holds: bool,

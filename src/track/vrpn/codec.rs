@@ -10,7 +10,7 @@
 //!
 //! Verified against the recorded stream of a vrpn_server 07.38 (tests/vrpn.rs).
 
-use crate::stage::tracking::vrpn::LONGEST_NAME;
+use super::address::LONGEST_NAME;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 pub const COOKIE_BYTES: usize = 24;
@@ -56,7 +56,7 @@ pub struct Message<'a> {
 
 /// Why bytes were refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Fault {
+pub enum CodecFault {
     #[error("the peer does not speak VRPN: it began with {0:?}")]
     NoCookie(String),
     #[error("the peer speaks VRPN {0:02}.{1:02}; only 07.xx is understood")]
@@ -82,8 +82,8 @@ pub fn cookie() -> [u8; COOKIE_BYTES] {
 }
 
 /// The peer's version; 07 with any minor is taken.
-pub fn parse_cookie(cookie: &[u8; COOKIE_BYTES]) -> Result<Version, Fault> {
-    let no_cookie = || Fault::NoCookie(String::from_utf8_lossy(&cookie[..16]).into_owned());
+pub fn parse_cookie(cookie: &[u8; COOKIE_BYTES]) -> Result<Version, CodecFault> {
+    let no_cookie = || CodecFault::NoCookie(String::from_utf8_lossy(&cookie[..16]).into_owned());
     let [a, b, b'.', c, d] = cookie[MAGIC.len()..16] else { return Err(no_cookie()) };
     if !cookie.starts_with(MAGIC) || ![a, b, c, d].iter().all(u8::is_ascii_digit) {
         return Err(no_cookie());
@@ -91,7 +91,7 @@ pub fn parse_cookie(cookie: &[u8; COOKIE_BYTES]) -> Result<Version, Fault> {
     let number = |tens: u8, ones: u8| 10 * (tens - b'0') + (ones - b'0');
     let version = Version { major: number(a, b), minor: number(c, d) };
     if version.major != VERSION.major {
-        return Err(Fault::Version(version.major, version.minor));
+        return Err(CodecFault::Version(version.major, version.minor));
     }
     Ok(version)
 }
@@ -138,12 +138,12 @@ pub fn encode(header: &Header, payload: &[u8], out: &mut Vec<u8>) {
 }
 
 /// The first message of `bytes` and how many bytes it takes with its padding; `None`: it is not complete yet.
-pub fn decode(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, Fault> {
+pub fn decode(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, CodecFault> {
     let word = |at: usize| -> Option<u32> { Some(u32::from_be_bytes(*bytes.get(4 * at..)?.first_chunk()?)) };
     let Some(length) = word(0) else { return Ok(None) };
     let taken = length as usize;
     if !(HEADER_BYTES..=HEADER_BYTES + MOST_PAYLOAD).contains(&taken) {
-        return Err(Fault::Length(length));
+        return Err(CodecFault::Length(length));
     }
     let padded = taken.next_multiple_of(8);
     let (Some(seconds), Some(microseconds), Some(sender), Some(kind), Some(sequence)) =
@@ -159,7 +159,7 @@ pub fn decode(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, Fault> {
 }
 
 /// The messages of a datagram, up to the first that is not whole.
-pub fn datagram(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, Fault>> {
+pub fn datagram(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, CodecFault>> {
     let mut rest = bytes;
     std::iter::from_fn(move || {
         if rest.is_empty() {
@@ -172,7 +172,7 @@ pub fn datagram(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, Fault>
             }
             other => {
                 rest = &[];
-                Some(Err(other.err().unwrap_or(Fault::Truncated)))
+                Some(Err(other.err().unwrap_or(CodecFault::Truncated)))
             }
         }
     })
@@ -187,8 +187,8 @@ pub fn encode_name(name: &str) -> Vec<u8> {
 }
 
 /// The name in the payload of a description.
-pub fn decode_name(payload: &[u8]) -> Result<&str, Fault> {
-    let fault = Fault::Name(payload.len());
+pub fn decode_name(payload: &[u8]) -> Result<&str, CodecFault> {
+    let fault = CodecFault::Name(payload.len());
     let Some((length, name)) = payload.split_first_chunk() else { return Err(fault) };
     let Some((0, name)) = name.split_last().map(|(nul, name)| (*nul, name)) else { return Err(fault) };
     if name.len() > LONGEST_NAME
@@ -240,7 +240,7 @@ impl Framer {
     }
 
     /// The next whole message. After a fault the stream has lost its frame and is of no use.
-    pub fn message(&mut self) -> Result<Option<Message<'_>>, Fault> {
+    pub fn message(&mut self) -> Result<Option<Message<'_>>, CodecFault> {
         let Some((message, taken)) = decode(&self.buffer[self.first..self.end])? else { return Ok(None) };
         self.first += taken;
         Ok(Some(message))

@@ -2,7 +2,7 @@
 //!
 //! The bytes follow the protocol's description; no force device was at hand to verify them.
 
-use super::client::Control;
+use super::connection::Control;
 use super::payload::ForceField;
 use crate::track::device::now_s;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -26,7 +26,7 @@ struct Newest {
 }
 
 impl ForceSender {
-    pub(super) fn new(control: Arc<Control>) -> ForceSender {
+    pub fn new(control: Arc<Control>) -> ForceSender {
         let newest = Arc::new(Newest::default());
         let shared = newest.clone();
         let thread = Builder::new().name("vrpn force".into()).spawn(move || {

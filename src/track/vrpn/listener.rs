@@ -4,7 +4,7 @@
 //! what is to be done about the connection. Nothing grows with what a peer sends.
 
 use super::codec::{self, Message};
-use super::payload::{Kind, Payload};
+use super::payload::{MessageKind, Payload};
 use crate::base::peak::Peak;
 use crate::track::device::{DeviceState, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -14,7 +14,7 @@ const MOST_OTHERS: usize = 16;
 
 /// The numbers that a peer gives to the message types.
 #[derive(Clone, Debug, Default)]
-pub struct PeerKinds([Option<i32>; Kind::ALL.len()]);
+pub struct PeerKinds([Option<i32>; MessageKind::ALL.len()]);
 
 /// A pose by UDP was overtaken, if its stamp is older than its sensor's last one by less than this, and that one came
 /// just now; otherwise the server's clock was set, s.
@@ -49,14 +49,14 @@ impl PeerKinds {
         for slot in &mut self.0 {
             *slot = slot.filter(|known| *known != id);
         }
-        if let Some(kind) = Kind::named(name) {
+        if let Some(kind) = MessageKind::named(name) {
             self.0[kind as usize] = Some(id);
         }
     }
 
     /// The type that the peer means; `None`: one that is of no use here, or was never described.
-    pub fn kind(&self, id: i32) -> Option<Kind> {
-        Kind::ALL.into_iter().find(|kind| self.0[*kind as usize] == Some(id))
+    pub fn kind(&self, id: i32) -> Option<MessageKind> {
+        MessageKind::ALL.into_iter().find(|kind| self.0[*kind as usize] == Some(id))
     }
 }
 
@@ -236,7 +236,7 @@ mod tests {
     fn listener() -> Listener {
         let mut listener = Listener::new("Wand");
         let mut bytes = described(0, codec::SENDER_DESCRIPTION, "Wand");
-        bytes.extend(described(0, codec::TYPE_DESCRIPTION, Kind::PosQuat.name()));
+        bytes.extend(described(0, codec::TYPE_DESCRIPTION, MessageKind::PosQuat.name()));
         codec::datagram(&bytes).for_each(|message| assert!(listener.take(&message.unwrap())));
         listener
     }
@@ -269,7 +269,7 @@ mod tests {
     #[test]
     fn a_round_trip_is_from_a_ping_to_its_pong() {
         let mut listener = listener();
-        let mut pong = described(1, codec::TYPE_DESCRIPTION, Kind::Pong.name());
+        let mut pong = described(1, codec::TYPE_DESCRIPTION, MessageKind::Pong.name());
         codec::datagram(&pong).for_each(|message| assert!(listener.take(&message.unwrap())));
         pong.clear();
         encode(&Header::now(0, 1), &Payload::Pong.encode(), &mut pong);

@@ -1,11 +1,11 @@
 //! One client of the VRPN server: its connection, what its numbers mean, and what waits to be sent to it.
 //!
-//! [`Talk`] is the protocol without a socket, [`Peer`] the socket. Nothing blocks. What waits is bounded: a client
+//! [`Protocol`] is the protocol without a socket, [`Peer`] the socket. Nothing blocks. What waits is bounded: a client
 //! that does not take what it is sent is given up.
 
-use super::codec::{self, Fault, Framer, Header, Message};
+use super::codec::{self, CodecFault, Framer, Header, Message};
 use super::listener::PeerKinds;
-use super::payload::{Kind, Payload};
+use super::payload::{MessageKind, Payload};
 use crate::track::device::now_s;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, TcpStream, UdpSocket};
@@ -20,20 +20,26 @@ const COOKIE_S: f64 = 3.0;
 const ALIVE_S: f64 = 5.0;
 
 /// The types that the server sends; their numbers are their places.
-pub const SERVED: [Kind; 6] =
-    [Kind::PosQuat, Kind::ButtonChange, Kind::ButtonStates, Kind::AnalogChannel, Kind::Ping, Kind::Pong];
+pub const SERVED: [MessageKind; 6] = [
+    MessageKind::PosQuat,
+    MessageKind::ButtonChange,
+    MessageKind::ButtonStates,
+    MessageKind::AnalogChannel,
+    MessageKind::Ping,
+    MessageKind::Pong,
+];
 
 /// Why a client was given up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Gone {
     Closed,
     Slow,
-    Malformed(Fault),
+    Malformed(CodecFault),
     Silent,
 }
 
 /// A client as far as the protocol goes: bytes in, bytes out.
-pub struct Talk {
+pub struct Protocol {
     /// What is to be sent to the client.
     pub waiting: Vec<u8>,
     /// At which port it takes trackers by UDP.
@@ -46,10 +52,10 @@ pub struct Talk {
     sequence: u32,
 }
 
-impl Talk {
+impl Protocol {
     /// Begins with the cookie and the descriptions of our devices and types.
-    pub fn new(devices: &[String]) -> Talk {
-        let mut talk = Talk {
+    pub fn new(devices: &[String]) -> Protocol {
+        let mut protocol = Protocol {
             waiting: codec::cookie().to_vec(),
             udp_port: None,
             framer: Framer::default(),
@@ -59,12 +65,12 @@ impl Talk {
             sequence: 0,
         };
         for (id, name) in devices.iter().enumerate() {
-            talk.describe(id, codec::SENDER_DESCRIPTION, name);
+            protocol.describe(id, codec::SENDER_DESCRIPTION, name);
         }
         for (id, kind) in SERVED.iter().enumerate() {
-            talk.describe(id, codec::TYPE_DESCRIPTION, kind.name());
+            protocol.describe(id, codec::TYPE_DESCRIPTION, kind.name());
         }
-        talk
+        protocol
     }
 
     /// The client's version, once it has shown that it speaks the protocol.
@@ -80,7 +86,7 @@ impl Talk {
         }
         let kind = SERVED.iter().position(|kind| *kind == payload.kind()).unwrap_or(0);
         let header = Header { sequence: self.next(), ..Header::now(device as i32, kind as i32).at(time_s) };
-        let by_udp = self.udp_port.is_some() && payload.kind() == Kind::PosQuat;
+        let by_udp = self.udp_port.is_some() && payload.kind() == MessageKind::PosQuat;
         codec::encode(&header, &payload.encode(), if by_udp { datagrams } else { &mut self.waiting });
     }
 
@@ -90,7 +96,7 @@ impl Talk {
         self.tell(device, now_s, &Payload::Pong, &mut Vec::new());
     }
 
-    /// Where the client's next bytes are to be written, and [`hear`](Talk::hear) how many were.
+    /// Where the client's next bytes are to be written, and [`hear`](Protocol::hear) how many were.
     pub fn space(&mut self) -> &mut [u8] {
         let space = self.framer.space();
         let most = space.len().min(MOST_BYTES);
@@ -143,7 +149,7 @@ impl Talk {
                 self.udp_port = u16::try_from(id).ok().filter(|port| *port >= 1024);
             }
             codec::DISCONNECT => return Err(Gone::Closed),
-            kind if self.kinds.kind(kind) == Some(Kind::Ping) => {
+            kind if self.kinds.kind(kind) == Some(MessageKind::Ping) => {
                 if let Some(device) = self.senders.iter().position(|sender| *sender == Some(id)) {
                     self.pong(device);
                     return Ok(true);
@@ -158,7 +164,7 @@ impl Talk {
 /// A client and its connection.
 pub struct Peer {
     pub ip: IpAddr,
-    pub talk: Talk,
+    pub protocol: Protocol,
     stream: TcpStream,
     since_s: f64,
     sent_s: f64,
@@ -168,14 +174,14 @@ impl Peer {
     pub fn new(stream: TcpStream, devices: &[String]) -> std::io::Result<Peer> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
-        let (ip, talk) = (stream.peer_addr()?.ip(), Talk::new(devices));
-        Ok(Peer { ip, talk, stream, since_s: now_s(), sent_s: now_s() })
+        let (ip, protocol) = (stream.peer_addr()?.ip(), Protocol::new(devices));
+        Ok(Peer { ip, protocol, stream, since_s: now_s(), sent_s: now_s() })
     }
 
     /// Sends poses by UDP, as many whole messages in a datagram as it holds, and says how many datagrams went. One
     /// that is lost is followed by a newer one.
     pub fn send_datagrams(&self, udp: &UdpSocket, bytes: &[u8]) -> u64 {
-        let Some(port) = self.talk.udp_port else { return 0 };
+        let Some(port) = self.protocol.udp_port else { return 0 };
         let (mut first, mut end, mut sent) = (0, 0, 0);
         let mut send = |part: &[u8]| sent += u64::from(udp.send_to(part, (self.ip, port)).is_ok());
         while let Ok(Some((_, taken))) = codec::decode(&bytes[end..]) {
@@ -193,12 +199,12 @@ impl Peer {
 
     /// Takes what the client says, up to a bound; how many pings came.
     pub fn hear(&mut self, devices: &[String]) -> Result<u64, Gone> {
-        if self.talk.version.is_none() && now_s() - self.since_s > COOKIE_S {
+        if self.protocol.version.is_none() && now_s() - self.since_s > COOKIE_S {
             return Err(Gone::Silent);
         }
-        match self.stream.read(self.talk.space()) {
+        match self.stream.read(self.protocol.space()) {
             Ok(0) => Err(Gone::Closed),
-            Ok(bytes) => self.talk.hear(bytes, devices),
+            Ok(bytes) => self.protocol.hear(bytes, devices),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(0),
             Err(_) => Err(Gone::Closed),
         }
@@ -206,12 +212,12 @@ impl Peer {
 
     /// Sends what waits, as far as the client takes it.
     pub fn flush(&mut self) -> Result<(), Gone> {
-        if self.talk.version.is_some() && now_s() - self.sent_s > ALIVE_S {
-            self.talk.pong(0);
+        if self.protocol.version.is_some() && now_s() - self.sent_s > ALIVE_S {
+            self.protocol.pong(0);
         }
         let mut sent = 0;
-        while sent < self.talk.waiting.len() {
-            match self.stream.write(&self.talk.waiting[sent..]) {
+        while sent < self.protocol.waiting.len() {
+            match self.stream.write(&self.protocol.waiting[sent..]) {
                 Ok(bytes) => sent += bytes,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -221,7 +227,7 @@ impl Peer {
         if sent > 0 {
             self.sent_s = now_s();
         }
-        self.talk.waiting.drain(..sent);
-        if self.talk.waiting.len() > MOST_WAITING { Err(Gone::Slow) } else { Ok(()) }
+        self.protocol.waiting.drain(..sent);
+        if self.protocol.waiting.len() > MOST_WAITING { Err(Gone::Slow) } else { Ok(()) }
     }
 }

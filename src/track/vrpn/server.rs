@@ -4,11 +4,10 @@
 //! once, over TCP; poses by UDP to those that asked for it. One caller's thread does it all and never blocks; slow and
 //! hostile clients are dropped and counted. A sensor that is not tracked is not sent, since VRPN has no word for it.
 
-use super::address::decode_lob;
+use super::address::{decode_lob, is_device_name};
 use super::codec::{Header, VERSION, Version};
 use super::payload::Payload;
 use super::peer::{Gone, Peer};
-use crate::stage::tracking::vrpn::is_device_name;
 use crate::track::device::{DeviceState, Reading, Source, now_s};
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
@@ -100,10 +99,10 @@ impl Server {
         if news.is_empty() {
             return;
         }
-        for peer in self.peers.iter_mut().filter(|peer| peer.talk.version().is_some()) {
+        for peer in self.peers.iter_mut().filter(|peer| peer.protocol.version().is_some()) {
             let mut datagrams = Vec::new();
             for (time_s, payload) in &news {
-                peer.talk.tell(device, *time_s, payload, &mut datagrams);
+                peer.protocol.tell(device, *time_s, payload, &mut datagrams);
             }
             self.counters.datagrams += peer.send_datagrams(&self.lobs, &datagrams);
         }
@@ -115,10 +114,10 @@ impl Server {
         self.welcome();
         let (names, counters, sent) = (&self.names, &mut self.counters, &self.sent);
         self.peers.retain_mut(|peer| {
-            let was_greeted = peer.talk.version().is_some();
+            let was_greeted = peer.protocol.version().is_some();
             // Whoever is refused hears our version first.
             let heard = peer.flush().and_then(|()| peer.hear(names));
-            if let (false, Some(version)) = (was_greeted, peer.talk.version()) {
+            if let (false, Some(version)) = (was_greeted, peer.protocol.version()) {
                 greet(peer, version, sent);
             }
             match heard.map(|pings| counters.pings += pings) {
@@ -256,11 +255,11 @@ fn greet(peer: &mut Peer, version: Version, sent: &[DeviceState]) {
         let buttons = dense(&state.buttons, 256).map(|pressed| i32::from(pressed.unwrap_or(false)));
         let buttons: Vec<i32> = buttons.collect();
         if !buttons.is_empty() {
-            peer.talk.tell(device, time_s, &Payload::ButtonStates(buttons), &mut Vec::new());
+            peer.protocol.tell(device, time_s, &Payload::ButtonStates(buttons), &mut Vec::new());
         }
         let values = analogs(state);
         if !values.is_empty() {
-            peer.talk.tell(device, time_s, &Payload::Analog(values), &mut Vec::new());
+            peer.protocol.tell(device, time_s, &Payload::Analog(values), &mut Vec::new());
         }
     }
 }

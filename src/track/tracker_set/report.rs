@@ -1,10 +1,9 @@
 //! What is known of every sensor, button and valuator: for `greenstage track` and for the overlay.
 
-use super::super::state::Signal;
-use super::Rig;
-use super::follower::Faults;
+use super::follower::SensorFaults;
 use crate::stage::tracking::LostPolicy;
 use crate::track::device::{Counters, Link, Reading};
+use crate::track::state::Signal;
 use nalgebra::Isometry3;
 
 /// One tracker, and all that it has spoken of.
@@ -42,7 +41,7 @@ pub struct SensorReport {
     pub noise: f64,
     /// RMS deviation of the time between readings, s.
     pub interval_jitter_s: f64,
-    pub faults: Faults,
+    pub faults: SensorFaults,
 }
 
 /// A button or a valuator.
@@ -54,51 +53,8 @@ pub struct ChannelReport<T> {
     pub count: u64,
 }
 
-impl Rig {
-    /// Everything as it is at `now_s`; takes what the sources have said until then.
-    pub fn report(&mut self, now_s: f64) -> Vec<TrackerReport> {
-        self.update(now_s);
-        let mut reports = Vec::with_capacity(self.trackers.len());
-        for (index, running) in self.trackers.iter_mut().enumerate() {
-            let source = running.source.describe();
-            let state = running.source.latest();
-            let named: Vec<_> = self.sensors.iter().filter(|followed| followed.tracker == index).collect();
-            let mut sensors: Vec<SensorReport> = named
-                .iter()
-                .map(|followed| {
-                    let follower = &followed.follower;
-                    let reading = state.sensors.get(&follower.sensor.id);
-                    SensorReport {
-                        name: Some(followed.name.clone()),
-                        in_room: followed.pose,
-                        signal: follower.signal,
-                        faults: follower.faults,
-                        ..sensor(follower.sensor.id, reading, now_s)
-                    }
-                })
-                .collect();
-            let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
-            let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
-            let frame = named.first().map(|followed| followed.follower.frame);
-            sensors.extend(unnamed.map(|(id, reading)| SensorReport {
-                in_room: frame.map(|frame| frame.room_from_sensor(&reading.value)),
-                ..sensor(*id, Some(reading), now_s)
-            }));
-            reports.push(TrackerReport {
-                name: running.name.clone(),
-                source,
-                link: state.link.clone(),
-                counters: state.counters,
-                sensors,
-                buttons: state.buttons.iter().map(|(id, reading)| channel(*id, reading, now_s)).collect(),
-                valuators: state.valuators.iter().map(|(id, reading)| channel(*id, reading, now_s)).collect(),
-            });
-        }
-        reports
-    }
-}
-
-fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) -> SensorReport {
+/// What is known of a sensor that the stage need not name.
+pub fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) -> SensorReport {
     let age_s = reading.map_or(0.0, |reading| (now_s - reading.arrived_s).max(0.0));
     let seen_s = reading.and_then(Reading::seen).map(|(_, arrived_s)| (now_s - arrived_s).max(0.0));
     let LostPolicy { after_s, warn_s } = LostPolicy::default();
@@ -121,11 +77,12 @@ fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) -> Sen
         age_s,
         noise: reading.map_or(0.0, |reading| reading.flow.noise()),
         interval_jitter_s: reading.map_or(0.0, |reading| reading.flow.interval_jitter_s()),
-        faults: Faults { drop_outs: gaps, ..Faults::default() },
+        faults: SensorFaults { drop_outs: gaps, ..SensorFaults::default() },
     }
 }
 
-fn channel<T: Copy>(id: i32, reading: &Reading<T>, now_s: f64) -> ChannelReport<T> {
+/// What is known of a button or a valuator.
+pub fn channel<T: Copy>(id: i32, reading: &Reading<T>, now_s: f64) -> ChannelReport<T> {
     ChannelReport {
         id,
         value: reading.value,

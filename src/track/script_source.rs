@@ -3,9 +3,9 @@
 //! In: a script and the stage whose workspace it refers to. Out: sensor 0 is the head, sensor 1 + i the stylus i, in
 //! the room's frame; buttons 2 i and 2 i + 1 are its grab and its second button.
 
-use super::Script;
+use super::device::{DeviceState, Link, Source, now_s};
+use super::script::Script;
 use crate::stage::Stage;
-use crate::track::device::{DeviceState, Link, Source, now_s};
 
 /// Plays a script again and again from the first question on.
 pub struct ScriptSource {

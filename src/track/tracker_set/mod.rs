@@ -1,4 +1,4 @@
-//! The rig: from what a stage file says of trackers to one [`TrackerState`] for any instant.
+//! The trackers: from what a stage file says of trackers to one [`TrackerState`] for any instant.
 //!
 //! In: a stage's [`Tracking`], and the running sources. Out: head and styli in the room, calibrated, filtered,
 //! predicted, with a policy for what is not seen; and per sensor, button and valuator what is known of it.
@@ -14,7 +14,7 @@ mod one_euro;
 mod report;
 
 pub use clock::DeviceClock;
-pub use follower::{Event, Faults, Follower};
+pub use follower::{Event, Follower, SensorFaults};
 pub use motion::Motion;
 pub use one_euro::PoseFilter;
 pub use report::{ChannelReport, SensorReport, TrackerReport};
@@ -22,11 +22,11 @@ pub use report::{ChannelReport, SensorReport, TrackerReport};
 use super::device::{DeviceState, Link, Source, now_s};
 use super::state::{Signal, StylusState, TrackerState};
 use crate::stage::Tracking;
-use crate::stage::tracking::{ButtonId, TrackerKind};
+use crate::stage::tracking::{ButtonId, TrackerSource};
 use nalgebra::Isometry3;
 
 /// Running trackers. Dropped, its sources stop.
-pub struct Rig {
+pub struct TrackerSet {
     trackers: Vec<Running>,
     sensors: Vec<Followed>,
     /// Index of the head's sensor.
@@ -65,26 +65,26 @@ const GREETING_S: f64 = 0.1;
 /// More notices than anyone reads are not kept.
 const MOST_NOTICES: usize = 64;
 
-impl Rig {
+impl TrackerSet {
     /// Opens all sources that a stage names, each by `open` ([`super::open()`], where it has no force device); `None`,
     /// without a thread or a socket, if it names none.
     pub fn start<E>(
         tracking: &Tracking,
-        mut open: impl FnMut(&str, &TrackerKind) -> Result<Box<dyn Source>, E>,
-    ) -> Result<Option<Rig>, E> {
+        mut open: impl FnMut(&str, &TrackerSource) -> Result<Box<dyn Source>, E>,
+    ) -> Result<Option<TrackerSet>, E> {
         if tracking.trackers.is_empty() {
             return Ok(None);
         }
         let sources = tracking
             .trackers
             .iter()
-            .map(|(name, tracker)| open(name, &tracker.kind))
+            .map(|(name, tracker)| open(name, &tracker.source))
             .collect::<Result<Vec<_>, E>>()?;
-        Ok(Some(Rig::with_sources(tracking, sources, now_s())))
+        Ok(Some(TrackerSet::with_sources(tracking, sources, now_s())))
     }
 
     /// The same with sources that run already, one for each of `tracking.trackers`, in that order.
-    pub fn with_sources(tracking: &Tracking, sources: Vec<Box<dyn Source>>, now_s: f64) -> Rig {
+    pub fn with_sources(tracking: &Tracking, sources: Vec<Box<dyn Source>>, now_s: f64) -> TrackerSet {
         // A checked `Tracking` names only what it has.
         let tracker_of = |name: &str| tracking.trackers.get_index_of(name);
         let sensor_of = |name: &str| tracking.sensors.get_index_of(name);
@@ -109,7 +109,7 @@ impl Rig {
                 must_release: true,
             })
         });
-        Rig {
+        TrackerSet {
             trackers: tracking
                 .trackers
                 .keys()
@@ -190,6 +190,56 @@ impl Rig {
     /// Names of the styli, in the order of [`TrackerState::styli`].
     pub fn stylus_names(&self) -> impl Iterator<Item = &str> {
         self.styli.iter().map(|hand| hand.name.as_str())
+    }
+
+    /// Everything as it is at `now_s`; takes what the sources have said until then.
+    pub fn report(&mut self, now_s: f64) -> Vec<TrackerReport> {
+        self.update(now_s);
+        let mut reports = Vec::with_capacity(self.trackers.len());
+        for (index, running) in self.trackers.iter_mut().enumerate() {
+            let source = running.source.describe();
+            let state = running.source.latest();
+            let named: Vec<_> = self.sensors.iter().filter(|followed| followed.tracker == index).collect();
+            let mut sensors: Vec<SensorReport> = named
+                .iter()
+                .map(|followed| {
+                    let follower = &followed.follower;
+                    let reading = state.sensors.get(&follower.sensor.id);
+                    SensorReport {
+                        name: Some(followed.name.clone()),
+                        in_room: followed.pose,
+                        signal: follower.signal,
+                        faults: follower.faults,
+                        ..report::sensor(follower.sensor.id, reading, now_s)
+                    }
+                })
+                .collect();
+            let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
+            let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
+            let frame = named.first().map(|followed| followed.follower.frame);
+            sensors.extend(unnamed.map(|(id, reading)| SensorReport {
+                in_room: frame.map(|frame| frame.room_from_sensor(&reading.value)),
+                ..report::sensor(*id, Some(reading), now_s)
+            }));
+            reports.push(TrackerReport {
+                name: running.name.clone(),
+                source,
+                link: state.link.clone(),
+                counters: state.counters,
+                sensors,
+                buttons: state
+                    .buttons
+                    .iter()
+                    .map(|(id, reading)| report::channel(*id, reading, now_s))
+                    .collect(),
+                valuators: state
+                    .valuators
+                    .iter()
+                    .map(|(id, reading)| report::channel(*id, reading, now_s))
+                    .collect(),
+            });
+        }
+        reports
     }
 
     /// Takes what the sources have said.

@@ -27,7 +27,7 @@ const BRIDGE_S: f64 = 0.2;
 pub struct Follower {
     pub sensor: Sensor,
     pub frame: TrackerFrame,
-    pub faults: Faults,
+    pub faults: SensorFaults,
     pub signal: Signal,
     clock: DeviceClock,
     filter: Option<PoseFilter>,
@@ -47,7 +47,7 @@ pub struct Follower {
 
 /// What was wrong with the readings so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults {
+pub struct SensorFaults {
     /// Readings more than 1 km away or without a rotation.
     pub invalid: u64,
     /// Steps that no hand makes.
@@ -94,7 +94,7 @@ impl Follower {
             filter: sensor.filter.map(PoseFilter::new),
             sensor,
             frame,
-            faults: Faults::default(),
+            faults: SensorFaults::default(),
             signal: Signal::Lost { age_s: 0.0 },
             clock: DeviceClock::default(),
             motion: None,
