@@ -1,6 +1,6 @@
 //! What a scene asks for: bodies, materials, control elements, deformation model, effects, solver, place.
 //!
-//! In: a strict TOML file. Out: a checked [`Scene`]; meshes and node selections are loaded from it on target.
+//! In: a strict TOML file. Out: a checked [`Scene`]; meshes and node selections are loaded from it on demand.
 //! Names of models and effects are checked where their lists stand, in `deform` and `effect`.
 
 mod accuracy_target;

@@ -13,7 +13,7 @@
 use super::device::DeviceState;
 use super::listen::Listen;
 use super::source_entry::{SourceEntry, SourceSettings, keys};
-use super::udp::{Parser, UdpSettings};
+use super::udp::{Parser, settings};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::net::Ipv4Addr;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -45,10 +45,10 @@ struct Keys {
     interface: Option<Ipv4Addr>,
 }
 
-fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
     let Keys { dtrack, interface } = keys(tracker, table)?;
     let place = Listen::parse(tracker, "dtrack", &dtrack, interface)?;
-    Ok(Box::new(UdpSettings { kind: "dtrack", place, parser: Dtrack::default() }))
+    Ok(settings("dtrack", place, Dtrack::default()))
 }
 
 /// The state between frames.

@@ -4,7 +4,7 @@
 //! button s. From the 3SPACE FASTRAK user manual (OPM00PI002, rev. G, 2012): a record is `0`, the station, an error
 //! code, and the items that were asked for: place (52), quaternion w x y z (61), switch (66), end of line (1).
 
-use super::device::{DeviceState, Link, Source, now_s};
+use super::device::{DeviceState, Link, now_s};
 use super::open_error::OpenError;
 use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
 use super::worker::{Backoff, Publisher, Worker};
@@ -27,36 +27,24 @@ const WAKE: Duration = Duration::from_millis(50);
 
 pub const SOURCE: SourceEntry = SourceEntry { key: "fastrak", more_keys: &["baud"], read };
 
-/// A serial line, as a stage file names it.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Settings {
+struct Keys {
     fastrak: PathBuf,
-    #[serde(default = "usual_baud")]
-    baud: u32,
+    baud: Option<u32>,
 }
 
-fn usual_baud() -> u32 {
-    115_200
-}
-
-fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
-    let Settings { fastrak, baud } = keys(tracker, table)?;
-    let fastrak = device(tracker, "fastrak", fastrak, "/dev/ttyUSB0 or COM3")?;
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
+    let Keys { fastrak, baud } = keys(tracker, table)?;
+    let (path, baud) =
+        (device(tracker, "fastrak", fastrak, "/dev/ttyUSB0 or COM3")?, baud.unwrap_or(115_200));
     if !(300..=4_000_000).contains(&baud) {
         return Err(format!("baud is {baud}: it must be a number between 300 and 4000000"));
     }
-    Ok(Box::new(Settings { fastrak, baud }))
-}
-
-impl SourceSettings for Settings {
-    fn exclusive_use(&self) -> Option<ExclusiveUse> {
-        Some(ExclusiveUse::Opens(self.fastrak.clone()))
-    }
-
-    fn open(self: Box<Self>, tracker: &str) -> Result<Box<dyn Source>, OpenError> {
-        Ok(Box::new(open(tracker, &self.fastrak, self.baud)?))
-    }
+    Ok(SourceSettings {
+        exclusive_use: Some(ExclusiveUse::Opens(path.clone())),
+        open: Box::new(move |tracker| Ok(Box::new(open(tracker, &path, baud)?))),
+    })
 }
 
 /// Opens the serial line `device`, now or when it appears.

@@ -3,7 +3,7 @@
 //! In: records of 8 bytes read from /dev/input/js0 (the kernel's joystick API: time in ms as u32, value as i16, kind,
 //! number). Out: button n and valuator n. It has no pose: a stylus takes its buttons from it.
 
-use super::device::{DeviceState, Link, Source};
+use super::device::{DeviceState, Link};
 use super::open_error::OpenError;
 use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
 use super::worker::Worker;
@@ -17,26 +17,18 @@ const INITIAL: u8 = 0x80;
 
 pub const SOURCE: SourceEntry = SourceEntry { key: "gamepad", more_keys: &[], read };
 
-/// A joystick device, as a stage file names it.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Settings {
+struct Keys {
     gamepad: PathBuf,
 }
 
-fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
-    let Settings { gamepad } = keys(tracker, table)?;
-    Ok(Box::new(Settings { gamepad: device(tracker, "gamepad", gamepad, "/dev/input/js0")? }))
-}
-
-impl SourceSettings for Settings {
-    fn exclusive_use(&self) -> Option<ExclusiveUse> {
-        Some(ExclusiveUse::Opens(self.gamepad.clone()))
-    }
-
-    fn open(self: Box<Self>, tracker: &str) -> Result<Box<dyn Source>, OpenError> {
-        Ok(Box::new(open(tracker, &self.gamepad)?))
-    }
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
+    let path = device(tracker, "gamepad", keys::<Keys>(tracker, table)?.gamepad, "/dev/input/js0")?;
+    Ok(SourceSettings {
+        exclusive_use: Some(ExclusiveUse::Opens(path.clone())),
+        open: Box::new(move |tracker| Ok(Box::new(open(tracker, &path)?))),
+    })
 }
 
 /// Takes one record.

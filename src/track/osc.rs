@@ -6,7 +6,7 @@
 use super::device::DeviceState;
 use super::listen::Listen;
 use super::source_entry::{SourceEntry, SourceSettings, keys};
-use super::udp::{Parser, UdpSettings};
+use super::udp::{Parser, settings};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rosc::{OscMessage, OscPacket, OscType};
 use std::net::Ipv4Addr;
@@ -28,10 +28,10 @@ struct Keys {
     euler: EulerOrder,
 }
 
-fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
     let Keys { osc, interface, euler } = keys(tracker, table)?;
     let place = Listen::parse(tracker, "osc", &osc, interface)?;
-    Ok(Box::new(UdpSettings { kind: "osc", place, parser: Osc::new(euler) }))
+    Ok(settings("osc", place, Osc::new(euler)))
 }
 
 /// The order of three turns about the tracker's axes: `yxz` is R = Ry Rx Rz. Whatever the order, the message has the

@@ -14,21 +14,18 @@ pub struct SourceEntry {
     /// Keys that go with it.
     pub more_keys: &'static [&'static str],
     /// Checks the keys of the tracker of this name; an error says what is wrong and what to do.
-    pub read: ReadSettings,
+    pub read: fn(tracker: &str, keys: &toml::Table) -> Result<SourceSettings, String>,
 }
-
-pub type ReadSettings = fn(tracker: &str, keys: &toml::Table) -> Result<Box<dyn SourceSettings>, String>;
 
 /// A checked table, from which its source can be opened.
-pub trait SourceSettings {
+pub struct SourceSettings {
     /// What no second tracker can use at the same time.
-    fn exclusive_use(&self) -> Option<ExclusiveUse> {
-        None
-    }
-
+    pub exclusive_use: Option<ExclusiveUse>,
     /// Starts the source of the tracker of this name.
-    fn open(self: Box<Self>, tracker: &str) -> Result<Box<dyn Source>, OpenError>;
+    pub open: OpenSource,
 }
+
+pub type OpenSource = Box<dyn FnOnce(&str) -> Result<Box<dyn Source>, OpenError>>;
 
 /// A port or a device that one source occupies.
 #[derive(Clone, Debug, PartialEq, Eq)]

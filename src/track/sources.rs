@@ -18,7 +18,8 @@ pub const SOURCES: &[SourceEntry] =
 pub fn open(tracker: &str, source: &TrackerSource) -> Result<Box<dyn Source>, OpenError> {
     match source {
         TrackerSource::Table(table) => {
-            read(tracker, table).map_err(|message| invalid(table, message))?.open(tracker)
+            let settings = read(tracker, table).map_err(|message| invalid(table, message))?;
+            (settings.open)(tracker)
         }
         TrackerSource::Haptic(_) => {
             let why = "a force device is opened by whoever gives it forces".to_owned();
@@ -61,7 +62,7 @@ fn faults(tracking: &Tracking) -> Vec<(&SourceTable, String)> {
                 continue;
             }
         };
-        let Some(own) = settings.exclusive_use() else { continue };
+        let Some(own) = settings.exclusive_use else { continue };
         match used.iter().find(|(_, other)| own.clashes_with(other)) {
             Some((first, _)) => found.push((
                 table,
@@ -77,7 +78,7 @@ fn faults(tracking: &Tracking) -> Vec<(&SourceTable, String)> {
 }
 
 /// Finds the entry of a table by its keys, and has it read them.
-fn read(tracker: &str, table: &SourceTable) -> Result<Box<dyn SourceSettings>, String> {
+fn read(tracker: &str, table: &SourceTable) -> Result<SourceSettings, String> {
     let keys = &table.keys;
     let given: Vec<&SourceEntry> = SOURCES.iter().filter(|entry| keys.contains_key(entry.key)).collect();
     for key in keys.keys().filter(|key| given.iter().all(|entry| entry.key != key.as_str())) {

@@ -3,7 +3,7 @@
 //! In: a parser of one datagram. Out: a running [`Worker`]. Nothing that arrives costs more than a counter: a datagram
 //! has a greatest size, a flood its share of the time, and no length in it is believed.
 
-use super::device::{DeviceState, Link, Source, now_s};
+use super::device::{DeviceState, Link, now_s};
 use super::listen::Listen;
 use super::open_error::OpenError;
 use super::rate_limiter::{PUBLISH_S, RateLimiter};
@@ -22,20 +22,11 @@ pub trait Parser: Send + 'static {
     fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool;
 }
 
-/// Where the datagrams of a protocol are listened for, as a stage file says.
-pub struct UdpSettings<P> {
-    pub kind: &'static str,
-    pub place: Listen,
-    pub parser: P,
-}
-
-impl<P: Parser> SourceSettings for UdpSettings<P> {
-    fn exclusive_use(&self) -> Option<ExclusiveUse> {
-        Some(ExclusiveUse::Listens(self.place.at))
-    }
-
-    fn open(self: Box<Self>, tracker: &str) -> Result<Box<dyn Source>, OpenError> {
-        Ok(Box::new(listen(tracker, self.kind, self.place, self.parser)?))
+/// Settings of a source that listens on `place`.
+pub fn settings(kind: &'static str, place: Listen, parser: impl Parser) -> SourceSettings {
+    SourceSettings {
+        exclusive_use: Some(ExclusiveUse::Listens(place.at)),
+        open: Box::new(move |tracker| Ok(Box::new(listen(tracker, kind, place, parser)?))),
     }
 }
 

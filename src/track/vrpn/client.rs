@@ -9,7 +9,6 @@ use super::connection::{Control, SPOKEN, message};
 use super::force::ForceSender;
 use super::payload::Payload;
 use crate::track::device::{DeviceState, Link, Source, now_s};
-use crate::track::open_error::OpenError;
 use crate::track::rate_limiter::{PUBLISH_S, RateLimiter};
 use crate::track::source_entry::{SourceEntry, SourceSettings, keys};
 use std::io::{ErrorKind, Read, Write};
@@ -29,13 +28,7 @@ struct Keys {
     transport: Option<Transport>,
 }
 
-/// A device, and how its server is reached.
-struct Settings {
-    address: Address,
-    transport: Transport,
-}
-
-fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, String> {
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
     let Keys { vrpn, transport } = keys(tracker, table)?;
     let wrong = |why: &str| {
         let vrpn: String = vrpn.chars().take(100).collect();
@@ -48,13 +41,9 @@ fn read(tracker: &str, table: &toml::Table) -> Result<Box<dyn SourceSettings>, S
     if transport == Some(Transport::Lob) && !address.udp {
         return Err(wrong("it says tcp and `transport` says lob"));
     }
-    Ok(Box::new(Settings { address, transport: transport.unwrap_or_default() }))
-}
-
-impl SourceSettings for Settings {
-    fn open(self: Box<Self>, _tracker: &str) -> Result<Box<dyn Source>, OpenError> {
-        Ok(Box::new(Client::open(self.address, self.transport)))
-    }
+    let transport = transport.unwrap_or_default();
+    let open = Box::new(move |_: &str| Ok(Box::new(Client::open(address, transport)) as Box<dyn Source>));
+    Ok(SourceSettings { exclusive_use: None, open })
 }
 
 /// When what happens, s.
