@@ -1,7 +1,11 @@
-//! Where poses come from: each source is a file here and gives a [`TrackerState`] for an instant.
+//! Where poses come from: each kind of source has a file here; together they give a [`TrackerState`] for any time.
 //!
-//! In: mouse and keys, a script of key frames, or a tracker's packets. Out: the head and the styli in the room's frame
-//! (metres, y up, right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
+//! In: mouse and keys, a script of key frames, or a tracker's packets. Out: head and styli in the room's frame (metres,
+//! y up, right-handed), in f32. A stylus' ray is its -z axis.
+//!
+//! ```text
+//! packets → one of SOURCES → DeviceState → TrackerSet (calibration, filter, prediction) → TrackerState
+//! ```
 
 pub mod device;
 pub mod dtrack;

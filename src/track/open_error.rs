@@ -1,9 +1,9 @@
-//! Why a tracker could not be opened, and the remedy.
+//! Why a tracker could not be opened, and what to do about it.
 
 use super::listen::Listen;
 use crate::stage::StageError;
 
-/// Why a source could not be opened at all; one that is merely absent is waited for.
+/// Why a source could not be opened at all. A device that is merely absent is waited for.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     #[error(

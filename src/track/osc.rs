@@ -1,7 +1,7 @@
 //! OSC trackers: `/tracking/trackers/{1…8|head}/{position|rotation}` with three floats each, by UDP, usually to port 9000.
 //!
-//! In: places in metres, and rotations as three angles in degrees about x, y and z, in the order that the stage file's
-//! `euler` says. Out: sensors 1 to 8, and 0 for `head`. Senders from Unity are left-handed: `mirror = "z"`.
+//! In: positions in metres, and rotations as three angles in degrees about x, y and z, applied in the order of the stage
+//! file's key `euler`. Out: sensors 1 to 8, and 0 for `head`. Senders from Unity are left-handed: `mirror = "z"`.
 
 use super::device::DeviceState;
 use super::listen::Listen;
@@ -11,9 +11,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rosc::{OscMessage, OscPacket, OscType};
 use std::net::Ipv4Addr;
 
-/// What these trackers send is far shorter, bytes.
+/// Longer datagrams are refused, bytes; what these trackers send is far shorter.
 const LARGEST: usize = 4 << 10;
-/// Bundles within bundles and arrays within arrays go no deeper, as the decoder recurses into them.
+/// The deepest nesting of bundles and arrays, into which the decoder recurses.
 const DEEPEST: usize = 32;
 const SENSORS: usize = 9;
 
@@ -55,7 +55,7 @@ pub struct Osc {
     halves: [Halves; SENSORS],
 }
 
-/// Place and orientation come in messages of their own.
+/// Position and orientation come in separate messages.
 #[derive(Clone, Copy, Debug, Default)]
 struct Halves {
     place: Half<Vector3<f64>>,
@@ -87,7 +87,7 @@ impl Osc {
         }
     }
 
-    /// A pose is complete when both halves are new; or with each message, from senders that send one half alone.
+    /// A pose is complete when both halves are new; from senders of one half alone, with each message.
     fn take(&mut self, sensor: usize, half: &str, numbers: Vector3<f64>, state: &mut DeviceState) {
         let halves = &mut self.halves[sensor];
         let is_place = half == "position";
@@ -133,7 +133,7 @@ impl Parser for Osc {
     }
 }
 
-/// Sensor's number and `position` or `rotation`.
+/// The sensor's number, and `position` or `rotation`.
 fn sensor_and_half(address: &str) -> Option<(usize, &str)> {
     let (name, half) = address.strip_prefix("/tracking/trackers/")?.split_once('/')?;
     let sensor = match name {

@@ -1,7 +1,7 @@
 //! Limits how much of a processor a source uses, whatever it is sent: a share of each slot of time.
 //!
-//! In: when work on a packet began and ended. Out: how long to wait before the next one. What comes meanwhile waits with
-//! the system, which drops what is too much.
+//! In: when work on a packet began and ended. Out: how long to wait before the next one. The operating system keeps what
+//! comes meanwhile, and drops what is too much.
 
 /// A slot of time, and how long a source works in each at most, s.
 const SLOT_S: f64 = 0.01;
@@ -20,7 +20,7 @@ pub struct RateLimiter {
 }
 
 impl RateLimiter {
-    /// Work on a packet went from `from_s` to `until_s`; how long to wait, where the slot's share is used up, s.
+    /// Counts work on a packet from `from_s` to `until_s`; returns how long to wait, s, if the slot's share is used up.
     pub fn worked(&mut self, from_s: f64, until_s: f64) -> Option<f64> {
         if from_s - self.slot_s >= SLOT_S {
             *self = RateLimiter { slot_s: from_s, worked_s: 0.0 };

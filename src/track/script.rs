@@ -1,4 +1,4 @@
-//! A script of key frames: what a head and some styli do, for demonstrations and tests without a person.
+//! Scripts of key frames that move a head and styli, for demonstrations and tests without a person.
 //!
 //! In: a strict TOML file. Out: the [`TrackerState`] at any time, on any stage. Between key frames motion is
 //! smooth and never overshoots; before the first and after the last it rests.
@@ -23,7 +23,7 @@
 //! | `pressed`, `second` | the stylus' buttons, from this key frame on |
 //! | `head.offset` | instead of all those: metres in the room's axes from where the stage has the viewer, looking as there |
 //!
-//! The first key frame states all that the script moves; what a later one does not state holds as it was.
+//! The first key frame must state everything that the script moves; later ones state only what changes.
 
 use super::interpolate::{interpolate, locate};
 use super::state::{StylusState, TrackerState};
@@ -34,7 +34,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
-/// A checked script: every track has a value at every key time.
+/// A checked script: head and styli have a value at every key time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Script {
     pub frame: Frame,
@@ -43,7 +43,7 @@ pub struct Script {
     times_s: Vec<f64>,
     /// Empty if the script does not move the head.
     head: Vec<HeadKey>,
-    /// By name, in the order of the names.
+    /// By name, sorted.
     styli: BTreeMap<String, Vec<StylusKey>>,
 }
 
@@ -68,7 +68,7 @@ struct StylusKey {
     second: bool,
 }
 
-/// The scripts that the program carries within itself, by name.
+/// The built-in scripts, by name.
 pub const BUILT_IN: [(&str, &str); 1] = [("bend", include_str!("../../configs/scripts/bend.toml"))];
 
 /// Why a script was refused.
@@ -151,7 +151,7 @@ struct StylusFile {
     second: Option<bool>,
 }
 
-/// What a head and a stylus have in common.
+/// The keys that a head and a stylus have in common.
 struct PoseFile<'a> {
     who: &'a str,
     position: Option<[f64; 3]>,
@@ -162,7 +162,7 @@ struct PoseFile<'a> {
 }
 
 impl Script {
-    /// The script of a built-in name, or of a file: whatever ends in `.toml` is a path.
+    /// The built-in script of this name, or the script in a file: anything that ends in `.toml` is a path.
     pub fn find(name_or_path: &str) -> Result<Self, ScriptError> {
         if name_or_path.ends_with(".toml") {
             return Self::load(Path::new(name_or_path));
@@ -202,7 +202,8 @@ impl Script {
         }
     }
 
-    /// The styli's names, in the order of [`TrackerState::styli`]: those that the stage knows in its order, then others by name.
+    /// The styli's names, in the order of [`TrackerState::styli`]: first those that the stage knows, in its order, then the
+    /// others by name.
     pub fn stylus_names(&self, stage: &Stage) -> impl Iterator<Item = &str> {
         self.styli_on(stage).into_iter().map(|(name, _)| name)
     }
@@ -216,7 +217,7 @@ impl Script {
         styli
     }
 
-    /// What a tracker on `stage` would say at `time_s`.
+    /// The state at `time_s`, as a tracker on `stage` would report it.
     pub fn sample(&self, stage: &Stage, time_s: f64) -> TrackerState {
         let times = &self.times_s;
         let at = locate(times, time_s);
@@ -324,7 +325,7 @@ fn stylus_key(
 }
 
 impl PoseFile<'_> {
-    /// The whole pose; what is not stated is the previous one's.
+    /// The whole pose; parts that are not stated come from the previous one.
     fn resolve(&self, previous: Option<Isometry3<f64>>) -> Result<Isometry3<f64>, KeyFrameFault> {
         let missing = |what| KeyFrameFault::Missing { who: self.who.to_owned(), what };
         let position = match self.position {

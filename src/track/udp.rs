@@ -1,7 +1,7 @@
-//! A source that listens for datagrams on one address of this machine.
+//! Sources that receive datagrams on one address of this machine.
 //!
-//! In: a parser of one datagram. Out: a running [`Worker`]. Nothing that arrives costs more than a counter: a datagram
-//! has a greatest size, a flood its share of the time, and no length in it is believed.
+//! In: a parser of one datagram. Out: a running [`Worker`]. Datagrams have a greatest size, a flood gets a limited share of
+//! the time, and lengths stated in a datagram are never trusted.
 
 use super::device::{DeviceState, Link, now_s};
 use super::listen::Listen;
@@ -12,13 +12,13 @@ use super::worker::{Publisher, Worker};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::Duration;
 
-/// A longer datagram is malformed, bytes. DTrack's frame of 40 bodies has 8,000.
+/// Longer datagrams are malformed, bytes. DTrack's frame of 40 bodies has 8,000.
 pub const LARGEST: usize = 16 << 10;
 const WAKE: Duration = Duration::from_millis(50);
 
 /// Reads datagrams of one protocol into a state.
 pub trait Parser: Send + 'static {
-    /// False if nothing of it could be read; the listener counts that.
+    /// False if nothing in it could be read; the listener counts that.
     fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool;
 }
 
@@ -30,7 +30,7 @@ pub fn settings(kind: &'static str, place: Listen, parser: impl Parser) -> Sourc
     }
 }
 
-/// A tracker of which nothing good comes for longer is quiet, and then gone, s.
+/// A tracker is quiet, and then gone, after these times without a datagram that could be read, s.
 #[derive(Clone, Copy)]
 struct Silence {
     quiet_s: f64,
@@ -52,7 +52,7 @@ pub fn listen(tracker: &str, kind: &str, place: Listen, parser: impl Parser) -> 
         .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
 }
 
-/// Where the address is that of a group, the system is asked for what is sent to it.
+/// Joins the multicast group, if the address is that of one.
 fn join(socket: &UdpSocket, Listen { at, interface }: Listen) -> std::io::Result<()> {
     match at.ip() {
         IpAddr::V4(group) if group.is_multicast() => {
@@ -63,7 +63,7 @@ fn join(socket: &UdpSocket, Listen { at, interface }: Listen) -> std::io::Result
     }
 }
 
-/// The number of the interface that an IPv6 address names behind `%`; 0: the system's choice.
+/// The interface number that follows `%` in an IPv6 address; 0 leaves the choice to the system.
 fn scope(at: SocketAddr) -> u32 {
     match at {
         SocketAddr::V6(at) => at.scope_id(),
@@ -90,7 +90,7 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
                 }
             }
             Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => {}
-            // A refused answer to nothing we sent, an interface that went down: the socket stays, and no error spins.
+            // For example an interface that went down: keep the socket, and do not spin on a lasting error.
             Err(_) => {
                 publisher.pause(0.05);
             }
@@ -109,7 +109,7 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
 }
 
 impl Silence {
-    /// Nothing good came for `silent_s`, whatever else did.
+    /// Nothing that could be read has come for `silent_s`.
     fn judge(&self, publisher: &mut Publisher, silent_s: f64) {
         if silent_s > self.gone_s {
             publisher.down(format!("no packet that could be read for {} s", self.gone_s));

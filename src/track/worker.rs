@@ -1,7 +1,7 @@
-//! The thread of a source: it listens, keeps a [`DeviceState`], and hands the newest one over without a lock.
+//! The thread of a source: it receives, keeps a [`DeviceState`], and publishes the newest one without a lock.
 //!
-//! In: a function that runs until it is told to stop. Out: a [`Source`]. What a source needs besides its protocol is
-//! here: publishing, being stopped, and waiting longer after each failure.
+//! In: a function that runs until it is told to stop. Out: a [`Source`]. Here is what every source needs besides its
+//! protocol: publishing, stopping, and waiting longer after each failure.
 
 use super::device::{DeviceState, Link, Source};
 use super::publisher::StatePublisher;
@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use triple_buffer::Output;
 
-/// A running source; dropped, it stops.
+/// A running source, which stops when it is dropped.
 pub struct Worker {
     description: String,
     newest: Output<DeviceState>,
@@ -22,7 +22,7 @@ pub struct Worker {
 
 /// The thread's side of it.
 pub struct Publisher {
-    /// What the source has said; others see it once it is published.
+    /// The state so far; readers see it once it is published.
     pub state: DeviceState,
     newest: StatePublisher,
     stop: Arc<AtomicBool>,
@@ -34,7 +34,7 @@ pub struct Backoff {
     next_s: f64,
 }
 
-/// A thread that waits looks so often whether it is to stop, s.
+/// How often a waiting thread checks whether it must stop, s.
 const SLICE_S: f64 = 0.05;
 
 impl Worker {
@@ -51,7 +51,7 @@ impl Worker {
         Ok(Worker { description, newest, stop, thread: Some(thread) })
     }
 
-    /// Is not waited for at the end: its thread hangs in a read that only the device ends.
+    /// Does not wait for the thread at the end, because it is blocked in a read that only the device ends.
     #[must_use]
     pub fn detached(mut self) -> Worker {
         self.thread = None;
@@ -73,7 +73,7 @@ impl Drop for Worker {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has told so itself.
+            // A thread that panicked has reported that itself.
             let _ = thread.join();
         }
     }
@@ -98,7 +98,7 @@ impl Publisher {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Says why the source is gone, once per reason.
+    /// Publishes why the source is gone, once per reason.
     pub fn down(&mut self, reason: impl Into<String>) {
         self.newest.set_link(&mut self.state, Link::Down(reason.into()));
     }

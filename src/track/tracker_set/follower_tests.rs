@@ -1,4 +1,4 @@
-//! A sensor whose tracker drops out, jumps, floods, lies about the time or sends nonsense.
+//! A sensor whose tracker drops out, jumps, floods, sends wrong times or nonsense.
 
 use super::*;
 use crate::stage::tracking::LostPolicy;

@@ -1,4 +1,4 @@
-//! What is known of every sensor, button and valuator: for `greenstage track` and for the overlay.
+//! Reports on every sensor, button and valuator, for `greenstage track` and the overlay.
 
 use super::follower::SensorFaults;
 use crate::stage::tracking::LostPolicy;
@@ -6,7 +6,7 @@ use crate::track::device::{Counters, Link, Reading};
 use crate::track::state::Signal;
 use nalgebra::Isometry3;
 
-/// One tracker, and all that it has spoken of.
+/// One tracker with all its channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackerReport {
     pub name: String,
@@ -14,30 +14,30 @@ pub struct TrackerReport {
     pub source: String,
     pub link: Link,
     pub counters: Counters,
-    /// Those that the stage names first, then those that only the tracker knows.
+    /// First those that the stage names, then the others that the tracker reports.
     pub sensors: Vec<SensorReport>,
     pub buttons: Vec<ChannelReport<bool>>,
     pub valuators: Vec<ChannelReport<f64>>,
 }
 
-/// One sensor. What was never heard of has no raw pose and count 0.
+/// One sensor. One that was never reported has no raw pose and the count 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorReport {
     /// The stage's name for it; `None` if the stage has none.
     pub name: Option<String>,
     pub id: i32,
-    /// As the tracker said it.
+    /// As the tracker reported it.
     pub raw: Option<Isometry3<f64>>,
-    /// In the room: of the body, filtered and predicted, where the stage names it; else of the sensor.
+    /// In the room: the body's pose, filtered and predicted, if the stage names the sensor; else the sensor's own.
     pub in_room: Option<Isometry3<f64>>,
-    /// By the policy that the stage has for it; by the default one, if the stage has no name for it.
+    /// By the stage's policy for it; by the default one if the stage does not name it.
     pub signal: Signal,
     pub quality: f32,
     pub count: u64,
     pub rate_hz: f64,
     /// Since the last reading arrived, s.
     pub age_s: f64,
-    /// RMS noise of the place, tracker's units; a steady motion has none.
+    /// RMS noise of the position, in the tracker's unit; a steady motion adds none.
     pub noise: f64,
     /// RMS deviation of the time between readings, s.
     pub interval_jitter_s: f64,
@@ -53,7 +53,7 @@ pub struct ChannelReport<T> {
     pub count: u64,
 }
 
-/// What is known of a sensor that the stage need not name.
+/// The report on a sensor, whether or not the stage names it.
 pub fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) -> SensorReport {
     let age_s = reading.map_or(0.0, |reading| (now_s - reading.arrived_s).max(0.0));
     let seen_s = reading.and_then(Reading::seen).map(|(_, arrived_s)| (now_s - arrived_s).max(0.0));
@@ -81,7 +81,7 @@ pub fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) ->
     }
 }
 
-/// What is known of a button or a valuator.
+/// The report on a button or a valuator.
 pub fn channel<T: Copy>(id: i32, reading: &Reading<T>, now_s: f64) -> ChannelReport<T> {
     ChannelReport {
         id,

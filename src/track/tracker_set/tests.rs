@@ -1,4 +1,4 @@
-//! Head, styli and their buttons, from sources that say what a test makes them say.
+//! Head, styli and their buttons, from fake sources.
 
 use super::*;
 use crate::stage::Stage;

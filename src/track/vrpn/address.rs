@@ -6,9 +6,9 @@
 use std::fmt;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 
-/// The port of a server that names none, TCP and UDP.
+/// The default port of a server, TCP and UDP.
 pub const PORT: u16 = 3883;
-/// The longest name of a device or a message type, bytes without its NUL.
+/// The longest name of a device or a message type, in bytes without the NUL.
 pub const LONGEST_NAME: usize = 100;
 /// No host's name is longer (RFC 1035).
 const LONGEST_HOST: usize = 253;
@@ -20,7 +20,7 @@ pub struct Address {
     /// A name, or an address; an IPv6 one without its brackets.
     pub host: String,
     pub port: u16,
-    /// Poses may come by UDP; false, as `tcp:` asks: all by the one TCP connection.
+    /// Whether poses may come by UDP; `tcp:` asks for everything by the one TCP connection.
     pub udp: bool,
 }
 
@@ -74,13 +74,13 @@ impl fmt::Display for Address {
     }
 }
 
-/// Whether a device may bear this name: letters, digits and signs without `@`, blank or NUL, 100 bytes at most.
+/// Whether a device may have this name: no `@`, blank or control character, and 100 bytes at most.
 pub fn is_device_name(name: &str) -> bool {
     let is_fit = |c: char| !c.is_control() && !c.is_whitespace() && c != '@';
     !name.is_empty() && name.len() <= LONGEST_NAME && name.chars().all(is_fit)
 }
 
-/// An IPv6 address keeps the brackets in which it stands.
+/// Splits off the port; an IPv6 address keeps its brackets.
 fn host_and_port(place: &str) -> (&str, Option<&str>) {
     let host_bytes = match (place.starts_with('['), place.find(']')) {
         (true, Some(end)) => end + 1,
@@ -113,21 +113,21 @@ pub enum Transport {
     Lob,
 }
 
-/// The host's address, an IPv4 one where it has one: the lob knows no other.
+/// The host's address, IPv4 if it has one, because the lob supports no other.
 pub fn resolve(address: &Address) -> std::io::Result<SocketAddr> {
     let found: Vec<SocketAddr> = (address.host.as_str(), address.port).to_socket_addrs()?.collect();
     let v4 = found.iter().find(|place| place.is_ipv4()).or(found.first());
     v4.copied().ok_or_else(|| std::io::Error::other("the host has no address"))
 }
 
-/// What a client that asks by UDP sends: where the server is to connect to, `10.0.0.7 51234` and NUL.
+/// The datagram by which a client asks the server to connect back: `10.0.0.7 51234` and NUL.
 pub fn encode_lob(place: SocketAddr) -> Vec<u8> {
     format!("{} {}\0", place.ip(), place.port()).into_bytes()
 }
 
-/// Where a server is asked to connect to. The address must be IPv4, since a name would let the asker choose whom
-/// the server looks up, and must be the asker's own, so that nobody has a server connect to another; the port must
-/// be one that users may open.
+/// The address to which a lob asks the server to connect. It must be a numeric IPv4 address, so that no asker makes the
+/// server look up names, and the asker's own, so that nobody makes it connect to a third machine; the port must be
+/// unprivileged.
 pub fn decode_lob(datagram: &[u8], asker: IpAddr) -> Option<SocketAddr> {
     let text = std::str::from_utf8(datagram.strip_suffix(b"\0")?).ok()?;
     let (host, port) = text.split_once(' ')?;

@@ -1,7 +1,7 @@
-//! One device of a VRPN server as a source: connects, listens, and connects again when the server is gone.
+//! One device of a VRPN server as a source: connects, receives, and connects again when the server is gone.
 //!
-//! In: the device's name, as `Tracker0@host`. Out: its newest state, without a lock. One thread reads the TCP stream;
-//! a second one, while connected, the UDP port that was offered for trackers.
+//! In: the device's name, as `Tracker0@host`. Out: its newest state, without a lock. Reads the TCP stream on one thread
+//! and, while connected, the UDP port that was offered for poses on a second one.
 
 use super::address::{Address, Transport, encode_lob, resolve};
 use super::codec::{self, Framer, Header};
@@ -46,19 +46,19 @@ fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
     Ok(SourceSettings { exclusive_use: None, open })
 }
 
-/// When what happens, s.
+/// The times after which things happen, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// How long a server has to take the connection, and then to send its cookie.
+    /// How long a server may take to accept the connection, and then to send its cookie.
     pub connect_s: f64,
     pub ping_s: f64,
-    /// So much silence is a warning, and so much the end of the connection. A device that has answered no ping in the
-    /// first of them is not there.
+    /// Silence for this long gives a warning, or ends the connection. A device that answers no ping within `quiet_s` does
+    /// not exist.
     pub quiet_s: f64,
     pub down_s: f64,
     /// Between two lobs.
     pub lob_s: f64,
-    /// Before the first new attempt; doubled for every further one, up to the longest.
+    /// The wait before the first new attempt, doubled for each further one up to the longest.
     pub first_retry_s: f64,
     pub longest_retry_s: f64,
 }
@@ -87,13 +87,13 @@ pub struct Client {
 
 /// Most bytes taken from the stream at once.
 const MOST_BYTES: usize = 16 << 10;
-/// Between two looks where there is nothing to wait for.
+/// The pause between two checks where no blocking call is possible.
 const PAUSE: Duration = Duration::from_millis(5);
-/// How often a thread that hears nothing looks whether it is to end.
+/// How often a thread that receives nothing checks whether it must end.
 const WAKE: Duration = Duration::from_millis(50);
 
 impl Client {
-    /// Begins to listen, whether or not the server is there.
+    /// Starts to connect and receive, whether or not the server is there.
     pub fn open(address: Address, transport: Transport) -> Client {
         Client::with_timing(address, transport, Timing::default())
     }
@@ -112,12 +112,12 @@ impl Client {
         Client { address, output, control, thread }
     }
 
-    /// A way to have the device push: a thread of its own, which ends with the sender.
+    /// Sends forces to the device, on a thread that ends with the sender.
     pub fn force_sender(&self) -> ForceSender {
         ForceSender::new(self.control.clone())
     }
 
-    /// What the device last said that it pushes with, N, in its own frame.
+    /// The force that the device last reported, N, in its own frame.
     pub fn force(&self) -> Option<[f64; 3]> {
         self.control.hearing().listener.force
     }
@@ -141,7 +141,7 @@ impl Drop for Client {
     }
 }
 
-/// What the reading thread works with.
+/// What the reading thread needs.
 struct Connection {
     address: Address,
     transport: Transport,
@@ -213,7 +213,7 @@ impl Connection {
         Err(std::io::Error::other("no answer to the lob"))
     }
 
-    /// Talks with the server until that ends; never well.
+    /// Talks with the server until the connection ends; returns the reason.
     fn converse(&self, mut stream: TcpStream, again: bool) -> Result<std::convert::Infallible, String> {
         let text = |error: std::io::Error| error.to_string();
         stream.set_nodelay(true).map_err(text)?;
@@ -267,7 +267,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Descriptions of what this side sends, and where trackers may be sent to by UDP.
+    /// Describes what this side sends, and where poses may be sent by UDP.
     fn introduction(&self, here: IpAddr, udp: Option<&UdpSocket>) -> Vec<u8> {
         let mut bytes = Vec::new();
         let described = |id, kind, name: &str, bytes: &mut Vec<u8>| {
@@ -298,7 +298,7 @@ impl Connection {
             }
             let began_s = now_s();
             let mut hearing = self.control.hearing();
-            // What came with the cookie is heard before more is read.
+            // Handle what came with the cookie before reading more.
             let mut heard = 0;
             loop {
                 match framer.message() {
@@ -316,7 +316,7 @@ impl Connection {
                 false if silent_s > self.timing.quiet_s => {
                     return Err(hearing.listener.why_missing(silent_s));
                 }
-                // What was missing before is missing until it is there.
+                // A device that was missing is missing until it answers.
                 false if matches!(hearing.listener.state.link, Link::Down(_)) => {
                     hearing.listener.state.link.clone()
                 }
@@ -364,7 +364,7 @@ impl Connection {
                     false
                 }
                 Err(error) => {
-                    // An error that lasts does not spin.
+                    // Do not spin on a lasting error.
                     wait = (!is_only_late(&error)).then_some(WAKE);
                     false
                 }
@@ -380,7 +380,7 @@ impl Connection {
     }
 }
 
-/// Reads once, a bounded number of bytes; 0 where nothing came in time.
+/// Reads once, at most `MOST_BYTES`; 0 if nothing came in time.
 fn receive(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String> {
     let space = framer.space();
     let most = space.len().min(MOST_BYTES);
@@ -395,12 +395,12 @@ fn receive(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String>
     }
 }
 
-/// Nothing came in time, and that is all.
+/// Whether the error only says that nothing came in time.
 fn is_only_late(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
-/// How long to listen: news that wait are handed on soon.
+/// How long to wait for data: not long if a changed state still waits to be published.
 fn wake(is_waiting: bool) -> Duration {
     if is_waiting { Duration::from_secs_f64(PUBLISH_S) } else { WAKE }
 }

@@ -15,9 +15,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 pub const COOKIE_BYTES: usize = 24;
 pub const HEADER_BYTES: usize = 24;
-/// The longest payload that is accepted; no message of a tracker comes near it, those of other devices may.
+/// The longest payload that is accepted, bytes; a tracker's messages are far shorter.
 pub const MOST_PAYLOAD: usize = 64 << 10;
-/// The largest datagram that passes an Ethernet unbroken.
+/// The largest datagram that fits an Ethernet frame, bytes.
 pub const DATAGRAM_BYTES: usize = 1472;
 
 /// Message types of the protocol itself; those of devices are 0 and above.
@@ -28,7 +28,7 @@ pub const LOG_DESCRIPTION: i32 = -4;
 pub const DISCONNECT: i32 = -5;
 
 const MAGIC: &[u8; 11] = b"vrpn: ver. ";
-/// The version that is spoken here.
+/// The version that this side speaks.
 pub const VERSION: Version = Version { major: 7, minor: 38 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ pub struct Version {
 pub struct Header {
     pub seconds: u32,
     pub microseconds: u32,
-    /// The device, or what a system message makes of this place.
+    /// The device; system messages use this field for other numbers.
     pub sender: i32,
     pub kind: i32,
     pub sequence: u32,
@@ -73,7 +73,7 @@ pub enum CodecFault {
     Payload(&'static str, usize),
 }
 
-/// The cookie of this side: `vrpn: ver. 07.38  0`, the digit saying that nothing is to be logged.
+/// The cookie of this side: `vrpn: ver. 07.38  0`, where the last digit asks for no logging.
 pub fn cookie() -> [u8; COOKIE_BYTES] {
     let mut cookie = [0; COOKIE_BYTES];
     let text = format!("vrpn: ver. {:02}.{:02}  0", VERSION.major, VERSION.minor);
@@ -81,7 +81,7 @@ pub fn cookie() -> [u8; COOKIE_BYTES] {
     cookie
 }
 
-/// The peer's version; 07 with any minor is taken.
+/// The peer's version; 07 with any minor version is accepted.
 pub fn parse_cookie(cookie: &[u8; COOKIE_BYTES]) -> Result<Version, CodecFault> {
     let no_cookie = || CodecFault::NoCookie(String::from_utf8_lossy(&cookie[..16]).into_owned());
     let [a, b, b'.', c, d] = cookie[MAGIC.len()..16] else { return Err(no_cookie()) };
@@ -198,14 +198,13 @@ pub fn decode_name(payload: &[u8]) -> Result<&str, CodecFault> {
         return Err(fault);
     }
     match std::str::from_utf8(name) {
-        // They end up in messages on a terminal, which must not be commanded by them.
+        // Names end up in messages on a terminal, so they must not contain control characters.
         Ok(name) if !name.chars().any(char::is_control) => Ok(name),
         _ => Err(fault),
     }
 }
 
-/// A stream's bytes until they are whole messages: one buffer, twice as long as the longest message, made when first
-/// written to.
+/// Collects a stream's bytes into whole messages, in one buffer of twice the longest message, allocated at the first write.
 #[derive(Default)]
 pub struct Framer {
     buffer: Box<[u8]>,
@@ -214,7 +213,7 @@ pub struct Framer {
 }
 
 impl Framer {
-    /// Where the next bytes are to be written; never empty after [`message`](Framer::message) has said `None`.
+    /// Where to write the next bytes; never empty after [`message`](Framer::message) returned `None`.
     pub fn space(&mut self) -> &mut [u8] {
         if self.buffer.is_empty() {
             self.buffer = vec![0; 2 * (HEADER_BYTES + MOST_PAYLOAD)].into();
@@ -227,7 +226,7 @@ impl Framer {
         &mut self.buffer[self.end..]
     }
 
-    /// So many bytes were written.
+    /// Tells how many bytes were written.
     pub fn wrote(&mut self, bytes: usize) {
         self.end = (self.end + bytes).min(self.buffer.len());
     }
@@ -239,7 +238,7 @@ impl Framer {
         Some(cookie)
     }
 
-    /// The next whole message. After a fault the stream has lost its frame and is of no use.
+    /// The next whole message. After an error the stream is out of step and cannot be used any more.
     pub fn message(&mut self) -> Result<Option<Message<'_>>, CodecFault> {
         let Some((message, taken)) = decode(&self.buffer[self.first..self.end])? else { return Ok(None) };
         self.first += taken;

@@ -29,12 +29,12 @@ pub struct Hearing {
 }
 
 struct Writer {
-    /// That the device is to push no more; from the first force on. Dropped before the stream.
+    /// The command that ends the force, prepared before the first force is sent. It is dropped before the stream.
     last_word: Option<LastWord>,
     stream: TcpStream,
 }
 
-/// The types that this side sends; their numbers are their places.
+/// The types that this side sends; their numbers are their positions here.
 pub const SPOKEN: [MessageKind; 3] = [MessageKind::Ping, MessageKind::Pong, MessageKind::ForceField];
 
 impl Control {
@@ -53,8 +53,8 @@ impl Control {
         *lock(&self.writer) = Some(Writer { last_word: None, stream });
     }
 
-    /// Sends a force field to the device; false where there is no connection. None goes out before it is made sure that
-    /// it is taken back however the program ends.
+    /// Sends a force field to the device; false if there is no connection. Before the first one, makes sure that the force is
+    /// taken back however the program ends.
     pub fn push(&self, field: &ForceField) -> bool {
         let none = message(&Payload::ForceField(ForceField::default()));
         let prepared = match &mut *lock(&self.writer) {
@@ -80,10 +80,10 @@ impl Control {
             }
         });
         drop(writer);
-        // The program ends; the connection is left to whom the last word belongs.
+        // The program is ending; the connection is left to the handler that sends the last word.
         let Some(sent) = sent else { return false };
         if !sent {
-            // What was cut in the middle of a message cannot go on.
+            // A stream that was cut in the middle of a message cannot go on.
             self.hang_up();
         }
         sent

@@ -18,7 +18,7 @@
 use super::codec::CodecFault;
 use crate::track::device::MOST_CHANNELS;
 
-/// The message types that mean something here.
+/// The message types that are used here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageKind {
     PosQuat,
@@ -90,7 +90,7 @@ pub enum Payload {
     ForceField(ForceField),
 }
 
-/// How a sensor moves: m/s or m/s², and the turn within `dt` seconds.
+/// A velocity or an acceleration of a sensor: m/s or m/s², and the rotation within `dt` seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
     pub sensor: i32,
@@ -99,7 +99,7 @@ pub struct Rate {
     pub dt: f64,
 }
 
-/// The force, N, that a device is to push with at x: `force + jacobian · (x - origin)` within `radius` of the
+/// The force, N, that a device applies at x: `force + jacobian · (x - origin)` within `radius` of the
 /// origin, nothing beyond; x, origin and radius in metres of the device's own frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceField {

@@ -1,7 +1,7 @@
 //! One client of the VRPN server: its connection, what its numbers mean, and what waits to be sent to it.
 //!
-//! [`Protocol`] is the protocol without a socket, [`Peer`] the socket. Nothing blocks. What waits is bounded: a client
-//! that does not take what it is sent is given up.
+//! [`Protocol`] is the protocol without a socket, [`Peer`] adds the socket. Nothing blocks, and the queue is bounded: a
+//! client that does not read what it is sent is dropped.
 
 use super::codec::{self, CodecFault, Framer, Header, Message};
 use super::listener::PeerKinds;
@@ -10,16 +10,16 @@ use crate::track::device::now_s;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, TcpStream, UdpSocket};
 
-/// What may wait for a client. At 1 kHz and five messages a tick it is half a second's.
+/// The most that may wait for a client, bytes: half a second at 1 kHz and five messages a tick.
 pub const MOST_WAITING: usize = 256 << 10;
-/// Most bytes taken from one client at once.
+/// The most bytes that are read from one client at once.
 const MOST_BYTES: usize = 16 << 10;
-/// How long a client has to send its cookie, s.
+/// How long a client may take to send its cookie, s.
 const COOKIE_S: f64 = 3.0;
-/// A client that is sent nothing hears from its devices at least so often, s: one that is gone is found out.
+/// An idle client is sent a sign of life this often, s, so that one that is gone is noticed.
 const ALIVE_S: f64 = 5.0;
 
-/// The types that the server sends; their numbers are their places.
+/// The types that the server sends; their numbers are their positions here.
 pub const SERVED: [MessageKind; 6] = [
     MessageKind::PosQuat,
     MessageKind::ButtonChange,
@@ -29,7 +29,7 @@ pub const SERVED: [MessageKind; 6] = [
     MessageKind::Pong,
 ];
 
-/// Why a client was given up.
+/// Why a client was dropped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Gone {
     Closed,
@@ -38,11 +38,11 @@ pub enum Gone {
     Silent,
 }
 
-/// A client as far as the protocol goes: bytes in, bytes out.
+/// The protocol with one client: bytes in, bytes out.
 pub struct Protocol {
     /// What is to be sent to the client.
     pub waiting: Vec<u8>,
-    /// At which port it takes trackers by UDP.
+    /// The port at which it takes poses by UDP.
     pub udp_port: Option<u16>,
     framer: Framer,
     version: Option<codec::Version>,
@@ -53,7 +53,7 @@ pub struct Protocol {
 }
 
 impl Protocol {
-    /// Begins with the cookie and the descriptions of our devices and types.
+    /// Starts with the cookie and the descriptions of our devices and types.
     pub fn new(devices: &[String]) -> Protocol {
         let mut protocol = Protocol {
             waiting: codec::cookie().to_vec(),
@@ -73,13 +73,13 @@ impl Protocol {
         protocol
     }
 
-    /// The client's version, once it has shown that it speaks the protocol.
+    /// The client's version, once its cookie has come.
     pub fn version(&self) -> Option<codec::Version> {
         self.version
     }
 
-    /// Queues a message of device `device`; among `datagrams`, where the client takes poses by UDP. A client that is
-    /// about to be given up gets no more.
+    /// Queues a message of device `device`; poses go into `datagrams` if the client takes them by UDP. A client that is about
+    /// to be dropped gets nothing more.
     pub fn tell(&mut self, device: usize, time_s: f64, payload: &Payload, datagrams: &mut Vec<u8>) {
         if self.waiting.len() > MOST_WAITING {
             return;
@@ -90,20 +90,20 @@ impl Protocol {
         codec::encode(&header, &payload.encode(), if by_udp { datagrams } else { &mut self.waiting });
     }
 
-    /// Tells that device `device` is alive.
+    /// Queues the message that device `device` is alive.
     pub fn pong(&mut self, device: usize) {
         let now_s = Header::now(0, 0).time_s();
         self.tell(device, now_s, &Payload::Pong, &mut Vec::new());
     }
 
-    /// Where the client's next bytes are to be written, and [`hear`](Protocol::hear) how many were.
+    /// Where to write the client's next bytes; then call [`hear`](Protocol::hear) with their number.
     pub fn space(&mut self) -> &mut [u8] {
         let space = self.framer.space();
         let most = space.len().min(MOST_BYTES);
         &mut space[..most]
     }
 
-    /// Takes what the client said. `devices` are our names; the result says how many pings were answered.
+    /// Handles the client's bytes. `devices` are our names; returns how many pings were answered.
     pub fn hear(&mut self, bytes: usize, devices: &[String]) -> Result<u64, Gone> {
         self.framer.wrote(bytes);
         if self.version.is_none() {
@@ -129,7 +129,7 @@ impl Protocol {
         codec::encode(&header, &codec::encode_name(name), &mut self.waiting);
     }
 
-    /// Whether the message was a ping of one of our devices; it is answered.
+    /// Handles a message; true if it was a ping of one of our devices, which is answered.
     fn take(&mut self, message: &Message, devices: &[String]) -> Result<bool, Gone> {
         let id = message.header.sender;
         match message.header.kind {
@@ -144,7 +144,7 @@ impl Protocol {
                 let name = codec::decode_name(message.payload).map_err(Gone::Malformed)?;
                 self.kinds.describe(id, name);
             }
-            // The address beside it does not count: nobody has us send to another.
+            // The address in the payload is ignored, so that no client can make us send to another machine.
             codec::UDP_DESCRIPTION => {
                 self.udp_port = u16::try_from(id).ok().filter(|port| *port >= 1024);
             }
@@ -178,8 +178,8 @@ impl Peer {
         Ok(Peer { ip, protocol, stream, since_s: now_s(), sent_s: now_s() })
     }
 
-    /// Sends poses by UDP, as many whole messages in a datagram as it holds, and says how many datagrams went. One
-    /// that is lost is followed by a newer one.
+    /// Sends poses by UDP, as many whole messages per datagram as fit; returns the number of datagrams. A lost one is
+    /// followed by a newer one.
     pub fn send_datagrams(&self, udp: &UdpSocket, bytes: &[u8]) -> u64 {
         let Some(port) = self.protocol.udp_port else { return 0 };
         let (mut first, mut end, mut sent) = (0, 0, 0);
@@ -197,7 +197,7 @@ impl Peer {
         sent
     }
 
-    /// Takes what the client says, up to a bound; how many pings came.
+    /// Reads and handles a bounded number of bytes; returns how many pings came.
     pub fn hear(&mut self, devices: &[String]) -> Result<u64, Gone> {
         if self.protocol.version.is_none() && now_s() - self.since_s > COOKIE_S {
             return Err(Gone::Silent);
@@ -210,7 +210,7 @@ impl Peer {
         }
     }
 
-    /// Sends what waits, as far as the client takes it.
+    /// Sends what waits, as far as the client accepts it.
     pub fn flush(&mut self) -> Result<(), Gone> {
         if self.protocol.version.is_some() && now_s() - self.sent_s > ALIVE_S {
             self.protocol.pong(0);
