@@ -54,6 +54,12 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigEr
     })
 }
 
+/// A value of a table that was parsed before; an error has no place of its own.
+pub fn from_table<T: DeserializeOwned>(table: &toml::Table) -> Result<T, String> {
+    let parsed = T::deserialize(Strict(toml::Value::Table(table.clone())));
+    parsed.map_err(|error: toml::de::Error| explain(error.message()))
+}
+
 /// 1-based line and column of a byte offset.
 pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text.as_bytes()[..offset.min(text.len())];

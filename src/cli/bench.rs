@@ -62,7 +62,8 @@ const PAPER_NODES: usize = 10_000;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let Some(scene) = &args.scene else {
-        let stage = Stage::find(args.stage.as_deref().unwrap_or("cyberstage")).map_err(Failure::request)?;
+        let stage = crate::track::find_stage(args.stage.as_deref().unwrap_or("cyberstage"))
+            .map_err(Failure::request)?;
         return super::sizes::run(args, &stage);
     };
     let scene = Scene::load(scene)?;

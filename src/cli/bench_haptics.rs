@@ -4,7 +4,7 @@ use crate::base::failure::Failure;
 use crate::base::table::{Table, seconds};
 use crate::deform::{ControlPose, ControlRest};
 use crate::effect::haptics::{
-    Clockwork, Control, Elastic, Grasp, Hand, Held, Loop, News, Reading, Simulated, Way,
+    Control, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, LoopTiming, Reading, SampleInfo, Simulated,
 };
 use crate::green::FIELDS;
 use crate::stage::Haptic;
@@ -119,7 +119,7 @@ pub(crate) fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> 
         body: 0,
         element: 1,
         room_from_body: Similarity3::identity(),
-        way: Way::Rigid(Matrix4::new_translation(&controls[1].origin)),
+        constraint: HoldConstraint::Rigid(Matrix4::new_translation(&controls[1].origin)),
         mean: Rotation3::identity(),
     };
     let poses = vec![ControlPose::REST; elements];
@@ -142,7 +142,7 @@ fn alone(control: &mut Control, grasp: &Grasp) -> [[f64; 2]; 2] {
             arrived_s: now_s,
             measured_s: None,
             tracked: true,
-            news: News::default(),
+            info: SampleInfo::default(),
         };
         let started = Instant::now();
         std::hint::black_box(control.tick(Some(&reading), now_s));
@@ -159,7 +159,7 @@ fn beside(
     control: Control,
     grasp: &Grasp,
     draw: &mut impl FnMut() -> Result<(), Failure>,
-) -> Result<Clockwork, Failure> {
+) -> Result<LoopTiming, Failure> {
     let device = Simulated::scripted(&control.haptic, Hand::FINGERS, Box::new(handle));
     let mut running = Loop::start(control, Box::new(device)).map_err(Failure::work)?;
     let (started, is_over) = (Instant::now(), AtomicBool::new(false));
@@ -178,5 +178,5 @@ fn beside(
         drawn
     });
     drawn?;
-    Ok(running.report().clockwork)
+    Ok(running.report().timing)
 }

@@ -9,9 +9,11 @@ use std::path::Path;
 
 /// Prints the findings about the stage of this name or file.
 pub fn run(name: &Path, json: bool) -> Result<(), Failure> {
-    let Survey { stage, faults } = Stage::survey(&name.display().to_string()).map_err(Failure::request)?;
+    let survey = Stage::survey(&name.display().to_string()).map_err(Failure::request)?;
+    let Survey { stage, tracking, faults } = survey;
     let mut findings: Vec<Finding> = faults
         .into_iter()
+        .chain(crate::track::source_faults(&tracking))
         .map(|fault| {
             let place = format!("{}:{}", name.display(), fault.line);
             Finding::new(Severity::Error, &place, fault.fault.to_string())

@@ -280,7 +280,7 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
 
 fn stage(path: &Path) -> Result<(String, Value), Failure> {
     let found = if path.exists() { Stage::load(path) } else { Stage::find(&path.display().to_string()) };
-    let stage = found.map_err(Failure::request)?;
+    let stage = found.and_then(crate::track::checked).map_err(Failure::request)?;
     let text = stage.to_string();
     Ok((text.clone(), json!({ "file": path.to_string_lossy(), "stage": text.lines().collect::<Vec<_>>() })))
 }

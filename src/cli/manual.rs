@@ -88,12 +88,24 @@ mod tests {
             let path = Path::new("manual.toml");
             let (which, result) = match kind.as_str() {
                 "toml,scene" => (0, Scene::parse(&text, path).map(drop).map_err(Failure::from)),
-                "toml,stage" => (1, Stage::parse(&text, path).map(drop).map_err(Failure::request)),
+                "toml,stage" => (
+                    1,
+                    Stage::parse(&text, path)
+                        .and_then(crate::track::checked)
+                        .map(drop)
+                        .map_err(Failure::request),
+                ),
                 "toml,script" => (2, Script::parse(&text, path).map(drop).map_err(Failure::request)),
                 "toml,poses" => (3, crate::deform::pose_file::parse(&text, path).map(drop)),
                 "toml,tracking" => {
                     let stage = format!("{}{text}", crate::stage::BUILT_IN[0].1);
-                    (4, Stage::parse(&stage, path).map(drop).map_err(Failure::request))
+                    (
+                        4,
+                        Stage::parse(&stage, path)
+                            .and_then(crate::track::checked)
+                            .map(drop)
+                            .map_err(Failure::request),
+                    )
                 }
                 "toml" => continue,
                 other => {

@@ -32,7 +32,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let stage = Stage::find(&args.stage).map_err(Failure::request)?;
+    let stage = crate::track::find_stage(&args.stage).map_err(Failure::request)?;
     if let Some(folder) = &args.output {
         return pictures(&stage, &args.stage, folder);
     }

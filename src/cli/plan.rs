@@ -12,7 +12,7 @@ use crate::green::{self, GreenError, GreenFile};
 use crate::report::measure::{machine, settings};
 use crate::report::plan::{Choice, choose};
 use crate::report::{Limits, Request, Row, Setting};
-use crate::scene::{Demand, Method, Scene, SceneError, Solver, Storage};
+use crate::scene::{AccuracyTarget, Method, Scene, SceneError, Solver, Storage};
 use crate::world::prepare;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -61,7 +61,7 @@ pub fn known(scene: Scene) -> Result<Scene, Failure> {
 
 /// Where the rows for a body of the scene without its demands come from: its name, the key that they must have, and
 /// what is asked.
-type Source<'a> = &'a dyn Fn(&Scene, &str, String, &Demand) -> Result<Option<Table>, Failure>;
+type Source<'a> = &'a dyn Fn(&Scene, &str, String, &AccuracyTarget) -> Result<Option<Table>, Failure>;
 
 /// Sets the knobs from the rows of `source`. A demand that none of them meets goes to `missed`, and its body stays as it
 /// is where that is no failure.
@@ -70,8 +70,8 @@ fn choose_all(
     source: Source<'_>,
     missed: &dyn Fn(SceneError) -> Result<(), Failure>,
 ) -> Result<Scene, Failure> {
-    let demands: Vec<(String, Demand)> =
-        scene.body.iter().filter_map(|(name, body)| Some((name.clone(), body.demand()?))).collect();
+    let demands: Vec<(String, AccuracyTarget)> =
+        scene.body.iter().filter_map(|(name, body)| Some((name.clone(), body.accuracy_target()?))).collect();
     let mut plain = scene.clone();
     for (name, _) in &demands {
         (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
@@ -96,7 +96,7 @@ fn choose_all(
 
 /// The table in the scene's .green file, shipped or unpacked, where it is of this body, and for a demand in seconds of
 /// this machine.
-fn kept(scene: &Scene, name: &str, key: &str, demand: &Demand) -> Result<Option<Table>, Failure> {
+fn kept(scene: &Scene, name: &str, key: &str, demand: &AccuracyTarget) -> Result<Option<Table>, Failure> {
     let path = prepare::green_path(scene);
     prepare::unpack_shipped(&path)?;
     let file = match GreenFile::open(&path) {
@@ -112,7 +112,13 @@ fn kept(scene: &Scene, name: &str, key: &str, demand: &Demand) -> Result<Option<
     Ok(table.filter(is_own))
 }
 
-fn measure(scene: &Scene, name: &str, key: String, demand: &Demand, quiet: bool) -> Result<Table, Failure> {
+fn measure(
+    scene: &Scene,
+    name: &str,
+    key: String,
+    demand: &AccuracyTarget,
+    quiet: bool,
+) -> Result<Table, Failure> {
     notice!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
     let (poses, pose_source) = scripted_or_random(scene, name, None, true)?;
     let scratch = tempfile::tempdir().map_err(Failure::work)?;

@@ -5,8 +5,8 @@
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::stage::Stage;
+use crate::track::TrackerSet;
 use crate::track::device::now_s;
-use crate::track::rig::Rig;
 use crate::track::vrpn::{Server, ServerCounters};
 use crate::track::{Script, ScriptSource, Source};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -56,7 +56,7 @@ impl Service {
 
     /// Passes on what is new in a rig whose trackers were named, in their order, to [`open`](Service::open). What there
     /// is to say about clients comes back.
-    pub fn pass_on(&mut self, rig: &mut Rig) -> Vec<String> {
+    pub fn pass_on(&mut self, rig: &mut TrackerSet) -> Vec<String> {
         for (device, (_, state)) in rig.devices().enumerate() {
             self.server.publish(device, state);
         }

@@ -139,7 +139,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
     let mut found = Vec::new();
     for ((reports, (hand, _)), row) in all.iter().zip(all.par_iter().map(runs).collect::<Vec<_>>()) {
         let Reports { every_s, delay_s, jitter_s } = reports;
-        let bears = row.last().copied().flatten().map_or(f64::NAN, |settled| settled.felt.bearable);
+        let bears = row.last().copied().flatten().map_or(f64::NAN, |settled| settled.state.bearable);
         let head = [
             format!("{:.0} Hz", 1.0 / every_s),
             format!("{} ms", 1e3 * delay_s),
@@ -149,7 +149,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
         ];
         let cells = row.iter().map(|settled| settled.as_ref().map_or("none".to_owned(), settled_cell));
         table.rows.push(head.into_iter().chain(cells).collect());
-        for (young, Settled { swing_m, speed, made_j, felt }) in
+        for (young, Settled { swing_m, speed, made_j, state: felt }) in
             MODULI.iter().zip(&row).filter_map(|(young, settled)| Some((young, (*settled)?)))
         {
             found.push(json!({

@@ -101,7 +101,7 @@ fn open(args: &Args) -> Result<Session, Failure> {
             let text = format!("{} is a stage itself: leave --stage {stage} away", path.display());
             return Err(Failure::wrong(text));
         }
-        let stage = Stage::find(&path.display().to_string()).map_err(Failure::request)?;
+        let stage = crate::track::find_stage(&path.display().to_string()).map_err(Failure::request)?;
         return Ok(Session::new(World::of_stage(stage)?, None));
     }
     let scene = Scene::load(path)?;

@@ -8,7 +8,7 @@ use crate::session::trackers;
 use crate::stage::Stage;
 use crate::track::Signal;
 use crate::track::device::{Link, now_s};
-use crate::track::rig::{Rig, SensorReport, TrackerReport};
+use crate::track::tracker_set::{SensorReport, TrackerReport, TrackerSet};
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -58,7 +58,7 @@ const STEP_S: f64 = 0.005;
 pub fn run(args: &Args) -> Result<(), Failure> {
     let stage = args.stage.as_deref();
     if let (Some(script), Some(place)) = (&args.script, args.serve) {
-        let stage = Stage::find(stage.unwrap_or("workbench")).map_err(Failure::request)?;
+        let stage = crate::track::find_stage(stage.unwrap_or("workbench")).map_err(Failure::request)?;
         return serve::script(place, script, stage, args.rate, args.seconds);
     }
     let mut rig = rig(stage.unwrap_or_default())?;
@@ -95,8 +95,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// The running trackers of a stage.
-pub fn rig(stage: &str) -> Result<Rig, Failure> {
-    let stage = Stage::find(stage).map_err(Failure::request)?;
+pub fn rig(stage: &str) -> Result<TrackerSet, Failure> {
+    let stage = crate::track::find_stage(stage).map_err(Failure::request)?;
     trackers::start(&stage, None)?.ok_or_else(|| {
         Failure::wrong(format!(
             "stage {} names no tracker: add a [tracker.NAME] table to its file (`greenstage manual tracking`)",
@@ -106,12 +106,12 @@ pub fn rig(stage: &str) -> Result<Rig, Failure> {
 }
 
 /// Asks the rig every `step_s` seconds, for `limit_s` or for ever: `each` gets the rig, the time, and whether it is the
-/// last one. Whoever passes poses on does it there, by [`Rig::devices`] or [`Rig::state`].
+/// last one. Whoever passes poses on does it there, by [`TrackerSet::devices`] or [`TrackerSet::state`].
 pub fn watch(
-    rig: &mut Rig,
+    rig: &mut TrackerSet,
     step_s: f64,
     limit_s: Option<f64>,
-    mut each: impl FnMut(&mut Rig, f64, bool) -> Result<(), Failure>,
+    mut each: impl FnMut(&mut TrackerSet, f64, bool) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let started_s = now_s();
     loop {

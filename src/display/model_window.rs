@@ -102,16 +102,16 @@ mod tests {
     use super::*;
     use crate::stage::BUILT_IN;
     use crate::track::device::{DeviceState, Source, now_s};
-    use crate::track::rig::Rig;
+    use crate::track::tracker_set::TrackerSet;
     use crate::world::World;
     use nalgebra::{Isometry3, Point3};
     use std::path::Path;
     use std::sync::{Arc, Mutex};
 
     #[derive(Clone, Default)]
-    struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
+    struct FakeSource(Arc<Mutex<DeviceState>>, DeviceState);
 
-    impl Source for Puppet {
+    impl Source for FakeSource {
         fn describe(&self) -> String {
             "puppet".into()
         }
@@ -140,8 +140,8 @@ sensor = \"wand\"
     fn an_installer_sees_head_stylus_and_every_sensor_where_the_calibration_puts_them() {
         let text = BUILT_IN[0].1.replacen("[viewer]", "[viewer]\nhead = \"head\"", 1) + TRACKING;
         let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
-        let puppet = Puppet::default();
-        let rig = Rig::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
+        let puppet = FakeSource::default();
+        let rig = TrackerSet::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
         let viewer = stage.viewer.room_from_head;
         let mut session = Session::new(World::of_stage(stage).unwrap(), None);
         session.input.trackers = Some(rig);

@@ -11,7 +11,7 @@ use super::window_layout;
 use crate::render::window::{Input, Key, WindowTimes, Windows};
 use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Sheet, Tile};
 use crate::stage::{Stage, Window};
-use crate::track::rig::TrackerReport;
+use crate::track::tracker_set::TrackerReport;
 use nalgebra::Isometry3;
 
 /// The overlays of all windows of a stage.

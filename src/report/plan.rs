@@ -3,7 +3,7 @@
 use super::units::seconds;
 use super::{Row, Setting};
 use crate::deform::MODELS;
-use crate::scene::{Accuracy, Budget, Demand, Storage};
+use crate::scene::{Accuracy, AccuracyTarget, Budget, Storage};
 
 /// What was chosen, and what it was chosen from.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,12 +65,12 @@ fn held(row: &Row) -> f64 {
 }
 
 /// What is asked: its key, what was measured of it, and the limit, all in the key's unit.
-fn asked(row: &Row, demand: &Demand) -> Vec<(&'static str, f64, f64)> {
+fn asked(row: &Row, demand: &AccuracyTarget) -> Vec<(&'static str, f64, f64)> {
     let all = match demand {
-        Demand::Accuracy(Accuracy { displacement, force, .. }) => {
+        AccuracyTarget::Accuracy(Accuracy { displacement, force, .. }) => {
             vec![("displacement", error(row), *displacement), ("force", held(row), *force)]
         }
-        Demand::Budget(Budget { frame_ms, file_mb, offline_s, .. }) => vec![
+        AccuracyTarget::Budget(Budget { frame_ms, file_mb, offline_s, .. }) => vec![
             ("frame_ms", 1e3 * row.cost.frame_p99_s, *frame_ms),
             ("file_mb", 1e-6 * row.cost.file_bytes, *file_mb),
             ("offline_s", row.cost.offline_s, *offline_s),
@@ -80,20 +80,20 @@ fn asked(row: &Row, demand: &Demand) -> Vec<(&'static str, f64, f64)> {
 }
 
 /// The largest ratio of what was measured to what was asked; met where it is at most 1.
-pub fn miss(row: &Row, demand: &Demand) -> f64 {
+pub fn miss(row: &Row, demand: &AccuracyTarget) -> f64 {
     asked(row, demand).into_iter().map(|(_, measured, asked)| measured / asked).fold(0.0, f64::max)
 }
 
 /// Chooses among the rows that can be ([`Row::can_be_chosen`]): the fastest that is as accurate as asked, or the most
 /// accurate within the budget. Where none meets the demand, the one that misses it least, which is then not to be
 /// taken unasked. `None` of no rows. The same rows give the same choice.
-pub fn choose<'a>(rows: &'a [Row], demand: &Demand) -> Option<Choice<'a>> {
+pub fn choose<'a>(rows: &'a [Row], demand: &AccuracyTarget) -> Option<Choice<'a>> {
     let candidates: Vec<&Row> = rows.iter().filter(|row| row.can_be_chosen()).collect();
     let met: Vec<&Row> = candidates.iter().copied().filter(|row| miss(row, demand) <= 1.0).collect();
     let fastest = |of: &[&'a Row]| least(of, |row| time(row, rows), SAME_TIME);
     let best = match demand {
-        Demand::Accuracy(_) => fastest(&met),
-        Demand::Budget(_) => least(&met, error, SAME_ERROR),
+        AccuracyTarget::Accuracy(_) => fastest(&met),
+        AccuracyTarget::Budget(_) => least(&met, error, SAME_ERROR),
     };
     let row = best.or_else(|| least(&candidates, |row| miss(row, demand), SAME_ERROR))?;
     let better: Vec<&Row> = candidates.into_iter().filter(|other| error(other) < 0.9 * error(row)).collect();
@@ -124,14 +124,14 @@ impl Choice<'_> {
 
     /// That no setting meets the demand, which one comes nearest, by how much it misses, and how it is taken all the
     /// same; `None` where the demand is met.
-    pub fn missed(&self, demand: &Demand) -> Option<String> {
+    pub fn missed(&self, demand: &AccuracyTarget) -> Option<String> {
         if self.miss <= 1.0 {
             return None;
         }
         let key = demand.key();
         let what = match demand {
-            Demand::Accuracy(_) => "no setting that was measured is as accurate as asked",
-            Demand::Budget(_) => "no setting that was measured fits the budget",
+            AccuracyTarget::Accuracy(_) => "no setting that was measured is as accurate as asked",
+            AccuracyTarget::Budget(_) => "no setting that was measured fits the budget",
         };
         let missed: Vec<String> = asked(self.row, demand)
             .into_iter()

@@ -3,11 +3,11 @@
 //! In: a strict TOML file. Out: a checked [`Scene`]; meshes and node selections are loaded from it on demand.
 //! Names of models and effects are checked where their lists stand, in `deform` and `effect`.
 
-mod demand;
+mod accuracy_target;
 mod load;
 mod select;
 
-pub use demand::{Accuracy, Budget, Demand};
+pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
 pub use select::Nodes;
 
 use crate::base::failure::Failure;
@@ -96,6 +96,45 @@ pub struct Body {
 
 fn linear() -> String {
     "linear".into()
+}
+
+impl Body {
+    /// What is asked, where the knobs are to be chosen.
+    pub fn accuracy_target(&self) -> Option<AccuracyTarget> {
+        self.accuracy.map(AccuracyTarget::Accuracy).or(self.budget.map(AccuracyTarget::Budget))
+    }
+}
+
+/// Errors name the key below the body and what is wrong with it.
+fn check_target(body: &Body) -> Result<(), (&'static str, &'static str)> {
+    let target = body.accuracy_target();
+    let (key, asked) = match target {
+        None => return Ok(()),
+        Some(_) if body.accuracy.is_some() && body.budget.is_some() => {
+            return Err(("", "name either accuracy or budget, one of the two"));
+        }
+        Some(AccuracyTarget::Accuracy(Accuracy { displacement, force, .. })) => {
+            (".accuracy", [displacement, force, None])
+        }
+        Some(AccuracyTarget::Budget(Budget { frame_ms, file_mb, offline_s, .. })) => {
+            (".budget", [frame_ms, file_mb, offline_s])
+        }
+    };
+    let largest = target.and_then(|target| target.largest());
+    let mut numbers = asked.into_iter().flatten().peekable();
+    if numbers.peek().is_none() || !numbers.chain(largest).all(|value| value > 0.0 && value.is_finite()) {
+        return Err((key, "one positive number or more is needed"));
+    }
+    let is_free = body.element == <&Element>::default()
+        && body.storage == Storage::default()
+        && body.solver == Solver::default()
+        && body.model == linear()
+        && body.refine == 0;
+    if is_free {
+        Ok(())
+    } else {
+        Err((key, "element, refine, storage, solver and model are chosen by it: leave them out"))
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -283,7 +322,7 @@ impl Scene {
             );
             return Err(self.invalid(&format!("{entity}.solver"), message));
         }
-        demand::check(body).map_err(|(key, message)| self.invalid(&format!("{entity}{key}"), message))?;
+        check_target(body).map_err(|(key, message)| self.invalid(&format!("{entity}{key}"), message))?;
         if body.control.is_empty() {
             return Err(self.invalid(
                 &entity,

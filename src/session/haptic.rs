@@ -10,8 +10,8 @@ use crate::base::notice::notice;
 use crate::base::table::seconds;
 use crate::effect::find_effect;
 use crate::effect::haptics::{
-    Clockwork, Control, Device, Elastic, Faults, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated,
-    VrpnDevice, Way,
+    Control, Device, Elastic, Hand, Haply, HapticSource, Held, HoldConstraint, Loop, LoopFaults, LoopState,
+    LoopTiming, Report, Simulated, VrpnDevice,
 };
 use crate::green::GreenFile;
 use crate::interact::Mode;
@@ -30,8 +30,8 @@ pub struct HapticSession {
 #[derive(Clone, Debug, PartialEq)]
 pub struct HapticReading {
     pub name: String,
-    pub felt: Felt,
-    pub clockwork: Clockwork,
+    pub felt: LoopState,
+    pub clockwork: LoopTiming,
     pub max_force_n: f64,
     /// Its stylus holds something that is felt.
     pub holds: bool,
@@ -71,16 +71,17 @@ const SILENT: Duration = Duration::from_secs(2);
 #[derive(Clone, Copy)]
 struct Hold {
     place: (usize, usize),
-    way: Way,
+    way: HoldConstraint,
 }
 
 impl Hold {
     fn goes_on(&self, last: &Hold) -> bool {
         let is_same = match (&self.way, &last.way) {
-            (Way::Rigid(now), Way::Rigid(then)) => (now - then).norm() < SAME_HOLD,
-            (Way::Carried { carrying: now, .. }, Way::Carried { carrying: then, .. }) => {
-                now.begun() == then.begun()
-            }
+            (HoldConstraint::Rigid(now), HoldConstraint::Rigid(then)) => (now - then).norm() < SAME_HOLD,
+            (
+                HoldConstraint::Carried { carrying: now, .. },
+                HoldConstraint::Carried { carrying: then, .. },
+            ) => now.begun() == then.begun(),
             _ => false,
         };
         is_same && self.place == last.place
@@ -130,7 +131,7 @@ impl HapticSession {
     }
 
     /// What the device of this name measures, as a tracker's source; once.
-    pub fn source(&mut self, name: &str) -> Option<Sensed> {
+    pub fn source(&mut self, name: &str) -> Option<HapticSource> {
         self.links.iter_mut().find(|link| link.haptic.name == name)?.running.source()
     }
 
@@ -144,7 +145,7 @@ impl HapticSession {
     /// Puts simulated devices in the place of their styli.
     fn move_styli(&mut self, state: &mut TrackerState) {
         for link in self.links.iter_mut().filter(|link| link.haptic.device == HapticDevice::Simulated) {
-            let felt = link.running.report().felt;
+            let felt = link.running.report().state;
             link.drag_along(&felt, state);
         }
     }
@@ -167,7 +168,7 @@ impl HapticSession {
     /// What each device does now.
     pub fn readings(&mut self) -> Vec<HapticReading> {
         let of = |link: &mut Link| {
-            let Report { felt, clockwork, .. } = *link.running.report();
+            let Report { state: felt, timing: clockwork, .. } = *link.running.report();
             HapticReading {
                 name: link.haptic.name.clone(),
                 felt,
@@ -182,14 +183,14 @@ impl HapticSession {
     /// How the loops did, a line for each.
     pub fn summary(&mut self) -> String {
         let line = |link: &mut Link| {
-            let Report { felt, clockwork: clock, malformed } = *link.running.report();
+            let Report { state: felt, timing: clock, malformed } = *link.running.report();
             let [p50, p99, late] = [clock.work_p50_s, clock.work_p99_s, clock.late_p99_s].map(seconds);
             let name = &link.haptic.name;
             let told = format!(
                 "haptic {name}: {} ticks, {} late, {} left out; work p50 {p50}, p99 {p99}; late by p99 {late}\n",
                 clock.ticks, clock.late, clock.missed
             );
-            let Faults { lost, absurd, jumps, backward, unattended, undefined } = felt.faults;
+            let LoopFaults { lost, absurd, jumps, backward, unattended, undefined } = felt.faults;
             let faults = [
                 (lost, "without news of the device"),
                 (absurd, "with a pose that cannot be"),
@@ -232,7 +233,7 @@ pub fn open(haptic: &Haptic) -> Result<Box<dyn Device>, Failure> {
 
 impl Link {
     /// The stylus of a simulated device goes where its mass is; the tracker's or the mouse's is the hand that pulls it.
-    fn drag_along(&mut self, felt: &Felt, state: &mut TrackerState) {
+    fn drag_along(&mut self, felt: &LoopState, state: &mut TrackerState) {
         let Some(stylus) = state.styli.get_mut(self.stylus) else {
             self.room_from_hand = None;
             return;
@@ -253,7 +254,7 @@ impl Link {
             self.grips += u64::from(now.is_some());
         }
         // The other hand of a hold moves; what one hand holds freely stays as it was taken.
-        if !goes_on || matches!(now, Some(Hold { way: Way::Carried { .. }, .. })) {
+        if !goes_on || matches!(now, Some(Hold { way: HoldConstraint::Carried { .. }, .. })) {
             self.hold = now;
         }
         let hold = self.hold?;
@@ -264,7 +265,7 @@ impl Link {
             body: self.bodies.iter().position(|body| *body == b)?,
             element,
             room_from_body: body.room_from_body,
-            way: hold.way,
+            constraint: hold.way,
             mean: body.deformer.body_from_surface().rotation.to_rotation_matrix(),
         })
     }
@@ -284,18 +285,18 @@ impl Link {
         let shown = body.room_from_element(place.1, body.deformer.poses.get(place.1)?);
         let way = if hands.mode == Mode::FREE && holders.count() == 1 && !stylus.second {
             let handle_from_room = handle_from_stylus * pose.inverse();
-            Way::Rigid(handle_from_room.to_homogeneous() * shown)
+            HoldConstraint::Rigid(handle_from_room.to_homogeneous() * shown)
         } else {
             let carrying = hands.carrying(self.stylus)?;
             let is_followed = (carrying.now()? - shown).norm() < SAME_HOLD;
-            is_followed.then_some(Way::Carried { carrying, handle_from_stylus })?
+            is_followed.then_some(HoldConstraint::Carried { carrying, handle_from_stylus })?
         };
         Some(Hold { place, way })
     }
 
     /// Says once each that a device is silent, that it reports slowly or late, and that a body is too stiff to be felt as it is.
     fn warn(&mut self, world: &World, held: Option<&Held>) {
-        let felt = self.running.report().felt;
+        let felt = self.running.report().state;
         let Haptic { name, rate_hz, damping, .. } = &self.haptic;
         if felt.room_from_handle.is_some() {
             self.told.heard = Instant::now();

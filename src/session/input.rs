@@ -8,15 +8,15 @@ use super::trackers;
 use crate::base::notice::notice;
 use crate::stage::Stage;
 use crate::track::device::now_s;
-use crate::track::rig::TrackerReport;
-use crate::track::{Mouse, Rig, Script, TrackerState};
+use crate::track::tracker_set::TrackerReport;
+use crate::track::{Mouse, Script, TrackerSet, TrackerState};
 
 /// What may move a world, in the order of precedence.
 #[derive(Default)]
 pub struct InputSource {
     pub replay: Option<Replay>,
     /// Tracked devices, where the stage names some.
-    pub trackers: Option<Rig>,
+    pub trackers: Option<TrackerSet>,
     pub script: Option<Script>,
     pub mouse: Option<Mouse>,
     /// How often the script has begun anew.
@@ -64,7 +64,9 @@ impl InputSource {
         match self.leader() {
             Leader::Recording => "moved by a recording",
             Leader::Script => "moved by the script",
-            Leader::Trackers if self.trackers.as_ref().is_some_and(Rig::is_pointing) => "moved by trackers",
+            Leader::Trackers if self.trackers.as_ref().is_some_and(TrackerSet::is_pointing) => {
+                "moved by trackers"
+            }
             Leader::Trackers => "moved by trackers, mouse and keyboard",
             Leader::Mouse | Leader::Nobody => "moved by mouse and keyboard",
         }

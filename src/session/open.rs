@@ -61,7 +61,7 @@ impl Session {
 /// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
 pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
     let name = asked.map_or_else(|| stage_of_scene(scene), str::to_owned);
-    Stage::find(&name).map_err(|error| match asked {
+    crate::track::find_stage(&name).map_err(|error| match asked {
         Some(_) => Failure::request(error),
         None => Failure::request(scene.invalid("stage", error.to_string())),
     })

@@ -2,19 +2,19 @@
 
 use super::haptic::{self, HapticSession};
 use crate::base::failure::Failure;
-use crate::effect::haptics::Sensed;
+use crate::effect::haptics::HapticSource;
 use crate::stage::Stage;
 use crate::track::device::{Source, now_s};
-use crate::track::{Rig, TrackerState, open};
+use crate::track::{TrackerSet, TrackerState, open};
 
 /// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
-pub fn start(stage: &Stage, mut loops: Option<&mut HapticSession>) -> Result<Option<Rig>, Failure> {
-    Rig::start(&stage.tracking, |name, kind| {
+pub fn start(stage: &Stage, mut loops: Option<&mut HapticSession>) -> Result<Option<TrackerSet>, Failure> {
+    TrackerSet::start(&stage.tracking, |name, kind| {
         let device = stage.haptics.iter().find(|haptic| haptic.tracker() == name);
         match device {
             Some(device) => match loops.as_mut().and_then(|loops| loops.source(&device.name)) {
                 Some(source) => Ok(Box::new(source) as Box<dyn Source>),
-                None => Ok(Box::new(Sensed::alone(haptic::open(device)?))),
+                None => Ok(Box::new(HapticSource::alone(haptic::open(device)?))),
             },
             None => Ok(open(name, kind)?),
         }
@@ -22,7 +22,7 @@ pub fn start(stage: &Stage, mut loops: Option<&mut HapticSession>) -> Result<Opt
 }
 
 /// Head and styli as they are tracked; what is not tracked now comes from `other`, behind them.
-pub fn merge(rig: &mut Rig, other: TrackerState) -> TrackerState {
+pub fn merge(rig: &mut TrackerSet, other: TrackerState) -> TrackerState {
     let mut state = rig.state(now_s());
     state.head = state.head.or(other.head);
     if !rig.is_pointing() {

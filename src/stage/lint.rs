@@ -3,12 +3,14 @@
 //! In: a [`Stage`], and the monitors of its desktop where they are known. Out: [`Lint`]s with their numbers: how edges
 //! meet, shapes of pixels, sides and eyes, windows on their monitors.
 
+use super::description::Stage;
+use super::error::{IPD_M, MAX_SKEW};
 use super::overlap::{Overlap, overlaps};
 use super::screen::{MIN_EYE_DISTANCE_M, Screen};
 use super::seam::Seam;
 use super::stereo::Stereo;
+use super::viewer::Eye;
 use super::window::{Monitor, Window};
-use super::{Eye, Stage};
 use nalgebra::Point3;
 
 /// How bad a finding is.
@@ -92,7 +94,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
     let upward = screen.upper_left - screen.lower_left;
     let off_m = (across.dot(&upward) / across.norm()).abs();
     // What is worse is refused by the loader.
-    if off_m > SKEW_M && off_m <= super::fault::MAX_SKEW * upward.norm() {
+    if off_m > SKEW_M && off_m <= MAX_SKEW * upward.norm() {
         let advice = "the projection takes the lower edge and the height as they are";
         push(
             found,
@@ -173,7 +175,7 @@ fn twice(stage: &Stage, overlap: &Overlap) -> Lint {
 
 fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
     let ipd_m = stage.viewer.ipd_m;
-    if ipd_m > 0.0 && !USUAL_IPD_M.contains(&ipd_m) && super::fault::IPD_M.contains(&ipd_m) {
+    if ipd_m > 0.0 && !USUAL_IPD_M.contains(&ipd_m) && IPD_M.contains(&ipd_m) {
         push(
             found,
             Level::Note,

@@ -3,7 +3,7 @@
 //! In: a [`Stage`]. Out: its [`Seam`]s, of which each tells gap or overlap across the edges, and how far their ends are
 //! off along them.
 
-use super::Stage;
+use super::description::Stage;
 use super::screen::Screen;
 use nalgebra::{Point3, Vector3};
 

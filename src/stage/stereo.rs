@@ -1,6 +1,6 @@
 //! Kinds of stereo: how the two eyes' pictures of a screen reach its display, and how large the whole then is.
 
-use super::Eye;
+use super::viewer::Eye;
 use crate::config;
 
 /// How the two eyes' pictures of a screen reach its display.

@@ -1,6 +1,6 @@
 //! What a stage is, for a reader: sizes, pixels, distances and fields of view, and how its screens meet.
 
-use super::Stage;
+use super::description::Stage;
 use super::lint::CLOSED_M;
 use nalgebra::Point3;
 use std::fmt;
@@ -56,7 +56,7 @@ impl fmt::Display for Stage {
             }
         }
         for (name, tracker) in &self.tracking.trackers {
-            writeln!(f, "tracker {name}: {}", tracker.kind)?;
+            writeln!(f, "tracker {name}: {}", tracker.source)?;
         }
         for (name, sensor) in &self.tracking.sensors {
             let is_head = self.tracking.head.as_ref() == Some(name);

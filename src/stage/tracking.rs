@@ -1,20 +1,10 @@
-//! What a stage file says of trackers: sources, sensors with their calibration, and which of them are head and styli.
+//! What a stage says of trackers: their sources, the sensors with their calibration, and which of them are head and styli.
 //!
-//! In: the tables `[tracker.NAME]`, `[sensor.NAME]`, `[stylus.NAME]` and the key `viewer.head`. Out: a checked
-//! [`Tracking`]. Data only: nothing is opened and nothing listens here.
-
-mod address;
-mod fault;
-mod file;
-pub mod vrpn;
-
-pub use fault::TrackingFault;
-pub(super) use file::{MountFile, SensorFile, StylusFile, TrackerFile, check, isometry};
+//! Data only: nothing is opened here. What a source's own keys mean is known to its entry in `track::SOURCES`.
 
 use super::haptic::HapticDevice;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, UnitQuaternion};
-use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 /// All that is tracked on a stage, in the order of the file; empty where nothing is.
@@ -43,67 +33,24 @@ impl Tracking {
 /// A source of poses, buttons and valuators, and how its frame lies in the room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracker {
-    pub kind: TrackerKind,
+    pub source: TrackerSource,
     pub frame: TrackerFrame,
 }
 
-/// What is spoken, and where.
+/// Where a tracker's poses come from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum TrackerKind {
-    Vrpn {
-        address: vrpn::Address,
-        transport: Transport,
-    },
-    Dtrack {
-        listen: Listen,
-    },
-    Osc {
-        listen: Listen,
-        euler: EulerOrder,
-    },
-    Fastrak {
-        device: PathBuf,
-        baud: u32,
-    },
-    Gamepad {
-        device: PathBuf,
-    },
-    /// Of a table `[haptic.NAME]`: whoever gives it forces says what it measures.
+pub enum TrackerSource {
+    Table(SourceTable),
+    /// Of a table `[haptic.NAME]`: whoever gives the device its forces also reads what it measures.
     Haptic(HapticDevice),
 }
 
-/// Where datagrams are heard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Listen {
-    /// An address of this machine, or that of a multicast group, which is joined.
-    pub at: SocketAddr,
-    /// The address of this machine on the network where the group is joined; the system's choice unless given.
-    pub interface: Option<Ipv4Addr>,
-}
-
-/// How a VRPN client reaches its server.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Transport {
-    /// By TCP, directly.
-    #[default]
-    Tcp,
-    /// A UDP datagram asks the server to connect back.
-    Lob,
-}
-
-/// The order of three turns about the tracker's axes: `yxz` is R = Ry Rx Rz. The message has the angle about x first, then
-/// y, then z, whatever the order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum EulerOrder {
-    Xyz,
-    Xzy,
-    #[default]
-    Yxz,
-    Yzx,
-    Zxy,
-    Zyx,
+/// The keys of a table `[tracker.NAME]` that belong to the kind of source, and where they stand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceTable {
+    pub keys: toml::Table,
+    pub path: PathBuf,
+    pub line: usize,
 }
 
 /// From what a tracker says to metres in the room.
@@ -203,36 +150,20 @@ impl TrackerFrame {
     }
 }
 
-impl std::fmt::Display for TrackerKind {
+impl std::fmt::Display for TrackerSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            TrackerKind::Vrpn { address, transport } => {
-                let lob = if *transport == Transport::Lob { " (lob)" } else { "" };
-                write!(f, "vrpn {address}{lob}")
+            TrackerSource::Haptic(device) => write!(f, "force device, {device}"),
+            TrackerSource::Table(SourceTable { keys, .. }) => {
+                for (index, (key, value)) in keys.iter().enumerate() {
+                    let comma = if index > 0 { ", " } else { "" };
+                    match value.as_str() {
+                        Some(text) => write!(f, "{comma}{key} {text}")?,
+                        None => write!(f, "{comma}{key} {value}")?,
+                    }
+                }
+                Ok(())
             }
-            TrackerKind::Dtrack { listen } => write!(f, "dtrack on {listen}"),
-            TrackerKind::Osc { listen, .. } => write!(f, "osc on {listen}"),
-            TrackerKind::Fastrak { device, baud } => write!(f, "fastrak {} at {baud} baud", device.display()),
-            TrackerKind::Gamepad { device } => write!(f, "gamepad {}", device.display()),
-            TrackerKind::Haptic(device) => write!(f, "force device, {device}"),
         }
     }
 }
-
-impl From<SocketAddr> for Listen {
-    fn from(at: SocketAddr) -> Listen {
-        Listen { at, interface: None }
-    }
-}
-
-impl std::fmt::Display for Listen {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.interface {
-            Some(interface) => write!(f, "{} by {interface}", self.at),
-            None => self.at.fmt(f),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests;

@@ -3,13 +3,8 @@
 //! In: the tables `[[window]]` and `[[monitor]]` of a stage file, or without them the stage itself. Out: [`Window`]s,
 //! each of one [`Tile`] or more, and for each tile the part of its screen that is to be drawn ([`Tile::visible`]).
 
-mod file;
-
-pub(super) use file::{MonitorFile, WindowFile, monitor, window};
-
 use super::screen::Screen;
 use super::stereo::Stereo;
-use super::{Eye, Stage};
 use nalgebra::Matrix4;
 
 /// A window on the desktop, in physical pixels.
@@ -66,7 +61,7 @@ pub struct Monitor {
 pub struct Tile {
     /// x, y of the top left pixel in the window, width, height.
     pub rect: [u32; 4],
-    /// Index into [`Stage::screens`].
+    /// Index into [`super::Stage::screens`].
     pub screen: usize,
     /// Never [`Stereo::Separate`]: that takes two tiles.
     pub stereo: Stereo,
@@ -130,14 +125,6 @@ impl Window {
 }
 
 impl Tile {
-    /// All of a screen in the whole of a window.
-    pub fn whole(stage: &Stage, screen: usize, stereo: Stereo) -> Self {
-        let pixels @ [width, height] = stage.screens[screen].pixels;
-        let [w, h] = stereo.window_size(pixels);
-        let crop = [0, 0, width, height];
-        Self { rect: [0, 0, w, h], screen, stereo, swap_eyes: false, crop, overscan: [0; 4] }
-    }
-
     /// The part of an eye's picture of `eye_size` pixels that the display shows, on whole pixels, and what of the
     /// screen it is. The screen's corners are those of all its pixels, hidden ones too, so hiding pixels changes none
     /// of the others. None where nothing is left.
@@ -174,47 +161,6 @@ impl Visible {
     pub fn on_whole(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [left, right, bottom, top] = self.on_screen;
         [left + (right - left) * (x + 1.0) / 2.0, bottom + (top - bottom) * (y + 1.0) / 2.0]
-    }
-}
-
-impl Stage {
-    /// The stage's own windows; without any, those of [`Stage::usual_layout`].
-    pub fn layout(&self) -> Vec<Window> {
-        if self.windows.is_empty() { self.usual_layout() } else { self.windows.clone() }
-    }
-
-    /// The windows that show everything: a column per eye where each has a window of its own, the screens from the
-    /// highest to the lowest.
-    pub fn usual_layout(&self) -> Vec<Window> {
-        let from_top = self.screens_from_top();
-        let kinds: &[Stereo] = match self.stereo {
-            Stereo::Separate => &[Stereo::Left, Stereo::Right],
-            _ => std::slice::from_ref(&self.stereo),
-        };
-        let several = self.screens.len() * kinds.len() > 1;
-        let height = |screen: usize| kinds[0].window_size(self.screens[screen].pixels)[1];
-        let window = |screen: usize, column: usize, stereo: Stereo| {
-            let tile = Tile::whole(self, screen, stereo);
-            let [.., width, own_height] = tile.rect;
-            let above = from_top.iter().take_while(|&&other| other != screen);
-            let top = above.fold(0_u32, |sum, &other| sum.saturating_add(height(other)));
-            let at = [width.saturating_mul(column as u32), top];
-            let eyes: Vec<&str> = stereo.eyes().iter().map(|eye| Eye::name(*eye)).collect();
-            Window {
-                name: format!("{} {}", self.screens[screen].name, eyes.join(" and ")),
-                monitor: None,
-                fills: false,
-                at: several.then_some(at.map(|pixel| i32::try_from(pixel).unwrap_or(i32::MAX))),
-                size: [width, own_height],
-                border: Border::Decorated,
-                tiles: vec![tile],
-            }
-        };
-        let of = |screen: usize| {
-            kinds.iter().enumerate().map(move |(column, kind)| (screen, column, *kind)).collect::<Vec<_>>()
-        };
-        let panes = (0..self.screens.len()).flat_map(of);
-        panes.map(|(screen, column, stereo)| window(screen, column, stereo)).collect()
     }
 }
 

@@ -1,19 +1,20 @@
-//! What one source of poses says, raw: in the device's own frame, as it came, with its time and quality.
+//! The raw readings of one source: poses, buttons and valuators in the device's own frame, with time and quality.
 //!
-//! In: packets of a tracker, each source in a file of its own. Out: a [`DeviceState`] of which the newest is handed
-//! over without a lock; calibration, filter and prediction come after it.
+//! In: what a tracker's packets contain; each kind of source has a file of its own. Out: a [`DeviceState`], of which the
+//! newest is handed over without a lock. Calibration, filter and prediction come later.
 
 use super::flow::Flow;
 use super::state::normalised;
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
 
-/// A source keeps no more than so many sensors, buttons and valuators, whatever a packet says.
+/// The most sensors, buttons and valuators that a source keeps, whatever its packets contain.
 pub const MOST_CHANNELS: usize = 256;
-/// Where all are taken, a new one takes the place of the one that has been silent longest, if for longer than this, s.
+/// If all channels are taken, a new one replaces the one that has been silent longest, provided that it was silent for
+/// longer than this, s.
 const STALE_S: f64 = 2.0;
 
-/// All that a source has said so far: the newest reading of every sensor, button and valuator by its number.
+/// The newest reading of every sensor, button and valuator of a source, by its number.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DeviceState {
     pub sensors: BTreeMap<i32, Reading<Isometry3<f64>>>,
@@ -21,23 +22,23 @@ pub struct DeviceState {
     pub valuators: BTreeMap<i32, Reading<f64>>,
     pub counters: Counters,
     pub link: Link,
-    /// From a question to its answer, s, the longest of late; `None`: it was asked nothing, or has not answered yet.
+    /// The longest recent time from a question to its answer, s; `None` if nothing was asked or answered yet.
     pub round_trip_s: Option<f64>,
 }
 
-/// A value with what is known of it.
+/// A value, and what is known about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<T> {
     pub value: T,
     /// When it arrived, seconds of this program's clock ([`now_s`]).
     pub arrived_s: f64,
-    /// The last tracked reading before it, and when that arrived: who looks seldom still knows how the device speaks.
+    /// The last tracked reading before this one, and when it arrived: a reader that looks rarely needs both for the speed.
     pub before: Option<(T, f64)>,
-    /// When the device says that it measured it, seconds of the device's clock.
+    /// When the device measured it, seconds of the device's clock.
     pub measured_s: Option<f64>,
     /// 1 tracked, 0 not tracked (the value is then the last one that was).
     pub quality: f32,
-    /// How many readings of this channel came so far.
+    /// The number of readings of this channel so far.
     pub count: u64,
     pub flow: Flow,
 }
@@ -49,16 +50,16 @@ impl<T: Copy> Reading<T> {
     }
 }
 
-/// What came over the wire since the start.
+/// What has been received since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     pub packets: u64,
     pub messages: u64,
-    /// Did not parse, or broke a limit: dropped.
+    /// Dropped because they did not parse or broke a limit.
     pub malformed: u64,
-    /// Well-formed, but dropped: too many at once, too many channels, or of no use here.
+    /// Well-formed, but dropped: too many at once, on too many channels, or of no use here.
     pub dropped: u64,
-    /// How often a flood was made to wait; what came meanwhile the system dropped.
+    /// How often a flood was made to wait; the operating system dropped what came meanwhile.
     pub throttled: u64,
     pub reconnects: u64,
 }
@@ -70,18 +71,18 @@ pub enum Link {
     #[default]
     Waiting,
     Up,
-    /// Connected, but silent for longer than such a device ever is.
+    /// Connected, but silent for longer than a working device ever is.
     Quiet,
-    /// Gone, and why; tried again with back-off.
+    /// Gone, and why; the source tries again at growing intervals.
     Down(String),
 }
 
-/// One source of poses, buttons and valuators: a thread of its own that listens, and its newest state.
+/// A source of poses, buttons and valuators; most have a thread of their own that receives them.
 pub trait Source: Send {
     /// `vrpn Tracker0@host`, for tables and messages.
     fn describe(&self) -> String;
 
-    /// What it has said until now. Never blocks.
+    /// The newest state. Never blocks.
     fn latest(&mut self) -> &DeviceState;
 }
 
@@ -93,7 +94,7 @@ pub fn now_s() -> f64 {
     START.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
-/// When a reading came, and when the device says that it measured it.
+/// When a reading arrived, and when the device measured it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamp {
     pub arrived_s: f64,
@@ -107,13 +108,14 @@ impl Stamp {
 }
 
 impl DeviceState {
-    /// Takes the pose of a sensor, its quaternion normalised; one that is not finite or has no rotation, or a new
-    /// channel beyond [`MOST_CHANNELS`] that all speak, is counted as dropped. A reading with quality 0 keeps the last pose.
+    /// Takes the pose of a sensor and normalises its quaternion. A pose that is not finite or has no rotation is dropped
+    /// and counted, and so is one of a new sensor while [`MOST_CHANNELS`] others are active. A reading with quality 0
+    /// keeps the last pose.
     pub fn take_pose(&mut self, sensor: i32, pose: Isometry3<f64>, measured_s: Option<f64>, quality: f32) {
         self.take_pose_at(Stamp::now(measured_s), sensor, pose, quality);
     }
 
-    /// The same with the time of its arrival, as a recording has it.
+    /// The same with a given time of arrival, for recordings.
     pub fn take_pose_at(&mut self, stamp: Stamp, sensor: i32, pose: Isometry3<f64>, quality: f32) {
         let is_finite =
             pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite());

@@ -1,8 +1,8 @@
-//! ART DTrack: frames of lines of text, one frame a UDP datagram, usually to port 5000.
+//! ART DTrack: frames of text lines, one frame per UDP datagram, usually to port 5000.
 //!
-//! In: `6d`, `6di` (bodies), `6df2`, `6df` (flysticks), `3d` (markers) with `fr`, `ts`, `ts2`; other lines are passed
-//! over. Out: poses in metres, from the protocol's millimetres, with their time of measurement by the time of day: `ts2`
-//! has it, `ts` only the seconds since midnight (UTC). A frame that was overtaken by a newer one is dropped.
+//! In: `6d`, `6di` (bodies), `6df2`, `6df` (flysticks), `3d` (markers) with `fr`, `ts`, `ts2`; other lines are
+//! ignored. Out: poses in metres (the protocol has millimetres) with their time of measurement: `ts2` gives the time of
+//! day with its date, `ts` only the seconds since midnight (UTC). A frame that arrives after a newer one is dropped.
 //!
 //! | of DTrack | number of the sensor | buttons | valuators |
 //! |---|---|---|---|
@@ -11,33 +11,51 @@
 //! | marker m, m < 100 | 2000 + m | | |
 
 use super::device::DeviceState;
-use super::udp::Parser;
+use super::listen::Listen;
+use super::source_entry::{SourceEntry, SourceSettings, keys};
+use super::udp::{Parser, settings};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use std::net::Ipv4Addr;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 const FLYSTICK: i32 = 1000;
 const MARKER: i32 = 2000;
-/// Markers are numbered on and on; higher numbers would fill all channels.
+/// DTrack numbers markers without end; higher numbers would fill all channels.
 const MOST_MARKERS: f64 = 100.0;
 const MOST_BUTTONS: usize = 32;
 const MOST_AXES: usize = 16;
-/// A frame is late, if its number is at most so far below the last one's; if it is farther, the controller began anew.
+/// A frame whose number is below the last one's by at most this is late; by more, the controller has restarted.
 const LATE: i64 = 16;
-/// So did one whose late frames come in their order, or whose number never changes: the so many-th is taken.
+/// It has also restarted if this many late frames arrive in order, or with the same number.
 const IN_ORDER: u32 = 3;
-/// Largest entry of RᵀR - I that rounding to six digits, and no mistake, can have.
+/// The largest entry of RᵀR - I that rounding to six digits can cause.
 const MOST_SKEW: f64 = 0.01;
 const METRES: f64 = 1e-3;
 const DAY_S: f64 = 86_400.0;
-/// A date that was right once is right as long as it makes the time differ by less than this from our own, s: the
-/// controller's clock may be in another time zone.
+/// A date once found is kept as long as the time differs from our own by less than this, s: the controller's clock may
+/// be in another time zone.
 const OTHER_DAY_S: f64 = 0.75 * DAY_S;
+
+pub const SOURCE: SourceEntry = SourceEntry { key: "dtrack", more_keys: &["interface"], read };
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    dtrack: String,
+    interface: Option<Ipv4Addr>,
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
+    let Keys { dtrack, interface } = keys(tracker, table)?;
+    let place = Listen::parse(tracker, "dtrack", &dtrack, interface)?;
+    Ok(settings("dtrack", place, Dtrack::default()))
+}
 
 /// The state between frames.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Dtrack {
     last_frame: Option<i64>,
-    /// The last late frame, and how many came in their order.
+    /// The last late frame, and how many have come in order.
     late: Option<(i64, u32)>,
     /// The last time of measurement, s since 1970.
     last_s: Option<f64>,
@@ -78,15 +96,15 @@ impl Parser for Dtrack {
             }
         }
         state.counters.messages += read;
-        // One that is bad altogether is counted by the listener.
+        // The listener counts frames in which nothing could be read.
         state.counters.malformed += if read > 0 { bad } else { bad.saturating_sub(1) };
         read > 0
     }
 }
 
 impl Dtrack {
-    /// Seconds since 1970 of a time that is told as seconds since midnight: on the day of the one before, or the next one
-    /// where midnight has passed; at first the day that brings it nearest to `now_s`.
+    /// Seconds since 1970 for a time given as seconds since midnight: on the day of the previous time, or on the next day
+    /// if midnight has passed. For the first time it is the day that brings it nearest to `now_s`.
     fn dated(&mut self, since_midnight_s: f64, now_s: f64) -> f64 {
         let nearest_to =
             |time_s: f64| since_midnight_s + DAY_S * ((time_s - since_midnight_s) / DAY_S).round();
@@ -111,8 +129,8 @@ impl Dtrack {
     }
 }
 
-/// Calls `take` with every item of a line: `counts` numbers, of which the last says how many items follow, each of so
-/// many groups in brackets. The number of items, or `None` if the line is not as it should be.
+/// Calls `take` for every item of a line. The line starts with `counts` numbers, of which the last is the number of items;
+/// each item is a fixed number of groups in brackets. Returns the number of items, or `None` if the line is malformed.
 fn items(
     rest: &str,
     counts: usize,
@@ -143,7 +161,7 @@ fn items(
     Some(count)
 }
 
-/// `[id q][x y z (angles)][b0 … b8]`; -1 ≤ q < 0 is not tracked, and its matrix zero.
+/// `[id q][x y z (angles)][b0 … b8]`; with -1 ≤ q < 0 the body is not tracked, and its matrix is zero.
 fn body(item: &[Vec<f64>], places: usize, state: &mut DeviceState, measured_s: Option<f64>) -> Option<()> {
     let [head, place, matrix] = item else { return None };
     let [id, quality] = head[..] else { return None };
@@ -203,7 +221,7 @@ fn marker(item: &[Vec<f64>], state: &mut DeviceState, measured_s: Option<f64>) -
 }
 
 fn press(state: &mut DeviceState, id: i32, buttons: usize, bits: f64, measured_s: Option<f64>) -> Option<()> {
-    // 32 bits, as a signed or an unsigned number.
+    // 32 bits, written as a signed or an unsigned number.
     if bits.fract() != 0.0 || !(f64::from(i32::MIN)..=f64::from(u32::MAX)).contains(&bits) {
         return None;
     }
@@ -240,7 +258,7 @@ fn take(
     Some(())
 }
 
-/// `sec usec latency`: when it was measured, s.
+/// `sec usec latency`: the time of measurement, s.
 fn seconds_of_ts2(rest: &str) -> Option<f64> {
     let mut numbers = rest.split_whitespace().map(number);
     let (seconds, microseconds) = (numbers.next()??, numbers.next()??);
@@ -251,7 +269,7 @@ fn number(word: &str) -> Option<f64> {
     word.trim().parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// A number of something, below `end`.
+/// A count below `end`.
 fn whole(value: f64, end: f64) -> Option<i32> {
     (value.fract() == 0.0 && (0.0..end).contains(&value)).then_some(value as i32)
 }

@@ -1,30 +1,53 @@
 //! A Polhemus FASTRAK on a serial line.
 //!
-//! In: its ASCII records, into which it is commanded at the start. Out: station s as sensor s, its stylus' switch as
-//! button s. From the 3SPACE FASTRAK user manual (OPM00PI002, rev. G, 2012): a record is `0`, the station, an error
-//! code, and the items that were asked for: place (52), quaternion w x y z (61), switch (66), end of line (1).
+//! In: ASCII records, which the device is configured to send. Out: station s as sensor s, the switch of its stylus as
+//! button s. From the 3SPACE FASTRAK user manual (OPM00PI002, rev. G, 2012): a record consists of `0`, the station, an
+//! error code, and the requested items: position (52), quaternion w x y z (61), switch (66), end of line (1).
 
 use super::device::{DeviceState, Link, now_s};
 use super::open_error::OpenError;
+use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
 use super::worker::{Backoff, Publisher, Worker};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The device has four receivers; with a rate of 120 Hz for one, 30 Hz for four.
+/// The device has four receivers; it reads one at 120 Hz or four at 30 Hz.
 const STATIONS: u32 = 4;
-/// Stop, ASCII, centimetres.
+/// Stop continuous output, use ASCII, use centimetres.
 const QUIET: &[u8] = b"cFu";
 const CONTINUOUS: &[u8] = b"C";
 const METRES: f64 = 0.01;
-/// A longer line is malformed, bytes; a record has 100.
+/// A longer line is malformed, bytes; a record has about 100.
 const LONGEST_LINE: usize = 256;
-/// Without a record for so long the device is commanded anew, s.
+/// After this time without a record the device is configured again, s.
 const SILENCE_S: f64 = 3.0;
 const WAKE: Duration = Duration::from_millis(50);
 
-/// Opens the serial line `device`, now or when it appears.
+pub const SOURCE: SourceEntry = SourceEntry { key: "fastrak", more_keys: &["baud"], read };
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    fastrak: PathBuf,
+    baud: Option<u32>,
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
+    let Keys { fastrak, baud } = keys(tracker, table)?;
+    let (path, baud) =
+        (device(tracker, "fastrak", fastrak, "/dev/ttyUSB0 or COM3")?, baud.unwrap_or(115_200));
+    if !(300..=4_000_000).contains(&baud) {
+        return Err(format!("baud is {baud}: it must be a number between 300 and 4000000"));
+    }
+    Ok(SourceSettings {
+        exclusive_use: Some(ExclusiveUse::Opens(path.clone())),
+        open: Box::new(move |tracker| Ok(Box::new(open(tracker, &path, baud)?))),
+    })
+}
+
+/// Opens the serial line `device`, now or as soon as it appears.
 pub fn open(tracker: &str, device: &Path, baud: u32) -> Result<Worker, OpenError> {
     let description = format!("fastrak {} at {baud} baud", device.display());
     let device: PathBuf = device.to_owned();
@@ -55,7 +78,7 @@ fn run(mut publisher: Publisher, device: &Path, baud: u32) {
     }
 }
 
-/// Commands the device and reads it until it is gone or silent; says why it ended.
+/// Configures the device and reads it until it is gone or silent; returns the reason.
 pub fn listen(publisher: &mut Publisher, port: &mut (impl Read + Write + ?Sized)) -> String {
     if let Err(error) = command(port) {
         return format!("cannot be commanded: {error}");
@@ -81,7 +104,7 @@ pub fn listen(publisher: &mut Publisher, port: &mut (impl Read + Write + ?Sized)
             return format!("no record for {SILENCE_S} s: is it on, and is its baud rate the same?");
         }
     }
-    // Left as it was found: silent.
+    // Leave the device silent, as it was found.
     let _ = port.write_all(b"c");
     "stopped".into()
 }
@@ -95,7 +118,7 @@ fn command(port: &mut (impl Read + Write + ?Sized)) -> std::io::Result<()> {
     port.flush()
 }
 
-/// Bytes cut into lines, of which each is a record.
+/// Splits bytes into lines, each of which is a record.
 #[derive(Clone, Debug, Default)]
 pub struct Lines {
     line: Vec<u8>,
@@ -103,7 +126,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// True if there was a good record among the lines that these bytes end.
+    /// True if these bytes completed at least one good record.
     pub fn take(&mut self, bytes: &[u8], state: &mut DeviceState) -> bool {
         let mut is_good = false;
         for &byte in bytes {
@@ -129,7 +152,7 @@ impl Lines {
 }
 
 fn record(line: &[u8], state: &mut DeviceState) -> Option<()> {
-    // The error code is of the device's self-test and says nothing of this pose.
+    // The error code is that of the device's self-test; it does not concern this pose.
     let [b'0', station @ b'1'..=b'9', _error, items @ ..] = line else { return None };
     let station = i32::from(station - b'0');
     let mut numbers = [0.0; 8];

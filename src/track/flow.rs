@@ -1,21 +1,21 @@
-//! How steadily a channel of a tracker speaks: rate, jitter of its arrivals, noise of its places.
+//! How steadily a tracker's channel reports: its rate, the jitter of the arrivals, the noise of the positions.
 //!
-//! In: the time, and for a sensor the place, of every reading. Out: means over about the last 64 of them.
+//! In: the time of every reading, and for a sensor its position. Out: means over about the last 64 readings.
 
 use crate::stage::tracking::LostPolicy;
 use nalgebra::Vector3;
 
-/// Readings over which the means run.
+/// The number of readings over which the means run.
 const MEMORY: f64 = 64.0;
 
-/// What is known of the readings of one channel.
+/// Statistics of one channel's readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flow {
     /// Mean time between two readings, s; 0 before the second one.
     pub interval_s: f64,
-    /// How often it was not tracked for longer than [`LostPolicy::default`]'s `after_s`, and then was again.
+    /// How often it was untracked for longer than `after_s` of [`LostPolicy::default`] and then came back.
     pub gaps: u64,
-    /// Mean square deviation from it, s².
+    /// Mean square deviation of that time, s².
     interval_variance: f64,
     intervals: u64,
     /// Mean of |x₀ - 2 x₁ + x₂|² / 6, the device's unit squared.
@@ -30,13 +30,13 @@ impl Flow {
         self.interval_variance.sqrt()
     }
 
-    /// RMS noise of the place, in the device's unit: from second differences, which a steady motion does not have, and
-    /// which white noise of variance σ² has with 6 σ². The three axes together.
+    /// RMS noise of the position over all three axes, in the device's unit. It is computed from second differences, which
+    /// vanish for a steady motion and have the variance 6 σ² for white noise of variance σ².
     pub fn noise(&self) -> f64 {
         self.noise_variance.sqrt()
     }
 
-    /// Readings per second at `age_s` after the last one: a source that has gone silent slows down to nothing.
+    /// Readings per second at `age_s` after the last one: for a source that has gone silent it falls towards 0.
     pub fn rate_hz(&self, age_s: f64) -> f64 {
         if self.interval_s > 0.0 { 1.0 / self.interval_s.max(age_s) } else { 0.0 }
     }
@@ -51,12 +51,12 @@ impl Flow {
         }
     }
 
-    /// It is tracked, and was last tracked so long ago.
+    /// The channel is tracked; the last tracked reading came this long before.
     pub(super) fn seen_again(&mut self, after_s: f64) {
         self.gaps += u64::from(after_s > LostPolicy::default().after_s);
     }
 
-    /// `None` where the thing was not tracked: differences do not run across a gap.
+    /// `None` if it was not tracked: no differences are taken across a gap.
     pub(super) fn stood(&mut self, place: Option<Vector3<f64>>) {
         if let (Some(place), [Some(last), Some(first)]) = (place, self.before) {
             self.seconds += 1;

@@ -1,18 +1,35 @@
-//! A gamepad or joystick as Linux gives it: buttons, and axes as valuators from -1 to 1.
+//! A gamepad or joystick under Linux: buttons, and axes as valuators from -1 to 1.
 //!
 //! In: records of 8 bytes read from /dev/input/js0 (the kernel's joystick API: time in ms as u32, value as i16, kind,
-//! number). Out: button n and valuator n. It has no pose: a stylus takes its buttons from it.
+//! number). Out: button n and valuator n. It has no poses; a stylus can use its buttons.
 
 use super::device::{DeviceState, Link};
 use super::open_error::OpenError;
+use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
 use super::worker::Worker;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub const RECORD: usize = 8;
 const BUTTON: u8 = 1;
 const AXIS: u8 = 2;
-/// Set in the records that tell how everything stands when the device is opened.
+/// Set in the records that describe the state at the time of opening.
 const INITIAL: u8 = 0x80;
+
+pub const SOURCE: SourceEntry = SourceEntry { key: "gamepad", more_keys: &[], read };
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    gamepad: PathBuf,
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
+    let path = device(tracker, "gamepad", keys::<Keys>(tracker, table)?.gamepad, "/dev/input/js0")?;
+    Ok(SourceSettings {
+        exclusive_use: Some(ExclusiveUse::Opens(path.clone())),
+        open: Box::new(move |tracker| Ok(Box::new(open(tracker, &path)?))),
+    })
+}
 
 /// Takes one record.
 pub fn take(record: [u8; RECORD], state: &mut DeviceState) {
@@ -39,13 +56,13 @@ pub fn open(tracker: &str, device: &Path) -> Result<Worker, OpenError> {
     Err(OpenError::Unsupported { tracker: tracker.to_owned(), why })
 }
 
-/// Opens `device`, now or when it is plugged in.
+/// Opens `device`, now or as soon as it is plugged in.
 #[cfg(target_os = "linux")]
 pub fn open(tracker: &str, device: &Path) -> Result<Worker, OpenError> {
     let description = format!("gamepad {}", device.display());
     let device = device.to_owned();
     Worker::spawn(description, move |publisher| run(publisher, &device))
-        // Its read ends with the next press of a button.
+        // Its thread is blocked in a read until the next event of the device.
         .map(Worker::detached)
         .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
 }
@@ -67,7 +84,7 @@ fn run(mut publisher: super::worker::Publisher, device: &Path) {
             }
             Err(error) => error.to_string(),
         };
-        // What nobody holds any more is not pressed.
+        // The buttons of a device that is gone count as released.
         publisher.state.buttons.values_mut().for_each(|button| button.value = false);
         publisher.down(why);
         if !backoff.wait(&publisher) {

@@ -1,19 +1,19 @@
-//! Smooth motion through key frames that never overshoots and stays exactly where a value is held.
+//! Smooth motion through key frames that never overshoots, and that rests exactly where two keys are equal.
 //!
 //! In: key times and values. Out: the value between two keys, by a monotone cubic (F. N. Fritsch and
 //! J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984); rotations by slerp, paced by that cubic.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
-/// A place between two key frames: after key `left`, at the part `s` (0..1) of the way to the next.
+/// A time between two key frames: after key `left`, at the fraction `s` (0..1) of the way to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
     pub left: usize,
     pub s: f64,
 }
 
-/// Finds `time_s` among strictly increasing `times` (at least one). Before the first key and after the last
-/// one that key holds; a time that is not a number counts as the start.
+/// Finds `time_s` among strictly increasing `times` (at least one). Before the first key and after the last one, that key
+/// holds; NaN counts as the start.
 pub fn locate(times: &[f64], time_s: f64) -> Between {
     let left = times.partition_point(|&time| time <= time_s).saturating_sub(1);
     match times.get(left + 1) {
@@ -25,8 +25,8 @@ pub fn locate(times: &[f64], time_s: f64) -> Between {
     }
 }
 
-/// The pose between key poses `pose(k)`: each coordinate on a monotone cubic, the rotation by slerp the shorter
-/// way, paced by a monotone cubic through the angles turned.
+/// The pose between key poses `pose(k)`: each coordinate follows a monotone cubic; the rotation follows the shorter slerp,
+/// with a monotone cubic through the accumulated angles as its parameter.
 pub fn interpolate(times: &[f64], at: Between, pose: impl Fn(usize) -> Isometry3<f64>) -> Isometry3<f64> {
     let Between { left, s } = at;
     let from = pose(left);
@@ -51,7 +51,7 @@ pub fn interpolate(times: &[f64], at: Between, pose: impl Fn(usize) -> Isometry3
     Isometry3::from_parts(Translation3::from(place.coords), rotation)
 }
 
-/// The monotone cubic Hermite curve through `value(k)` at `times[k]`; asks only for the four keys around.
+/// The monotone cubic Hermite curve through `value(k)` at `times[k]`; it needs only the four keys around.
 fn cubic(times: &[f64], at: Between, value: impl Fn(usize) -> f64) -> f64 {
     let Between { left, s } = at;
     let width = times[left + 1] - times[left];

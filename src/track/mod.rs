@@ -1,34 +1,45 @@
-//! Where poses come from: each source is a file here and gives a [`TrackerState`] for an instant.
+//! Where poses come from: each kind of source has a file here; together they give a [`TrackerState`] for any time.
 //!
-//! In: mouse and keys, a script of key frames, or a tracker's packets. Out: the head and the styli in the room's frame
-//! (metres, y up, right-handed), f32, as a tracker of the field would send them. A stylus' ray is its -z axis.
+//! In: mouse and keys, a script of key frames, or a tracker's packets. Out: head and styli in the room's frame (metres,
+//! y up, right-handed), in f32. A stylus' ray is its -z axis.
+//!
+//! ```text
+//! packets → one of SOURCES → DeviceState → TrackerSet (calibration, filter, prediction) → TrackerState
+//! ```
 
 pub mod device;
 pub mod dtrack;
+mod fake_source;
 pub mod fastrak;
 mod flow;
 pub mod gamepad;
 mod interpolate;
+mod listen;
 pub mod mouse;
-mod open;
 mod open_error;
 pub mod osc;
-mod pace;
-#[cfg(test)]
-pub(crate) mod puppet;
-pub mod rig;
+mod publisher;
+mod rate_limiter;
 pub mod script;
+mod script_source;
+pub mod source_entry;
+mod sources;
 mod state;
+pub mod tracker_set;
 pub mod udp;
 pub mod vrpn;
 mod worker;
 
 pub use device::{DeviceState, Source};
+pub use fake_source::FakeSource;
 pub use flow::Flow;
+pub use listen::Listen;
 pub use mouse::{Mouse, MouseInput};
-pub use open::open;
 pub use open_error::OpenError;
-pub use rig::Rig;
-pub use script::{Script, ScriptError, ScriptSource};
+pub use script::{Script, ScriptError};
+pub use script_source::ScriptSource;
+pub use source_entry::SourceEntry;
+pub use sources::{SOURCES, checked, find_stage, open, source_faults};
 pub use state::{HeldPose, Signal, StylusState, TrackerState, normalised, usable};
+pub use tracker_set::TrackerSet;
 pub use worker::{Backoff, Publisher, Worker};

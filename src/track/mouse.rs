@@ -1,7 +1,7 @@
 //! Mouse and keyboard as head and stylus, for a desktop without trackers.
 //!
-//! In: neutral events (cursor on a screen, buttons, wheel, keys by their W3C names). Out: a [`TrackerState`].
-//! Pure arithmetic; no window system.
+//! In: events in no particular window system's terms (cursor on a screen, buttons, wheel, keys by their W3C names). Out: a
+//! [`TrackerState`].
 //!
 //! | input | what it does |
 //! |---|---|
@@ -44,7 +44,7 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("Escape", "quit"),
 ];
 
-/// One event, in no window system's terms.
+/// One event, independent of the window system.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MouseInput<'a> {
     /// The cursor is on screen number `screen` at `ndc` (x right, y up, -1..1 over the screen).
@@ -76,13 +76,13 @@ pub enum Button {
     Right,
 }
 
-/// Head and stylus as mouse and keys have moved them.
+/// Head and stylus, moved by mouse and keys.
 #[derive(Clone, Debug)]
 pub struct Mouse {
-    /// Distance along the ray to what it hits now, set by whoever picks; the grab point of the next grab. `None`
-    /// (nothing hit) lets the ray end at the workspace's distance.
+    /// Distance along the ray to what it hits now, which the caller sets after picking: the next grab takes hold there.
+    /// `None` (nothing hit) lets the ray end at the distance of the workspace.
     pub hit_distance_m: Option<f64>,
-    /// Where a tracker has the head: the ray starts at the eye there. `None`: mouse and keys move the head.
+    /// The head's pose by a tracker, where the ray then starts. `None`: mouse and keys move the head.
     pub tracked_head: Option<Isometry3<f64>>,
     stage: Stage,
     room_from_head: Isometry3<f64>,
@@ -90,32 +90,32 @@ pub struct Mouse {
     ndc: [f64; 2],
     grab: Option<Grab>,
     right_button: bool,
-    /// Ctrl and Shift are down.
+    /// Whether Ctrl and Shift are down.
     pub control: bool,
     shift: bool,
-    /// Head movement asked for by the keys held: right, up, back; and the opposite ones.
+    /// Head movements of the keys that are down: right, up, back, and the opposite ones.
     forward_keys: [bool; 3],
     backward_keys: [bool; 3],
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Grab {
-    /// What is held: the scene, or what the cursor points at.
+    /// Whether the scene is held, or what the cursor points at.
     is_scene: bool,
     point: Point3<f64>,
     room_from_stylus: Isometry3<f64>,
 }
 
-/// Turning by the cursor's way from one edge of the screen to the other, radians.
+/// The turn for a cursor movement from one edge of the screen to the other, radians.
 const TURN_PER_SCREEN: f64 = std::f64::consts::PI;
 const TWIST_PER_NOTCH: f64 = 5.0 * std::f64::consts::PI / 180.0;
-/// Part of the distance to the eye that one notch of the wheel carries a thing.
+/// One notch of the wheel moves a thing by this fraction of its distance to the eye.
 const REACH_PER_NOTCH: f64 = 0.05;
 const NEAREST_REACH_M: f64 = 0.02;
-/// Head speed in workspace radii per second, so that each stage is crossed in the same time.
+/// Head speed in workspace radii per second, so that crossing any stage takes the same time.
 const HEAD_SPEED: f64 = 1.5;
 const FARTHEST_HEAD_M: f64 = 3.0;
-/// A longer frame moves the head no further: after a stall it does not jump.
+/// Longer frames count as this long, s, so that the head does not jump after a stall.
 const LONGEST_STEP_S: f64 = 0.1;
 const MOST_NOTCHES: f64 = 20.0;
 
@@ -164,7 +164,7 @@ impl Mouse {
         }
     }
 
-    /// Moves the head by the keys that are held, for `step_s` seconds.
+    /// Moves the head for `step_s` seconds as the keys that are down say.
     pub fn advance(&mut self, step_s: f64) {
         let step_s = if step_s.is_finite() { step_s.clamp(0.0, LONGEST_STEP_S) } else { 0.0 };
         let start = self.stage.viewer.room_from_head;
@@ -210,7 +210,7 @@ impl Mouse {
         self.grab.is_some()
     }
 
-    /// The scene is held by the middle of the workspace.
+    /// The scene is held at the centre of the workspace.
     fn grab_at_cursor(&self, is_scene: bool) -> Grab {
         let room_from_stylus = self.aim();
         if is_scene {
@@ -223,7 +223,7 @@ impl Mouse {
     }
 
     fn move_cursor(&mut self, screen: usize, ndc: [f64; 2]) {
-        // A window that is dragged out of reports places beyond its edges; ten screens away is no place.
+        // While a button is down, the cursor may be reported outside the window; ten screens away is a mistake.
         if screen >= self.stage.screens.len() || !ndc.iter().all(|x| x.abs() <= 10.0) {
             return;
         }
@@ -246,7 +246,7 @@ impl Mouse {
         }
         let eye_distance_m = shown_on.distance_m(&eye);
         if eye_distance_m >= MIN_EYE_DISTANCE_M {
-            // Similar triangles: what lies twice as far as the glass moves twice as far as the cursor.
+            // Similar triangles: at twice the screen's distance a thing moves twice as far as the cursor.
             let depth = (eye - grab.point).dot(&normal).max(0.0) / eye_distance_m;
             grab.shift((shown_on.point(ndc) - shown_on.point(before.1)) * depth);
             self.grab = Some(grab);

@@ -1,9 +1,10 @@
-//! Why a tracker could not be opened, and the remedy.
+//! Why a tracker could not be opened, and what to do about it.
 
+use super::listen::Listen;
 use crate::base::failure::Failure;
-use crate::stage::tracking::Listen;
+use crate::stage::StageError;
 
-/// Why a source could not be opened at all; one that is merely absent is waited for.
+/// Why a source could not be opened at all. A device that is merely absent is waited for.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     #[error(
@@ -18,6 +19,8 @@ pub enum OpenError {
     Join { tracker: String, place: Listen, source: std::io::Error },
     #[error("tracker `{tracker}`: cannot start its thread: {source}")]
     Thread { tracker: String, source: std::io::Error },
+    #[error(transparent)]
+    Stage(#[from] StageError),
     #[error("tracker `{tracker}`: {why}")]
     Unsupported { tracker: String, why: String },
 }

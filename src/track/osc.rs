@@ -1,19 +1,52 @@
 //! OSC trackers: `/tracking/trackers/{1…8|head}/{position|rotation}` with three floats each, by UDP, usually to port 9000.
 //!
-//! In: places in metres, and rotations as three angles in degrees about x, y and z, in the order that the stage file's
-//! `euler` says. Out: sensors 1 to 8, and 0 for `head`. Senders from Unity are left-handed: `mirror = "z"`.
+//! In: positions in metres, and rotations as three angles in degrees about x, y and z, applied in the order of the stage
+//! file's key `euler`. Out: sensors 1 to 8, and 0 for `head`. Senders from Unity are left-handed: `mirror = "z"`.
 
 use super::device::DeviceState;
-use super::udp::Parser;
-use crate::stage::tracking::EulerOrder;
+use super::listen::Listen;
+use super::source_entry::{SourceEntry, SourceSettings, keys};
+use super::udp::{Parser, settings};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rosc::{OscMessage, OscPacket, OscType};
+use std::net::Ipv4Addr;
 
-/// What these trackers send is far shorter, bytes.
+/// Longer datagrams are refused, bytes; what these trackers send is far shorter.
 const LARGEST: usize = 4 << 10;
-/// Bundles within bundles and arrays within arrays go no deeper, as the decoder recurses into them.
+/// The deepest nesting of bundles and arrays, into which the decoder recurses.
 const DEEPEST: usize = 32;
 const SENSORS: usize = 9;
+
+pub const SOURCE: SourceEntry = SourceEntry { key: "osc", more_keys: &["interface", "euler"], read };
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    osc: String,
+    interface: Option<Ipv4Addr>,
+    #[serde(default)]
+    euler: EulerOrder,
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
+    let Keys { osc, interface, euler } = keys(tracker, table)?;
+    let place = Listen::parse(tracker, "osc", &osc, interface)?;
+    Ok(settings("osc", place, Osc::new(euler)))
+}
+
+/// The order of three turns about the tracker's axes: `yxz` is R = Ry Rx Rz. Whatever the order, the message has the
+/// angle about x first, then y, then z.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EulerOrder {
+    Xyz,
+    Xzy,
+    #[default]
+    Yxz,
+    Yzx,
+    Zxy,
+    Zyx,
+}
 
 /// The state between messages.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +55,7 @@ pub struct Osc {
     halves: [Halves; SENSORS],
 }
 
-/// Place and orientation come in messages of their own.
+/// Position and orientation come in separate messages.
 #[derive(Clone, Copy, Debug, Default)]
 struct Halves {
     place: Half<Vector3<f64>>,
@@ -54,7 +87,7 @@ impl Osc {
         }
     }
 
-    /// A pose is complete when both halves are new; or with each message, from senders that send one half alone.
+    /// A pose is complete when both halves are new; from senders of one half alone, with each message.
     fn take(&mut self, sensor: usize, half: &str, numbers: Vector3<f64>, state: &mut DeviceState) {
         let halves = &mut self.halves[sensor];
         let is_place = half == "position";
@@ -100,7 +133,7 @@ impl Parser for Osc {
     }
 }
 
-/// Sensor's number and `position` or `rotation`.
+/// The sensor's number, and `position` or `rotation`.
 fn sensor_and_half(address: &str) -> Option<(usize, &str)> {
     let (name, half) = address.strip_prefix("/tracking/trackers/")?.split_once('/')?;
     let sensor = match name {

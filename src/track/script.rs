@@ -1,4 +1,4 @@
-//! A script of key frames: what a head and some styli do, for demonstrations and tests without a person.
+//! Scripts of key frames that move a head and styli, for demonstrations and tests without a person.
 //!
 //! In: a strict TOML file. Out: the [`TrackerState`] at any time, on any stage. Between key frames motion is
 //! smooth and never overshoots; before the first and after the last it rests.
@@ -23,11 +23,7 @@
 //! | `pressed`, `second` | the stylus' buttons, from this key frame on |
 //! | `head.offset` | instead of all those: metres in the room's axes from where the stage has the viewer, looking as there |
 //!
-//! The first key frame states all that the script moves; what a later one does not state holds as it was.
-
-mod source;
-
-pub use source::ScriptSource;
+//! The first key frame must state everything that the script moves; later ones state only what changes.
 
 use super::interpolate::{interpolate, locate};
 use super::state::{StylusState, TrackerState};
@@ -38,7 +34,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
-/// A checked script: every track has a value at every key time.
+/// A checked script: head and styli have a value at every key time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Script {
     pub frame: Frame,
@@ -47,7 +43,7 @@ pub struct Script {
     times_s: Vec<f64>,
     /// Empty if the script does not move the head.
     head: Vec<HeadKey>,
-    /// By name, in the order of the names.
+    /// By name, sorted.
     styli: BTreeMap<String, Vec<StylusKey>>,
 }
 
@@ -72,7 +68,7 @@ struct StylusKey {
     second: bool,
 }
 
-/// The scripts that the program carries within itself, by name.
+/// The built-in scripts, by name.
 pub const BUILT_IN: [(&str, &str); 1] = [("bend", include_str!("../../configs/scripts/bend.toml"))];
 
 /// Why a script was refused.
@@ -85,12 +81,12 @@ pub enum ScriptError {
     #[error("{}: the script has no key frame: add a [[key]] with time and what it moves", path.display())]
     Empty { path: PathBuf },
     #[error("{}:{line}: key frame {key}: {fault}", path.display())]
-    Invalid { path: PathBuf, line: usize, key: usize, fault: Fault },
+    Invalid { path: PathBuf, line: usize, key: usize, fault: KeyFrameFault },
 }
 
 /// What is wrong with a key frame, and what to do about it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Fault {
+pub enum KeyFrameFault {
     #[error("time is {time_s}: give seconds between 0 and {LONGEST_S}")]
     Time { time_s: f64 },
     #[error(
@@ -155,7 +151,7 @@ struct StylusFile {
     second: Option<bool>,
 }
 
-/// What a head and a stylus have in common.
+/// The keys that a head and a stylus have in common.
 struct PoseFile<'a> {
     who: &'a str,
     position: Option<[f64; 3]>,
@@ -166,7 +162,7 @@ struct PoseFile<'a> {
 }
 
 impl Script {
-    /// The script of a built-in name, or of a file: whatever ends in `.toml` is a path.
+    /// The built-in script of this name, or the script in a file: anything that ends in `.toml` is a path.
     pub fn find(name_or_path: &str) -> Result<Self, ScriptError> {
         if name_or_path.ends_with(".toml") {
             return Self::load(Path::new(name_or_path));
@@ -206,7 +202,8 @@ impl Script {
         }
     }
 
-    /// The styli's names, in the order of [`TrackerState::styli`]: those that the stage knows in its order, then others by name.
+    /// The styli's names, in the order of [`TrackerState::styli`]: first those that the stage knows, in its order, then the
+    /// others by name.
     pub fn stylus_names(&self, stage: &Stage) -> impl Iterator<Item = &str> {
         self.styli_on(stage).into_iter().map(|(name, _)| name)
     }
@@ -220,7 +217,7 @@ impl Script {
         styli
     }
 
-    /// What a tracker on `stage` would say at `time_s`.
+    /// The state at `time_s`, as a tracker on `stage` would report it.
     pub fn sample(&self, stage: &Stage, time_s: f64) -> TrackerState {
         let times = &self.times_s;
         let at = locate(times, time_s);
@@ -254,23 +251,23 @@ impl Script {
     }
 
     /// Adds one key frame to every track.
-    fn push(&mut self, key: &KeyFile) -> Result<(), Fault> {
+    fn push(&mut self, key: &KeyFile) -> Result<(), KeyFrameFault> {
         let time_s = key.time;
         if !(0.0..=LONGEST_S).contains(&time_s) {
-            return Err(Fault::Time { time_s });
+            return Err(KeyFrameFault::Time { time_s });
         }
         let is_first = self.times_s.is_empty();
         if let Some(&previous_s) = self.times_s.last()
             && previous_s >= time_s
         {
-            return Err(Fault::Order { time_s, previous_s });
+            return Err(KeyFrameFault::Order { time_s, previous_s });
         }
         self.times_s.push(time_s);
 
         let previous = self.head.last().copied();
         match &key.head {
             Some(_) if previous.is_none() && !is_first => {
-                return Err(Fault::Unknown { who: "the head".to_owned(), hint: String::new() });
+                return Err(KeyFrameFault::Unknown { who: "the head".to_owned(), hint: String::new() });
             }
             Some(head) => self.head.push(head_key(head, previous)?),
             None => self.head.extend(previous),
@@ -282,7 +279,7 @@ impl Script {
             } else if !self.styli.contains_key(name) {
                 let nearest = config::nearest(name, self.styli.keys().map(String::as_str));
                 let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
-                return Err(Fault::Unknown { who: format!("stylus `{name}`"), hint });
+                return Err(KeyFrameFault::Unknown { who: format!("stylus `{name}`"), hint });
             }
         }
         for (name, keys) in &mut self.styli {
@@ -296,7 +293,7 @@ impl Script {
     }
 }
 
-fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault> {
+fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, KeyFrameFault> {
     let HeadFile { offset, position, target, direction, rotation, roll } = *head;
     let pose = PoseFile { who: "the head", position, target, direction, rotation, roll };
     let Some(offset) = offset else {
@@ -307,12 +304,16 @@ fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, Fault
         return Ok(HeadKey::Pose(pose.resolve(previous)?));
     };
     if position.or(target).or(direction).or(rotation).is_some() || roll.is_some() {
-        return Err(Fault::OffsetAndPose);
+        return Err(KeyFrameFault::OffsetAndPose);
     }
     Ok(HeadKey::Offset(pose.vector("offset", offset)?))
 }
 
-fn stylus_key(name: &str, stylus: &StylusFile, previous: Option<StylusKey>) -> Result<StylusKey, Fault> {
+fn stylus_key(
+    name: &str,
+    stylus: &StylusFile,
+    previous: Option<StylusKey>,
+) -> Result<StylusKey, KeyFrameFault> {
     let StylusFile { position, target, direction, rotation, roll, pressed, second } = *stylus;
     let who = format!("stylus `{name}`");
     let pose = PoseFile { who: &who, position, target, direction, rotation, roll };
@@ -324,9 +325,9 @@ fn stylus_key(name: &str, stylus: &StylusFile, previous: Option<StylusKey>) -> R
 }
 
 impl PoseFile<'_> {
-    /// The whole pose; what is not stated is the previous one's.
-    fn resolve(&self, previous: Option<Isometry3<f64>>) -> Result<Isometry3<f64>, Fault> {
-        let missing = |what| Fault::Missing { who: self.who.to_owned(), what };
+    /// The whole pose; parts that are not stated come from the previous one.
+    fn resolve(&self, previous: Option<Isometry3<f64>>) -> Result<Isometry3<f64>, KeyFrameFault> {
+        let missing = |what| KeyFrameFault::Missing { who: self.who.to_owned(), what };
         let position = match self.position {
             Some(position) => self.vector("position", position)?,
             None => previous.ok_or_else(|| missing("position"))?.translation.vector,
@@ -340,7 +341,7 @@ impl PoseFile<'_> {
         Ok(Isometry3::from_parts(Translation3::from(position), rotation))
     }
 
-    fn orientation(&self, position: &Point3<f64>) -> Result<Option<UnitQuaternion<f64>>, Fault> {
+    fn orientation(&self, position: &Point3<f64>) -> Result<Option<UnitQuaternion<f64>>, KeyFrameFault> {
         let direction = match (self.target, self.direction, self.rotation) {
             (None, None, None) if self.roll.is_none() => return Ok(None),
             (None, None, Some(rotation)) if self.roll.is_none() => {
@@ -349,31 +350,31 @@ impl PoseFile<'_> {
             (Some(target), None, None) => self.vector("target", target)? - position.coords,
             (None, Some(direction), None) => self.vector("direction", direction)?,
             (None, None, _) => {
-                return Err(Fault::LoneRoll { who: self.who.to_owned() });
+                return Err(KeyFrameFault::LoneRoll { who: self.who.to_owned() });
             }
             _ => {
-                return Err(Fault::SeveralOrientations { who: self.who.to_owned() });
+                return Err(KeyFrameFault::SeveralOrientations { who: self.who.to_owned() });
             }
         };
         let roll = self.number("roll", self.roll.unwrap_or(0.0))?;
         match rotation_towards(&direction, roll) {
             Some(rotation) => Ok(Some(rotation)),
-            None => Err(Fault::NoDirection { who: self.who.to_owned() }),
+            None => Err(KeyFrameFault::NoDirection { who: self.who.to_owned() }),
         }
     }
 
-    fn vector(&self, what: &'static str, numbers: [f64; 3]) -> Result<Vector3<f64>, Fault> {
+    fn vector(&self, what: &'static str, numbers: [f64; 3]) -> Result<Vector3<f64>, KeyFrameFault> {
         for value in numbers {
             self.number(what, value)?;
         }
         Ok(numbers.into())
     }
 
-    fn number(&self, what: &'static str, value: f64) -> Result<f64, Fault> {
+    fn number(&self, what: &'static str, value: f64) -> Result<f64, KeyFrameFault> {
         if value.abs() <= ROOM_LIMIT_M {
             Ok(value)
         } else {
-            Err(Fault::Number { who: self.who.to_owned(), what, value })
+            Err(KeyFrameFault::Number { who: self.who.to_owned(), what, value })
         }
     }
 }

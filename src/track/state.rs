@@ -1,16 +1,16 @@
-//! What trackers say at one instant, and which of their poses can be used.
+//! The poses and buttons of head and styli at one time, and which poses can be used.
 
 use crate::stage::ROOM_LIMIT_M;
 use nalgebra::{Isometry3, UnitQuaternion};
 
-/// What the trackers say at one instant.
+/// Head and styli at one time.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrackerState {
-    /// `None`: the head is not tracked and stays where the stage has it.
+    /// `None`: the head is not tracked, and is where the stage places it.
     #[serde(with = "crate::field::numbers::option")]
     pub head: Option<Isometry3<f32>>,
-    /// Always the same styli in the same order from one source.
+    /// A source always gives the same styli in the same order.
     pub styli: Vec<StylusState>,
     pub time_s: f64,
 }
@@ -23,27 +23,27 @@ pub struct StylusState {
     pub room_from_stylus: Isometry3<f32>,
     /// The button that grabs.
     pub pressed: bool,
-    /// The second button: scales what is held, or whatever else the mode makes of it.
+    /// The second button, which scales what is held or does what else the mode defines.
     pub second: bool,
     pub signal: Signal,
-    /// The ray starts at the viewer's eye, as the mouse's does: seen end-on, it is to be drawn as if
-    /// held elsewhere, pointing at the place that it hits.
+    /// The ray starts at the viewer's eye, as the mouse's does. Since the viewer would see it end-on, it is drawn as if held
+    /// elsewhere and pointing at the same place.
     pub from_eye: bool,
 }
 
-/// How well a tracked thing is seen now.
+/// How well a sensor is tracked now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Signal {
     #[default]
     Live,
-    /// No news for `age_s` seconds: its last pose is held.
+    /// Not tracked for `age_s` seconds: its last pose is held.
     Held { age_s: f64 },
-    /// For so long that its policy gave it up: it neither grabs nor holds.
+    /// Not tracked for so long that its policy gives it up: it neither grabs nor holds.
     Lost { age_s: f64 },
 }
 
-/// The last usable pose of a tracked thing, and how many unusable ones came since the start.
+/// The last usable pose, and how many unusable ones have come since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HeldPose {
@@ -80,7 +80,7 @@ pub fn usable(pose: &Isometry3<f32>) -> Option<Isometry3<f64>> {
     })
 }
 
-/// The rotation of a quaternion of another length than 1; `None` if its length is not within 0.001 to 1000.
+/// The rotation of a quaternion that need not have length 1; `None` if its length is not within 0.001 to 1000.
 pub fn normalised(rotation: &UnitQuaternion<f64>) -> Option<UnitQuaternion<f64>> {
     let length = rotation.coords.norm();
     (1e-3..=1e3).contains(&length).then(|| UnitQuaternion::new_normalize(*rotation.quaternion()))

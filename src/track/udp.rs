@@ -1,27 +1,36 @@
-//! A source that listens for datagrams on one address of this machine.
+//! Sources that receive datagrams on one address of this machine.
 //!
-//! In: a parser of one datagram. Out: a running [`Worker`]. Nothing that arrives costs more than a counter: a datagram
-//! has a greatest size, a flood its share of the time, and no length in it is believed.
+//! In: a parser of one datagram. Out: a running [`Worker`]. Datagrams have a greatest size, a flood gets a limited share of
+//! the time, and lengths stated in a datagram are never trusted.
 
 use super::device::{DeviceState, Link, now_s};
+use super::listen::Listen;
 use super::open_error::OpenError;
-use super::pace::{NEWS_S, Pace};
+use super::rate_limiter::{PUBLISH_S, RateLimiter};
+use super::source_entry::{ExclusiveUse, SourceSettings};
 use super::worker::{Publisher, Worker};
-use crate::stage::tracking::Listen;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::Duration;
 
-/// A longer datagram is malformed, bytes. DTrack's frame of 40 bodies has 8,000.
+/// Longer datagrams are malformed, bytes. DTrack's frame of 40 bodies has 8,000.
 pub const LARGEST: usize = 16 << 10;
 const WAKE: Duration = Duration::from_millis(50);
 
 /// Reads datagrams of one protocol into a state.
 pub trait Parser: Send + 'static {
-    /// False if nothing of it could be read; the listener counts that.
+    /// False if nothing in it could be read; the listener counts that.
     fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool;
 }
 
-/// A tracker of which nothing good comes for longer is quiet, and then gone, s.
+/// Settings of a source that listens on `place`.
+pub fn settings(kind: &'static str, place: Listen, parser: impl Parser) -> SourceSettings {
+    SourceSettings {
+        exclusive_use: Some(ExclusiveUse::Listens(place.at)),
+        open: Box::new(move |tracker| Ok(Box::new(listen(tracker, kind, place, parser)?))),
+    }
+}
+
+/// A tracker is quiet, and then gone, after these times without a datagram that could be read, s.
 #[derive(Clone, Copy)]
 struct Silence {
     quiet_s: f64,
@@ -43,7 +52,7 @@ pub fn listen(tracker: &str, kind: &str, place: Listen, parser: impl Parser) -> 
         .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
 }
 
-/// Where the address is that of a group, the system is asked for what is sent to it.
+/// Joins the multicast group, if the address is that of one.
 fn join(socket: &UdpSocket, Listen { at, interface }: Listen) -> std::io::Result<()> {
     match at.ip() {
         IpAddr::V4(group) if group.is_multicast() => {
@@ -54,7 +63,7 @@ fn join(socket: &UdpSocket, Listen { at, interface }: Listen) -> std::io::Result
     }
 }
 
-/// The number of the interface that an IPv6 address names behind `%`; 0: the system's choice.
+/// The interface number that follows `%` in an IPv6 address; 0 leaves the choice to the system.
 fn scope(at: SocketAddr) -> u32 {
     match at {
         SocketAddr::V6(at) => at.scope_id(),
@@ -65,7 +74,7 @@ fn scope(at: SocketAddr) -> u32 {
 fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, silence: Silence) {
     use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     let mut datagram = vec![0; LARGEST + 1];
-    let (mut heard_s, mut pace, mut is_waiting) = (None, Pace::default(), false);
+    let (mut heard_s, mut limiter, mut is_waiting) = (None, RateLimiter::default(), false);
     while !publisher.is_stopped() {
         let received = socket.recv(&mut datagram);
         let began_s = now_s();
@@ -81,28 +90,26 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
                 }
             }
             Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => {}
-            // A refused answer to nothing we sent, an interface that went down: the socket stays, and no error spins.
+            // For example an interface that went down: keep the socket, and do not spin on a lasting error.
             Err(_) => {
                 publisher.pause(0.05);
             }
         }
         silence.judge(&mut publisher, heard_s.map_or(0.0, |heard_s| began_s - heard_s));
-        let waited = std::mem::replace(&mut is_waiting, publisher.publish_news(is_news));
+        let waited = std::mem::replace(&mut is_waiting, publisher.publish_changed(is_news));
         if waited != is_waiting {
-            let wake = if is_waiting { Duration::from_secs_f64(NEWS_S) } else { WAKE };
-            // Without it news may wait until the next datagram, at most as long as without news.
+            let wake = if is_waiting { Duration::from_secs_f64(PUBLISH_S) } else { WAKE };
+            // If this fails, a state waits for the next datagram, at most as long as where nothing changed.
             let _ = socket.set_read_timeout(Some(wake));
         }
-        if let Some(wait_s) = pace.worked(began_s, now_s()).filter(|_| is_news) {
-            publisher.state.counters.throttled += 1;
-            publisher.publish();
-            std::thread::sleep(Duration::from_secs_f64(wait_s));
+        if is_news {
+            publisher.throttle(&mut limiter, began_s).into_iter().for_each(std::thread::sleep);
         }
     }
 }
 
 impl Silence {
-    /// Nothing good came for `silent_s`, whatever else did.
+    /// Nothing that could be read has come for `silent_s`.
     fn judge(&self, publisher: &mut Publisher, silent_s: f64) {
         if silent_s > self.gone_s {
             publisher.down(format!("no packet that could be read for {} s", self.gone_s));

@@ -1,17 +1,18 @@
-//! The thread of a source: it listens, keeps a [`DeviceState`], and hands the newest one over without a lock.
+//! The thread of a source: it receives, keeps a [`DeviceState`], and publishes the newest one without a lock.
 //!
-//! In: a function that runs until it is told to stop. Out: a [`Source`]. What a source needs besides its protocol is
-//! here: publishing, being stopped, and waiting longer after each failure.
+//! In: a function that runs until it is told to stop. Out: a [`Source`]. Here is what every source needs besides its
+//! protocol: publishing, stopping, and waiting longer after each failure.
 
-use super::device::{DeviceState, Link, Source, now_s};
-use super::pace::NEWS_S;
+use super::device::{DeviceState, Link, Source};
+use super::publisher::StatePublisher;
+use super::rate_limiter::RateLimiter;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
-use triple_buffer::{Input, Output, triple_buffer};
+use triple_buffer::Output;
 
-/// A running source; dropped, it stops.
+/// A running source, which stops when it is dropped.
 pub struct Worker {
     description: String,
     newest: Output<DeviceState>,
@@ -21,11 +22,9 @@ pub struct Worker {
 
 /// The thread's side of it.
 pub struct Publisher {
-    /// What the source has said; seen by others once it is published.
+    /// The state so far; readers see it once it is published.
     pub state: DeviceState,
-    newest: Input<DeviceState>,
-    published_s: f64,
-    is_waiting: bool,
+    newest: StatePublisher,
     stop: Arc<AtomicBool>,
 }
 
@@ -35,7 +34,7 @@ pub struct Backoff {
     next_s: f64,
 }
 
-/// A thread that waits looks so often whether it is to stop, s.
+/// How often a waiting thread checks whether it must stop, s.
 const SLICE_S: f64 = 0.05;
 
 impl Worker {
@@ -44,21 +43,15 @@ impl Worker {
         description: String,
         run: impl FnOnce(Publisher) + Send + 'static,
     ) -> std::io::Result<Worker> {
-        let (input, newest) = triple_buffer(&DeviceState::default());
+        let (publisher, newest) = StatePublisher::new();
         let stop = Arc::new(AtomicBool::new(false));
-        let publisher = Publisher {
-            state: DeviceState::default(),
-            newest: input,
-            published_s: 0.0,
-            is_waiting: false,
-            stop: stop.clone(),
-        };
+        let publisher = Publisher { state: DeviceState::default(), newest: publisher, stop: stop.clone() };
         let name = description.chars().filter(|c| *c != '\0').take(15).collect();
         let thread = std::thread::Builder::new().name(name).spawn(move || run(publisher))?;
         Ok(Worker { description, newest, stop, thread: Some(thread) })
     }
 
-    /// Is not waited for at the end: its thread hangs in a read that only the device ends.
+    /// Does not wait for the thread at the end, because it is blocked in a read that only the device ends.
     #[must_use]
     pub fn detached(mut self) -> Worker {
         self.thread = None;
@@ -80,40 +73,34 @@ impl Drop for Worker {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has told so itself.
+            // A thread that panicked has reported that itself.
             let _ = thread.join();
         }
     }
 }
 
 impl Publisher {
-    /// Hands the state over; the newest one wins.
     pub fn publish(&mut self) {
-        self.newest.input_buffer_mut().clone_from(&self.state);
-        self.newest.publish();
-        (self.published_s, self.is_waiting) = (now_s(), false);
+        self.newest.publish(&self.state);
     }
 
-    /// Hands the state over if there is news, and if it was not done a moment ago; true: it is to be asked again soon.
-    pub fn publish_news(&mut self, is_news: bool) -> bool {
-        self.is_waiting |= is_news;
-        if self.is_waiting && now_s() - self.published_s >= NEWS_S {
-            self.publish();
-        }
-        self.is_waiting
+    /// Publishes a state that has changed, unless that was done a moment ago; true: ask again soon.
+    pub fn publish_changed(&mut self, has_changed: bool) -> bool {
+        self.newest.publish_changed(&self.state, has_changed)
+    }
+
+    /// The source has worked since `began_s`: how long it must wait, if it has used up its share of the time.
+    pub fn throttle(&mut self, limiter: &mut RateLimiter, began_s: f64) -> Option<Duration> {
+        self.newest.throttle(&mut self.state, limiter, began_s)
     }
 
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Says why the source is gone, once per reason.
+    /// Publishes why the source is gone, once per reason.
     pub fn down(&mut self, reason: impl Into<String>) {
-        let link = Link::Down(reason.into());
-        if self.state.link != link {
-            self.state.link = link;
-            self.publish();
-        }
+        self.newest.set_link(&mut self.state, Link::Down(reason.into()));
     }
 
     /// Waits; false if it was stopped meanwhile.

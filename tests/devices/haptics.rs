@@ -10,8 +10,8 @@ use greenstage::effect::haptics::grasp::device_from_handle;
 use greenstage::effect::haptics::stability::{self, Verdict, boundary};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, STALE_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, Loop, Measures, Push, Reading, Report, Simulated, Way,
-    thread,
+    Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, Measures, Push, Reading, Report,
+    Simulated, thread,
 };
 use greenstage::green::{self, GreenFile, Needs};
 use greenstage::scene::Scene;
@@ -72,7 +72,9 @@ fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64
         body: 0,
         element: 1,
         room_from_body,
-        way: Way::Rigid(stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element),
+        constraint: HoldConstraint::Rigid(
+            stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element,
+        ),
         mean: body.body_from_surface().rotation.to_rotation_matrix(),
     }
 }
@@ -141,13 +143,13 @@ fn a_hand_that_pulls_is_pulled_back_to_rest() {
     for model in ["linear", "rotation"] {
         let mut bench = Bench::new(Haptic::simulated("right"), model);
         bench.run(2.0 * RAMP_S);
-        assert!(bench.control.felt.push.force.norm() < 1e-6);
+        assert!(bench.control.state.push.force.norm() < 1e-6);
         let rest = bench.device.device_from_handle.translation.vector;
         for direction in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(-1.0, 0.5, 0.2)] {
             bench.pull_to(direction * 0.02);
             bench.run(1.0);
             let moved = bench.device.device_from_handle.translation.vector - rest;
-            let push = bench.control.felt.push;
+            let push = bench.control.state.push;
             assert!(moved.dot(&direction) > 0.0 && push.force.dot(&moved) < 0.0, "{push:?} against {moved}");
             // At rest the hand's spring and the body balance.
             let pull = (direction * 0.02 - moved) * Hand::FINGERS.stiffness;
@@ -157,9 +159,9 @@ fn a_hand_that_pulls_is_pulled_back_to_rest() {
         bench.run(2.0);
         let left = (bench.device.device_from_handle.translation.vector - rest).norm();
         assert!(
-            left < 1e-5 && bench.control.felt.push.force.norm() < 1e-2,
+            left < 1e-5 && bench.control.state.push.force.norm() < 1e-2,
             "{left} {:?}",
-            bench.control.felt
+            bench.control.state
         );
     }
 }
@@ -169,8 +171,8 @@ fn forces_ramp_up_when_a_bent_body_is_taken_and_down_when_it_is_let_go() {
     let mut bench = Bench::new(Haptic::simulated("right"), "rotation");
     bench.pull_to(Vector3::new(0.0, 0.05, 0.0));
     bench.run(1.0);
-    let whole = bench.control.felt.push.force.norm();
-    assert!(whole > 1.0, "{whole} N {:?}", bench.control.felt);
+    let whole = bench.control.state.push.force.norm();
+    assert!(whole > 1.0, "{whole} N {:?}", bench.control.state);
     bench.grasp = Grasp::default();
     bench.control.take(&bench.grasp);
     let fall = bench.run(0.2);
@@ -222,7 +224,7 @@ fn whatever_the_device_says_the_force_goes_to_zero_and_comes_back_slowly() {
         let mut bench = Bench::new(Haptic::simulated("right"), "rotation");
         bench.pull_to(Vector3::new(0.0, 0.03, 0.02));
         bench.run(1.0);
-        let before = bench.control.felt.push;
+        let before = bench.control.state.push;
         let mut pushes = vec![before];
         pushes.extend((0..200).map(|_| bench.tick_with(lie)));
         let gone = 1 + ((FADE_S + STALE_S) * 1000.0).round() as usize;
@@ -241,7 +243,7 @@ fn a_jump_by_half_a_turn_fades_and_ramps_instead_of_kicking() {
     let mut bench = Bench::new(Haptic::simulated("right"), "rotation");
     bench.pull_to(Vector3::new(0.0, 0.02, 0.0));
     bench.run(1.0);
-    let before = bench.control.felt;
+    let before = bench.control.state;
     let half = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
     let flip = |r: Option<Reading>| {
         r.map(|mut r| {
@@ -251,13 +253,13 @@ fn a_jump_by_half_a_turn_fades_and_ramps_instead_of_kicking() {
     };
     let mut pushes = vec![before.push];
     pushes.extend((0..30).map(|_| bench.tick_with(flip)));
-    assert_eq!(bench.control.felt.faults.jumps, before.faults.jumps + 1);
+    assert_eq!(bench.control.state.faults.jumps, before.faults.jumps + 1);
     assert!(pushes.iter().all(|push| push.is_finite() && push.force.norm() <= 8.0 + 1e-9));
     // The hold there pulls hard, but only by its ramp: 30 of 250 ticks.
-    assert!(largest_step(&pushes) <= 8.0 / 50.0, "{} {:?}", largest_step(&pushes), bench.control.felt);
-    assert!(bench.control.felt.gain < 0.13, "{}", bench.control.felt.gain);
+    assert!(largest_step(&pushes) <= 8.0 / 50.0, "{} {:?}", largest_step(&pushes), bench.control.state);
+    assert!(bench.control.state.gain < 0.13, "{}", bench.control.state.gain);
     bench.run(0.5);
-    assert_eq!(bench.control.felt.faults.jumps, before.faults.jumps + 2, "and back");
+    assert_eq!(bench.control.state.faults.jumps, before.faults.jumps + 2, "and back");
 }
 
 #[test]
@@ -265,7 +267,7 @@ fn a_clock_that_goes_back_is_not_followed() {
     let mut bench = Bench::new(Haptic::simulated("right"), "rotation");
     bench.pull_to(Vector3::new(0.0, 0.02, 0.0));
     bench.run(1.0);
-    let before = bench.control.felt.push;
+    let before = bench.control.state.push;
     // A packet from the past among good ones: far away, and a tenth of a second old.
     let push = bench.tick_with(|r| {
         r.map(|r| Reading {
@@ -274,9 +276,9 @@ fn a_clock_that_goes_back_is_not_followed() {
             ..r
         })
     });
-    assert_eq!(bench.control.felt.faults.backward, 1);
+    assert_eq!(bench.control.state.faults.backward, 1);
     assert!((push.force - before.force).norm() < 0.02 * before.force.norm(), "{push:?} {before:?}");
-    assert_eq!(bench.control.felt.gain, 1.0);
+    assert_eq!(bench.control.state.gain, 1.0);
 }
 
 /// What the hand gives is what the body stores, and what friction and the fingers eat: the loop adds nothing.
@@ -288,11 +290,11 @@ fn nothing_comes_out_that_was_not_put_in() {
     for (i, direction) in [Vector3::x(), -Vector3::y(), Vector3::new(0.3, 1.0, 1.0)].into_iter().enumerate() {
         bench.pull_to(direction * (0.01 + 0.01 * i as f64));
         bench.run(0.5);
-        let felt = bench.control.felt;
+        let felt = bench.control.state;
         assert!(felt.stored_energy > 1e-4 && felt.gain == 1.0);
         assert!(bench.device.hand_work >= felt.stored_energy, "{} J {felt:?}", bench.device.hand_work);
     }
-    let felt = bench.control.felt;
+    let felt = bench.control.state;
     assert!(felt.stiffer > 1.0, "the tube is too stiff for 1 N·s/m at 1 kHz");
     assert!(felt.observer.deepest < 1e-6 && felt.observer.braked < 1e-6, "{:?}", felt.observer);
 }
@@ -328,10 +330,10 @@ fn the_thread_ticks_tells_and_ends() {
             std::thread::sleep(Duration::from_millis(5));
         }
     };
-    let report = lift(0.0, &|report| report.felt.gain == 1.0 && report.clockwork.ticks >= 300);
-    assert!(report.felt.push.force.norm() < 0.5, "it was not flung there: {report:?}");
-    let report = lift(0.03, &|report| report.felt.push.force.y < -0.1);
-    println!("{:?}", report.clockwork);
+    let report = lift(0.0, &|report| report.state.gain == 1.0 && report.timing.ticks >= 300);
+    assert!(report.state.push.force.norm() < 0.5, "it was not flung there: {report:?}");
+    let report = lift(0.03, &|report| report.state.push.force.y < -0.1);
+    println!("{:?}", report.timing);
     drop(running);
     assert_eq!(thread::running(), 0);
 }

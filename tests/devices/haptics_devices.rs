@@ -5,7 +5,7 @@ use greenstage::manual::CHAPTERS;
 use greenstage::stage::{BUILT_IN, GripButton, Haptic, Stage};
 use greenstage::track::device::now_s;
 use greenstage::track::vrpn::codec::{self, Framer, Header};
-use greenstage::track::vrpn::payload::{Kind, Payload};
+use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use nalgebra::Vector3;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -229,7 +229,9 @@ fn serve_vrpn(listener: &TcpListener, fields: &Sender<[f32; 3]>) -> std::io::Res
         codec::encode(&Header::now(id, kind), &codec::encode_name(name), bytes);
     };
     described(0, codec::SENDER_DESCRIPTION, "Phantom0", &mut bytes);
-    for (id, kind) in [Kind::PosQuat, Kind::ButtonChange, Kind::Pong].into_iter().enumerate() {
+    for (id, kind) in
+        [MessageKind::PosQuat, MessageKind::ButtonChange, MessageKind::Pong].into_iter().enumerate()
+    {
         described(id as i32, codec::TYPE_DESCRIPTION, kind.name(), &mut bytes);
     }
     stream.write_all(&bytes)?;
@@ -260,8 +262,9 @@ fn serve_vrpn(listener: &TcpListener, fields: &Sender<[f32; 3]>) -> std::io::Res
                 known.push((header.sender, codec::decode_name(message.payload).unwrap().to_owned()));
             }
             let name = known.iter().find(|(id, _)| *id == header.kind).map(|(_, name)| name.as_str());
-            if name == Some(Kind::ForceField.name())
-                && let Ok(Payload::ForceField(field)) = Payload::decode(Kind::ForceField, message.payload)
+            if name == Some(MessageKind::ForceField.name())
+                && let Ok(Payload::ForceField(field)) =
+                    Payload::decode(MessageKind::ForceField, message.payload)
             {
                 let _ = fields.send(field.force);
             }

@@ -5,22 +5,23 @@ use greenstage::deform::{ControlPose, ControlRest};
 use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, Measures, News, Push, Reading, Reports, Simulated, Way,
+    Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Measures, Push, Reading, Reports,
+    SampleInfo, Simulated,
 };
 use greenstage::stage::{Haptic, HapticDevice};
 use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
 /// A loop on two elements joined by a spring, of which the hand holds the second, and a frame 100 times a second.
-struct Rig {
+struct TestLoop {
     control: Control,
     grasp: Grasp,
     ticks: u64,
     is_telling: bool,
 }
 
-impl Rig {
+impl TestLoop {
     /// `stiffness` in N/m along each axis.
-    fn new(haptic: Haptic, stiffness: [f64; 3]) -> Rig {
+    fn new(haptic: Haptic, stiffness: [f64; 3]) -> TestLoop {
         let spring = |i: usize, j: usize| {
             let sign = if i / 12 == j / 12 { 1.0 } else { -1.0 };
             if i % 12 == j % 12 && i % 12 < 3 { sign * stiffness[i % 12] } else { 0.0 }
@@ -33,11 +34,11 @@ impl Rig {
             body: 0,
             element: 1,
             room_from_body: Similarity3::identity(),
-            way: Way::Rigid(Matrix4::identity()),
+            constraint: HoldConstraint::Rigid(Matrix4::identity()),
             mean: Rotation3::identity(),
         };
         let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST; 2], room_from_hand: None };
-        Rig { control: Control::new(haptic, vec![body], 0.0), grasp, ticks: 0, is_telling: true }
+        TestLoop { control: Control::new(haptic, vec![body], 0.0), grasp, ticks: 0, is_telling: true }
     }
 
     fn now_s(&self) -> f64 {
@@ -69,7 +70,7 @@ impl Rig {
             arrived_s,
             measured_s: None,
             tracked: true,
-            news: News::default(),
+            info: SampleInfo::default(),
         }
     }
 
@@ -89,24 +90,24 @@ fn x(metres: f64) -> Vector3<f64> {
 /// second hand that takes the load away owes nobody anything.
 #[test]
 fn a_second_hand_that_relaxes_the_body_leaves_no_debt() {
-    let mut rig = Rig::new(Haptic::simulated("right"), [2e4; 3]);
-    rig.way(x(0.0), x(0.0), 600);
-    rig.way(x(0.0), x(0.05), 500);
-    let felt = rig.control.felt;
+    let mut test = TestLoop::new(Haptic::simulated("right"), [2e4; 3]);
+    test.way(x(0.0), x(0.0), 600);
+    test.way(x(0.0), x(0.05), 500);
+    let felt = test.control.state;
     assert!((felt.push.force.norm() - 8.0).abs() < 1e-6, "{felt:?}");
     assert!((felt.stored_energy - 8.0 * 0.05).abs() < 0.03, "{felt:?}");
     for i in 1..=500 {
-        rig.other_to(x(1e-4 * f64::from(i)));
-        rig.at(x(0.05));
+        test.other_to(x(1e-4 * f64::from(i)));
+        test.at(x(0.05));
     }
-    rig.way(x(0.05), x(0.05), 50);
-    let felt = rig.control.felt;
+    test.way(x(0.05), x(0.05), 50);
+    let felt = test.control.state;
     assert!(felt.push.force.norm() < 1e-6 && felt.stored_energy < 1e-6, "{felt:?}");
     for _ in 0..20 {
-        rig.way(x(0.05), x(0.051), 50);
-        rig.way(x(0.051), x(0.05), 50);
+        test.way(x(0.05), x(0.051), 50);
+        test.way(x(0.051), x(0.05), 50);
     }
-    let observer = rig.control.felt.observer;
+    let observer = test.control.state.observer;
     assert!(observer.deepest < 1e-4 && observer.braked < 1e-4, "{observer:?}");
 }
 
@@ -114,10 +115,10 @@ fn a_second_hand_that_relaxes_the_body_leaves_no_debt() {
 /// against what the loop may generate later.
 #[test]
 fn a_bent_body_that_is_taken_is_no_reserve() {
-    let mut rig = Rig::new(Haptic::simulated("right"), [2e4; 3]);
-    rig.other_to(x(0.012));
-    rig.way(x(0.0), x(0.0), 600);
-    let felt = rig.control.felt;
+    let mut test = TestLoop::new(Haptic::simulated("right"), [2e4; 3]);
+    test.other_to(x(0.012));
+    test.way(x(0.0), x(0.0), 600);
+    let felt = test.control.state;
     assert!(felt.gain == 1.0 && (felt.push.force.x - 8.0).abs() < 1e-6, "{felt:?}");
     assert!(felt.stored_energy < 0.1 && felt.observer.energy.abs() < 1e-3, "{felt:?}");
 }
@@ -127,42 +128,42 @@ fn a_bent_body_that_is_taken_is_no_reserve() {
 #[test]
 fn a_circle_at_the_limit_gives_nothing() {
     let haptic = Haptic { max_force_n: 3.0, ..Haptic::simulated("right") };
-    let mut rig = Rig::new(haptic, [1500.0, 150.0, 400.0]);
+    let mut test = TestLoop::new(haptic, [1500.0, 150.0, 400.0]);
     let centre = Vector3::new(0.03, 0.05, 0.0);
     let place = |i: u32| {
         let angle = std::f64::consts::TAU * f64::from(i) / 2000.0;
         centre + Vector3::new(angle.cos(), angle.sin(), 0.5 * angle.sin()) * 0.02
     };
-    rig.way(Vector3::zeros(), place(0), 1000);
-    let (mut work, mut spent, mut last) = (0.0, 0.0, rig.at(place(0)));
+    test.way(Vector3::zeros(), place(0), 1000);
+    let (mut work, mut spent, mut last) = (0.0, 0.0, test.at(place(0)));
     for i in 1..=2000 {
-        let push = rig.at(place(i));
+        let push = test.at(place(i));
         assert!((push.force.norm() - 3.0).abs() < 1e-6, "{push:?}");
         let step = 0.5 * (push.force + last.force).dot(&(place(i) - place(i - 1)));
         (work, spent, last) = (work + step, spent + step.abs(), push);
     }
     println!("{work:.1e} J of {spent:.2} J");
     assert!(work.abs() < 1e-4 * spent, "{work} J of {spent} J");
-    assert!(rig.control.felt.observer.deepest < 1e-6, "{:?}", rig.control.felt.observer);
+    assert!(test.control.state.observer.deepest < 1e-6, "{:?}", test.control.state.observer);
 }
 
 /// Let go at the limit, the handle comes to rest and the energy of handle and body only falls.
 #[test]
 fn a_handle_let_go_at_the_limit_comes_to_rest() {
     let haptic = Haptic { max_force_n: 3.0, ..Haptic::simulated("right") };
-    let mut rig = Rig::new(haptic.clone(), [2e4, 300.0, 1800.0]);
+    let mut test = TestLoop::new(haptic.clone(), [2e4, 300.0, 1800.0]);
     let mut device = Simulated::new(&haptic, Hand::NONE);
     let start = Vector3::new(0.02, 0.03, -0.01);
-    rig.way(start, start, 400);
+    test.way(start, start, 400);
     device.device_from_handle.translation.vector = start;
     let (mut last, mut most, mut full) = (f64::MAX, 0.0f64, 0);
     for _ in 0..6000 {
-        let reading = device.read(rig.now_s() + haptic.period_s()).unwrap();
+        let reading = device.read(test.now_s() + haptic.period_s()).unwrap();
         let energy = device.energy();
-        let push = rig.tick(&reading);
+        let push = test.tick(&reading);
         device.push(&push, 0.0);
         full += u32::from(push.force.norm() > 2.999);
-        let all = energy + rig.control.felt.stored_energy;
+        let all = energy + test.control.state.stored_energy;
         most = most.max(all - last);
         last = all;
     }
@@ -175,7 +176,7 @@ fn a_handle_let_go_at_the_limit_comes_to_rest() {
 #[test]
 fn slow_reports_make_a_softer_body_and_no_cycle() {
     let haptic = Haptic::simulated("right");
-    let mut rig = Rig::new(haptic.clone(), [2e4; 3]);
+    let mut test = TestLoop::new(haptic.clone(), [2e4; 3]);
     let mut device = Simulated::new(&haptic, Hand::NONE);
     let mut seen = device.read(0.0).unwrap();
     let mut swing: f64 = 0.0;
@@ -185,18 +186,18 @@ fn slow_reports_make_a_softer_body_and_no_cycle() {
             device.device_from_handle.translation.vector = x(5e-3);
             device.velocity = [Vector3::zeros(); 2];
         }
-        rig.is_telling = tick >= 1000;
-        let now = device.read(rig.now_s() + haptic.period_s()).unwrap();
+        test.is_telling = tick >= 1000;
+        let now = device.read(test.now_s() + haptic.period_s()).unwrap();
         if tick % 10 == 0 {
             seen = now;
         }
-        let push = rig.tick(&seen);
+        let push = test.tick(&seen);
         device.push(&push, 0.0);
         if tick >= 6000 {
             swing = swing.max(device.device_from_handle.translation.vector.norm());
         }
     }
-    let felt = rig.control.felt;
+    let felt = test.control.state;
     println!("{:.0} N/m at {:.1} ms; {swing:.1e} m in the last second", felt.bearable, 1e3 * felt.spacing_s);
     assert!((felt.bearable - 0.8 * 200.0).abs() < 2.0, "{felt:?}");
     assert!(felt.gain == 1.0 && swing < 1e-4, "{swing} {felt:?}");
@@ -220,22 +221,27 @@ fn a_late_device_comes_to_rest_and_makes_no_energy() {
         let without = end(Measures { age: false, ..Measures::ALL });
         println!(
             "{name}: {:.1e} m, {:.1e} J, {:.0} N/m; the age left out {:.1e} m, {:.1} m/s, {:.1e} J",
-            kept.swing_m, kept.made_j, kept.felt.bearable, without.swing_m, without.speed, without.made_j
+            kept.swing_m, kept.made_j, kept.state.bearable, without.swing_m, without.speed, without.made_j
         );
         assert!(kept.swing_m < 1e-5 && kept.made_j < 1e-9, "{name}: {kept:?}");
         assert!(without.swing_m >= cycle_m && without.made_j > 0.02, "{name}: {without:?}");
     }
     for reports in REPORTS {
         let shaken = settle(&haptic, reports, 1e8, (Hand::FIRM, shaking), Measures::ALL).unwrap();
-        println!("{reports:?}, shaken: {:.1e} J, {:?}", shaken.made_j, shaken.felt.observer);
+        println!("{reports:?}, shaken: {:.1e} J, {:?}", shaken.made_j, shaken.state.observer);
         assert!(shaken.swing_m > 1e-3 && shaken.made_j < 1e-9, "{reports:?}: {shaken:?}");
     }
 }
 
 /// A released handle behind `reports`, of which the loop is told nothing, for so many seconds; what `change` does to it is at
 /// half of the time. How far it moves in the last second.
-fn release(rig: &mut Rig, reports: Reports, span_s: f64, change: impl Fn(&mut Rig, &mut Simulated)) -> f64 {
-    let haptic = rig.control.haptic.clone();
+fn release(
+    test: &mut TestLoop,
+    reports: Reports,
+    span_s: f64,
+    change: impl Fn(&mut TestLoop, &mut Simulated),
+) -> f64 {
+    let haptic = test.control.haptic.clone();
     let mut device = Simulated::new(&haptic, Hand::NONE);
     device.reports = reports;
     let ticks = (span_s * haptic.rate_hz) as u32;
@@ -246,12 +252,12 @@ fn release(rig: &mut Rig, reports: Reports, span_s: f64, change: impl Fn(&mut Ri
             device.velocity = [Vector3::zeros(); 2];
         }
         if tick == ticks / 2 {
-            change(rig, &mut device);
+            change(test, &mut device);
         }
-        let push = match device.read(rig.now_s() + haptic.period_s()) {
-            Some(reading) => rig.tick(&reading),
+        let push = match device.read(test.now_s() + haptic.period_s()) {
+            Some(reading) => test.tick(&reading),
             None => {
-                rig.ticks += 1;
+                test.ticks += 1;
                 Push::NONE
             }
         };
@@ -268,8 +274,8 @@ fn release(rig: &mut Rig, reports: Reports, span_s: f64, change: impl Fn(&mut Ri
 fn a_delay_that_is_given_counts_where_none_is_measured() {
     let late = Reports { every_s: 1e-3, delay_s: 2e-3, jitter_s: 0.0 };
     let swing = |latency_s: f64| {
-        let mut rig = Rig::new(Haptic { latency_s, ..Haptic::simulated("right") }, [2e4; 3]);
-        (release(&mut rig, late, 12.0, |_, _| {}), rig.control.felt)
+        let mut test = TestLoop::new(Haptic { latency_s, ..Haptic::simulated("right") }, [2e4; 3]);
+        (release(&mut test, late, 12.0, |_, _| {}), test.control.state)
     };
     let (unknown, given) = (swing(0.0), swing(2e-3));
     println!(
@@ -284,82 +290,82 @@ fn a_delay_that_is_given_counts_where_none_is_measured() {
 #[test]
 fn an_age_that_grows_softens_at_once_and_comes_back_slowly() {
     let quick = Reports { every_s: 1e-3, ..Reports::default() };
-    let mut rig = Rig::new(Haptic::simulated("right"), [2e4; 3]);
-    let swing = release(&mut rig, quick, 24.0, |rig, device| {
+    let mut test = TestLoop::new(Haptic::simulated("right"), [2e4; 3]);
+    let swing = release(&mut test, quick, 24.0, |test, device| {
         device.reports.delay_s = 4e-3;
         device.velocity[0] = x(0.3);
-        rig.control.latency_s = 4e-3;
+        test.control.latency_s = 4e-3;
     });
     assert!(swing < 1e-5, "{swing}");
-    let bearable = |rig: &Rig| rig.control.felt.bearable;
+    let bearable = |test: &TestLoop| test.control.state.bearable;
     // The silence when the delay began made τ 8 ms for a while, of which a part is left.
     let (least, most) = (0.8 / 5e-3, 0.8 / 4.5e-3);
-    assert!((least..=most).contains(&bearable(&rig)), "{:?}", rig.control.felt);
-    rig.control.latency_s = 0.0;
-    rig.way(x(0.0), x(0.0), 500);
-    assert!(bearable(&rig) < 220.0, "{:?}", rig.control.felt);
-    rig.way(x(0.0), x(0.0), 20_000);
-    assert!(bearable(&rig) > 1000.0, "{:?}", rig.control.felt);
-    rig.control.latency_s = 4e-3;
-    rig.way(x(0.0), x(0.0), 2);
-    assert!(bearable(&rig) < 180.0, "at once: {:?}", rig.control.felt);
+    assert!((least..=most).contains(&bearable(&test)), "{:?}", test.control.state);
+    test.control.latency_s = 0.0;
+    test.way(x(0.0), x(0.0), 500);
+    assert!(bearable(&test) < 220.0, "{:?}", test.control.state);
+    test.way(x(0.0), x(0.0), 20_000);
+    assert!(bearable(&test) > 1000.0, "{:?}", test.control.state);
+    test.control.latency_s = 4e-3;
+    test.way(x(0.0), x(0.0), 2);
+    assert!(bearable(&test) < 180.0, "at once: {:?}", test.control.state);
 }
 
 /// The renderer blocks while a force is held: the force is gone a fifth of a second later, and comes back by its ramp.
 #[test]
 fn a_frame_that_falls_silent_lets_go() {
-    let mut rig = Rig::new(Haptic::simulated("right"), [1000.0; 3]);
-    rig.way(x(0.005), x(0.005), 600);
-    assert!(rig.control.felt.push.force.norm() > 4.9);
-    rig.is_telling = false;
-    let pushes: Vec<f64> = (0..400).map(|_| rig.at(x(0.005)).force.norm()).collect();
+    let mut test = TestLoop::new(Haptic::simulated("right"), [1000.0; 3]);
+    test.way(x(0.005), x(0.005), 600);
+    assert!(test.control.state.push.force.norm() > 4.9);
+    test.is_telling = false;
+    let pushes: Vec<f64> = (0..400).map(|_| test.at(x(0.005)).force.norm()).collect();
     let gone = ((UNATTENDED_S + FADE_S) * 1000.0) as usize + 2;
     assert!(pushes[180] > 4.9 && pushes[gone..].iter().all(|&force| force == 0.0), "{pushes:?}");
     assert!(pushes.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.15), "no step");
-    assert!(rig.control.felt.faults.unattended > 100);
-    rig.is_telling = true;
-    rig.way(x(0.005), x(0.005), 50);
-    let force = rig.control.felt.push.force.norm();
+    assert!(test.control.state.faults.unattended > 100);
+    test.is_telling = true;
+    test.way(x(0.005), x(0.005), 50);
+    let force = test.control.state.push.force.norm();
     assert!(force > 0.0 && force < 5.0 * 60e-3 / RAMP_S, "{force}");
-    rig.way(x(0.005), x(0.005), 300);
-    assert!(rig.control.felt.push.force.norm() > 4.9);
+    test.way(x(0.005), x(0.005), 300);
+    assert!(test.control.state.push.force.norm() > 4.9);
 }
 
 /// The button of a real device, let go while the frame still says that something is held.
 #[test]
 fn an_open_hand_feels_nothing() {
     let device = HapticDevice::Haply("localhost".into());
-    let mut rig = Rig::new(Haptic { device, ..Haptic::simulated("right") }, [1000.0; 3]);
-    rig.way(x(0.005), x(0.005), 600);
-    assert!(rig.control.felt.push.force.norm() > 4.9);
+    let mut test = TestLoop::new(Haptic { device, ..Haptic::simulated("right") }, [1000.0; 3]);
+    test.way(x(0.005), x(0.005), 600);
+    assert!(test.control.state.push.force.norm() > 4.9);
     for _ in 0..=(FADE_S * 1000.0) as u32 {
-        let reading = Reading { buttons: [false; 2], ..rig.reading(x(0.005)) };
-        rig.tick(&reading);
+        let reading = Reading { buttons: [false; 2], ..test.reading(x(0.005)) };
+        test.tick(&reading);
     }
-    assert_eq!(rig.control.felt.push, Push::NONE);
+    assert_eq!(test.control.state.push, Push::NONE);
 }
 
 /// Packets that overtake each other: the device's own clock tells which is the newer.
 #[test]
 fn a_reading_that_was_overtaken_is_not_taken() {
-    let mut rig = Rig::new(Haptic::simulated("right"), [1000.0; 3]);
-    let measured = |rig: &Rig, place: f64, back_s: f64| Reading {
-        measured_s: Some(500.0 + rig.now_s() - back_s),
-        ..rig.reading(x(place))
+    let mut test = TestLoop::new(Haptic::simulated("right"), [1000.0; 3]);
+    let measured = |test: &TestLoop, place: f64, back_s: f64| Reading {
+        measured_s: Some(500.0 + test.now_s() - back_s),
+        ..test.reading(x(place))
     };
     for _ in 0..600 {
-        let reading = measured(&rig, 0.005, 0.0);
-        rig.tick(&reading);
+        let reading = measured(&test, 0.005, 0.0);
+        test.tick(&reading);
     }
-    let before = rig.control.felt.push.force;
-    let late = measured(&rig, 0.003, 0.004);
-    rig.tick(&late);
-    assert_eq!(rig.control.felt.faults.backward, 1);
-    assert!((rig.control.felt.push.force - before).norm() < 1e-9, "{:?}", rig.control.felt.push);
+    let before = test.control.state.push.force;
+    let late = measured(&test, 0.003, 0.004);
+    test.tick(&late);
+    assert_eq!(test.control.state.faults.backward, 1);
+    assert!((test.control.state.push.force - before).norm() < 1e-9, "{:?}", test.control.state.push);
     // A clock that was set back is believed again once nothing else comes.
     for _ in 0..50 {
-        let reading = measured(&rig, 0.004, 100.0);
-        rig.tick(&reading);
+        let reading = measured(&test, 0.004, 100.0);
+        test.tick(&reading);
     }
-    assert!((rig.control.felt.room_from_handle.unwrap().translation.x - 0.004).abs() < 1e-12);
+    assert!((test.control.state.room_from_handle.unwrap().translation.x - 0.004).abs() < 1e-12);
 }

@@ -9,7 +9,7 @@ use greenstage::green::{self, Needs};
 use greenstage::report::measure::poses::random;
 use greenstage::report::plan::{choose, miss, time};
 use greenstage::report::{Limits, Report, Request, Row, measure};
-use greenstage::scene::{Accuracy, Budget, Demand, Scene};
+use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
 use greenstage::solve::Silent;
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -261,7 +261,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
         let report = report(&format!("plan-{name}"), &scene, &[0.1, 0.3, 0.6]);
         let accuracies = [0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-5].into_iter().flat_map(|displacement| {
             [None, Some(3.0), Some(0.5)].map(|force| {
-                Demand::Accuracy(Accuracy { displacement: Some(displacement), force, largest: None })
+                AccuracyTarget::Accuracy(Accuracy { displacement: Some(displacement), force, largest: None })
             })
         });
         for demand in accuracies {
@@ -272,7 +272,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
                 continue;
             }
             met += 1;
-            held += usize::from(matches!(demand, Demand::Accuracy(Accuracy { force: Some(_), .. })));
+            held += usize::from(matches!(demand, AccuracyTarget::Accuracy(Accuracy { force: Some(_), .. })));
             assert!(meets(&choice.row));
             for row in report.rows.iter().filter(meets) {
                 let [own, chosen] = [row, choice.row].map(|row| time(row, &report.rows));
@@ -280,7 +280,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
             }
         }
         for file_mb in [0.05, 0.2, 1.0] {
-            let demand = Demand::Budget(Budget {
+            let demand = AccuracyTarget::Budget(Budget {
                 frame_ms: None,
                 file_mb: Some(file_mb),
                 offline_s: None,

@@ -7,14 +7,14 @@
 
 #[path = "../mutations/caught.rs"]
 mod caught;
-mod ears;
 #[path = "../mutations/memory.rs"]
 mod memory;
 #[path = "../mutations/mutate.rs"]
 mod mutate;
+mod parsers;
 
 use caught::{caught, quietly};
-use ears::{Ear, ears};
+use parsers::{PacketParser, parsers};
 use std::time::{Duration, Instant};
 
 /// Packets without `GREENSTAGE_MUTATIONS`: a few seconds.
@@ -47,10 +47,10 @@ struct Outcome {
     growth: isize,
 }
 
-fn packet(ears: &[Ear], number: u64) -> (usize, Vec<u8>) {
+fn packet(parsers: &[PacketParser], number: u64) -> (usize, Vec<u8>) {
     let mut random = mutate::Random::new(number);
-    let which = random.below(ears.len());
-    let seeds = &ears[which].seeds;
+    let which = random.below(parsers.len());
+    let seeds = &parsers[which].seeds;
     let (seed, other) = (random.below(seeds.len()), random.below(seeds.len()));
     // A few of a stream's packets stay as they are, so that parsers get beyond their first word.
     let bytes = match random.below(8) {
@@ -61,9 +61,9 @@ fn packet(ears: &[Ear], number: u64) -> (usize, Vec<u8>) {
 }
 
 /// One packet: whether something of it was taken, the time, the bytes at the peak, the channels kept; or the fault.
-fn hear(ear: &mut Ear, bytes: &[u8]) -> Result<(bool, f64, usize, usize), String> {
+fn hear(parser: &mut PacketParser, bytes: &[u8]) -> Result<(bool, f64, usize, usize), String> {
     let started = Instant::now();
-    let heard = caught(|| memory::peak_of(|| (ear.hear)(bytes)));
+    let heard = caught(|| memory::peak_of(|| (parser.hear)(bytes)));
     let seconds = started.elapsed().as_secs_f64();
     let ((taken, channels), most) = heard.map_err(|panic| format!("panics: {panic}"))?;
     if most > MOST_AT_ONCE {
@@ -77,22 +77,22 @@ fn hear(ear: &mut Ear, bytes: &[u8]) -> Result<(bool, f64, usize, usize), String
 
 /// One thread's share, all by the same parsers.
 fn work(first: u64, count: u64) -> Outcome {
-    let mut ears = ears();
+    let mut parsers = parsers();
     let mut outcome =
-        Outcome { tallies: vec![Tally::default(); ears.len()], failures: Vec::new(), growth: 0 };
+        Outcome { tallies: vec![Tally::default(); parsers.len()], failures: Vec::new(), growth: 0 };
     let settled = count / 10;
     let mut held = 0;
     for number in (first..count).step_by(THREADS as usize) {
         if number / THREADS == settled / THREADS {
             held = memory::in_use();
         }
-        let (which, bytes) = packet(&ears, number);
-        let ear = &mut ears[which];
-        let mut heard = hear(ear, &bytes);
+        let (which, bytes) = packet(&parsers, number);
+        let parser = &mut parsers[which];
+        let mut heard = hear(parser, &bytes);
         // A busy machine may have stopped for a moment; a slow parser is slow again.
         for _ in 1..TIMES {
             if matches!(heard, Ok((_, seconds, ..)) if seconds > SLOW.as_secs_f64()) {
-                heard = hear(ear, &bytes);
+                heard = hear(parser, &bytes);
             }
         }
         let tally = &mut outcome.tallies[which];
@@ -105,11 +105,11 @@ fn work(first: u64, count: u64) -> Outcome {
                 tally.most_channels = tally.most_channels.max(channels);
             }
             Ok((_, seconds, ..)) => {
-                outcome.failures.push(format!("{} packet {number} takes {seconds} s", ear.name));
+                outcome.failures.push(format!("{} packet {number} takes {seconds} s", parser.name));
             }
             Err(fault) => {
                 let start = &bytes[..bytes.len().min(200)];
-                outcome.failures.push(format!("{} packet {number} {fault}: {start:02x?}", ear.name));
+                outcome.failures.push(format!("{} packet {number} {fault}: {start:02x?}", parser.name));
             }
         }
         if outcome.failures.len() > 10 {
@@ -142,7 +142,7 @@ fn no_damaged_packet_makes_a_parser_panic_hang_or_grow() {
     println!("| parser | packets | something taken | slowest, ms | most memory, KiB | channels kept |");
     println!("|---|---|---|---|---|---|");
     let mut packets = 0;
-    for (which, ear) in ears().iter().enumerate() {
+    for (which, parser) in parsers().iter().enumerate() {
         let mut all = Tally::default();
         for tally in outcomes.iter().map(|outcome| &outcome.tallies[which]) {
             all.packets += tally.packets;
@@ -155,13 +155,13 @@ fn no_damaged_packet_makes_a_parser_panic_hang_or_grow() {
         let part = 100.0 * all.taken as f64 / all.packets.max(1) as f64;
         println!(
             "| {} | {} | {part:.0} % | {:.1} | {:.0} | {} |",
-            ear.name,
+            parser.name,
             all.packets,
             1e3 * all.slowest_s,
             all.most_bytes as f64 / 1024.0,
             all.most_channels
         );
-        assert!(all.taken > 0, "{} takes nothing at all", ear.name);
+        assert!(all.taken > 0, "{} takes nothing at all", parser.name);
     }
     println!("{:.0} packets a second on {THREADS} threads, {seconds:.0} s", packets as f64 / seconds);
     let failures: Vec<&str> =

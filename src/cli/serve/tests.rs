@@ -4,8 +4,8 @@ use super::*;
 use crate::deform::ControlPose;
 use crate::green::{self, GreenFile};
 use crate::scene::Scene;
+use crate::track::FakeSource;
 use crate::track::device::Link;
-use crate::track::puppet::Puppet;
 use crate::track::vrpn::{Address, Client, Timing, Transport};
 use crate::track::{Signal, StylusState};
 use crate::world::World;
@@ -42,8 +42,8 @@ fn demo(stage: Stage) -> World {
 }
 
 struct Lab {
-    puppet: Puppet,
-    rig: Rig,
+    puppet: FakeSource,
+    rig: TrackerSet,
     tracker_from_room: Isometry3<f64>,
     body_from_sensor: Isometry3<f64>,
 }
@@ -54,7 +54,7 @@ impl Lab {
         let sensor = self.tracker_from_room * room_from_stylus.cast::<f64>() * self.body_from_sensor;
         let deadline_s = now_s() + 30.0;
         loop {
-            self.puppet.say(|state| {
+            self.puppet.change(|state| {
                 state.take_pose(7, sensor, None, 1.0);
                 state.take_button(2, pressed, None);
             });
@@ -84,7 +84,7 @@ impl Lab {
     }
 }
 
-fn serve(place: SocketAddr, puppet: &Puppet) -> crate::track::vrpn::Serving {
+fn serve(place: SocketAddr, puppet: &FakeSource) -> crate::track::vrpn::Serving {
     Server::bind(place, ["Wand"]).unwrap().spawn(vec![Box::new(puppet.clone())]).unwrap()
 }
 
@@ -98,7 +98,7 @@ fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
 
 #[test]
 fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
-    let puppet = Puppet::default();
+    let puppet = FakeSource::default();
     let serving = serve((Ipv4Addr::LOCALHOST, 0).into(), &puppet);
     let place = serving.place;
     let text = crate::stage::BUILT_IN[0].1.to_owned() + &TRACKING.replace("PORT", &place.port().to_string());
@@ -106,7 +106,7 @@ fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
     let address = Address { device: "Wand".into(), host: "127.0.0.1".into(), port: place.port(), udp: true };
     let timing = Timing { first_retry_s: 0.05, longest_retry_s: 0.2, ..Timing::default() };
     let client = Client::with_timing(address, Transport::Tcp, timing);
-    let rig = Rig::with_sources(&stage.tracking, vec![Box::new(client)], now_s());
+    let rig = TrackerSet::with_sources(&stage.tracking, vec![Box::new(client)], now_s());
     let frame = stage.tracking.trackers["lab"].frame.room_from_tracker;
     assert_eq!(frame.scaling(), 1.0);
     let mut lab = Lab {

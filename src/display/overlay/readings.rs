@@ -3,7 +3,7 @@
 use crate::deform::{ControlPose, Wrench, local_turn};
 use crate::session::haptic::HapticReading;
 use crate::track::Signal;
-use crate::track::rig::TrackerReport;
+use crate::track::tracker_set::TrackerReport;
 use crate::world::flow::StylusFields;
 use crate::world::{Highlight, PlacedBody, World};
 use std::f64::consts::PI;

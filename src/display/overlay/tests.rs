@@ -3,7 +3,7 @@
 use super::*;
 use crate::deform::{ControlPose, Wrench};
 use crate::effect::haptics::Push;
-use crate::effect::haptics::{Clockwork, Felt};
+use crate::effect::haptics::{LoopState, LoopTiming};
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, RenderError, Renderer, Viewport};
 use crate::session::haptic::HapticReading;
 use crate::track::Signal;
@@ -37,22 +37,22 @@ fn readings(turn: f64) -> Readings {
         ],
         felt: vec![HapticReading {
             name: "pen".into(),
-            felt: Felt {
+            felt: LoopState {
                 room_from_handle: Some(nalgebra::Isometry3::identity()),
                 push: Push { force: Vector3::new(0.0, -3.0, 1.0) * turn, torque: Vector3::zeros() },
                 gain: 1.0,
                 limited: true,
                 stiffer: 3.25,
-                ..Felt::default()
+                ..LoopState::default()
             },
-            clockwork: Clockwork {
+            clockwork: LoopTiming {
                 ticks: 61_234,
                 rate_hz: 999.8,
                 late: 12,
                 missed: 3,
                 work_p50_s: 1.1e-6,
                 work_p99_s: 2.4e-6,
-                ..Clockwork::default()
+                ..LoopTiming::default()
             },
             max_force_n: 3.3,
             holds: true,

@@ -8,7 +8,7 @@ use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, write};
 use crate::render::{Ball, FrameContents, Grid, Line, Quad, View};
 use crate::stage::{Eye, Screen, Stage};
 use crate::track::Signal;
-use crate::track::rig::TrackerReport;
+use crate::track::tracker_set::TrackerReport;
 use egui::{Align2, Color32, Painter, Rect, pos2, vec2};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::f64::consts::TAU;

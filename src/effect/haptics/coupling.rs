@@ -49,7 +49,7 @@ pub struct Coupling {
 
 /// Where the hold is beside the handle, and what it pushes with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Give {
+pub struct CouplingState {
     /// Translation and rotation vector of the hold from the handle, m and rad.
     pub offset: Vector6<f64>,
     /// On the hand.
@@ -66,10 +66,10 @@ pub struct Give {
 }
 
 /// Beside the handle, with no push yet.
-impl Default for Give {
-    fn default() -> Give {
+impl Default for CouplingState {
+    fn default() -> CouplingState {
         let none = Vector6::zeros();
-        Give {
+        CouplingState {
             offset: none,
             push: none,
             energy: 0.0,
@@ -81,7 +81,7 @@ impl Default for Give {
     }
 }
 
-impl Give {
+impl CouplingState {
     /// The hold beside a handle.
     pub fn hold(&self, handle: &Isometry3<f64>) -> Isometry3<f64> {
         let turn = UnitQuaternion::from_scaled_axis(self.offset.fixed_rows::<3>(3).into_owned());
@@ -134,7 +134,7 @@ impl Coupling {
     }
 
     /// From the body's `push` with the hold where `last` has it: one step of Newton's, exact where the push is linear.
-    pub fn settle(&mut self, push: &Vector6<f64>, last: &Give) -> Give {
+    pub fn settle(&mut self, push: &Vector6<f64>, last: &CouplingState) -> CouplingState {
         let free = self.step * (push + self.stiffness * last.offset);
         let (push_now, slip) = self.limited(&free);
         let y = push_now.component_mul(&self.per_limit);
@@ -152,7 +152,7 @@ impl Coupling {
         let energy = 0.5 * push_now.dot(&given) + slip * y.norm_squared() - push.dot(&moved)
             + 0.5 * moved.dot(&(self.stiffness * moved));
         let (offset, is_limited) = (last.offset + moved, slip > 0.0);
-        Give { offset, push: push_now, energy, moved, radius, is_on_the_way, is_limited }
+        CouplingState { offset, push: push_now, energy, moved, radius, is_on_the_way, is_limited }
     }
 
     /// (1 + s W)⁻¹ y with the least s ≥ 0 that keeps it within 1, y and the stiffness W in units of the limits: the push,
@@ -249,7 +249,7 @@ mod tests {
         assert!(coupling.stiffer > 1.0);
         // V = ½ hᵀ K h; one step is the answer once it is near.
         let mut at = |x: &Vector6<f64>| {
-            let mut give = Give::default();
+            let mut give = CouplingState::default();
             loop {
                 let hold = x + give.offset;
                 give = coupling.settle(&(-stiffness * hold), &give);

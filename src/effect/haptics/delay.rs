@@ -112,7 +112,7 @@ impl Clock {
 
 #[cfg(test)]
 mod tests {
-    use super::super::device::News;
+    use super::super::device::SampleInfo;
     use super::*;
     use nalgebra::Isometry3;
 
@@ -123,7 +123,7 @@ mod tests {
             arrived_s,
             measured_s,
             tracked: true,
-            news: News::default(),
+            info: SampleInfo::default(),
         }
     }
 

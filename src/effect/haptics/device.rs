@@ -15,12 +15,12 @@ pub struct Reading {
     pub measured_s: Option<f64>,
     /// False where the device says that it does not know where it is.
     pub tracked: bool,
-    pub news: News,
+    pub info: SampleInfo,
 }
 
 /// How many poses came so far, and how steadily; a device without a wire does not count them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct News {
+pub struct SampleInfo {
     pub count: u64,
     pub flow: Flow,
     /// The last tracked one before it, and when it arrived.

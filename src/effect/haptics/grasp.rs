@@ -30,7 +30,7 @@ pub struct Held {
     pub body: usize,
     pub element: usize,
     pub room_from_body: Similarity3<f64>,
-    pub way: Way,
+    pub constraint: HoldConstraint,
     /// Rotation of the whole body in the frame, where the loop starts to follow it.
     pub mean: Rotation3<f64>,
 }
@@ -38,14 +38,14 @@ pub struct Held {
 /// How the element goes with the handle.
 #[allow(clippy::large_enum_variant, reason = "both are copied through a triple buffer, without a heap")]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Way {
+pub enum HoldConstraint {
     /// One hand, freely: handle(grab)⁻¹ · room_from_element(grab), and room_from_element = room_from_handle · this.
     Rigid(Matrix4<f64>),
     /// By a mode, with a second hand, or scaled: what the hold makes of the stylus' pose.
     Carried { carrying: Carrying, handle_from_stylus: Isometry3<f64> },
 }
 
-/// Half the difference of the handle's pose, m and rad, over which a slope along [`Way::Carried`] is taken: for hands 0.1 m
+/// Half the difference of the handle's pose, m and rad, over which a slope along [`HoldConstraint::Carried`] is taken: for hands 0.1 m
 /// apart it is off by less than a millionth.
 const STEP: f64 = 1e-4;
 
@@ -75,11 +75,11 @@ pub struct Reach {
     pub arm: Vector3<f64>,
 }
 
-impl Way {
+impl HoldConstraint {
     /// room_from_element with the handle at a place; `None` where the hold says nothing of it.
     fn element(&self, room_from_handle: &Isometry3<f64>) -> Option<Matrix4<f64>> {
         match self {
-            Way::Rigid(handle_from_element) => {
+            HoldConstraint::Rigid(handle_from_element) => {
                 let rotation = room_from_handle.rotation.to_rotation_matrix();
                 let mut element = *handle_from_element;
                 let linear = rotation * element.fixed_view::<3, 3>(0, 0);
@@ -90,7 +90,7 @@ impl Way {
                     .copy_from(&(room_from_handle.translation.vector + place));
                 Some(element)
             }
-            Way::Carried { carrying, handle_from_stylus } => {
+            HoldConstraint::Carried { carrying, handle_from_stylus } => {
                 carrying.at(&(room_from_handle * handle_from_stylus))
             }
         }
@@ -114,7 +114,7 @@ impl Way {
 impl Held {
     /// Where the element is while the handle is at `room_from_handle`; `None` where nothing is known of it.
     pub fn reach(&self, room_from_handle: &Isometry3<f64>, origin: &Vector3<f64>) -> Option<Reach> {
-        let element = self.way.element(room_from_handle)?;
+        let element = self.constraint.element(room_from_handle)?;
         let (room_from_handle, origin) = (*room_from_handle, *origin);
         let place = element.fixed_view::<3, 1>(0, 3).into_owned();
         let body = &self.room_from_body;
@@ -133,14 +133,14 @@ impl Held {
     /// of the body is `force` newtons in the hand; the torque is what belongs to that, so that no energy is made on the way.
     pub fn push(&self, haptic: &Haptic, reach: &Reach, response: &Response) -> Option<Push> {
         let body = &self.room_from_body;
-        let [force, torque] = match &self.way {
-            Way::Rigid(_) => {
+        let [force, torque] = match &self.constraint {
+            HoldConstraint::Rigid(_) => {
                 let force = body.isometry.rotation * response.slope;
                 let matrix = response.slope_matrix * reach.pose.matrix.transpose();
                 let moment = body.isometry.rotation * axial(&matrix);
                 [force, reach.arm.cross(&force) + moment * body.scaling()]
             }
-            way @ Way::Carried { .. } => {
+            way @ HoldConstraint::Carried { .. } => {
                 let body_from_room = self.body_from_room() * body.scaling();
                 let work = |k: usize| {
                     let (origin, linear) = way.slope(&reach.room_from_handle, k)?;
@@ -170,7 +170,7 @@ impl Held {
         let room_from_device = haptic.room_from_device.rotation.to_rotation_matrix();
         let mut in_room = Jacobian::zeros();
         for k in 0..6 {
-            let (origin, linear) = self.way.slope(&reach.room_from_handle, k)?;
+            let (origin, linear) = self.constraint.slope(&reach.room_from_handle, k)?;
             let (origin, linear) = (surface_from_room * origin, surface_from_room * linear);
             in_room.fixed_view_mut::<3, 1>(0, k).copy_from(&origin);
             for (i, slope) in linear.transpose().iter().enumerate() {

@@ -8,7 +8,7 @@
 //! (docs.haply.co/inverseSDK, versions 3.5 and 3.1) and tried against a server of our own alone. What comes is bounded and
 //! strictly read; a service that vanishes is tried again.
 
-use super::device::{Device, News, Push, Reading};
+use super::device::{Device, Push, Reading, SampleInfo};
 use crate::base::last_word::LastWord;
 use crate::base::peak::Peak;
 use crate::stage::GripButton;
@@ -288,9 +288,12 @@ fn masked_text(text: &str) -> Vec<u8> {
 fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
     let stamp = Stamp { arrived_s: reading.arrived_s, measured_s: None };
     heard.take_pose_at(stamp, 0, reading.device_from_handle, 1.0);
-    let news =
-        heard.sensors.get(&0).map(|pose| News { count: pose.count, flow: pose.flow, before: pose.before });
-    Reading { news: news.unwrap_or_default(), ..reading }
+    let info = heard.sensors.get(&0).map(|pose| SampleInfo {
+        count: pose.count,
+        flow: pose.flow,
+        before: pose.before,
+    });
+    Reading { info: info.unwrap_or_default(), ..reading }
 }
 
 /// What one message of the service says.
@@ -412,7 +415,7 @@ pub fn parse(text: &str, arrived_s: f64, buttons: [GripButton; 2]) -> Result<Sta
         arrived_s,
         measured_s: None,
         tracked: true,
-        news: News::default(),
+        info: SampleInfo::default(),
     });
     Ok(State { id: Some(arm.device_id), key, reading })
 }

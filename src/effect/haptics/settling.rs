@@ -9,7 +9,7 @@
 use super::device::Device;
 use super::simulated::{Hand, Reports, Simulated};
 use super::stability::{START_M, spring};
-use super::tick::{Felt, Measures};
+use super::tick::{LoopState, Measures};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, Vector3};
 
@@ -43,7 +43,7 @@ pub struct Settled {
     /// Work of the push, less what the device's friction ate and what the body held at the start: the most there was at a time, J.
     pub made_j: f64,
     /// What the loop knew at the end.
-    pub felt: Felt,
+    pub state: LoopState,
 }
 
 /// What a hand does that holds the handle.
@@ -76,14 +76,14 @@ pub fn settle(
     let period_s = haptic.period_s();
     let frame = (FRAME_S / period_s).ceil() as u64;
     let mut held_j = 0.0;
-    let mut settled = Settled { swing_m: 0.0, speed: 0.0, made_j: 0.0, felt: control.felt };
+    let mut settled = Settled { swing_m: 0.0, speed: 0.0, made_j: 0.0, state: control.state };
     for tick in 0..((HELD_S + FREE_S) / period_s) as u64 {
         let now_s = tick as f64 * period_s;
         let place = &mut device.device_from_handle.translation.vector;
         if now_s <= HELD_S {
             *place = Vector3::new(START_M, 0.0, 0.0);
             device.velocity = [Vector3::zeros(); 2];
-            (device.push_work, device.eaten, held_j) = (0.0, 0.0, control.felt.stored_energy);
+            (device.push_work, device.eaten, held_j) = (0.0, 0.0, control.state.stored_energy);
         } else {
             device.hand(&Isometry3::from_parts(
                 Translation3::from(gesture(now_s - HELD_S)),
@@ -103,5 +103,5 @@ pub fn settle(
             settled.speed = settled.speed.max(device.velocity[0].norm());
         }
     }
-    Some(Settled { felt: control.felt, ..settled })
+    Some(Settled { state: control.state, ..settled })
 }

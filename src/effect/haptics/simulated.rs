@@ -4,7 +4,7 @@
 //! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass. Its [`Reports`] may
 //! be seldom, late and unsteady, as those of a device behind a network.
 
-use super::device::{Device, News, Push, Reading};
+use super::device::{Device, Push, Reading, SampleInfo};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
@@ -171,7 +171,14 @@ impl Simulated {
     /// The pose of the moment, as it arrives then.
     fn now(&self, arrived_s: f64) -> Reading {
         let Simulated { device_from_handle, buttons, tracked, .. } = *self;
-        Reading { device_from_handle, buttons, arrived_s, measured_s: None, tracked, news: News::default() }
+        Reading {
+            device_from_handle,
+            buttons,
+            arrived_s,
+            measured_s: None,
+            tracked,
+            info: SampleInfo::default(),
+        }
     }
 
     /// Moves on to `now_s`, sending poses on their way meanwhile; the newest that has arrived.

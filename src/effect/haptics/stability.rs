@@ -6,7 +6,7 @@
 
 use super::device::Device;
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held, Way};
+use super::grasp::{Grasp, Held, HoldConstraint};
 use super::simulated::{Hand, Simulated};
 use super::tick::{Control, Measures, RAMP_S};
 use crate::deform::{ControlPose, ControlRest};
@@ -113,7 +113,7 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
         swing if swing <= 2.0 * START_M => Verdict::Cycle,
         _ => Verdict::Diverges,
     };
-    let felt = control.felt;
+    let felt = control.state;
     let generated_j = felt.observer.deepest;
     Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: felt.stiffer }
 }
@@ -148,7 +148,7 @@ pub(super) fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)
         body: 0,
         element: 0,
         room_from_body: Similarity3::identity(),
-        way: Way::Rigid(Matrix4::identity()),
+        constraint: HoldConstraint::Rigid(Matrix4::identity()),
         mean: Rotation3::identity(),
     };
     Some((control, Grasp { held: Some(held), poses: vec![ControlPose::REST], room_from_hand: None }))

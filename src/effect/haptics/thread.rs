@@ -5,8 +5,8 @@
 
 use super::device::{Device, Push, Reading};
 use super::grasp::{Grasp, device_from_handle};
-use super::sensed::Sensed;
-use super::tick::{Control, Felt};
+use super::haptic_source::HapticSource;
+use super::tick::{Control, LoopState};
 use crate::track::device::now_s;
 use spin_sleep::SpinSleeper;
 use std::sync::Arc;
@@ -52,7 +52,7 @@ static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// How a loop did since its start; how punctually while something was held, for otherwise it sleeps more deeply.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Clockwork {
+pub struct LoopTiming {
     pub ticks: u64,
     /// Ticks in the last whole second; 0 before the first.
     pub rate_hz: f64,
@@ -72,8 +72,8 @@ pub struct Clockwork {
 /// What the frame reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    pub felt: Felt,
-    pub clockwork: Clockwork,
+    pub state: LoopState,
+    pub timing: LoopTiming,
     /// Messages of the device that could not be read.
     pub malformed: u64,
 }
@@ -112,8 +112,8 @@ impl Loop {
     }
 
     /// What the device measures, as a source of poses; there is one.
-    pub fn source(&mut self) -> Option<Sensed> {
-        Some(Sensed::of_loop(self.device.clone(), self.readings.take()?))
+    pub fn source(&mut self) -> Option<HapticSource> {
+        Some(HapticSource::of_loop(self.device.clone(), self.readings.take()?))
     }
 
     /// The newest report.
@@ -145,7 +145,7 @@ fn run(
     let awake = (period / 4).min(Duration::from_micros(125));
     let sleeper = SpinSleeper::new(awake.as_nanos() as u32);
     let (mut work, mut late) = (Histogram::new(), Histogram::new());
-    let mut clockwork = Clockwork::default();
+    let mut timing = LoopTiming::default();
     let mut second = (Instant::now(), 0);
     let mut due = Instant::now();
     // Percentiles some thirty times a second.
@@ -161,10 +161,10 @@ fn run(
         let behind = due.elapsed();
         let skipped = (behind.as_nanos() / period.as_nanos()) as u32;
         due += period * skipped;
-        clockwork.ticks += 1;
+        timing.ticks += 1;
         if is_felt {
-            clockwork.late += u64::from(behind > period / 2);
-            clockwork.missed += u64::from(skipped);
+            timing.late += u64::from(behind > period / 2);
+            timing.missed += u64::from(skipped);
             late.add(behind);
         }
 
@@ -190,17 +190,17 @@ fn run(
         is_felt = control.holds() && reading.is_some();
         read.write(reading);
 
-        if clockwork.ticks.is_multiple_of(summary) {
+        if timing.ticks.is_multiple_of(summary) {
             let (since, ticks) = second;
             if since.elapsed() >= Duration::from_secs(1) {
-                clockwork.rate_hz = (clockwork.ticks - ticks) as f64 / since.elapsed().as_secs_f64();
-                second = (Instant::now(), clockwork.ticks);
+                timing.rate_hz = (timing.ticks - ticks) as f64 / since.elapsed().as_secs_f64();
+                second = (Instant::now(), timing.ticks);
             }
-            (clockwork.work_p50_s, clockwork.work_p99_s) = (work.quantile_s(0.5), work.quantile_s(0.99));
-            clockwork.work_most_s = work.most.as_secs_f64();
-            (clockwork.late_p50_s, clockwork.late_p99_s) = (late.quantile_s(0.5), late.quantile_s(0.99));
+            (timing.work_p50_s, timing.work_p99_s) = (work.quantile_s(0.5), work.quantile_s(0.99));
+            timing.work_most_s = work.most.as_secs_f64();
+            (timing.late_p50_s, timing.late_p99_s) = (late.quantile_s(0.5), late.quantile_s(0.99));
         }
-        told.write(Report { felt: control.felt, clockwork, malformed: device.malformed() });
+        told.write(Report { state: control.state, timing, malformed: device.malformed() });
     }
     device.push(&Push::NONE, now_s());
 }

@@ -5,7 +5,7 @@
 //! zero within [`FADE_S`]. A tick takes no lock and allocates nothing.
 
 use super::acting::{Acting, Given};
-use super::coupling::{Coupling, Give, Limits, handle_stiffness};
+use super::coupling::{Coupling, CouplingState, Limits, handle_stiffness};
 use super::delay::Delay;
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
@@ -58,7 +58,7 @@ impl Measures {
 
 /// Why there was no force at a tick, counted in ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults {
+pub struct LoopFaults {
     /// No device, no news for [`STALE_S`], or it says that it is not tracked.
     pub lost: u64,
     /// Not a number, outside the room, or no rotation.
@@ -75,7 +75,7 @@ pub struct Faults {
 
 /// What the loop knows after a tick, for the frame to show.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Felt {
+pub struct LoopState {
     /// In the room; `None` while the device is lost.
     pub room_from_handle: Option<Isometry3<f64>>,
     pub buttons: [bool; 2],
@@ -99,14 +99,14 @@ pub struct Felt {
     /// its limit it grows only by force · way.
     pub stored_energy: f64,
     pub observer: Observer,
-    pub faults: Faults,
+    pub faults: LoopFaults,
 }
 
 /// The loop without its clock: the same on a device and in a test.
 pub struct Control {
     pub haptic: Haptic,
     pub measures: Measures,
-    pub felt: Felt,
+    pub state: LoopState,
     /// How long the device's messages take, both ways, and its own turn, s: [`super::Device::latency_s`] as it is now.
     pub latency_s: f64,
     bodies: Vec<Elastic>,
@@ -117,7 +117,7 @@ pub struct Control {
     /// Rotations of handle and body, and the lag of the force, s, when the coupling was made.
     coupled_at: Option<([UnitQuaternion<f64>; 2], f64)>,
     /// Where the coupling has the hold, and the push before gain.
-    give: Give,
+    give: CouplingState,
     /// Stored energy at the last reading; `None` where the next one belongs to another potential.
     stored: Option<f64>,
     /// The body's torque for a device that has none.
@@ -144,14 +144,14 @@ impl Control {
         Control {
             haptic,
             measures: Measures::ALL,
-            felt: Felt::default(),
+            state: LoopState::default(),
             latency_s,
             bodies,
             held: None,
             hold_at: None,
             coupling: Coupling::default(),
             coupled_at: None,
-            give: Give::default(),
+            give: CouplingState::default(),
             stored: None,
             unfelt: Vector3::zeros(),
             fading: (Push::NONE, 0.0),
@@ -199,9 +199,9 @@ impl Control {
         // What another hand did to the body since the last frame: this one neither gave it nor can it take it.
         let energy = body.respond(&pose).energy;
         if let Some(stored) = &mut self.stored {
-            *stored += (energy - self.felt.strain_energy) * held.energy_scale(&self.haptic);
+            *stored += (energy - self.state.strain_energy) * held.energy_scale(&self.haptic);
         }
-        self.felt.strain_energy = energy;
+        self.state.strain_energy = energy;
     }
 
     /// Whether there is something to feel.
@@ -218,9 +218,9 @@ impl Control {
             self.news_s = now_s;
         }
         let is_attended = self.held.is_none() || now_s - self.news_s <= UNATTENDED_S;
-        self.felt.faults.unattended += u64::from(!is_attended);
+        self.state.faults.unattended += u64::from(!is_attended);
         // A real device knows sooner than the frame that it was let go.
-        let is_open = self.haptic.device != HapticDevice::Simulated && !self.felt.buttons[0];
+        let is_open = self.haptic.device != HapticDevice::Simulated && !self.state.buttons[0];
         let wanted = match self.held {
             Some(held) if moved && is_attended && !is_open => self.pull(&held, dt),
             _ => None,
@@ -235,19 +235,19 @@ impl Control {
         self.fading.1 = (self.fading.1 - dt / FADE_S).max(0.0);
         let faded = self.fading.0.scaled(self.fading.1);
         let push = self.limited(wanted.plus(&faded), dt);
-        self.felt.push = push;
-        self.acting.give(Given { at_s: now_s, push: push.plus(&faded.scaled(-1.0)), gain: self.felt.gain });
+        self.state.push = push;
+        self.acting.give(Given { at_s: now_s, push: push.plus(&faded.scaled(-1.0)), gain: self.state.gain });
         push
     }
 
     /// The hold ends: what there is of force fades, the next one starts at nothing.
     fn end(&mut self) {
-        if self.felt.gain > 0.0 {
-            self.fading = (self.felt.push, 1.0);
-            self.felt.gain = 0.0;
+        if self.state.gain > 0.0 {
+            self.fading = (self.state.push, 1.0);
+            self.state.gain = 0.0;
         }
-        self.felt.observer.energy = 0.0;
-        self.felt.limited = false;
+        self.state.observer.energy = 0.0;
+        self.state.limited = false;
         self.coupled_at = None;
         self.stored = None;
         self.acting.clear();
@@ -255,7 +255,7 @@ impl Control {
 
     /// Takes the device's reading if it can be used. False: there is no force at this tick.
     fn admit(&mut self, reading: Option<&Reading>, now_s: f64, dt: f64) -> bool {
-        let faults = &mut self.felt.faults;
+        let faults = &mut self.state.faults;
         self.motion = None;
         let newest = match (reading, &self.last) {
             (Some(new), Some(last)) if new.is_before(last) => {
@@ -266,25 +266,25 @@ impl Control {
         };
         let Some(new) = newest.copied().filter(|new| new.tracked && now_s - new.arrived_s <= STALE_S) else {
             faults.lost += 1;
-            self.felt.room_from_handle = None;
-            self.felt.buttons = [false; 2];
+            self.state.room_from_handle = None;
+            self.state.buttons = [false; 2];
             // A clock that went back for good would never be believed again.
             self.last = None;
             return false;
         };
-        self.felt.buttons = new.buttons;
+        self.state.buttons = new.buttons;
         let sampled_s = self.delay.heard(&new, now_s, self.latency_s);
         self.between_s = [self.between_s[1], sampled_s];
-        self.felt.spacing_s = self.delay.period_s();
-        self.felt.age_s = self.age_s();
-        let faults = &mut self.felt.faults;
+        self.state.spacing_s = self.delay.period_s();
+        self.state.age_s = self.age_s();
+        let faults = &mut self.state.faults;
         if !is_sane(&new.device_from_handle) {
             faults.absurd += 1;
             self.last = None;
             return false;
         }
         let room = room_from_handle(&self.haptic, &new.device_from_handle);
-        self.felt.room_from_handle = Some(room);
+        self.state.room_from_handle = Some(room);
         let Some(last) = self.last.replace(new) else {
             self.velocity = [Vector3::zeros(); 2];
             return true;
@@ -334,27 +334,27 @@ impl Control {
             energy = response.energy;
             stored = energy * scale + self.give.energy;
             if !push.is_finite() || !stored.is_finite() {
-                self.felt.faults.absurd += 1;
+                self.state.faults.absurd += 1;
                 return None;
             }
-            self.felt.faults.undefined += u64::from(response.rotation_undefined);
+            self.state.faults.undefined += u64::from(response.rotation_undefined);
             is_unsettled = response.rotation_undefined || self.give.is_on_the_way;
             if !self.give.is_on_the_way {
                 break;
             }
         }
-        self.felt.limited = self.give.is_limited;
+        self.state.limited = self.give.is_limited;
         self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
-        let gain = (self.felt.gain + dt / RAMP_S).min(1.0);
-        (self.felt.gain, self.felt.strain_energy, self.felt.stored_energy) = (gain, energy, stored);
+        let gain = (self.state.gain + dt / RAMP_S).min(1.0);
+        (self.state.gain, self.state.strain_energy, self.state.stored_energy) = (gain, energy, stored);
         let mut wanted = Push::unstacked(&self.give.push).scaled(gain);
         let [v, w] = &self.velocity;
         wanted.force -= v * haptic.virtual_damping * gain;
         if self.measures.brake {
             // A brake lags like every other force.
             let period_s = 2.0 * self.lag_s();
-            let brake = self.felt.observer.brake(v, w, haptic.mass, haptic.inertia, period_s);
+            let brake = self.state.observer.brake(v, w, haptic.mass, haptic.inertia, period_s);
             wanted = wanted.plus(&brake);
         }
         Some(wanted)
@@ -396,7 +396,7 @@ impl Control {
         let Some((at_once, late)) = acted(0.0).zip(acted(self.age_s())) else { return };
         let (_, given) = if late.0 > at_once.0 { late } else { at_once };
         let damping = [self.haptic.damping, self.haptic.rotational_damping];
-        self.felt.observer.moved(&given.push, given.gain * (stored - before), &motion, damping);
+        self.state.observer.moved(&given.push, given.gain * (stored - before), &motion, damping);
     }
 
     /// Makes the coupling for a new hold, and anew where handle or body have turned, for its directions are theirs, or where
@@ -415,7 +415,7 @@ impl Control {
                 self.acting.clear();
             }
         } else {
-            self.give = Give::default();
+            self.give = CouplingState::default();
         }
         self.coupled_at = Some(([handle.rotation, mean], lag_s));
         self.stored = None;
@@ -430,7 +430,7 @@ impl Control {
         let limits = self.measures.limits.then_some(limits);
         let bound = if self.measures.coupling { bearable } else { f64::INFINITY };
         self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bound, limits);
-        (self.felt.stiffer, self.felt.bearable) = (self.coupling.stiffer, bearable * haptic.damping);
+        (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * haptic.damping);
         Some(())
     }
 
@@ -452,7 +452,7 @@ impl Control {
         if !self.measures.limits {
             return push;
         }
-        let last = &self.felt.push;
+        let last = &self.state.push;
         let step = Push { force: push.force - last.force, torque: push.torque - last.torque };
         let (force, torque) = (self.haptic.max_force_n, self.haptic.max_torque_nm);
         let time = dt.max(self.haptic.period_s()) / SLEW_S;

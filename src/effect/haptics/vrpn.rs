@@ -4,7 +4,7 @@
 //! server which evaluates it itself pushes with just that force until the next one; it ends with the field's radius
 //! when the device has moved far from where it was seen. Bytes by `track::vrpn`, tried against our own server alone.
 
-use super::device::{Device, News, Push, Reading};
+use super::device::{Device, Push, Reading, SampleInfo};
 use crate::track::device::{DeviceState, Link, Source};
 use crate::track::vrpn::{Address, Client, ForceField, ForceSender, Timing, Transport};
 use nalgebra::Isometry3;
@@ -49,7 +49,7 @@ fn reading(state: &DeviceState) -> Option<Reading> {
         arrived_s: pose.arrived_s,
         measured_s: pose.measured_s,
         tracked: pose.quality > 0.0,
-        news: News { count: pose.count, flow: pose.flow, before: pose.before },
+        info: SampleInfo { count: pose.count, flow: pose.flow, before: pose.before },
     })
 }
 
@@ -61,7 +61,7 @@ impl Device for VrpnDevice {
     fn read(&mut self, _now_s: f64) -> Option<Reading> {
         let state = self.client.latest();
         let reading = reading(state);
-        let turn_s = reading.map_or(0.0, |reading| reading.news.flow.interval_s);
+        let turn_s = reading.map_or(0.0, |reading| reading.info.flow.interval_s);
         self.latency_s = state.round_trip_s.unwrap_or(UNHEARD_S + turn_s);
         self.last = reading.map(|reading| reading.device_from_handle);
         reading

@@ -26,11 +26,11 @@ fn row(solver: &str, storage: &str, time_us: f64, error: f64) -> Row {
     }
 }
 
-fn accuracy(displacement: f64) -> Demand {
-    Demand::Accuracy(Accuracy { displacement: Some(displacement), force: None, largest: None })
+fn accuracy(displacement: f64) -> AccuracyTarget {
+    AccuracyTarget::Accuracy(Accuracy { displacement: Some(displacement), force: None, largest: None })
 }
 
-fn chosen<'a>(rows: &'a [Row], demand: &Demand) -> Choice<'a> {
+fn chosen<'a>(rows: &'a [Row], demand: &AccuracyTarget) -> Choice<'a> {
     choose(rows, demand).unwrap()
 }
 
@@ -56,7 +56,7 @@ fn ties_go_to_cholesky_and_f32() {
     // 20 µs are the noise of the same evaluation: the solver has no part in it.
     for demand in [
         accuracy(0.05),
-        Demand::Budget(Budget { frame_ms: None, file_mb: Some(2.0), offline_s: None, largest: None }),
+        AccuracyTarget::Budget(Budget { frame_ms: None, file_mb: Some(2.0), offline_s: None, largest: None }),
     ] {
         let setting = &chosen(&rows, &demand).row.setting;
         assert_eq!((&*setting.solver, &*setting.storage), ("cholesky", "f32"), "{demand:?}");

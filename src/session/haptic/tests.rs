@@ -57,7 +57,7 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
     let workspace = world.stage.workspace;
     let started = Instant::now();
     let mut follow =
-        |world: &mut World, y: f64, pressed: bool, until: &dyn Fn(&Felt, &TrackerState) -> bool| {
+        |world: &mut World, y: f64, pressed: bool, until: &dyn Fn(&LoopState, &TrackerState) -> bool| {
             let deadline = Instant::now() + Duration::from_secs(30);
             loop {
                 let place = |x: f64| workspace.centre + Vector3::new(x, y, 0.1) * workspace.radius_m;
@@ -69,7 +69,7 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
                 feel.move_styli(&mut state);
                 world.step(&state);
                 feel.tell(world);
-                let felt = feel.links[0].running.report().felt;
+                let felt = feel.links[0].running.report().state;
                 if until(&felt, &state) {
                     return felt;
                 }
@@ -128,7 +128,7 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
     let place = |x: f64, y: f64| workspace.centre + Vector3::new(x, y, 0.1) * workspace.radius_m;
     let rotation = rotation_towards(&(place(0.0, 0.0) - place(1.5, 0.0)), 0.0).unwrap();
     let mut y = 0.0;
-    let mut follow = |up_to: f64, pressed: bool, until: &dyn Fn(&World, &Felt) -> bool| {
+    let mut follow = |up_to: f64, pressed: bool, until: &dyn Fn(&World, &LoopState) -> bool| {
         let deadline = Instant::now() + Duration::from_secs(30);
         loop {
             y += (up_to - y).clamp(-0.01, 0.01);
@@ -137,7 +137,7 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             *phantom.said.lock().unwrap() = (handle, pressed);
             let mut state = trackers::merge(&mut rig, TrackerState { time_s: now_s(), ..Default::default() });
             feel.step(&mut world, state.time_s, &mut state);
-            let felt = feel.links[0].running.report().felt;
+            let felt = feel.links[0].running.report().state;
             if y == up_to && until(&world, &felt) {
                 return felt;
             }

@@ -7,7 +7,7 @@ use crate::cli::bench_haptics::control;
 use crate::effect::haptics::{Device, Haply, Loop, VrpnDevice};
 use crate::stage::GripButton;
 use crate::track::vrpn::codec::{self, Framer, Header};
-use crate::track::vrpn::payload::{Kind, Payload};
+use crate::track::vrpn::payload::{MessageKind, Payload};
 use libc::{SIGABRT, SIGBUS, SIGHUP, SIGINT, SIGQUIT, SIGSEGV, SIGTERM, SIGUSR1, SIGXCPU};
 use std::io::{BufRead, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -91,8 +91,8 @@ fn serve_vrpn(stream: &mut TcpStream, told: &Sender<f64>) {
         codec::encode(&Header::now(id, kind), &codec::encode_name(name), bytes);
     };
     described(0, codec::SENDER_DESCRIPTION, "Phantom0", &mut greeting);
-    described(0, codec::TYPE_DESCRIPTION, Kind::PosQuat.name(), &mut greeting);
-    described(1, codec::TYPE_DESCRIPTION, Kind::ButtonChange.name(), &mut greeting);
+    described(0, codec::TYPE_DESCRIPTION, MessageKind::PosQuat.name(), &mut greeting);
+    described(1, codec::TYPE_DESCRIPTION, MessageKind::ButtonChange.name(), &mut greeting);
     stream.write_all(&greeting).unwrap();
     let (mut framer, mut field, mut has_cookie) = (Framer::default(), None, false);
     loop {
@@ -116,11 +116,12 @@ fn serve_vrpn(stream: &mut TcpStream, told: &Sender<f64>) {
         has_cookie = has_cookie || framer.cookie().is_some();
         while has_cookie && let Some(message) = framer.message().unwrap() {
             let header = message.header;
-            let is_field = || codec::decode_name(message.payload) == Ok(Kind::ForceField.name());
+            let is_field = || codec::decode_name(message.payload) == Ok(MessageKind::ForceField.name());
             if header.kind == codec::TYPE_DESCRIPTION && is_field() {
                 field = Some(header.sender);
             } else if Some(header.kind) == field
-                && let Ok(Payload::ForceField(field)) = Payload::decode(Kind::ForceField, message.payload)
+                && let Ok(Payload::ForceField(field)) =
+                    Payload::decode(MessageKind::ForceField, message.payload)
             {
                 let size = field.force.iter().map(|f| f64::from(f.abs())).sum();
                 told.send(size).unwrap();

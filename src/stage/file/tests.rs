@@ -1,13 +1,13 @@
 //! Tests of the loader: what is refused, where, and with what advice.
 
-use super::super::BUILT_IN;
 use super::*;
+use crate::stage::BUILT_IN;
 
 /// The workbench with one piece of its text replaced.
 fn workbench_with(from: &str, to: &str) -> Result<Stage, StageError> {
     let text = BUILT_IN[0].1;
     assert!(text.contains(from), "`{from}` is not in the file");
-    parse(&text.replacen(from, to, 1), Path::new("bench.toml"))
+    Stage::parse(&text.replacen(from, to, 1), Path::new("bench.toml"))
 }
 
 fn refusal(from: &str, to: &str) -> String {
@@ -28,7 +28,7 @@ fn a_mirrored_screen_is_named_with_the_corners_to_swap() {
     let text = text.replace(WALL_UP, "upper_left = [0.80, 2.18, 0.00]");
     // The table's upper edge is the wall's lower: put it back.
     let text = text.replace("upper_left = [0.80, 0.90, 0.00]", "upper_left = [-0.80, 0.90, 0.00]");
-    let error = parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
+    let error = Stage::parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
     let line = line_of("name = \"wall\"") - 1;
     assert!(error.starts_with(&format!("bench.toml:{line}: screen `wall` is mirrored")), "{error}");
     assert!(error.contains("Swap the left corners with the right ones"), "{error}");
@@ -40,7 +40,7 @@ fn an_upside_down_mirrored_screen_is_told_from_one_that_is_left_to_right() {
     let text = BUILT_IN[0].1.replace(WALL_UP, "upper_left = [-0.80, 0.90, 0.00]");
     let text = text.replace(WALL_LEFT, "lower_left = [-0.80, 2.18, 0.00]");
     let text = text.replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.80, 2.18, 0.00]");
-    let error = parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
+    let error = Stage::parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
     assert!(
         error.contains("`wall` is mirrored") && error.contains("Swap lower_left with upper_left"),
         "{error}"
@@ -82,10 +82,10 @@ fn numbers_outside_the_human_and_the_physical_range_are_refused() {
 #[test]
 fn a_mono_stage_needs_no_distance_between_the_eyes() {
     let desktop = BUILT_IN[3].1.replace("ipd = 0.064", "ipd = 0");
-    assert_eq!(parse(&desktop, Path::new("d.toml")).unwrap().viewer.ipd_m, 0.0);
+    assert_eq!(Stage::parse(&desktop, Path::new("d.toml")).unwrap().viewer.ipd_m, 0.0);
     let with = |kind: &str| {
         let text = format!("{desktop}\n[[window]]\nscreen = \"monitor\"\nstereo = \"{kind}\"\n");
-        parse(&text, Path::new("d.toml"))
+        Stage::parse(&text, Path::new("d.toml"))
     };
     assert!(with("mono").is_ok());
     assert!(with("rows").unwrap_err().to_string().contains("ipd is 0 m"), "a window of it shows two eyes");
@@ -97,7 +97,7 @@ fn every_fault_of_tracking_is_told_and_none_that_follows_from_another() {
                 tracker = \"a\"\nid = 1\npredict = 5\n[stylus.right]\nsensor = \"wand\"\n[stylus.left]\n\
                 sensor = \"hand\"\n";
     let text = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + keys;
-    let Survey { stage, faults } = survey(&text, Path::new("bench.toml")).unwrap();
+    let Survey { stage, faults, .. } = survey(&text, Path::new("bench.toml")).unwrap();
     let told: Vec<String> = faults.iter().map(|located| located.fault.to_string()).collect();
     let expected =
         ["`vrpn` of tracker `a`", "tracker `b` has none", "predict of sensor `wand`", "stylus `left`: "];
@@ -120,7 +120,7 @@ fn names_counts_and_directions_are_checked() {
         refusal("[0.0, 1.70, 1.50]", "[0.0, 0.905, 1.50]").contains("plane of screen `table` (5.0 mm away)")
     );
     let head = BUILT_IN[0].1.split("[[screen]]").next().unwrap();
-    assert!(parse(head, Path::new("a.toml")).unwrap_err().to_string().contains("no screen"));
+    assert!(Stage::parse(head, Path::new("a.toml")).unwrap_err().to_string().contains("no screen"));
 }
 
 #[test]

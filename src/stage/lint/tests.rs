@@ -1,7 +1,7 @@
 //! Tests of the findings: each thing that display walls get wrong is found, named and given its number.
 
-use super::super::BUILT_IN;
 use super::*;
+use crate::stage::BUILT_IN;
 use std::path::Path;
 
 /// What is found about a built-in stage with a piece of its text replaced and more at its end; `error: entity: text`.

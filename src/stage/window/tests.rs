@@ -1,6 +1,7 @@
 //! Tests of windows and tiles.
 
 use super::*;
+use crate::stage::Stage;
 use nalgebra::Vector4;
 
 fn tile(crop: [u32; 4], overscan: [u32; 4]) -> (Tile, Screen) {

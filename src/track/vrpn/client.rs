@@ -1,36 +1,64 @@
-//! One device of a VRPN server as a source: connects, listens, and connects again when the server is gone.
+//! One device of a VRPN server as a source: connects, receives, and connects again when the server is gone.
 //!
-//! In: the device's name, as `Tracker0@host`. Out: its newest state, without a lock. One thread reads the TCP stream;
-//! a second one, while connected, the UDP port that was offered for trackers.
+//! In: the device's name, as `Tracker0@host`. Out: its newest state, without a lock. Reads the TCP stream on one thread
+//! and, while connected, the UDP port that was offered for poses on a second one.
 
 use super::address::{Address, Transport, encode_lob, resolve};
 use super::codec::{self, Framer, Header};
-use super::ear::Ear;
+use super::connection::{Control, SPOKEN, message};
 use super::force::ForceSender;
-use super::payload::{ForceField, Kind, Payload};
-use crate::base::last_word::LastWord;
+use super::payload::Payload;
 use crate::track::device::{DeviceState, Link, Source, now_s};
-use crate::track::pace::{NEWS_S, Pace};
+use crate::track::rate_limiter::{PUBLISH_S, RateLimiter};
+use crate::track::source_entry::{SourceEntry, SourceSettings, keys};
 use std::io::{ErrorKind, Read, Write};
-use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, Thread, park_timeout};
 use std::time::Duration;
+use triple_buffer::Output;
 
-/// When what happens, s.
+pub const SOURCE: SourceEntry = SourceEntry { key: "vrpn", more_keys: &["transport"], read };
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    vrpn: String,
+    transport: Option<Transport>,
+}
+
+fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
+    let Keys { vrpn, transport } = keys(tracker, table)?;
+    let wrong = |why: &str| {
+        let vrpn: String = vrpn.chars().take(100).collect();
+        format!(
+            "`vrpn` of tracker `{tracker}` is \"{vrpn}\": {why}; write \"Tracker0@host\", \"Tracker0@host:3883\" or \
+             \"tcp://host:3883/Tracker0\""
+        )
+    };
+    let address = Address::parse(&vrpn).map_err(|error| wrong(error.fault))?;
+    if transport == Some(Transport::Lob) && !address.udp {
+        return Err(wrong("it says tcp and `transport` says lob"));
+    }
+    let transport = transport.unwrap_or_default();
+    let open = Box::new(move |_: &str| Ok(Box::new(Client::open(address, transport)) as Box<dyn Source>));
+    Ok(SourceSettings { exclusive_use: None, open })
+}
+
+/// The times after which things happen, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// How long a server has to take the connection, and then to send its cookie.
+    /// How long a server may take to accept the connection, and then to send its cookie.
     pub connect_s: f64,
     pub ping_s: f64,
-    /// So much silence is a warning, and so much the end of the connection. A device that has answered no ping in the
-    /// first of them is not there.
+    /// Silence for this long gives a warning, or ends the connection. A device that answers no ping within `quiet_s` does
+    /// not exist.
     pub quiet_s: f64,
     pub down_s: f64,
     /// Between two lobs.
     pub lob_s: f64,
-    /// Before the first new attempt; doubled for every further one, up to the longest.
+    /// The wait before the first new attempt, doubled for each further one up to the longest.
     pub first_retry_s: f64,
     pub longest_retry_s: f64,
 }
@@ -52,64 +80,46 @@ impl Default for Timing {
 /// A device of a VRPN server.
 pub struct Client {
     address: Address,
-    output: triple_buffer::Output<DeviceState>,
+    output: Output<DeviceState>,
     control: Arc<Control>,
     thread: Option<Thread>,
 }
 
-/// What the client and its threads share.
-pub(super) struct Control {
-    pub stop: AtomicBool,
-    /// The connection, for whoever writes.
-    writer: Mutex<Option<Writer>>,
-    ear: Mutex<Ear>,
-}
-
-struct Writer {
-    /// That the device is to push no more; from the first force on. Dropped before the stream.
-    last_word: Option<LastWord>,
-    stream: TcpStream,
-}
-
 /// Most bytes taken from the stream at once.
 const MOST_BYTES: usize = 16 << 10;
-/// Between two looks where there is nothing to wait for.
+/// The pause between two checks where no blocking call is possible.
 const PAUSE: Duration = Duration::from_millis(5);
-/// How often a thread that hears nothing looks whether it is to end.
+/// How often a thread that receives nothing checks whether it must end.
 const WAKE: Duration = Duration::from_millis(50);
 
-/// The types that this side sends; their numbers are their places.
-const SPOKEN: [Kind; 3] = [Kind::Ping, Kind::Pong, Kind::ForceField];
-
 impl Client {
-    /// Begins to listen, whether or not the server is there.
+    /// Starts to connect and receive, whether or not the server is there.
     pub fn open(address: Address, transport: Transport) -> Client {
         Client::with_timing(address, transport, Timing::default())
     }
 
     pub fn with_timing(address: Address, transport: Transport, timing: Timing) -> Client {
-        let (input, output) = triple_buffer::triple_buffer(&DeviceState::default());
-        let ear = Mutex::new(Ear::new(&address.device, input));
-        let control = Arc::new(Control { stop: AtomicBool::new(false), writer: Mutex::new(None), ear });
+        let (control, output) = Control::new(&address.device);
+        let control = Arc::new(control);
         let connection = Connection { address: address.clone(), transport, timing, control: control.clone() };
         let thread = match Builder::new().name("vrpn".into()).spawn(move || connection.run()) {
             Ok(thread) => Some(thread.thread().clone()),
             Err(error) => {
-                lock(&control.ear).set_link(Link::Down(format!("cannot start its thread: {error}")));
+                control.hearing().set_link(Link::Down(format!("cannot start its thread: {error}")));
                 None
             }
         };
         Client { address, output, control, thread }
     }
 
-    /// A way to have the device push: a thread of its own, which ends with the sender.
+    /// Sends forces to the device, on a thread that ends with the sender.
     pub fn force_sender(&self) -> ForceSender {
         ForceSender::new(self.control.clone())
     }
 
-    /// What the device last said that it pushes with, N, in its own frame.
+    /// The force that the device last reported, N, in its own frame.
     pub fn force(&self) -> Option<[f64; 3]> {
-        lock(&self.control.ear).listener.force
+        self.control.hearing().listener.force
     }
 }
 
@@ -131,56 +141,7 @@ impl Drop for Client {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl Control {
-    /// Sends a force field to the device; false where there is no connection. None goes out before it is made sure that
-    /// it is taken back however the program ends.
-    pub(super) fn push(&self, field: &ForceField) -> bool {
-        let none = message(&Payload::ForceField(ForceField::default()));
-        let prepared = match &mut *lock(&self.writer) {
-            Some(Writer { last_word: last_word @ None, stream }) => LastWord::new(stream, &none)
-                .map(|made| *last_word = Some(made))
-                .inspect_err(|error| tracing::warn!("vrpn: no force is sent: {error}")),
-            _ => Ok(()),
-        };
-        if prepared.is_err() {
-            self.hang_up();
-            return false;
-        }
-        self.send(&message(&Payload::ForceField(*field)))
-    }
-
-    fn send(&self, bytes: &[u8]) -> bool {
-        let mut writer = lock(&self.writer);
-        let sent = writer.as_mut().map_or(Some(false), |Writer { last_word, stream }| {
-            let mut write = || stream.write_all(bytes).is_ok();
-            match last_word {
-                Some(last_word) => last_word.before(write),
-                None => Some(write()),
-            }
-        });
-        drop(writer);
-        // The program ends; the connection is left to whom the last word belongs.
-        let Some(sent) = sent else { return false };
-        if !sent {
-            // What was cut in the middle of a message cannot go on.
-            self.hang_up();
-        }
-        sent
-    }
-
-    /// Ends the connection, if there is one; its reader wakes up.
-    fn hang_up(&self) {
-        if let Some(writer) = lock(&self.writer).take() {
-            let _ = writer.stream.shutdown(Shutdown::Both);
-        }
-    }
-}
-
-/// What the reading thread works with.
+/// What the reading thread needs.
 struct Connection {
     address: Address,
     transport: Transport,
@@ -196,15 +157,15 @@ impl Connection {
             let began_s = now_s();
             let Err(reason) = self.connect().and_then(|stream| self.converse(stream, was_up));
             self.control.hang_up();
-            let mut ear = lock(&self.control.ear);
-            if ear.listener.is_there() && ear.listener.heard_s > began_s {
+            let mut hearing = self.control.hearing();
+            if hearing.listener.is_there() && hearing.listener.heard_s > began_s {
                 (retry_s, was_up) = (self.timing.first_retry_s, true);
             }
             tracing::info!("vrpn {}: {reason}; again in {retry_s} s", self.address);
-            ear.listener.state.link = Link::Down(reason);
-            ear.listener.release();
-            ear.publish();
-            drop(ear);
+            hearing.listener.state.link = Link::Down(reason);
+            hearing.listener.release();
+            hearing.publish();
+            drop(hearing);
             park_timeout(Duration::from_secs_f64(retry_s));
             retry_s = (2.0 * retry_s).min(self.timing.longest_retry_s);
         }
@@ -243,7 +204,7 @@ impl Connection {
                     stream.set_nonblocking(false)?;
                     return Ok(stream);
                 }
-                Ok(_) => lock(&self.control.ear).listener.state.counters.dropped += 1,
+                Ok(_) => self.control.hearing().listener.state.counters.dropped += 1,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
                 Err(error) => return Err(error),
             }
@@ -252,7 +213,7 @@ impl Connection {
         Err(std::io::Error::other("no answer to the lob"))
     }
 
-    /// Talks with the server until that ends; never well.
+    /// Talks with the server until the connection ends; returns the reason.
     fn converse(&self, mut stream: TcpStream, again: bool) -> Result<std::convert::Infallible, String> {
         let text = |error: std::io::Error| error.to_string();
         stream.set_nodelay(true).map_err(text)?;
@@ -266,12 +227,11 @@ impl Connection {
         let here = stream.local_addr().map_err(text)?.ip();
         let udp = if self.address.udp { UdpSocket::bind((here, 0)).ok() } else { None };
         stream.write_all(&self.introduction(here, udp.as_ref())).map_err(text)?;
-        let writing = stream.try_clone().map_err(text)?;
-        *lock(&self.control.writer) = Some(Writer { last_word: None, stream: writing });
-        let mut ear = lock(&self.control.ear);
-        ear.listener.connected();
-        ear.listener.state.counters.reconnects += u64::from(again);
-        drop(ear);
+        self.control.connected(stream.try_clone().map_err(text)?);
+        let mut hearing = self.control.hearing();
+        hearing.listener.connected();
+        hearing.listener.state.counters.reconnects += u64::from(again);
+        drop(hearing);
 
         let over = AtomicBool::new(false);
         std::thread::scope(|scope| {
@@ -294,10 +254,10 @@ impl Connection {
             if now_s() > deadline_s || self.control.stop.load(Relaxed) {
                 return Err("the peer sends no cookie: is it a VRPN server?".to_owned());
             }
-            read(stream, framer)?;
+            receive(stream, framer)?;
         };
         let version = codec::parse_cookie(&cookie).map_err(|fault| {
-            lock(&self.control.ear).listener.state.counters.malformed += 1;
+            self.control.hearing().listener.state.counters.malformed += 1;
             fault.to_string()
         })?;
         if version != codec::VERSION {
@@ -307,7 +267,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Descriptions of what this side sends, and where trackers may be sent to by UDP.
+    /// Describes what this side sends, and where poses may be sent by UDP.
     fn introduction(&self, here: IpAddr, udp: Option<&UdpSocket>) -> Vec<u8> {
         let mut bytes = Vec::new();
         let described = |id, kind, name: &str, bytes: &mut Vec<u8>| {
@@ -325,37 +285,41 @@ impl Connection {
     }
 
     fn hear(&self, stream: &mut TcpStream, framer: &mut Framer) -> Result<std::convert::Infallible, String> {
-        let (mut next_ping_s, mut pace, mut was_waiting) = (0.0, Pace::default(), false);
+        let (mut next_ping_s, mut limiter, mut was_waiting) = (0.0, RateLimiter::default(), false);
         loop {
             if self.control.stop.load(Relaxed) {
                 return Err("not listened to any more".to_owned());
             }
-            if now_s() >= next_ping_s && lock(&self.control.ear).listener.pings(now_s()) {
+            if now_s() >= next_ping_s && self.control.hearing().listener.pings(now_s()) {
                 if !self.control.send(&message(&Payload::Ping)) {
                     return Err("the connection broke".to_owned());
                 }
                 next_ping_s = now_s() + self.timing.ping_s;
             }
             let began_s = now_s();
-            let mut ear = lock(&self.control.ear);
-            // What came with the cookie is heard before more is read.
+            let mut hearing = self.control.hearing();
+            // Handle what came with the cookie before reading more.
             let mut heard = 0;
             loop {
                 match framer.message() {
                     Ok(None) => break,
-                    Ok(Some(message)) if ear.listener.take(&message) => heard += 1,
+                    Ok(Some(message)) if hearing.listener.take(&message) => heard += 1,
                     Ok(Some(_)) => return Err("the server said good-bye".to_owned()),
                     Err(fault) => {
-                        ear.listener.state.counters.malformed += 1;
+                        hearing.listener.state.counters.malformed += 1;
                         return Err(fault.to_string());
                     }
                 }
             }
-            let silent_s = now_s() - ear.listener.heard_s;
-            let link = match ear.listener.is_there() {
-                false if silent_s > self.timing.quiet_s => return Err(ear.listener.why_missing(silent_s)),
-                // What was missing before is missing until it is there.
-                false if matches!(ear.listener.state.link, Link::Down(_)) => ear.listener.state.link.clone(),
+            let silent_s = now_s() - hearing.listener.heard_s;
+            let link = match hearing.listener.is_there() {
+                false if silent_s > self.timing.quiet_s => {
+                    return Err(hearing.listener.why_missing(silent_s));
+                }
+                // A device that was missing is missing until it answers.
+                false if matches!(hearing.listener.state.link, Link::Down(_)) => {
+                    hearing.listener.state.link.clone()
+                }
                 false => Link::Waiting,
                 true if silent_s > self.timing.down_s => {
                     return Err(format!("says nothing for {silent_s:.0} s"));
@@ -363,19 +327,19 @@ impl Connection {
                 true if silent_s > self.timing.quiet_s => Link::Quiet,
                 true => Link::Up,
             };
-            if link == Link::Quiet && ear.listener.state.link != link {
+            if link == Link::Quiet && hearing.listener.state.link != link {
                 tracing::warn!("vrpn {}: says nothing for {silent_s:.0} s", self.address);
             }
-            ear.set_link(link);
-            ear.listener.state.counters.packets += u64::from(heard > 0);
-            let is_waiting = ear.publish_news(heard > 0);
-            let wait = if heard > 0 { ear.throttle(&mut pace, began_s) } else { None };
-            drop(ear);
+            hearing.set_link(link);
+            hearing.listener.state.counters.packets += u64::from(heard > 0);
+            let is_waiting = hearing.publish_changed(heard > 0);
+            let wait = if heard > 0 { hearing.throttle(&mut limiter, began_s) } else { None };
+            drop(hearing);
             wait.into_iter().for_each(std::thread::sleep);
             if std::mem::replace(&mut was_waiting, is_waiting) != is_waiting {
                 stream.set_read_timeout(Some(wake(is_waiting))).map_err(|error| error.to_string())?;
             }
-            read(stream, framer)?;
+            receive(stream, framer)?;
         }
     }
 
@@ -384,30 +348,30 @@ impl Connection {
             return;
         }
         let mut buffer = [0; 2048];
-        let (mut pace, mut was_waiting) = (Pace::default(), false);
+        let (mut limiter, mut was_waiting) = (RateLimiter::default(), false);
         while !over.load(Relaxed) {
             let received = udp.recv_from(&mut buffer);
             let began_s = now_s();
-            let mut ear = lock(&self.control.ear);
+            let mut hearing = self.control.hearing();
             let mut wait = None;
-            let is_news = match received {
+            let has_changed = match received {
                 Ok((bytes, from)) if from.ip() == server => {
-                    ear.listener.take_datagram(&buffer[..bytes]);
+                    hearing.listener.take_datagram(&buffer[..bytes]);
                     true
                 }
                 Ok(_) => {
-                    ear.listener.state.counters.dropped += 1;
+                    hearing.listener.state.counters.dropped += 1;
                     false
                 }
                 Err(error) => {
-                    // An error that lasts does not spin.
+                    // Do not spin on a lasting error.
                     wait = (!is_only_late(&error)).then_some(WAKE);
                     false
                 }
             };
-            let is_waiting = ear.publish_news(is_news);
-            wait = wait.or_else(|| ear.throttle(&mut pace, began_s));
-            drop(ear);
+            let is_waiting = hearing.publish_changed(has_changed);
+            wait = wait.or_else(|| hearing.throttle(&mut limiter, began_s));
+            drop(hearing);
             if std::mem::replace(&mut was_waiting, is_waiting) != is_waiting {
                 let _ = udp.set_read_timeout(Some(wake(is_waiting)));
             }
@@ -416,16 +380,8 @@ impl Connection {
     }
 }
 
-/// A message of this side's device.
-fn message(payload: &Payload) -> Vec<u8> {
-    let kind = SPOKEN.iter().position(|kind| *kind == payload.kind()).unwrap_or(0);
-    let mut bytes = Vec::with_capacity(96);
-    codec::encode(&Header::now(0, kind as i32), &payload.encode(), &mut bytes);
-    bytes
-}
-
-/// Reads once, a bounded number of bytes; 0 where nothing came in time.
-fn read(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String> {
+/// Reads once, at most `MOST_BYTES`; 0 if nothing came in time.
+fn receive(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String> {
     let space = framer.space();
     let most = space.len().min(MOST_BYTES);
     match stream.read(&mut space[..most]) {
@@ -439,12 +395,12 @@ fn read(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String> {
     }
 }
 
-/// Nothing came in time, and that is all.
+/// Whether the error only says that nothing came in time.
 fn is_only_late(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
-/// How long to listen: news that wait are handed on soon.
+/// How long to wait for data: not long if a changed state still waits to be published.
 fn wake(is_waiting: bool) -> Duration {
-    if is_waiting { Duration::from_secs_f64(NEWS_S) } else { WAKE }
+    if is_waiting { Duration::from_secs_f64(PUBLISH_S) } else { WAKE }
 }

@@ -10,14 +10,14 @@
 //!
 //! Verified against the recorded stream of a vrpn_server 07.38 (tests/vrpn.rs).
 
-use crate::stage::tracking::vrpn::LONGEST_NAME;
+use super::address::LONGEST_NAME;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 pub const COOKIE_BYTES: usize = 24;
 pub const HEADER_BYTES: usize = 24;
-/// The longest payload that is accepted; no message of a tracker comes near it, those of other devices may.
+/// The longest payload that is accepted, bytes; a tracker's messages are far shorter.
 pub const MOST_PAYLOAD: usize = 64 << 10;
-/// The largest datagram that passes an Ethernet unbroken.
+/// The largest datagram that fits an Ethernet frame, bytes.
 pub const DATAGRAM_BYTES: usize = 1472;
 
 /// Message types of the protocol itself; those of devices are 0 and above.
@@ -28,7 +28,7 @@ pub const LOG_DESCRIPTION: i32 = -4;
 pub const DISCONNECT: i32 = -5;
 
 const MAGIC: &[u8; 11] = b"vrpn: ver. ";
-/// The version that is spoken here.
+/// The version that this side speaks.
 pub const VERSION: Version = Version { major: 7, minor: 38 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ pub struct Version {
 pub struct Header {
     pub seconds: u32,
     pub microseconds: u32,
-    /// The device, or what a system message makes of this place.
+    /// The device; system messages use this field for other numbers.
     pub sender: i32,
     pub kind: i32,
     pub sequence: u32,
@@ -56,7 +56,7 @@ pub struct Message<'a> {
 
 /// Why bytes were refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Fault {
+pub enum CodecFault {
     #[error("the peer does not speak VRPN: it began with {0:?}")]
     NoCookie(String),
     #[error("the peer speaks VRPN {0:02}.{1:02}; only 07.xx is understood")]
@@ -73,7 +73,7 @@ pub enum Fault {
     Payload(&'static str, usize),
 }
 
-/// The cookie of this side: `vrpn: ver. 07.38  0`, the digit saying that nothing is to be logged.
+/// The cookie of this side: `vrpn: ver. 07.38  0`, where the last digit asks for no logging.
 pub fn cookie() -> [u8; COOKIE_BYTES] {
     let mut cookie = [0; COOKIE_BYTES];
     let text = format!("vrpn: ver. {:02}.{:02}  0", VERSION.major, VERSION.minor);
@@ -81,9 +81,9 @@ pub fn cookie() -> [u8; COOKIE_BYTES] {
     cookie
 }
 
-/// The peer's version; 07 with any minor is taken.
-pub fn parse_cookie(cookie: &[u8; COOKIE_BYTES]) -> Result<Version, Fault> {
-    let no_cookie = || Fault::NoCookie(String::from_utf8_lossy(&cookie[..16]).into_owned());
+/// The peer's version; 07 with any minor version is accepted.
+pub fn parse_cookie(cookie: &[u8; COOKIE_BYTES]) -> Result<Version, CodecFault> {
+    let no_cookie = || CodecFault::NoCookie(String::from_utf8_lossy(&cookie[..16]).into_owned());
     let [a, b, b'.', c, d] = cookie[MAGIC.len()..16] else { return Err(no_cookie()) };
     if !cookie.starts_with(MAGIC) || ![a, b, c, d].iter().all(u8::is_ascii_digit) {
         return Err(no_cookie());
@@ -91,7 +91,7 @@ pub fn parse_cookie(cookie: &[u8; COOKIE_BYTES]) -> Result<Version, Fault> {
     let number = |tens: u8, ones: u8| 10 * (tens - b'0') + (ones - b'0');
     let version = Version { major: number(a, b), minor: number(c, d) };
     if version.major != VERSION.major {
-        return Err(Fault::Version(version.major, version.minor));
+        return Err(CodecFault::Version(version.major, version.minor));
     }
     Ok(version)
 }
@@ -138,12 +138,12 @@ pub fn encode(header: &Header, payload: &[u8], out: &mut Vec<u8>) {
 }
 
 /// The first message of `bytes` and how many bytes it takes with its padding; `None`: it is not complete yet.
-pub fn decode(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, Fault> {
+pub fn decode(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, CodecFault> {
     let word = |at: usize| -> Option<u32> { Some(u32::from_be_bytes(*bytes.get(4 * at..)?.first_chunk()?)) };
     let Some(length) = word(0) else { return Ok(None) };
     let taken = length as usize;
     if !(HEADER_BYTES..=HEADER_BYTES + MOST_PAYLOAD).contains(&taken) {
-        return Err(Fault::Length(length));
+        return Err(CodecFault::Length(length));
     }
     let padded = taken.next_multiple_of(8);
     let (Some(seconds), Some(microseconds), Some(sender), Some(kind), Some(sequence)) =
@@ -159,7 +159,7 @@ pub fn decode(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, Fault> {
 }
 
 /// The messages of a datagram, up to the first that is not whole.
-pub fn datagram(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, Fault>> {
+pub fn datagram(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, CodecFault>> {
     let mut rest = bytes;
     std::iter::from_fn(move || {
         if rest.is_empty() {
@@ -172,7 +172,7 @@ pub fn datagram(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, Fault>
             }
             other => {
                 rest = &[];
-                Some(Err(other.err().unwrap_or(Fault::Truncated)))
+                Some(Err(other.err().unwrap_or(CodecFault::Truncated)))
             }
         }
     })
@@ -187,8 +187,8 @@ pub fn encode_name(name: &str) -> Vec<u8> {
 }
 
 /// The name in the payload of a description.
-pub fn decode_name(payload: &[u8]) -> Result<&str, Fault> {
-    let fault = Fault::Name(payload.len());
+pub fn decode_name(payload: &[u8]) -> Result<&str, CodecFault> {
+    let fault = CodecFault::Name(payload.len());
     let Some((length, name)) = payload.split_first_chunk() else { return Err(fault) };
     let Some((0, name)) = name.split_last().map(|(nul, name)| (*nul, name)) else { return Err(fault) };
     if name.len() > LONGEST_NAME
@@ -198,14 +198,13 @@ pub fn decode_name(payload: &[u8]) -> Result<&str, Fault> {
         return Err(fault);
     }
     match std::str::from_utf8(name) {
-        // They end up in messages on a terminal, which must not be commanded by them.
+        // Names end up in messages on a terminal, so they must not contain control characters.
         Ok(name) if !name.chars().any(char::is_control) => Ok(name),
         _ => Err(fault),
     }
 }
 
-/// A stream's bytes until they are whole messages: one buffer, twice as long as the longest message, made when first
-/// written to.
+/// Collects a stream's bytes into whole messages, in one buffer of twice the longest message, allocated at the first write.
 #[derive(Default)]
 pub struct Framer {
     buffer: Box<[u8]>,
@@ -214,7 +213,7 @@ pub struct Framer {
 }
 
 impl Framer {
-    /// Where the next bytes are to be written; never empty after [`message`](Framer::message) has said `None`.
+    /// Where to write the next bytes; never empty after [`message`](Framer::message) returned `None`.
     pub fn space(&mut self) -> &mut [u8] {
         if self.buffer.is_empty() {
             self.buffer = vec![0; 2 * (HEADER_BYTES + MOST_PAYLOAD)].into();
@@ -227,7 +226,7 @@ impl Framer {
         &mut self.buffer[self.end..]
     }
 
-    /// So many bytes were written.
+    /// Tells how many bytes were written.
     pub fn wrote(&mut self, bytes: usize) {
         self.end = (self.end + bytes).min(self.buffer.len());
     }
@@ -239,8 +238,8 @@ impl Framer {
         Some(cookie)
     }
 
-    /// The next whole message. After a fault the stream has lost its frame and is of no use.
-    pub fn message(&mut self) -> Result<Option<Message<'_>>, Fault> {
+    /// The next whole message. After an error the stream is out of step and cannot be used any more.
+    pub fn message(&mut self) -> Result<Option<Message<'_>>, CodecFault> {
         let Some((message, taken)) = decode(&self.buffer[self.first..self.end])? else { return Ok(None) };
         self.first += taken;
         Ok(Some(message))

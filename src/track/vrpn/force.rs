@@ -1,8 +1,8 @@
-//! Has a VRPN force device push: the newest force field wins, and whoever sets it never waits for the network.
+//! Sends forces to a VRPN force device: the newest force field wins, and setting it never waits for the network.
 //!
 //! The bytes follow the protocol's description; no force device was at hand to verify them.
 
-use super::client::Control;
+use super::connection::Control;
 use super::payload::ForceField;
 use crate::track::device::now_s;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -10,13 +10,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle, park_timeout};
 use std::time::Duration;
 
-/// Sends force fields; dropped, it has the device push no more, if its client is still there.
+/// Sends force fields. When it is dropped, it takes the force back if its client still exists.
 pub struct ForceSender {
     newest: Arc<Newest>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A force that is not said again for so long is taken back, s: whoever sets it has stopped.
+/// A force that is not set again within this time is taken back, s, because its loop must have stopped.
 const SILENT_S: f64 = 0.02;
 
 #[derive(Default)]
@@ -26,12 +26,12 @@ struct Newest {
 }
 
 impl ForceSender {
-    pub(super) fn new(control: Arc<Control>) -> ForceSender {
+    pub fn new(control: Arc<Control>) -> ForceSender {
         let newest = Arc::new(Newest::default());
         let shared = newest.clone();
         let thread = Builder::new().name("vrpn force".into()).spawn(move || {
             let control = TakenBack(control);
-            // When the force that the device has now was said.
+            // When the device's current force was sent.
             let mut said_s = None;
             while !shared.stop.load(Relaxed) && !control.0.stop.load(Relaxed) {
                 let field = shared.field.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -51,8 +51,8 @@ impl ForceSender {
         ForceSender { newest, thread: thread.ok() }
     }
 
-    /// The device is to push like this from now on. Never blocks: where the sending thread is just taking the last
-    /// field, this one is left out, false, and the next tick's comes instead; always, where the system gave no thread.
+    /// Sets the force from now on. Never blocks: while the sending thread takes the previous field, this one is skipped,
+    /// which returns false, and the next tick's follows. Always false if the thread could not be started.
     pub fn set(&self, field: ForceField) -> bool {
         let (Some(thread), Ok(mut newest)) = (&self.thread, self.newest.field.try_lock()) else {
             return false;
@@ -64,7 +64,7 @@ impl ForceSender {
     }
 }
 
-/// However the thread ends, a panic included, the device pushes no more.
+/// Takes the force back however the thread ends, even by a panic.
 struct TakenBack(Arc<Control>);
 
 impl Drop for TakenBack {

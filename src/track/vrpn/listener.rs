@@ -1,62 +1,62 @@
-//! What a server's messages mean for the one device that is listened to. No sockets: bytes in, [`DeviceState`] out.
+//! Turns a server's messages into the state of one device. No sockets: bytes in, [`DeviceState`] out.
 //!
-//! In: messages of a TCP stream and of datagrams, in the order of their arrival. Out: the device's newest state, and
-//! what is to be done about the connection. Nothing grows with what a peer sends.
+//! In: messages of a TCP stream and of datagrams, in the order of their arrival. Out: the device's newest state, and whether
+//! the connection is to be kept. Memory does not grow with what a peer sends.
 
 use super::codec::{self, Message};
-use super::payload::{Kind, Payload};
+use super::payload::{MessageKind, Payload};
 use crate::base::peak::Peak;
 use crate::track::device::{DeviceState, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-/// So many of a server's devices are remembered, to name them where the one that was asked for is missing.
+/// The most other devices of a server that are remembered, to list them if the requested one is missing.
 const MOST_OTHERS: usize = 16;
 
 /// The numbers that a peer gives to the message types.
 #[derive(Clone, Debug, Default)]
-pub struct PeerKinds([Option<i32>; Kind::ALL.len()]);
+pub struct PeerKinds([Option<i32>; MessageKind::ALL.len()]);
 
-/// A pose by UDP was overtaken, if its stamp is older than its sensor's last one by less than this, and that one came
-/// just now; otherwise the server's clock was set, s.
+/// A pose by UDP was overtaken if its stamp is older than its sensor's last one by less than this and that one came just
+/// now; otherwise the server's clock was set, s.
 const OVERTAKEN_S: f64 = 1.0;
 const JUST_NOW_S: f64 = 0.1;
 
-/// A ping that was not answered for so long never will be, s.
+/// A ping that was not answered within this time never will be, s.
 const UNANSWERED_S: f64 = 0.9;
 
-/// One device's ear.
+/// The receiving side of one device.
 #[derive(Clone, Debug)]
 pub struct Listener {
     pub device: String,
     pub state: DeviceState,
-    /// When the device was last heard, s of [`now_s`].
+    /// When the device last sent something, s of [`now_s`].
     pub heard_s: f64,
-    /// What a force device says that it pushes with, N, in its own frame.
+    /// The force that a force device reports, N, in its own frame.
     pub force: Option<[f64; 3]>,
     sender: Option<i32>,
-    /// It has said something itself on this connection.
+    /// Whether the device itself has sent something on this connection.
     is_there: bool,
     kinds: PeerKinds,
     others: Vec<String>,
-    /// When the ping was sent that waits for its pong, s.
+    /// When the ping was sent that still awaits its pong, s.
     pinged_s: Option<f64>,
     round_trip: Peak,
 }
 
 impl PeerKinds {
-    /// Takes a type's description; a number that meant another type means it no more.
+    /// Takes a type's description, which replaces any earlier meaning of its number.
     pub fn describe(&mut self, id: i32, name: &str) {
         for slot in &mut self.0 {
             *slot = slot.filter(|known| *known != id);
         }
-        if let Some(kind) = Kind::named(name) {
+        if let Some(kind) = MessageKind::named(name) {
             self.0[kind as usize] = Some(id);
         }
     }
 
-    /// The type that the peer means; `None`: one that is of no use here, or was never described.
-    pub fn kind(&self, id: i32) -> Option<Kind> {
-        Kind::ALL.into_iter().find(|kind| self.0[*kind as usize] == Some(id))
+    /// The type that the peer means; `None` if it is of no use here or was never described.
+    pub fn kind(&self, id: i32) -> Option<MessageKind> {
+        MessageKind::ALL.into_iter().find(|kind| self.0[*kind as usize] == Some(id))
     }
 }
 
@@ -76,7 +76,7 @@ impl Listener {
         }
     }
 
-    /// A ping is due at `now_s`: false, where one before it still waits for its answer.
+    /// Notes a ping at `now_s`; false if an earlier one still awaits its answer.
     pub fn pings(&mut self, now_s: f64) -> bool {
         let is_free = self.pinged_s.is_none_or(|pinged_s| now_s - pinged_s > UNANSWERED_S);
         if is_free {
@@ -85,7 +85,7 @@ impl Listener {
         is_free
     }
 
-    /// A new connection: what the last one's numbers meant is forgotten, what the device said is kept.
+    /// Starts a new connection: forgets what the previous one's numbers meant, keeps the device's readings.
     pub fn connected(&mut self) {
         (self.sender, self.is_there) = (None, false);
         self.kinds = PeerKinds::default();
@@ -94,12 +94,12 @@ impl Listener {
         self.pinged_s = None;
     }
 
-    /// The connection is gone: nothing is pressed any more.
+    /// Releases all buttons, because the connection is gone.
     pub fn release(&mut self) {
         self.state.buttons.values_mut().for_each(|button| button.value = false);
     }
 
-    /// Takes a message of the TCP stream; false: the server says good-bye.
+    /// Takes a message of the TCP stream; false if the server ends the connection.
     pub fn take(&mut self, message: &Message) -> bool {
         match message.header.kind {
             codec::SENDER_DESCRIPTION | codec::TYPE_DESCRIPTION => self.describe(message),
@@ -110,7 +110,7 @@ impl Listener {
         true
     }
 
-    /// Takes a datagram, in which only readings may stand.
+    /// Takes a datagram, which may contain only readings.
     pub fn take_datagram(&mut self, bytes: &[u8]) {
         self.state.counters.packets += 1;
         for message in codec::datagram(bytes) {
@@ -122,13 +122,13 @@ impl Listener {
         }
     }
 
-    /// Whether the device has said anything on this connection, be it that it is there. That the server names it proves
-    /// nothing: VRPN's own names whatever a client has asked for.
+    /// Whether the device has sent anything on this connection, if only an answer to a ping. That the server names it proves
+    /// nothing: VRPN's own server names whatever a client has asked for.
     pub fn is_there(&self) -> bool {
         self.is_there && self.sender.is_some()
     }
 
-    /// Why nothing is heard of a server's device after `silent_s`: it has answered no ping.
+    /// The reason to give if a device has answered no ping for `silent_s`.
     pub fn why_missing(&self, silent_s: f64) -> String {
         let Listener { device, others, .. } = self;
         let named = if others.is_empty() {
@@ -154,7 +154,7 @@ impl Listener {
             self.sender = Some(id);
         } else {
             self.sender = self.sender.filter(|known| *known != id);
-            // The connection itself, to VRPN.
+            // VRPN's name for the connection itself.
             let is_device = name != "VRPN Control" && !self.others.iter().any(|other| other == name);
             if is_device && self.others.len() < MOST_OTHERS {
                 self.others.push(name.to_owned());
@@ -236,7 +236,7 @@ mod tests {
     fn listener() -> Listener {
         let mut listener = Listener::new("Wand");
         let mut bytes = described(0, codec::SENDER_DESCRIPTION, "Wand");
-        bytes.extend(described(0, codec::TYPE_DESCRIPTION, Kind::PosQuat.name()));
+        bytes.extend(described(0, codec::TYPE_DESCRIPTION, MessageKind::PosQuat.name()));
         codec::datagram(&bytes).for_each(|message| assert!(listener.take(&message.unwrap())));
         listener
     }
@@ -269,7 +269,7 @@ mod tests {
     #[test]
     fn a_round_trip_is_from_a_ping_to_its_pong() {
         let mut listener = listener();
-        let mut pong = described(1, codec::TYPE_DESCRIPTION, Kind::Pong.name());
+        let mut pong = described(1, codec::TYPE_DESCRIPTION, MessageKind::Pong.name());
         codec::datagram(&pong).for_each(|message| assert!(listener.take(&message.unwrap())));
         pong.clear();
         encode(&Header::now(0, 1), &Payload::Pong.encode(), &mut pong);

@@ -1,13 +1,14 @@
-//! VRPN, the field's tracker protocol: a client that is a [`Source`](super::Source), and a server.
+//! VRPN, the protocol that most trackers speak: a client, which is a [`Source`](super::Source), and a server.
 //!
-//! [`codec`] frames messages, [`payload`] reads what they carry, [`listener`] knows what a server's messages mean for
-//! one device, [`client`] keeps the connection; [`server`] serves any source to several clients, each a [`peer`]. Written from the protocol's description and from the recorded bytes
-//! of a vrpn_server 07.38; each file says which of its facts were verified against those bytes.
+//! [`codec`] frames messages, [`payload`] reads what they carry, [`listener`] turns a server's messages into the state of
+//! one device, [`client`] keeps the connection; [`server`] serves any source to several clients, each a [`peer`]. Written
+//! from the protocol's description and from the recorded bytes of a vrpn_server 07.38; each file says which of its facts
+//! were verified against those bytes.
 
 pub mod address;
 pub mod client;
 pub mod codec;
-mod ear;
+mod connection;
 pub mod force;
 pub mod listener;
 pub mod payload;

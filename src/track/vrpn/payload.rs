@@ -15,12 +15,12 @@
 //! | `vrpn_ForceDevice Force_Error` | i32 | the protocol's description |
 //! | `vrpn_ForceDevice Force_Field` | 3 × f32 origin, 3 × f32 force, 9 × f32 Jacobian row by row, f32 radius | the protocol's description |
 
-use super::codec::Fault;
+use super::codec::CodecFault;
 use crate::track::device::MOST_CHANNELS;
 
-/// The message types that mean something here.
+/// The message types that are used here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MessageKind {
     PosQuat,
     Velocity,
     Acceleration,
@@ -35,42 +35,42 @@ pub enum Kind {
     ForceField,
 }
 
-impl Kind {
-    pub const ALL: [Kind; 12] = [
-        Kind::PosQuat,
-        Kind::Velocity,
-        Kind::Acceleration,
-        Kind::ButtonChange,
-        Kind::ButtonStates,
-        Kind::AnalogChannel,
-        Kind::Ping,
-        Kind::Pong,
-        Kind::Force,
-        Kind::ContactPoint,
-        Kind::ForceError,
-        Kind::ForceField,
+impl MessageKind {
+    pub const ALL: [MessageKind; 12] = [
+        MessageKind::PosQuat,
+        MessageKind::Velocity,
+        MessageKind::Acceleration,
+        MessageKind::ButtonChange,
+        MessageKind::ButtonStates,
+        MessageKind::AnalogChannel,
+        MessageKind::Ping,
+        MessageKind::Pong,
+        MessageKind::Force,
+        MessageKind::ContactPoint,
+        MessageKind::ForceError,
+        MessageKind::ForceField,
     ];
 
     /// The type's name on the wire.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::PosQuat => "vrpn_Tracker Pos_Quat",
-            Kind::Velocity => "vrpn_Tracker Velocity",
-            Kind::Acceleration => "vrpn_Tracker Acceleration",
-            Kind::ButtonChange => "vrpn_Button Change",
-            Kind::ButtonStates => "vrpn_Button States",
-            Kind::AnalogChannel => "vrpn_Analog Channel",
-            Kind::Ping => "vrpn_Base ping_message",
-            Kind::Pong => "vrpn_Base pong_message",
-            Kind::Force => "vrpn_ForceDevice Force",
-            Kind::ContactPoint => "vrpn_ForceDevice SCP",
-            Kind::ForceError => "vrpn_ForceDevice Force_Error",
-            Kind::ForceField => "vrpn_ForceDevice Force_Field",
+            MessageKind::PosQuat => "vrpn_Tracker Pos_Quat",
+            MessageKind::Velocity => "vrpn_Tracker Velocity",
+            MessageKind::Acceleration => "vrpn_Tracker Acceleration",
+            MessageKind::ButtonChange => "vrpn_Button Change",
+            MessageKind::ButtonStates => "vrpn_Button States",
+            MessageKind::AnalogChannel => "vrpn_Analog Channel",
+            MessageKind::Ping => "vrpn_Base ping_message",
+            MessageKind::Pong => "vrpn_Base pong_message",
+            MessageKind::Force => "vrpn_ForceDevice Force",
+            MessageKind::ContactPoint => "vrpn_ForceDevice SCP",
+            MessageKind::ForceError => "vrpn_ForceDevice Force_Error",
+            MessageKind::ForceField => "vrpn_ForceDevice Force_Field",
         }
     }
 
-    pub fn named(name: &str) -> Option<Kind> {
-        Kind::ALL.into_iter().find(|kind| kind.name() == name)
+    pub fn named(name: &str) -> Option<MessageKind> {
+        MessageKind::ALL.into_iter().find(|kind| kind.name() == name)
     }
 }
 
@@ -90,7 +90,7 @@ pub enum Payload {
     ForceField(ForceField),
 }
 
-/// How a sensor moves: m/s or m/s², and the turn within `dt` seconds.
+/// A velocity or an acceleration of a sensor: m/s or m/s², and the rotation within `dt` seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
     pub sensor: i32,
@@ -99,7 +99,7 @@ pub struct Rate {
     pub dt: f64,
 }
 
-/// The force, N, that a device is to push with at x: `force + jacobian · (x - origin)` within `radius` of the
+/// The force, N, that a device applies at x: `force + jacobian · (x - origin)` within `radius` of the
 /// origin, nothing beyond; x, origin and radius in metres of the device's own frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceField {
@@ -111,20 +111,20 @@ pub struct ForceField {
 }
 
 impl Payload {
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> MessageKind {
         match self {
-            Payload::Pose { .. } => Kind::PosQuat,
-            Payload::Velocity(_) => Kind::Velocity,
-            Payload::Acceleration(_) => Kind::Acceleration,
-            Payload::ButtonChange { .. } => Kind::ButtonChange,
-            Payload::ButtonStates(_) => Kind::ButtonStates,
-            Payload::Analog(_) => Kind::AnalogChannel,
-            Payload::Ping => Kind::Ping,
-            Payload::Pong => Kind::Pong,
-            Payload::Force(_) => Kind::Force,
-            Payload::ContactPoint { .. } => Kind::ContactPoint,
-            Payload::ForceError(_) => Kind::ForceError,
-            Payload::ForceField(_) => Kind::ForceField,
+            Payload::Pose { .. } => MessageKind::PosQuat,
+            Payload::Velocity(_) => MessageKind::Velocity,
+            Payload::Acceleration(_) => MessageKind::Acceleration,
+            Payload::ButtonChange { .. } => MessageKind::ButtonChange,
+            Payload::ButtonStates(_) => MessageKind::ButtonStates,
+            Payload::Analog(_) => MessageKind::AnalogChannel,
+            Payload::Ping => MessageKind::Ping,
+            Payload::Pong => MessageKind::Pong,
+            Payload::Force(_) => MessageKind::Force,
+            Payload::ContactPoint { .. } => MessageKind::ContactPoint,
+            Payload::ForceError(_) => MessageKind::ForceError,
+            Payload::ForceField(_) => MessageKind::ForceField,
         }
     }
 
@@ -153,11 +153,11 @@ impl Payload {
     }
 
     /// Reads the payload of a message of this type; it must have exactly the type's length.
-    pub fn decode(kind: Kind, payload: &[u8]) -> Result<Payload, Fault> {
+    pub fn decode(kind: MessageKind, payload: &[u8]) -> Result<Payload, CodecFault> {
         let mut reader = Reader(payload);
         match reader.payload(kind) {
             Some(read) if reader.0.is_empty() => Ok(read),
-            _ => Err(Fault::Payload(kind.name(), payload.len())),
+            _ => Err(CodecFault::Payload(kind.name(), payload.len())),
         }
     }
 }
@@ -184,19 +184,19 @@ impl Writer {
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {
-    fn payload(&mut self, kind: Kind) -> Option<Payload> {
+    fn payload(&mut self, kind: MessageKind) -> Option<Payload> {
         Some(match kind {
-            Kind::PosQuat => {
+            MessageKind::PosQuat => {
                 let [sensor, _] = self.i32s()?;
                 Payload::Pose { sensor, position: self.f64s()?, quaternion: self.f64s()? }
             }
-            Kind::Velocity => Payload::Velocity(self.rate()?),
-            Kind::Acceleration => Payload::Acceleration(self.rate()?),
-            Kind::ButtonChange => {
+            MessageKind::Velocity => Payload::Velocity(self.rate()?),
+            MessageKind::Acceleration => Payload::Acceleration(self.rate()?),
+            MessageKind::ButtonChange => {
                 let [button, state] = self.i32s()?;
                 Payload::ButtonChange { button, state }
             }
-            Kind::ButtonStates => {
+            MessageKind::ButtonStates => {
                 let [count] = self.i32s()?;
                 let there = self.0.len() / 4;
                 if there > MOST_CHANNELS || usize::try_from(count) != Ok(there) {
@@ -204,7 +204,7 @@ impl Reader<'_> {
                 }
                 Payload::ButtonStates((0..there).map_while(|_| self.i32s()).map(|[state]| state).collect())
             }
-            Kind::AnalogChannel => {
+            MessageKind::AnalogChannel => {
                 let [count] = self.f64s()?;
                 let there = self.0.len() / 8;
                 if there > MOST_CHANNELS || count != there as f64 {
@@ -212,15 +212,17 @@ impl Reader<'_> {
                 }
                 Payload::Analog((0..there).map_while(|_| self.f64s()).map(|[value]| value).collect())
             }
-            Kind::Ping => Payload::Ping,
-            Kind::Pong => Payload::Pong,
-            Kind::Force => Payload::Force(self.f64s()?),
-            Kind::ContactPoint => Payload::ContactPoint { position: self.f64s()?, quaternion: self.f64s()? },
-            Kind::ForceError => {
+            MessageKind::Ping => Payload::Ping,
+            MessageKind::Pong => Payload::Pong,
+            MessageKind::Force => Payload::Force(self.f64s()?),
+            MessageKind::ContactPoint => {
+                Payload::ContactPoint { position: self.f64s()?, quaternion: self.f64s()? }
+            }
+            MessageKind::ForceError => {
                 let [code] = self.i32s()?;
                 Payload::ForceError(code)
             }
-            Kind::ForceField => {
+            MessageKind::ForceField => {
                 let (origin, force) = (self.f32s()?, self.f32s()?);
                 let jacobian = [self.f32s()?, self.f32s()?, self.f32s()?];
                 let [radius] = self.f32s()?;

@@ -1,42 +1,48 @@
 //! One client of the VRPN server: its connection, what its numbers mean, and what waits to be sent to it.
 //!
-//! [`Talk`] is the protocol without a socket, [`Peer`] the socket. Nothing blocks. What waits is bounded: a client
-//! that does not take what it is sent is given up.
+//! [`Protocol`] is the protocol without a socket, [`Peer`] adds the socket. Nothing blocks, and the queue is bounded: a
+//! client that does not read what it is sent is dropped.
 
-use super::codec::{self, Fault, Framer, Header, Message};
+use super::codec::{self, CodecFault, Framer, Header, Message};
 use super::listener::PeerKinds;
-use super::payload::{Kind, Payload};
+use super::payload::{MessageKind, Payload};
 use crate::track::device::now_s;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, TcpStream, UdpSocket};
 
-/// What may wait for a client. At 1 kHz and five messages a tick it is half a second's.
+/// The most that may wait for a client, bytes: half a second at 1 kHz and five messages a tick.
 pub const MOST_WAITING: usize = 256 << 10;
-/// Most bytes taken from one client at once.
+/// The most bytes that are read from one client at once.
 const MOST_BYTES: usize = 16 << 10;
-/// How long a client has to send its cookie, s.
+/// How long a client may take to send its cookie, s.
 const COOKIE_S: f64 = 3.0;
-/// A client that is sent nothing hears from its devices at least so often, s: one that is gone is found out.
+/// An idle client is sent a sign of life this often, s, so that one that is gone is noticed.
 const ALIVE_S: f64 = 5.0;
 
-/// The types that the server sends; their numbers are their places.
-pub const SERVED: [Kind; 6] =
-    [Kind::PosQuat, Kind::ButtonChange, Kind::ButtonStates, Kind::AnalogChannel, Kind::Ping, Kind::Pong];
+/// The types that the server sends; their numbers are their positions here.
+pub const SERVED: [MessageKind; 6] = [
+    MessageKind::PosQuat,
+    MessageKind::ButtonChange,
+    MessageKind::ButtonStates,
+    MessageKind::AnalogChannel,
+    MessageKind::Ping,
+    MessageKind::Pong,
+];
 
-/// Why a client was given up.
+/// Why a client was dropped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Gone {
     Closed,
     Slow,
-    Malformed(Fault),
+    Malformed(CodecFault),
     Silent,
 }
 
-/// A client as far as the protocol goes: bytes in, bytes out.
-pub struct Talk {
+/// The protocol with one client: bytes in, bytes out.
+pub struct Protocol {
     /// What is to be sent to the client.
     pub waiting: Vec<u8>,
-    /// At which port it takes trackers by UDP.
+    /// The port at which it takes poses by UDP.
     pub udp_port: Option<u16>,
     framer: Framer,
     version: Option<codec::Version>,
@@ -46,10 +52,10 @@ pub struct Talk {
     sequence: u32,
 }
 
-impl Talk {
-    /// Begins with the cookie and the descriptions of our devices and types.
-    pub fn new(devices: &[String]) -> Talk {
-        let mut talk = Talk {
+impl Protocol {
+    /// Starts with the cookie and the descriptions of our devices and types.
+    pub fn new(devices: &[String]) -> Protocol {
+        let mut protocol = Protocol {
             waiting: codec::cookie().to_vec(),
             udp_port: None,
             framer: Framer::default(),
@@ -59,45 +65,45 @@ impl Talk {
             sequence: 0,
         };
         for (id, name) in devices.iter().enumerate() {
-            talk.describe(id, codec::SENDER_DESCRIPTION, name);
+            protocol.describe(id, codec::SENDER_DESCRIPTION, name);
         }
         for (id, kind) in SERVED.iter().enumerate() {
-            talk.describe(id, codec::TYPE_DESCRIPTION, kind.name());
+            protocol.describe(id, codec::TYPE_DESCRIPTION, kind.name());
         }
-        talk
+        protocol
     }
 
-    /// The client's version, once it has shown that it speaks the protocol.
+    /// The client's version, once its cookie has come.
     pub fn version(&self) -> Option<codec::Version> {
         self.version
     }
 
-    /// Queues a message of device `device`; among `datagrams`, where the client takes poses by UDP. A client that is
-    /// about to be given up gets no more.
+    /// Queues a message of device `device`; poses go into `datagrams` if the client takes them by UDP. A client that is about
+    /// to be dropped gets nothing more.
     pub fn tell(&mut self, device: usize, time_s: f64, payload: &Payload, datagrams: &mut Vec<u8>) {
         if self.waiting.len() > MOST_WAITING {
             return;
         }
         let kind = SERVED.iter().position(|kind| *kind == payload.kind()).unwrap_or(0);
         let header = Header { sequence: self.next(), ..Header::now(device as i32, kind as i32).at(time_s) };
-        let by_udp = self.udp_port.is_some() && payload.kind() == Kind::PosQuat;
+        let by_udp = self.udp_port.is_some() && payload.kind() == MessageKind::PosQuat;
         codec::encode(&header, &payload.encode(), if by_udp { datagrams } else { &mut self.waiting });
     }
 
-    /// Tells that device `device` is alive.
+    /// Queues the message that device `device` is alive.
     pub fn pong(&mut self, device: usize) {
         let now_s = Header::now(0, 0).time_s();
         self.tell(device, now_s, &Payload::Pong, &mut Vec::new());
     }
 
-    /// Where the client's next bytes are to be written, and [`hear`](Talk::hear) how many were.
+    /// Where to write the client's next bytes; then call [`hear`](Protocol::hear) with their number.
     pub fn space(&mut self) -> &mut [u8] {
         let space = self.framer.space();
         let most = space.len().min(MOST_BYTES);
         &mut space[..most]
     }
 
-    /// Takes what the client said. `devices` are our names; the result says how many pings were answered.
+    /// Handles the client's bytes. `devices` are our names; returns how many pings were answered.
     pub fn hear(&mut self, bytes: usize, devices: &[String]) -> Result<u64, Gone> {
         self.framer.wrote(bytes);
         if self.version.is_none() {
@@ -123,7 +129,7 @@ impl Talk {
         codec::encode(&header, &codec::encode_name(name), &mut self.waiting);
     }
 
-    /// Whether the message was a ping of one of our devices; it is answered.
+    /// Handles a message; true if it was a ping of one of our devices, which is answered.
     fn take(&mut self, message: &Message, devices: &[String]) -> Result<bool, Gone> {
         let id = message.header.sender;
         match message.header.kind {
@@ -138,12 +144,12 @@ impl Talk {
                 let name = codec::decode_name(message.payload).map_err(Gone::Malformed)?;
                 self.kinds.describe(id, name);
             }
-            // The address beside it does not count: nobody has us send to another.
+            // The address in the payload is ignored, so that no client can make us send to another machine.
             codec::UDP_DESCRIPTION => {
                 self.udp_port = u16::try_from(id).ok().filter(|port| *port >= 1024);
             }
             codec::DISCONNECT => return Err(Gone::Closed),
-            kind if self.kinds.kind(kind) == Some(Kind::Ping) => {
+            kind if self.kinds.kind(kind) == Some(MessageKind::Ping) => {
                 if let Some(device) = self.senders.iter().position(|sender| *sender == Some(id)) {
                     self.pong(device);
                     return Ok(true);
@@ -158,7 +164,7 @@ impl Talk {
 /// A client and its connection.
 pub struct Peer {
     pub ip: IpAddr,
-    pub talk: Talk,
+    pub protocol: Protocol,
     stream: TcpStream,
     since_s: f64,
     sent_s: f64,
@@ -168,14 +174,14 @@ impl Peer {
     pub fn new(stream: TcpStream, devices: &[String]) -> std::io::Result<Peer> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
-        let (ip, talk) = (stream.peer_addr()?.ip(), Talk::new(devices));
-        Ok(Peer { ip, talk, stream, since_s: now_s(), sent_s: now_s() })
+        let (ip, protocol) = (stream.peer_addr()?.ip(), Protocol::new(devices));
+        Ok(Peer { ip, protocol, stream, since_s: now_s(), sent_s: now_s() })
     }
 
-    /// Sends poses by UDP, as many whole messages in a datagram as it holds, and says how many datagrams went. One
-    /// that is lost is followed by a newer one.
+    /// Sends poses by UDP, as many whole messages per datagram as fit; returns the number of datagrams. A lost one is
+    /// followed by a newer one.
     pub fn send_datagrams(&self, udp: &UdpSocket, bytes: &[u8]) -> u64 {
-        let Some(port) = self.talk.udp_port else { return 0 };
+        let Some(port) = self.protocol.udp_port else { return 0 };
         let (mut first, mut end, mut sent) = (0, 0, 0);
         let mut send = |part: &[u8]| sent += u64::from(udp.send_to(part, (self.ip, port)).is_ok());
         while let Ok(Some((_, taken))) = codec::decode(&bytes[end..]) {
@@ -191,27 +197,27 @@ impl Peer {
         sent
     }
 
-    /// Takes what the client says, up to a bound; how many pings came.
+    /// Reads and handles a bounded number of bytes; returns how many pings came.
     pub fn hear(&mut self, devices: &[String]) -> Result<u64, Gone> {
-        if self.talk.version.is_none() && now_s() - self.since_s > COOKIE_S {
+        if self.protocol.version.is_none() && now_s() - self.since_s > COOKIE_S {
             return Err(Gone::Silent);
         }
-        match self.stream.read(self.talk.space()) {
+        match self.stream.read(self.protocol.space()) {
             Ok(0) => Err(Gone::Closed),
-            Ok(bytes) => self.talk.hear(bytes, devices),
+            Ok(bytes) => self.protocol.hear(bytes, devices),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(0),
             Err(_) => Err(Gone::Closed),
         }
     }
 
-    /// Sends what waits, as far as the client takes it.
+    /// Sends what waits, as far as the client accepts it.
     pub fn flush(&mut self) -> Result<(), Gone> {
-        if self.talk.version.is_some() && now_s() - self.sent_s > ALIVE_S {
-            self.talk.pong(0);
+        if self.protocol.version.is_some() && now_s() - self.sent_s > ALIVE_S {
+            self.protocol.pong(0);
         }
         let mut sent = 0;
-        while sent < self.talk.waiting.len() {
-            match self.stream.write(&self.talk.waiting[sent..]) {
+        while sent < self.protocol.waiting.len() {
+            match self.stream.write(&self.protocol.waiting[sent..]) {
                 Ok(bytes) => sent += bytes,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -221,7 +227,7 @@ impl Peer {
         if sent > 0 {
             self.sent_s = now_s();
         }
-        self.talk.waiting.drain(..sent);
-        if self.talk.waiting.len() > MOST_WAITING { Err(Gone::Slow) } else { Ok(()) }
+        self.protocol.waiting.drain(..sent);
+        if self.protocol.waiting.len() > MOST_WAITING { Err(Gone::Slow) } else { Ok(()) }
     }
 }

@@ -1,14 +1,13 @@
-//! A VRPN server: serves any sources as devices that are tracker, buttons and analog in one.
+//! A VRPN server: serves any sources, each as a device with tracker, buttons and analog channels.
 //!
-//! In: the newest state of every source, as often as the caller likes. Out: what is new in it, to several clients at
-//! once, over TCP; poses by UDP to those that asked for it. One caller's thread does it all and never blocks; slow and
-//! hostile clients are dropped and counted. A sensor that is not tracked is not sent, since VRPN has no word for it.
+//! In: the newest state of every source, as often as the caller likes. Out: whatever has changed in it, to several clients at
+//! once by TCP; poses by UDP to clients that asked for it. Everything runs on the caller's thread and never blocks; slow and
+//! hostile clients are dropped and counted. Untracked sensors are not sent, because VRPN cannot express them.
 
-use super::address::decode_lob;
+use super::address::{decode_lob, is_device_name};
 use super::codec::{Header, VERSION, Version};
 use super::payload::Payload;
 use super::peer::{Gone, Peer};
-use crate::stage::tracking::vrpn::is_device_name;
 use crate::track::device::{DeviceState, Reading, Source, now_s};
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
@@ -19,18 +18,18 @@ use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-/// So many clients are served, and so many asked for by lob are being connected to.
+/// The most clients that are served, and the most that are being connected to after a lob.
 pub const MOST_CLIENTS: usize = 16;
 const MOST_LOBS: usize = MOST_CLIENTS;
 const LOB_TIMEOUT: Duration = Duration::from_secs(2);
-/// Connections and datagrams taken at once.
+/// Connections and datagrams that are handled per tick.
 const MOST_AT_ONCE: usize = 8;
-/// A stamp that differs by more from the time of day is of a clock that counts from another moment, s.
+/// A stamp that differs from the time of day by more than this belongs to a clock with another origin, s.
 const OTHER_CLOCK_S: f64 = 86_400.0;
-/// As many analog channels as VRPN's own clients hold.
+/// The number of analog channels that VRPN's own clients can hold.
 const MOST_ANALOGS: usize = 128;
 
-/// What became of clients since the start.
+/// What has happened to clients since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ServerCounters {
     pub clients: usize,
@@ -38,38 +37,39 @@ pub struct ServerCounters {
     /// Beyond [`MOST_CLIENTS`].
     pub refused: u64,
     pub slow: u64,
-    /// Not VRPN 07, or no message at all.
+    /// Dropped because they did not speak VRPN 07 or sent no valid message.
     pub malformed: u64,
-    /// Never sent a cookie.
+    /// Dropped because they never sent a cookie.
     pub silent: u64,
     pub pings: u64,
-    /// Sent, with poses.
+    /// Datagrams with poses that were sent.
     pub datagrams: u64,
-    /// Lobs that named another host or were none.
+    /// Lobs that named another host or could not be read.
     pub strange_lobs: u64,
 }
 
 pub struct Server {
     pub counters: ServerCounters,
-    /// Where it listens.
+    /// The address on which it listens.
     pub place: SocketAddr,
     /// The devices' names.
     pub names: Vec<String>,
     listener: TcpListener,
     lobs: UdpSocket,
-    /// What was sent last of each device.
+    /// What was last sent of each device.
     sent: Vec<DeviceState>,
     peers: Vec<Peer>,
     lobbed: (mpsc::SyncSender<Lobbed>, mpsc::Receiver<Lobbed>),
-    /// Whom a thread is connecting to, each by one of its own.
+    /// The clients to which threads are connecting, one thread for each.
     connecting: Vec<SocketAddr>,
 }
 
-/// Who asked to be connected to, and the connection, where there is one.
+/// A client that asked for a connection, and the connection if it succeeded.
 type Lobbed = (SocketAddr, Option<TcpStream>);
 
 impl Server {
-    /// Listens at `place`, TCP and UDP, port 0 for any. Names lose what VRPN does not allow in them.
+    /// Listens at `place` by TCP and UDP, with port 0 at any free port. Characters that VRPN does not allow in names are
+    /// replaced.
     pub fn bind<'a>(place: SocketAddr, names: impl IntoIterator<Item = &'a str>) -> std::io::Result<Server> {
         let names: Vec<String> = names.into_iter().map(device_name).collect();
         let (listener, lobs) = bind_both(place)?;
@@ -88,37 +88,37 @@ impl Server {
         })
     }
 
-    /// How a client names each device.
+    /// The address by which clients name each device.
     pub fn addresses(&self) -> impl Iterator<Item = String> {
         self.names.iter().map(|name| format!("{name}@{}", self.place))
     }
 
-    /// Queues what is new of device `device` for all clients.
+    /// Queues for all clients what has changed in device `device`.
     pub fn publish(&mut self, device: usize, state: &DeviceState) {
         let Some(sent) = self.sent.get(device) else { return };
         let news = news(sent, state);
         if news.is_empty() {
             return;
         }
-        for peer in self.peers.iter_mut().filter(|peer| peer.talk.version().is_some()) {
+        for peer in self.peers.iter_mut().filter(|peer| peer.protocol.version().is_some()) {
             let mut datagrams = Vec::new();
             for (time_s, payload) in &news {
-                peer.talk.tell(device, *time_s, payload, &mut datagrams);
+                peer.protocol.tell(device, *time_s, payload, &mut datagrams);
             }
             self.counters.datagrams += peer.send_datagrams(&self.lobs, &datagrams);
         }
         self.sent[device] = state.clone();
     }
 
-    /// Takes new clients, hears those that are there, and sends what waits.
+    /// Accepts new clients, handles what the others sent, and sends what waits.
     pub fn tick(&mut self) {
         self.welcome();
         let (names, counters, sent) = (&self.names, &mut self.counters, &self.sent);
         self.peers.retain_mut(|peer| {
-            let was_greeted = peer.talk.version().is_some();
-            // Whoever is refused hears our version first.
+            let was_greeted = peer.protocol.version().is_some();
+            // Send first, so that a client that is refused still gets our version.
             let heard = peer.flush().and_then(|()| peer.hear(names));
-            if let (false, Some(version)) = (was_greeted, peer.talk.version()) {
+            if let (false, Some(version)) = (was_greeted, peer.protocol.version()) {
                 greet(peer, version, sent);
             }
             match heard.map(|pings| counters.pings += pings) {
@@ -138,7 +138,7 @@ impl Server {
         self.counters.clients = self.peers.len();
     }
 
-    /// Serves `sources`, in the order of the names, in a thread of its own, looking at them every millisecond.
+    /// Serves `sources`, in the order of the names, on a thread that looks at them every millisecond.
     pub fn spawn(mut self, mut sources: Vec<Box<dyn Source>>) -> std::io::Result<Serving> {
         let (place, stop) = (self.place, Arc::new(AtomicBool::new(false)));
         let counters = Arc::new(Mutex::new(self.counters));
@@ -165,7 +165,7 @@ impl Server {
         for _ in 0..MOST_AT_ONCE {
             let Ok((bytes, from)) = self.lobs.recv_from(&mut lob) else { break };
             match decode_lob(&lob[..bytes], from.ip()) {
-                // It asks again until it is connected to.
+                // A client repeats its lob until it is connected.
                 Some(place) if self.connecting.contains(&place) => {}
                 Some(place) if self.connecting.len() < MOST_LOBS => self.connect(place),
                 Some(_) => self.counters.refused += 1,
@@ -189,7 +189,7 @@ impl Server {
         }
     }
 
-    /// Connects to a client that asked for it, beside the server's thread.
+    /// Connects to a client that asked for it, on a thread of its own.
     fn connect(&mut self, place: SocketAddr) {
         let done = self.lobbed.0.clone();
         let connect = move || {
@@ -202,7 +202,7 @@ impl Server {
     }
 }
 
-/// A server that runs in a thread of its own, until dropped.
+/// A server that runs on a thread of its own until it is dropped.
 pub struct Serving {
     pub place: SocketAddr,
     counters: Arc<Mutex<ServerCounters>>,
@@ -225,7 +225,7 @@ impl Drop for Serving {
     }
 }
 
-/// TCP and UDP at one port; where any will do, one that is free for both is looked for.
+/// Binds TCP and UDP to the same port; for port 0, finds one that is free for both.
 fn bind_both(place: SocketAddr) -> std::io::Result<(TcpListener, UdpSocket)> {
     let mut attempts = if place.port() == 0 { 20 } else { 1 };
     loop {
@@ -239,14 +239,14 @@ fn bind_both(place: SocketAddr) -> std::io::Result<(TcpListener, UdpSocket)> {
     }
 }
 
-/// The name with what VRPN does not allow in it replaced by `_`.
+/// The name, with every character that VRPN does not allow replaced by `_`.
 fn device_name(name: &str) -> String {
     let fit = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let name: String = name.chars().take(64).map(fit).collect();
     if is_device_name(&name) { name } else { "Tracker0".to_owned() }
 }
 
-/// A new client is told how buttons and valuators stand; poses come anyway.
+/// Tells a new client the state of buttons and valuators; poses follow anyway.
 fn greet(peer: &mut Peer, version: Version, sent: &[DeviceState]) {
     if version != VERSION {
         tracing::warn!("vrpn: {} speaks {:02}.{:02}, this side 07.38", peer.ip, version.major, version.minor);
@@ -256,16 +256,16 @@ fn greet(peer: &mut Peer, version: Version, sent: &[DeviceState]) {
         let buttons = dense(&state.buttons, 256).map(|pressed| i32::from(pressed.unwrap_or(false)));
         let buttons: Vec<i32> = buttons.collect();
         if !buttons.is_empty() {
-            peer.talk.tell(device, time_s, &Payload::ButtonStates(buttons), &mut Vec::new());
+            peer.protocol.tell(device, time_s, &Payload::ButtonStates(buttons), &mut Vec::new());
         }
         let values = analogs(state);
         if !values.is_empty() {
-            peer.talk.tell(device, time_s, &Payload::Analog(values), &mut Vec::new());
+            peer.protocol.tell(device, time_s, &Payload::Analog(values), &mut Vec::new());
         }
     }
 }
 
-/// What `new` says that `old` did not, with its time.
+/// What has changed from `old` to `new`, with the times.
 fn news(old: &DeviceState, new: &DeviceState) -> Vec<(f64, Payload)> {
     let mut news = Vec::new();
     for (&sensor, reading) in &new.sensors {
@@ -302,7 +302,7 @@ fn dense<T: Copy>(readings: &BTreeMap<i32, Reading<T>>, most: usize) -> impl Ite
     (0..=last).map(|channel| readings.get(&channel).map(|reading| reading.value))
 }
 
-/// When a reading was measured, by the device's clock, if that tells the time of day; else when it arrived; s since 1970.
+/// When a reading was measured, s since 1970: by the device's clock if that gives the time of day, else when it arrived.
 fn time_of<T>(reading: &Reading<T>) -> f64 {
     let arrived_s = Header::now(0, 0).time_s() - (now_s() - reading.arrived_s);
     let is_time_of_day = |time_s: &f64| (time_s - arrived_s).abs() < OTHER_CLOCK_S;

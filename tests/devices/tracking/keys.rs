@@ -35,7 +35,9 @@ grab = { tracker = "c", button = 1 }
 /// Whatever is accepted turns any pose into a finite one with a rotation.
 fn parse_and_use(keys: &str) -> bool {
     let text = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"");
-    let Ok(stage) = Stage::parse(&format!("{text}{keys}"), Path::new("any.toml")) else {
+    let Ok(stage) =
+        Stage::parse(&format!("{text}{keys}"), Path::new("any.toml")).and_then(greenstage::track::checked)
+    else {
         return false;
     };
     let tracking = stage.tracking;

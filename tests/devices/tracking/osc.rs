@@ -1,9 +1,8 @@
 //! OSC trackers.
 
 use super::{everything_is_finite, near, port, wait};
-use greenstage::stage::tracking::EulerOrder;
 use greenstage::track::device::DeviceState;
-use greenstage::track::osc::Osc;
+use greenstage::track::osc::{EulerOrder, Osc};
 use greenstage::track::udp::{Parser, listen};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;

@@ -1,8 +1,8 @@
 //! Messages as bytes: a stream composed by hand, round trips, and bytes that are none.
 
-use greenstage::track::vrpn::codec::{self, Fault, Framer, Header, Message};
+use greenstage::track::vrpn::codec::{self, CodecFault, Framer, Header, Message};
 use greenstage::track::vrpn::listener::Listener;
-use greenstage::track::vrpn::payload::{ForceField, Kind, Payload, Rate};
+use greenstage::track::vrpn::payload::{ForceField, MessageKind, Payload, Rate};
 use nalgebra::Isometry3;
 use proptest::prelude::*;
 
@@ -68,10 +68,10 @@ fn cookies_of_other_versions() {
     };
     assert_eq!(with("07.38"), Ok(codec::VERSION));
     assert_eq!(with("07.30").unwrap().minor, 30);
-    assert_eq!(with("06.10"), Err(Fault::Version(6, 10)));
-    assert_eq!(with("08.00"), Err(Fault::Version(8, 0)));
-    assert!(matches!(with("7.380"), Err(Fault::NoCookie(_))));
-    assert!(matches!(codec::parse_cookie(b"HTTP/1.1 400 Bad Request"), Err(Fault::NoCookie(_))));
+    assert_eq!(with("06.10"), Err(CodecFault::Version(6, 10)));
+    assert_eq!(with("08.00"), Err(CodecFault::Version(8, 0)));
+    assert!(matches!(with("7.380"), Err(CodecFault::NoCookie(_))));
+    assert!(matches!(codec::parse_cookie(b"HTTP/1.1 400 Bad Request"), Err(CodecFault::NoCookie(_))));
 }
 
 #[test]
@@ -79,8 +79,8 @@ fn a_length_is_never_believed() {
     for length in [0_u32, 23, 24 + 64 * 1024 + 1, 1 << 30, u32::MAX] {
         let mut bytes = hex("00000000 00000000 00000000 00000000 00000000 00000000");
         bytes[..4].copy_from_slice(&length.to_be_bytes());
-        assert_eq!(codec::decode(&bytes), Err(Fault::Length(length)));
-        assert_eq!(codec::datagram(&bytes).collect::<Vec<_>>(), [Err(Fault::Length(length))]);
+        assert_eq!(codec::decode(&bytes), Err(CodecFault::Length(length)));
+        assert_eq!(codec::datagram(&bytes).collect::<Vec<_>>(), [Err(CodecFault::Length(length))]);
     }
     // As many bytes as a name, a button or an analog message states, or it is none.
     assert_eq!(codec::decode_name(&hex("00000005 57616e6400")), Ok("Wand"));
@@ -89,18 +89,18 @@ fn a_length_is_never_believed() {
     }
     assert!(codec::decode_name(&codec::encode_name(&"x".repeat(101))).is_err());
     for (kind, wrong) in [
-        (Kind::ButtonStates, "00000002 00000001"),
-        (Kind::ButtonStates, "ffffffff"),
-        (Kind::ButtonStates, ""),
-        (Kind::AnalogChannel, "7ff8000000000000"),
-        (Kind::AnalogChannel, "3ff0000000000000"),
-        (Kind::AnalogChannel, "bff0000000000000 0000000000000000"),
-        (Kind::Ping, "00"),
+        (MessageKind::ButtonStates, "00000002 00000001"),
+        (MessageKind::ButtonStates, "ffffffff"),
+        (MessageKind::ButtonStates, ""),
+        (MessageKind::AnalogChannel, "7ff8000000000000"),
+        (MessageKind::AnalogChannel, "3ff0000000000000"),
+        (MessageKind::AnalogChannel, "bff0000000000000 0000000000000000"),
+        (MessageKind::Ping, "00"),
     ] {
         assert!(Payload::decode(kind, &hex(wrong)).is_err(), "{kind:?} {wrong}");
     }
     let many = Payload::Analog(vec![0.0; 257]);
-    assert!(Payload::decode(Kind::AnalogChannel, &many.encode()).is_err());
+    assert!(Payload::decode(MessageKind::AnalogChannel, &many.encode()).is_err());
 }
 
 #[test]
@@ -231,7 +231,7 @@ proptest! {
         }
         prop_assert!(count <= bytes.len() / codec::HEADER_BYTES);
         prop_assert!(!framer.space().is_empty());
-        for kind in Kind::ALL {
+        for kind in MessageKind::ALL {
             if let Ok(payload) = Payload::decode(kind, &bytes) {
                 prop_assert_eq!(payload.encode().len(), bytes.len());
             }

@@ -3,7 +3,7 @@
 use super::lab::{ANY, Peer, wait};
 use greenstage::effect::haptics::{Device, Push, VrpnDevice};
 use greenstage::track::device::now_s;
-use greenstage::track::vrpn::payload::{Kind, Payload};
+use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use greenstage::track::vrpn::{ForceField, codec};
 use nalgebra::Vector3;
 use std::net::TcpListener;
@@ -12,11 +12,11 @@ use std::net::TcpListener;
 fn field(peer: &mut Peer, number: &mut Option<i32>) -> Option<ForceField> {
     loop {
         let (id, kind, payload) = peer.hear()?;
-        let is_named = || codec::decode_name(&payload) == Ok(Kind::ForceField.name());
+        let is_named = || codec::decode_name(&payload) == Ok(MessageKind::ForceField.name());
         if kind == codec::TYPE_DESCRIPTION && is_named() {
             *number = Some(id);
         } else if Some(kind) == *number {
-            match Payload::decode(Kind::ForceField, &payload) {
+            match Payload::decode(MessageKind::ForceField, &payload) {
                 Ok(Payload::ForceField(field)) => return Some(field),
                 other => panic!("{other:?}"),
             }
@@ -77,7 +77,7 @@ fn the_way_of_a_force_is_measured() {
     let server = std::thread::spawn(move || {
         let (mut number, mut pongs) = (None, 0);
         while let Some((id, kind, payload)) = peer.hear() {
-            let is_ping = || codec::decode_name(&payload) == Ok(Kind::Ping.name());
+            let is_ping = || codec::decode_name(&payload) == Ok(MessageKind::Ping.name());
             if kind == codec::TYPE_DESCRIPTION && is_ping() {
                 number = Some(id);
             } else if Some(kind) == number {

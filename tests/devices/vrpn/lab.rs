@@ -1,12 +1,12 @@
-//! What the tests of client and server share: a source in the test's hand, a server in its hand, and patience.
+//! What the tests of client and server share: servers and clients that a test controls, and a patient wait.
 
-use greenstage::track::device::{DeviceState, Source, now_s};
+use greenstage::track::FakeSource;
+use greenstage::track::device::now_s;
 use greenstage::track::vrpn::codec::{self, Framer, Header};
 use greenstage::track::vrpn::payload::Payload;
 use greenstage::track::vrpn::{Address, Client, Server, ServerCounters, Serving, Timing, Transport};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 pub const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
@@ -31,31 +31,10 @@ pub fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
     }
 }
 
-/// A source that says what the test has it say.
-#[derive(Clone, Default)]
-pub struct Puppet(Arc<Mutex<DeviceState>>, DeviceState);
-
-impl Puppet {
-    pub fn say(&self, change: impl FnOnce(&mut DeviceState)) {
-        change(&mut self.0.lock().unwrap());
-    }
-}
-
-impl Source for Puppet {
-    fn describe(&self) -> String {
-        "puppet".to_owned()
-    }
-
-    fn latest(&mut self) -> &DeviceState {
-        self.1 = self.0.lock().unwrap().clone();
-        &self.1
-    }
-}
-
-pub fn serve(place: SocketAddr, puppet: &Puppet) -> Serving {
+pub fn serve(place: SocketAddr, source: &FakeSource) -> Serving {
     let server = Server::bind(place, ["Wand"]).unwrap();
     assert_eq!(server.addresses().collect::<Vec<_>>(), [format!("Wand@{}", server.place)]);
-    server.spawn(vec![Box::new(puppet.clone())]).unwrap()
+    server.spawn(vec![Box::new(source.clone())]).unwrap()
 }
 
 pub fn listen(place: SocketAddr, udp: bool, transport: Transport) -> Client {
@@ -90,11 +69,11 @@ impl Peer {
         assert!(self.say(&Payload::Pong));
     }
 
-    /// Says a cookie, that device 0 is `name` and the types are numbered as in `Kind::ALL`.
+    /// Says a cookie, that device 0 is `name` and the types are numbered as in `MessageKind::ALL`.
     pub fn introduce(&mut self, name: &str) {
         self.stream.write_all(&codec::cookie()).unwrap();
         self.describe(codec::SENDER_DESCRIPTION, 0, name);
-        for kind in greenstage::track::vrpn::payload::Kind::ALL {
+        for kind in greenstage::track::vrpn::payload::MessageKind::ALL {
             self.describe(codec::TYPE_DESCRIPTION, kind as i32, kind.name());
         }
     }
@@ -131,7 +110,7 @@ impl Peer {
     }
 }
 
-/// A message of device 0, its type numbered as in `Kind::ALL`.
+/// A message of device 0, its type numbered as in `MessageKind::ALL`.
 pub fn bytes_of(payload: &Payload) -> Vec<u8> {
     let mut bytes = Vec::new();
     codec::encode(&Header::now(0, payload.kind() as i32), &payload.encode(), &mut bytes);

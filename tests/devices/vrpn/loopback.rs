@@ -1,8 +1,9 @@
 //! Our client and our server talk to each other: by TCP and by lob, poses by TCP and by UDP, through deaths and floods.
 
-use super::lab::{ANY, Peer, Puppet, bytes_of, counters_reach, listen, serve, wait};
+use super::lab::{ANY, Peer, bytes_of, counters_reach, listen, serve, wait};
+use greenstage::track::FakeSource;
 use greenstage::track::device::{Link, Source};
-use greenstage::track::vrpn::payload::{ForceField, Kind, Payload};
+use greenstage::track::vrpn::payload::{ForceField, MessageKind, Payload};
 use greenstage::track::vrpn::{Client, Transport, codec};
 use nalgebra::Isometry3;
 use std::io::Write;
@@ -20,26 +21,26 @@ fn everything_arrives_by_every_way() {
     for (transport, udp) in
         [(Transport::Tcp, false), (Transport::Tcp, true), (Transport::Lob, false), (Transport::Lob, true)]
     {
-        let puppet = Puppet::default();
-        puppet.say(|state| {
+        let source = FakeSource::default();
+        source.change(|state| {
             state.take_button(0, false, Some(1.0));
             state.take_button(3, true, Some(1.0));
             state.take_valuator(2, -0.75, None);
         });
-        let serving = serve(ANY, &puppet);
+        let serving = serve(ANY, &source);
         let mut client = listen(serving.place, udp, transport);
         wait("the device is known", || client.latest().link == Link::Up);
         // Buttons and valuators of before the connection are told to a new client.
         wait("the button is seen", || client.latest().buttons.get(&3).is_some_and(|b| b.value));
         wait("the valuator is seen", || client.latest().valuators.get(&2).is_some_and(|v| v.value == -0.75));
-        puppet.say(|state| state.take_button(0, true, Some(measured_s)));
+        source.change(|state| state.take_button(0, true, Some(measured_s)));
         wait("the change is seen", || client.latest().buttons[&0].value);
         assert_eq!(client.latest().buttons[&0].measured_s, Some(measured_s));
         // Said again and again, since datagrams may be lost.
         let sensors: Vec<i32> = (-1..20).collect();
         let mut said = 0;
         wait("all sensors are seen", || {
-            puppet.say(|state| {
+            source.change(|state| {
                 for sensor in &sensors {
                     state.take_pose(*sensor, pose(f64::from(*sensor)), Some(measured_s), 1.0);
                 }
@@ -64,13 +65,13 @@ fn everything_arrives_by_every_way() {
 /// What is not tracked is not sent: the sensor only falls silent.
 #[test]
 fn a_sensor_that_is_not_seen_falls_silent() {
-    let puppet = Puppet::default();
-    let serving = serve(ANY, &puppet);
+    let source = FakeSource::default();
+    let serving = serve(ANY, &source);
     let mut client = listen(serving.place, false, Transport::Tcp);
     wait("the device is known", || client.latest().link == Link::Up);
-    puppet.say(|state| state.take_pose(0, pose(1.0), None, 1.0));
+    source.change(|state| state.take_pose(0, pose(1.0), None, 1.0));
     wait("the pose is seen", || client.latest().sensors.contains_key(&0));
-    puppet.say(|state| {
+    source.change(|state| {
         state.take_pose(0, pose(2.0), None, 0.0);
         state.take_pose(1, pose(3.0), None, 1.0);
     });
@@ -81,17 +82,17 @@ fn a_sensor_that_is_not_seen_falls_silent() {
 #[test]
 fn a_server_that_dies_and_comes_back_is_found_again() {
     for transport in [Transport::Tcp, Transport::Lob] {
-        let puppet = Puppet::default();
-        let serving = serve(ANY, &puppet);
+        let source = FakeSource::default();
+        let serving = serve(ANY, &source);
         let place = serving.place;
         let mut client = listen(place, true, transport);
         wait("the device is known", || client.latest().link == Link::Up);
-        puppet.say(|state| state.take_button(0, true, None));
+        source.change(|state| state.take_button(0, true, None));
         wait("the button is seen", || client.latest().buttons.contains_key(&0));
         drop(serving);
         wait("the server is missed", || matches!(client.latest().link, Link::Down(_)));
         assert!(!client.latest().buttons[&0].value, "nobody is known to hold it");
-        let serving = serve(place, &puppet);
+        let serving = serve(place, &source);
         wait("it is found again", || client.latest().link == Link::Up);
         wait("it is heard again", || client.latest().buttons[&0].value);
         assert_eq!(client.latest().counters.reconnects, 1);
@@ -102,8 +103,8 @@ fn a_server_that_dies_and_comes_back_is_found_again() {
 
 #[test]
 fn several_clients_hear_the_same_and_a_slow_one_is_given_up() {
-    let puppet = Puppet::default();
-    let serving = serve(ANY, &puppet);
+    let source = FakeSource::default();
+    let serving = serve(ANY, &source);
     let mut clients: Vec<Client> = (0..3).map(|i| listen(serving.place, i == 0, Transport::Tcp)).collect();
     let mut slow = Peer::new(TcpStream::connect(serving.place).unwrap());
     slow.stream.write_all(&codec::cookie()).unwrap();
@@ -113,7 +114,7 @@ fn several_clients_hear_the_same_and_a_slow_one_is_given_up() {
         // Valuators go by TCP; the slow one reads none, and the system's own buffers fill.
         for _ in 0..20 {
             value += 1.0;
-            puppet.say(|state| (0..128).for_each(|channel| state.take_valuator(channel, value, None)));
+            source.change(|state| (0..128).for_each(|channel| state.take_valuator(channel, value, None)));
             let deadline = std::time::Instant::now() + std::time::Duration::from_millis(5);
             while std::time::Instant::now() < deadline
                 && clients[0].latest().valuators.get(&127).map(|v| v.value) != Some(value)
@@ -134,8 +135,8 @@ fn several_clients_hear_the_same_and_a_slow_one_is_given_up() {
 
 #[test]
 fn the_server_takes_no_more_clients_than_it_says_and_no_other_version() {
-    let puppet = Puppet::default();
-    let serving = serve(ANY, &puppet);
+    let source = FakeSource::default();
+    let serving = serve(ANY, &source);
     let cookie = |version: &str| {
         let mut cookie = codec::cookie();
         cookie[11..16].copy_from_slice(version.as_bytes());
@@ -181,7 +182,7 @@ fn codec_name(payload: &[u8]) -> Vec<u8> {
 
 #[test]
 fn a_lob_has_the_server_connect_to_the_asker_alone() {
-    let serving = serve(ANY, &Puppet::default());
+    let serving = serve(ANY, &FakeSource::default());
     let udp = UdpSocket::bind(ANY).unwrap();
     for lob in [&b"127.0.0.9 5000\0"[..], b"localhost 5000\0", b"127.0.0.1 22\0", b"\0", &[b'1'; 400]] {
         udp.send_to(lob, serving.place).unwrap();
@@ -207,7 +208,7 @@ fn silent_place() -> (std::net::SocketAddr, TcpListener, Vec<TcpStream>) {
 /// Each asks once: one that is turned away is never heard of again.
 #[test]
 fn lobs_of_clients_that_cannot_be_reached_hold_nobody_up() {
-    let serving = serve(ANY, &Puppet::default());
+    let serving = serve(ANY, &FakeSource::default());
     let udp = UdpSocket::bind(ANY).unwrap();
     let silent: Vec<_> = (0..6).map(|_| silent_place()).collect();
     let late = TcpListener::bind(ANY).unwrap();
@@ -378,11 +379,11 @@ fn a_force_device_is_told_how_to_push_and_tells_what_it_does() {
         let (sender, number, payload) = peer.hear().unwrap();
         match number {
             codec::SENDER_DESCRIPTION if codec::decode_name(&payload) == Ok("Wand") => device = Some(sender),
-            codec::TYPE_DESCRIPTION if codec::decode_name(&payload) == Ok(Kind::ForceField.name()) => {
+            codec::TYPE_DESCRIPTION if codec::decode_name(&payload) == Ok(MessageKind::ForceField.name()) => {
                 kind = Some(sender);
             }
             _ if Some(number) == kind && Some(sender) == device => {
-                fields.push(Payload::decode(Kind::ForceField, &payload).unwrap());
+                fields.push(Payload::decode(MessageKind::ForceField, &payload).unwrap());
             }
             _ => {}
         }

@@ -3,7 +3,7 @@
 use crate::common::shared;
 use greenstage::track::vrpn::codec::{self, Framer};
 use greenstage::track::vrpn::listener::Listener;
-use greenstage::track::vrpn::payload::{Kind, Payload, Rate};
+use greenstage::track::vrpn::payload::{MessageKind, Payload, Rate};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -42,7 +42,7 @@ fn read(bytes: &[u8], piece: usize) -> Stream {
                     stream.senders.insert(id, codec::decode_name(message.payload).unwrap().to_owned());
                 }
                 codec::TYPE_DESCRIPTION => {
-                    kinds.insert(id, Kind::named(codec::decode_name(message.payload).unwrap()));
+                    kinds.insert(id, MessageKind::named(codec::decode_name(message.payload).unwrap()));
                 }
                 kind => {
                     let kind = kinds[&kind].unwrap();

@@ -1,26 +1,26 @@
-//! The device's clock against ours: when was it measured, in seconds of this program?
+//! Converts times of measurement from the device's clock to this program's.
 //!
-//! In: arrival times (ours) and measurement times (the device's, with an unknown offset). Out: measurement times on our
-//! clock. The offset is the least arrival - measurement of the last seconds, as no packet comes before it was measured;
-//! stamps that go back, lie ahead or far behind are counted, and the arrival counts instead.
+//! In: arrival times (our clock) and measurement times (the device's clock, with an unknown offset). Out: measurement times
+//! on our clock. The offset is the least difference between arrival and measurement of the last seconds, since no packet
+//! arrives before it was measured. Stamps that go back, or lie ahead or far behind, are counted and replaced by the arrival.
 
-/// A stamp may lie so far ahead of what the offset says before it is refused, s.
+/// How far a stamp may lie ahead of the offset before it is refused, s.
 const AHEAD_S: f64 = 0.05;
-/// And so far behind: no tracker's packet is under way longer.
+/// How far it may lie behind, s: no tracker's packet is under way for longer.
 const BEHIND_S: f64 = 0.5;
-/// So many refused in a row, and the device's clock was set: the offset is found anew.
+/// After this many refused stamps in a row the device's clock has been set, and the offset is determined again.
 const MOST_REFUSED: u32 = 20;
-/// The offset is the least over the last one to two of these, s: a wrong stamp that was believed is forgotten after it,
-/// and within it clocks drift apart by less than what is measured.
+/// The offset is the least over the last one to two of these windows, s. A wrong stamp that was accepted is forgotten
+/// after that, and within it clocks drift apart by less than the accuracy of the measurement.
 const WINDOW_S: f64 = 2.0;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeviceClock {
-    /// Stamps that were not believed.
+    /// Stamps that were refused.
     pub faults: u64,
-    /// Arrival and measurement of the last stamp that was believed.
+    /// Arrival and measurement of the last stamp that was accepted.
     last: Option<[f64; 2]>,
-    /// When the window that runs began, the least offset in it, and that of the window before.
+    /// When the current window began, the least offset in it, and that of the previous window.
     window_s: f64,
     least_s: [f64; 2],
     refused: u32,
@@ -46,7 +46,7 @@ impl DeviceClock {
         if measured_s <= last_measured_s || !is_near {
             self.faults += 1;
             self.refused += 1;
-            // A little back: the clock was set, or a packet was overtaken, and the next ones show which.
+            // A little back: either the clock was set or a packet was overtaken. The next stamps will show which.
             let is_set_back = is_near && measured_s < last_measured_s;
             if is_set_back || self.refused >= MOST_REFUSED {
                 self.begin(arrived_s, measured_s);

@@ -1,18 +1,18 @@
-//! Where a thing will be when its picture is shown: constant velocity and constant angular velocity.
+//! Predicts where a sensor will be when its picture is shown, from constant velocity and constant angular velocity.
 //!
 //! In: poses and their times. Out: the pose a little later. Velocities are means of about 16 ms.
 
 use super::one_euro::alpha;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// No pose is carried further than this, s.
+/// Poses are predicted no further ahead than this, s.
 pub const FARTHEST_S: f64 = 0.1;
-/// Hands are slower, m/s and rad/s.
+/// Hands are always slower than this, m/s and rad/s.
 pub const FASTEST_M_S: f64 = 10.0;
 pub const FASTEST_RAD_S: f64 = 40.0;
 /// Cutoff of the velocities, Hz.
 const CUTOFF_HZ: f64 = 10.0;
-/// Two readings count as at least this far apart, s.
+/// Two readings are taken to be at least this far apart, s.
 const SHORTEST_S: f64 = 1e-3;
 
 /// The last pose, when it was measured, and how it moves.
@@ -44,8 +44,8 @@ impl Motion {
         (self.pose, self.time_s) = (pose, time_s);
     }
 
-    /// The pose at `time_s`, at most `FARTHEST_S` after the last one and never before it; `part` of the way there, 1 for
-    /// all of it, 0 for the last pose itself.
+    /// The pose at `time_s`, at most `FARTHEST_S` after the last one and never before it. `part` is the fraction of the
+    /// prediction that is applied: 1 for all of it, 0 for the last pose itself.
     pub fn at(&self, time_s: f64, part: f64) -> Isometry3<f64> {
         let Some([along, turning]) = self.speeds else {
             return self.pose;
@@ -70,7 +70,7 @@ mod tests {
     fn a_steady_motion_is_predicted_without_error() {
         let mut motion = Motion::new(screw(0.0), 0.0);
         for i in 1..200 {
-            // Not even steps.
+            // Uneven steps.
             let time_s = f64::from(i) * 0.01 + 0.003 * f64::from(i % 3);
             motion.update(screw(time_s), time_s);
             let (found, expected) = (motion.at(time_s + 0.05, 1.0), screw(time_s + 0.05));

@@ -1,8 +1,6 @@
 //! Why a stage is refused: each fault carries its numbers and says what to do about it.
 
-use super::BUILT_IN;
-use super::tracking::TrackingFault;
-use crate::config::{self, ConfigError};
+use crate::config::ConfigError;
 use nalgebra::Point3;
 use std::path::PathBuf;
 
@@ -12,7 +10,7 @@ pub enum StageError {
     #[error(transparent)]
     File(#[from] ConfigError),
     #[error("{}:{line}: {fault}", path.display())]
-    Invalid { path: PathBuf, line: usize, fault: Fault },
+    Invalid { path: PathBuf, line: usize, fault: StageFault },
     #[error(
         "no stage is named `{name}`{}; there are {known}, or give the path of a .toml file",
         did_you_mean(nearest)
@@ -22,7 +20,7 @@ pub enum StageError {
 
 /// What is wrong with a stage, and what to do about it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Fault {
+pub enum StageFault {
     #[error(
         "the stage has no screen: add a [[screen]] with name, lower_left, lower_right, upper_left, pixels"
     )]
@@ -87,6 +85,9 @@ pub enum Fault {
     Monitor { name: String, message: String },
     #[error(transparent)]
     Tracking(#[from] TrackingFault),
+    /// Of the keys that belong to a tracker's kind of source.
+    #[error("{0}")]
+    Source(String),
     #[error("haptic `{name}`: {message}")]
     Haptic { name: String, message: String },
 }
@@ -106,17 +107,7 @@ pub const IPD_M: std::ops::RangeInclusive<f64> = 0.045..=0.080;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Located {
     pub line: usize,
-    pub fault: Fault,
-}
-
-/// The error for a name that is no built-in stage.
-pub fn unknown(name: &str) -> StageError {
-    let names = BUILT_IN.map(|(name, _)| name);
-    StageError::Unknown {
-        name: name.to_owned(),
-        nearest: config::nearest(name, names),
-        known: names.map(|name| format!("`{name}`")).join(", "),
-    }
+    pub fault: StageFault,
 }
 
 fn did_you_mean(nearest: &Option<&'static str>) -> String {
@@ -125,4 +116,42 @@ fn did_you_mean(nearest: &Option<&'static str>) -> String {
 
 fn place(point: &Point3<f64>) -> String {
     format!("[{:.4}, {:.4}, {:.4}]", point.x, point.y, point.z)
+}
+
+/// What is wrong with a tracker, a sensor, a stylus or the viewer's head.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TrackingFault {
+    #[error("{what} is {value}: it must be a number{unit} between {min} and {max}")]
+    Range { what: String, value: f64, unit: &'static str, min: f64, max: f64 },
+    #[error("{what} has `rotation` and `axes`: keep one")]
+    TwoRotations { what: String },
+    #[error(
+        "{what}: the axes {first} and {second} meet at {degrees:.1}° instead of 90°, so they are no rotation: measure \
+         them again (up to 5° is straightened)"
+    )]
+    Skewed { what: String, first: char, second: char, degrees: f64 },
+    #[error(
+        "{what}: the axes are left-handed. If the tracker's system really is, as Unity's, reverse the last one and add \
+         mirror = \"z\"; if not, one axis points the other way"
+    )]
+    LeftHanded { what: String },
+    #[error("{what}: the {axis} axis has no length: say where in the room it points")]
+    NoAxis { what: String, axis: char },
+    #[error("{who}: {message}")]
+    UnknownName { who: String, message: String },
+    #[error(
+        "sensors `{first}` and `{second}` are both number {id} of tracker `{tracker}`: one of them has another number \
+         (`greenstage track` lists those that speak)"
+    )]
+    SameSensor { first: String, second: String, tracker: String, id: i32 },
+    #[error(
+        "`grab` and `second` of stylus `{stylus}` are the same button: give `second` another, or remove it"
+    )]
+    SameButton { stylus: String },
+    #[error("styli `{first}` and `{second}` both follow sensor `{sensor}`: give each its own, or remove one")]
+    SharedSensor { first: String, second: String, sensor: String },
+    #[error(
+        "`lost` of sensor `{sensor}`: it warns after {warn_s} s, before it holds at {after_s} s: swap them"
+    )]
+    LostOrder { sensor: String, after_s: f64, warn_s: f64 },
 }

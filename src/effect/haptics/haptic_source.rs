@@ -2,12 +2,12 @@
 //!
 //! In: a device, or the loop that drives it. Out: a [`DeviceState`] with sensor 0 and the buttons 0 and 1.
 
-use super::device::{Device, News, Reading};
+use super::device::{Device, Reading, SampleInfo};
 use crate::track::device::{DeviceState, Link, Reading as Sample, Source, now_s};
 use triple_buffer::Output;
 
 /// Its thread is the device's or the loop's.
-pub struct Sensed {
+pub struct HapticSource {
     device: String,
     from: From,
     state: DeviceState,
@@ -18,21 +18,21 @@ enum From {
     Device(Box<dyn Device>),
 }
 
-impl Sensed {
+impl HapticSource {
     /// Without forces: no loop runs.
-    pub fn alone(device: Box<dyn Device>) -> Sensed {
-        Sensed { device: device.describe(), from: From::Device(device), state: DeviceState::default() }
+    pub fn alone(device: Box<dyn Device>) -> HapticSource {
+        HapticSource { device: device.describe(), from: From::Device(device), state: DeviceState::default() }
     }
 
-    pub(super) fn of_loop(device: String, readings: Output<Option<Reading>>) -> Sensed {
-        Sensed { device, from: From::Loop(readings), state: DeviceState::default() }
+    pub(super) fn of_loop(device: String, readings: Output<Option<Reading>>) -> HapticSource {
+        HapticSource { device, from: From::Loop(readings), state: DeviceState::default() }
     }
 
     fn take(&mut self, reading: &Reading) {
         let state = &mut self.state;
         state.link = Link::Up;
-        let Reading { device_from_handle, buttons, arrived_s, tracked, measured_s, news } = *reading;
-        let News { count, flow, before } = news;
+        let Reading { device_from_handle, buttons, arrived_s, tracked, measured_s, info } = *reading;
+        let SampleInfo { count, flow, before } = info;
         if state.sensors.get(&0).is_some_and(|last| last.count == count) {
             return;
         }
@@ -49,7 +49,7 @@ impl Sensed {
     }
 }
 
-impl Source for Sensed {
+impl Source for HapticSource {
     fn describe(&self) -> String {
         self.device.clone()
     }
@@ -75,11 +75,11 @@ mod tests {
     use nalgebra::Isometry3;
     use std::sync::{Arc, Mutex};
 
-    struct Puppet(Arc<Mutex<Option<Reading>>>);
+    struct FakeDevice(Arc<Mutex<Option<Reading>>>);
 
-    impl Device for Puppet {
+    impl Device for FakeDevice {
         fn describe(&self) -> String {
-            "puppet".into()
+            "fake device".into()
         }
 
         fn read(&mut self, _now_s: f64) -> Option<Reading> {
@@ -92,23 +92,23 @@ mod tests {
     #[test]
     fn a_device_is_one_sensor_and_two_buttons_until_it_is_gone() {
         let said = Arc::new(Mutex::new(None));
-        let mut sensed = Sensed::alone(Box::new(Puppet(said.clone())));
-        assert_eq!(sensed.latest().link, Link::Waiting);
+        let mut source = HapticSource::alone(Box::new(FakeDevice(said.clone())));
+        assert_eq!(source.latest().link, Link::Waiting);
         let reading = |count: u64, pressed: bool| Reading {
             device_from_handle: Isometry3::translation(0.1 * count as f64, 0.0, 0.0),
             buttons: [pressed, false],
             arrived_s: 0.001 * count as f64,
             measured_s: None,
             tracked: true,
-            news: News { count, ..News::default() },
+            info: SampleInfo { count, ..SampleInfo::default() },
         };
         for (count, pressed) in [(1, false), (2, true)] {
             *said.lock().unwrap() = Some(reading(count, pressed));
-            let state = sensed.latest();
+            let state = source.latest();
             assert_eq!((state.sensors[&0].count, state.buttons[&0].value), (count, pressed));
             assert_eq!(state.sensors[&0].value.translation.x, 0.1 * count as f64);
         }
         *said.lock().unwrap() = None;
-        assert!(matches!(sensed.latest().link, Link::Down(_)));
+        assert!(matches!(source.latest().link, Link::Down(_)));
     }
 }

@@ -2,31 +2,30 @@
 
 use greenstage::effect::haptics::haply;
 use greenstage::stage::GripButton;
-use greenstage::stage::tracking::EulerOrder;
 use greenstage::track::device::DeviceState;
 use greenstage::track::dtrack::Dtrack;
 use greenstage::track::fastrak::Lines;
 use greenstage::track::gamepad;
-use greenstage::track::osc::Osc;
+use greenstage::track::osc::{EulerOrder, Osc};
 use greenstage::track::udp::Parser;
 use greenstage::track::vrpn::address::{Address, decode_lob};
 use greenstage::track::vrpn::codec::{self, Framer, Header};
 use greenstage::track::vrpn::listener::Listener;
-use greenstage::track::vrpn::payload::{ForceField, Kind, Payload, Rate};
-use greenstage::track::vrpn::peer::Talk;
+use greenstage::track::vrpn::payload::{ForceField, MessageKind, Payload, Rate};
+use greenstage::track::vrpn::peer::Protocol;
 
 const BUTTONS: [GripButton; 2] = [GripButton::A, GripButton::B];
 
 /// Takes a packet; whether something of it was used, and how many channels are kept now.
 type Hear = Box<dyn FnMut(&[u8]) -> (bool, usize)>;
 
-pub struct Ear {
+pub struct PacketParser {
     pub name: &'static str,
     pub seeds: Vec<Vec<u8>>,
     pub hear: Hear,
 }
 
-pub fn ears() -> Vec<Ear> {
+pub fn parsers() -> Vec<PacketParser> {
     vec![
         vrpn_stream(),
         vrpn_datagrams(),
@@ -86,12 +85,12 @@ fn payloads() -> Vec<Payload> {
     ]
 }
 
-/// Device 0 is `Wand`; the types are numbered as in [`Kind::ALL`].
+/// Device 0 is `Wand`; the types are numbered as in [`MessageKind::ALL`].
 fn descriptions() -> Vec<u8> {
     let mut bytes = Vec::new();
     codec::encode(&Header::default(), &codec::encode_name("Wand"), &mut bytes);
     bytes[16..20].copy_from_slice(&codec::SENDER_DESCRIPTION.to_be_bytes());
-    for kind in Kind::ALL {
+    for kind in MessageKind::ALL {
         let header = Header { sender: kind as i32, kind: codec::TYPE_DESCRIPTION, ..Header::default() };
         codec::encode(&header, &codec::encode_name(kind.name()), &mut bytes);
     }
@@ -110,7 +109,7 @@ fn messages() -> Vec<Vec<u8>> {
 }
 
 /// A connection for every packet, to one listener: cookie, descriptions, readings, in two pieces.
-fn vrpn_stream() -> Ear {
+fn vrpn_stream() -> PacketParser {
     let start = [codec::cookie().to_vec(), descriptions()].concat();
     let mut seeds = vec![[start.clone(), messages().concat()].concat()];
     seeds.extend(messages().iter().map(|message| [start.clone(), message.clone()].concat()));
@@ -149,10 +148,10 @@ fn vrpn_stream() -> Ear {
             channels(&listener.state) + listener.why_missing(3.0).len() / 1000,
         )
     };
-    Ear { name: "VRPN stream", seeds, hear: Box::new(hear) }
+    PacketParser { name: "VRPN stream", seeds, hear: Box::new(hear) }
 }
 
-fn vrpn_datagrams() -> Ear {
+fn vrpn_datagrams() -> PacketParser {
     let mut seeds = messages();
     seeds.push(messages().concat());
     seeds.push(many(&[], |i| message(&pose_of(i as i32 % 300))));
@@ -166,11 +165,11 @@ fn vrpn_datagrams() -> Ear {
         listener.take_datagram(bytes);
         (listener.state.counters.messages > before, channels(&listener.state))
     };
-    Ear { name: "VRPN datagrams", seeds, hear: Box::new(hear) }
+    PacketParser { name: "VRPN datagrams", seeds, hear: Box::new(hear) }
 }
 
 /// What a client says to our server: a new client for every packet.
-fn vrpn_server() -> Ear {
+fn vrpn_server() -> PacketParser {
     let mut udp = Vec::new();
     let header = Header { sender: 40_000, kind: codec::UDP_DESCRIPTION, ..Header::default() };
     codec::encode(&header, b"127.0.0.1\0", &mut udp);
@@ -179,39 +178,43 @@ fn vrpn_server() -> Ear {
     let seeds = vec![[start.clone(), ping.repeat(50)].concat(), [start, messages().concat()].concat()];
     let devices = ["Wand".to_owned(), "Other".to_owned()];
     let hear = move |bytes: &[u8]| {
-        let mut talk = Talk::new(&devices);
+        let mut protocol = Protocol::new(&devices);
         let mut pings = 0;
         for piece in bytes.chunks(1000) {
-            talk.space()[..piece.len()].copy_from_slice(piece);
-            match talk.hear(piece.len(), &devices) {
+            protocol.space()[..piece.len()].copy_from_slice(piece);
+            match protocol.hear(piece.len(), &devices) {
                 Ok(answered) => pings += answered,
                 Err(_) => break,
             }
         }
-        assert!(talk.waiting.len() < 2048 + 2 * bytes.len(), "{} bytes wait", talk.waiting.len());
+        assert!(protocol.waiting.len() < 2048 + 2 * bytes.len(), "{} bytes wait", protocol.waiting.len());
         (pings > 0, 0)
     };
-    Ear { name: "VRPN server", seeds, hear: Box::new(hear) }
+    PacketParser { name: "VRPN server", seeds, hear: Box::new(hear) }
 }
 
-fn vrpn_lob() -> Ear {
+fn vrpn_lob() -> PacketParser {
     let seeds = [&b"127.0.0.1 51234\0"[..], b"Tracker0@192.168.1.5:3883", b"tcp://host:4000/Wand"];
     let asker = [127, 0, 0, 1].into();
     let hear = move |bytes: &[u8]| {
         let name = String::from_utf8_lossy(bytes);
         (decode_lob(bytes, asker).is_some() || Address::parse(&name).is_ok(), 0)
     };
-    Ear { name: "VRPN lob and names", seeds: seeds.map(<[u8]>::to_vec).to_vec(), hear: Box::new(hear) }
+    PacketParser {
+        name: "VRPN lob and names",
+        seeds: seeds.map(<[u8]>::to_vec).to_vec(),
+        hear: Box::new(hear),
+    }
 }
 
 /// A parser of datagrams; its clock goes back now and then, as a controller's that begins anew.
-fn datagrams(name: &'static str, seeds: Vec<Vec<u8>>, mut parser: impl Parser) -> Ear {
+fn datagrams(name: &'static str, seeds: Vec<Vec<u8>>, mut parser: impl Parser) -> PacketParser {
     let mut state = DeviceState::default();
     let hear = move |bytes: &[u8]| (parser.parse(bytes, &mut state), channels(&state));
-    Ear { name, seeds, hear: Box::new(hear) }
+    PacketParser { name, seeds, hear: Box::new(hear) }
 }
 
-fn dtrack() -> Ear {
+fn dtrack() -> PacketParser {
     let body = "[0 1.000][100.0 -200.0 50.5 90.0 0.0 0.0][1.0 0.0 0.0 0.0 0.0 1.0 0.0 -1.0 0.0]";
     let unseen = "[3 -1.000][0.0 0.0 0.0 0.0 0.0 0.0][0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0]";
     let stick = "[0 1.000 8 2][1.0 2.0 3.0][1.0 0.0 0.0 0.0 1.0 0.0 0.0 0.0 1.0][5 0.25 -0.50]";
@@ -240,7 +243,7 @@ fn osc_message(address: &str, floats: &[f32]) -> Vec<u8> {
     bytes
 }
 
-fn osc() -> Ear {
+fn osc() -> PacketParser {
     let place = osc_message("/tracking/trackers/1/position", &[0.5, 1.5, -0.25]);
     let turn = osc_message("/tracking/trackers/head/rotation", &[10.0, 20.0, 30.0]);
     let mut bundle = b"#bundle\0\0\0\0\0\0\0\0\x01".to_vec();
@@ -258,7 +261,7 @@ fn osc() -> Ear {
     datagrams("OSC", vec![place, turn, bundle, nested, crowd, fits], Osc::new(EulerOrder::Yxz))
 }
 
-fn fastrak() -> Ear {
+fn fastrak() -> PacketParser {
     let line = b"01   1.000  -2.000   3.500  1.00000 0.00000 0.00000 0.00000 1\r\n";
     let crowd = many(&[], |_| line.to_vec());
     let seeds = [
@@ -268,10 +271,10 @@ fn fastrak() -> Ear {
     ];
     let (mut lines, mut state) = (Lines::default(), DeviceState::default());
     let hear = move |bytes: &[u8]| (lines.take(bytes, &mut state), channels(&state));
-    Ear { name: "FASTRAK", seeds: seeds.map(<[u8]>::to_vec).to_vec(), hear: Box::new(hear) }
+    PacketParser { name: "FASTRAK", seeds: seeds.map(<[u8]>::to_vec).to_vec(), hear: Box::new(hear) }
 }
 
-fn gamepad() -> Ear {
+fn gamepad() -> PacketParser {
     let seeds = [[0, 1, 0, 0, 1, 0, 1, 3], [0, 1, 0, 0, 0xff, 0x7f, 2, 0], [0, 0, 0, 0, 0, 0x80, 0x82, 1]];
     let mut state = DeviceState::default();
     let hear = move |bytes: &[u8]| {
@@ -279,13 +282,13 @@ fn gamepad() -> Ear {
         records.iter().for_each(|record| gamepad::take(*record, &mut state));
         (!records.is_empty(), channels(&state))
     };
-    Ear { name: "gamepad", seeds: seeds.map(|seed| seed.to_vec()).to_vec(), hear: Box::new(hear) }
+    PacketParser { name: "gamepad", seeds: seeds.map(|seed| seed.to_vec()).to_vec(), hear: Box::new(hear) }
 }
 
 /// What the service of a force-feedback arm says by WebSocket.
-fn haply() -> Ear {
+fn haply() -> PacketParser {
     let arm = r#"{"inverse3":[{"device_id":"0A1B","config":{"handedness":"right"},"state":{"cursor_position":{"x":0.01,"y":-0.12,"z":0.2}}}]}"#;
     let grip = r#"{"inverse3":[{"device_id":"0A1B"}],"wireless_verse_grip":[{"device_id":"77","state":{"orientation":{"x":0.0,"y":0.6,"z":0.0,"w":0.8},"buttons":{"a":true,"b":false}}}]}"#;
     let hear = |bytes: &[u8]| (haply::parse(&String::from_utf8_lossy(bytes), 0.0, BUTTONS).is_ok(), 0);
-    Ear { name: "Haply", seeds: vec![arm.into(), grip.into()], hear: Box::new(hear) }
+    PacketParser { name: "Haply", seeds: vec![arm.into(), grip.into()], hear: Box::new(hear) }
 }

@@ -1,7 +1,7 @@
-//! One tracked thing, from what its tracker says to its pose in the room now.
+//! One sensor, from its raw readings to a pose in the room now.
 //!
-//! In: readings of one sensor. Out: a finite pose at any time, and how well it is seen. Calibration first, then what no
-//! hand does is held back, then filter and prediction; gaps and jumps are bridged instead of shown.
+//! In: readings of one sensor. Out: a finite pose at any time, and how well it is tracked. First comes the calibration;
+//! then jumps that no hand makes are held back; then come filter and prediction. Gaps and jumps are bridged smoothly.
 
 use super::super::state::{Signal, normalised};
 use super::clock::DeviceClock;
@@ -12,14 +12,14 @@ use crate::stage::tracking::{Sensor, TrackerFrame};
 use crate::track::device::Reading;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// A step between two readings that no hand makes is longer than this, beside what its speed allows in the time between
-/// them. Where the device was silent longer than usual, no more than `STEP_S` counts: after a pause a leap is a leap.
+/// No hand moves further than this between two readings, in addition to what its speed allows in the time between them.
+/// If the device was silent for longer than usual, only `STEP_S` of that time counts.
 const STEP_M: f64 = 0.05;
 const STEP_RAD: f64 = 0.4;
 const STEP_S: f64 = 0.02;
-/// A jump is taken when it has stood so long, s: one wrong reading is never seen.
+/// A jump is accepted when it has lasted for this long, s, so that a single wrong reading is never shown.
 const CONFIRM_S: f64 = 0.1;
-/// From where it was held the pose glides to where it is within this time, s.
+/// The pose glides from where it was held to where it is within this time, s.
 const BRIDGE_S: f64 = 0.2;
 
 /// The state of one sensor.
@@ -27,38 +27,38 @@ const BRIDGE_S: f64 = 0.2;
 pub struct Follower {
     pub sensor: Sensor,
     pub frame: TrackerFrame,
-    pub faults: Faults,
+    pub faults: SensorFaults,
     pub signal: Signal,
     clock: DeviceClock,
     filter: Option<PoseFilter>,
-    /// Of the sensor in the room, filtered.
+    /// The sensor's pose in the room, filtered.
     motion: Option<Motion>,
-    /// The last reading that was believed: unfiltered, when measured, when it arrived.
+    /// The last accepted reading: unfiltered pose, time of measurement, time of arrival.
     raw: Option<Believed>,
     jump: Option<Jump>,
     bridge: Option<Bridge>,
     shown: Option<Isometry3<f64>>,
-    /// It was shown where it was held since the last reading.
+    /// Whether the held pose was shown since the last reading.
     was_held: bool,
     /// Number and arrival of the last reading.
     taken: (u64, f64),
     started_s: f64,
 }
 
-/// What was wrong with the readings so far.
+/// Counts of what was wrong with a sensor's readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults {
+pub struct SensorFaults {
     /// Readings more than 1 km away or without a rotation.
     pub invalid: u64,
-    /// Steps that no hand makes.
+    /// Jumps further than any hand moves.
     pub jumps: u64,
-    /// Stamps of the device's clock that were not believed.
+    /// Stamps of the device's clock that were refused.
     pub clock: u64,
-    /// How often it was not seen for longer than its policy's `after`.
+    /// How often it was untracked for longer than its policy's `after`.
     pub drop_outs: u64,
 }
 
-/// What is to be said of a sensor, once each time it happens.
+/// An event of a sensor that the user is told once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     Lost { age_s: f64 },
@@ -78,13 +78,13 @@ struct Jump {
     since_s: f64,
 }
 
-/// What was shown against what is true when they part: it fades away, however the truth moves on.
+/// The difference between the shown and the true pose, which fades away while the true pose moves on.
 #[derive(Clone, Copy, Debug)]
 struct Bridge {
     from: Isometry3<f64>,
     start_s: f64,
     length_s: f64,
-    /// Shift and turn from the truth to `from`, once that is known.
+    /// Translation and rotation from the true pose to `from`, once they are known.
     off: Option<[Vector3<f64>; 2]>,
 }
 
@@ -94,7 +94,7 @@ impl Follower {
             filter: sensor.filter.map(PoseFilter::new),
             sensor,
             frame,
-            faults: Faults::default(),
+            faults: SensorFaults::default(),
             signal: Signal::Lost { age_s: 0.0 },
             clock: DeviceClock::default(),
             motion: None,
@@ -108,8 +108,8 @@ impl Follower {
         }
     }
 
-    /// Takes the newest reading, if it is a new one. Gaps are those of the device: who asks seldom misses readings, and
-    /// nothing is lost.
+    /// Takes the newest reading, if it is a new one. Gaps are those of the device: a caller that looks rarely misses
+    /// readings, but that counts as no gap.
     pub fn take(&mut self, reading: &Reading<Isometry3<f64>>) {
         let is_same = (reading.count, reading.arrived_s) == self.taken;
         self.taken = (reading.count, reading.arrived_s);
@@ -139,7 +139,7 @@ impl Follower {
             if is_step(&from.pose, &pose, step_s.min(STEP_S)) {
                 return true;
             }
-            // Readings between the two were not looked at; the device's last one must lead here too.
+            // Readings in between were not seen here; the device's previous one must be compatible with this one as well.
             let before = reading.before.and_then(|(value, _)| in_room(self.frame.room_from_sensor(&value)));
             let leads = before.is_none_or(|before| is_step(&before, &pose, gap_s.max(0.0)));
             !is_pause && leads && is_step(&from.pose, &pose, step_s)
@@ -157,8 +157,8 @@ impl Follower {
         self.settle(now.arrived_s);
     }
 
-    /// room_from_body at `now_s`; `None` before the first reading. Where it was not seen for longer than its policy's
-    /// `after`, what was predicted goes back to the last pose that was measured, and that is held.
+    /// room_from_body at `now_s`; `None` before the first reading. If the sensor was untracked for longer than its policy's
+    /// `after`, the prediction is taken back, and the last measured pose is held.
     pub fn pose(&mut self, now_s: f64) -> (Option<Isometry3<f64>>, Option<Event>) {
         self.settle(now_s);
         let event = self.age(now_s);
@@ -181,13 +181,13 @@ impl Follower {
                 self.bridge = None;
             }
         }
-        // What the calibration carried out of reach is not shown.
+        // A pose that the calibration moves out of range is not shown.
         let shown = in_room(room_from_body).or(self.shown);
         self.shown = shown;
         (shown, event)
     }
 
-    /// A jump that has stood long enough is believed.
+    /// Accepts a jump that has lasted long enough.
     fn settle(&mut self, now_s: f64) {
         if let Some(jump) = self.jump.take_if(|jump| now_s - jump.since_s >= CONFIRM_S) {
             self.was_held = true;
@@ -208,8 +208,8 @@ impl Follower {
         }
     }
 
-    /// The first reading, or the first after a gap or a jump: nothing of the past is mixed in. If it was held meanwhile,
-    /// what was shown last glides there; if it glides already, it arrives no later than it was to.
+    /// Starts from this reading without the past: the first one, or the first after a gap or a jump. If a pose was held
+    /// meanwhile, what is shown glides from there; a glide under way arrives no later than before.
     fn begin(&mut self, now: Believed, start_s: f64) {
         let left_s = self.bridge.as_ref().map(|bridge| bridge.left_s(start_s)).filter(|left_s| *left_s > 0.0);
         let length_s = left_s.or(std::mem::take(&mut self.was_held).then_some(BRIDGE_S));
@@ -222,7 +222,7 @@ impl Follower {
         self.follow(now);
     }
 
-    /// How well it is seen at `now_s`.
+    /// How well it is tracked at `now_s`.
     fn age(&mut self, now_s: f64) -> Option<Event> {
         let before = self.signal;
         let seen = self.raw.map(|raw| raw.arrived_s);
@@ -246,7 +246,7 @@ impl Follower {
                 Some(Event::Lost { age_s })
             }
             (Signal::Held { .. }, Signal::Lost { age_s }) => Some(Event::Lost { age_s }),
-            // Never seen: said once it is overdue.
+            // Never tracked: reported once it is overdue.
             (Signal::Lost { age_s: earlier_s }, Signal::Lost { age_s })
                 if seen.is_none() && earlier_s <= policy.warn_s && age_s > policy.warn_s =>
             {
@@ -278,13 +278,13 @@ impl Bridge {
     }
 }
 
-/// 1 - 3 w² + 2 w³ of a way w from 0 to 1: from 1 smoothly to 0.
+/// 1 - 3 w² + 2 w³ for w from 0 to 1: falls smoothly from 1 to 0.
 fn fading(way: f64) -> f64 {
     let way = way.clamp(0.0, 1.0);
     1.0 - way * way * (3.0 - 2.0 * way)
 }
 
-/// Could a hand have done this in `step_s`?
+/// Whether a hand could have moved like this in `step_s`.
 fn is_step(from: &Isometry3<f64>, to: &Isometry3<f64>, step_s: f64) -> bool {
     let step_m = (to.translation.vector - from.translation.vector).norm();
     let step_rad = to.rotation.angle_to(&from.rotation);

@@ -1,17 +1,17 @@
-//! A script as a tracker: a source for tests, and for a lab that wants a stylus moved without a person.
+//! A script played as a tracker: for tests, and for demonstrations that move a stylus without a person.
 //!
 //! In: a script and the stage whose workspace it refers to. Out: sensor 0 is the head, sensor 1 + i the stylus i, in
 //! the room's frame; buttons 2 i and 2 i + 1 are its grab and its second button.
 
-use super::Script;
+use super::device::{DeviceState, Link, Source, now_s};
+use super::script::Script;
 use crate::stage::Stage;
-use crate::track::device::{DeviceState, Link, Source, now_s};
 
-/// Plays a script again and again from the first question on.
+/// Plays a script repeatedly, from the first call of `latest` on.
 pub struct ScriptSource {
     pub script: Script,
     pub stage: Stage,
-    /// Readings a second.
+    /// Readings per second.
     pub rate_hz: f64,
     name: String,
     state: DeviceState,
@@ -19,7 +19,7 @@ pub struct ScriptSource {
     readings: u64,
 }
 
-/// The rest between two turns of the script, s.
+/// The pause between two rounds of the script, s.
 const PAUSE_S: f64 = 1.0;
 
 impl ScriptSource {

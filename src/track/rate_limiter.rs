@@ -1,29 +1,29 @@
-//! How much of a processor a source gets, whatever it is sent: a share of each slot of time, and a greatest rate of news.
+//! Limits how much of a processor a source uses, whatever it is sent: a share of each slot of time.
 //!
-//! In: when work on a packet began and ended. Out: how long to wait before the next one. What comes meanwhile waits with
-//! the system, which drops what is too much.
+//! In: when work on a packet began and ended. Out: how long to wait before the next one. The operating system keeps what
+//! comes meanwhile, and drops what is too much.
 
-/// Of each slot a source works at most so long, s.
+/// A slot of time, and how long a source works in each at most, s.
 const SLOT_S: f64 = 0.01;
 const WORK_S: f64 = 0.0025;
-/// What a packet costs the system beside, s; and the most that one counts: a busy machine may have stopped in between.
+/// What a packet costs the system besides, s, and the most that one packet counts: a busy machine may have stopped in between.
 const RECEIVE_S: f64 = 5e-6;
 const LONGEST_S: f64 = 1e-3;
-/// News are handed on no oftener than this, s.
-pub const NEWS_S: f64 = 1e-3;
+/// A changed state is published no more often than this, s.
+pub const PUBLISH_S: f64 = 1e-3;
 
-/// What a source has worked in the slot that runs.
+/// How long a source has worked in the current slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pace {
+pub struct RateLimiter {
     slot_s: f64,
     worked_s: f64,
 }
 
-impl Pace {
-    /// Work on a packet went from `from_s` to `until_s`; how long to wait, where the slot's share is used up, s.
+impl RateLimiter {
+    /// Counts work on a packet from `from_s` to `until_s`; returns how long to wait, s, if the slot's share is used up.
     pub fn worked(&mut self, from_s: f64, until_s: f64) -> Option<f64> {
         if from_s - self.slot_s >= SLOT_S {
-            *self = Pace { slot_s: from_s, worked_s: 0.0 };
+            *self = RateLimiter { slot_s: from_s, worked_s: 0.0 };
         }
         self.worked_s += (until_s - from_s).clamp(0.0, LONGEST_S) + RECEIVE_S;
         let left_s = self.slot_s + SLOT_S - until_s;
@@ -37,11 +37,11 @@ mod tests {
 
     /// Packets that take `cost_s` each, as fast as they are taken, for ten seconds: the part of the time worked.
     fn share(cost_s: f64) -> f64 {
-        let (mut pace, mut now_s, mut worked_s) = (Pace::default(), 0.0, 0.0);
+        let (mut limiter, mut now_s, mut worked_s) = (RateLimiter::default(), 0.0, 0.0);
         while now_s < 10.0 {
             let until_s = now_s + cost_s;
             worked_s += cost_s;
-            now_s = until_s + pace.worked(now_s, until_s).unwrap_or(0.0);
+            now_s = until_s + limiter.worked(now_s, until_s).unwrap_or(0.0);
         }
         worked_s / now_s
     }
@@ -57,10 +57,10 @@ mod tests {
 
     #[test]
     fn a_tracker_at_a_kilohertz_never_waits() {
-        let mut pace = Pace::default();
+        let mut limiter = RateLimiter::default();
         for i in 0..10_000 {
             let now_s = 1e-3 * f64::from(i);
-            assert_eq!(pace.worked(now_s, now_s + 1e-4), None, "{i}");
+            assert_eq!(limiter.worked(now_s, now_s + 1e-4), None, "{i}");
         }
     }
 }

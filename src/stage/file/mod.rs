@@ -2,13 +2,26 @@
 //! screen and remedy. The faults checked are those that display walls are really set up with: mirrored and
 //! skewed corners, other units, swapped eyes.
 
-use super::fault::{Fault, IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError};
-use super::haptic::{self, Haptic, HapticFile};
+mod haptic;
+mod mount;
+mod tracking;
+mod window;
+
+use self::haptic::HapticFile;
+use self::tracking::{SensorFile, StylusFile, TrackerFile};
+use self::window::{MonitorFile, WindowFile};
+use super::built_in::text_of;
+use super::description::Stage;
+use super::error::{
+    IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError, StageFault, TrackingFault,
+};
+use super::haptic::Haptic;
 use super::screen::{MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen};
 use super::stereo::Stereo;
-use super::tracking::{self, SensorFile, StylusFile, TrackerFile, TrackingFault};
-use super::window::{self, MonitorFile, Window, WindowFile};
-use super::{Grid, Stage, Viewer, Workspace};
+use super::tracking::Tracking;
+use super::viewer::{Viewer, rotation_towards};
+use super::window::Window;
+use super::workspace::{Grid, Workspace};
 use crate::config;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
@@ -83,22 +96,39 @@ struct ScreenFile {
     pixels: [u32; 2],
 }
 
-pub fn load(path: &Path) -> Result<Stage, StageError> {
-    let text = config::read(path)?;
-    parse(&text, path)
-}
+impl Stage {
+    /// The stage of a built-in name, or of a file: whatever ends in `.toml` is a path.
+    pub fn find(name_or_path: &str) -> Result<Self, StageError> {
+        let (text, path) = text_of(name_or_path)?;
+        Self::parse(&text, &path)
+    }
 
-pub fn parse(text: &str, path: &Path) -> Result<Stage, StageError> {
-    let invalid = |located: Located| StageError::Invalid {
-        path: path.to_owned(),
-        line: located.line,
-        fault: located.fault,
-    };
-    let Survey { stage, faults } = survey(text, path)?;
-    match (faults.into_iter().next(), stage) {
-        (Some(first), _) => Err(invalid(first)),
-        (None, Some(stage)) => Ok(stage),
-        (None, None) => Err(invalid(Located { line: 1, fault: Fault::NoScreen })),
+    /// The same with all that is wrong with it, instead of the first fault alone.
+    ///
+    /// # Errors
+    /// [`StageError::File`] and [`StageError::Unknown`]: there is nothing to be surveyed.
+    pub fn survey(name_or_path: &str) -> Result<Survey, StageError> {
+        let (text, path) = text_of(name_or_path)?;
+        survey(&text, &path)
+    }
+
+    /// Reads and checks a stage file.
+    pub fn load(path: &Path) -> Result<Self, StageError> {
+        let text = config::read(path)?;
+        Self::parse(&text, path)
+    }
+
+    /// Checks the text of a stage file; `path` is only named in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, StageError> {
+        let Survey { stage, faults, .. } = survey(text, path)?;
+        let no_screen = || Located { line: 1, fault: StageFault::NoScreen };
+        match (faults.into_iter().next(), stage) {
+            (None, Some(stage)) => Ok(stage),
+            (first, _) => {
+                let Located { line, fault } = first.unwrap_or_else(no_screen);
+                Err(StageError::Invalid { path: path.to_owned(), line, fault })
+            }
+        }
     }
 }
 
@@ -106,6 +136,8 @@ pub fn parse(text: &str, path: &Path) -> Result<Stage, StageError> {
 pub struct Survey {
     /// What can be made of it nevertheless: without the parts that are beyond use.
     pub stage: Option<Stage>,
+    /// The stage's trackers, even where there is no stage.
+    pub tracking: Tracking,
     pub faults: Vec<Located>,
 }
 
@@ -116,21 +148,18 @@ struct Faults<'a> {
 }
 
 impl Faults<'_> {
-    fn push(&mut self, offset: usize, fault: Fault) {
+    fn push(&mut self, offset: usize, fault: StageFault) {
         let line = config::line_and_column(self.text, offset).0;
         self.found.push(Located { line, fault });
     }
 
-    fn keep<T>(&mut self, offset: usize, result: Result<T, Fault>) -> Option<T> {
+    fn keep<T>(&mut self, offset: usize, result: Result<T, StageFault>) -> Option<T> {
         result.map_err(|fault| self.push(offset, fault)).ok()
     }
 }
 
 /// Reads the whole file, and goes on after a fault.
-///
-/// # Errors
-/// [`StageError::File`] where it is no TOML of a stage's shape.
-pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
+fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let file: StageFile = config::parse(text, path)?;
     let mut faults = Faults { text, found: Vec::new() };
     faults.keep(0, check_name("stage", &file.name));
@@ -140,7 +169,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let viewer = faults.keep(start, viewer(file.viewer.get_ref(), centre));
     let grid = file.grid.as_ref().and_then(|found| faults.keep(found.span().start, grid(found.get_ref())));
     if file.screens.is_empty() {
-        faults.push(0, Fault::NoScreen);
+        faults.push(0, StageFault::NoScreen);
     }
     let screens = screens(file.screens, viewer.as_ref(), &mut faults);
     let windows = windows(file.windows, &screens, file.stereo, &mut faults);
@@ -154,7 +183,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let monitors = monitors.collect();
     let head = file.viewer.get_ref().head.as_ref();
     let mut keep = |offset: usize, fault: TrackingFault| faults.push(offset, fault.into());
-    let mut tracking = tracking::check(file.tracker, file.sensor, file.stylus, head, &mut keep);
+    let mut tracking = tracking::check(file.tracker, file.sensor, file.stylus, head, (text, path), &mut keep);
     let haptics = file.haptic.iter().filter_map(|(name, found)| {
         let checked = check_name("haptic device", name).and_then(|()| {
             let haptic = haptic::check(name, found.get_ref())?;
@@ -182,12 +211,12 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
             screens,
             windows,
             monitors,
-            tracking,
+            tracking: tracking.clone(),
             haptics,
         }),
         _ => None,
     };
-    Ok(Survey { stage, faults: faults.found })
+    Ok(Survey { stage, tracking, faults: faults.found })
 }
 
 /// The screens that can be projected on, be it that they are skewed or mirrored.
@@ -204,7 +233,7 @@ fn screens(files: Vec<Spanned<ScreenFile>>, viewer: Option<&Viewer>, faults: &mu
         }
         let line = config::line_and_column(faults.text, start).0;
         if let Some(first_line) = lines.insert(screen.name.clone(), line) {
-            faults.push(start, Fault::Duplicate { screen: screen.name.clone(), first_line });
+            faults.push(start, StageFault::Duplicate { screen: screen.name.clone(), first_line });
         }
         screens.push(screen);
     }
@@ -223,73 +252,73 @@ fn windows(
         let made = window::window(found.into_inner(), i + 1, screens, stereo);
         let Some(window) = faults.keep(start, made) else { continue };
         if windows.iter().any(|other| other.name == window.name) {
-            faults.push(start, Fault::DuplicateWindow { window: window.name.clone() });
+            faults.push(start, StageFault::DuplicateWindow { window: window.name.clone() });
         }
         windows.push(window);
     }
     windows
 }
 
-fn check_name(what: &'static str, name: &str) -> Result<(), Fault> {
+fn check_name(what: &'static str, name: &str) -> Result<(), StageFault> {
     let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
     if is_plain && (1..=64).contains(&name.len()) {
         Ok(())
     } else {
-        Err(Fault::Name { what, name: name.chars().take(64).collect() })
+        Err(StageFault::Name { what, name: name.chars().take(64).collect() })
     }
 }
 
-fn length(what: &str, value: f64, min: f64, max: f64) -> Result<f64, Fault> {
+fn length(what: &str, value: f64, min: f64, max: f64) -> Result<f64, StageFault> {
     if (min..=max).contains(&value) {
         Ok(value)
     } else {
-        Err(Fault::Length { what: what.to_owned(), value, min, max })
+        Err(StageFault::Length { what: what.to_owned(), value, min, max })
     }
 }
 
-fn point(what: &str, coordinates: [f64; 3]) -> Result<Point3<f64>, Fault> {
+fn point(what: &str, coordinates: [f64; 3]) -> Result<Point3<f64>, StageFault> {
     for (axis, value) in ["x", "y", "z"].into_iter().zip(coordinates) {
         length(&format!("{axis} of {what}"), value, -ROOM_LIMIT_M, ROOM_LIMIT_M)?;
     }
     Ok(coordinates.into())
 }
 
-fn workspace(file: &WorkspaceFile) -> Result<Workspace, Fault> {
+fn workspace(file: &WorkspaceFile) -> Result<Workspace, StageFault> {
     Ok(Workspace {
         centre: point("the workspace's centre", file.centre)?,
         radius_m: length("the workspace's radius", file.radius, 0.001, MAX_SIDE_M)?,
     })
 }
 
-fn grid(file: &GridFile) -> Result<Grid, Fault> {
+fn grid(file: &GridFile) -> Result<Grid, StageFault> {
     Ok(Grid {
         height_m: length("the grid's height", file.height, -ROOM_LIMIT_M, ROOM_LIMIT_M)?,
         half_size_m: length("the grid's half_size", file.half_size, 0.001, ROOM_LIMIT_M)?,
     })
 }
 
-fn viewer(file: &ViewerFile, workspace: Option<Point3<f64>>) -> Result<Viewer, Fault> {
+fn viewer(file: &ViewerFile, workspace: Option<Point3<f64>>) -> Result<Viewer, StageFault> {
     let position = point("the viewer's position", file.position)?;
     let direction = match (file.target, file.direction) {
-        (Some(_), Some(_)) => return Err(Fault::TwoDirections),
+        (Some(_), Some(_)) => return Err(StageFault::TwoDirections),
         (Some(target), None) => point("the viewer's target", target)? - position,
         (None, Some(direction)) => point("the viewer's direction", direction)?.coords,
         (None, None) => workspace.map_or(-Vector3::z(), |centre| centre - position),
     };
-    let rotation = super::rotation_towards(&direction, 0.0).ok_or(Fault::NoDirection)?;
+    let rotation = rotation_towards(&direction, 0.0).ok_or(StageFault::NoDirection)?;
     let room_from_head = Isometry3::from_parts(Translation3::from(position.coords), rotation);
     Ok(Viewer { room_from_head, ipd_m: file.ipd })
 }
 
-fn check_ipd(ipd_m: f64, is_mono: bool) -> Result<(), Fault> {
+fn check_ipd(ipd_m: f64, is_mono: bool) -> Result<(), StageFault> {
     match IPD_M.contains(&ipd_m) || ipd_m == 0.0 && is_mono {
         true => Ok(()),
-        false => Err(Fault::Ipd { ipd_m }),
+        false => Err(StageFault::Ipd { ipd_m }),
     }
 }
 
 /// A screen whose corners span an area.
-fn screen(file: ScreenFile) -> Result<Screen, Fault> {
+fn screen(file: ScreenFile) -> Result<Screen, StageFault> {
     let ScreenFile { name, lower_left, lower_right, upper_left, pixels } = file;
     check_name("screen", &name)?;
     let corner = |corner: &str, coordinates| point(&format!("{corner} of screen `{name}`"), coordinates);
@@ -302,27 +331,27 @@ fn screen(file: ScreenFile) -> Result<Screen, Fault> {
     };
     let [width, height] = pixels;
     if !(1..=MAX_PIXELS).contains(&width) || !(1..=MAX_PIXELS).contains(&height) {
-        return Err(Fault::Pixels { screen: screen.name, width, height });
+        return Err(StageFault::Pixels { screen: screen.name, width, height });
     }
     let side = MIN_SIDE_M..=MAX_SIDE_M;
     let (width_m, height_m) = (screen.width_m(), screen.height_m());
     let across = screen.lower_right - screen.lower_left;
     let area = across.cross(&(screen.upper_left - screen.lower_left)).norm();
     if !side.contains(&width_m) || !side.contains(&height_m) || area < 1e-6 * width_m * height_m {
-        return Err(Fault::Size { screen: screen.name, width_m, height_m });
+        return Err(StageFault::Size { screen: screen.name, width_m, height_m });
     }
     Ok(screen)
 }
 
 /// The viewer stands before the screen.
-fn check_side(screen: &Screen, viewer: &Point3<f64>) -> Result<(), Fault> {
+fn check_side(screen: &Screen, viewer: &Point3<f64>) -> Result<(), StageFault> {
     let distance_m = screen.distance_m(viewer);
     if distance_m.abs() < MIN_EYE_DISTANCE_M {
-        return Err(Fault::EdgeOn { screen: screen.name.clone(), distance_m });
+        return Err(StageFault::EdgeOn { screen: screen.name.clone(), distance_m });
     }
     if distance_m < 0.0 {
         let (swap, corners) = unmirrored(screen);
-        return Err(Fault::Mirrored {
+        return Err(StageFault::Mirrored {
             screen: screen.name.clone(),
             viewer: *viewer,
             distance_m: -distance_m,
@@ -333,14 +362,14 @@ fn check_side(screen: &Screen, viewer: &Point3<f64>) -> Result<(), Fault> {
     Ok(())
 }
 
-fn check_shape(screen: &Screen) -> Result<(), Fault> {
+fn check_shape(screen: &Screen) -> Result<(), StageFault> {
     let (width_m, height_m) = (screen.width_m(), screen.height_m());
     let across = screen.lower_right - screen.lower_left;
     let upward = screen.upper_left - screen.lower_left;
     let cosine = across.dot(&upward) / (width_m * height_m);
     if cosine.abs() > MAX_SKEW {
         let up: Vector3<f64> = screen.axes()[1];
-        return Err(Fault::Skewed {
+        return Err(StageFault::Skewed {
             screen: screen.name.clone(),
             degrees: cosine.acos().to_degrees(),
             upper_left: screen.lower_left + up * height_m,

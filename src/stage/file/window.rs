@@ -1,10 +1,10 @@
 //! The tables `[[window]]` and `[[monitor]]` of a stage file, as they stand there, and their checks.
 
+use super::super::error::{MAX_PIXELS, PLACES, StageFault};
 use super::super::screen::Screen;
 use super::super::stereo::Stereo;
-use super::{Border, Monitor, MonitorId, Tile, Window};
+use super::super::window::{Border, Monitor, MonitorId, Tile, Window};
 use crate::config;
-use crate::stage::fault::{Fault, MAX_PIXELS, PLACES};
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -45,18 +45,23 @@ pub struct MonitorFile {
     size: [u32; 2],
 }
 
-pub fn monitor(file: MonitorFile) -> Result<Monitor, Fault> {
+pub fn monitor(file: MonitorFile) -> Result<Monitor, StageFault> {
     let MonitorFile { name, at, size } = file;
     match check_place(at).and_then(|()| check_size(size)) {
         Ok(()) => Ok(Monitor { name, at, size }),
-        Err(message) => Err(Fault::Monitor { name, message }),
+        Err(message) => Err(StageFault::Monitor { name, message }),
     }
 }
 
 /// Window `number`, counted from 1, of a stage with these screens and this kind of stereo.
-pub fn window(file: WindowFile, number: usize, screens: &[Screen], usual: Stereo) -> Result<Window, Fault> {
+pub fn window(
+    file: WindowFile,
+    number: usize,
+    screens: &[Screen],
+    usual: Stereo,
+) -> Result<Window, StageFault> {
     let name = file.name.clone().unwrap_or_else(|| format!("window {number}"));
-    read(file, &name, screens, usual).map_err(|message| Fault::Window { window: name, message })
+    read(file, &name, screens, usual).map_err(|message| StageFault::Window { window: name, message })
 }
 
 fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Result<Window, String> {

@@ -1,4 +1,4 @@
-//! A sensor whose tracker drops out, jumps, floods, lies about the time or sends nonsense.
+//! A sensor whose tracker drops out, jumps, floods, sends wrong times or nonsense.
 
 use super::*;
 use crate::stage::tracking::LostPolicy;
@@ -171,7 +171,7 @@ fn frames_slower_than_the_policy_for_gaps_freeze_nothing() {
         for [shown, truth] in shown {
             assert!((shown.translation.vector - truth.translation.vector).norm() < 1e-9, "{fps} Hz: {shown}");
         }
-        assert_eq!(follower.faults, Faults::default(), "{fps} Hz");
+        assert_eq!(follower.faults, SensorFaults::default(), "{fps} Hz");
     }
 }
 

@@ -1,7 +1,7 @@
-//! The rig: from what a stage file says of trackers to one [`TrackerState`] for any instant.
+//! All trackers of a stage together: from the newest state of each source to one [`TrackerState`] for any time.
 //!
-//! In: a stage's [`Tracking`], and the running sources. Out: head and styli in the room, calibrated, filtered,
-//! predicted, with a policy for what is not seen; and per sensor, button and valuator what is known of it.
+//! In: a stage's [`Tracking`], and the running sources. Out: head and styli in the room, calibrated, filtered and predicted,
+//! with a policy for sensors that are not tracked; and a report on every sensor, button and valuator.
 //!
 //! ```text
 //! source → DeviceState → Follower (calibration → jumps held back → One Euro → prediction → bridge) → TrackerState
@@ -14,7 +14,7 @@ mod one_euro;
 mod report;
 
 pub use clock::DeviceClock;
-pub use follower::{Event, Faults, Follower};
+pub use follower::{Event, Follower, SensorFaults};
 pub use motion::Motion;
 pub use one_euro::PoseFilter;
 pub use report::{ChannelReport, SensorReport, TrackerReport};
@@ -22,11 +22,11 @@ pub use report::{ChannelReport, SensorReport, TrackerReport};
 use super::device::{DeviceState, Link, Source, now_s};
 use super::state::{Signal, StylusState, TrackerState};
 use crate::stage::Tracking;
-use crate::stage::tracking::{ButtonId, TrackerKind};
+use crate::stage::tracking::{ButtonId, TrackerSource};
 use nalgebra::Isometry3;
 
-/// Running trackers. Dropped, its sources stop.
-pub struct Rig {
+/// The running trackers of a stage; their sources stop when it is dropped.
+pub struct TrackerSet {
     trackers: Vec<Running>,
     sensors: Vec<Followed>,
     /// Index of the head's sensor.
@@ -40,7 +40,7 @@ struct Running {
     source: Box<dyn Source>,
     link: Link,
     reconnects: u64,
-    /// Since when it has been there; `None`: it is not.
+    /// Since when it has been connected; `None` if it is not.
     there_since_s: Option<f64>,
 }
 
@@ -56,36 +56,36 @@ struct Hand {
     sensor: usize,
     grab: Option<(usize, i32)>,
     second: Option<(usize, i32)>,
-    /// After the loss of the stylus or of a connection a button counts again once it was seen released.
+    /// After the stylus or a connection was lost, a button counts again only once it was seen released.
     must_release: bool,
 }
 
-/// A tracker that is there (again) tells within this time which buttons are down, s: they were not pressed now.
+/// A tracker that has just connected reports within this time which buttons are down, s: these were not pressed now.
 const GREETING_S: f64 = 0.1;
-/// More notices than anyone reads are not kept.
+/// The most notices that are kept.
 const MOST_NOTICES: usize = 64;
 
-impl Rig {
-    /// Opens all sources that a stage names, each by `open` ([`super::open()`], where it has no force device); `None`,
-    /// without a thread or a socket, if it names none.
+impl TrackerSet {
+    /// Opens all sources that a stage names, each by `open` ([`super::open()`] opens all but force devices); `None` if the
+    /// stage names none, and then there is no thread and no socket.
     pub fn start<E>(
         tracking: &Tracking,
-        mut open: impl FnMut(&str, &TrackerKind) -> Result<Box<dyn Source>, E>,
-    ) -> Result<Option<Rig>, E> {
+        mut open: impl FnMut(&str, &TrackerSource) -> Result<Box<dyn Source>, E>,
+    ) -> Result<Option<TrackerSet>, E> {
         if tracking.trackers.is_empty() {
             return Ok(None);
         }
         let sources = tracking
             .trackers
             .iter()
-            .map(|(name, tracker)| open(name, &tracker.kind))
+            .map(|(name, tracker)| open(name, &tracker.source))
             .collect::<Result<Vec<_>, E>>()?;
-        Ok(Some(Rig::with_sources(tracking, sources, now_s())))
+        Ok(Some(TrackerSet::with_sources(tracking, sources, now_s())))
     }
 
-    /// The same with sources that run already, one for each of `tracking.trackers`, in that order.
-    pub fn with_sources(tracking: &Tracking, sources: Vec<Box<dyn Source>>, now_s: f64) -> Rig {
-        // A checked `Tracking` names only what it has.
+    /// The same with running sources, one for each of `tracking.trackers` in their order.
+    pub fn with_sources(tracking: &Tracking, sources: Vec<Box<dyn Source>>, now_s: f64) -> TrackerSet {
+        // In a checked `Tracking` all names are known.
         let tracker_of = |name: &str| tracking.trackers.get_index_of(name);
         let sensor_of = |name: &str| tracking.sensors.get_index_of(name);
         let sensors = tracking.sensors.iter().filter_map(|(name, sensor)| {
@@ -109,7 +109,7 @@ impl Rig {
                 must_release: true,
             })
         });
-        Rig {
+        TrackerSet {
             trackers: tracking
                 .trackers
                 .keys()
@@ -131,9 +131,9 @@ impl Rig {
 
     /// Head and styli at `now_s` (the clock of [`now_s`]), predicted as each sensor's `predict` says.
     ///
-    /// The head is `None` until its sensor was seen: the stage's static viewer holds. A stylus that is lost has its last
-    /// pose, [`Signal::Lost`], and no button pressed; after it is back, a button counts once it was seen released. So
-    /// does one whose tracker was gone.
+    /// The head is `None` until its sensor was tracked; until then the stage's viewer holds. A lost stylus has its last pose,
+    /// [`Signal::Lost`], and no button pressed. After it came back, or after its buttons' tracker was gone, a button counts
+    /// only once it was seen released.
     pub fn state(&mut self, now_s: f64) -> TrackerState {
         self.update(now_s);
         let head = self.head().map(|pose| pose.cast());
@@ -161,28 +161,28 @@ impl Rig {
         TrackerState { head, styli, time_s: now_s }
     }
 
-    /// Where the head was when the state was last asked for; `None` if it is not tracked.
+    /// The head's pose at the last call of [`TrackerSet::state`]; `None` if it is not tracked.
     pub fn head(&self) -> Option<Isometry3<f64>> {
         self.sensors[self.head?].pose
     }
 
-    /// Whether any stylus is seen, now or until a moment ago.
+    /// Whether any stylus is tracked, or was until a moment ago.
     pub fn is_pointing(&self) -> bool {
         let is_seen = |hand: &Hand| !matches!(self.sensors[hand.sensor].follower.signal, Signal::Lost { .. });
         self.styli.iter().any(is_seen)
     }
 
-    /// Whether anything was ever seen.
+    /// Whether any sensor was ever tracked.
     pub fn is_speaking(&self) -> bool {
         self.sensors.iter().any(|followed| followed.pose.is_some())
     }
 
-    /// What is to be said since the last call, each event once: losses, returns, links that broke or came back.
+    /// Notices since the last call, one for each event: sensors lost and found again, links that broke or came back.
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)
     }
 
-    /// Name and raw state of every tracker, as they are now: for who wants to pass them on.
+    /// Name and newest raw state of every tracker, for passing them on.
     pub fn devices(&mut self) -> impl Iterator<Item = (&str, &DeviceState)> {
         self.trackers.iter_mut().map(|running| (running.name.as_str(), running.source.latest()))
     }
@@ -192,7 +192,57 @@ impl Rig {
         self.styli.iter().map(|hand| hand.name.as_str())
     }
 
-    /// Takes what the sources have said.
+    /// A report on every tracker at `now_s`, with the newest states of the sources.
+    pub fn report(&mut self, now_s: f64) -> Vec<TrackerReport> {
+        self.update(now_s);
+        let mut reports = Vec::with_capacity(self.trackers.len());
+        for (index, running) in self.trackers.iter_mut().enumerate() {
+            let source = running.source.describe();
+            let state = running.source.latest();
+            let named: Vec<_> = self.sensors.iter().filter(|followed| followed.tracker == index).collect();
+            let mut sensors: Vec<SensorReport> = named
+                .iter()
+                .map(|followed| {
+                    let follower = &followed.follower;
+                    let reading = state.sensors.get(&follower.sensor.id);
+                    SensorReport {
+                        name: Some(followed.name.clone()),
+                        in_room: followed.pose,
+                        signal: follower.signal,
+                        faults: follower.faults,
+                        ..report::sensor(follower.sensor.id, reading, now_s)
+                    }
+                })
+                .collect();
+            let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
+            let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
+            let frame = named.first().map(|followed| followed.follower.frame);
+            sensors.extend(unnamed.map(|(id, reading)| SensorReport {
+                in_room: frame.map(|frame| frame.room_from_sensor(&reading.value)),
+                ..report::sensor(*id, Some(reading), now_s)
+            }));
+            reports.push(TrackerReport {
+                name: running.name.clone(),
+                source,
+                link: state.link.clone(),
+                counters: state.counters,
+                sensors,
+                buttons: state
+                    .buttons
+                    .iter()
+                    .map(|(id, reading)| report::channel(*id, reading, now_s))
+                    .collect(),
+                valuators: state
+                    .valuators
+                    .iter()
+                    .map(|(id, reading)| report::channel(*id, reading, now_s))
+                    .collect(),
+            });
+        }
+        reports
+    }
+
+    /// Takes the newest states of the sources.
     fn update(&mut self, now_s: f64) {
         for (index, running) in self.trackers.iter_mut().enumerate() {
             let state = running.source.latest();
@@ -242,7 +292,7 @@ impl Rig {
 
 fn push(notices: &mut Vec<String>, notice: String) {
     if notices.len() < MOST_NOTICES {
-        // Whatever a device or a peer said, a terminal is not commanded by it.
+        // Text from a device or a peer must not send control characters to a terminal.
         notices.push(notice.replace(char::is_control, "?"));
     }
 }
@@ -251,7 +301,7 @@ fn is_there(link: &Link) -> bool {
     matches!(link, Link::Up | Link::Quiet)
 }
 
-/// A button of a tracker that is not there counts as released.
+/// A button of a tracker that is not connected counts as released.
 fn is_pressed(trackers: &mut [Running], (tracker, button): (usize, i32)) -> bool {
     let state = trackers[tracker].source.latest();
     is_there(&state.link) && state.buttons.get(&button).is_some_and(|reading| reading.value)

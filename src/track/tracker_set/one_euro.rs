@@ -1,4 +1,4 @@
-//! The One Euro filter: still hands are smoothed, fast ones hardly delayed.
+//! The One Euro filter, which smooths still hands and hardly delays fast ones.
 //!
 //! In: poses and their times. Out: smoothed poses. From G. Casiez, N. Roussel, D. Vogel, "1 € Filter: A Simple
 //! Speed-based Low-pass Filter for Noisy Input in Interactive Systems", CHI 2012.
@@ -7,7 +7,7 @@ use crate::stage::tracking::OneEuro;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
 
-/// Two readings count as at least this far apart, s.
+/// Two readings are taken to be at least this far apart, s.
 const SHORTEST_S: f64 = 1e-4;
 
 /// The filter for one sensor: an exponential mean x̂ₖ = α x + (1 - α) x̂ₖ₋₁ with α = 1 / (1 + 1 / (2π f Δt)), whose
@@ -39,7 +39,7 @@ impl PoseFilter {
         PoseFilter { parameters, last: None }
     }
 
-    /// Forgets all: the next pose is taken as it is.
+    /// Forgets the past: the next pose is taken as it is.
     pub fn restart(&mut self) {
         self.last = None;
     }
@@ -68,7 +68,7 @@ impl PoseFilter {
     }
 }
 
-/// The shorter way; half a turn apart, one of the two.
+/// Slerp along the shorter way; for rotations half a turn apart, one of the two.
 fn slerp(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>, part: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis((to * from.inverse()).scaled_axis() * part) * from
 }

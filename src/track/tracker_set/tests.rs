@@ -1,9 +1,9 @@
-//! Head, styli and their buttons, from sources that say what a test makes them say.
+//! Head, styli and their buttons, from fake sources.
 
 use super::*;
 use crate::stage::Stage;
+use crate::track::FakeSource;
 use crate::track::device::Stamp;
-use crate::track::puppet::Puppet;
 use std::path::Path;
 
 const KEYS: &str = r#"
@@ -29,46 +29,48 @@ fn tracking() -> Tracking {
     Stage::parse(&format!("{text}{KEYS}"), Path::new("a.toml")).unwrap().tracking
 }
 
-impl Puppet {
+/// What a test makes a fake source report.
+impl FakeSource {
     fn pose(&self, id: i32, arrived_s: f64, x: f64) {
         let stamp = Stamp { arrived_s, measured_s: None };
-        self.say(|state| state.take_pose_at(stamp, id, Isometry3::translation(x, 1.5, 0.0), 1.0));
+        self.change(|state| state.take_pose_at(stamp, id, Isometry3::translation(x, 1.5, 0.0), 1.0));
     }
     fn button(&self, pressed: bool) {
-        self.say(|state| state.take_button(3, pressed, None));
+        self.change(|state| state.take_button(3, pressed, None));
     }
     fn reconnected(&self) {
-        self.say(|state| state.counters.reconnects += 1);
+        self.change(|state| state.counters.reconnects += 1);
     }
     fn link(&self, link: Link) {
-        self.say(|state| state.link = link);
+        self.change(|state| state.link = link);
     }
 }
 
-fn rig() -> (Rig, Puppet, Puppet) {
-    let (a, pad) = (Puppet::default(), Puppet::default());
-    [&a, &pad].iter().for_each(|puppet| puppet.link(Link::Up));
-    let rig = Rig::with_sources(&tracking(), vec![Box::new(a.clone()), Box::new(pad.clone())], 0.0);
-    (rig, a, pad)
+fn trackers() -> (TrackerSet, FakeSource, FakeSource) {
+    let (a, pad) = (FakeSource::default(), FakeSource::default());
+    [&a, &pad].iter().for_each(|source| source.link(Link::Up));
+    let trackers =
+        TrackerSet::with_sources(&tracking(), vec![Box::new(a.clone()), Box::new(pad.clone())], 0.0);
+    (trackers, a, pad)
 }
 
 #[test]
 fn head_and_stylus_are_where_the_calibration_says() {
-    let (mut rig, a, pad) = rig();
-    let before = rig.state(0.0);
+    let (mut trackers, a, pad) = trackers();
+    let before = trackers.state(0.0);
     assert_eq!(before.head, None, "not seen yet: the static viewer");
     assert!(matches!(before.styli[0].signal, Signal::Lost { .. }));
     a.pose(0, 0.1, 0.5);
     a.pose(1, 0.1, 0.25);
     pad.button(false);
-    let state = rig.state(0.1);
+    let state = trackers.state(0.1);
     assert_eq!(state.head.unwrap().translation.vector, nalgebra::Vector3::new(1.5, 1.5, 0.0));
     let stylus = state.styli[0];
     assert_eq!(stylus.room_from_stylus.translation.vector, nalgebra::Vector3::new(1.25, 1.5, -0.1));
     assert_eq!((stylus.pressed, stylus.signal), (false, Signal::Live));
     pad.button(true);
-    assert!(rig.state(0.11).styli[0].pressed);
-    let report = rig.report(0.12);
+    assert!(trackers.state(0.11).styli[0].pressed);
+    let report = trackers.report(0.12);
     assert_eq!(report[0].sensors.len(), 2);
     assert_eq!(report[0].sensors[1].name.as_deref(), Some("wand"));
     assert!(report[1].buttons[0].value);
@@ -76,51 +78,51 @@ fn head_and_stylus_are_where_the_calibration_says() {
 
 #[test]
 fn a_lost_stylus_lets_go_and_takes_hold_again_only_at_a_new_press() {
-    let (mut rig, a, pad) = rig();
+    let (mut trackers, a, pad) = trackers();
     a.pose(1, 0.0, 0.0);
     pad.button(false);
-    rig.state(0.0);
-    rig.state(0.1);
+    trackers.state(0.0);
+    trackers.state(0.1);
     pad.button(true);
-    assert!(rig.state(0.11).styli[0].pressed);
-    let held = rig.state(1.0).styli[0];
+    assert!(trackers.state(0.11).styli[0].pressed);
+    let held = trackers.state(1.0).styli[0];
     assert!(held.pressed && matches!(held.signal, Signal::Held { .. }), "{held:?}");
-    let lost = rig.state(2.5).styli[0];
+    let lost = trackers.state(2.5).styli[0];
     assert!(!lost.pressed && matches!(lost.signal, Signal::Lost { .. }), "{lost:?}");
     a.pose(1, 3.0, 0.0);
-    assert!(!rig.state(3.0).styli[0].pressed, "the button was not let go of meanwhile");
+    assert!(!trackers.state(3.0).styli[0].pressed, "the button was not let go of meanwhile");
     pad.button(false);
-    rig.state(3.1);
+    trackers.state(3.1);
     pad.button(true);
     a.pose(1, 3.15, 0.0);
-    assert!(rig.state(3.2).styli[0].pressed);
-    let notices = rig.take_notices();
+    assert!(trackers.state(3.2).styli[0].pressed);
+    let notices = trackers.take_notices();
     let of_wand: Vec<_> = notices.iter().filter(|notice| notice.contains("wand")).collect();
     assert_eq!(of_wand.len(), 2, "{notices:?}");
-    assert!(rig.take_notices().is_empty());
+    assert!(trackers.take_notices().is_empty());
 }
 
 #[test]
 fn a_button_of_a_tracker_that_is_gone_is_released() {
-    let (mut rig, a, pad) = rig();
+    let (mut trackers, a, pad) = trackers();
     a.pose(1, 0.0, 0.0);
     pad.button(false);
     pad.link(Link::Up);
-    rig.state(0.0);
-    rig.state(0.1);
+    trackers.state(0.0);
+    trackers.state(0.1);
     pad.button(true);
-    assert!(rig.state(0.11).styli[0].pressed);
+    assert!(trackers.state(0.11).styli[0].pressed);
     pad.link(Link::Down("unplugged".into()));
-    assert!(!rig.state(0.15).styli[0].pressed);
-    rig.state(0.16);
-    let notices = rig.take_notices();
-    assert_eq!(notices, ["tracker pad (puppet) is gone: unplugged; it is tried again"]);
+    assert!(!trackers.state(0.15).styli[0].pressed);
+    trackers.state(0.16);
+    let notices = trackers.take_notices();
+    assert_eq!(notices, ["tracker pad (fake source) is gone: unplugged; it is tried again"]);
 }
 
 #[test]
 fn a_button_that_a_returned_tracker_says_is_down_counts_once_it_was_seen_released() {
-    let (mut rig, a, pad) = rig();
-    let mut is_pressed = |now_s: f64| rig.state(now_s).styli[0].pressed;
+    let (mut trackers, a, pad) = trackers();
+    let mut is_pressed = |now_s: f64| trackers.state(now_s).styli[0].pressed;
     a.pose(1, 0.0, 0.0);
     pad.button(false);
     assert!(!is_pressed(0.0) && !is_pressed(0.1));
@@ -157,11 +159,11 @@ fn a_button_that_a_returned_tracker_says_is_down_counts_once_it_was_seen_release
 
 #[test]
 fn a_dead_sensor_without_a_name_is_not_called_live() {
-    let (mut rig, a, _pad) = rig();
+    let (mut trackers, a, _pad) = trackers();
     a.pose(5, 0.0, 0.0);
     a.pose(5, 0.01, 0.0);
     let mut of_5 = |now_s: f64| {
-        let report = rig.report(now_s);
+        let report = trackers.report(now_s);
         let sensor = report[0].sensors.iter().find(|sensor| sensor.id == 5).unwrap();
         (sensor.signal, sensor.faults.drop_outs)
     };

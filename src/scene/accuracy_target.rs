@@ -1,0 +1,55 @@
+//! What a scene may ask of a body instead of naming its knobs: an accuracy, or a budget.
+
+use serde::{Deserialize, Serialize};
+
+/// Largest relative errors over the measured poses.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Accuracy {
+    /// Of the displacement, relative L2 over the body.
+    pub displacement: Option<f64>,
+    /// Of forces and torques on control elements, against the largest wrench of the pose.
+    pub force: Option<f64>,
+    /// Unknowns of the largest solve while it is measured.
+    pub largest: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Budget {
+    /// 99th percentile of one evaluation.
+    pub frame_ms: Option<f64>,
+    pub file_mb: Option<f64>,
+    pub offline_s: Option<f64>,
+    /// Unknowns of the largest solve while it is measured.
+    pub largest: Option<f64>,
+}
+
+/// What is asked of a body whose knobs are not named but chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AccuracyTarget {
+    Accuracy(Accuracy),
+    Budget(Budget),
+}
+
+impl AccuracyTarget {
+    /// Its key in the scene file.
+    pub fn key(&self) -> &'static str {
+        match self {
+            AccuracyTarget::Accuracy(_) => "accuracy",
+            AccuracyTarget::Budget(_) => "budget",
+        }
+    }
+
+    pub fn largest(&self) -> Option<f64> {
+        match self {
+            AccuracyTarget::Accuracy(accuracy) => accuracy.largest,
+            AccuracyTarget::Budget(budget) => budget.largest,
+        }
+    }
+
+    /// Whether it asks for times, which are those of one machine.
+    pub fn is_timed(&self) -> bool {
+        matches!(self, AccuracyTarget::Budget(budget) if budget.frame_ms.is_some() || budget.offline_s.is_some())
+    }
+}

@@ -1,0 +1,57 @@
+//! The windows of a stage that names none: one for each screen, or one for each screen and eye.
+
+use super::description::Stage;
+use super::stereo::Stereo;
+use super::viewer::Eye;
+use super::window::{Border, Tile, Window};
+
+impl Tile {
+    /// All of a screen in the whole of a window.
+    pub fn whole(stage: &Stage, screen: usize, stereo: Stereo) -> Self {
+        let pixels @ [width, height] = stage.screens[screen].pixels;
+        let [w, h] = stereo.window_size(pixels);
+        let crop = [0, 0, width, height];
+        Self { rect: [0, 0, w, h], screen, stereo, swap_eyes: false, crop, overscan: [0; 4] }
+    }
+}
+
+impl Stage {
+    /// The stage's own windows; without any, those of [`Stage::usual_layout`].
+    pub fn layout(&self) -> Vec<Window> {
+        if self.windows.is_empty() { self.usual_layout() } else { self.windows.clone() }
+    }
+
+    /// The windows that show everything: a column per eye where each has a window of its own, the screens from the
+    /// highest to the lowest.
+    pub fn usual_layout(&self) -> Vec<Window> {
+        let from_top = self.screens_from_top();
+        let kinds: &[Stereo] = match self.stereo {
+            Stereo::Separate => &[Stereo::Left, Stereo::Right],
+            _ => std::slice::from_ref(&self.stereo),
+        };
+        let several = self.screens.len() * kinds.len() > 1;
+        let height = |screen: usize| kinds[0].window_size(self.screens[screen].pixels)[1];
+        let window = |screen: usize, column: usize, stereo: Stereo| {
+            let tile = Tile::whole(self, screen, stereo);
+            let [.., width, own_height] = tile.rect;
+            let above = from_top.iter().take_while(|&&other| other != screen);
+            let top = above.fold(0_u32, |sum, &other| sum.saturating_add(height(other)));
+            let at = [width.saturating_mul(column as u32), top];
+            let eyes: Vec<&str> = stereo.eyes().iter().map(|eye| Eye::name(*eye)).collect();
+            Window {
+                name: format!("{} {}", self.screens[screen].name, eyes.join(" and ")),
+                monitor: None,
+                fills: false,
+                at: several.then_some(at.map(|pixel| i32::try_from(pixel).unwrap_or(i32::MAX))),
+                size: [width, own_height],
+                border: Border::Decorated,
+                tiles: vec![tile],
+            }
+        };
+        let of = |screen: usize| {
+            kinds.iter().enumerate().map(move |(column, kind)| (screen, column, *kind)).collect::<Vec<_>>()
+        };
+        let panes = (0..self.screens.len()).flat_map(of);
+        panes.map(|(screen, column, stereo)| window(screen, column, stereo)).collect()
+    }
+}

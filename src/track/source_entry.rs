@@ -1,0 +1,71 @@
+//! What a kind of tracker says of itself: its keys in a stage's `[tracker.NAME]` table, and how these are read.
+
+use super::device::Source;
+use super::open_error::OpenError;
+use crate::config;
+use serde::de::DeserializeOwned;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+/// One entry of the list of sources.
+pub struct SourceEntry {
+    /// The key that makes a table one of this kind.
+    pub key: &'static str,
+    /// Keys that go with it.
+    pub more_keys: &'static [&'static str],
+    /// Checks the keys of the tracker of this name; an error says what is wrong and what to do.
+    pub read: fn(tracker: &str, keys: &toml::Table) -> Result<SourceSettings, String>,
+}
+
+/// A checked table, from which its source can be opened.
+pub struct SourceSettings {
+    /// What no second tracker can use at the same time.
+    pub exclusive_use: Option<ExclusiveUse>,
+    /// Starts the source of the tracker of this name.
+    pub open: OpenSource,
+}
+
+pub type OpenSource = Box<dyn FnOnce(&str) -> Result<Box<dyn Source>, OpenError>>;
+
+/// A port or a device that one source occupies.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ExclusiveUse {
+    Listens(SocketAddr),
+    Opens(PathBuf),
+}
+
+impl ExclusiveUse {
+    /// Whether both cannot be had at once; 0.0.0.0 is every address of this machine, and port 0 any free one.
+    pub fn clashes_with(&self, other: &ExclusiveUse) -> bool {
+        match (self, other) {
+            (ExclusiveUse::Listens(a), ExclusiveUse::Listens(b)) => {
+                let is_same = a.ip() == b.ip() || a.ip().is_unspecified() || b.ip().is_unspecified();
+                a.port() != 0 && a.port() == b.port() && is_same
+            }
+            (ExclusiveUse::Opens(a), ExclusiveUse::Opens(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
+impl std::fmt::Display for ExclusiveUse {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ExclusiveUse::Listens(at) => write!(f, "port {}", at.port()),
+            ExclusiveUse::Opens(device) => device.display().fmt(f),
+        }
+    }
+}
+
+/// The keys of a tracker's table as a struct with `deny_unknown_fields`.
+pub fn keys<T: DeserializeOwned>(tracker: &str, keys: &toml::Table) -> Result<T, String> {
+    config::from_table(keys).map_err(|message| format!("tracker `{tracker}`: {message}"))
+}
+
+/// The path of a device, which must not be empty.
+pub fn device(tracker: &str, key: &str, path: PathBuf, example: &str) -> Result<PathBuf, String> {
+    if path == Path::new("") {
+        return Err(format!("`{key}` of tracker `{tracker}` is empty: give the device's path, as {example}"));
+    }
+    Ok(path)
+}

@@ -1,0 +1,115 @@
+//! The list of sources: which key of a stage's `[tracker.NAME]` table each kind of tracker has, and what opens it.
+//!
+//! In: the table as the stage keeps it. Out: a running [`Source`], or an error that names file, line and remedy.
+
+use super::device::Source;
+use super::open_error::OpenError;
+use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings};
+use super::{dtrack, fastrak, gamepad, osc, vrpn};
+use crate::config;
+use crate::stage::tracking::{SourceTable, TrackerSource, Tracking};
+use crate::stage::{Located, Stage, StageError, StageFault};
+
+/// All kinds of trackers; a new one is one file and one line here.
+pub const SOURCES: &[SourceEntry] =
+    &[vrpn::client::SOURCE, dtrack::SOURCE, osc::SOURCE, fastrak::SOURCE, gamepad::SOURCE];
+
+/// Opens the source of the tracker of this name.
+pub fn open(tracker: &str, source: &TrackerSource) -> Result<Box<dyn Source>, OpenError> {
+    match source {
+        TrackerSource::Table(table) => {
+            let settings = read(tracker, table).map_err(|message| invalid(table, message))?;
+            (settings.open)(tracker)
+        }
+        TrackerSource::Haptic(_) => {
+            let why = "a force device is opened by whoever gives it forces".to_owned();
+            Err(OpenError::Unsupported { tracker: tracker.to_owned(), why })
+        }
+    }
+}
+
+/// A built-in stage or a stage file ([`Stage::find`]) whose trackers' tables can be read, too.
+pub fn find_stage(name: &str) -> Result<Stage, StageError> {
+    checked(Stage::find(name)?)
+}
+
+/// The stage, if its trackers' tables can be read, too.
+pub fn checked(stage: Stage) -> Result<Stage, StageError> {
+    match faults(&stage.tracking).into_iter().next() {
+        Some((table, message)) => Err(invalid(table, message)),
+        None => Ok(stage),
+    }
+}
+
+/// All that is wrong with the sources' tables of a stage.
+pub fn source_faults(tracking: &Tracking) -> impl Iterator<Item = Located> {
+    let located = |(table, message): (&SourceTable, _)| Located {
+        line: table.line,
+        fault: StageFault::Source(message),
+    };
+    faults(tracking).into_iter().map(located)
+}
+
+fn invalid(table: &SourceTable, message: String) -> StageError {
+    StageError::Invalid { path: table.path.clone(), line: table.line, fault: StageFault::Source(message) }
+}
+
+/// Each table that is at fault with its first fault; two trackers cannot use the same port or device.
+fn faults(tracking: &Tracking) -> Vec<(&SourceTable, String)> {
+    let mut used: Vec<(&str, ExclusiveUse)> = Vec::new();
+    let mut found = Vec::new();
+    for (name, tracker) in &tracking.trackers {
+        let TrackerSource::Table(table) = &tracker.source else { continue };
+        let settings = match read(name, table) {
+            Ok(settings) => settings,
+            Err(message) => {
+                found.push((table, message));
+                continue;
+            }
+        };
+        let Some(own) = settings.exclusive_use else { continue };
+        match used.iter().find(|(_, other)| own.clashes_with(other)) {
+            Some((first, _)) => found.push((
+                table,
+                format!(
+                    "trackers `{first}` and `{name}` both use {own}: one of them would hear nothing; keep one, \
+                     several sensors may name it"
+                ),
+            )),
+            None => used.push((name, own)),
+        }
+    }
+    found
+}
+
+/// Finds the entry of a table by its keys, and has it read them.
+fn read(tracker: &str, table: &SourceTable) -> Result<SourceSettings, String> {
+    let keys = &table.keys;
+    let given: Vec<&SourceEntry> = SOURCES.iter().filter(|entry| keys.contains_key(entry.key)).collect();
+    for key in keys.keys().filter(|key| given.iter().all(|entry| entry.key != key.as_str())) {
+        let goes_with = |entry: &&SourceEntry| entry.more_keys.contains(&key.as_str());
+        let with: Vec<&str> = SOURCES.iter().filter(goes_with).map(|entry| entry.key).collect();
+        if with.is_empty() {
+            let own =
+                |entry: &'static SourceEntry| [entry.key].into_iter().chain(entry.more_keys.iter().copied());
+            let known = SOURCES.iter().flat_map(own).chain(["room_from_tracker"]);
+            return Err(format!("tracker `{tracker}`: {}", config::unknown_name("key", key, known)));
+        }
+        if !given.iter().any(goes_with) {
+            let with = with.join(" or ");
+            return Err(format!("`{key}` of tracker `{tracker}` goes with `{with}` alone: remove it"));
+        }
+    }
+    match given[..] {
+        [entry] => (entry.read)(tracker, keys),
+        _ => {
+            let given: Vec<&str> = given.iter().map(|entry| entry.key).collect();
+            let found = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };
+            let all: Vec<&str> = SOURCES.iter().map(|entry| entry.key).collect();
+            Err(format!("tracker `{tracker}` has {found}: give exactly one of {}", all.join(", ")))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

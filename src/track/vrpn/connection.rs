@@ -1,0 +1,131 @@
+//! What a VRPN client's threads share: the connection to write to, and the state that the reading threads fill.
+
+use super::codec::{self, Header};
+use super::listener::Listener;
+use super::payload::{ForceField, MessageKind, Payload};
+use crate::base::last_word::LastWord;
+use crate::track::device::{DeviceState, Link};
+use crate::track::publisher::StatePublisher;
+use crate::track::rate_limiter::RateLimiter;
+use std::io::Write;
+use std::net::{Shutdown, TcpStream};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use triple_buffer::Output;
+
+/// What the client and its threads share.
+pub struct Control {
+    pub stop: AtomicBool,
+    /// The connection, for whoever writes.
+    writer: Mutex<Option<Writer>>,
+    hearing: Mutex<Hearing>,
+}
+
+/// What both reading threads work on: the meaning of messages, and how the state that follows from them is published.
+pub struct Hearing {
+    pub listener: Listener,
+    publisher: StatePublisher,
+}
+
+struct Writer {
+    /// The command that ends the force, prepared before the first force is sent. It is dropped before the stream.
+    last_word: Option<LastWord>,
+    stream: TcpStream,
+}
+
+/// The types that this side sends; their numbers are their positions here.
+pub const SPOKEN: [MessageKind; 3] = [MessageKind::Ping, MessageKind::Pong, MessageKind::ForceField];
+
+impl Control {
+    pub fn new(device: &str) -> (Control, Output<DeviceState>) {
+        let (publisher, newest) = StatePublisher::new();
+        let hearing = Mutex::new(Hearing { listener: Listener::new(device), publisher });
+        (Control { stop: AtomicBool::new(false), writer: Mutex::new(None), hearing }, newest)
+    }
+
+    pub fn hearing(&self) -> MutexGuard<'_, Hearing> {
+        lock(&self.hearing)
+    }
+
+    /// Writes go to this stream from now on.
+    pub fn connected(&self, stream: TcpStream) {
+        *lock(&self.writer) = Some(Writer { last_word: None, stream });
+    }
+
+    /// Sends a force field to the device; false if there is no connection. Before the first one, makes sure that the force is
+    /// taken back however the program ends.
+    pub fn push(&self, field: &ForceField) -> bool {
+        let none = message(&Payload::ForceField(ForceField::default()));
+        let prepared = match &mut *lock(&self.writer) {
+            Some(Writer { last_word: last_word @ None, stream }) => LastWord::new(stream, &none)
+                .map(|made| *last_word = Some(made))
+                .inspect_err(|error| tracing::warn!("vrpn: no force is sent: {error}")),
+            _ => Ok(()),
+        };
+        if prepared.is_err() {
+            self.hang_up();
+            return false;
+        }
+        self.send(&message(&Payload::ForceField(*field)))
+    }
+
+    pub fn send(&self, bytes: &[u8]) -> bool {
+        let mut writer = lock(&self.writer);
+        let sent = writer.as_mut().map_or(Some(false), |Writer { last_word, stream }| {
+            let mut write = || stream.write_all(bytes).is_ok();
+            match last_word {
+                Some(last_word) => last_word.before(write),
+                None => Some(write()),
+            }
+        });
+        drop(writer);
+        // The program is ending; the connection is left to the handler that sends the last word.
+        let Some(sent) = sent else { return false };
+        if !sent {
+            // A stream that was cut in the middle of a message cannot go on.
+            self.hang_up();
+        }
+        sent
+    }
+
+    /// Ends the connection, if there is one; its reader wakes up.
+    pub fn hang_up(&self) {
+        if let Some(writer) = lock(&self.writer).take() {
+            let _ = writer.stream.shutdown(Shutdown::Both);
+        }
+    }
+}
+
+impl Hearing {
+    pub fn publish(&mut self) {
+        self.publisher.publish(&self.listener.state);
+    }
+
+    /// [`StatePublisher::publish_changed`].
+    pub fn publish_changed(&mut self, has_changed: bool) -> bool {
+        self.publisher.publish_changed(&self.listener.state, has_changed)
+    }
+
+    /// [`StatePublisher::set_link`].
+    pub fn set_link(&mut self, link: Link) {
+        self.publisher.set_link(&mut self.listener.state, link);
+    }
+
+    /// [`StatePublisher::throttle`].
+    pub fn throttle(&mut self, limiter: &mut RateLimiter, began_s: f64) -> Option<Duration> {
+        self.publisher.throttle(&mut self.listener.state, limiter, began_s)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A message of this side's device.
+pub fn message(payload: &Payload) -> Vec<u8> {
+    let kind = SPOKEN.iter().position(|kind| *kind == payload.kind()).unwrap_or(0);
+    let mut bytes = Vec::with_capacity(96);
+    codec::encode(&Header::now(0, kind as i32), &payload.encode(), &mut bytes);
+    bytes
+}
