@@ -23,6 +23,7 @@
 //! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script → `TrackerState` |
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`report`] | what accuracy costs in time: measured rows, table, JSON, SVG, page |
+//! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
 //! | [`verify`] | problems with known answers, and how near the elements come to them |
 //! | [`cli`] | one file per subcommand |
@@ -48,4 +49,5 @@ pub mod scene;
 pub mod solve;
 pub mod stage;
 pub mod track;
+pub mod tuning;
 pub mod verify;

@@ -2,6 +2,7 @@
 //!
 //! Imports no other room of ours.
 
+pub mod csv;
 pub mod disjoint;
 pub mod input;
 pub mod last_word;
@@ -12,4 +13,5 @@ pub mod output;
 pub mod peak;
 pub mod signal;
 pub mod statistics;
+pub mod table;
 pub mod text;

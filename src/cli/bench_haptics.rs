@@ -1,12 +1,12 @@
 //! The table "haptic tick" of `greenstage bench`: work of one tick of the force loop, alone and beside the renderer.
 
 use super::failure::Failure;
+use crate::base::table::{Table, seconds};
 use crate::deform::{ControlPose, ControlRest};
 use crate::effect::haptics::{
     Clockwork, Control, Elastic, Grasp, Hand, Held, Loop, News, Reading, Simulated, Way,
 };
 use crate::green::FIELDS;
-use crate::report::table::{Table, seconds};
 use crate::stage::Haptic;
 use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Vector3};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::poses::{self, Pose};
 use super::{session, statics};
+use crate::base::csv::quoted;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::text::one_line;
@@ -370,14 +371,6 @@ fn label(result: &Deformed, several: bool) -> String {
 }
 
 /// A name as a cell of a CSV file (RFC 4180).
-fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", name.replace('"', "\"\""))
-    } else {
-        name.to_owned()
-    }
-}
-
 fn displacement_csv(geometry: &[Geometry], results: &[Deformed], several: bool) -> String {
     let mut text = DISPLACEMENT_HEADING.to_owned();
     for result in results {
@@ -450,12 +443,6 @@ fn pieces<'a>(geometry: &'a [Geometry], results: &[Deformed], missed: &[Missed])
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_with_commas_and_quotes_stay_one_cell() {
-        assert_eq!(quoted("bend 30"), "bend 30");
-        assert_eq!(quoted("a,b \"c\""), "\"a,b \"\"c\"\"\"");
-    }
 
     #[test]
     fn names_of_poses_leave_the_file_readable() {

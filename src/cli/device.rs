@@ -3,9 +3,9 @@
 
 use super::failure::Failure;
 use super::world::PlacedBody;
+use crate::base::table::seconds;
 use crate::green::Basis;
 use crate::render::{BodyBuffers, ColumnData, Gpu, RenderError, Renderer};
-use crate::report::table::seconds;
 use serde_json::{Value, json};
 use std::time::Instant;
 

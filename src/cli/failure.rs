@@ -7,6 +7,7 @@ use crate::mesh::MeshError;
 use crate::render::RenderError;
 use crate::report::ReportError;
 use crate::scene::SceneError;
+use crate::tuning::TuningError;
 use std::fmt;
 
 /// An error and the exit status it ends with.
@@ -100,6 +101,12 @@ impl From<ReportError> for Failure {
             ReportError::Output(error) => error.into(),
             error => Failure::work(error),
         }
+    }
+}
+
+impl From<TuningError> for Failure {
+    fn from(error: TuningError) -> Failure {
+        Failure::work(error)
     }
 }
 

@@ -9,6 +9,7 @@ use super::interrupt;
 use super::overlay::HapticReading;
 use super::world::World;
 use crate::base::notice::notice;
+use crate::base::table::seconds;
 use crate::effect::find_effect;
 use crate::effect::haptics::{
     Control, Device, Elastic, Faults, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated, VrpnDevice,
@@ -16,7 +17,6 @@ use crate::effect::haptics::{
 };
 use crate::green::GreenFile;
 use crate::interact::Mode;
-use crate::report::table::seconds;
 use crate::scene::Scene;
 use crate::stage::{Haptic, HapticDevice, Stage};
 use crate::track::{TrackerState, usable};

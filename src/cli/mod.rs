@@ -48,8 +48,8 @@ mod writing;
 pub use failure::Failure;
 
 use crate::base::machine::{self, ThreadsError};
+use crate::base::table;
 use crate::base::text::plain;
-use crate::report::table;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 

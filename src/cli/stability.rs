@@ -2,10 +2,10 @@
 
 use super::failure::Failure;
 use super::verify::Args;
+use crate::base::table::Table;
 use crate::effect::haptics::settling::{MODULI, REPORTS, Settled, settle, still};
 use crate::effect::haptics::stability::{RATES_HZ, Run, START_M, STIFFNESSES, boundary, run};
 use crate::effect::haptics::{Hand, Measures, Reports};
-use crate::report::table::Table;
 use crate::stage::Haptic;
 use rayon::prelude::*;
 use serde_json::json;

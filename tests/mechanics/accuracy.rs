@@ -7,10 +7,10 @@ use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
 use greenstage::fem::STVK;
 use greenstage::green::{self, Needs};
 use greenstage::report::measure::poses::random;
-use greenstage::report::plan::{choose, miss, time};
-use greenstage::report::{Limits, Report, Request, Row, measure};
+use greenstage::report::{Limits, Measurement, Report, Request, measure};
 use greenstage::scene::{Accuracy, Budget, Demand, Element, Scene};
 use greenstage::solve::Silent;
+use greenstage::tuning::{choose, miss, time};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -82,8 +82,8 @@ fn row<'a>(
     solver: &str,
     storage: &str,
     model: &str,
-) -> &'a Row {
-    let is = |row: &&Row| {
+) -> &'a Measurement {
+    let is = |row: &&Measurement| {
         let s = &row.setting;
         (s.refine, &*s.element, &*s.solver, &*s.storage, &*s.model)
             == (refine, element, solver, storage, model)
@@ -266,7 +266,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
         });
         for demand in accuracies {
             let choice = choose(&report.rows, &demand).unwrap();
-            let meets = |row: &&Row| row.can_be_chosen() && miss(row, &demand) <= 1.0;
+            let meets = |row: &&Measurement| row.can_be_chosen() && miss(row, &demand) <= 1.0;
             if choice.miss > 1.0 {
                 assert!(!report.rows.iter().any(|row| meets(&row)), "{name}: {demand:?}");
                 continue;

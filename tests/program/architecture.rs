@@ -22,11 +22,12 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("effect", &["deform", "track", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "config"]),
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
+    ("tuning", &["report", "deform", "green", "scene", "fem", "solve", "config"]),
     (
         "cli",
         &[
             "config", "manual", "render", "mesh", "stage", "scene", "fem", "solve", "green", "deform",
-            "effect", "report", "field", "track", "interact", "verify",
+            "effect", "report", "tuning", "field", "track", "interact", "verify",
         ],
     ),
 ];
@@ -237,7 +238,7 @@ fn circle(imports: &BTreeMap<String, BTreeSet<String>>, file: &str) -> BTreeSet<
 }
 
 /// Rooms whose files still import each other in circles; none may join them.
-const WITH_CIRCLES: [&str; 8] = ["cli", "fem", "mesh", "report", "scene", "stage", "track", "verify"];
+const WITH_CIRCLES: [&str; 7] = ["cli", "fem", "mesh", "scene", "stage", "track", "verify"];
 
 /// Neither directly nor by a longer way, a parent and its child included: what children share stands in a leaf.
 #[test]

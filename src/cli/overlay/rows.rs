@@ -2,8 +2,8 @@
 
 use super::panel::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
 use super::{HandDoes, HandReading, HapticReading, Readings};
+use crate::base::table::seconds;
 use crate::cli::writing::{INK, QUIET};
-use crate::report::table::seconds;
 
 /// How held elements move, what each hand does, how much can be undone.
 pub fn hand_rows(readings: &Readings) -> Vec<Row> {

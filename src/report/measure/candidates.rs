@@ -1,23 +1,13 @@
 //! The discretisations and solvers that a body is solved with.
 
-use super::ladder::Ladder;
-use super::{MeasureError, Request};
+use super::ladder::MeshLadder;
+use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::green::{self, Needs, Solution};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Element, Generate, Method, Scene, Solver, Storage};
 use crate::solve::Progress;
 use nalgebra::Vector3;
-
-/// How large what is computed may be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Unknowns of a solve; each of tet4_anp counts three times.
-    pub largest: f64,
-    pub refinements: u32,
-    /// Rounds of the online race.
-    pub rounds: usize,
-}
 
 /// What one of its unknowns costs against one of tet4: rows of K of averaged pressures are longer.
 fn cost(element: Element) -> f64 {
@@ -34,7 +24,7 @@ const TOLERANCES: [f64; 5] = [1e-3, 1e-4, 1e-6, 1e-8, 1e-10];
 /// solution of all is one of tet10.
 pub struct Meshes {
     pub linear: Vec<TetMesh>,
-    pub ladder: Ladder,
+    pub ladder: MeshLadder,
 }
 
 impl Meshes {
@@ -66,7 +56,7 @@ impl Meshes {
                 break;
             }
         }
-        let ladder = Ladder::new(linear.clone(), &curve);
+        let ladder = MeshLadder::new(linear.clone(), &curve);
         let meshes = Meshes { linear, ladder };
         let scene = variant(request, 0, Element::Tet10, Solver::default());
         let ten = scene.load_mesh(request.body, &scene.body[request.body])?.mesh;
@@ -110,7 +100,7 @@ impl Candidate {
     }
 }
 
-/// The scene with its body's knobs set.
+/// The scene with another refinement, element and solver for its body.
 pub fn variant(request: &Request<'_>, refine: u32, element: Element, solver: Solver) -> Scene {
     let mut scene = request.scene.clone();
     let body = &mut scene.body[request.body];

@@ -3,7 +3,7 @@
 use crate::deform::{ControlPoses, Deformer};
 use crate::effect::EFFECTS;
 use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
-use crate::report::EffectCost;
+use crate::report::data::EffectCost;
 use crate::scene::Scene;
 use crate::solve::Silent;
 use std::path::Path;

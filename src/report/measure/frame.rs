@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// One deformer among those that are measured side by side.
-pub struct Contender {
+pub struct TimedDeformer {
     pub deformer: Deformer,
     /// Times of one evaluation, all control elements moved, s.
     pub all_s: Vec<f64>,
@@ -14,11 +14,11 @@ pub struct Contender {
     pub one_s: Vec<f64>,
 }
 
-impl Contender {
+impl TimedDeformer {
     /// Errors name what the file or the model lacks.
-    pub fn new(file: &Arc<GreenFile>, body: &str, model: &str) -> Result<Contender, String> {
+    pub fn new(file: &Arc<GreenFile>, body: &str, model: &str) -> Result<TimedDeformer, String> {
         let deformer = Deformer::new(file.clone(), body, model)?;
-        Ok(Contender { deformer, all_s: Vec::new(), one_s: Vec::new() })
+        Ok(TimedDeformer { deformer, all_s: Vec::new(), one_s: Vec::new() })
     }
 
     /// Bytes of columns that an evaluation of all control elements reads.
@@ -27,19 +27,25 @@ impl Contender {
     }
 }
 
-/// Evaluates all contenders in turn, `rounds` times, so that what disturbs the machine disturbs them alike. Every
+/// Evaluates all timed_deformers in turn, `rounds` times, so that what disturbs the machine disturbs them alike. Every
 /// `stride`-th follows the other: neighbours share a file, and the second would find it in the cache.
-pub fn race(contenders: &mut [Contender], stride: usize, poses: &[ControlPoses], rounds: usize) {
-    let order: Vec<usize> = (0..stride).flat_map(|first| (first..contenders.len()).step_by(stride)).collect();
+pub fn time_in_turn(
+    timed_deformers: &mut [TimedDeformer],
+    stride: usize,
+    poses: &[ControlPoses],
+    rounds: usize,
+) {
+    let order: Vec<usize> =
+        (0..stride).flat_map(|first| (first..timed_deformers.len()).step_by(stride)).collect();
     for round in 0..rounds {
         for &turn in &order {
-            let contender = &mut contenders[turn];
+            let timed_deformer = &mut timed_deformers[turn];
             let pose = &poses[round % poses.len()];
             let mut moved = jogged(pose, round, 0);
-            contender.all_s.push(timed(&mut contender.deformer, &moved));
+            timed_deformer.all_s.push(timed(&mut timed_deformer.deformer, &moved));
             let last = moved.len() - 1;
             moved[last] = jogged(pose, round + 1, last)[last];
-            contender.one_s.push(timed(&mut contender.deformer, &moved));
+            timed_deformer.one_s.push(timed(&mut timed_deformer.deformer, &moved));
         }
     }
 }
@@ -87,9 +93,9 @@ mod tests {
         let body = green::precompute(&scene, "b", Needs::default(), &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
-        let mut contenders = [Contender::new(&file, "b", "rotation").unwrap()];
-        race(&mut contenders, 1, &[vec![ControlPose::REST; 2]], 5);
-        let [Contender { deformer, one_s, .. }] = contenders;
+        let mut timed_deformers = [TimedDeformer::new(&file, "b", "rotation").unwrap()];
+        time_in_turn(&mut timed_deformers, 1, &[vec![ControlPose::REST; 2]], 5);
+        let [TimedDeformer { deformer, one_s, .. }] = timed_deformers;
         assert!(one_s[4] > deformer.times.deform_s, "{one_s:?} {:?}", deformer.times);
     }
 }

@@ -5,7 +5,7 @@
 use crate::fem::Lame;
 use crate::fem::NodeFields;
 use crate::mesh::{Surface, TetMesh, quality};
-use crate::report::SmoothRow;
+use crate::report::data::SmoothError;
 use crate::solve::Progress;
 use crate::verify::{Body, Element, Exact, Fault, Kelvin, Level, rate};
 use nalgebra::{Matrix3, Vector3};
@@ -35,7 +35,7 @@ pub fn measure(
     mesh_of: &dyn Fn(Element, u32) -> Option<TetMesh>,
     levels: u32,
     progress: &dyn Progress,
-) -> Result<Vec<SmoothRow>, Fault> {
+) -> Result<Vec<SmoothError>, Fault> {
     let mut rows = Vec::new();
     progress.begin("smooth problem", Element::ALL.len() as u64 * u64::from(levels));
     for element in Element::ALL {
@@ -46,9 +46,9 @@ pub fn measure(
             }
             progress.advance(1);
         }
-        let fitted = |error: fn(&SmoothRow) -> f64| {
+        let fitted = |error: fn(&SmoothError) -> f64| {
             let level =
-                |row: &SmoothRow| Level { h: row.h, nodes: 0, value: 0.0, error: error(row), seconds: 0.0 };
+                |row: &SmoothError| Level { h: row.h, nodes: 0, value: 0.0, error: error(row), seconds: 0.0 };
             rate(&own.iter().map(level).collect::<Vec<_>>(), 0.0)
         };
         let rates = (fitted(|row| row.l2), fitted(|row| row.energy));
@@ -59,7 +59,7 @@ pub fn measure(
     Ok(rows)
 }
 
-fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, Fault> {
+fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothError, Fault> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let size = (high - low).amax();
     let lame = Lame::from_young_poisson(1.0, POISSON);
@@ -77,7 +77,7 @@ fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, Faul
     let solution = body.solve(element, lame)?;
     let norms = solution.norms(&body, element, lame, &exact);
     let order = f64::from(element.order());
-    Ok(SmoothRow {
+    Ok(SmoothError {
         element: element.name().into(),
         refine,
         h,

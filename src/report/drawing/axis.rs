@@ -1,6 +1,6 @@
 //! An axis: which pixel a value stands at, and where its ticks are.
 
-use super::units::Unit;
+use crate::report::units::Unit;
 
 /// Room at the low end of a logarithmic axis for values of exactly zero, pixels, and for those below a floor.
 const ZERO_BAND: f64 = 26.0;

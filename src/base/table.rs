@@ -1,6 +1,6 @@
 //! Tables for people: aligned columns, text left and numbers right.
 
-use crate::base::text::one_line;
+use super::text::one_line;
 
 /// Rows of equal length; the first row is the heading. A cell is one line, whatever name it shows ([`one_line`]).
 pub struct Table {

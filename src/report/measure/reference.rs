@@ -3,19 +3,19 @@
 use super::candidates::{Candidate, Meshes, solved, variant};
 use super::fields::{ask, asked_of, combined, displaced, minus, origins};
 use super::norms::Norms;
-use super::{MeasureError, Request};
+use super::request::{MeasureError, Request};
 use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
 use crate::fem::{STVK, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
-use crate::report::ModelError;
+use crate::report::data::ModelError;
 use crate::scene::{Element, Scene, Solver};
 use crate::solve::Progress;
 use nalgebra::{Matrix3, Vector3};
 
-pub struct Truth<'a> {
+pub struct References<'a> {
     pub norms: Norms<'a>,
-    pub poses: Vec<Reference>,
+    pub poses: Vec<PoseReference>,
     /// Origins of the scene's control elements with tet4.
     pub origins: Vec<Vector3<f64>>,
     pub models: Vec<ModelError>,
@@ -50,7 +50,7 @@ fn softened(scene: &Scene, body: &str) -> Option<Scene> {
 }
 
 /// A pose and its nonlinear equilibrium, with tet4 on the scene's mesh.
-pub struct Reference {
+pub struct PoseReference {
     pub name: String,
     /// About the origins of that mesh.
     pub poses: ControlPoses,
@@ -82,13 +82,13 @@ pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
     MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)))
 }
 
-impl<'a> Truth<'a> {
+impl<'a> References<'a> {
     pub fn new(
         request: &Request<'_>,
         meshes: &'a Meshes,
         candidates: &[Candidate],
         progress: &dyn Progress,
-    ) -> Result<Truth<'a>, MeasureError> {
+    ) -> Result<References<'a>, MeasureError> {
         let cholesky = |c: &&(usize, &Candidate)| c.1.solver == "cholesky";
         let all: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
         let finest = all.iter().filter(cholesky).max_by_key(|(_, c)| (c.element == Element::Tet10, c.refine));
@@ -105,7 +105,7 @@ impl<'a> Truth<'a> {
             Some(scene) => Some(solved(&scene, request, Solver::default(), progress)?),
             None => None,
         };
-        let mut truth = Truth {
+        let mut found = References {
             norms: Norms::new(meshes.ladder.top(), stiffness),
             poses: Vec::new(),
             origins: origins(&candidates[own].solution),
@@ -115,8 +115,8 @@ impl<'a> Truth<'a> {
             own,
             soft,
         };
-        truth.settle(request, meshes, candidates, progress)?;
-        Ok(truth)
+        found.settle(request, meshes, candidates, progress)?;
+        Ok(found)
     }
 
     /// What the models' errors are measured with: tet4 on the scene's mesh, of a material in which it does not lock.
@@ -195,7 +195,7 @@ impl<'a> Truth<'a> {
         name: &str,
         poses: &ControlPoses,
         settled: Settled,
-    ) -> Reference {
+    ) -> PoseReference {
         // Settled moments are about where the origins rested.
         let moved = |(wrench, pose): (&Wrench, &crate::deform::ControlPose)| Wrench {
             force: wrench.force,
@@ -215,7 +215,7 @@ impl<'a> Truth<'a> {
             force,
             torque: force * extent,
         };
-        Reference {
+        PoseReference {
             name: name.to_owned(),
             poses: poses.clone(),
             displacement: settled.displacement,
@@ -225,7 +225,7 @@ impl<'a> Truth<'a> {
     }
 
     /// What each part of the error is taken against.
-    pub fn references(&self, candidates: &[Candidate]) -> Vec<String> {
+    pub fn sentences(&self, candidates: &[Candidate]) -> Vec<String> {
         let finest = &candidates[self.finest];
         let mut sentences = vec![
             format!(
