@@ -1,4 +1,4 @@
-//! Pareto fronts: which settings nothing else beats in cost and in error at once.
+//! Pareto fronts: the settings that no other beats in both cost and error.
 
 use super::data::Measurement;
 

@@ -205,9 +205,7 @@ impl Plot {
         let wish =
             |(label, at): &(String, [f64; 2])| Wish { at: *at, width: width(label, FONT), height: LINE };
         let wishes: Vec<Wish> = labelled.iter().map(wish).collect();
-        let inside =
-            Rect { x: area.x + 3.0, y: area.y + 3.0, width: area.width - 6.0, height: area.height - 6.0 };
-        let placed = place(&wishes, &obstacles, inside);
+        let placed = place(&wishes, &obstacles, area.grown([-3.0; 2]));
         let placed =
             || labelled.iter().zip(&placed).filter_map(|((label, at), rect)| Some((label, *at, (*rect)?)));
         for (_, at, rect) in placed() {

@@ -1,7 +1,7 @@
-//! The meshes of one body from coarse to fine, and how a displacement climbs from one to the finest.
+//! The meshes of one body from coarse to fine, and the interpolation of a displacement from each of them to the finest.
 //!
-//! In: the quadratic meshes Q₀, Q₁, … of a body's refinements. Out: any field of tet4 or tet10 on any of them as the
-//! same field on the finest, where all errors are taken: what differs then is the solution, not the sampling.
+//! In: a field of tet4 or tet10 on one of the quadratic meshes Q₀, Q₁, … of a body's refinements. Out: the same field on
+//! the finest mesh. All errors are measured there, so that solutions are compared and not samplings.
 
 use crate::fem::tet4;
 use crate::mesh::{EDGES, TetMesh, quadratic};

@@ -1,7 +1,9 @@
-//! The parts of every setting's error, and what it costs.
+//! Errors and costs of every setting: candidates × storages × models.
 
 use super::candidates::{Candidate, Meshes};
-use super::fields::{Asked, asked_of, combined, displaced, minus, storage_error, stored, wrenches_about};
+use super::fields::{
+    ModelOutput, difference, displaced, evaluate_about, storage_error, stored, superposed, wrenches_about,
+};
 use super::frame::{TimedDeformer, time_in_turn};
 use super::reference::{References, largest, online};
 use super::request::{MeasureError, Request};
@@ -30,13 +32,13 @@ struct PoseErrors {
     uncancelled_held: f64,
 }
 
-/// The whole error, or the root of the sum of its parts' squares where that is larger: what is chosen by. ErrorFields that
-/// cancel in this pose make nothing better.
+/// The whole error, or the root of the sum of its parts' squares where that is larger. Settings are chosen by it, since
+/// parts that cancel in this pose may not cancel in others.
 fn uncancelled(whole: f64, parts: &[f64]) -> f64 {
     whole.max(parts.iter().map(|part| part * part).sum::<f64>().sqrt())
 }
 
-/// Every setting with its errors and costs.
+/// All settings with their errors and costs.
 pub fn measurements(
     request: &Request<'_>,
     meshes: &Meshes,
@@ -108,13 +110,13 @@ pub fn measurements(
     Ok(rows)
 }
 
-/// A setting's error fields in one pose but for storage, on the finest mesh and turned into the body's frame.
+/// The parts of a setting's error in one pose except for storage, as fields on the finest mesh.
 struct ErrorFields {
-    asked: Asked,
+    output: ModelOutput,
     /// Solver + discretisation + model.
     sum: Vec<Vector3<f64>>,
     pose: PoseErrors,
-    /// L2 norm of what they are relative to, m.
+    /// L2 norm of the equilibrium that they are relative to, m.
     size: f64,
 }
 
@@ -128,32 +130,34 @@ impl ErrorFields {
         pose: usize,
     ) -> Option<ErrorFields> {
         let (ladder, reference) = (&meshes.ladder, &references.poses[pose]);
-        let asked_of = |c: &Candidate| asked_of(model, &c.solution, &reference.poses, &references.origins);
-        let whole = |c: &Candidate, asked: &Asked| {
-            ladder.raise(c.refine as usize, &displaced(&c.solution, asked, &combined(&c.solution, asked)))
+        let evaluate_about =
+            |c: &Candidate| evaluate_about(model, &c.solution, &reference.poses, &references.origins);
+        let whole = |c: &Candidate, output: &ModelOutput| {
+            ladder.raise(c.refine as usize, &displaced(&c.solution, output, &superposed(&c.solution, output)))
         };
         let exact = candidates.iter().find(|other| {
             other.solver == "cholesky"
                 && (other.refine, other.element) == (candidate.refine, candidate.element)
         })?;
         let (finest, base) = (&candidates[references.finest], references.base(candidates));
-        let asked = asked_of(candidate)?;
-        let (of_finest, of_base) = (asked_of(finest)?, asked_of(base)?);
-        let here = whole(candidate, &asked);
-        let of_exact = asked_of(exact)?;
+        let output = evaluate_about(candidate)?;
+        let (of_finest, of_base) = (evaluate_about(finest)?, evaluate_about(base)?);
+        let here = whole(candidate, &output);
+        let of_exact = evaluate_about(exact)?;
         let solved = whole(exact, &of_exact);
         let (best, at_base) = (whole(finest, &of_finest), whole(base, &of_base));
         let settled = ladder.raise(0, &reference.displacement);
-        let (solver, discretisation) = (minus(&here, &solved), minus(&solved, &best));
-        let model_part = minus(&at_base, &settled);
+        let (solver, discretisation) = (difference(&here, &solved), difference(&solved, &best));
+        let model_part = difference(&at_base, &settled);
         let size = &reference.size;
         let sum = solver.iter().zip(&discretisation).zip(&model_part).map(|((s, d), m)| s + d + m).collect();
         let turned_back: Vec<_> =
-            discretisation.iter().map(|e| asked.motion.rotation.inverse() * e).collect();
-        let held = |c: &Candidate, asked: &Asked| wrenches_about(&c.solution, asked, &references.origins);
-        let (here, solved) = (held(candidate, &asked)?, held(exact, &of_exact)?);
+            discretisation.iter().map(|e| output.motion.rotation.inverse() * e).collect();
+        let held =
+            |c: &Candidate, output: &ModelOutput| wrenches_about(&c.solution, output, &references.origins);
+        let (here, solved) = (held(candidate, &output)?, held(exact, &of_exact)?);
         let (best, at_base) = (held(finest, &of_finest)?, held(base, &of_base)?);
-        // Of the control element that is worst: the whole, and what does not cancel.
+        // The control element with the largest error: the whole, and without cancellation.
         let off = |of: fn(&Wrench) -> Vector3<f64>| {
             let of = |e: usize| {
                 let parts = [
@@ -179,7 +183,7 @@ impl ErrorFields {
             ..PoseErrors::default()
         };
         let size = size.displacement;
-        Some(ErrorFields { asked, sum, pose: errors, size })
+        Some(ErrorFields { output, sum, pose: errors, size })
     }
 
     fn with_storage(
@@ -189,8 +193,8 @@ impl ErrorFields {
         references: &References<'_>,
         rounded: &[Vec<f64>],
     ) -> PoseErrors {
-        let error = storage_error(&candidate.solution, rounded, &self.asked);
-        let turned: Vec<_> = error.iter().map(|e| self.asked.motion.rotation * e).collect();
+        let error = storage_error(&candidate.solution, rounded, &self.output);
+        let turned: Vec<_> = error.iter().map(|e| self.output.motion.rotation * e).collect();
         let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
         let total: Vec<_> = self.sum.iter().zip(&storage).map(|(sum, s)| sum + s).collect();
         let storage = references.norms.l2(&storage) / self.size;
@@ -226,7 +230,7 @@ fn spread(poses: &[PoseErrors]) -> Errors {
     }
 }
 
-/// The .green file of one setting as the program writes it, and what it costs but for the frame.
+/// Writes the .green file of one setting as the program does; returns it with all costs but those of the frame.
 fn written(
     request: &Request<'_>,
     candidate: &Candidate,

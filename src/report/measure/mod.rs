@@ -1,4 +1,4 @@
-//! A scene's body computed with every setting of every knob, each with its costs and the parts of its error.
+//! Measures a scene's body with every value of every parameter: the costs of each setting, and the parts of its error.
 //!
 //! ```text
 //! u_setting - u* =   (stored - f64)                    storage
@@ -7,9 +7,9 @@
 //!                  + (model - nonlinear statics)       model, both with tet4 on the scene's mesh
 //! ```
 //!
-//! The parts are fields on one finest mesh, and their sum, node by node, is the whole: its norm is at most the sum of
-//! theirs. u* is thus the nonlinear equilibrium of the scene's mesh, corrected by what refining does in the linear
-//! theory; forces and torques are compared with its own in the same way. All is relative to that equilibrium: to the L2
+//! The parts are fields on one finest mesh. Their sum, node by node, is the whole error, so its norm is at most the sum of
+//! their norms. u* is thus the nonlinear equilibrium on the scene's mesh, corrected by what refinement changes in the
+//! linear theory; forces and torques are compared in the same way. All errors are relative to that equilibrium: to the L2
 //! norm of its displacement, the root of its energy, its largest wrench.
 
 mod candidates;
@@ -36,18 +36,18 @@ use crate::solve::Progress;
 use candidates::Meshes;
 use reference::References;
 
-/// Every setting's costs and errors, and what they were measured with.
+/// Costs and errors of every setting, and what they are compared with.
 pub struct Measured {
     pub rows: Vec<Measurement>,
     pub models: Vec<ModelError>,
-    /// What each part of the error is taken against.
+    /// What each part of the error is compared with.
     pub references: Vec<String>,
-    /// The poses that the errors are over, and why others are left out.
+    /// The poses that were measured, and why others were left out.
     pub poses: Vec<(String, ControlPoses)>,
     pub left_out: Vec<String>,
 }
 
-/// Measures all settings, and nothing else; long, with `progress`.
+/// Measures all settings, and nothing else. This takes long; `progress` follows it.
 pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
     settings_on(&Meshes::new(request)?, request, progress)
 }
@@ -69,7 +69,7 @@ fn settings_on(
     })
 }
 
-/// Measures it all: settings, the smooth problem, effects.
+/// Measures settings, the smooth problem and effects.
 pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report, MeasureError> {
     let meshes = Meshes::new(request)?;
     let measured = settings_on(&meshes, request, progress)?;
@@ -111,7 +111,7 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
     })
 }
 
-/// What the body is, one sentence each.
+/// Mesh, material and control elements of the body, one sentence each.
 fn about(request: &Request<'_>, base: &TetMesh) -> Vec<String> {
     let body = &request.scene.body[request.body];
     let origin = match (&body.mesh, &body.generate) {

@@ -1,4 +1,4 @@
-//! What is to be measured of which body, and what can go wrong.
+//! What is to be measured, and the errors of measuring.
 
 use crate::deform::{ControlPoses, StaticsError};
 use crate::fem::AssemblyError;
@@ -7,17 +7,17 @@ use crate::scene::{Scene, SceneError};
 use crate::verify::Fault;
 use std::path::{Path, PathBuf};
 
-/// How large what is computed may be.
+/// Limits of what is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Unknowns of a solve; each of tet4_anp counts three times.
     pub largest: f64,
     pub refinements: u32,
-    /// Rounds of the online race.
+    /// How many times each setting's evaluation is timed.
     pub rounds: usize,
 }
 
-/// What is to be measured.
+/// What is to be measured, and in which poses.
 pub struct Request<'a> {
     pub scene: &'a Scene,
     pub body: &'a str,
@@ -25,14 +25,14 @@ pub struct Request<'a> {
     pub poses: &'a [(String, ControlPoses)],
     pub pose_source: String,
     pub limits: Limits,
-    /// Where the user sets `limits.largest`.
+    /// The option or key by which the user sets `limits.largest`.
     pub largest_key: String,
     pub quick: bool,
-    /// What the body's model and effects need, as the scene lists them.
+    /// What the body's model and effects need.
     pub needs_of: &'a dyn Fn(&Scene) -> Needs,
-    /// The command that does it again.
+    /// The command that measures this again.
     pub command: String,
-    /// For files that live while it is measured.
+    /// A folder for temporary files.
     pub scratch: &'a Path,
 }
 

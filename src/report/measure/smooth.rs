@@ -1,6 +1,7 @@
 //! A smooth problem on the body's own mesh, where the theory promises rates of convergence.
 //!
-//! The field of a point force beside the body (Kelvin) is prescribed on its whole surface; inside it is known exactly.
+//! The field of a point force beside the body (Kelvin's solution) is prescribed on its whole surface; inside the body the
+//! exact solution is known.
 
 use crate::fem::Lame;
 use crate::fem::NodeFields;
@@ -10,7 +11,7 @@ use crate::solve::Progress;
 use crate::verify::{Body, Element, Exact, Fault, Kelvin, Level, rate};
 use nalgebra::{Matrix3, Vector3};
 
-/// Poisson's ratio of the problem, where nothing locks: it tells of meshes and elements, not of the material.
+/// Poisson's ratio of the problem. Nothing locks at this value: the problem tests meshes and elements, not the material.
 const POISSON: f64 = 0.3;
 
 /// Kelvin's field in a body of another size and place: u(x) = u_K((x - origin) / size).
@@ -30,7 +31,7 @@ impl Exact for Placed {
     }
 }
 
-/// Errors of every element on the meshes that `mesh_of` has of it: by refinement, none where it is too large.
+/// Errors of every element on each of `levels` refinements. `mesh_of` returns `None` where the mesh would be too large.
 pub fn measure(
     mesh_of: &dyn Fn(Element, u32) -> Option<TetMesh>,
     levels: u32,
