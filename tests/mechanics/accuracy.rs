@@ -110,11 +110,11 @@ fn the_parts_of_the_error_add_up() {
     }
 }
 
-/// Each knob moves its own part, by what that knob is known to do.
+/// Each parameter changes its own part of the error, by as much as is known of it.
 #[test]
-fn each_part_is_that_of_its_own_knob() {
+fn each_part_belongs_to_its_own_parameter() {
     let (_, scene) = &bodies()[0];
-    let report = report("knobs", scene, &[0.1, 0.3]);
+    let report = report("parameters", scene, &[0.1, 0.3]);
     let base = row(&report, 0, "tet4", "cholesky", "f32", "linear");
     assert_eq!(base.error.solver.worst, 0.0);
     // Storage: between the format's own rounding and the bound that every written file states.

@@ -30,7 +30,7 @@ fn spread(median: f64) -> Spread {
     Spread { median, worst: 2.4 * median }
 }
 
-/// Every choice of every knob.
+/// Every value of every parameter.
 pub fn made_up() -> Report {
     let mut rows = Vec::new();
     for (e, element) in ELEMENTS.into_iter().enumerate() {
