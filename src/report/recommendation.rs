@@ -70,7 +70,7 @@ pub fn recommendations(report: &Report) -> Vec<String> {
             None => {
                 let (row, goal) = (&rows[best], relative(goal));
                 sentences.push(format!(
-                    "No setting that was measured reaches a total error of {goal}. The most accurate to a tenth, {}, has {} \
+                    "No setting that was measured reaches a total error of {goal}. The most accurate, {}, has {} \
                      (worst pose {}), most of it {} error, for {}.",
                     row.setting,
                     relative(error(row)),
@@ -98,7 +98,7 @@ fn recommendation(rows: &[Measurement], goal: f64, i: usize) -> String {
         row.error.largest_part(),
     );
     let Some(next) = better(rows, &ONLINE, i).map(|j| &rows[j]) else {
-        return first + " Nothing that was measured is better by a tenth.";
+        return first + " No other setting that was measured has an error smaller by a tenth.";
     };
     let ratio = next.cost.frame_p50_s / row.cost.frame_p50_s;
     let ratio = match ratio {
@@ -107,7 +107,7 @@ fn recommendation(rows: &[Measurement], goal: f64, i: usize) -> String {
         r => format!(" ({} times the time of an evaluation)", times(r)),
     };
     format!(
-        "{first} The next better, {}, has {} for {}{ratio}.",
+        "{first} The next better setting, {}, has an error of {} for {}{ratio}.",
         next.setting,
         relative(next.error.uncancelled.median),
         costs(&next.cost),

@@ -54,9 +54,8 @@ fn html(lines: &[Line<'_>]) -> String {
 
 /// For each goal the cheapest by each cost.
 pub fn goals(rows: &[Measurement]) -> String {
-    let names = ["least time of an evaluation", "least offline time", "smallest file"];
     let line = |goal: f64| {
-        let cells = COST_METRICS.iter().zip(names).map(|(metric, name)| {
+        let cells = COST_METRICS.iter().map(|metric| {
             let cell = match cheapest(rows, metric, goal) {
                 None => word("not reached"),
                 Some(i) => {
@@ -64,7 +63,7 @@ pub fn goals(rows: &[Measurement]) -> String {
                     word(format!("{cost}: {}", rows[i].setting))
                 }
             };
-            (name, cell)
+            (metric.least, cell)
         });
         std::iter::once(("total error at most", number(relative(goal)))).chain(cells).collect()
     };

@@ -66,7 +66,7 @@ pub fn largest_parts(rows: &[&Measurement], what: &str) -> String {
     if counts.is_empty() {
         return String::new();
     }
-    format!("Of {} {what} the largest part is {}.", rows.len(), listed(&counts))
+    format!("The largest part of the error is {} of {} {what}.", listed(&counts), rows.len())
 }
 
 /// For every element and refinement the fastest row whose solver adds no more than a hundredth of the discretisation
