@@ -14,6 +14,7 @@
 //! | [`cli`] | one file per subcommand: its arguments, one call, the printed result |
 //! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
 //! | [`session`] | what drives a world and what becomes of it: input sources, recording, haptic sessions; [`session::Session::advance`] |
+//! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
@@ -57,5 +58,6 @@ pub mod session;
 pub mod solve;
 pub mod stage;
 pub mod track;
+pub mod tuning;
 pub mod verify;
 pub mod world;

@@ -3,6 +3,7 @@
 //! Imports no other room of ours.
 
 pub mod bars;
+pub mod csv;
 pub mod disjoint;
 pub mod failure;
 pub mod input;

@@ -15,7 +15,7 @@ use crate::world::{World, prepare};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What accuracy costs in time: every knob's errors and costs as a page, plots, CSV and JSON
+/// What accuracy costs in time: every parameter's errors and costs as a page, plots, CSV and JSON
 ///
 /// Computes the scene's body with every element, mesh refinement, solver tolerance, storage precision and deformation
 /// model, measures what each costs offline and in the frame, and compares all with nonlinear statics and a finer mesh,
@@ -95,7 +95,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let report = report::measure(&request, &Bars::new(&name, args.quiet)).map_err(Failure::work)?;
     let written = report::write(&args.output, &report)?;
     if let Some(readme) = &args.readme {
-        super::marks::write_between(readme, "accuracy", &format!("{}\n", report::digest(&report)))?;
+        super::marks::write_between(readme, "accuracy", &format!("{}\n", report::readme_table(&report)))?;
     }
     let listed: String = written.iter().map(|path| format!("{}\n", path.display())).collect();
     super::print(&format!("{}\n{listed}", report::summary(&report)))

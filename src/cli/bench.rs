@@ -2,6 +2,7 @@
 
 use super::{bench_haptics, marks, precompute};
 use crate::base::failure::Failure;
+use crate::base::machine;
 use crate::base::statistics::median;
 use crate::base::table::{Table, bytes, seconds};
 use crate::deform::{BYTES_PER_THREAD, Columns, Superposition, vertex_normals};
@@ -326,9 +327,7 @@ fn loops_table(loops: &[Loop]) -> (String, Table) {
 
 /// The processor's name, where the system tells.
 pub fn processor() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    name.map_or("unknown processor".into(), |(_, name)| name.trim().to_owned())
+    machine::processor().unwrap_or_else(|| "unknown processor".into())
 }
 
 fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {

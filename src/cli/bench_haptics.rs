@@ -1,6 +1,7 @@
 //! The table "haptic tick" of `greenstage bench`: work of one tick of the force loop, alone and beside the renderer.
 
 use crate::base::failure::Failure;
+use crate::base::statistics::{median, quantile};
 use crate::base::table::{Table, seconds};
 use crate::deform::{ControlPose, ControlRest};
 use crate::effect::haptics::{
@@ -148,10 +149,7 @@ fn alone(control: &mut Control, grasp: &Grasp) -> [[f64; 2]; 2] {
         std::hint::black_box(control.tick(Some(&reading), now_s));
         ticks.push(started.elapsed().as_secs_f64());
     }
-    [ticks, takes].map(|mut times| {
-        times.sort_by(f64::total_cmp);
-        [times[times.len() / 2], times[times.len() * 99 / 100]]
-    })
+    [ticks, takes].map(|times| [median(times.iter().copied()), quantile(times, 0.99)])
 }
 
 /// The loop's thread for a second and a half of drawing; it hears of a frame sixty times a second, however long one takes.

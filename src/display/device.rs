@@ -2,6 +2,7 @@
 //! by measuring on the body itself when the program starts.
 
 use crate::base::failure::Failure;
+use crate::base::statistics::median;
 use crate::base::table::seconds;
 use crate::green::Basis;
 use crate::render::{BodyBuffers, ColumnData, Gpu, RenderError, Renderer};
@@ -236,10 +237,7 @@ fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Resul
     }
     body.deformer.coefficients = before;
     body.deformer.deform();
-    Ok(times.map(|mut times| {
-        times.sort_by(f64::total_cmp);
-        times[TIMED / 2]
-    }))
+    Ok(times.map(median))
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
-//! accuracy.csv: a line a row, columns named with their units (RFC 4180).
+//! accuracy.csv: one line a setting; the names of the columns hold their units (RFC 4180).
 
-use super::{Row, Spread};
+use super::data::{Measurement, Spread};
+use crate::base::csv::quoted;
 
 /// Every number of a row by its name, in the order of the columns; `None` where it was not measured.
-pub fn numbers(row: &Row) -> Vec<(String, Option<f64>)> {
+pub fn numbers(row: &Measurement) -> Vec<(String, Option<f64>)> {
     let (cost, error) = (&row.cost, &row.error);
     let counts = [("mesh_nodes", row.mesh_nodes as f64), ("surface_nodes", row.surface_nodes as f64)];
     let forward_error = ("forward_error_relative".to_owned(), row.forward_error);
@@ -39,7 +40,7 @@ pub fn numbers(row: &Row) -> Vec<(String, Option<f64>)> {
 }
 
 /// Lines end with CR LF. Numbers are the shortest that read back as the same f64; a cell without one was not measured.
-pub fn csv(rows: &[Row]) -> String {
+pub fn csv(rows: &[Measurement]) -> String {
     let mut text = String::new();
     for (i, row) in rows.iter().enumerate() {
         let setting = &row.setting;
@@ -63,12 +64,4 @@ pub fn csv(rows: &[Row]) -> String {
         text.push_str("\r\n");
     }
     text
-}
-
-fn quoted(word: &str) -> String {
-    if word.contains([',', '"', '\r', '\n']) {
-        format!("\"{}\"", word.replace('"', "\"\""))
-    } else {
-        word.to_owned()
-    }
 }

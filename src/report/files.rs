@@ -1,6 +1,9 @@
-//! The report's folder: accuracy.json, accuracy.csv, index.html and plots/*.svg. Out of accuracy.json: the report.
+//! The report's folder: writes accuracy.json, accuracy.csv, index.html and plots/*.svg, and reads accuracy.json.
 
-use super::{Report, SCHEMA, csv, page, panels};
+use super::csv;
+use super::data::{Report, SCHEMA};
+use super::page::page;
+use super::plots::{PLOTS, pictures};
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError, Staged};
 use serde::Deserialize;
@@ -52,37 +55,37 @@ fn plot_path(dir: &Path, name: &str) -> PathBuf {
     dir.join("plots").join(format!("{name}.svg"))
 }
 
-/// Makes the folders of a report and looks whether its files may be written there ([`output::try_path`]).
+/// Makes the folders of a report and checks that its files may be written there ([`output::try_path`]).
 pub fn try_folder(dir: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
     output::make_folder(&dir.join("plots"))?;
-    let plots = super::panels::NAMES.into_iter().map(|name| (plot_path(dir, name), &PLOT));
+    let plots = PLOTS.into_iter().map(|entry| (plot_path(dir, entry.name), &PLOT));
     let files = NAMES.into_iter().map(|(name, kind)| (dir.join(name), kind));
     files.chain(plots).try_for_each(|(path, kind)| output::try_path(&path, kind, inputs))
 }
 
 /// Writes accuracy.json, accuracy.csv, index.html and plots/*.svg below `dir`, which is made where it does not exist.
-/// All files are there whole, or none is ([`output::stage`]). A plot that this report has no data for is removed. Returns
-/// the paths, index.html first.
+/// Either all files are written whole, or none is ([`output::stage`]). An older plot that this report has no data for is
+/// removed. Returns the paths, index.html first.
 ///
-/// Errors: no rows; a number that is none, infinite or negative; a file that cannot be written, or that would overwrite
-/// one that is of no report. The numbers are looked at before anything is written.
+/// Errors: no rows; a number that is NaN, infinite or negative; a file that cannot be written, or that would replace one
+/// that belongs to no report. The numbers are checked before anything is written.
 pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
     check(report)?;
     let json = serde_json::to_string_pretty(report)
         .map_err(|source| ReportError::Json { path: dir.join("accuracy.json"), source })?;
-    let pictures = panels(report);
+    let pictures = pictures(report);
     output::make_folder(&dir.join("plots"))?;
     let texts = [page(report, &pictures), json + "\n", csv::csv(&report.rows)];
     let named = NAMES.into_iter().map(|(name, kind)| (dir.join(name), kind));
-    let plots = pictures.iter().map(|picture| ((plot_path(dir, picture.name), &PLOT), picture.file()));
+    let plots = pictures.iter().map(|(entry, picture)| ((plot_path(dir, entry.name), &PLOT), picture.file()));
     let (mut staged, mut written) = (Vec::new(), Vec::new());
     for ((path, kind), text) in named.zip(texts).chain(plots) {
         staged.push(output::stage(&path, kind, |file| file.write_all(text.as_bytes()))?);
         written.push(path);
     }
     staged.into_iter().try_for_each(Staged::put)?;
-    for name in super::panels::NAMES {
-        let path = plot_path(dir, name);
+    for entry in PLOTS {
+        let path = plot_path(dir, entry.name);
         if !written.contains(&path) && output::is(&path, &PLOT) {
             std::fs::remove_file(&path).map_err(|source| ReportError::Io { path, source })?;
         }
@@ -90,7 +93,7 @@ pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
     Ok(written)
 }
 
-/// Reads an accuracy.json that [`write()`] wrote, and looks at its numbers.
+/// Reads an accuracy.json that [`write()`] wrote, and checks its numbers.
 pub fn read(path: &Path) -> Result<Report, ReportError> {
     #[derive(Deserialize)]
     struct Version {
@@ -108,7 +111,7 @@ pub fn read(path: &Path) -> Result<Report, ReportError> {
     Ok(report)
 }
 
-/// Every number is one, and not negative (fitted slopes may be).
+/// Errors unless every number is finite and not negative; fitted slopes may be negative.
 fn check(report: &Report) -> Result<(), ReportError> {
     if report.rows.is_empty() {
         return Err(ReportError::Empty);

@@ -1,70 +1,30 @@
-//! One page that explains itself: the answer, the plots, the tables, the words. No network, no script.
+//! One self-contained page: recommendations, plots, tables and a glossary. It needs no network and no script.
 
-use super::answer::answers;
-use super::markup::escape;
-use super::plot::{Picture, STYLE};
-use super::says::says;
+use super::data::{EffectCost, Report};
+use super::drawing::canvas::{Picture, STYLE};
+use super::drawing::markup::escape;
+use super::plots::PlotEntry;
+use super::recommendation::recommendations;
+use super::tables;
 use super::units::Unit;
-use super::{EffectCost, Report, tables};
 
-/// Name of a plot, the heading above it, and how it is read.
-const READING: [(&str, &str, &str); 8] = [
-    (
-        "online",
-        "Time of an evaluation against the total error",
-        "Each mark is one setting of all knobs; left is faster, down is more accurate. The bold steps join the \
-         settings that nothing beats; a thin line upward ends at the worst pose. Colour and shape say which part of \
-         the error is the largest: turn that knob first.",
-    ),
-    (
-        "split",
-        "Which knob limits",
-        "The settings worth their time, from cheap to accurate. The mark furthest to the right is the part that \
-         limits. Knobs whose marks lie far to its left can be set cheaper without loss.",
-    ),
-    (
-        "mesh",
-        "Mesh and element",
-        "Offline time against the error of the finite elements alone. A thin line joins the refinements of one \
-         element; the lower line is the better buy.",
-    ),
-    (
-        "solver",
-        "Solver and tolerance",
-        "Offline time against the error that the solver adds on the same mesh. It is small enough where it lies a \
-         decade below the discretisation error of that mesh.",
-    ),
-    (
-        "storage",
-        "Storage",
-        "Size of the file against the error of rounding its columns. Hollow marks buy nothing on their mesh.",
-    ),
-    (
-        "models",
-        "Models at large rotations",
-        "Each mark is a pose. Where a line passes the dotted one, the model is wrong by more than 1 %.",
-    ),
-    (
-        "smooth-l2",
-        "Smooth problem",
-        "A smooth displacement whose exact solution is known, solved on the body's own mesh: the error must fall as \
-         the theory says, line parallel to triangle. Where it does not, the elements or the mesh are at fault, not \
-         the body's corners.",
-    ),
-    ("smooth-energy", "", "The same in the energy norm, which falls one order slower."),
-];
-
-/// The whole file. `pictures` are those of [`super::panels()`].
-pub fn page(report: &Report, pictures: &[Picture]) -> String {
+/// The whole file. `pictures` are those of [`super::pictures()`].
+pub fn page(report: &Report, pictures: &[(&PlotEntry, Picture)]) -> String {
     let title = format!("What accuracy costs in time: {}", report.body);
-    let body = [answer(report), measured(report), plots(report, pictures), all_tables(report), words(report)];
+    let body = [
+        recommended(report),
+        measured(report),
+        plots(report, pictures),
+        all_tables(report),
+        glossary(report),
+    ];
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\"/>\n\
          <title>{title}</title>\n<style>\n{}{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n{}</main>\n</body>\n</html>\n",
         include_str!("page.css"),
-        // A dot between knobs stays at the end of a line.
+        // A dot between parameters stays at the end of a line.
         body.concat().replace(" · ", "\u{a0}· "),
         title = escape(&title),
     )
@@ -78,13 +38,13 @@ fn heading(text: &str) -> String {
     format!("<h2>{}</h2>\n", escape(text))
 }
 
-fn answer(report: &Report) -> String {
+fn recommended(report: &Report) -> String {
     let lead = format!(
         "An elastic body was computed with {} choices of mesh, element, solver, storage and model. Each was timed \
          and compared with a more accurate solution. This page says what each per cent costs.",
         report.rows.len()
     );
-    let told: String = answers(report).iter().map(|text| paragraph(text)).collect();
+    let sentences: String = recommendations(report).iter().map(|text| paragraph(text)).collect();
     let quick = if report.quick {
         paragraph("Measured with --quick: fewer settings and repetitions. Use a full run for decisions.")
     } else {
@@ -93,7 +53,7 @@ fn answer(report: &Report) -> String {
     [
         paragraph(&lead),
         quick,
-        format!("<div class=\"answer\">\n{told}</div>\n"),
+        format!("<div class=\"answer\">\n{sentences}</div>\n"),
         tables::goals(&report.rows),
         "<p class=\"muted\">Errors are relative L2, medians of the poses. Costs within 2 % count as equal.</p>\n"
             .into(),
@@ -123,27 +83,20 @@ fn measured(report: &Report) -> String {
     heading("What was measured") + "<dl class=\"facts\">\n" + &facts + "</dl>\n"
 }
 
-fn plots(report: &Report, pictures: &[Picture]) -> String {
+fn plots(report: &Report, pictures: &[(&PlotEntry, Picture)]) -> String {
     let mut text = String::new();
-    for picture in pictures {
-        let (_, head, reading) =
-            READING.iter().find(|(name, ..)| *name == picture.name).unwrap_or(&("", "", ""));
-        if !head.is_empty() {
-            text += &heading(head);
+    for (entry, picture) in pictures {
+        if !entry.heading.is_empty() {
+            text += &heading(entry.heading);
         }
-        let here = says(report, picture.name);
-        let here = if here.is_empty() { here } else { format!(" <strong>Here:</strong> {}", escape(&here)) };
-        text += &format!(
-            "<figure>\n{}<figcaption>{}{here}</figcaption>\n</figure>\n",
-            picture.inline(),
-            escape(reading)
-        );
-        if picture.name == "online" {
-            text += &paragraph(
-                "The settings worth their online time, which the plot labels: each costs more than the one above, \
-                 and has at most nine tenths of its error.",
-            );
-            text += &tables::rungs(&report.rows);
+        let mut caption = escape(&(entry.caption)(report));
+        if !caption.is_empty() {
+            caption = format!(" <strong>Here:</strong> {caption}");
+        }
+        let (picture, reading) = (picture.inline(), escape(entry.reading));
+        text += &format!("<figure>\n{picture}<figcaption>{reading}{caption}</figcaption>\n</figure>\n");
+        if let Some((said, table)) = entry.table {
+            text += &(paragraph(said) + &table(report));
         }
     }
     text
@@ -185,7 +138,7 @@ fn all_tables(report: &Report) -> String {
     text
 }
 
-/// What the table of effects says of those that the scene does not list.
+/// Introduces the table of effects.
 fn effects(report: &Report) -> &'static str {
     let free = |of: &EffectCost| {
         [of.offline_s, of.file_bytes, of.memory_bytes, of.frame_s].iter().all(|c| *c == 0.0)
@@ -197,7 +150,7 @@ fn effects(report: &Report) -> &'static str {
     }
 }
 
-fn words(report: &Report) -> String {
+fn glossary(report: &Report) -> String {
     format!(
         "{}{}{}<pre>{}</pre>\n{}",
         heading("Words"),

@@ -1,6 +1,6 @@
-//! Pareto fronts: which settings nothing else beats in cost and in error at once.
+//! Pareto fronts: the settings that no other beats in both cost and error.
 
-use super::Row;
+use super::data::Measurement;
 
 /// Whether each point `[cost, error]` is on the front: no other has neither larger and one of them smaller. Equal
 /// points are on it together. Coordinates are no NaN.
@@ -39,8 +39,11 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     front
 }
 
-/// The front of those rows that can be chosen: what cannot be beats nothing.
-pub fn front_of<'a>(rows: impl Iterator<Item = &'a Row>, point: impl Fn(&Row) -> [f64; 2]) -> Vec<usize> {
+/// The front of those rows that can be chosen; the others are left out of the comparison.
+pub fn front_of<'a>(
+    rows: impl Iterator<Item = &'a Measurement>,
+    point: impl Fn(&Measurement) -> [f64; 2],
+) -> Vec<usize> {
     let (own, points): (Vec<usize>, Vec<[f64; 2]>) =
         rows.enumerate().filter(|(_, row)| row.can_be_chosen()).map(|(i, row)| (i, point(row))).unzip();
     front(&points).into_iter().map(|i| own[i]).collect()

@@ -1,9 +1,9 @@
-//! Numbers with their units, short enough for an axis or a cell: "20 µs", "2·10⁻³", "0.31 %".
+//! Formats numbers with their units, short enough for an axis or a cell: "20 µs", "2·10⁻³", "0.31 %".
 
-/// What an axis measures.
+/// The unit of an axis or a cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// A ratio: powers of ten.
+    /// A dimensionless ratio, shown as a power of ten.
     Ratio,
     Seconds,
     Bytes,

@@ -7,10 +7,10 @@ use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
 use greenstage::fem::{Element, STVK, TET4, TET10};
 use greenstage::green::{self, Needs};
 use greenstage::report::measure::poses::random;
-use greenstage::report::plan::{choose, miss, time};
-use greenstage::report::{Limits, Report, Request, Row, measure};
-use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
+use greenstage::report::{Limits, Measurement, Report, Request, measure};
+use greenstage::scene::{Accuracy, Budget, AccuracyTarget, Element, Scene};
 use greenstage::solve::Silent;
+use greenstage::tuning::{choose, miss, time};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -82,8 +82,8 @@ fn row<'a>(
     solver: &str,
     storage: &str,
     model: &str,
-) -> &'a Row {
-    let is = |row: &&Row| {
+) -> &'a Measurement {
+    let is = |row: &&Measurement| {
         let s = &row.setting;
         (s.refine, &*s.element, &*s.solver, &*s.storage, &*s.model)
             == (refine, element, solver, storage, model)
@@ -110,11 +110,11 @@ fn the_parts_of_the_error_add_up() {
     }
 }
 
-/// Each knob moves its own part, by what that knob is known to do.
+/// Each parameter changes its own part of the error, by as much as is known of it.
 #[test]
-fn each_part_is_that_of_its_own_knob() {
+fn each_part_belongs_to_its_own_parameter() {
     let (_, scene) = &bodies()[0];
-    let report = report("knobs", scene, &[0.1, 0.3]);
+    let report = report("parameters", scene, &[0.1, 0.3]);
     let base = row(&report, 0, "tet4", "cholesky", "f32", "linear");
     assert_eq!(base.error.solver.worst, 0.0);
     // Storage: between the format's own rounding and the bound that every written file states.
@@ -266,7 +266,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
         });
         for demand in accuracies {
             let choice = choose(&report.rows, &demand).unwrap();
-            let meets = |row: &&Row| row.can_be_chosen() && miss(row, &demand) <= 1.0;
+            let meets = |row: &&Measurement| row.can_be_chosen() && miss(row, &demand) <= 1.0;
             if choice.miss > 1.0 {
                 assert!(!report.rows.iter().any(|row| meets(&row)), "{name}: {demand:?}");
                 continue;

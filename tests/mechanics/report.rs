@@ -3,8 +3,8 @@
 use crate::report_common;
 
 use greenstage::report::{
-    self, CURRENCIES, Errors, ONLINE, Report, ReportError, Row, Setting, Spread, cheapest, ladder, panels,
-    summary,
+    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Spread, cheapest, ladder,
+    pictures, summary,
 };
 use proptest::prelude::*;
 use quick_xml::escape::resolve_predefined_entity;
@@ -317,17 +317,17 @@ fn the_page_needs_nothing_beside_itself() {
 }
 
 #[test]
-fn the_answers_are_those_of_a_search_by_hand() {
+fn recommendations_are_those_of_a_search_by_hand() {
     let rows = &made_up().rows;
-    for currency in CURRENCIES {
+    for metric in COST_METRICS {
         for goal in [1.0, 0.1, 0.03, 0.01, 0.003] {
             let reaching = rows.iter().filter(|row| row.error.uncancelled.median <= goal);
-            let least = reaching.map(|row| (currency.of)(&row.cost)).fold(f64::INFINITY, f64::min);
-            let chosen = &rows[cheapest(rows, currency, goal).unwrap()];
+            let least = reaching.map(|row| (metric.of)(&row.cost)).fold(f64::INFINITY, f64::min);
+            let chosen = &rows[cheapest(rows, metric, goal).unwrap()];
             assert!(chosen.error.uncancelled.median <= goal);
-            assert!((currency.of)(&chosen.cost) <= 1.02 * least);
+            assert!((metric.of)(&chosen.cost) <= 1.02 * least);
         }
-        assert_eq!(cheapest(rows, currency, 1e-9), None);
+        assert_eq!(cheapest(rows, metric, 1e-9), None);
     }
     let rungs = ladder(rows, &ONLINE);
     assert!(rungs.len() > 3);
@@ -341,34 +341,34 @@ fn the_answers_are_those_of_a_search_by_hand() {
 #[test]
 fn the_reference_is_never_recommended() {
     let mut report = made_up();
-    let is_finest = |row: &Row| row.setting.element == "tet10" && row.setting.refine == 2;
+    let is_finest = |row: &Measurement| row.setting.element == "tet10" && row.setting.refine == 2;
     for row in report.rows.iter_mut().filter(|row| is_finest(row)) {
         row.error.discretisation = Default::default();
         (row.error.total, row.error.uncancelled) = (row.error.storage, row.error.storage);
         row.cost.frame_p50_s = 1e-9;
     }
-    let known: Vec<Row> = report.rows.iter().filter(|row| !is_finest(row)).cloned().collect();
+    let known: Vec<Measurement> = report.rows.iter().filter(|row| !is_finest(row)).cloned().collect();
     let rows = &report.rows;
-    let named = |rows: &[Row], found: Vec<usize>| -> Vec<Setting> {
+    let named = |rows: &[Measurement], found: Vec<usize>| -> Vec<Setting> {
         found.into_iter().map(|i| rows[i].setting.clone()).collect()
     };
-    for currency in CURRENCIES {
+    for metric in COST_METRICS {
         for goal in [0.1, 0.01, 1e-6] {
-            let of = |rows: &[Row]| named(rows, cheapest(rows, currency, goal).into_iter().collect());
+            let of = |rows: &[Measurement]| named(rows, cheapest(rows, metric, goal).into_iter().collect());
             assert_eq!(of(rows), of(&known));
         }
-        assert_eq!(named(rows, ladder(rows, currency)), named(&known, ladder(&known, currency)));
+        assert_eq!(named(rows, ladder(rows, metric)), named(&known, ladder(&known, metric)));
     }
     let without = Report { rows: known, ..report.clone() };
     let front = |report: &Report, name: &str| {
-        let svg = panels(report).iter().find(|picture| picture.name == name).unwrap().file();
+        let svg = pictures(report).iter().find(|(entry, _)| entry.name == name).unwrap().1.file();
         let elements = parsed(&svg).0;
         let line = elements.iter().find(|(_, a)| a.get("class").is_some_and(|c| c == "gs-front")).unwrap();
         line.1["d"].matches('L').count()
     };
     assert_eq!(front(&report, "online"), front(&without, "online"));
     let nothing_else = Report { rows: rows.iter().filter(|row| is_finest(row)).cloned().collect(), ..report };
-    assert!(panels(&nothing_else).iter().all(|picture| !parsed(&picture.file()).0.is_empty()));
+    assert!(pictures(&nothing_else).iter().all(|(_, picture)| !parsed(&picture.file()).0.is_empty()));
     well_formed(&nothing_else);
 }
 
@@ -377,7 +377,7 @@ fn the_reference_is_never_recommended() {
 fn errors_that_cancel_are_never_recommended() {
     let mut report = made_up();
     let best = ladder(&report.rows, &ONLINE).pop().unwrap();
-    let lucky = |row: &mut Row| {
+    let lucky = |row: &mut Measurement| {
         row.error.total = Spread { median: 1e-6, worst: 2e-6 };
         row.cost.frame_p50_s = 1e-9;
     };
@@ -389,7 +389,7 @@ fn errors_that_cancel_are_never_recommended() {
     cancelling.setting.solver = "pcg 1e-3".into();
     lucky(&mut cancelling);
     cancelling.cost.frame_p50_s = report.rows[0].cost.frame_p50_s;
-    let named = |rows: &[Row]| -> Vec<Setting> {
+    let named = |rows: &[Measurement]| -> Vec<Setting> {
         ladder(rows, &ONLINE).into_iter().map(|i| rows[i].setting.clone()).collect()
     };
     let before = named(&report.rows);
@@ -428,7 +428,7 @@ proptest! {
     ) {
         let pattern = made_up();
         let row = |(i, n): (usize, &[f64; 8])| {
-            let mut row: Row = pattern.rows[(37 * i) % pattern.rows.len()].clone();
+            let mut row: Measurement = pattern.rows[(37 * i) % pattern.rows.len()].clone();
             (row.cost.frame_p50_s, row.cost.offline_s, row.cost.file_bytes) = (n[0], n[1], n[2]);
             row.error.discretisation.median = n[3];
             row.error.solver.median = n[4];
@@ -439,9 +439,9 @@ proptest! {
             row
         };
         let report = Report { rows: numbers.iter().enumerate().map(row).collect(), ..pattern.clone() };
-        for picture in panels(&report) {
+        for (entry, picture) in pictures(&report) {
             let svg = picture.file();
-            if picture.name != "split" {
+            if entry.name != "split" {
                 prop_assert!(markers_inside(&svg) > 0);
             }
             prop_assert!(!parsed(&svg).0.is_empty());

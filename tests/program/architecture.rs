@@ -22,6 +22,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("effect", &["deform", "track", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "config"]),
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
+    ("tuning", &["report", "deform", "green", "scene", "fem", "solve", "config"]),
     (
         "world",
         &[
@@ -53,7 +54,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     (
         "cli",
         &[
-            "display", "session", "export", "world", "report", "verify", "manual", "deform", "effect",
+            "display", "session", "export", "world", "report", "tuning", "verify", "manual", "deform", "effect",
             "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field", "render",
             "config",
         ],
@@ -266,7 +267,7 @@ fn circle(imports: &BTreeMap<String, BTreeSet<String>>, file: &str) -> BTreeSet<
 }
 
 /// Rooms whose files still import each other in circles; none may join them.
-const WITH_CIRCLES: [&str; 2] = ["cli", "report"];
+const WITH_CIRCLES: [&str; 1] = ["cli"];
 
 /// Neither directly nor by a longer way, a parent and its child included: what children share stands in a leaf.
 #[test]

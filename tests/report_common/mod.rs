@@ -1,7 +1,7 @@
 //! A made-up report: no figure in it was measured.
 
 use greenstage::report::{
-    Cost, EffectCost, Errors, ModelError, Report, Row, SCHEMA, Setting, SmoothRow, Spread,
+    Cost, EffectCost, Errors, Measurement, ModelError, Report, SCHEMA, Setting, SmoothError, Spread,
 };
 
 const ELEMENTS: [&str; 3] = ["tet4", "tet4_anp", "tet10"];
@@ -30,7 +30,7 @@ fn spread(median: f64) -> Spread {
     Spread { median, worst: 2.4 * median }
 }
 
-/// Every choice of every knob.
+/// Every value of every parameter.
 pub fn made_up() -> Report {
     let mut rows = Vec::new();
     for (e, element) in ELEMENTS.into_iter().enumerate() {
@@ -83,7 +83,7 @@ fn row(
     (storage, storage_error, storage_bytes, storage_time): (&str, f64, f64, f64),
     (model, model_error, model_time): (&str, f64, f64),
     key: usize,
-) -> Row {
+) -> Measurement {
     let n = f64::from(refine);
     let quadratic = e == 2;
     let mesh_nodes = 2769.0 * 7.4_f64.powf(n) * if quadratic { 7.3 } else { 1.0 };
@@ -96,7 +96,7 @@ fn row(
     let frame = columns * storage_time * model_time / 27e9 + 4e-6;
     let parts = [discretisation, solver_error, storage_error, model_error * scatter(key + 3, 0.02)];
     let total = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
-    Row {
+    Measurement {
         setting: Setting {
             refine,
             element: element.into(),
@@ -151,11 +151,11 @@ fn models() -> Vec<ModelError> {
         .collect()
 }
 
-fn smooth() -> Vec<SmoothRow> {
+fn smooth() -> Vec<SmoothError> {
     let of = |(element, l2, energy, promised): (&'static str, f64, f64, [f64; 2])| {
         [0_u32, 1, 2].map(|refine| {
             let h = 0.021 / f64::from(1 << refine);
-            SmoothRow {
+            SmoothError {
                 element: element.into(),
                 refine,
                 h,

@@ -1,7 +1,7 @@
-//! The discretisations and solvers that a body is solved with.
+//! Solves the body with every element, refinement and solver that is affordable.
 
-use super::ladder::Ladder;
-use super::{MeasureError, Request};
+use super::ladder::MeshLadder;
+use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, Needs, Solution};
@@ -10,24 +10,22 @@ use crate::scene::{Generate, Method, Scene, Solver, Storage};
 use crate::solve::Progress;
 use nalgebra::Vector3;
 
-/// How large what is computed may be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Unknowns of a solve; each of tet4_anp counts three times.
-    pub largest: f64,
-    pub refinements: u32,
-    /// Rounds of the online race.
-    pub rounds: usize,
+/// Cost of one unknown, as a multiple of one of tet4: averaged pressures make the rows of K longer.
+fn cost(element: Element) -> f64 {
+    match element {
+        Element::Tet4 | Element::Tet10 => 1.0,
+        Element::Tet4Anp => 3.0,
+    }
 }
 
-/// Tolerances of conjugate gradients that are tried.
+/// Tolerances of conjugate gradients to be measured.
 const TOLERANCES: [f64; 5] = [1e-3, 1e-4, 1e-6, 1e-8, 1e-10];
 
-/// The linear meshes M_r, and all of them with their mids: those whose quadratic mesh is affordable, so that the finest
-/// solution of all is one of tet10.
+/// The linear meshes of all refinements, and the quadratic meshes on them. Only refinements whose quadratic mesh is
+/// affordable are there, so that the finest solution of all is one of tet10.
 pub struct Meshes {
     pub linear: Vec<TetMesh>,
-    pub ladder: Ladder,
+    pub ladder: MeshLadder,
 }
 
 impl Meshes {
@@ -59,7 +57,7 @@ impl Meshes {
                 break;
             }
         }
-        let ladder = Ladder::new(linear.clone(), &curve);
+        let ladder = MeshLadder::new(linear.clone(), &curve);
         let meshes = Meshes { linear, ladder };
         let scene = variant(request, 0, &TET10, Solver::default());
         let ten = scene.load_mesh(request.body, &scene.body[request.body])?.mesh;
@@ -69,9 +67,12 @@ impl Meshes {
         Ok(meshes)
     }
 
-    /// Those with the element's nodes, by refinement.
-    fn of(&self, element: &Element) -> &[TetMesh] {
-        if element.order == 1 { &self.linear } else { &self.ladder.levels }
+    /// The meshes that have the element's nodes, by refinement.
+    fn of(&self, element: Element) -> &[TetMesh] {
+        match element {
+            Element::Tet4 | Element::Tet4Anp => &self.linear,
+            Element::Tet10 => &self.ladder.levels,
+        }
     }
 
     pub fn affords(&self, request: &Request<'_>, refine: usize, element: &Element) -> bool {
@@ -93,15 +94,15 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// As the solver estimated it; finite.
+    /// The solver's estimate; finite.
     pub fn forward_error(&self) -> Option<f64> {
-        // NaN and infinity become the largest number: a file of the rows can hold that.
+        // NaN and infinity become the largest number, which JSON can hold.
         Some(self.solution.stats.conditioning?.forward_error.min(f64::MAX))
     }
 }
 
-/// The scene with its body's knobs set.
-pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, solver: Solver) -> Scene {
+/// The scene with another refinement, element and solver for its body.
+pub fn variant(request: &Request<'_>, refine: u32, element: Element, solver: Solver) -> Scene {
     let mut scene = request.scene.clone();
     let body = &mut scene.body[request.body];
     (body.refine, body.element, body.solver) =
@@ -110,7 +111,7 @@ pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, so
     scene
 }
 
-/// Every element on every mesh that is affordable, by Cholesky; conjugate gradients on the scene's own.
+/// Solves every element on every affordable mesh by Cholesky, and the scene's own by conjugate gradients too.
 pub fn solve(
     request: &Request<'_>,
     meshes: &Meshes,
@@ -121,9 +122,9 @@ pub fn solve(
         for element in ELEMENTS.iter().copied().filter(|e| meshes.affords(request, refine as usize, e)) {
             match candidate(request, refine, element, Solver::default(), progress) {
                 Ok(candidate) => candidates.push(candidate),
-                // Averaged pressures can be too ill-conditioned where the other elements, which the rest is measured
-                // against, are not.
-                Err(MeasureError::Green(_)) if element.dilatation == Dilatation::Nodal => {}
+                // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
+                // with them, so the rest can be measured without them.
+                Err(MeasureError::Green(_)) if element == Element::Tet4Anp => {}
                 Err(error) => return Err(error),
             }
         }
@@ -132,7 +133,7 @@ pub fn solve(
     if meshes.affords(request, 0, own) {
         for tolerance in TOLERANCES {
             let solver = Solver { method: Method::Pcg, tolerance, ..Solver::default() };
-            // Cholesky has solved this body: what is refused now is the tolerance, and the setting does not exist.
+            // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
             match candidate(request, 0, own, solver, progress) {
                 Ok(candidate) => candidates.push(candidate),
                 Err(MeasureError::Green(_)) => {}
@@ -153,7 +154,7 @@ fn candidate(
     Ok(Candidate { refine, ..solved(&variant(request, refine, element, solver), request, solver, progress)? })
 }
 
-/// The scene's body solved by `solver`; its refinement is not looked at.
+/// Solves the scene's body by `solver`; the candidate's `refine` is left at 0.
 pub fn solved(
     scene: &Scene,
     request: &Request<'_>,
@@ -165,7 +166,7 @@ pub fn solved(
     loop {
         let solution = green::solve(scene, request.body, Needs { stiffness: true }, progress)?;
         times.push(solution.offline_s());
-        // What is fast is noisy, and is measured three times.
+        // Short times scatter, so they are measured three times.
         if times.len() == 3 || times[0] > 1.0 || request.quick {
             let name = match solver.method {
                 Method::Cholesky => "cholesky".to_owned(),

@@ -1,17 +1,18 @@
-//! What effects cost: each body computed with an effect and without it; one that the scene does not list, twice without.
+//! Measures what each effect costs: the body with the effect less the body without it. For an effect that the scene does
+//! not list both are without it, so its cost is 0.
 
 use crate::deform::{ControlPoses, Deformer};
 use crate::effect::EFFECTS;
 use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
-use crate::report::EffectCost;
+use crate::report::data::EffectCost;
 use crate::scene::Scene;
 use crate::solve::Silent;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// One body precomputed as `scene` lists it: time of the effect's own step, size of the file, memory and time in the
-/// frame that the file's contents ask for.
+/// Costs of one body with the effects that a scene lists: time of the effects' own offline step, size of the file, and
+/// memory and time in the frame.
 struct Run {
     offline_s: f64,
     file_bytes: f64,

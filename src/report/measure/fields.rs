@@ -1,4 +1,4 @@
-//! A pose's displacement field over all nodes, as one setting of the knobs has it.
+//! The displacement field of one setting in one pose, over all nodes.
 
 use crate::deform::{ControlPose, ControlPoses, ControlRest, Kind, ModelEntry, Wrench, wrenches};
 use crate::green::{FIELDS, Solution, Stored};
@@ -6,8 +6,8 @@ use crate::mesh::quality;
 use crate::scene::Storage;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-/// What a model makes of a pose: coefficients, and the rigid motion that it took out of it, about `centre`.
-pub struct Asked {
+/// The output of a model for a pose: coefficients, and the rigid motion about `centre` that it separated from them.
+pub struct ModelOutput {
     pub coefficients: Vec<[f64; FIELDS]>,
     pub motion: Isometry3<f64>,
     pub centre: Vector3<f64>,
@@ -27,8 +27,8 @@ pub fn origins(solution: &Solution) -> Vec<Vector3<f64>> {
     solution.controls.iter().map(|control| control.origin).collect()
 }
 
-/// Asks an online model; `None` of a model that is none, or where its mean rotation is not defined.
-pub fn ask(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -> Option<Asked> {
+/// Evaluates an online model; `None` for other models, and where its mean rotation is not defined.
+pub fn evaluate(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -> Option<ModelOutput> {
     let Kind::Online(make) = &model.kind else { return None };
     let (low, high) = quality::bounding_box(&solution.mesh.nodes);
     let centre = low + (high - low) * 0.5;
@@ -39,42 +39,41 @@ pub fn ask(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -> Opt
     };
     let controls: Vec<ControlRest> = solution.controls.iter().map(rest).collect();
     let made = make(&controls).coefficients(poses);
-    (!made.rotation_undefined).then_some(Asked {
+    (!made.rotation_undefined).then_some(ModelOutput {
         coefficients: made.c,
         motion: made.body_from_surface,
         centre,
     })
 }
 
-/// The same of poses about other origins.
-pub fn asked_of(
+/// The same for poses about the origins `about`.
+pub fn evaluate_about(
     model: &ModelEntry,
     solution: &Solution,
     poses: &ControlPoses,
     about: &[Vector3<f64>],
-) -> Option<Asked> {
-    ask(model, solution, &moved_origins(poses, about, &origins(solution)))
+) -> Option<ModelOutput> {
+    evaluate(model, solution, &moved_origins(poses, about, &origins(solution)))
 }
 
 /// Σ cₖ u⁽ᵏ⁾ at all nodes, before the rigid motion.
-pub fn combined(solution: &Solution, asked: &Asked) -> Vec<Vector3<f64>> {
-    let c = asked.coefficients.as_flattened();
+pub fn superposed(solution: &Solution, output: &ModelOutput) -> Vec<Vector3<f64>> {
+    let c = output.coefficients.as_flattened();
     let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
     (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| value(3 * n + axis))).collect()
 }
 
 /// The whole displacement R (X + u) + t - X.
-pub fn displaced(solution: &Solution, asked: &Asked, u: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let (rotation, shift) = (asked.motion.rotation, asked.motion.translation.vector);
+pub fn displaced(solution: &Solution, output: &ModelOutput, u: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let (rotation, shift) = (output.motion.rotation, output.motion.translation.vector);
     let displacement = |(x, u): (&Vector3<f64>, &Vector3<f64>)| {
-        let x = x - asked.centre;
+        let x = x - output.centre;
         rotation * x - x + rotation * u + shift
     };
     solution.mesh.nodes.iter().zip(u).map(displacement).collect()
 }
 
-/// `solution` with its columns as they come out of a .green file: of all nodes, those inside as if they were stored
-/// too.
+/// The columns of `solution` as a .green file stores them, at all nodes, as if the inner ones were stored too.
 pub fn stored(solution: &Solution, storage: Storage) -> Vec<Vec<f64>> {
     (0..solution.fields.columns)
         .map(|column| {
@@ -86,27 +85,31 @@ pub fn stored(solution: &Solution, storage: Storage) -> Vec<Vec<f64>> {
 }
 
 /// Σ cₖ (stored u⁽ᵏ⁾ - u⁽ᵏ⁾).
-pub fn storage_error(solution: &Solution, stored: &[Vec<f64>], asked: &Asked) -> Vec<Vector3<f64>> {
-    let c = asked.coefficients.as_flattened();
+pub fn storage_error(solution: &Solution, stored: &[Vec<f64>], output: &ModelOutput) -> Vec<Vector3<f64>> {
+    let c = output.coefficients.as_flattened();
     let value = |row: usize| -> f64 {
         stored.iter().zip(c).zip(solution.fields.row(row)).map(|((s, c), u)| c * (s[row] - u)).sum()
     };
     (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| value(3 * n + axis))).collect()
 }
 
-/// Wrenches about the origins `about`, which are not those of the solution itself.
-pub fn wrenches_about(solution: &Solution, asked: &Asked, about: &[Vector3<f64>]) -> Option<Vec<Wrench>> {
+/// Wrenches about the origins `about`, which differ from those of the solution.
+pub fn wrenches_about(
+    solution: &Solution,
+    output: &ModelOutput,
+    about: &[Vector3<f64>],
+) -> Option<Vec<Wrench>> {
     let stiffness = solution.stiffness.as_ref()?;
-    let (own, _) = wrenches(stiffness, &asked.coefficients, asked.motion.rotation);
+    let (own, _) = wrenches(stiffness, &output.coefficients, output.motion.rotation);
     let moved =
         |((wrench, control), about): ((&Wrench, &crate::green::ControlElement), &Vector3<f64>)| Wrench {
             force: wrench.force,
-            moment: wrench.moment + (asked.motion.rotation * (control.origin - about)).cross(&wrench.force),
+            moment: wrench.moment + (output.motion.rotation * (control.origin - about)).cross(&wrench.force),
         };
     Some(own.iter().zip(&solution.controls).zip(about).map(moved).collect())
 }
 
 /// a - b, node by node.
-pub fn minus(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+pub fn difference(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }

@@ -1,7 +1,7 @@
-//! The meshes of one body from coarse to fine, and how a displacement climbs from one to the finest.
+//! The meshes of one body from coarse to fine, and the interpolation of a displacement from each of them to the finest.
 //!
-//! In: the quadratic meshes Q₀, Q₁, … of a body's refinements. Out: any field of tet4 or tet10 on any of them as the
-//! same field on the finest, where all errors are taken: what differs then is the solution, not the sampling.
+//! In: a field of tet4 or tet10 on one of the quadratic meshes Q₀, Q₁, … of a body's refinements. Out: the same field on
+//! the finest mesh. All errors are measured there, so that solutions are compared and not samplings.
 
 use crate::fem::tet4;
 use crate::mesh::{EDGES, TetMesh, quadratic};
@@ -9,18 +9,18 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Q_0 … Q_top. Corners of Q_r come first, then its mids; tetrahedron t of Q_r is cut into 8 t … 8 t + 7 of Q_(r+1),
 /// the first four of which keep a corner each ([`crate::mesh::refine`]).
-pub struct Ladder {
+pub struct MeshLadder {
     pub levels: Vec<TetMesh>,
     /// Nodes of the linear mesh of each level.
     corners: Vec<usize>,
 }
 
-impl Ladder {
+impl MeshLadder {
     /// From the linear meshes of the levels. `curve` places the middles.
-    pub fn new(linear: Vec<TetMesh>, curve: quadratic::Curve<'_>) -> Ladder {
+    pub fn new(linear: Vec<TetMesh>, curve: quadratic::Curve<'_>) -> MeshLadder {
         let corners = linear.iter().map(|mesh| mesh.nodes.len()).collect();
         let levels = linear.into_iter().map(|mesh| quadratic::quadratic(mesh, curve)).collect();
-        Ladder { levels, corners }
+        MeshLadder { levels, corners }
     }
 
     pub fn top(&self) -> &TetMesh {
@@ -121,8 +121,8 @@ mod tests {
     use crate::mesh::refine::refine;
     use crate::mesh::{Block, Tube, block, tube};
 
-    fn ladder(base: &TetMesh, curve: quadratic::Curve<'_>) -> Ladder {
-        Ladder::new((0..3).map(|times| refine(base.clone(), times, curve).unwrap()).collect(), curve)
+    fn ladder(base: &TetMesh, curve: quadratic::Curve<'_>) -> MeshLadder {
+        MeshLadder::new((0..3).map(|times| refine(base.clone(), times, curve).unwrap()).collect(), curve)
     }
 
     /// A quadratic field climbs without loss on straight meshes, a linear one from the corners alone.
@@ -159,7 +159,7 @@ mod tests {
             control_length: 0.0,
         };
         let curve = |a: &Vector3<f64>, b: &Vector3<f64>| ring.curve(a, b);
-        let ladder = Ladder::new(vec![tube(&ring).unwrap()], &curve);
+        let ladder = MeshLadder::new(vec![tube(&ring).unwrap()], &curve);
         let affine = |x: &Vector3<f64>| Vector3::new(x.y - x.x, x.z + 0.3 * x.y, 1.0 - 2.0 * x.x);
         let corners = &ladder.top().nodes[..ladder.corners[0]];
         let raised = ladder.raise(0, &corners.iter().map(affine).collect::<Vec<_>>());

@@ -1,10 +1,10 @@
-//! Seeded poses for a body that no script moves.
+//! Random poses from a seed, for a body that no script moves.
 
 use crate::deform::{ControlPose, ControlPoses};
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
-/// Random numbers that are the same everywhere (Steele, Lea and Flood's SplitMix64, OOPSLA 2014): every seed gives a
-/// sequence of its own.
+/// Random numbers that are the same on every machine (SplitMix64: Steele, Lea and Flood, OOPSLA 2014); every seed gives
+/// its own sequence.
 pub struct Random(pub u64);
 
 impl Random {
@@ -20,7 +20,7 @@ impl Random {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Of length 1, every direction as likely.
+    /// A vector of length 1; all directions are equally likely.
     pub fn direction(&mut self) -> Vector3<f64> {
         loop {
             let v = Vector3::from_fn(|_, _| 2.0 * self.number() - 1.0);

@@ -1,17 +1,18 @@
 //! A smooth problem on the body's own mesh, where the theory promises rates of convergence.
 //!
-//! The field of a point force beside the body (Kelvin) is prescribed on its whole surface; inside it is known exactly.
+//! The field of a point force beside the body (Kelvin's solution) is prescribed on its whole surface; inside the body the
+//! exact solution is known.
 
 use crate::fem::ELEMENTS;
 use crate::fem::Lame;
 use crate::fem::NodeFields;
 use crate::mesh::{Surface, TetMesh, quality};
-use crate::report::SmoothRow;
+use crate::report::data::SmoothError;
 use crate::solve::Progress;
 use crate::verify::{Body, Element, Exact, Kelvin, Level, ProblemError, rate};
 use nalgebra::{Matrix3, Vector3};
 
-/// Poisson's ratio of the problem, where nothing locks: it tells of meshes and elements, not of the material.
+/// Poisson's ratio of the problem. Nothing locks at this value: the problem tests meshes and elements, not the material.
 const POISSON: f64 = 0.3;
 
 /// Kelvin's field in a body of another size and place: u(x) = u_K((x - origin) / size).
@@ -31,12 +32,12 @@ impl Exact for Placed {
     }
 }
 
-/// Errors of every element on the meshes that `mesh_of` has of it: by refinement, none where it is too large.
+/// Errors of every element on each of `levels` refinements. `mesh_of` returns `None` where the mesh would be too large.
 pub fn measure(
     mesh_of: &dyn Fn(&'static Element, u32) -> Option<TetMesh>,
     levels: u32,
     progress: &dyn Progress,
-) -> Result<Vec<SmoothRow>, ProblemError> {
+) -> Result<Vec<SmoothError>, Fault> {
     let mut rows = Vec::new();
     progress.begin("smooth problem", ELEMENTS.len() as u64 * u64::from(levels));
     for &element in ELEMENTS {
@@ -47,9 +48,9 @@ pub fn measure(
             }
             progress.advance(1);
         }
-        let fitted = |error: fn(&SmoothRow) -> f64| {
+        let fitted = |error: fn(&SmoothError) -> f64| {
             let level =
-                |row: &SmoothRow| Level { h: row.h, nodes: 0, value: 0.0, error: error(row), seconds: 0.0 };
+                |row: &SmoothError| Level { h: row.h, nodes: 0, value: 0.0, error: error(row), seconds: 0.0 };
             rate(&own.iter().map(level).collect::<Vec<_>>(), 0.0)
         };
         let rates = (fitted(|row| row.l2), fitted(|row| row.energy));
@@ -60,7 +61,7 @@ pub fn measure(
     Ok(rows)
 }
 
-fn solve(element: &Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, ProblemError> {
+fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothError, Fault> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let size = (high - low).amax();
     let lame = Lame::from_young_poisson(1.0, POISSON);
@@ -76,10 +77,10 @@ fn solve(element: &Element, refine: u32, mesh: TetMesh) -> Result<SmoothRow, Pro
     let place = mesh.nodes.clone();
     let body = Body { place, force: NodeFields::zeros(nodes, 1), fixed, mesh };
     let solution = body.solve(element, lame)?;
-    let norms = solution.norms(&body.mesh, element, lame, &exact);
-    let order = f64::from(element.order);
-    Ok(SmoothRow {
-        element: element.name.into(),
+    let norms = solution.norms(&body, element, lame, &exact);
+    let order = f64::from(element.order());
+    Ok(SmoothError {
+        element: element.name().into(),
         refine,
         h,
         l2: norms.l2,

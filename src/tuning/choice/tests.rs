@@ -2,9 +2,9 @@ use super::*;
 use crate::report::{Cost, Errors, Spread};
 
 /// A row of tet4 with the model `linear`: solver, storage, µs of an evaluation, worst error.
-fn row(solver: &str, storage: &str, time_us: f64, error: f64) -> Row {
+fn row(solver: &str, storage: &str, time_us: f64, error: f64) -> Measurement {
     let spread = Spread { median: error, worst: error };
-    Row {
+    Measurement {
         setting: Setting {
             refine: 0,
             element: "tet4".into(),
@@ -30,7 +30,7 @@ fn accuracy(displacement: f64) -> AccuracyTarget {
     AccuracyTarget::Accuracy(Accuracy { displacement: Some(displacement), force: None, largest: None })
 }
 
-fn chosen<'a>(rows: &'a [Row], demand: &AccuracyTarget) -> Choice<'a> {
+fn chosen<'a>(rows: &'a [Measurement], demand: &AccuracyTarget) -> Choice<'a> {
     choose(rows, demand).unwrap()
 }
 
@@ -67,7 +67,7 @@ fn ties_go_to_cholesky_and_f32() {
 #[test]
 fn a_solver_that_is_not_trusted_is_never_taken_nor_named() {
     let loose = row("pcg 1e-2", "f32", 1.0, 1e-6);
-    let uncertain = Row { forward_error: Some(4.0), ..row("pcg 1e-4", "f32", 1.0, 1e-6) };
+    let uncertain = Measurement { forward_error: Some(4.0), ..row("pcg 1e-4", "f32", 1.0, 1e-6) };
     let rows = [loose.clone(), uncertain.clone(), row("cholesky", "f32", 60.0, 0.7)];
     let choice = chosen(&rows, &accuracy(0.05));
     assert_eq!((&*choice.row.setting.solver, choice.next), ("cholesky", None));
@@ -91,7 +91,7 @@ fn errors_that_cancel_do_not_meet_a_demand() {
 
 #[test]
 fn a_table_that_was_kept_gives_the_same_choice() {
-    let rows: Vec<Row> = (0..40)
+    let rows: Vec<Measurement> = (0..40)
         .map(|i| {
             let storage = Storage::ALL[i % 3].name();
             let (time_us, error) = (20.0 + ((7 * i) % 11) as f64, 0.01 * (1 + i % 5) as f64);
@@ -100,11 +100,11 @@ fn a_table_that_was_kept_gives_the_same_choice() {
             row
         })
         .collect();
-    let kept: Vec<Row> = serde_json::from_str(&serde_json::to_string(&rows).unwrap()).unwrap();
+    let kept: Vec<Measurement> = serde_json::from_str(&serde_json::to_string(&rows).unwrap()).unwrap();
     assert_eq!(kept, rows);
-    let backwards: Vec<Row> = rows.iter().rev().cloned().collect();
+    let backwards: Vec<Measurement> = rows.iter().rev().cloned().collect();
     for demand in [0.005, 0.015, 0.03, 0.1].map(accuracy) {
-        let of = |rows: &[Row]| chosen(rows, &demand).row.clone();
+        let of = |rows: &[Measurement]| chosen(rows, &demand).row.clone();
         assert_eq!(of(&rows), of(&kept));
         assert_eq!(of(&rows), of(&backwards));
     }

@@ -1,4 +1,4 @@
-//! Text inside HTML and SVG, and how wide it will be.
+//! Text inside HTML and SVG: escaped, shortened, and its width.
 
 /// Text as the content of an element or of a quoted attribute. Characters that XML does not know become �.
 pub fn escape(text: &str) -> String {

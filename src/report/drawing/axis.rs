@@ -1,11 +1,11 @@
-//! An axis: which pixel a value stands at, and where its ticks are.
+//! An axis: the pixel of each value, and its ticks.
 
-use super::units::Unit;
+use crate::report::units::Unit;
 
 /// Room at the low end of a logarithmic axis for values of exactly zero, pixels, and for those below a floor.
 const ZERO_BAND: f64 = 26.0;
 const FLOOR_BAND: f64 = 60.0;
-/// What logarithms are taken of.
+/// Values are clamped to this range before their logarithm is taken.
 const SMALLEST: f64 = 1e-300;
 const LARGEST: f64 = 1e300;
 
@@ -20,7 +20,7 @@ pub struct Axis {
     pub to: f64,
     /// Pixel of zero, where zeros were given and the axis is logarithmic.
     pub zero: Option<f64>,
-    /// The smallest value that is told from zero.
+    /// Smaller values are shown as zero.
     pub floor: f64,
 }
 
@@ -52,7 +52,7 @@ impl Axis {
         Axis { unit, logarithmic, low, high, from: start, to, zero, floor: 0.0 }
     }
 
-    /// The axis of what is at least `floor`; everything below stands at the place of zero.
+    /// A logarithmic axis for values of at least `floor`; all smaller values are shown at the place of zero.
     pub fn above(floor: f64, values: &[f64], unit: Unit, from: f64, to: f64) -> Axis {
         let values: Vec<f64> = values.iter().map(|&v| if v < floor { 0.0 } else { v }).collect();
         let wide = (FLOOR_BAND - ZERO_BAND) * (to - from).signum();
@@ -104,7 +104,7 @@ impl Axis {
         let last = self.high.log10().floor() as i32;
         let stride = (last - first) / 9 + 1;
         let tick = |exponent: i32| {
-            let value = power_of_ten(exponent);
+            let value = decimal(1.0, exponent);
             let label = if exponent.rem_euclid(stride) == 0 { self.unit.text(value) } else { String::new() };
             Tick { value, label }
         };
@@ -125,11 +125,7 @@ impl Axis {
     }
 }
 
-/// The double nearest to 10 to the power of `exponent`: `powi` is off by some units in the last place.
-fn power_of_ten(exponent: i32) -> f64 {
-    decimal(1.0, exponent)
-}
-
+/// The double nearest to `mantissa` times 10 to the power of `exponent`: `powi` is off by some units in the last place.
 fn decimal(mantissa: f64, exponent: i32) -> f64 {
     format!("{mantissa}e{exponent}").parse().unwrap_or(f64::INFINITY)
 }

@@ -1,35 +1,35 @@
 //! The fastest setting that is accurate enough, or the most accurate one within a budget, from measured rows.
 
-use super::units::seconds;
-use super::{Row, Setting};
 use crate::deform::MODELS;
-use crate::scene::{Accuracy, AccuracyTarget, Budget, Storage};
+use crate::report::units::seconds;
+use crate::report::{Measurement, Setting};
+use crate::scene::{Accuracy, Budget, AccuracyTarget, Storage};
 
-/// What was chosen, and what it was chosen from.
+/// A chosen row, and the next better one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice<'a> {
-    /// That which misses the demand least, where `miss` is above 1.
-    pub row: &'a Row,
-    /// The largest ratio of measured to asked; 1 or less where the demand is met.
+    /// The row that is taken; where `miss` is above 1, only the one that comes nearest to what is asked.
+    pub row: &'a Measurement,
+    /// The largest ratio of measured to asked: at most 1 where the row reaches what is asked.
     pub miss: f64,
     /// The fastest of those with a worst error below 0.9 of the chosen one's.
-    pub next: Option<&'a Row>,
+    pub next: Option<&'a Measurement>,
 }
 
-/// Evaluations whose times are within this ratio are as fast as each other …
+/// Times of evaluations within this ratio count as equal.
 const SAME_TIME: f64 = 1.1;
-/// … and settings as accurate as each other, or as near to a demand.
+/// So do errors, and ratios of measured to asked.
 const SAME_ERROR: f64 = 1.02;
 
-/// What is taken of settings that are alike in what counts: Cholesky before conjugate gradients, f32 before what is
-/// rounded more, the simpler model, less memory offline, less error, and then their order.
-fn preference(a: &Row, b: &Row) -> std::cmp::Ordering {
-    let words = |row: &Row| {
+/// The order among settings that count as equal: Cholesky before conjugate gradients, f32 before coarser storage, the
+/// simpler model, less memory offline, less error, and at last the order of the settings themselves.
+fn preference(a: &Measurement, b: &Measurement) -> std::cmp::Ordering {
+    let words = |row: &Measurement| {
         let setting = &row.setting;
         let model = MODELS.iter().position(|model| model.name == setting.model).unwrap_or(MODELS.len());
         (setting.tolerance().is_some(), setting.storage != Storage::F32.name(), model)
     };
-    let numbers = |row: &Row| [row.cost.offline_bytes, error(row)];
+    let numbers = |row: &Measurement| [row.cost.offline_bytes, error(row)];
     words(a)
         .cmp(&words(b))
         .then_with(|| numbers(a)[0].total_cmp(&numbers(b)[0]))
@@ -37,16 +37,20 @@ fn preference(a: &Row, b: &Row) -> std::cmp::Ordering {
         .then_with(|| a.setting.cmp(&b.setting))
 }
 
-/// Of those whose value is within a ratio of `same` of the least, the preferred one.
-fn least<'a>(rows: &[&'a Row], value: impl Fn(&Row) -> f64, same: f64) -> Option<&'a Row> {
+/// The preferred one among the rows whose value is within a ratio of `same` of the least.
+fn least<'a>(
+    rows: &[&'a Measurement],
+    value: impl Fn(&Measurement) -> f64,
+    same: f64,
+) -> Option<&'a Measurement> {
     let least = rows.iter().map(|row| value(row)).fold(f64::INFINITY, f64::min);
     rows.iter().copied().filter(|row| value(row) <= same * least).min_by(|a, b| preference(a, b))
 }
 
-/// Time of one evaluation, s. The solver has no part in it: that of all rows that differ in the solver alone, so that
-/// none wins by the noise of its own timing.
-pub fn time(row: &Row, rows: &[Row]) -> f64 {
-    let is_alike = |other: &&Row| {
+/// Time of one evaluation, s. The solver has no part in it, so it is the least time among all rows that differ in the
+/// solver alone: no solver wins by noise in the timing.
+pub fn time(row: &Measurement, rows: &[Measurement]) -> f64 {
+    let is_alike = |other: &&Measurement| {
         let solver = row.setting.solver.clone();
         Setting { solver, ..other.setting.clone() } == row.setting
     };
@@ -54,18 +58,18 @@ pub fn time(row: &Row, rows: &[Row]) -> f64 {
     alike.map(|other| other.cost.frame_p50_s).fold(f64::INFINITY, f64::min)
 }
 
-/// The worst error of displacements, …
-fn error(row: &Row) -> f64 {
+/// The worst error of displacements.
+fn error(row: &Measurement) -> f64 {
     row.error.uncancelled.worst
 }
 
-/// … and of forces and torques, which errors of opposite sign do not lessen.
-fn held(row: &Row) -> f64 {
+/// The worst error of forces and torques; parts of opposite sign do not cancel in it.
+fn held(row: &Measurement) -> f64 {
     row.error.uncancelled_held.map_or(0.0, |spread| spread.worst)
 }
 
-/// What is asked: its key, what was measured of it, and the limit, all in the key's unit.
-fn asked(row: &Row, demand: &AccuracyTarget) -> Vec<(&'static str, f64, f64)> {
+/// Everything that is asked: the key, the measured value and the limit, both in the key's unit.
+fn asked(row: &Measurement, demand: &AccuracyTarget) -> Vec<(&'static str, f64, f64)> {
     let all = match demand {
         AccuracyTarget::Accuracy(Accuracy { displacement, force, .. }) => {
             vec![("displacement", error(row), *displacement), ("force", held(row), *force)]
@@ -79,24 +83,25 @@ fn asked(row: &Row, demand: &AccuracyTarget) -> Vec<(&'static str, f64, f64)> {
     all.into_iter().filter_map(|(key, measured, asked)| Some((key, measured, asked?))).collect()
 }
 
-/// The largest ratio of what was measured to what was asked; met where it is at most 1.
-pub fn miss(row: &Row, demand: &AccuracyTarget) -> f64 {
+/// The largest ratio of measured to asked: at most 1 where the row reaches what is asked.
+pub fn miss(row: &Measurement, demand: &AccuracyTarget) -> f64 {
     asked(row, demand).into_iter().map(|(_, measured, asked)| measured / asked).fold(0.0, f64::max)
 }
 
-/// Chooses among the rows that can be ([`Row::can_be_chosen`]): the fastest that is as accurate as asked, or the most
-/// accurate within the budget. Where none meets the demand, the one that misses it least, which is then not to be
-/// taken unasked. `None` of no rows. The same rows give the same choice.
-pub fn choose<'a>(rows: &'a [Row], demand: &AccuracyTarget) -> Option<Choice<'a>> {
-    let candidates: Vec<&Row> = rows.iter().filter(|row| row.can_be_chosen()).collect();
-    let met: Vec<&Row> = candidates.iter().copied().filter(|row| miss(row, demand) <= 1.0).collect();
-    let fastest = |of: &[&'a Row]| least(of, |row| time(row, rows), SAME_TIME);
+/// Chooses among the rows that can be chosen ([`Measurement::can_be_chosen`]): the fastest that is as accurate as asked,
+/// or the most accurate within the budget. Where no row reaches what is asked, the one that comes nearest, which must
+/// not be taken unasked. `None` where there are no rows. The same rows give the same choice.
+pub fn choose<'a>(rows: &'a [Measurement], demand: &AccuracyTarget) -> Option<Choice<'a>> {
+    let candidates: Vec<&Measurement> = rows.iter().filter(|row| row.can_be_chosen()).collect();
+    let met: Vec<&Measurement> = candidates.iter().copied().filter(|row| miss(row, demand) <= 1.0).collect();
+    let fastest = |of: &[&'a Measurement]| least(of, |row| time(row, rows), SAME_TIME);
     let best = match demand {
         AccuracyTarget::Accuracy(_) => fastest(&met),
         AccuracyTarget::Budget(_) => least(&met, error, SAME_ERROR),
     };
     let row = best.or_else(|| least(&candidates, |row| miss(row, demand), SAME_ERROR))?;
-    let better: Vec<&Row> = candidates.into_iter().filter(|other| error(other) < 0.9 * error(row)).collect();
+    let better: Vec<&Measurement> =
+        candidates.into_iter().filter(|other| error(other) < 0.9 * error(row)).collect();
     Some(Choice { row, miss: miss(row, demand), next: fastest(&better) })
 }
 
@@ -110,7 +115,7 @@ pub fn name(setting: &Setting) -> String {
 }
 
 impl Choice<'_> {
-    /// What was chosen and why, and what the next better would cost.
+    /// What was chosen, its errors and costs, and what the next better would cost.
     pub fn sentences(&self) -> Vec<String> {
         let row = self.row;
         let next = match self.next {
@@ -122,8 +127,8 @@ impl Choice<'_> {
         vec![format!("chosen: {}: {} at worst; {}", name(&row.setting), errors(row), price(row)), next]
     }
 
-    /// That no setting meets the demand, which one comes nearest, by how much it misses, and how it is taken all the
-    /// same; `None` where the demand is met.
+    /// Says that no setting reaches what is asked, which one comes nearest, by how much it misses, and how to take it all
+    /// the same; `None` where a setting was chosen.
     pub fn missed(&self, demand: &AccuracyTarget) -> Option<String> {
         if self.miss <= 1.0 {
             return None;
@@ -152,11 +157,11 @@ impl Choice<'_> {
     }
 }
 
-fn errors(row: &Row) -> String {
+fn errors(row: &Measurement) -> String {
     format!("displacement to {:.2} %, force and torque to {:.2} %", 100.0 * error(row), 100.0 * held(row))
 }
 
-fn price(row: &Row) -> String {
+fn price(row: &Measurement) -> String {
     let (time, megabytes) = (seconds(row.cost.frame_p50_s), 1e-6 * row.cost.file_bytes);
     format!("{time} an evaluation, {megabytes:.2} MB, {:.2} s offline", row.cost.offline_s)
 }

@@ -1,40 +1,40 @@
-//! What the settings are measured against: static equilibria at large strain, and the finest mesh.
+//! What the settings are compared with: static equilibria at large strain, and the finest mesh.
 
 use super::candidates::{Candidate, Meshes, solved, variant};
-use super::fields::{ask, asked_of, combined, displaced, minus, origins};
+use super::fields::{difference, displaced, evaluate, evaluate_about, origins, superposed};
 use super::norms::Norms;
-use super::{MeasureError, Request};
+use super::request::{MeasureError, Request};
 use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
-use crate::report::ModelError;
-use crate::scene::{Scene, Solver};
+use crate::report::data::ModelError;
+use crate::scene::{Element, Scene, Solver};
 use crate::solve::Progress;
 use nalgebra::{Matrix3, Vector3};
 
-pub struct Truth<'a> {
+pub struct References<'a> {
     pub norms: Norms<'a>,
-    pub poses: Vec<Reference>,
+    pub poses: Vec<PoseReference>,
     /// Origins of the scene's control elements with tet4.
     pub origins: Vec<Vector3<f64>>,
     pub models: Vec<ModelError>,
-    /// Poses that are left out, and why.
+    /// Poses that were left out, and why.
     pub left_out: Vec<String>,
-    /// Among the candidates: the best discretisation, and tet4 on the scene's mesh.
+    /// Indices of candidates: the best discretisation, and tet4 on the scene's mesh.
     pub finest: usize,
     own: usize,
-    /// tet4 on the scene's mesh with what it is made of softened ([`softened`]), where that is another material.
+    /// tet4 on the scene's mesh with a material that does not lock ([`softened`]), where the scene's own would.
     soft: Option<Candidate>,
 }
 
-/// Largest Poisson's ratio at which the models are measured. They are compared with an equilibrium of tet4, and that
-/// locks near 1/2: at 0.49 the model `linear` seemed to be wrong by 13.0 % in a bar bent by 10°, and by 10.9, 9.2 and
-/// 8.4 % on its mesh refined once, twice and three times. At 0.4 it is 8.6 % on the bar's own mesh.
+/// Largest Poisson's ratio at which the models are measured. They are compared with an equilibrium of tet4, which locks
+/// near 1/2: at 0.49 the model `linear` seemed to be wrong by 13.0 % in a bar bent by 10°, and by 10.9, 9.2 and 8.4 % on
+/// its mesh refined once, twice and three times. At 0.4 it is 8.6 % on the bar's own mesh.
 const MOST_POISSON: f64 = 0.4;
 
-/// The scene with the shear moduli of its body's materials, and Poisson's ratios of at most [`MOST_POISSON`]; `None`
-/// where they are already.
+/// The scene with the same shear moduli, and Poisson's ratios of at most [`MOST_POISSON`]; `None` where the scene's own
+/// are no larger.
 fn softened(scene: &Scene, body: &str) -> Option<Scene> {
     let mut scene = scene.clone();
     let body = &mut scene.body[body];
@@ -50,28 +50,28 @@ fn softened(scene: &Scene, body: &str) -> Option<Scene> {
 }
 
 /// A pose and its nonlinear equilibrium, with tet4 on the scene's mesh.
-pub struct Reference {
+pub struct PoseReference {
     pub name: String,
     /// About the origins of that mesh.
     pub poses: ControlPoses,
     /// Of all nodes, m.
     pub displacement: Vec<Vector3<f64>>,
-    /// What holds each control element, about where its origin has come to.
+    /// The wrench that holds each control element, about its moved origin.
     pub held: Vec<Wrench>,
-    /// What errors are relative to.
+    /// The sizes that errors are relative to.
     pub size: Size,
 }
 
-/// Sizes of the equilibrium: of a pose that strains nothing, what rounding leaves of energy and forces.
+/// Sizes of an equilibrium. In a pose that strains nothing, energy and forces are what rounding leaves of them.
 pub struct Size {
     /// Norm of the displacement in L2, m.
     pub displacement: f64,
     /// Square root of the strain energy, J^½.
     pub energy: f64,
-    /// Largest force on a control element, or torque over the body's extent where that is more, N: a pose that only
-    /// bends has hardly any force.
+    /// Largest force on a control element, N, or its torque divided by the body's extent where that is larger: a pose
+    /// that only bends has hardly any force.
     pub force: f64,
-    /// The same, times the extent, N m.
+    /// `force` times the extent, N m.
     pub torque: f64,
 }
 
@@ -82,13 +82,13 @@ pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
     MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)))
 }
 
-impl<'a> Truth<'a> {
+impl<'a> References<'a> {
     pub fn new(
         request: &Request<'_>,
         meshes: &'a Meshes,
         candidates: &[Candidate],
         progress: &dyn Progress,
-    ) -> Result<Truth<'a>, MeasureError> {
+    ) -> Result<References<'a>, MeasureError> {
         let cholesky = |c: &&(usize, &Candidate)| c.1.solver == "cholesky";
         let all: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
         let finest = all.iter().filter(cholesky).max_by_key(|(_, c)| (c.element.order, c.refine));
@@ -105,7 +105,7 @@ impl<'a> Truth<'a> {
             Some(scene) => Some(solved(&scene, request, Solver::default(), progress)?),
             None => None,
         };
-        let mut truth = Truth {
+        let mut found = References {
             norms: Norms::new(meshes.ladder.top(), stiffness),
             poses: Vec::new(),
             origins: origins(&candidates[own].solution),
@@ -115,11 +115,11 @@ impl<'a> Truth<'a> {
             own,
             soft,
         };
-        truth.settle(request, meshes, candidates, progress)?;
-        Ok(truth)
+        found.settle(request, meshes, candidates, progress)?;
+        Ok(found)
     }
 
-    /// What the models' errors are measured with: tet4 on the scene's mesh, of a material in which it does not lock.
+    /// The solution that the models' errors are measured with: tet4 on the scene's mesh, of a material that does not lock.
     pub fn base<'c>(&'c self, candidates: &'c [Candidate]) -> &'c Candidate {
         self.soft.as_ref().unwrap_or(&candidates[self.own])
     }
@@ -160,9 +160,9 @@ impl<'a> Truth<'a> {
             };
             let reference = self.reference(meshes, own, name, poses, settled);
             for model in online() {
-                let Some(asked) = ask(model, own, poses) else { continue };
-                let u = displaced(own, &asked, &combined(own, &asked));
-                let error = meshes.ladder.raise(0, &minus(&u, &reference.displacement));
+                let Some(output) = evaluate(model, own, poses) else { continue };
+                let u = displaced(own, &output, &superposed(own, &output));
+                let error = meshes.ladder.raise(0, &difference(&u, &reference.displacement));
                 self.models.push(ModelError {
                     model: model.name.into(),
                     pose: name.clone(),
@@ -180,10 +180,10 @@ impl<'a> Truth<'a> {
         Ok(())
     }
 
-    /// The first online model that is not defined in a pose, on any of the meshes.
+    /// The first online model that is undefined in a pose on one of the meshes.
     fn undefined(&self, candidates: &[Candidate], poses: &ControlPoses) -> Option<&'static str> {
         let fails = |model: &&ModelEntry| {
-            candidates.iter().any(|c| asked_of(model, &c.solution, poses, &self.origins).is_none())
+            candidates.iter().any(|c| evaluate_about(model, &c.solution, poses, &self.origins).is_none())
         };
         online().find(fails).map(|model| model.name)
     }
@@ -195,7 +195,7 @@ impl<'a> Truth<'a> {
         name: &str,
         poses: &ControlPoses,
         settled: Settled,
-    ) -> Reference {
+    ) -> PoseReference {
         // Settled moments are about where the origins rested.
         let moved = |(wrench, pose): (&Wrench, &crate::deform::ControlPose)| Wrench {
             force: wrench.force,
@@ -215,7 +215,7 @@ impl<'a> Truth<'a> {
             force,
             torque: force * extent,
         };
-        Reference {
+        PoseReference {
             name: name.to_owned(),
             poses: poses.clone(),
             displacement: settled.displacement,
@@ -224,8 +224,8 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// What each part of the error is taken against.
-    pub fn references(&self, candidates: &[Candidate]) -> Vec<String> {
+    /// What each part of the error is compared with, in sentences.
+    pub fn sentences(&self, candidates: &[Candidate]) -> Vec<String> {
         let finest = &candidates[self.finest];
         let mut sentences = vec![
             format!(
@@ -255,7 +255,7 @@ impl<'a> Truth<'a> {
     }
 }
 
-/// The largest rotation of a tetrahedron: that of the polar decomposition of its F.
+/// The largest rotation of a tetrahedron, by the polar decomposition of its deformation gradient.
 fn largest_rotation(solution: &green::Solution, u: &[Vector3<f64>]) -> f64 {
     let rotation = |tet: usize| {
         let Some(geometry) = tet4::geometry(solution.mesh.corners(tet)) else { return 0.0 };

@@ -1,14 +1,16 @@
-//! The parts of every setting's error, and what it costs.
+//! Errors and costs of every setting: candidates × storages × models.
 
 use super::candidates::{Candidate, Meshes};
-use super::fields::{Asked, asked_of, combined, displaced, minus, storage_error, stored, wrenches_about};
-use super::frame::{Contender, race};
-use super::truth::{Truth, largest, online};
-use super::{MeasureError, Request};
+use super::fields::{
+    ModelOutput, difference, displaced, evaluate_about, storage_error, stored, superposed, wrenches_about,
+};
+use super::frame::{TimedDeformer, time_in_turn};
+use super::reference::{References, largest, online};
+use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPoses, ModelEntry, Wrench};
 use crate::green::{self, GreenFile, Precomputed};
-use crate::report::{Cost, Errors, Row, Setting, Spread};
+use crate::report::data::{Cost, Errors, Measurement, Setting, Spread};
 use crate::scene::Storage;
 use crate::solve::Progress;
 use nalgebra::Vector3;
@@ -16,7 +18,7 @@ use std::sync::Arc;
 
 /// One setting's errors in one pose.
 #[derive(Clone, Copy, Default)]
-struct Pose {
+struct PoseErrors {
     discretisation: f64,
     energy: f64,
     solver: f64,
@@ -30,41 +32,42 @@ struct Pose {
     uncancelled_held: f64,
 }
 
-/// The whole error, or the root of the sum of its parts' squares where that is larger: what is chosen by. Parts that
-/// cancel in this pose make nothing better.
+/// The whole error, or the root of the sum of its parts' squares where that is larger. Settings are chosen by it, since
+/// parts that cancel in this pose may not cancel in others.
 fn uncancelled(whole: f64, parts: &[f64]) -> f64 {
     whole.max(parts.iter().map(|part| part * part).sum::<f64>().sqrt())
 }
 
-/// Every setting with its errors and costs.
-pub fn rows(
+/// All settings with their errors and costs.
+pub fn measurements(
     request: &Request<'_>,
     meshes: &Meshes,
     candidates: &[Candidate],
-    truth: &Truth<'_>,
+    references: &References<'_>,
     progress: &dyn Progress,
-) -> Result<Vec<Row>, MeasureError> {
+) -> Result<Vec<Measurement>, MeasureError> {
     let mut rows = Vec::new();
-    let mut contenders = Vec::new();
+    let mut timed_deformers = Vec::new();
     let models: Vec<&ModelEntry> = online().collect();
-    progress.begin("errors", (candidates.len() * models.len() * truth.poses.len()) as u64);
+    progress.begin("errors", (candidates.len() * models.len() * references.poses.len()) as u64);
     for candidate in candidates {
         let is_own = candidate.solver == "cholesky";
         let storages = if is_own { Storage::ALL.to_vec() } else { vec![Storage::F32] };
         let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
         let mut errors = vec![Vec::new(); storages.len() * models.len()];
         for (m, model) in models.iter().enumerate() {
-            for pose in 0..truth.poses.len() {
-                let parts =
-                    Parts::new(meshes, candidates, candidate, truth, model, pose).ok_or_else(|| {
-                        let (element, pose) = (candidate.element.name, &truth.poses[pose].name);
+            for pose in 0..references.poses.len() {
+                let parts = ErrorFields::new(meshes, candidates, candidate, references, model, pose)
+                    .ok_or_else(|| {
+                        let (element, pose) = (candidate.element.name(), &references.poses[pose].name);
                         MeasureError::Model(format!(
                             "pose {pose}: {} with {element} cannot be measured",
                             model.name
                         ))
                     })?;
                 for (s, rounded) in rounded.iter().enumerate() {
-                    errors[s * models.len() + m].push(parts.with_storage(meshes, candidate, truth, rounded));
+                    errors[s * models.len() + m]
+                        .push(parts.with_storage(meshes, candidate, references, rounded));
                 }
                 progress.advance(1);
             }
@@ -72,12 +75,12 @@ pub fn rows(
         for (s, &storage) in storages.iter().enumerate() {
             let (file, cost) = written(request, candidate, storage)?;
             for (m, model) in models.iter().enumerate() {
-                let contender =
-                    Contender::new(&file, request.body, model.name).map_err(MeasureError::Model)?;
+                let timed_deformer =
+                    TimedDeformer::new(&file, request.body, model.name).map_err(MeasureError::Model)?;
                 let width = if storage == Storage::F32 { 4 } else { 2 };
-                let cost = Cost { frame_bytes: contender.bytes(width), ..cost.clone() };
-                contenders.push(contender);
-                rows.push(Row {
+                let cost = Cost { frame_bytes: timed_deformer.bytes(width), ..cost.clone() };
+                timed_deformers.push(timed_deformer);
+                rows.push(Measurement {
                     setting: Setting {
                         refine: candidate.refine,
                         element: candidate.element.name.into(),
@@ -95,64 +98,66 @@ pub fn rows(
         }
     }
     progress.end();
-    progress.begin("online race", 0);
-    let poses: Vec<ControlPoses> = truth.poses.iter().map(|pose| pose.poses.clone()).collect();
-    race(&mut contenders, models.len(), &poses, request.limits.rounds);
+    progress.begin("online timing", 0);
+    let poses: Vec<ControlPoses> = references.poses.iter().map(|pose| pose.poses.clone()).collect();
+    time_in_turn(&mut timed_deformers, models.len(), &poses, request.limits.rounds);
     progress.end();
-    for (row, contender) in rows.iter_mut().zip(&contenders) {
-        row.cost.frame_p50_s = median(contender.all_s.iter().copied());
-        row.cost.frame_p99_s = quantile(contender.all_s.iter().copied(), 0.99);
-        row.cost.frame_one_p50_s = median(contender.one_s.iter().copied());
+    for (row, timed_deformer) in rows.iter_mut().zip(&timed_deformers) {
+        row.cost.frame_p50_s = median(timed_deformer.all_s.iter().copied());
+        row.cost.frame_p99_s = quantile(timed_deformer.all_s.iter().copied(), 0.99);
+        row.cost.frame_one_p50_s = median(timed_deformer.one_s.iter().copied());
     }
     Ok(rows)
 }
 
-/// A setting's error fields in one pose but for storage, on the finest mesh and turned into the body's frame.
-struct Parts {
-    asked: Asked,
+/// The parts of a setting's error in one pose except for storage, as fields on the finest mesh.
+struct ErrorFields {
+    output: ModelOutput,
     /// Solver + discretisation + model.
     sum: Vec<Vector3<f64>>,
-    pose: Pose,
-    /// L2 norm of what they are relative to, m.
+    pose: PoseErrors,
+    /// L2 norm of the equilibrium that they are relative to, m.
     size: f64,
 }
 
-impl Parts {
+impl ErrorFields {
     fn new(
         meshes: &Meshes,
         candidates: &[Candidate],
         candidate: &Candidate,
-        truth: &Truth<'_>,
+        references: &References<'_>,
         model: &ModelEntry,
         pose: usize,
-    ) -> Option<Parts> {
-        let (ladder, reference) = (&meshes.ladder, &truth.poses[pose]);
-        let asked_of = |c: &Candidate| asked_of(model, &c.solution, &reference.poses, &truth.origins);
-        let whole = |c: &Candidate, asked: &Asked| {
-            ladder.raise(c.refine as usize, &displaced(&c.solution, asked, &combined(&c.solution, asked)))
+    ) -> Option<ErrorFields> {
+        let (ladder, reference) = (&meshes.ladder, &references.poses[pose]);
+        let evaluate_about =
+            |c: &Candidate| evaluate_about(model, &c.solution, &reference.poses, &references.origins);
+        let whole = |c: &Candidate, output: &ModelOutput| {
+            ladder.raise(c.refine as usize, &displaced(&c.solution, output, &superposed(&c.solution, output)))
         };
         let exact = candidates.iter().find(|other| {
             other.solver == "cholesky"
                 && (other.refine, other.element) == (candidate.refine, candidate.element)
         })?;
-        let (finest, base) = (&candidates[truth.finest], truth.base(candidates));
-        let asked = asked_of(candidate)?;
-        let (of_finest, of_base) = (asked_of(finest)?, asked_of(base)?);
-        let here = whole(candidate, &asked);
-        let of_exact = asked_of(exact)?;
+        let (finest, base) = (&candidates[references.finest], references.base(candidates));
+        let output = evaluate_about(candidate)?;
+        let (of_finest, of_base) = (evaluate_about(finest)?, evaluate_about(base)?);
+        let here = whole(candidate, &output);
+        let of_exact = evaluate_about(exact)?;
         let solved = whole(exact, &of_exact);
         let (best, at_base) = (whole(finest, &of_finest), whole(base, &of_base));
         let settled = ladder.raise(0, &reference.displacement);
-        let (solver, discretisation) = (minus(&here, &solved), minus(&solved, &best));
-        let model_part = minus(&at_base, &settled);
+        let (solver, discretisation) = (difference(&here, &solved), difference(&solved, &best));
+        let model_part = difference(&at_base, &settled);
         let size = &reference.size;
         let sum = solver.iter().zip(&discretisation).zip(&model_part).map(|((s, d), m)| s + d + m).collect();
         let turned_back: Vec<_> =
-            discretisation.iter().map(|e| asked.motion.rotation.inverse() * e).collect();
-        let held = |c: &Candidate, asked: &Asked| wrenches_about(&c.solution, asked, &truth.origins);
-        let (here, solved) = (held(candidate, &asked)?, held(exact, &of_exact)?);
+            discretisation.iter().map(|e| output.motion.rotation.inverse() * e).collect();
+        let held =
+            |c: &Candidate, output: &ModelOutput| wrenches_about(&c.solution, output, &references.origins);
+        let (here, solved) = (held(candidate, &output)?, held(exact, &of_exact)?);
         let (best, at_base) = (held(finest, &of_finest)?, held(base, &of_base)?);
-        // Of the control element that is worst: the whole, and what does not cancel.
+        // The control element with the largest error: the whole, and without cancellation.
         let off = |of: fn(&Wrench) -> Vector3<f64>| {
             let of = |e: usize| {
                 let parts = [
@@ -167,35 +172,35 @@ impl Parts {
         };
         let (force, torque) =
             (off(|w| w.force).map(|f| f / size.force), off(|w| w.moment).map(|m| m / size.torque));
-        let errors = Pose {
-            discretisation: truth.norms.l2(&discretisation) / size.displacement,
-            energy: truth.norms.energy(&turned_back) / size.energy,
-            solver: truth.norms.l2(&solver) / size.displacement,
-            model: truth.norms.l2(&model_part) / size.displacement,
+        let errors = PoseErrors {
+            discretisation: references.norms.l2(&discretisation) / size.displacement,
+            energy: references.norms.energy(&turned_back) / size.energy,
+            solver: references.norms.l2(&solver) / size.displacement,
+            model: references.norms.l2(&model_part) / size.displacement,
             force: force[0],
             torque: torque[0],
             uncancelled_held: force[1].max(torque[1]),
-            ..Pose::default()
+            ..PoseErrors::default()
         };
         let size = size.displacement;
-        Some(Parts { asked, sum, pose: errors, size })
+        Some(ErrorFields { output, sum, pose: errors, size })
     }
 
     fn with_storage(
         &self,
         meshes: &Meshes,
         candidate: &Candidate,
-        truth: &Truth<'_>,
+        references: &References<'_>,
         rounded: &[Vec<f64>],
-    ) -> Pose {
-        let error = storage_error(&candidate.solution, rounded, &self.asked);
-        let turned: Vec<_> = error.iter().map(|e| self.asked.motion.rotation * e).collect();
+    ) -> PoseErrors {
+        let error = storage_error(&candidate.solution, rounded, &self.output);
+        let turned: Vec<_> = error.iter().map(|e| self.output.motion.rotation * e).collect();
         let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
         let total: Vec<_> = self.sum.iter().zip(&storage).map(|(sum, s)| sum + s).collect();
-        let storage = truth.norms.l2(&storage) / self.size;
-        let whole = truth.norms.l2(&total) / self.size;
-        let Pose { discretisation, solver, model, .. } = self.pose;
-        Pose {
+        let storage = references.norms.l2(&storage) / self.size;
+        let whole = references.norms.l2(&total) / self.size;
+        let PoseErrors { discretisation, solver, model, .. } = self.pose;
+        PoseErrors {
             storage,
             total: whole,
             uncancelled: uncancelled(whole, &[discretisation, solver, storage, model]),
@@ -205,8 +210,8 @@ impl Parts {
     }
 }
 
-fn spread(poses: &[Pose]) -> Errors {
-    let of = |part: fn(&Pose) -> f64| Spread {
+fn spread(poses: &[PoseErrors]) -> Errors {
+    let of = |part: fn(&PoseErrors) -> f64| Spread {
         median: median(poses.iter().map(part)),
         worst: quantile(poses.iter().map(part), 1.0),
     };
@@ -225,7 +230,7 @@ fn spread(poses: &[Pose]) -> Errors {
     }
 }
 
-/// The .green file of one setting as the program writes it, and what it costs but for the frame.
+/// Writes the .green file of one setting as the program does; returns it with all costs but those of the frame.
 fn written(
     request: &Request<'_>,
     candidate: &Candidate,

@@ -1,0 +1,188 @@
+//! The data of a report: settings, what each of them costs, and how wrong it is.
+//!
+//! accuracy.json is a [`Report`] as JSON; the names of the fields are the names in the file.
+
+use crate::scene::TOLERANCE;
+use crate::solve::ERROR_LIMITS;
+use serde::{Deserialize, Serialize};
+
+/// Version of accuracy.json; the manual's chapter `accuracy` describes it.
+pub const SCHEMA: u32 = 2;
+
+/// All that was measured of one body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    pub schema: u32,
+    pub program: String,
+    /// Processor, cores, and how noisy it was: the spread of one and the same task.
+    pub machine: String,
+    pub scene: String,
+    /// The command that writes this report again.
+    pub command: String,
+    pub body: String,
+    /// What the body is: mesh, material, control elements; one sentence each.
+    pub about: Vec<String>,
+    /// Largest extent of the body, m.
+    pub size: f64,
+    /// What the errors are taken against, one sentence for each part.
+    pub references: Vec<String>,
+    /// Names of the poses, in their order, and where they come from.
+    pub poses: Vec<String>,
+    pub pose_source: String,
+    pub quick: bool,
+    pub rows: Vec<Measurement>,
+    /// Errors of the models alone, by the largest local rotation of the pose.
+    pub models: Vec<ModelError>,
+    /// Errors of a smooth problem on the body's own mesh, where the theory promises rates of convergence.
+    pub smooth: Vec<SmoothError>,
+    /// What each effect costs, whether the scene lists it or not.
+    pub effects: Vec<EffectCost>,
+}
+
+/// A value for each parameter of a body ([`PARAMETERS`](super::PARAMETERS)).
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Setting {
+    /// Uniform refinements of the scene's mesh.
+    pub refine: u32,
+    /// As scenes name them.
+    pub element: String,
+    /// "cholesky", or "pcg 1e-6" with its tolerance.
+    pub solver: String,
+    pub storage: String,
+    pub model: String,
+}
+
+impl Setting {
+    /// "tet10 h/2": the element on the scene's mesh, refined once.
+    pub fn mesh(&self) -> String {
+        match self.refine {
+            0 => format!("{} h", self.element),
+            n if n < 20 => format!("{} h/{}", self.element, 1_u32 << n),
+            n => format!("{} h/2^{n}", self.element),
+        }
+    }
+
+    /// That of conjugate gradients; `None` of Cholesky.
+    pub fn tolerance(&self) -> Option<f64> {
+        self.solver.strip_prefix("pcg ")?.parse().ok()
+    }
+}
+
+/// What one setting costs, and how wrong it is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measurement {
+    pub setting: Setting,
+    pub mesh_nodes: usize,
+    pub surface_nodes: usize,
+    /// The solver's own estimate of its relative error, where it made one.
+    pub forward_error: Option<f64>,
+    pub cost: Cost,
+    pub error: Errors,
+}
+
+impl Measurement {
+    /// Whether its discretisation is the one that all others are compared with. Its own error is not known, so it is
+    /// never chosen or recommended.
+    pub fn is_reference(&self) -> bool {
+        self.error.discretisation.worst == 0.0
+    }
+
+    /// Whether the solver can be trusted in all poses, not only in those that were measured: its own estimate of the
+    /// forward error is below the limit for a warning. Other settings are measured, to show what they would cost, and
+    /// never chosen or recommended.
+    pub fn is_trusted(&self) -> bool {
+        self.forward_error.is_none_or(|error| error <= ERROR_LIMITS[0])
+            && self.setting.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
+    }
+
+    pub fn can_be_chosen(&self) -> bool {
+        self.is_trusted() && !self.is_reference()
+    }
+}
+
+/// Times are medians over runs of the program's own code; bytes are counted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    pub offline_s: f64,
+    /// Factor, matrix and columns, which live at the same time.
+    pub offline_bytes: f64,
+    pub file_bytes: f64,
+    /// The file packed for shipping.
+    pub packed_bytes: f64,
+    /// One evaluation with every control element moved: median and 99th percentile.
+    pub frame_p50_s: f64,
+    pub frame_p99_s: f64,
+    /// The same with one control element moved: the others' sums are kept.
+    pub frame_one_p50_s: f64,
+    /// Bytes of columns that one evaluation reads.
+    pub frame_bytes: f64,
+}
+
+/// Relative L2 errors over the body's volume, unless said otherwise. As vector fields the parts sum to the total.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    pub discretisation: Spread,
+    /// The same in the energy norm.
+    pub energy: Spread,
+    pub solver: Spread,
+    pub storage: Spread,
+    pub model: Spread,
+    pub total: Spread,
+    /// Settings are chosen by this error: the total, or the root of the sum of the parts' squares where that is larger.
+    /// Parts of opposite sign may cancel in the poses that were measured; in other poses they will not.
+    pub uncancelled: Spread,
+    /// Largest total displacement error, m.
+    pub displacement_m: Spread,
+    /// Largest difference of a control element's force and torque (about where its origin has come to): solver,
+    /// discretisation and model; storage has no part in forces. Relative to the largest wrench of the pose's equilibrium,
+    /// max(|f|, |m|/ℓ) with the body's extent ℓ, of torques that times ℓ.
+    pub force: Option<Spread>,
+    pub torque: Option<Spread>,
+    /// The larger of force and torque, each uncancelled in the same way.
+    pub uncancelled_held: Option<Spread>,
+}
+
+/// Median and worst over the poses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    pub median: f64,
+    pub worst: f64,
+}
+
+/// The error of a deformation model alone, in one pose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelError {
+    pub model: String,
+    pub pose: String,
+    /// Largest local rotation of the reference solution, rad.
+    pub rotation: f64,
+    /// Relative L2 against the converged nonlinear solution on the same mesh.
+    pub error: f64,
+    pub displacement_m: f64,
+}
+
+/// The error of one element on one refinement in the smooth problem.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SmoothError {
+    pub element: String,
+    pub refine: u32,
+    /// Cube root of the mean volume of a tetrahedron, m.
+    pub h: f64,
+    pub l2: f64,
+    pub energy: f64,
+    /// Slopes fitted over all refinements of this element, and what the theory promises.
+    pub l2_rate: Option<f64>,
+    pub energy_rate: Option<f64>,
+    pub promised: [f64; 2],
+}
+
+/// What an effect adds to a body without it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EffectCost {
+    pub effect: String,
+    pub listed: bool,
+    pub offline_s: f64,
+    pub file_bytes: f64,
+    pub memory_bytes: f64,
+    pub frame_s: f64,
+}

@@ -1,0 +1,67 @@
+//! What is to be measured, and the errors of measuring.
+
+use crate::deform::{ControlPoses, StaticsError};
+use crate::fem::AssemblyError;
+use crate::green::{GreenError, Needs};
+use crate::scene::{Scene, SceneError};
+use crate::verify::Fault;
+use std::path::{Path, PathBuf};
+
+/// Limits of what is computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Unknowns of a solve; each of tet4_anp counts three times.
+    pub largest: f64,
+    pub refinements: u32,
+    /// How many times each setting's evaluation is timed.
+    pub rounds: usize,
+}
+
+/// What is to be measured, and in which poses.
+pub struct Request<'a> {
+    pub scene: &'a Scene,
+    pub body: &'a str,
+    /// By name, one pose for each control element in the scene's order.
+    pub poses: &'a [(String, ControlPoses)],
+    pub pose_source: String,
+    pub limits: Limits,
+    /// The option or key by which the user sets `limits.largest`.
+    pub largest_key: String,
+    pub quick: bool,
+    /// What the body's model and effects need.
+    pub needs_of: &'a dyn Fn(&Scene) -> Needs,
+    /// The command that measures this again.
+    pub command: String,
+    /// A folder for temporary files.
+    pub scratch: &'a Path,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Green(#[from] GreenError),
+    #[error(transparent)]
+    Statics(#[from] StaticsError),
+    #[error("the norms' matrix: {0}")]
+    Assembly(#[from] AssemblyError),
+    #[error("the smooth problem: {0}")]
+    Smooth(#[from] Fault),
+    #[error(
+        "the reference needs tet10 on this mesh, {nodes} nodes and three times as many unknowns, more than {largest:.0}; \
+         raise {key} (a million unknowns take some 10 GB), or take a coarser mesh"
+    )]
+    TooLarge { nodes: usize, largest: f64, key: String },
+    #[error(
+        "the mesh file has 10-node tetrahedra: its corners are what all elements have in common; \
+         `greenstage convert` writes a mesh of them"
+    )]
+    TenNodes,
+    #[error("{0}")]
+    Model(String),
+    #[error("no pose is left: {0}")]
+    NoPose(String),
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+}

@@ -1,0 +1,72 @@
+//! The parameters of a setting, one entry each: its name in tables, its value, and the part of the error that it makes.
+
+use super::data::{Errors, Setting, Spread};
+
+/// What can be chosen for a body.
+pub struct Parameter {
+    /// Heads its column in tables.
+    pub name: &'static str,
+    pub value: fn(&Setting) -> String,
+    /// The part of the error that it makes.
+    pub part: &'static str,
+    pub error: fn(&Errors) -> Spread,
+}
+
+pub const MESH: Parameter = Parameter {
+    name: "mesh and element",
+    value: Setting::mesh,
+    part: "discretisation",
+    error: |error| error.discretisation,
+};
+pub const SOLVER: Parameter = Parameter {
+    name: "solver",
+    value: |setting| setting.solver.clone(),
+    part: "solver",
+    error: |error| error.solver,
+};
+pub const STORAGE: Parameter = Parameter {
+    name: "storage",
+    value: |setting| setting.storage.clone(),
+    part: "storage",
+    error: |error| error.storage,
+};
+pub const MODEL: Parameter = Parameter {
+    name: "model",
+    value: |setting| setting.model.clone(),
+    part: "model",
+    error: |error| error.model,
+};
+
+/// The parts of the error are independent: each entry can be changed alone.
+pub const PARAMETERS: [Parameter; 4] = [MESH, SOLVER, STORAGE, MODEL];
+
+impl Setting {
+    /// The value of each of [`PARAMETERS`].
+    pub fn values(&self) -> [String; PARAMETERS.len()] {
+        PARAMETERS.map(|parameter| (parameter.value)(self))
+    }
+}
+
+impl std::fmt::Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.values().join(" · "))
+    }
+}
+
+impl Errors {
+    /// The part that each of [`PARAMETERS`] makes.
+    pub fn parts(&self) -> [Spread; PARAMETERS.len()] {
+        PARAMETERS.map(|parameter| (parameter.error)(self))
+    }
+
+    /// Index into [`PARAMETERS`] of the one whose part has the largest median. `None` where all are zero.
+    pub fn dominating(&self) -> Option<usize> {
+        let medians = self.parts().map(|part| part.median);
+        (0..medians.len()).filter(|&i| medians[i] > 0.0).max_by(|&a, &b| medians[a].total_cmp(&medians[b]))
+    }
+
+    /// Name of the largest part.
+    pub fn largest_part(&self) -> &'static str {
+        self.dominating().map_or("none", |i| PARAMETERS[i].part)
+    }
+}

@@ -1,0 +1,92 @@
+//! What several plots and their captions share: names of settings, tips, lists of words.
+
+use crate::report::cost_metric::OFFLINE;
+use crate::report::data::{Measurement, Setting};
+use crate::report::parameters::PARAMETERS;
+use crate::report::units::{bytes, relative, seconds};
+
+/// Values in the order of their first appearance.
+pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
+}
+
+/// "a, b and c".
+pub fn listed(words: &[String]) -> String {
+    match words {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+/// What differs between settings, as their names, and what they share, as a note.
+pub fn names_and_note(settings: &[&Setting]) -> (Vec<String>, String) {
+    let all: Vec<_> = settings.iter().map(|setting| setting.values()).collect();
+    let Some(first) = all.first() else { return (Vec::new(), String::new()) };
+    let (mut varying, shared): (Vec<usize>, Vec<usize>) =
+        (0..first.len()).partition(|&k| all.iter().any(|values| values[k] != first[k]));
+    let words = |values: &[String], which: &[usize]| -> String {
+        which.iter().map(|&k| values[k].as_str()).collect::<Vec<_>>().join(" · ")
+    };
+    let mut note = String::new();
+    if varying.is_empty() {
+        varying = shared;
+    } else if !shared.is_empty() {
+        note = format!("In every labelled setting: {}.", words(first, &shared));
+    }
+    (all.iter().map(|values| words(values, &varying)).collect(), note)
+}
+
+pub fn tip(row: &Measurement) -> String {
+    format!(
+        "{}: {} an evaluation, {} offline, {}; total error {} (worst pose {}), most of it {}",
+        row.setting,
+        seconds(row.cost.frame_p50_s),
+        seconds(row.cost.offline_s),
+        bytes(row.cost.file_bytes),
+        relative(row.error.uncancelled.median),
+        relative(row.error.uncancelled.worst),
+        row.error.largest_part()
+    )
+}
+
+/// In how many rows each part of the error is the largest.
+pub fn largest_parts(rows: &[&Measurement], what: &str) -> String {
+    let count = |part| rows.iter().filter(|row| row.error.dominating() == Some(part)).count();
+    let counts: Vec<String> = (0..PARAMETERS.len())
+        .filter(|&part| count(part) > 0)
+        .map(|part| format!("{} in {}", PARAMETERS[part].part, count(part)))
+        .collect();
+    if counts.is_empty() {
+        return String::new();
+    }
+    format!("The largest part of the error is {} of {} {what}.", listed(&counts), rows.len())
+}
+
+/// For every element and refinement the fastest row whose solver adds no more than a hundredth of the discretisation
+/// error; where no solver does, the row with the least solver error. By element, then refinement.
+pub fn fastest_on_each_mesh(rows: &[Measurement]) -> Vec<&Measurement> {
+    let meshes = distinct(rows.iter().map(|row| (&row.setting.element, row.setting.refine)));
+    let fastest = |(element, refine)| {
+        let here = || {
+            let is_here =
+                move |row: &&Measurement| (&row.setting.element, row.setting.refine) == (element, refine);
+            rows.iter().filter(is_here).filter(|row| row.is_trusted())
+        };
+        let exact = |row: &&Measurement| row.error.solver.median <= 0.01 * row.error.discretisation.median;
+        let offline = |row: &Measurement| (OFFLINE.of)(&row.cost);
+        here()
+            .filter(exact)
+            .min_by(|a, b| offline(a).total_cmp(&offline(b)))
+            .or_else(|| here().min_by(|a, b| a.error.solver.median.total_cmp(&b.error.solver.median)))
+    };
+    let mut chosen: Vec<&Measurement> = meshes.into_iter().filter_map(fastest).collect();
+    chosen.sort_by_key(|row| row.setting.refine);
+    chosen
+}

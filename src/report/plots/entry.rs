@@ -1,0 +1,21 @@
+//! What an entry of [`PLOTS`](super::PLOTS) holds.
+
+use crate::report::data::Report;
+use crate::report::drawing::canvas::Picture;
+
+pub struct PlotEntry {
+    /// The stem of the plot's file.
+    pub name: &'static str,
+    /// The heading above it on the page; empty where it continues the plot before it.
+    pub heading: &'static str,
+    /// How it is read.
+    pub reading: &'static str,
+    /// What it shows of this body, in sentences made from the data; empty where there is nothing to say.
+    pub caption: fn(&Report) -> String,
+    /// `None` where the report has no data for it.
+    pub picture: fn(&Report) -> Option<Picture>,
+    pub table: Option<TableBelow>,
+}
+
+/// A paragraph and a table below a plot.
+pub type TableBelow = (&'static str, fn(&Report) -> String);

@@ -1,0 +1,36 @@
+//! The plots of a report: one question and one file each. In: a [`Report`]. Out: pictures in SVG with their captions.
+
+pub mod common;
+mod entry;
+mod mesh;
+mod models;
+mod one_parameter;
+mod online;
+mod smooth;
+mod smooth_energy;
+mod smooth_l2;
+mod solver;
+mod split;
+mod storage;
+
+pub use entry::PlotEntry;
+
+use super::data::Report;
+use super::drawing::canvas::Picture;
+
+/// In the order of the page.
+pub const PLOTS: [&PlotEntry; 8] = [
+    &online::ONLINE,
+    &split::SPLIT,
+    &mesh::MESH,
+    &solver::SOLVER,
+    &storage::STORAGE,
+    &models::MODELS,
+    &smooth_l2::SMOOTH_L2,
+    &smooth_energy::SMOOTH_ENERGY,
+];
+
+/// Every plot that the report has data for.
+pub fn pictures(report: &Report) -> Vec<(&'static PlotEntry, Picture)> {
+    PLOTS.into_iter().filter_map(|entry| Some((entry, (entry.picture)(report)?))).collect()
+}

@@ -1,0 +1,10 @@
+//! Chooses the settings of a body that asks for an accuracy or a budget instead of naming them.
+//!
+//! In: a scene, and rows that [`report`](crate::report) measured on this body or that its .green file keeps. Out: the
+//! scene with element, refinement, solver, storage and model chosen for every body that asks.
+
+mod choice;
+mod planner;
+
+pub use choice::{Choice, choose, miss, time};
+pub use planner::{Planner, TuningError};
