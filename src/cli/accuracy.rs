@@ -13,7 +13,8 @@ use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::TET4;
 use crate::green::{self, GreenFile, Needs};
 use crate::report::{self, Limits, Request, measure::poses::random};
-use crate::scene::{Scene, Solver};
+use crate::scene::Scene;
+use crate::solve::Solver;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -13,7 +13,7 @@ use crate::green::{self, GreenError, GreenFile};
 use crate::report::measure::{machine, settings};
 use crate::report::plan::{Choice, choose};
 use crate::report::{Limits, Request, Row, Setting};
-use crate::scene::{Demand, Method, Scene, SceneError, Solver, Storage};
+use crate::scene::{Demand, Scene, SceneError, Storage};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 
@@ -157,7 +157,5 @@ fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {
     if let Some(known) = Storage::ALL.into_iter().find(|known| known.name() == storage) {
         body.storage = known;
     }
-    if let Some(tolerance) = choice.row.setting.tolerance() {
-        body.solver = Solver { method: Method::Pcg, tolerance, ..Solver::default() };
-    }
+    body.solver = choice.row.setting.solver;
 }

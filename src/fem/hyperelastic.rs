@@ -25,6 +25,8 @@ pub type Tangent = SMatrix<f64, 9, 9>;
 pub struct Law {
     /// As a scene's `model` names it.
     pub name: &'static str,
+    /// Its method of the paper, and what it is good for.
+    pub summary: &'static str,
     /// What to do where a body of this material has no equilibrium.
     pub remedy: &'static str,
     /// ψ, J/m³; 0 at rest.

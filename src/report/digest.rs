@@ -38,7 +38,7 @@ pub fn digest(report: &Report) -> String {
         add("mesh and element", &row.setting.mesh(), row, row.error.discretisation);
     }
     for row in report.rows.iter().filter(|row| turned(row, 1)) {
-        add("solver", &row.setting.solver, row, row.error.solver);
+        add("solver", &row.setting.solver.to_string(), row, row.error.solver);
     }
     for row in report.rows.iter().filter(|row| turned(row, 2)) {
         add("storage", &row.setting.storage, row, row.error.storage);

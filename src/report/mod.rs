@@ -37,6 +37,7 @@ pub use summary::summary;
 
 use crate::scene::TOLERANCE;
 use crate::solve::ERROR_LIMITS;
+use crate::solve::Solver;
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
@@ -73,14 +74,15 @@ pub struct Report {
 }
 
 /// One setting of every knob.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Setting {
     /// Uniform refinements of the scene's mesh.
     pub refine: u32,
     /// As scenes name them.
     pub element: String,
-    /// "cholesky", or "pcg 1e-6" with its tolerance.
-    pub solver: String,
+    /// In files "cholesky", or "pcg 1e-6" with its tolerance.
+    #[serde(with = "crate::solve::solver_as_text")]
+    pub solver: Solver,
     pub storage: String,
     pub model: String,
 }
@@ -95,14 +97,9 @@ impl Setting {
         }
     }
 
-    /// That of conjugate gradients; `None` of Cholesky.
-    pub fn tolerance(&self) -> Option<f64> {
-        self.solver.strip_prefix("pcg ")?.parse().ok()
-    }
-
     /// Its knobs in words, in the order of [`KNOBS`].
     pub fn knobs(&self) -> [String; 4] {
-        [self.mesh(), self.solver.clone(), self.storage.clone(), self.model.clone()]
+        [self.mesh(), self.solver.to_string(), self.storage.clone(), self.model.clone()]
     }
 }
 
@@ -138,7 +135,7 @@ impl Row {
     /// none to warn of. Other rows are measured, to show what they would cost, and never chosen or recommended.
     pub fn is_trusted(&self) -> bool {
         self.forward_error.is_none_or(|error| error <= ERROR_LIMITS[0])
-            && self.setting.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
+            && self.setting.solver.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
     }
 
     pub fn can_be_chosen(&self) -> bool {

@@ -182,7 +182,7 @@ pub fn fastest_on_each_mesh(rows: &[Row]) -> Vec<&Row> {
 
 /// What one knob does on each mesh: a thin line a mesh, a colour and shape for each position of the knob.
 struct Knob {
-    of: fn(&Setting) -> &String,
+    of: fn(&Setting) -> String,
     cost: fn(&Row) -> f64,
     error: fn(&Errors) -> Spread,
     say: fn(f64) -> String,
@@ -216,7 +216,7 @@ fn by_mesh(rows: &[Row], knob: &Knob) -> (Vec<Point>, Vec<String>, Vec<Vec<usize
         }
         lines.push(line);
     }
-    (points, positions.into_iter().cloned().collect(), lines)
+    (points, positions, lines)
 }
 
 /// "pcg 1e-10" after "pcg 1e-4": words by their text, the number at their end downwards.
@@ -233,7 +233,7 @@ pub fn by_number(a: &str, b: &str) -> std::cmp::Ordering {
 /// Question 3: bytes against the storage error.
 fn storage(rows: &[Row]) -> Plot {
     let knob = Knob {
-        of: |setting| &setting.storage,
+        of: |setting| setting.storage.clone(),
         cost: |row| row.cost.file_bytes,
         error: |errors| errors.storage,
         say: bytes,
@@ -257,7 +257,7 @@ fn storage(rows: &[Row]) -> Plot {
 /// Question 4: offline seconds against the solver error.
 fn solver(rows: &[Row]) -> Plot {
     let knob = Knob {
-        of: |setting| &setting.solver,
+        of: |setting| setting.solver.to_string(),
         cost: |row| row.cost.offline_s,
         error: |errors| errors.solver,
         say: seconds,

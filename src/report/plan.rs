@@ -27,7 +27,7 @@ fn preference(a: &Row, b: &Row) -> std::cmp::Ordering {
     let words = |row: &Row| {
         let setting = &row.setting;
         let model = MODELS.iter().position(|model| model.name == setting.model).unwrap_or(MODELS.len());
-        (setting.tolerance().is_some(), setting.storage != Storage::F32.name(), model)
+        (!setting.solver.method.is_direct, setting.storage != Storage::F32.name(), model)
     };
     let numbers = |row: &Row| [row.cost.offline_bytes, error(row)];
     words(a)
@@ -47,7 +47,7 @@ fn least<'a>(rows: &[&'a Row], value: impl Fn(&Row) -> f64, same: f64) -> Option
 /// none wins by the noise of its own timing.
 pub fn time(row: &Row, rows: &[Row]) -> f64 {
     let is_alike = |other: &&Row| {
-        let solver = row.setting.solver.clone();
+        let solver = row.setting.solver;
         Setting { solver, ..other.setting.clone() } == row.setting
     };
     let alike = rows.iter().filter(is_alike);
@@ -164,10 +164,9 @@ fn price(row: &Row) -> String {
 /// A setting as a scene's body names it.
 fn keys(setting: &Setting) -> String {
     let Setting { refine, element, solver, storage, model } = setting;
-    let solver = match setting.tolerance() {
-        Some(tolerance) => format!("{{ method = \"pcg\", tolerance = {tolerance:e} }}"),
-        None => format!("{{ method = \"{solver}\" }}"),
-    };
+    let tolerance =
+        solver.tolerance().map_or(String::new(), |tolerance| format!(", tolerance = {tolerance:e}"));
+    let solver = format!("{{ method = \"{}\"{tolerance} }}", solver.method.name);
     format!(
         "refine = {refine}, element = \"{element}\", solver = {solver}, storage = \"{storage}\", model = \"{model}\""
     )

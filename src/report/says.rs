@@ -92,7 +92,7 @@ fn mesh(rows: &[Row]) -> String {
 }
 
 struct Told {
-    of: fn(&Setting) -> &String,
+    of: fn(&Setting) -> String,
     cost: fn(&Row) -> f64,
     error: fn(&Row) -> f64,
     /// What the cost is a multiple of.
@@ -100,14 +100,14 @@ struct Told {
 }
 
 const SOLVER: Told = Told {
-    of: |setting| &setting.solver,
+    of: |setting| setting.solver.to_string(),
     cost: |row| row.cost.offline_s,
     error: |row| row.error.solver.median,
     unit: "Offline times as multiples of the fastest on the same mesh",
 };
 
 const STORAGE: Told = Told {
-    of: |setting| &setting.storage,
+    of: |setting| setting.storage.clone(),
     cost: |row| row.cost.file_bytes,
     error: |row| row.error.storage.median,
     unit: "File sizes as multiples of the smallest on the same mesh",
@@ -121,7 +121,7 @@ fn knob(rows: &[Row], told: &Told) -> String {
     };
     let mut positions = distinct(rows.iter().map(|row| (told.of)(&row.setting)));
     positions.sort_by(|a, b| by_number(a, b));
-    let say = |position: &&String| {
+    let say = |position: &String| {
         let of: Vec<&Row> = rows.iter().filter(|row| (told.of)(&row.setting) == *position).collect();
         let error = of.iter().map(|row| (told.error)(row)).fold(0.0, f64::max);
         let ratios = of.iter().map(|row| (told.cost)(row) / least(row)).filter(|ratio| ratio.is_finite());

@@ -1,7 +1,8 @@
 //! What a scene may ask of a body instead of naming its knobs: an accuracy, or a budget.
 
-use super::{Body, Solver, Storage};
+use super::{Body, Storage};
 use crate::fem::Element;
+use crate::solve::Solver;
 use serde::{Deserialize, Serialize};
 
 /// Largest relative errors over the measured poses.

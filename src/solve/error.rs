@@ -1,7 +1,10 @@
 //! Why a system could not be solved, with the numbers and the remedy.
 
-use super::stats::ERROR_LIMITS;
 use crate::base::machine::TooLarge;
+
+/// Relative errors of a solution: above the first it is warned of, above the second refused. They judge the forward error
+/// and what rigid motions show.
+pub const ERROR_LIMITS: [f64; 2] = [1e-3, 0.1];
 
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {

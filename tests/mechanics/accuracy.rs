@@ -85,7 +85,7 @@ fn row<'a>(
 ) -> &'a Row {
     let is = |row: &&Row| {
         let s = &row.setting;
-        (s.refine, &*s.element, &*s.solver, &*s.storage, &*s.model)
+        (s.refine, &*s.element, &*s.solver.to_string(), &*s.storage, &*s.model)
             == (refine, element, solver, storage, model)
     };
     report.rows.iter().find(is).unwrap()

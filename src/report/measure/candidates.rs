@@ -6,8 +6,8 @@ use crate::base::statistics::median;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, Needs, Solution};
 use crate::mesh::{TetMesh, quadratic};
-use crate::scene::{Generate, Method, Scene, Solver, Storage};
-use crate::solve::Progress;
+use crate::scene::{Generate, Scene, Storage};
+use crate::solve::{Progress, SOLVERS, Solver};
 use nalgebra::Vector3;
 
 /// How large what is computed may be.
@@ -86,8 +86,7 @@ impl Meshes {
 pub struct Candidate {
     pub refine: u32,
     pub element: &'static Element,
-    /// "cholesky", or "pcg 1e-6".
-    pub solver: String,
+    pub solver: Solver,
     pub solution: Solution,
     pub offline_s: f64,
 }
@@ -130,8 +129,11 @@ pub fn solve(
     }
     let own = request.scene.body[request.body].element;
     if meshes.affords(request, 0, own) {
-        for tolerance in TOLERANCES {
-            let solver = Solver { method: Method::Pcg, tolerance, ..Solver::default() };
+        let iterative = SOLVERS.iter().copied().filter(|method| !method.is_direct);
+        for (method, tolerance) in
+            iterative.flat_map(|method| TOLERANCES.map(|tolerance| (method, tolerance)))
+        {
+            let solver = Solver { method, tolerance, ..Solver::default() };
             // Cholesky has solved this body: what is refused now is the tolerance, and the setting does not exist.
             match candidate(request, 0, own, solver, progress) {
                 Ok(candidate) => candidates.push(candidate),
@@ -167,12 +169,8 @@ pub fn solved(
         times.push(solution.offline_s());
         // What is fast is noisy, and is measured three times.
         if times.len() == 3 || times[0] > 1.0 || request.quick {
-            let name = match solver.method {
-                Method::Cholesky => "cholesky".to_owned(),
-                Method::Pcg => format!("pcg {:.0e}", solver.tolerance),
-            };
             let offline_s = median(times);
-            return Ok(Candidate { refine: 0, element, solver: name, solution, offline_s });
+            return Ok(Candidate { refine: 0, element, solver, solution, offline_s });
         }
     }
 }

@@ -49,7 +49,7 @@ pub fn rows(
     let models: Vec<&ModelEntry> = online().collect();
     progress.begin("errors", (candidates.len() * models.len() * truth.poses.len()) as u64);
     for candidate in candidates {
-        let is_own = candidate.solver == "cholesky";
+        let is_own = candidate.solver.method.is_direct;
         let storages = if is_own { Storage::ALL.to_vec() } else { vec![Storage::F32] };
         let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
         let mut errors = vec![Vec::new(); storages.len() * models.len()];
@@ -81,7 +81,7 @@ pub fn rows(
                     setting: Setting {
                         refine: candidate.refine,
                         element: candidate.element.name.into(),
-                        solver: candidate.solver.clone(),
+                        solver: candidate.solver,
                         storage: storage.name().into(),
                         model: model.name.into(),
                     },
@@ -132,7 +132,7 @@ impl Parts {
             ladder.raise(c.refine as usize, &displaced(&c.solution, asked, &combined(&c.solution, asked)))
         };
         let exact = candidates.iter().find(|other| {
-            other.solver == "cholesky"
+            other.solver.method.is_direct
                 && (other.refine, other.element) == (candidate.refine, candidate.element)
         })?;
         let (finest, base) = (&candidates[truth.finest], truth.base(candidates));
