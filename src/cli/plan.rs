@@ -151,7 +151,7 @@ fn set(scene: &mut Scene, name: &str, choice: &Choice<'_>) {
     let body = &mut scene.body[name];
     body.refine = *refine;
     body.model = model.clone();
-    if let Some(known) = find_element(element) {
+    if let Ok(known) = find_element(element) {
         body.element = known;
     }
     if let Some(known) = Storage::ALL.into_iter().find(|known| known.name() == storage) {

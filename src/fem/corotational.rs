@@ -25,7 +25,7 @@ pub const COROTATIONAL: Law = Law {
     tangent,
 };
 
-/// Least sum of two principal stretches with which the tangent is computed: where one vanishes, dR is not defined.
+/// The tangent is computed with sums of two principal stretches of at least this; dR is not defined where one is zero.
 const LEAST: f64 = 1e-6;
 
 /// R and S - I, the latter to a rounding of H.

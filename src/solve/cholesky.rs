@@ -35,10 +35,10 @@ pub const CHOLESKY: Method = Method {
     analyse: |_, a, progress| Ok(Box::new(Symbolic::new(a, progress)?)),
 };
 
-/// Columns solved together by one thread: fewer waste the cache that holds a supernode, more leave threads idle.
-/// The width depends on the number of columns alone: it decides the bits, and threads must not.
+/// Columns that one thread solves together: fewer waste the cache that holds a supernode, more leave threads idle.
+/// The width depends on the number of columns alone, so that the bits do not depend on the number of threads.
 const BLOCK_COLUMNS: std::ops::RangeInclusive<usize> = 12..=128;
-/// Entries of the factor from which faer's parallel kernels gain more than they lose on waiting: with 2 threads a
+/// Entries of the factor from which on faer's parallel kernels are faster than one thread: with 2 threads a
 /// factor of 2.4 million entries took 1.6 times as long, one of 12 million as long, one of 62 million 0.75 times.
 const PARALLEL_ENTRIES: usize = 15_000_000;
 /// Relative residual above which a step of iterative refinement is made, and above which the backward error decides
@@ -48,7 +48,7 @@ const REFUSE_ABOVE: f64 = 1e-7;
 const BACKWARD_ABOVE: f64 = 1e-12;
 const REFINEMENTS: usize = 3;
 
-/// Whether a system was solved in this process, so that the threads have their buffers.
+/// Whether a system has been solved in this process: the threads then own their buffers already.
 static BUFFERED: AtomicBool = AtomicBool::new(false);
 
 /// The symbolic factorization: the pattern of A and of its factor.
@@ -214,7 +214,7 @@ impl<'a> Cholesky<'a> {
         Ok(Cholesky { a, symbolic, values, factor_s: started.elapsed().as_secs_f64() })
     }
 
-    /// How exact the solution `x` of A x = b is: a few solves with one column each, on two threads.
+    /// Estimates how exact the solution `x` of A x = b is, by a few solves with one column each, on two threads.
     fn conditioning(
         &self,
         x: &NodeFields,

@@ -2,8 +2,8 @@
 
 use crate::base::machine::TooLarge;
 
-/// Relative errors of a solution: above the first it is warned of, above the second refused. They judge the forward error
-/// and what rigid motions show.
+/// Limits on relative errors of a solution: above the first there is a warning, above the second the solution is refused.
+/// They apply to the forward error and to the errors of rigid motions.
 pub const ERROR_LIMITS: [f64; 2] = [1e-3, 0.1];
 
 #[derive(Debug, thiserror::Error)]

@@ -14,24 +14,24 @@ use super::solver::LinearSolver;
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::Matrix3;
 
-/// A full step no node of which moves by more than this part of the largest displacement is the last: Newton's error
-/// is squared by it.
+/// The iteration ends with a full step in which no node moves by more than this part of the largest displacement; that
+/// step still squares the error.
 const LAST_STEP: f64 = 1e-9;
 const MAX_ITERATIONS: usize = 25;
-/// Factorizations up to which the next load step may be twice as long.
+/// A load step that needs no more factorizations lets the next one be twice as long.
 const EASY: usize = 6;
 const SHORTEST_STEP: f64 = 1.0 / 4096.0;
-/// A step must bring this part of the decrease of energy that its slope promises.
+/// A step must achieve this part of the decrease of energy that its slope predicts.
 const DECREASE: f64 = 1e-4;
 const HALVINGS: i32 = 8;
-/// Rounding in the energy's sum, in parts of it.
+/// Relative rounding error of the sum of energies.
 const SUM_ROUNDING: f64 = 1e-13;
 
-/// What is iterated.
+/// The problem that Newton's method solves.
 pub struct Newton<'a> {
     pub body: Hyperelastic<'a>,
     pub partition: &'a Partition,
-    /// Of K at the free nodes; `None` where all are controlled.
+    /// For K at the free nodes; `None` where all are controlled.
     pub solver: Option<&'a dyn LinearSolver>,
 }
 
@@ -51,7 +51,7 @@ pub struct Equilibrium {
     pub counts: Counts,
 }
 
-/// What it took.
+/// How much work an equilibrium took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Counts {
     /// Load steps made.

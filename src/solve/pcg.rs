@@ -22,7 +22,7 @@ pub const PCG: Method = Method {
     },
 };
 
-/// The two limits of an iteration; nothing is known of the graph of A.
+/// When an iteration ends; the method needs to know nothing of the graph of A.
 #[derive(Clone, Copy)]
 struct Limits {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
@@ -59,14 +59,14 @@ struct Pcg<'a> {
     factor_s: f64,
 }
 
-/// The recurrence's residual parts from the true one by rounding; the iteration is restarted from the true
+/// By rounding the residual of the recurrence drifts away from the true one; the iteration is restarted from the true
 /// residual at most this often before it is called stagnant.
 const RESTARTS: usize = 8;
 
-/// Part of a residual to which the error that it stands for is solved.
+/// Relative residual to which the error of a solution is solved for.
 const PROBE: f64 = 1e-4;
 
-/// What an iteration came to.
+/// The result of an iteration that reached its tolerance.
 struct Converged {
     x: NodeFields,
     /// True residuals.
@@ -178,7 +178,7 @@ impl Pcg<'_> {
 
     /// Iterates until the recurrence's residual of every column is below half the tolerance; the spectrum is taken from
     /// the `watched` column, or from that with the largest residual. Returns the number of
-    /// iterations. A column that has arrived is left as it is.
+    /// iterations. A column that has converged is no longer changed.
     #[allow(clippy::too_many_arguments, reason = "the state of one iteration, used nowhere else")]
     fn iterate(
         &self,
