@@ -1,6 +1,6 @@
-//! How long work tells how far it has come.
+//! How long work reports its progress.
 
-/// Receives the steps of long work; the command line draws bars, tests stay silent.
+/// Receives the progress of long work: the command line draws bars, tests ignore it.
 pub trait Progress: Sync {
     /// A step begins; `units` of work, 0 where it cannot be known.
     fn begin(&self, step: &str, units: u64);
@@ -8,7 +8,7 @@ pub trait Progress: Sync {
     fn end(&self);
 }
 
-/// Tells nobody.
+/// Ignores all progress.
 pub struct Silent;
 
 impl Progress for Silent {

@@ -28,7 +28,6 @@ mod view;
 
 use crate::base::failure::Failure;
 use crate::base::machine::{self, ThreadsError};
-use crate::base::table;
 use crate::base::text::plain;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;

@@ -101,7 +101,7 @@ pub fn report(body: &Precomputed) -> Table {
         times.assembly_s,
         format!("K: {entries:.3e} entries, {:.3} % of full", 100.0 * entries / full),
     );
-    if stats.method == "cholesky" {
+    if stats.method.is_direct {
         row("ordering", stats.ordering_s, "nested dissection (METIS)".into());
         row("symbolic", stats.symbolic_s, format!("{} unknowns", stats.unknowns));
         let fill = stats.factor_entries as f64;
@@ -115,12 +115,11 @@ pub fn report(body: &Precomputed) -> Table {
         );
     }
     if let Some(conditioning) = stats.conditioning {
-        let what = format!(
-            "scaled condition number {:.1e}, forward error {} {:.1e}",
-            conditioning.scaled_condition,
-            if stats.method == "pcg" { "about" } else { "at most" },
-            conditioning.forward_error
-        );
+        let condition = conditioning
+            .scaled_condition
+            .map_or(String::new(), |k| format!("scaled condition number {k:.1e}, "));
+        let bound = if stats.method.bounds_error { "at most" } else { "about" };
+        let what = format!("{condition}forward error {bound} {:.1e}", conditioning.forward_error);
         row("conditioning", conditioning.seconds, what);
     }
     if let Some(asymmetry) = solution.asymmetry {
@@ -139,7 +138,7 @@ pub fn report(body: &Precomputed) -> Table {
     row(
         "all",
         solution.offline_s(),
-        format!("worst relative residual {:.1e} ({})", stats.worst_residual(), stats.method),
+        format!("worst relative residual {:.1e} ({})", stats.worst_residual(), stats.method.name),
     );
     table
 }

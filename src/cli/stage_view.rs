@@ -9,7 +9,6 @@ use crate::display::pictures::{PNG, save};
 use crate::display::stage_model::Camera;
 use crate::scene::Scene;
 use crate::session::{Request, Session};
-use crate::stage::Stage;
 use crate::world::{World, prepare};
 use std::path::PathBuf;
 

@@ -5,7 +5,6 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::Table;
 use crate::session::trackers;
-use crate::stage::Stage;
 use crate::track::Signal;
 use crate::track::device::{Link, now_s};
 use crate::track::tracker_set::{SensorReport, TrackerReport, TrackerSet};

@@ -2,15 +2,20 @@
 
 use super::model::ModelEntry;
 use super::{linear, rotation, statics};
+use crate::fem::LAWS;
 
-/// All models; a new one is one file and one line here.
-pub const MODELS: &[ModelEntry] = &[
-    linear::ENTRY,
-    rotation::ENTRY,
-    statics::STVK_ENTRY,
-    statics::NEO_HOOKEAN_ENTRY,
-    statics::COROTATIONAL_ENTRY,
-];
+/// All models: those of the precomputed columns, each one file and one line here, then one for each of [`LAWS`].
+pub const MODELS: &[ModelEntry] = &{
+    const ONLINE: usize = 2;
+    let mut models = [linear::ENTRY; ONLINE + LAWS.len()];
+    models[1] = rotation::ENTRY;
+    let mut law = 0;
+    while law < LAWS.len() {
+        models[ONLINE + law] = statics::entry(LAWS[law]);
+        law += 1;
+    }
+    models
+};
 
 /// The model called `name`, or what there is instead.
 pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {

@@ -8,28 +8,21 @@ use super::force::Wrench;
 use super::model::{Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Screw;
-use crate::fem::{
-    COROTATIONAL, Hyperelastic, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, TET4, tet4,
-};
+use crate::fem::{Hyperelastic, Lame, Law, NodeFields, Partition, TET4, tet4};
 use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::{Body, Method, Scene, SceneError};
-use crate::solve::{Counts, Equilibrium, Newton, NewtonError, Progress, Setback, SolveError, Symbolic};
+use crate::scene::{Body, Scene, SceneError};
+use crate::solve::{Counts, Equilibrium, LinearSolver, Newton, NewtonError, Progress, Setback, SolveError};
 use nalgebra::{Matrix3, Vector3};
 
-pub(super) const STVK_ENTRY: ModelEntry = entry(
-    &STVK,
-    "method 1a, `deform` only: St. Venant–Kirchhoff statics, right for large rotations and small strain",
-);
-pub(super) const NEO_HOOKEAN_ENTRY: ModelEntry =
-    entry(&NEO_HOOKEAN, "method 1a, `deform` only: neo-Hookean statics, which bear compression");
-pub(super) const COROTATIONAL_ENTRY: ModelEntry = entry(
-    &COROTATIONAL,
-    "method 1b, `deform` only: corotational statics, Hooke's law in every element's own frame",
-);
-
-const fn entry(law: &'static Law, summary: &'static str) -> ModelEntry {
-    ModelEntry { name: law.name, summary, needs: Needs { stiffness: false }, kind: Kind::Static(law) }
+/// The model of bodies under `law`.
+pub(super) const fn entry(law: &'static Law) -> ModelEntry {
+    ModelEntry {
+        name: law.name,
+        summary: law.summary,
+        needs: Needs { stiffness: false },
+        kind: Kind::Static(law),
+    }
 }
 
 /// No load step turns a control element by more, rad, …
@@ -49,7 +42,7 @@ pub struct Statics {
     geometry: Vec<tet4::Geometry>,
     size: f64,
     partition: Partition,
-    symbolic: Option<Symbolic>,
+    solver: Option<Box<dyn LinearSolver>>,
     /// The last pose that was solved, and its displacements, both but for what the control elements have in common.
     last: Option<(Vec<Screw>, NodeFields)>,
 }
@@ -123,7 +116,7 @@ impl Statics {
                 format!("model \"{}\" is for linear tetrahedra: write element = \"tet4\"", law.name);
             return wrong("element", message);
         }
-        if solver.method != Method::Cholesky {
+        if !solver.method.is_direct {
             let message =
                 format!("model \"{}\" factorises its tangent: write method = \"cholesky\"", law.name);
             return wrong("solver", message);
@@ -153,7 +146,7 @@ impl Statics {
         let mut statics = Statics {
             notices: findings.into_iter().map(|finding| finding.to_string()).collect(),
             size: (high - low).norm(),
-            symbolic: None,
+            solver: None,
             last: None,
             law,
             lame,
@@ -165,7 +158,8 @@ impl Statics {
         if !statics.partition.free.is_empty() {
             let rest = vec![Matrix3::zeros(); statics.mesh.tets.len()];
             let k = statics.body().tangent(&rest, statics.mesh.nodes.len());
-            statics.symbolic = Some(Symbolic::new(&statics.partition.a(&k), progress)?);
+            let a = statics.partition.a(&k);
+            statics.solver = Some(scene.body[name].solver.analyse(&a, progress)?);
         }
         Ok(statics)
     }
@@ -197,8 +191,7 @@ impl Statics {
                 self.prescribe(control, &pose, u);
             }
         };
-        let newton =
-            Newton { body: self.body(), partition: &self.partition, symbolic: self.symbolic.as_ref() };
+        let newton = Newton { body: self.body(), partition: &self.partition, solver: self.solver.as_deref() };
         match newton.follow(u, steps, &path, progress) {
             Ok(equilibrium) => {
                 let settled = self.settled(&equilibrium, &shift);

@@ -23,14 +23,14 @@ pub enum AssemblyError {
 pub trait Elements: Sync {
     fn count(&self) -> usize;
 
-    /// The mesh nodes of one element, no node twice.
+    /// The mesh nodes of one element, each node once.
     fn nodes(&self, element: usize) -> &[u32];
 
     /// `out[b]` = K_ab of one element for its local node `a` and all its local nodes b, N/m.
     fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]);
 }
 
-/// What the sets of an element do: they are assembled, and tell their strains.
+/// A set of elements that can be assembled and whose strains are known.
 pub trait ElementSet: Elements + Strains {}
 
 /// K = Σ K_e over all sets of elements, on nodes 0..`nodes`.

@@ -18,13 +18,14 @@ use nalgebra::{Matrix3, Vector3};
 
 pub const COROTATIONAL: Law = Law {
     name: "corotational",
+    summary: "method 1b, `deform` only: corotational statics, Hooke's law in every element's own frame",
     remedy: "Press, turn or shear less, or refine where it folds",
     energy,
     stress,
     tangent,
 };
 
-/// Least sum of two principal stretches with which the tangent is computed: where one vanishes, dR is not defined.
+/// The tangent is computed with sums of two principal stretches of at least this; dR is not defined where one is zero.
 const LEAST: f64 = 1e-6;
 
 /// R and S - I, the latter to a rounding of H.

@@ -22,7 +22,7 @@ pub struct Element {
     /// Degree of the displacement: 1 has nodes at corners, 2 between them too.
     pub order: u32,
     pub dilatation: Dilatation,
-    /// Whether it becomes too stiff near Poisson's ratio 1/2, however fine the mesh is that can be afforded.
+    /// Whether it locks near Poisson's ratio 1/2: it is too stiff on every mesh that is small enough to be solved.
     pub locks: bool,
     /// Pairs of nodes with an element in common for each edge, face and tetrahedron of the mesh: what the stiffness
     /// matrix holds blocks for.
@@ -36,17 +36,17 @@ pub struct Element {
 /// The dilatation θ whose square λ multiplies in an element's energy; linear in each tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Dilatation {
-    /// That of the displacement, in each tetrahedron projected in L2 onto the linear functions, where it is not one: in
-    /// curved quadratic ones.
+    /// The divergence of the displacement. In a curved quadratic tetrahedron, where it is not linear, it is projected in
+    /// L2 onto the linear functions.
     Own,
-    /// The mean over the patch of each node, linear between nodes.
+    /// The mean of the divergence over the patch around each node, interpolated linearly between the nodes.
     Nodal,
 }
 
 impl Element {
     /// K = Σ_e K_e with Lamé's constants `lame[e]` per tetrahedron.
     ///
-    /// Errors where a tetrahedron is flat or inverted, or where the mesh has not the nodes of this element.
+    /// Errors where a tetrahedron is flat or inverted, or where the mesh lacks the nodes of this element.
     pub fn assemble(&self, mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
         Ok(assemble_elements(mesh.nodes.len(), &self.sets_of(mesh, lame)?))
     }

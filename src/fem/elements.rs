@@ -4,25 +4,17 @@ use super::anp::TET4_ANP;
 use super::element::Element;
 use super::tet4::TET4;
 use super::tet10::TET10;
+use crate::config::unknown_name;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// All elements, from the least accurate on; a new one is one file and one line here.
 pub const ELEMENTS: &[&Element] = &[&TET4, &TET4_ANP, &TET10];
 
-const NAMES: &[&str] = &{
-    let mut names = [""; ELEMENTS.len()];
-    let mut i = 0;
-    while i < names.len() {
-        names[i] = ELEMENTS[i].name;
-        i += 1;
-    }
-    names
-};
-
-/// The element called `name`.
-pub fn find_element(name: &str) -> Option<&'static Element> {
-    ELEMENTS.iter().copied().find(|element| element.name == name)
+/// The element called `name`; the error lists the known ones.
+pub fn find_element(name: &str) -> Result<&'static Element, String> {
+    let found = ELEMENTS.iter().copied().find(|element| element.name == name);
+    found.ok_or_else(|| unknown_name("element", name, ELEMENTS.iter().map(|element| element.name)))
 }
 
 impl Default for &'static Element {
@@ -39,7 +31,6 @@ impl Serialize for Element {
 
 impl<'de> Deserialize<'de> for &'static Element {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static Element, D::Error> {
-        let name = String::deserialize(deserializer)?;
-        find_element(&name).ok_or_else(|| D::Error::unknown_variant(&name, NAMES))
+        find_element(&String::deserialize(deserializer)?).map_err(D::Error::custom)
     }
 }

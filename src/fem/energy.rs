@@ -16,7 +16,7 @@ use super::fields::NodeFields;
 use nalgebra::{DMatrix, DMatrixView, Vector3};
 use rayon::prelude::*;
 
-/// A set of elements that tell their strains.
+/// A set of elements whose strains can be computed.
 pub trait Strains: Sync {
     fn elements(&self) -> usize;
 
@@ -24,7 +24,8 @@ pub trait Strains: Sync {
     fn strains(&self, element: usize, fields: &NodeFields, out: &mut StrainRows);
 }
 
-/// Strains of some elements: `values` holds one row of all fields after the other, `weights` the stiffness against each.
+/// Strains of some elements: `values` holds one row after another, with one number per field; `weights` holds the
+/// stiffness that belongs to each row.
 #[derive(Default)]
 pub struct StrainRows {
     pub weights: Vec<f64>,
@@ -90,7 +91,7 @@ impl StrainRows {
         start
     }
 
-    /// Adds Σ_q w_q s_q s_qᵀ to `sum`, and forgets the strains.
+    /// Adds Σ_q w_q s_q s_qᵀ to `sum` and clears the strains.
     fn add_to(&mut self, sum: &mut DMatrix<f64>) {
         let (m, n) = (sum.nrows(), self.weights.len());
         let strains = DMatrixView::from_slice(&self.values, m, n);
@@ -101,9 +102,10 @@ impl StrainRows {
     }
 }
 
-/// Sums of the elements that are made side by side; their number decides the bits, the threads' does not.
+/// Number of partial sums that are computed in parallel. It is fixed, so that the result has the same bits on every
+/// number of threads.
 const PARTS: usize = 64;
-/// Strains that are multiplied with each other at a time.
+/// Rows of strains that are collected before they are multiplied.
 const ROWS: usize = 512;
 
 /// S_ij of all fields over all sets of elements.
@@ -158,7 +160,7 @@ mod tests {
         dense(fields).transpose() * dense(&force)
     }
 
-    /// Of every element the energies are those of its stiffness matrix, of any fields.
+    /// For every element and any fields, the energies agree with uᵀ K u.
     #[test]
     fn energies_are_those_of_the_stiffness_matrix() {
         let (mesh, lame) = body();
@@ -174,7 +176,7 @@ mod tests {
         }
     }
 
-    /// A shift costs nothing at all, and a turn the square of rounding, however stiff the body is.
+    /// A translation has exactly no energy, and a rotation the square of a rounding error, however stiff the body is.
     #[test]
     fn rigid_motions_cost_nothing() {
         let (mesh, _) = body();

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 /// `columns` vector fields over `nodes` nodes, row-major: entry (3·node + axis, column).
 ///
-/// All columns of one node lie together, so that one pass over a matrix serves them all.
+/// All columns of one node are adjacent in memory, so that one pass over a matrix multiplies all of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeFields {
     pub nodes: usize,

@@ -20,11 +20,13 @@ use rayon::prelude::*;
 /// C = ∂P/∂F, Pa: row 3 J + i belongs to P_iJ, column 3 L + k to F_kL, as nalgebra stores a 3×3 matrix.
 pub type Tangent = SMatrix<f64, 9, 9>;
 
-/// A material law. Its functions take H = F - I, not F: a small strain keeps its digits.
+/// A material law. Its functions take H = F - I instead of F, so that small strains keep their digits.
 #[derive(Debug)]
 pub struct Law {
     /// As a scene's `model` names it.
     pub name: &'static str,
+    /// The method of the paper that it belongs to, and what it is good for.
+    pub summary: &'static str,
     /// What to do where a body of this material has no equilibrium.
     pub remedy: &'static str,
     /// ψ, J/m³; 0 at rest.
@@ -39,7 +41,7 @@ pub struct Law {
 pub struct Hyperelastic<'a> {
     pub law: &'static Law,
     pub tets: &'a [[u32; 4]],
-    /// Of the tetrahedra at rest.
+    /// Geometry of the tetrahedra at rest.
     pub geometry: &'a [Geometry],
     pub lame: &'a [Lame],
 }
@@ -68,7 +70,7 @@ impl Hyperelastic<'_> {
         energies.iter().sum()
     }
 
-    /// How much of the energy may be rounding, J: where a body is turned far, the terms of ψ cancel.
+    /// How large the rounding error of the energy may be, J: where a body is turned far, the terms of ψ cancel.
     pub fn energy_rounding(&self, gradients: &[Matrix3<f64>]) -> f64 {
         let terms = |(e, h): (usize, &Matrix3<f64>)| {
             self.geometry[e].volume * (self.lame[e].lambda.abs() + 2.0 * self.lame[e].mu) * h.norm_squared()

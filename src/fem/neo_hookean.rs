@@ -14,6 +14,7 @@ use nalgebra::Matrix3;
 
 pub const NEO_HOOKEAN: Law = Law {
     name: "neo_hookean",
+    summary: "method 1a, `deform` only: neo-Hookean statics, which bear compression",
     remedy: "Press, turn or shear less, or refine where it folds",
     energy,
     stress,

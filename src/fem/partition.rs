@@ -21,7 +21,7 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// `controlled` in any order; nodes are 0..`nodes`.
+    /// Splits the nodes 0..`nodes`; `controlled` may come in any order.
     pub fn new(nodes: usize, controlled: impl IntoIterator<Item = u32>) -> Partition {
         let mut is_controlled = vec![false; nodes];
         for node in controlled {

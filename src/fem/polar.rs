@@ -34,7 +34,7 @@ impl Polar {
         is_finite.then_some(Polar { u, sigma, vt, sign })
     }
 
-    /// R as a quaternion, whose angle is right at half a turn and at none, where the arc cosine of R's trace may be no
+    /// R as a quaternion, whose angle is also accurate at 0° and 180°, where the arc cosine of R's trace may be no
     /// number.
     pub fn turn(&self) -> UnitQuaternion<f64> {
         UnitQuaternion::from_rotation_matrix(&self.rotation())

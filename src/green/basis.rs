@@ -11,8 +11,8 @@ use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::diagnostics::Severity;
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::{Body, Method, Scene, Storage};
-use crate::solve::{Cholesky, Pcg, Progress, SolveError, SolveStats, Symbolic};
+use crate::scene::{Scene, Storage};
+use crate::solve::{Progress, SolveStats};
 use nalgebra::DMatrix;
 use std::time::Instant;
 
@@ -143,8 +143,12 @@ pub fn solve_prepared(
         control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
     }
     let rhs = partition.minus_b_times(&k, &fields);
-    let (free, stats) = solve_free(body, &a, &rhs, progress)
-        .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
+    let solve_free = || {
+        let solver = body.solver.analyse(&a, progress)?;
+        solver.fits(&a, rhs.columns)?;
+        solver.factor(&a, progress)?.solve_and_judge(&rhs, progress)
+    };
+    let (free, stats) = solve_free().map_err(|source| GreenError::Solve { body: place.clone(), source })?;
     partition.insert_free(&free, &mut fields);
 
     let (mut stiffness, mut asymmetry) = (None, None);
@@ -200,34 +204,6 @@ fn assembly_memory(element: &Element, mesh: &TetMesh, surface: &Surface, columns
     let [on_edge, on_face, inside] = element.pairs;
     let pairs = on_edge * edges + on_face * faces + inside * tets;
     184.0 * pairs + 170.0 * tets + 400.0 * nodes + 2.0 * 24.0 * nodes * columns as f64
-}
-
-fn solve_free(
-    body: &Body,
-    a: &StiffnessMatrix,
-    rhs: &NodeFields,
-    progress: &dyn Progress,
-) -> Result<(NodeFields, SolveStats), SolveError> {
-    if a.nodes() == 0 {
-        let residuals = vec![0.0; rhs.columns];
-        let stats =
-            SolveStats { method: "none".into(), columns: rhs.columns, residuals, ..Default::default() };
-        return Ok((rhs.clone(), stats));
-    }
-    match body.solver.method {
-        Method::Cholesky => {
-            let symbolic = Symbolic::new(a, progress)?;
-            symbolic.fits(a, rhs.columns)?;
-            let factor = Cholesky::new(a, &symbolic, progress)?;
-            let (free, mut stats) = factor.solve(rhs, progress)?;
-            stats.conditioning = Some(factor.conditioning(&free, rhs, progress)?);
-            Ok((free, stats))
-        }
-        Method::Pcg => {
-            let pcg = Pcg { tolerance: body.solver.tolerance, max_iterations: body.solver.max_iterations };
-            pcg.solve(a, rhs, progress)
-        }
-    }
 }
 
 /// How far the reactions' work Φᵀ f_b is from symmetric, relative to its largest number.

@@ -191,10 +191,10 @@ fn body_meta(body: &Precomputed, columns: &[Stored]) -> BodyMeta {
         controls,
         plan: body.plan.clone(),
         accuracy: Accuracy {
-            solver: solution.stats.method.clone(),
+            solver: solution.stats.method.name.into(),
             residual: solution.stats.worst_residual(),
             residuals: solution.stats.residuals.clone(),
-            scaled_condition: conditioning.map(|c| c.scaled_condition),
+            scaled_condition: conditioning.and_then(|c| c.scaled_condition),
             forward_error: conditioning.map(|c| c.forward_error),
             asymmetry: solution.asymmetry,
             storage: body.storage,

@@ -3,7 +3,7 @@
 use super::finding::Finding;
 use super::rigid::RigidMotion;
 use crate::mesh::diagnostics::Severity;
-use crate::solve::{ERROR_LIMITS, SolveError, SolveStats};
+use crate::solve::{ERROR_LIMITS, Method, SolveError, SolveStats, find_method};
 
 const SHIFT: &str = "the error of the displacements when all control elements are shifted alike (the columns of a shift \
                      are not 1 in every node)";
@@ -14,9 +14,9 @@ const SHIFT_FORCE: &str =
 pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Vec<Finding>, SolveError> {
     let mut findings = Vec::new();
     if let Some(conditioning) = stats.conditioning {
-        findings.extend(forward(entity, &stats.method, conditioning.forward_error)?);
+        findings.extend(forward(entity, stats.method, conditioning.forward_error)?);
     }
-    let remedy = remedy(&stats.method);
+    let remedy = stats.method.remedy;
     findings.extend(one(entity, SHIFT, rigid.shift, remedy)?);
     if let Some(force) = rigid.shift_force {
         findings.extend(one(entity, SHIFT_FORCE, force, remedy)?);
@@ -41,24 +41,11 @@ pub fn judge_file(
     solver: &str,
     forward_error: Option<f64>,
 ) -> Result<Option<Finding>, SolveError> {
-    forward_error.map_or(Ok(None), |error| forward(entity, solver, error))
+    forward_error.map_or(Ok(None), |error| forward(entity, find_method(solver).unwrap_or_default(), error))
 }
 
-fn forward(entity: &str, method: &str, error: f64) -> Result<Option<Finding>, SolveError> {
-    one(entity, "the bound on the forward error", error, remedy(method))
-}
-
-fn remedy(method: &str) -> &'static str {
-    match method {
-        "pcg" => {
-            "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
-             large contrasts of stiffness (`greenstage check`)"
-        }
-        _ => {
-            "look for slivers and large contrasts of stiffness (`greenstage check`), for parts a thousand times as long \
-             as thick, and for a Poisson's ratio next to 0.5"
-        }
-    }
+fn forward(entity: &str, method: &Method, error: f64) -> Result<Option<Finding>, SolveError> {
+    one(entity, "the bound on the forward error", error, method.remedy)
 }
 
 fn one(
@@ -84,7 +71,7 @@ mod tests {
 
     fn stats(forward_error: f64) -> SolveStats {
         let conditioning = Some(Conditioning { forward_error, ..Conditioning::default() });
-        SolveStats { method: "cholesky".into(), conditioning, ..SolveStats::default() }
+        SolveStats { conditioning, ..SolveStats::default() }
     }
 
     #[test]

@@ -23,12 +23,12 @@ pub struct RawMesh {
     /// Node groups of their own, as indices into `nodes`.
     pub groups: BTreeMap<String, Vec<u32>>,
     pub notices: Vec<String>,
-    /// Which of the other files the elements' `at` count in, where it is not the one that was named.
+    /// The file that the elements' `at` refer to, as an index into the other files; `None` for the file that was named.
     pub elements_in: Option<usize>,
 }
 
 impl RawMesh {
-    /// Adds an element of the group `number`, which stands in for its geometric entity; 0 is no group.
+    /// Adds an element of the group `number`, which is taken for its geometric entity; 0 means no group.
     pub fn add(&mut self, kind: ElementShape, tag: u64, number: i32, at: usize, nodes: &[u64]) {
         if number > 0 {
             let key = (kind.dimension, number);
@@ -149,7 +149,7 @@ fn resolve(raw: &RawMesh) -> Result<Vec<u32>, FormatFault> {
     Ok(corners)
 }
 
-/// Each element with its share of `corners`.
+/// Each element with its part of `corners`.
 fn with_corners<'a, T>(
     raw: &'a RawMesh,
     corners: &'a [T],

@@ -5,16 +5,16 @@
 
 use super::quadratic;
 use super::quality::{Components, bounding_box, components, overlapping_faces, quality};
-use super::surface::{FACES, sorted_faces};
-use super::tet_mesh::TetMesh;
+use super::surface::sorted_faces;
+use super::tet_mesh::{FACES, TetMesh};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A tetrahedron of less [`quality()`] is a sliver.
+/// A tetrahedron whose [`quality()`] is less is a sliver.
 pub const SLIVER: f64 = 1e-3;
-/// A tetrahedron of less [`quality()`] has no volume: the rounding of its coordinates decides its stiffness.
+/// A tetrahedron whose [`quality()`] is less is flat: rounding of its coordinates decides its stiffness.
 pub const FLAT: f64 = 1e-10;
-/// Nodes that are nearer, as a part of the body's extent, coincide.
+/// Nodes coincide where their distance is a smaller part of the body's extent.
 pub const COINCIDENT: f64 = 1e-9;
 /// Extent over distance from the origin below which the file's coordinates have lost digits.
 pub const FAR: f64 = 1e-6;
@@ -50,7 +50,7 @@ pub struct Diagnostic {
     pub message: String,
 }
 
-/// All that is wrong, the worst first; empty for a sound mesh.
+/// Finds everything that is wrong, the most severe first; empty for a sound mesh.
 pub fn find(mesh: &TetMesh) -> Vec<Diagnostic> {
     let mut found = Vec::new();
     let mut say = |severity, message: String| found.push(Diagnostic { severity, message });
@@ -109,7 +109,7 @@ fn elements(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     }
 }
 
-/// Quadratic tetrahedra that their curved edges fold.
+/// Quadratic tetrahedra that are folded by their curved edges.
 fn curved(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     let is_folded = |tet: &u32| {
         let least = quadratic::least_jacobian(mesh, *tet as usize);
@@ -185,7 +185,7 @@ fn tags<const N: usize>(mesh: &TetMesh, nodes: &[u32; N]) -> [u64; N] {
     nodes.map(|node| mesh.tags[node as usize])
 }
 
-/// The first few of some tetrahedra, by their nodes' tags and their place.
+/// Names the first few of the tetrahedra `tets` by the tags of their nodes and their place.
 fn tetrahedra(mesh: &TetMesh, tets: &[u32]) -> String {
     let name = |&tet: &u32| {
         let centre: Vector3<f64> = mesh.corners(tet as usize).iter().sum::<Vector3<f64>>() / 4.0;
@@ -203,7 +203,7 @@ pub fn place(x: &Vector3<f64>) -> String {
     format!("({}, {}, {}) m", digits(x.x), digits(x.y), digits(x.z))
 }
 
-/// Four digits of a number, without an exponent where it can be read without.
+/// A number with four digits, without an exponent where its size allows that.
 pub fn digits(x: f64) -> String {
     match x.abs() {
         0.0 => "0".to_owned(),
@@ -241,7 +241,7 @@ pub fn hinges(mesh: &TetMesh, pieces: &Components) -> Vec<u32> {
     (0..).zip(count).filter(|(_, count)| *count > 1).map(|(node, _)| node).collect()
 }
 
-/// Nodes that stand within [`COINCIDENT`] times the extent of an earlier one: that one, and the node.
+/// Pairs of nodes within [`COINCIDENT`] times the extent of each other, the earlier node first.
 pub fn coincident_nodes(mesh: &TetMesh) -> Vec<[u32; 2]> {
     let (low, high) = bounding_box(&mesh.nodes);
     let near = COINCIDENT * (high - low).amax();

@@ -195,7 +195,7 @@ fn check_cells(cells: [(&'static str, u32, u32); 3]) -> Result<(), GenerateError
     Ok(())
 }
 
-/// Node groups in the making.
+/// Node groups while a mesh is generated.
 struct Groups<const N: usize> {
     names: [&'static str; N],
     nodes: [Vec<u32>; N],

@@ -1,4 +1,4 @@
-//! Parts of a mesh that grow from one node through the material, and stop at a length.
+//! Parts of a mesh within a geodesic distance of one node, measured through the material.
 //!
 //! In: a [`TetMesh`], a node, a length. Out: the nodes within that length along the mesh's edges (Dijkstra,
 //! Numerische Mathematik 1, 1959). Edges of all tetrahedra count, those inside the body too: what grows on a wall then
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Rounding of a sum of edges, as a part of the radius: three edges of 0.1 m are within 0.3 m.
+/// Tolerance for rounding in a sum of lengths, relative to the radius: three edges of 0.1 m are within 0.3 m.
 const ROUNDING: f64 = 1e-9;
 
 /// The edges of all tetrahedra once each, the smaller node first, sorted. Between corners only.

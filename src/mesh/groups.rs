@@ -53,7 +53,7 @@ pub(super) fn join(mesh: &mut TetMesh, first: usize, ends: &[[u32; 2]]) {
     }
 }
 
-/// Things found by the least of their nodes.
+/// Looks up tetrahedra or edges by the least of their nodes.
 struct ByLeast {
     /// (least node, number of the thing), sorted.
     sorted: Vec<(u32, u32)>,

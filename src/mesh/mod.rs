@@ -28,13 +28,14 @@ pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
 pub use surface::Surface;
-pub use tet_mesh::{EDGES, Loaded, TetMesh};
+pub use tet_mesh::{EDGES, FACES, Loaded, TetMesh};
 
 use crate::base::{input, output};
 use formats::Part;
 use std::path::{Path, PathBuf};
 
-/// Reads the mesh file at `path`, of any format in [`formats::FORMATS`]; of 10-node tetrahedra the corners.
+/// Reads the mesh file at `path`, in any format of [`formats::FORMATS`]; 10-node tetrahedra are reduced to their
+/// corners.
 pub fn load(path: &Path) -> Result<Loaded, MeshError> {
     parse(path, &read(path)?)
 }
@@ -49,10 +50,10 @@ fn read(path: &Path) -> Result<Vec<u8>, MeshError> {
     input::read(path).map_err(|source| MeshError::Read { path: path.to_owned(), source })
 }
 
-/// [`load`] from a file's `bytes`; `path` tells the format and is named in errors. The other files of a format that is
-/// spread over several are read from beside it.
+/// [`load`] from a file's `bytes`; `path` determines the format and is named in errors. Where a format uses several
+/// files, the others are read from beside `path`.
 ///
-/// Memory grows with `bytes`, whatever counts stand in them.
+/// Memory grows with the size of `bytes`, not with the counts that they claim.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
     parse_as(path, bytes, Order::Linear)
 }
@@ -76,7 +77,7 @@ pub fn parse_as(path: &Path, bytes: &[u8], order: Order) -> Result<Loaded, MeshE
 
 /// Writes `mesh` to the file at `path`, in the format of its extension: by the writer of that name in
 /// [`formats::writers`], else by the first for the extension. Returns what the format could not keep, one sentence
-/// each. All files of the format are there whole, or none is ([`output::stage`]).
+/// each. Either all files of the format are written completely, or none ([`output::stage`]).
 pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<String>, MeshError> {
     let writer = formats::writer_of(path, encoding)?;
     let encoded = (writer.encode)(mesh)?;

@@ -20,7 +20,8 @@ pub fn nearest_pair(nodes: &[Vector3<f64>], a: &[u32], b: &[u32]) -> Option<Near
     Some(best)
 }
 
-/// Puts the middle of every range at the place where it divides the range along `axis`, and its halves along the next.
+/// Sorts `range` into a k-d tree: its middle node divides it along `axis`, and each half is divided along the next
+/// axis.
 fn sort(nodes: &[Vector3<f64>], range: &mut [u32], axis: usize) {
     if range.len() < 2 {
         return;

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 /// Where the middle of an edge between two points lies: on the body's curved wall, or half way.
 pub type Curve<'a> = &'a dyn Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>;
 
-/// The same by the ends of the edge (ascending) among all nodes.
+/// The same, given the ends of the edge (ascending) and all nodes.
 pub(super) type Middle<'a> = &'a dyn Fn([u32; 2], &[Vector3<f64>]) -> Vector3<f64>;
 
 /// The middle of a straight edge.
@@ -26,7 +26,7 @@ pub fn straight(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
 
 /// `mesh` with a node between every two corners that share an edge, placed by `curve`, its tag above all others. It
 /// joins groups that hold both ends: of a volume along its tetrahedra, of a part of the surface along the surface, so
-/// that a wall does not geodesic inward, else along every edge. A mesh that is quadratic already is returned as it is.
+/// that a wall does not grow inward, else along every edge. A mesh that is quadratic already is returned as it is.
 pub fn quadratic(mesh: TetMesh, curve: Curve<'_>) -> TetMesh {
     if !mesh.mids.is_empty() {
         return mesh;
@@ -64,7 +64,7 @@ pub fn nodes(mesh: &TetMesh, tet: usize) -> [u32; 10] {
     std::array::from_fn(|a| if a < 4 { corners[a] } else { mids[a - 4] })
 }
 
-/// L of the ten nodes: 1 at a corner, ½ and ½ between two.
+/// Barycentric coordinates of the ten nodes: 1 at a corner, ½ and ½ between two.
 pub fn barycentric(node: usize) -> [f64; 4] {
     match node {
         0..4 => std::array::from_fn(|i| if i == node { 1.0 } else { 0.0 }),

@@ -96,7 +96,7 @@ pub fn overlapping_faces(mesh: &TetMesh) -> Vec<[u32; 3]> {
     faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 2).map(|same| same[0].0).collect()
 }
 
-/// What `inspect` tells of a mesh; lengths in m.
+/// What `inspect` reports of a mesh; lengths in m.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeshReport {
     pub nodes: usize,

@@ -25,7 +25,7 @@ use crate::base::machine::{self, TooLarge};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// More refinements are refused: 4096 tetrahedra from each.
+/// More refinements are refused; this many make 4096 tetrahedra of each.
 pub const MOST: u32 = 4;
 
 /// Why a mesh could not be refined.
@@ -117,7 +117,7 @@ pub fn check_tags(mesh: &TetMesh, tets: u64) -> Result<(), RefineError> {
     }
 }
 
-/// Puts every tetrahedron's corners in the order that cuts along its shortest diagonal; tells which were mirrored.
+/// Reorders every tetrahedron's corners so that it is cut along its shortest diagonal; returns which were mirrored.
 fn order(mesh: &mut TetMesh) -> Vec<bool> {
     let choose = |tet: usize| {
         let x = mesh.corners(tet);

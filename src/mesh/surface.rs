@@ -3,7 +3,7 @@
 //! In: a [`TetMesh`]. Out: the faces that belong to one tetrahedron only, as outward triangles in the order of
 //! their tetrahedra; a face of a quadratic mesh as four. Faces between two regions belong to two tetrahedra, so they are none of these.
 
-use super::tet_mesh::{EDGES, TetMesh};
+use super::tet_mesh::{EDGES, FACES, TetMesh};
 use nalgebra::Vector3;
 
 /// The outer surface of a [`TetMesh`]: triangles oriented outward over the surface nodes.
@@ -14,10 +14,6 @@ pub struct Surface {
     /// Mesh node of each surface node, ascending.
     pub nodes: Vec<u32>,
 }
-
-/// The faces of a positively oriented tetrahedron, counter-clockwise as seen from outside; face i lies opposite
-/// corner 3 - i.
-pub(super) const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
 /// All faces, sorted: their nodes in ascending order, and 4·tetrahedron + face. Equal faces are neighbours.
 pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {

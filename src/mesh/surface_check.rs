@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// What `inspect` tells of a surface; lengths in m.
+/// What `inspect` reports of a surface; lengths in m.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SurfaceReport {
     pub vertices: usize,
@@ -49,9 +49,9 @@ pub struct Hole {
     pub at: [f64; 3],
 }
 
-/// Vertices of a shell that are asked whether they lie inside another.
+/// Vertices of a shell that are tested for lying inside another.
 const SAMPLES: usize = 16;
-/// After so many solid angles no shell is looked at any more.
+/// No further shell is tested after this many solid angles.
 const MOST_SOLID_ANGLES: usize = 50_000_000;
 
 /// Turns the triangles of every shell one way, outward or into a cavity, and reports what is left. What was turned is
@@ -100,7 +100,7 @@ pub fn check(surface: &mut TriangleSurface, notices: &mut Vec<String>) -> Surfac
 }
 
 impl SurfaceReport {
-    /// Sentences about what is wrong, worst first; none of a sound surface.
+    /// Sentences about what is wrong, the worst first; none for a sound surface.
     pub fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let place = |[x, y, z]: &[f64; 3]| format!("({x:.6}, {y:.6}, {z:.6})");

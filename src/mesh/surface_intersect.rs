@@ -15,7 +15,7 @@ use serde::Serialize;
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Intersections {
     pub pairs: usize,
-    /// False if too many triangles overlap to look at all.
+    /// False where too many triangles overlap to test all of them.
     pub is_complete: bool,
     /// The triangles of the first pair, from 0.
     pub first: [usize; 2],

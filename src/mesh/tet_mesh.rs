@@ -33,6 +33,10 @@ impl TetMesh {
 /// The edges of a tetrahedron by its corners, in Gmsh's order of the nodes between them.
 pub const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [2, 3], [1, 3]];
 
+/// The faces of a positively oriented tetrahedron, counter-clockwise as seen from outside; face i lies opposite
+/// corner 3 - i.
+pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+
 /// The six edges of a tetrahedron in the order of [`EDGES`], each ascending.
 pub fn edges_of(tet: &[u32; 4]) -> [[u32; 2]; 6] {
     EDGES.map(|edge| edge.map(|corner| tet[corner])).map(|[a, b]| [a.min(b), a.max(b)])

@@ -44,11 +44,11 @@ pub fn csv(rows: &[Measurement]) -> String {
     let mut text = String::new();
     for (i, row) in rows.iter().enumerate() {
         let setting = &row.setting;
-        let refine = setting.refine.to_string();
+        let (refine, solver) = (setting.refine.to_string(), setting.solver.to_string());
         let words = [
             ("refine", refine.as_str()),
             ("element", &setting.element),
-            ("solver", &setting.solver),
+            ("solver", &solver),
             ("storage", &setting.storage),
             ("model", &setting.model),
         ];

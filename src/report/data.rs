@@ -3,7 +3,7 @@
 //! accuracy.json is a [`Report`] as JSON; the names of the fields are the names in the file.
 
 use crate::scene::TOLERANCE;
-use crate::solve::ERROR_LIMITS;
+use crate::solve::{ERROR_LIMITS, Solver};
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
@@ -40,14 +40,15 @@ pub struct Report {
 }
 
 /// A value for each parameter of a body ([`PARAMETERS`](super::PARAMETERS)).
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Setting {
     /// Uniform refinements of the scene's mesh.
     pub refine: u32,
     /// As scenes name them.
     pub element: String,
-    /// "cholesky", or "pcg 1e-6" with its tolerance.
-    pub solver: String,
+    /// In files "cholesky", or "pcg 1e-6" with its tolerance.
+    #[serde(with = "crate::solve::solver_as_text")]
+    pub solver: Solver,
     pub storage: String,
     pub model: String,
 }
@@ -60,11 +61,6 @@ impl Setting {
             n if n < 20 => format!("{} h/{}", self.element, 1_u32 << n),
             n => format!("{} h/2^{n}", self.element),
         }
-    }
-
-    /// That of conjugate gradients; `None` of Cholesky.
-    pub fn tolerance(&self) -> Option<f64> {
-        self.solver.strip_prefix("pcg ")?.parse().ok()
     }
 }
 
@@ -92,7 +88,7 @@ impl Measurement {
     /// never chosen or recommended.
     pub fn is_trusted(&self) -> bool {
         self.forward_error.is_none_or(|error| error <= ERROR_LIMITS[0])
-            && self.setting.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
+            && self.setting.solver.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
     }
 
     pub fn can_be_chosen(&self) -> bool {

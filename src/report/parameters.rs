@@ -20,7 +20,7 @@ pub const MESH: Parameter = Parameter {
 };
 pub const SOLVER: Parameter = Parameter {
     name: "solver",
-    value: |setting| setting.solver.clone(),
+    value: |setting| setting.solver.to_string(),
     part: "solver",
     error: |error| error.solver,
 };

@@ -14,6 +14,7 @@ use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::fem::Element;
 use crate::mesh::{MeshError, generate, refine, surface_files};
+use crate::solve::Solver;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -185,28 +186,6 @@ pub struct Material {
     pub poisson: f64,
     /// kg/m³; only effects that move mass need it.
     pub density: Option<f64>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Solver {
-    pub method: Method,
-    /// PCG: relative residual ‖b - A x‖₂ / ‖b‖₂ at which a column is done.
-    pub tolerance: f64,
-    pub max_iterations: usize,
-}
-
-impl Default for Solver {
-    fn default() -> Solver {
-        Solver { method: Method::Cholesky, tolerance: 1e-10, max_iterations: 20_000 }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    Cholesky,
-    Pcg,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -422,7 +401,7 @@ grab = "fixed"
         let scene = Scene::parse(BLOCK, Path::new("scene.toml")).unwrap();
         let body = &scene.body["block"];
         assert_eq!((scene.stage.as_str(), body.model.as_str()), ("desktop", "linear"));
-        assert_eq!((body.element, body.solver.method), (&TET4, Method::Cholesky));
+        assert_eq!((body.element, body.solver.method), (&TET4, Default::default()));
         assert!(body.effects.is_empty() && body.place.is_none());
     }
 

@@ -10,7 +10,7 @@ use super::ordering::ordering_memory;
 use super::ordering::{Ordering, nested_dissection};
 use super::residual::Column;
 use super::residual::residuals;
-use super::stats::{Conditioning, SolveStats};
+use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveStats};
 use crate::base::machine;
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
@@ -26,10 +26,19 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
-/// Columns solved together by one thread: fewer waste the cache that holds a supernode, more leave threads idle.
-/// The width depends on the number of columns alone: it decides the bits, and threads must not.
+pub const CHOLESKY: Method = Method {
+    name: "cholesky",
+    is_direct: true,
+    bounds_error: true,
+    remedy: "look for slivers and large contrasts of stiffness (`greenstage check`), for parts a thousand times as long \
+             as thick, and for a Poisson's ratio next to 0.5",
+    analyse: |_, a, progress| Ok(Box::new(Symbolic::new(a, progress)?)),
+};
+
+/// Columns that one thread solves together: fewer waste the cache that holds a supernode, more leave threads idle.
+/// The width depends on the number of columns alone, so that the bits do not depend on the number of threads.
 const BLOCK_COLUMNS: std::ops::RangeInclusive<usize> = 12..=128;
-/// Entries of the factor from which faer's parallel kernels gain more than they lose on waiting: with 2 threads a
+/// Entries of the factor from which on faer's parallel kernels are faster than one thread: with 2 threads a
 /// factor of 2.4 million entries took 1.6 times as long, one of 12 million as long, one of 62 million 0.75 times.
 const PARALLEL_ENTRIES: usize = 15_000_000;
 /// Relative residual above which a step of iterative refinement is made, and above which the backward error decides
@@ -39,21 +48,21 @@ const REFUSE_ABOVE: f64 = 1e-7;
 const BACKWARD_ABOVE: f64 = 1e-12;
 const REFINEMENTS: usize = 3;
 
-/// Whether a system was solved in this process, so that the threads have their buffers.
+/// Whether a system has been solved in this process: the threads then own their buffers already.
 static BUFFERED: AtomicBool = AtomicBool::new(false);
 
 /// The symbolic factorization: the pattern of A and of its factor.
-pub struct Symbolic {
+struct Symbolic {
     factor: SymbolicCholesky<usize>,
     column_start: Vec<usize>,
     row_index: Vec<usize>,
-    pub ordering_s: f64,
-    pub symbolic_s: f64,
+    ordering_s: f64,
+    symbolic_s: f64,
 }
 
 impl Symbolic {
     /// Orders the graph of `a` and finds the pattern of its factor.
-    pub fn new(a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Symbolic, SolveError> {
+    fn new(a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Symbolic, SolveError> {
         machine::expect("ordering the unknowns and finding the factor's pattern", ordering_memory(a))
             .map_err(SolveError::FactorMemory)?;
         progress.begin("ordering", 0);
@@ -78,20 +87,12 @@ impl Symbolic {
     }
 
     /// Numbers in the factor, with the explicit zeros of its supernodes.
-    pub fn factor_entries(&self) -> usize {
+    fn factor_entries(&self) -> usize {
         self.factor.len_val()
     }
+}
 
-    /// Errors where the factor, and the solves for `columns` right-hand sides after it, need more memory than is left.
-    pub fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
-        let entries = self.factor_entries();
-        let what = format!("a factor of {entries} numbers, with the solves for {columns} columns");
-        // Every thread maps the buffers of its matrix products once: two of the size of the largest cache.
-        let threads = if BUFFERED.load(Relaxed) { 0 } else { rayon::current_num_threads() + 1 };
-        let buffers = (2 * threads) as f64 * machine::largest_cache();
-        machine::expect_mapped(what, self.memory(a, columns), buffers).map_err(SolveError::FactorMemory)
-    }
-
+impl LinearSolver for Symbolic {
     /// Bytes of the factor, and of what needs more: making it (A's numbers, faer's scratch), the solves (at most five
     /// fields of all columns at once, a block of columns for each thread), or the estimate of conditioning (|A|, and
     /// some 30 fields of one column).
@@ -107,6 +108,23 @@ impl Symbolic {
         let solves = 5.0 * field * columns as f64 + threads as f64 * solve;
         let conditioning = 100.0 * a.edges.len() as f64 + 30.0 * field + 2.0 * solve;
         8.0 * entries as f64 + making.max(solves).max(conditioning)
+    }
+
+    fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
+        let entries = self.factor_entries();
+        let what = format!("a factor of {entries} numbers, with the solves for {columns} columns");
+        // Every thread maps the buffers of its matrix products once: two of the size of the largest cache.
+        let threads = if BUFFERED.load(Relaxed) { 0 } else { rayon::current_num_threads() + 1 };
+        let buffers = (2 * threads) as f64 * machine::largest_cache();
+        machine::expect_mapped(what, self.memory(a, columns), buffers).map_err(SolveError::FactorMemory)
+    }
+
+    fn factor<'a>(
+        &'a self,
+        a: &'a StiffnessMatrix,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        Ok(Box::new(Cholesky::new(a, self, progress)?))
     }
 }
 
@@ -137,16 +155,16 @@ fn analyse(
 }
 
 /// The numeric factor of A.
-pub struct Cholesky<'a> {
+struct Cholesky<'a> {
     a: &'a StiffnessMatrix,
     symbolic: &'a Symbolic,
     values: Vec<f64>,
-    pub factor_s: f64,
+    factor_s: f64,
 }
 
 impl<'a> Cholesky<'a> {
     /// A = P L Lᵀ Pᵀ in f64. Errors where A is not positive definite or the factor does not fit into memory.
-    pub fn new(
+    fn new(
         a: &'a StiffnessMatrix,
         symbolic: &'a Symbolic,
         progress: &dyn Progress,
@@ -196,57 +214,8 @@ impl<'a> Cholesky<'a> {
         Ok(Cholesky { a, symbolic, values, factor_s: started.elapsed().as_secs_f64() })
     }
 
-    /// Solves A x = b for all columns, refining where a residual is above 1e-12; errors where one stays above 1e-7.
-    pub fn solve(
-        &self,
-        b: &NodeFields,
-        progress: &dyn Progress,
-    ) -> Result<(NodeFields, SolveStats), SolveError> {
-        progress.begin("solves", b.columns as u64);
-        let started = Instant::now();
-        let mut x = self.substitute(b, progress)?;
-        progress.end();
-        BUFFERED.store(true, Relaxed);
-        let (mut relative, mut r) = residuals(self.a, &x, b);
-        for _ in 0..REFINEMENTS {
-            if relative.iter().all(|&r| r <= REFINE_ABOVE) {
-                break;
-            }
-            let correction = self.substitute(&r, &Silent)?;
-            let refined =
-                NodeFields { data: x.data.iter().zip(&correction.data).map(|(x, d)| x + d).collect(), ..x };
-            let (new_relative, new_r) = residuals(self.a, &refined, b);
-            if worst(&new_relative).1 >= 0.5 * worst(&relative).1 {
-                break;
-            }
-            (x, relative, r) = (refined, new_relative, new_r);
-        }
-        let (column, residual) = worst(&relative);
-        if residual > REFUSE_ABOVE || residual.is_nan() {
-            // A stiff part that floats makes residuals large beside b although x is as exact as A allows.
-            let backward = Column::of(self.a, &x, b, &r, column).backward_error();
-            if backward > BACKWARD_ABOVE || backward.is_nan() {
-                return Err(SolveError::Factor { column, residual, backward });
-            }
-        }
-        let stats = SolveStats {
-            method: "cholesky".into(),
-            unknowns: 3 * b.nodes,
-            columns: b.columns,
-            ordering_s: self.symbolic.ordering_s,
-            symbolic_s: self.symbolic.symbolic_s,
-            factor_s: self.factor_s,
-            solve_s: started.elapsed().as_secs_f64(),
-            factor_entries: self.values.len(),
-            iterations: 0,
-            residuals: relative,
-            conditioning: None,
-        };
-        Ok((x, stats))
-    }
-
-    /// How exact the solution `x` of A x = b is: a few solves with one column each, on two threads.
-    pub fn conditioning(
+    /// Estimates how exact the solution `x` of A x = b is, by a few solves with one column each, on two threads.
+    fn conditioning(
         &self,
         x: &NodeFields,
         b: &NodeFields,
@@ -263,7 +232,7 @@ impl<'a> Cholesky<'a> {
         );
         progress.end();
         Ok(Conditioning {
-            scaled_condition: scaled_condition?,
+            scaled_condition: Some(scaled_condition?),
             forward_error: forward_error?,
             seconds: started.elapsed().as_secs_f64(),
         })
@@ -297,6 +266,63 @@ impl<'a> Cholesky<'a> {
             }
         });
         Ok(x)
+    }
+}
+
+impl Factor for Cholesky<'_> {
+    /// Solves A x = b for all columns, refining where a residual is above 1e-12; errors where one stays above 1e-7.
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError> {
+        progress.begin("solves", b.columns as u64);
+        let started = Instant::now();
+        let mut x = self.substitute(b, progress)?;
+        progress.end();
+        BUFFERED.store(true, Relaxed);
+        let (mut relative, mut r) = residuals(self.a, &x, b);
+        for _ in 0..REFINEMENTS {
+            if relative.iter().all(|&r| r <= REFINE_ABOVE) {
+                break;
+            }
+            let correction = self.substitute(&r, &Silent)?;
+            let refined =
+                NodeFields { data: x.data.iter().zip(&correction.data).map(|(x, d)| x + d).collect(), ..x };
+            let (new_relative, new_r) = residuals(self.a, &refined, b);
+            if worst(&new_relative).1 >= 0.5 * worst(&relative).1 {
+                break;
+            }
+            (x, relative, r) = (refined, new_relative, new_r);
+        }
+        let (column, residual) = worst(&relative);
+        if residual > REFUSE_ABOVE || residual.is_nan() {
+            // A stiff part that floats makes residuals large beside b although x is as exact as A allows.
+            let backward = Column::of(self.a, &x, b, &r, column).backward_error();
+            if backward > BACKWARD_ABOVE || backward.is_nan() {
+                return Err(SolveError::Factor { column, residual, backward });
+            }
+        }
+        let stats = SolveStats {
+            method: &CHOLESKY,
+            unknowns: 3 * b.nodes,
+            columns: b.columns,
+            ordering_s: self.symbolic.ordering_s,
+            symbolic_s: self.symbolic.symbolic_s,
+            factor_s: self.factor_s,
+            solve_s: started.elapsed().as_secs_f64(),
+            factor_entries: self.values.len(),
+            iterations: 0,
+            residuals: relative,
+            conditioning: None,
+        };
+        Ok((x, stats))
+    }
+
+    fn solve_and_judge(
+        &self,
+        b: &NodeFields,
+        progress: &dyn Progress,
+    ) -> Result<(NodeFields, SolveStats), SolveError> {
+        let (x, mut stats) = self.solve(b, progress)?;
+        stats.conditioning = Some(self.conditioning(&x, b, progress)?);
+        Ok((x, stats))
     }
 }
 

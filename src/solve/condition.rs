@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 /// A⁻¹ on one column.
 pub type Inverse<'a> = &'a (dyn Fn(&NodeFields) -> Result<NodeFields, SolveError> + Sync);
 
-/// Steps of Lanczos on A and on A⁻¹: the extreme eigenvalues are then known to some ten per cent, from below.
+/// Lanczos steps on A and on A⁻¹, after which the extreme eigenvalues are known to about ten per cent, from below.
 const STEPS: usize = 12;
 const INVERSE_STEPS: usize = 6;
 /// Rounds of the 1-norm estimator; it seldom needs a third.
@@ -76,7 +76,7 @@ fn largest_eigenvalue(
     Ok(tridiagonal.symmetric_eigenvalues().max())
 }
 
-/// Numbers without any structure, of length 1.
+/// A pseudorandom vector of length 1.
 fn start(size: usize) -> Vec<f64> {
     let mut state = 1u64;
     let mut next = || {

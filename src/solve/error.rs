@@ -1,7 +1,10 @@
 //! Why a system could not be solved, with the numbers and the remedy.
 
-use super::stats::ERROR_LIMITS;
 use crate::base::machine::TooLarge;
+
+/// Limits on relative errors of a solution: above the first there is a warning, above the second the solution is refused.
+/// They apply to the forward error and to the errors of rigid motions.
+pub const ERROR_LIMITS: [f64; 2] = [1e-3, 0.1];
 
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {

@@ -1,24 +1,26 @@
 //! Solving A x = b for many right-hand sides: A in 3×3 blocks and its right-hand sides in, solutions and the
 //! figures that judge them out.
 //!
-//! Two ways: [`Cholesky`] (nested dissection, then a supernodal LLᵀ) and [`Pcg`] (block-Jacobi preconditioned
-//! conjugate gradients, the paper's solver). Each measures the true residual of every column afterwards. [`Newton`] finds
-//! static equilibrium at large strain, by a factor for each of its iterations.
+//! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a supernodal LLᵀ) and block-Jacobi preconditioned
+//! conjugate gradients, the paper's solver; both stand behind [`LinearSolver`] and measure the true residual of every
+//! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations.
 
 mod cholesky;
 mod condition;
 mod error;
 mod newton;
+mod no_unknowns;
 mod ordering;
 mod pcg;
 mod residual;
-mod stats;
+mod solver;
+pub mod solver_as_text;
+mod solvers;
 
 pub use crate::base::progress::{Progress, Silent};
-pub use cholesky::{Cholesky, Symbolic};
-pub use error::SolveError;
+pub use error::{ERROR_LIMITS, SolveError};
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use ordering::{Ordering, nested_dissection};
-pub use pcg::Pcg;
 pub use residual::residuals;
-pub use stats::{Conditioning, ERROR_LIMITS, SolveStats};
+pub use solver::{Conditioning, Factor, LinearSolver, Method, SolveStats, Solver};
+pub use solvers::{SOLVERS, find_method};

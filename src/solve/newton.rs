@@ -8,31 +8,31 @@
 //! found is a stable equilibrium, joined to the start by stable ones (Crisfield, Non-linear Finite Element Analysis of
 //! Solids and Structures, vol. 1, sections 9.2 to 9.4).
 
-use super::cholesky::{Cholesky, Symbolic};
 use super::error::SolveError;
+use super::solver::LinearSolver;
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::Matrix3;
 
-/// A full step no node of which moves by more than this part of the largest displacement is the last: Newton's error
-/// is squared by it.
+/// The iteration ends with a full step in which no node moves by more than this part of the largest displacement; that
+/// step still squares the error.
 const LAST_STEP: f64 = 1e-9;
 const MAX_ITERATIONS: usize = 25;
-/// Factorizations up to which the next load step may be twice as long.
+/// A load step that needs no more factorizations lets the next one be twice as long.
 const EASY: usize = 6;
 const SHORTEST_STEP: f64 = 1.0 / 4096.0;
-/// A step must bring this part of the decrease of energy that its slope promises.
+/// A step must achieve this part of the decrease of energy that its slope predicts.
 const DECREASE: f64 = 1e-4;
 const HALVINGS: i32 = 8;
-/// Rounding in the energy's sum, in parts of it.
+/// Relative rounding error of the sum of energies.
 const SUM_ROUNDING: f64 = 1e-13;
 
-/// What is iterated.
+/// The problem that Newton's method solves.
 pub struct Newton<'a> {
     pub body: Hyperelastic<'a>,
     pub partition: &'a Partition,
-    /// Of K at the free nodes; `None` where all are controlled.
-    pub symbolic: Option<&'a Symbolic>,
+    /// For K at the free nodes; `None` where all are controlled.
+    pub solver: Option<&'a dyn LinearSolver>,
 }
 
 /// A state in equilibrium.
@@ -51,7 +51,7 @@ pub struct Equilibrium {
     pub counts: Counts,
 }
 
-/// What it took.
+/// How much work an equilibrium took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Counts {
     /// Load steps made.
@@ -88,19 +88,19 @@ pub enum NewtonError {
 }
 
 /// Why an iteration ended early.
-enum Fault {
+enum IterationEnd {
     Setback(Setback),
     Solve(SolveError),
 }
 
-impl From<SolveError> for Fault {
-    fn from(error: SolveError) -> Fault {
+impl From<SolveError> for IterationEnd {
+    fn from(error: SolveError) -> IterationEnd {
         match error {
             // Too ill-conditioned to be solved is as good as singular.
             SolveError::NotPositiveDefinite { .. } | SolveError::Factor { .. } => {
-                Fault::Setback(Setback::Unstable)
+                IterationEnd::Setback(Setback::Unstable)
             }
-            other => Fault::Solve(other),
+            other => IterationEnd::Solve(other),
         }
     }
 }
@@ -135,8 +135,8 @@ impl Newton<'_> {
                         step = (2.0 * step).min(longest);
                     }
                 }
-                Err(Fault::Solve(error)) => return Err(NewtonError::Solve(error)),
-                Err(Fault::Setback(why)) => {
+                Err(IterationEnd::Solve(error)) => return Err(NewtonError::Solve(error)),
+                Err(IterationEnd::Setback(why)) => {
                     step *= 0.5;
                     counts.halved += 1;
                     if step < SHORTEST_STEP {
@@ -156,34 +156,34 @@ impl Newton<'_> {
         target: f64,
         path: &dyn Fn(f64, &mut NodeFields),
         counts: &mut Counts,
-    ) -> Result<NodeFields, Fault> {
+    ) -> Result<NodeFields, IterationEnd> {
         let mut moved = u.clone();
         path(target, &mut moved);
-        let Some(symbolic) = self.symbolic.filter(|_| moved != *u) else { return Ok(moved) };
+        let Some(solver) = self.solver.filter(|_| moved != *u) else { return Ok(moved) };
         let size = largest(u).max(largest(&moved));
 
         // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
         let moved_by = sum(&moved, -1.0, u);
         let k = self.body.tangent(&self.body.gradients(u), u.nodes);
-        let d = self.solve(symbolic, &k, &self.partition.minus_b_times(&k, &moved_by), counts)?;
-        self.iterate(symbolic, sum(&moved, 1.0, &d), size, counts)
+        let d = self.solve(solver, &k, &self.partition.minus_b_times(&k, &moved_by), counts)?;
+        self.iterate(solver, sum(&moved, 1.0, &d), size, counts)
     }
 
     /// Newton's iteration at fixed controlled nodes, for displacements of about `size`, m.
     fn iterate(
         &self,
-        symbolic: &Symbolic,
+        solver: &dyn LinearSolver,
         mut u: NodeFields,
         size: f64,
         counts: &mut Counts,
-    ) -> Result<NodeFields, Fault> {
+    ) -> Result<NodeFields, IterationEnd> {
         counts.moves.clear();
         for _ in 0..MAX_ITERATIONS {
             let gradients = self.body.gradients(&u);
             let mut downhill = self.body.forces(&gradients, u.nodes).at(&self.partition.free);
             downhill.data.iter_mut().for_each(|value| *value = -*value);
             let k = self.body.tangent(&gradients, u.nodes);
-            let d = self.solve(symbolic, &k, &downhill, counts)?;
+            let d = self.solve(solver, &k, &downhill, counts)?;
             counts.moves.push(largest(&d) / size);
             if largest(&d) <= LAST_STEP * size {
                 return Ok(sum(&u, 1.0, &d));
@@ -191,7 +191,7 @@ impl Newton<'_> {
             let slope = -downhill.dots(&d.at(&self.partition.free))[0];
             u = self.search(&u, &d, &gradients, slope)?;
         }
-        Err(Fault::Setback(Setback::Slow))
+        Err(IterationEnd::Setback(Setback::Slow))
     }
 
     /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
@@ -201,7 +201,7 @@ impl Newton<'_> {
         d: &NodeFields,
         gradients: &[Matrix3<f64>],
         slope: f64,
-    ) -> Result<NodeFields, Fault> {
+    ) -> Result<NodeFields, IterationEnd> {
         let energy = self.body.energy(gradients);
         let rounding = SUM_ROUNDING * energy.abs() + self.body.energy_rounding(gradients);
         let tried = (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
@@ -210,20 +210,20 @@ impl Newton<'_> {
             let falls = found <= energy + rounding + DECREASE * alpha * slope;
             falls.then_some(tried)
         });
-        tried.ok_or(Fault::Setback(Setback::NoDescent))
+        tried.ok_or(IterationEnd::Setback(Setback::NoDescent))
     }
 
     /// A d = `rhs` at the free nodes; d over all nodes, zero at the controlled ones.
     fn solve(
         &self,
-        symbolic: &Symbolic,
+        solver: &dyn LinearSolver,
         k: &StiffnessMatrix,
         rhs: &NodeFields,
         counts: &mut Counts,
-    ) -> Result<NodeFields, Fault> {
+    ) -> Result<NodeFields, IterationEnd> {
         counts.factorizations += 1;
         let a = self.partition.a(k);
-        let (free, _) = Cholesky::new(&a, symbolic, &Silent)?.solve(rhs, &Silent)?;
+        let (free, _) = solver.factor(&a, &Silent)?.solve(rhs, &Silent)?;
         let mut d = NodeFields::zeros(k.nodes(), 1);
         self.partition.insert_free(&free, &mut d);
         Ok(d)

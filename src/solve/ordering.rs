@@ -5,7 +5,7 @@ use crate::base::machine;
 use crate::fem::StiffnessMatrix;
 use std::sync::{Mutex, PoisonError};
 
-/// METIS draws from the C library's one random sequence: two orderings at once would disturb each other's.
+/// METIS uses the C library's global random sequence, so that only one ordering may run at a time.
 static METIS: Mutex<()> = Mutex::new(());
 
 /// A fill-reducing permutation of scalar unknowns: row i of the permuted matrix is row `forward[i]` of the

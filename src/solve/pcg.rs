@@ -3,7 +3,7 @@
 
 use super::error::SolveError;
 use super::residual::residuals;
-use super::stats::{Conditioning, SolveStats};
+use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveStats};
 use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
@@ -11,36 +11,93 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// The solver's two limits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pcg {
+pub const PCG: Method = Method {
+    name: "pcg",
+    is_direct: false,
+    bounds_error: false,
+    remedy: "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
+             large contrasts of stiffness (`greenstage check`)",
+    analyse: |solver, _, _| {
+        Ok(Box::new(Limits { tolerance: solver.tolerance, max_iterations: solver.max_iterations }))
+    },
+};
+
+/// When an iteration ends; the method needs to know nothing of the graph of A.
+#[derive(Clone, Copy)]
+struct Limits {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
-    pub tolerance: f64,
-    pub max_iterations: usize,
+    tolerance: f64,
+    max_iterations: usize,
 }
 
-/// The recurrence's residual parts from the true one by rounding; the iteration is restarted from the true
+impl LinearSolver for Limits {
+    /// x, r, z, p, A p and a true residual; the inverse blocks.
+    fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        6.0 * 24.0 * (a.nodes() * columns) as f64 + 72.0 * a.nodes() as f64
+    }
+
+    fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
+        Ok(machine::expect(format!("iterating {columns} columns together"), self.memory(a, columns))?)
+    }
+
+    fn factor<'a>(
+        &'a self,
+        a: &'a StiffnessMatrix,
+        _: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        let started = Instant::now();
+        let inverse = inverse_diagonal(a)?;
+        Ok(Box::new(Pcg { a, inverse, limits: *self, factor_s: started.elapsed().as_secs_f64() }))
+    }
+}
+
+/// A with the inverses of its diagonal blocks.
+struct Pcg<'a> {
+    a: &'a StiffnessMatrix,
+    inverse: Vec<Matrix3<f64>>,
+    limits: Limits,
+    factor_s: f64,
+}
+
+/// By rounding the residual of the recurrence drifts away from the true one; the iteration is restarted from the true
 /// residual at most this often before it is called stagnant.
 const RESTARTS: usize = 8;
 
-/// Part of a residual to which the error that it stands for is solved.
+/// Relative residual to which the error of a solution is solved for.
 const PROBE: f64 = 1e-4;
 
-impl Pcg {
-    /// Solves A x = b from x = 0. Errors where a diagonal block is not positive definite, or where a column's true
-    /// residual stays above the tolerance.
-    pub fn solve(
+/// The result of an iteration that reached its tolerance.
+struct Converged {
+    x: NodeFields,
+    /// True residuals.
+    r: NodeFields,
+    spectrum: Spectrum,
+    stats: SolveStats,
+}
+
+impl Factor for Pcg<'_> {
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError> {
+        self.converge(b, progress).map(|Converged { x, stats, .. }| (x, stats))
+    }
+
+    fn solve_and_judge(
         &self,
-        a: &StiffnessMatrix,
         b: &NodeFields,
         progress: &dyn Progress,
     ) -> Result<(NodeFields, SolveStats), SolveError> {
-        // x, r, z, p, A p and a true residual; the inverse blocks.
-        let need = 6.0 * 24.0 * (b.nodes * b.columns) as f64 + 72.0 * b.nodes as f64;
-        machine::expect(format!("iterating {} columns together", b.columns), need)?;
+        let Converged { x, r, mut spectrum, mut stats } = self.converge(b, progress)?;
         let started = Instant::now();
-        let inverse = inverse_diagonal(a)?;
-        let factor_s = started.elapsed().as_secs_f64();
+        let forward_error = self.energy_error(&x, b, &r, &mut spectrum);
+        let seconds = started.elapsed().as_secs_f64();
+        stats.conditioning = Some(Conditioning { scaled_condition: None, forward_error, seconds });
+        Ok((x, stats))
+    }
+}
+
+impl Pcg<'_> {
+    /// Solves A x = b from x = 0. Errors where a column's true residual stays above the tolerance.
+    fn converge(&self, b: &NodeFields, progress: &dyn Progress) -> Result<Converged, SolveError> {
+        let Limits { tolerance, max_iterations } = self.limits;
         // One unit a thousandth of the way down to the tolerance on a logarithmic scale.
         progress.begin("conjugate gradients", 1000);
         let started = Instant::now();
@@ -48,51 +105,36 @@ impl Pcg {
         let mut iterations = 0;
         let mut spectrum = Spectrum::default();
         let mut done = 0;
-        let (mut relative, mut r) = residuals(a, &x, b);
+        let (mut relative, mut r) = residuals(self.a, &x, b);
         for _ in 0..=RESTARTS {
-            if relative.iter().all(|&r| r <= self.tolerance) || iterations >= self.max_iterations {
+            if relative.iter().all(|&r| r <= tolerance) || iterations >= max_iterations {
                 break;
             }
-            iterations += self.iterate(
-                a,
-                &inverse,
-                &mut x,
-                r,
-                &b.norms(),
-                self.max_iterations - iterations,
-                None,
-                &mut spectrum,
-                &mut |worst| {
-                    let way = (1000.0 * (worst.max(self.tolerance).ln() / self.tolerance.ln())) as u64;
-                    progress.advance(way.saturating_sub(done));
-                    done = done.max(way);
-                },
-            );
-            (relative, r) = residuals(a, &x, b);
+            let limits = Limits { max_iterations: max_iterations - iterations, ..self.limits };
+            iterations += self.iterate(limits, &mut x, r, &b.norms(), None, &mut spectrum, &mut |worst| {
+                let way = (1000.0 * (worst.max(tolerance).ln() / tolerance.ln())) as u64;
+                progress.advance(way.saturating_sub(done));
+                done = done.max(way);
+            });
+            (relative, r) = residuals(self.a, &x, b);
         }
         progress.end();
         for (column, &residual) in relative.iter().enumerate() {
-            if residual > self.tolerance || residual.is_nan() {
-                return Err(SolveError::Residual { column, residual, limit: self.tolerance, iterations });
+            if residual > tolerance || residual.is_nan() {
+                return Err(SolveError::Residual { column, residual, limit: tolerance, iterations });
             }
         }
-        let solve_s = started.elapsed().as_secs_f64();
-        let started = Instant::now();
-        let forward_error = self.energy_error(a, &inverse, &x, b, &r, &mut spectrum);
-        let scaled_condition = spectrum.condition();
-        let seconds = started.elapsed().as_secs_f64();
         let stats = SolveStats {
-            method: "pcg".into(),
+            method: &PCG,
             unknowns: 3 * b.nodes,
             columns: b.columns,
-            factor_s,
-            solve_s,
+            factor_s: self.factor_s,
+            solve_s: started.elapsed().as_secs_f64(),
             iterations,
             residuals: relative,
-            conditioning: Some(Conditioning { scaled_condition, forward_error, seconds }),
             ..Default::default()
         };
-        Ok((x, stats))
+        Ok(Converged { x, r, spectrum, stats })
     }
 
     /// The largest ‖x̂ - x‖_A / ‖x̂‖_A of all columns. The residual r = b - A x̂ is no measure where A is ill-conditioned,
@@ -105,31 +147,22 @@ impl Pcg {
     ///
     /// (Axelsson and Kaporin, Numer. Linear Algebra Appl. 8, 2001, 265-286: ρᵀA⁻¹ρ ≤ ρᵀD⁻¹ρ / λ.) λ is an estimate from
     /// above, which these iterations improve.
-    fn energy_error(
-        &self,
-        a: &StiffnessMatrix,
-        inverse: &[Matrix3<f64>],
-        x: &NodeFields,
-        b: &NodeFields,
-        r: &NodeFields,
-        spectrum: &mut Spectrum,
-    ) -> f64 {
+    fn energy_error(&self, x: &NodeFields, b: &NodeFields, r: &NodeFields, spectrum: &mut Spectrum) -> f64 {
         let norms = r.norms();
         if norms.iter().all(|norm| *norm == 0.0) {
             return 0.0;
         }
         let energies: Vec<f64> = x.dots(b).iter().zip(x.dots(r)).map(|(xb, xr)| xb - xr).collect();
         let mut z = NodeFields::zeros(r.nodes, r.columns);
-        precondition(inverse, r, &mut z);
+        precondition(&self.inverse, r, &mut z);
         let parts = r.dots(&z).into_iter().zip(&energies).map(|(rz, energy)| rz / energy);
         let (watched, _) =
             parts.enumerate().fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
         let mut d = NodeFields::zeros(r.nodes, r.columns);
-        let probe = Pcg { tolerance: PROBE, ..*self };
-        let limit = self.max_iterations;
-        probe.iterate(a, inverse, &mut d, r.clone(), &norms, limit, Some(watched), spectrum, &mut |_| {});
-        let (_, left) = residuals(a, &d, r);
-        precondition(inverse, &left, &mut z);
+        let probe = Limits { tolerance: PROBE, ..self.limits };
+        self.iterate(probe, &mut d, r.clone(), &norms, Some(watched), spectrum, &mut |_| {});
+        let (_, left) = residuals(self.a, &d, r);
+        precondition(&self.inverse, &left, &mut z);
         let least = spectrum.ends.map_or(1.0, |[low, _]| low);
         let known = d.dots(r).into_iter().zip(d.dots(&left)).map(|(dr, dl)| (dr - dl).abs().sqrt());
         let unknown = left.dots(&z).into_iter().map(|rest| (rest / least).sqrt());
@@ -145,23 +178,21 @@ impl Pcg {
 
     /// Iterates until the recurrence's residual of every column is below half the tolerance; the spectrum is taken from
     /// the `watched` column, or from that with the largest residual. Returns the number of
-    /// iterations. A column that has arrived is left as it is.
+    /// iterations. A column that has converged is no longer changed.
     #[allow(clippy::too_many_arguments, reason = "the state of one iteration, used nowhere else")]
     fn iterate(
         &self,
-        a: &StiffnessMatrix,
-        inverse: &[Matrix3<f64>],
+        limits: Limits,
         x: &mut NodeFields,
         mut r: NodeFields,
         b_norms: &[f64],
-        limit: usize,
         watched: Option<usize>,
         spectrum: &mut Spectrum,
         told: &mut dyn FnMut(f64),
     ) -> usize {
         let m = r.columns;
         let mut z = NodeFields::zeros(r.nodes, m);
-        precondition(inverse, &r, &mut z);
+        precondition(&self.inverse, &r, &mut z);
         let mut p = z.clone();
         let mut ap = NodeFields::zeros(r.nodes, m);
         let mut rz = r.dots(&z);
@@ -170,23 +201,23 @@ impl Pcg {
             watched.unwrap_or_else(|| (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most }));
         // A restart begins another Krylov space: its coefficients make a tridiagonal of their own.
         let mut coefficients = Vec::new();
-        for iteration in 0..limit {
+        for iteration in 0..limits.max_iterations {
             let relative: Vec<f64> =
                 r.norms().iter().zip(b_norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
-            let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * self.tolerance).collect();
+            let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * limits.tolerance).collect();
             told(relative.iter().copied().fold(0.0, f64::max));
             if !active.contains(&true) {
                 spectrum.widen(&coefficients);
                 return iteration;
             }
-            a.multiply(&p, &mut ap);
+            self.a.multiply(&p, &mut ap);
             let pap = p.dots(&ap);
             let alpha: Vec<f64> =
                 (0..m).map(|c| if active[c] && pap[c] > 0.0 { rz[c] / pap[c] } else { 0.0 }).collect();
             add_scaled(x, &alpha, &p);
             let minus: Vec<f64> = alpha.iter().map(|a| -a).collect();
             add_scaled(&mut r, &minus, &ap);
-            precondition(inverse, &r, &mut z);
+            precondition(&self.inverse, &r, &mut z);
             let new_rz = r.dots(&z);
             let beta: Vec<f64> = (0..m).map(|c| if rz[c] > 0.0 { new_rz[c] / rz[c] } else { 0.0 }).collect();
             p.data.par_chunks_mut(m).zip(z.data.par_chunks(m)).with_min_len(1024).for_each(|(p, z)| {
@@ -201,7 +232,7 @@ impl Pcg {
             }
         }
         spectrum.widen(&coefficients);
-        limit
+        limits.max_iterations
     }
 }
 
@@ -229,11 +260,6 @@ impl Spectrum {
         let Some([low, high]) = ends(&diagonal, &beside) else { return };
         let known = self.ends.unwrap_or([low, high]);
         self.ends = Some([known[0].min(low), known[1].max(high)]);
-    }
-
-    /// κ₂; an estimate from below. 1 where nothing was iterated.
-    fn condition(&self) -> f64 {
-        self.ends.map_or(1.0, |[low, high]| high / low)
     }
 }
 
@@ -336,11 +362,15 @@ mod tests {
     fn every_run_has_a_spectrum_of_its_own() {
         let mut spectrum = Spectrum::default();
         spectrum.widen(&[]);
-        assert_eq!(spectrum.condition(), 1.0);
+        assert_eq!(spectrum.ends, None);
+        let is = |spectrum: &Spectrum, ends: [f64; 2]| {
+            let found = spectrum.ends.unwrap();
+            assert!((0..2).all(|end| (found[end] - ends[end]).abs() < 1e-12), "{found:?}");
+        };
         spectrum.widen(&[[0.5, 3.0]]);
         spectrum.widen(&[[0.5, 3.0]]);
-        assert!((spectrum.condition() - 1.0).abs() < 1e-12, "{}", spectrum.condition());
+        is(&spectrum, [2.0, 2.0]);
         spectrum.widen(&[[0.25, 3.0]]);
-        assert!((spectrum.condition() - 2.0).abs() < 1e-12, "{}", spectrum.condition());
+        is(&spectrum, [2.0, 4.0]);
     }
 }

@@ -3,7 +3,7 @@
 use crate::deform::MODELS;
 use crate::report::units::seconds;
 use crate::report::{Measurement, Setting};
-use crate::scene::{Accuracy, Budget, AccuracyTarget, Storage};
+use crate::scene::{Accuracy, AccuracyTarget, Budget, Storage};
 
 /// A chosen row, and the next better one.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ fn preference(a: &Measurement, b: &Measurement) -> std::cmp::Ordering {
     let words = |row: &Measurement| {
         let setting = &row.setting;
         let model = MODELS.iter().position(|model| model.name == setting.model).unwrap_or(MODELS.len());
-        (setting.tolerance().is_some(), setting.storage != Storage::F32.name(), model)
+        (!setting.solver.method.is_direct, setting.storage != Storage::F32.name(), model)
     };
     let numbers = |row: &Measurement| [row.cost.offline_bytes, error(row)];
     words(a)
@@ -51,7 +51,7 @@ fn least<'a>(
 /// solver alone: no solver wins by noise in the timing.
 pub fn time(row: &Measurement, rows: &[Measurement]) -> f64 {
     let is_alike = |other: &&Measurement| {
-        let solver = row.setting.solver.clone();
+        let solver = row.setting.solver;
         Setting { solver, ..other.setting.clone() } == row.setting
     };
     let alike = rows.iter().filter(is_alike);
@@ -169,10 +169,9 @@ fn price(row: &Measurement) -> String {
 /// A setting as a scene's body names it.
 fn keys(setting: &Setting) -> String {
     let Setting { refine, element, solver, storage, model } = setting;
-    let solver = match setting.tolerance() {
-        Some(tolerance) => format!("{{ method = \"pcg\", tolerance = {tolerance:e} }}"),
-        None => format!("{{ method = \"{solver}\" }}"),
-    };
+    let tolerance =
+        solver.tolerance().map_or(String::new(), |tolerance| format!(", tolerance = {tolerance:e}"));
+    let solver = format!("{{ method = \"{}\"{tolerance} }}", solver.method.name);
     format!(
         "refine = {refine}, element = \"{element}\", solver = {solver}, storage = \"{storage}\", model = \"{model}\""
     )

@@ -5,11 +5,11 @@ use super::choice::{Choice, choose};
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::deform::{ControlPose, ControlPoses};
-use crate::fem::nearest_turn;
+use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile, Needs};
 use crate::report::measure::settings;
 use crate::report::{Limits, MeasureError, Measurement, Request, Setting};
-use crate::scene::{AccuracyTarget, Element, Method, Scene, SceneError, Solver, Storage};
+use crate::scene::{AccuracyTarget, Scene, SceneError, Storage};
 use crate::solve::Progress;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -102,8 +102,11 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
         source: TableSource<'_, E>,
         unmet: &dyn Fn(SceneError) -> Result<(), E>,
     ) -> Result<Scene, E> {
-        let demands: Vec<(String, AccuracyTarget)> =
-            scene.body.iter().filter_map(|(name, body)| Some((name.clone(), body.demand()?))).collect();
+        let demands: Vec<(String, AccuracyTarget)> = scene
+            .body
+            .iter()
+            .filter_map(|(name, body)| Some((name.clone(), body.accuracy_target()?)))
+            .collect();
         let mut plain = scene.clone();
         for (name, _) in &demands {
             (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
@@ -127,7 +130,13 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
     }
 
     /// The table in the scene's .green file where it is of this body and, for what is asked in seconds, of this machine.
-    fn kept(&self, scene: &Scene, name: &str, key: &str, demand: &AccuracyTarget) -> Result<Option<Table>, E> {
+    fn kept(
+        &self,
+        scene: &Scene,
+        name: &str,
+        key: &str,
+        demand: &AccuracyTarget,
+    ) -> Result<Option<Table>, E> {
         let Some(file) = (self.file)(scene)? else { return Ok(None) };
         let plan = file.meta.bodies.get(name).and_then(|body| body.plan.clone());
         // A table of another version is measured again.
@@ -176,15 +185,13 @@ fn set(scene: &mut Scene, name: &str, setting: &Setting) {
     let body = &mut scene.body[name];
     body.refine = setting.refine;
     body.model.clone_from(&setting.model);
-    if let Some(known) = Element::ALL.into_iter().find(|known| known.name() == setting.element) {
+    if let Ok(known) = find_element(&setting.element) {
         body.element = known;
     }
     if let Some(known) = Storage::ALL.into_iter().find(|known| known.name() == setting.storage) {
         body.storage = known;
     }
-    if let Some(tolerance) = setting.tolerance() {
-        body.solver = Solver { method: Method::Pcg, tolerance, ..Solver::default() };
-    }
+    body.solver = setting.solver;
 }
 
 impl From<TuningError> for Failure {

@@ -14,7 +14,7 @@ use super::solution::Solution;
 use crate::fem::Element;
 use crate::fem::{Lame, NodeFields, StiffnessMatrix};
 use crate::mesh::{Block, TetMesh, block, quadratic};
-use crate::solve::{Cholesky, Silent, Symbolic};
+use crate::solve::{Silent, Solver};
 use nalgebra::Vector3;
 use std::time::Instant;
 
@@ -104,9 +104,10 @@ impl Body {
         let started = Instant::now();
         let k = element.assemble(&self.mesh, &vec![lame; self.mesh.tets.len()])?;
         let constrained = constrain(&k, &self.fixed);
-        let symbolic = Symbolic::new(&constrained, &Silent)?;
-        let factor = Cholesky::new(&constrained, &symbolic, &Silent)?;
-        let (u, _) = factor.solve(&right_hand_side(&k, &self.force, &self.fixed), &Silent)?;
+        let solver = Solver::default().analyse(&constrained, &Silent)?;
+        let (u, _) = solver
+            .factor(&constrained, &Silent)?
+            .solve(&right_hand_side(&k, &self.force, &self.fixed), &Silent)?;
         let mut reaction = NodeFields::zeros(u.nodes, 1);
         k.multiply(&u, &mut reaction);
         let energy = 0.5 * u.dots(&reaction)[0];
@@ -256,8 +257,8 @@ mod tests {
                     }
                 }
                 let a = partition.a(&k);
-                let symbolic = Symbolic::new(&a, &Silent).unwrap();
-                let factor = Cholesky::new(&a, &symbolic, &Silent).unwrap();
+                let solver = Solver::default().analyse(&a, &Silent).unwrap();
+                let factor = solver.factor(&a, &Silent).unwrap();
                 let (u, _) = factor.solve(&partition.minus_b_times(&k, &fields), &Silent).unwrap();
                 partition.insert_free(&u, &mut fields);
                 for (node, u) in displacement.iter().enumerate() {

@@ -16,7 +16,7 @@ pub struct Level {
 }
 
 /// Slope of log(error) over log(h) by least squares, over the levels whose error is more than twice what the reference
-/// is `known_to`: nearer, the error tells of the reference. `None` of fewer than two such levels, or where an error is
+/// is `known_to`; smaller errors are those of the reference. `None` with fewer than two such levels, or where an error is
 /// 0 or not finite.
 pub fn rate(levels: &[Level], known_to: f64) -> Option<f64> {
     let told = levels.iter().filter(|level| level.error.is_nan() || level.error > 2.0 * known_to);

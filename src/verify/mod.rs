@@ -116,7 +116,7 @@ pub fn run(problem: &Problem, effort: Effort) -> Result<Vec<ConvergenceRow>, Ver
     Ok(table.finish())
 }
 
-/// Rows in the making.
+/// The rows while they are collected.
 #[derive(Default)]
 struct Table {
     rows: Vec<ConvergenceRow>,

@@ -2,7 +2,7 @@
 
 use crate::fem::quadrature::triangle_rule;
 use crate::fem::{tet4, tet10};
-use crate::mesh::{EDGES, TetMesh, quadratic};
+use crate::mesh::{EDGES, FACES, TetMesh, quadratic};
 use nalgebra::Vector3;
 
 /// One tetrahedron at one place.
@@ -39,9 +39,6 @@ pub fn point(mesh: &TetMesh, tet: usize, at: &[f64; 4]) -> Option<Point> {
     let x = shapes.iter().map(|&(node, value, _)| mesh.nodes[node] * value).sum();
     Some(Point { x, determinant, shapes })
 }
-
-/// The corners of a tetrahedron's faces, counter-clockwise as seen from outside.
-const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
 /// The faces whose nodes all are `on` a surface: three nodes each, or six, those between corners in the order 01, 12,
 /// 20.

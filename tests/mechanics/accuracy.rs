@@ -8,7 +8,7 @@ use greenstage::fem::{Element, STVK, TET4, TET10};
 use greenstage::green::{self, Needs};
 use greenstage::report::measure::poses::random;
 use greenstage::report::{Limits, Measurement, Report, Request, measure};
-use greenstage::scene::{Accuracy, Budget, AccuracyTarget, Element, Scene};
+use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
 use greenstage::solve::Silent;
 use greenstage::tuning::{choose, miss, time};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -85,7 +85,7 @@ fn row<'a>(
 ) -> &'a Measurement {
     let is = |row: &&Measurement| {
         let s = &row.setting;
-        (s.refine, &*s.element, &*s.solver, &*s.storage, &*s.model)
+        (s.refine, &*s.element, &*s.solver.to_string(), &*s.storage, &*s.model)
             == (refine, element, solver, storage, model)
     };
     report.rows.iter().find(is).unwrap()

@@ -47,7 +47,7 @@ fn dense_condition(solution: &Solution, poisson: f64) -> f64 {
 fn the_condition_number_is_that_of_all_eigenvalues() {
     for poisson in ["0.3", "0.49", "0.4999"] {
         let solution = solve(poisson, "");
-        let estimate = solution.stats.conditioning.unwrap().scaled_condition;
+        let estimate = solution.stats.conditioning.unwrap().scaled_condition.unwrap();
         let exact = dense_condition(&solution, poisson.parse().unwrap());
         println!("ν = {poisson}: κ {exact:.4e}, estimated {estimate:.4e}");
         assert!(estimate <= exact * (1.0 + 1e-9) && estimate > 0.8 * exact, "{estimate:e} of {exact:e}");
@@ -96,13 +96,12 @@ fn energy_error(pcg: &Solution, exact: &Solution, poisson: f64) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The figure of conjugate gradients is a bound on the error in the energy norm, and no wild one; restarts do not widen
-/// the spectrum that is seen.
+/// The figure of conjugate gradients is a bound on the error in the energy norm, and no wild one; a condition number they
+/// do not tell.
 #[test]
 fn the_error_of_conjugate_gradients_is_bounded() {
     for poisson in ["0.3", "0.4999"] {
         let exact = solve(poisson, "");
-        let condition = exact.stats.conditioning.unwrap().scaled_condition;
         for tolerance in ["1e-3", "1e-5", "1e-8", "1e-13"] {
             let pcg = format!("solver = {{ method = \"pcg\", tolerance = {tolerance} }}");
             let scene = block(poisson, &pcg);
@@ -119,13 +118,11 @@ fn the_error_of_conjugate_gradients_is_bounded() {
             };
             let told = found.stats.conditioning.unwrap();
             let error = energy_error(&found, &exact, poisson.parse().unwrap());
-            println!(
-                "ν = {poisson}, {tolerance}: error {error:.1e}, bound {:.1e}; κ {:.3e}, of Jacobi {condition:.3e}",
-                told.forward_error, told.scaled_condition
-            );
+            println!("ν = {poisson}, {tolerance}: error {error:.1e}, bound {:.1e}", told.forward_error);
             assert!(error <= 1.1 * told.forward_error, "{error:e}");
             assert!(told.forward_error <= 500.0 * error.max(1e-13), "{error:e}");
-            assert!(told.scaled_condition < 1.5 * condition, "{:e}", told.scaled_condition);
+            // They end before they have seen the least eigenvalue: 92 was told where it was 51,170.
+            assert_eq!(told.scaled_condition, None);
         }
     }
 }
@@ -223,15 +220,4 @@ fn rigid_motions_of_sound_bodies_are_exact() {
             assert!(rigid.shift_force.unwrap_or(0.0) < 1e-10 && rigid.turn_force.unwrap_or(0.0) < 1e-8);
         }
     }
-}
-
-/// Conjugate gradients see the spectrum on their way: the block-Jacobi condition number is near the Jacobi one here.
-#[test]
-fn conjugate_gradients_tell_a_condition_number_too() {
-    let cholesky = solve("0.3", "").stats.conditioning.unwrap();
-    let pcg = solve("0.3", "solver = { method = \"pcg\", tolerance = 1e-12 }").stats.conditioning.unwrap();
-    println!("Jacobi {:.1}, block-Jacobi {:.1}", cholesky.scaled_condition, pcg.scaled_condition);
-    let ratio = pcg.scaled_condition / cholesky.scaled_condition;
-    assert!((0.2..=1.05).contains(&ratio), "{ratio}");
-    assert!(pcg.forward_error < 1e-12 * pcg.scaled_condition && pcg.forward_error > 0.0);
 }

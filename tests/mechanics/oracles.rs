@@ -7,7 +7,7 @@ use greenstage::fem::{Lame, NodeFields, Partition, TET4, tet4};
 use greenstage::green::{self, FIELDS, Needs, Solution};
 use greenstage::mesh::{Surface, TetMesh, generate, quality};
 use greenstage::scene::Scene;
-use greenstage::solve::{Cholesky, Silent, Symbolic};
+use greenstage::solve::{Silent, Solver};
 use nalgebra::{DVector, Matrix3, Vector3};
 
 const HAPTICS: Needs = Needs { stiffness: true };
@@ -86,8 +86,8 @@ fn solve_lame(exact: &LameCylinder, n: u32) -> (f64, f64, f64) {
         }
     }
     let a = partition.a(&k);
-    let symbolic = Symbolic::new(&a, &Silent).unwrap();
-    let (free, _) = Cholesky::new(&a, &symbolic, &Silent).unwrap().solve(&rhs, &Silent).unwrap();
+    let solver = Solver::default().analyse(&a, &Silent).unwrap();
+    let (free, _) = solver.factor(&a, &Silent).unwrap().solve(&rhs, &Silent).unwrap();
     partition.insert_free(&free, &mut u);
     let (l2, energy) = errors(exact, &mesh, lame, &u);
     ((exact.b - exact.a) / f64::from(n), l2, energy)

@@ -244,12 +244,12 @@ fn records(csv: &str) -> Vec<Vec<String>> {
 #[test]
 fn the_csv_has_a_line_a_row_and_every_number_of_it() {
     let mut report = made_up();
-    report.rows[2].setting.solver = "pcg \"1e-4\",\r\nthen".into();
+    report.rows[2].setting.model = "pcg \"1e-4\",\r\nthen".into();
     let (_dir, files) = written(&report);
     let records = records(&files[2].1);
     assert_eq!(records.len(), report.rows.len() + 1);
     let column = |name: &str| records[0].iter().position(|head| head == name).unwrap();
-    assert_eq!(records[3][column("solver")], report.rows[2].setting.solver);
+    assert_eq!(records[3][column("model")], report.rows[2].setting.model);
     for (record, row) in records[1..].iter().zip(&report.rows) {
         assert_eq!(record.len(), records[0].len());
         let number = |name: &str| record[column(name)].parse::<f64>().ok();
@@ -281,8 +281,8 @@ fn names_from_files_stay_text() {
     ];
     text.iter_mut().for_each(|text| hostile.clone_into(text));
     hostile.clone_into(&mut report.models[1].pose);
-    let Setting { element, solver, storage, model, .. } = &mut report.rows[0].setting;
-    [element, solver, storage, model].into_iter().for_each(|text| hostile.clone_into(text));
+    let Setting { element, storage, model, .. } = &mut report.rows[0].setting;
+    [element, storage, model].into_iter().for_each(|text| hostile.clone_into(text));
     let (_dir, files) = written(&report);
     for (name, file) in files.iter().filter(|(name, _)| !name.starts_with("accuracy")) {
         let (elements, text) = parsed(file);
@@ -382,11 +382,11 @@ fn errors_that_cancel_are_never_recommended() {
         row.cost.frame_p50_s = 1e-9;
     };
     let mut untrusted = report.rows[best].clone();
-    (untrusted.setting.solver, untrusted.forward_error) = ("pcg 1e-4".into(), Some(0.04));
+    (untrusted.setting.solver, untrusted.forward_error) = ("pcg 1e-4".parse().unwrap(), Some(0.04));
     untrusted.error.uncancelled = Spread { median: 1e-6, worst: 2e-6 };
     lucky(&mut untrusted);
     let mut cancelling = report.rows[0].clone();
-    cancelling.setting.solver = "pcg 1e-3".into();
+    cancelling.setting.solver = "pcg 1e-3".parse().unwrap();
     lucky(&mut cancelling);
     cancelling.cost.frame_p50_s = report.rows[0].cost.frame_p50_s;
     let named = |rows: &[Measurement]| -> Vec<Setting> {

@@ -9,7 +9,7 @@ use greenstage::deform::{ControlPose, ControlPoses, Settled, Statics, StaticsErr
 use greenstage::fem::{self, Hyperelastic, LAWS, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use greenstage::mesh::{TetMesh, generate};
 use greenstage::scene::Scene;
-use greenstage::solve::{Cholesky, Newton, Setback, Silent, Symbolic};
+use greenstage::solve::{Newton, Setback, Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::path::Path;
 use std::process::Command;
@@ -108,8 +108,8 @@ fn linear_answer(statics: &Statics, shift: Vector3<f64>, turn: Vector3<f64>) -> 
         u.data[3 * node as usize..][..3].copy_from_slice(moved.as_slice());
     }
     let a = partition.a(&k);
-    let symbolic = Symbolic::new(&a, &Silent).unwrap();
-    let factor = Cholesky::new(&a, &symbolic, &Silent).unwrap();
+    let solver = Solver::default().analyse(&a, &Silent).unwrap();
+    let factor = solver.factor(&a, &Silent).unwrap();
     let (free, _) = factor.solve(&partition.minus_b_times(&k, &u), &Silent).unwrap();
     partition.insert_free(&free, &mut u);
     u.data.chunks(3).map(Vector3::from_column_slice).collect()
@@ -200,8 +200,8 @@ fn patch_test_at_large_strain() {
     for law in LAWS {
         let body = Hyperelastic { law, tets: &mesh.tets, geometry: &geometry, lame: &lame };
         let k = body.tangent(&vec![Matrix3::zeros(); mesh.tets.len()], mesh.nodes.len());
-        let symbolic = Symbolic::new(&partition.a(&k), &Silent).unwrap();
-        let newton = Newton { body, partition: &partition, symbolic: Some(&symbolic) };
+        let solver = Solver::default().analyse(&partition.a(&k), &Silent).unwrap();
+        let newton = Newton { body, partition: &partition, solver: Some(solver.as_ref()) };
         let path = |share: f64, u: &mut NodeFields| {
             for &node in &partition.controlled {
                 let at = h * mesh.nodes[node as usize] * share;

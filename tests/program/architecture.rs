@@ -54,9 +54,9 @@ const IMPORTS: &[(&str, &[&str])] = &[
     (
         "cli",
         &[
-            "display", "session", "export", "world", "report", "tuning", "verify", "manual", "deform", "effect",
-            "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field", "render",
-            "config",
+            "display", "session", "export", "world", "report", "tuning", "verify", "manual", "deform",
+            "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field",
+            "render", "config",
         ],
     ),
 ];

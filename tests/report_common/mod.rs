@@ -100,7 +100,7 @@ fn row(
         setting: Setting {
             refine,
             element: element.into(),
-            solver: solver.into(),
+            solver: solver.parse().unwrap(),
             storage: storage.into(),
             model: model.into(),
         },

@@ -123,7 +123,7 @@ struct Deck<'a> {
 }
 
 impl Deck<'_> {
-    /// Lines of number, x, y, z; coordinates that are left away are 0.
+    /// Reads lines of number, x, y, z; omitted coordinates are 0.
     fn nodes(&mut self, keyword: &Keyword) -> Result<(), FormatFault> {
         if keyword.value("SYSTEM").is_some_and(|system| !system.eq_ignore_ascii_case("R")) {
             return Err(FormatFault::at(
@@ -143,7 +143,7 @@ impl Deck<'_> {
         Ok(())
     }
 
-    /// Number and nodes of each element, over as many lines as they take.
+    /// Reads number and nodes of each element, which may continue over several lines.
     fn elements(&mut self, keyword: &Keyword) -> Result<(), FormatFault> {
         let name = keyword.value("TYPE").unwrap_or_default().to_uppercase();
         let kind = match name.as_str() {

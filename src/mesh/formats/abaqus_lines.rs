@@ -44,7 +44,7 @@ impl Keyword {
     }
 }
 
-/// The next line of data and its offset, comments and empty lines passed over; `None` before a keyword.
+/// The next line of data and its offset; comments and empty lines are skipped. `None` before a keyword.
 pub fn data_line<'a>(lines: &mut Words<'a>) -> Option<(usize, &'a [u8])> {
     loop {
         let mut ahead = *lines;
@@ -60,12 +60,12 @@ pub fn data_line<'a>(lines: &mut Words<'a>) -> Option<(usize, &'a [u8])> {
     }
 }
 
-/// Passes over the data of a keyword that is not used.
+/// Skips the data of a keyword that is not used.
 pub fn skip_data(lines: &mut Words) {
     while data_line(lines).is_some() {}
 }
 
-/// The fields of a line of data, those behind a last comma left away.
+/// The fields of a line of data; a comma at its end adds none.
 pub fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let line = line.strip_suffix(b",").unwrap_or(line);
     line.split(|&byte| byte == b',').map(<[u8]>::trim_ascii)

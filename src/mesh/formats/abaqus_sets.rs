@@ -15,7 +15,7 @@ use std::ops::Range;
 
 /// The sets of nodes, or those of elements.
 pub struct Sets {
-    /// Size of the file: no more sets and members are taken than it has room for.
+    /// Size of the file, which limits how many sets and members are read.
     bytes: usize,
     list: Vec<Set>,
     by_name: BTreeMap<String, usize>,
@@ -23,7 +23,7 @@ pub struct Sets {
     pub sections: BTreeSet<String>,
 }
 
-/// What a set is said to hold.
+/// A set as the file describes it.
 #[derive(Default)]
 struct Set {
     /// As it was first written.
@@ -33,7 +33,7 @@ struct Set {
     ranges: Vec<[u64; 3]>,
     /// Members that were defined under the set's name.
     spans: Vec<Range<usize>>,
-    /// Sets before this one.
+    /// Other sets that it includes; all of them stand before it.
     parts: Vec<usize>,
 }
 
@@ -42,7 +42,7 @@ impl Sets {
         Sets { bytes, list: Vec::new(), by_name: BTreeMap::new(), sections: BTreeSet::new() }
     }
 
-    /// The set of that name, new where there is none.
+    /// The index of the set `name`, which is created where there is none.
     fn set(&mut self, name: &str, at: usize) -> Result<usize, FormatFault> {
         if self.list.len() > 1000 + self.bytes / 100 {
             return Err(FormatFault::at(
@@ -64,7 +64,7 @@ impl Sets {
         Ok(())
     }
 
-    /// The lines of a set; `key` is the parameter that names it.
+    /// Reads the lines of a set; `key` is the parameter that names it.
     pub fn read(&mut self, keyword: &Keyword, key: &str, lines: &mut Words) -> Result<(), FormatFault> {
         let name = keyword.value(key).filter(|name| !name.is_empty());
         let name =
@@ -145,7 +145,7 @@ impl Sets {
         Ok(resolved)
     }
 
-    /// Node sets to node groups.
+    /// Makes node groups of the node sets.
     pub fn to_groups(&self, raw: &mut RawMesh) -> Result<(), FormatFault> {
         let tags = sorted(raw.nodes.iter().map(|node| node.tag));
         for (set, (members, missing)) in self.list.iter().zip(self.resolve(&tags, self.bytes / 2)?) {
@@ -158,7 +158,7 @@ impl Sets {
         Ok(())
     }
 
-    /// Element sets to regions.
+    /// Makes regions of the element sets.
     pub fn to_regions(&self, raw: &mut RawMesh) -> Result<(), FormatFault> {
         let tags = sorted(raw.elements.iter().map(|element| element.tag));
         if let Some(pair) = tags.windows(2).find(|pair| pair[0].0 == pair[1].0) {

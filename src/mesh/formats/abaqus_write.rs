@@ -80,7 +80,7 @@ fn members(text: &mut String, numbers: impl Iterator<Item = u64>) {
     }
 }
 
-/// Refuses names that Abaqus would take for one, or not at all.
+/// Refuses names that Abaqus would not accept, or would take for the same.
 fn distinct<'a>(what: &str, names: impl Iterator<Item = &'a String>) -> Result<(), MeshError> {
     let mut seen = BTreeSet::new();
     for name in names {

@@ -16,10 +16,10 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Whether these are the first bytes of such a file, whatever its name.
     pub recognizes: fn(&[u8]) -> bool,
-    /// The files beside the one of this path over which such a mesh is spread, found by their names.
+    /// The other files of a mesh that is stored in several, found by their names beside this path.
     pub others: fn(&Path) -> Vec<PathBuf>,
-    /// From the bytes of the named file, and the others in their order. A reader opens no file itself: what it is given
-    /// here is what the fingerprint of a precomputed body covers.
+    /// Reads the mesh from the bytes of the named file and of the others, in their order. A reader opens no file itself:
+    /// the fingerprint of a precomputed body covers exactly what is passed here.
     pub read: fn(&[u8], &[Part]) -> Result<RawMesh, FormatFault>,
     /// The ways to write it, the usual one first; none where it can only be read.
     pub writers: &'static [Writer],

@@ -196,7 +196,7 @@ impl<'a> Scanner<'a> {
     }
 }
 
-/// The start of `bytes`, printable.
+/// The start of `bytes` in printable characters.
 pub fn excerpt(bytes: &[u8]) -> String {
     const LONGEST: usize = 40;
     let shown = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)]).escape_debug().to_string();

@@ -43,12 +43,12 @@ fn others(path: &Path) -> Vec<PathBuf> {
     vec![if !small.exists() && large.exists() { large } else { small }]
 }
 
-/// Whether a .node file begins so: nodes, 3 dimensions, attributes, marks.
+/// Whether these are the first bytes of a .node file: the numbers of nodes, dimensions (3), attributes and markers.
 fn opens_nodes(head: &[u8]) -> bool {
     matches!(first_numbers(head)[..], [_, 3] | [_, 3, _] | [_, 3, _, _])
 }
 
-/// Whether a .ele file begins so: tetrahedra, nodes of each, attributes.
+/// Whether these are the first bytes of an .ele file: the numbers of tetrahedra, nodes of each and attributes.
 fn opens_elements(head: &[u8]) -> bool {
     matches!(first_numbers(head)[..], [_, 4 | 10] | [_, 4 | 10, _])
 }
@@ -87,7 +87,7 @@ struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// The next line that says something, with `count` words or, where that is 0, any number.
+    /// The next line that is not empty. It must have `count` words, or any number where `count` is 0.
     fn next(words: &mut Words<'a>, count: usize) -> Result<Line<'a>, FormatFault> {
         let Some((at, line)) = words.full_line() else {
             return Err(FormatFault::at(words.at, "the file ends before the entries that its head counts"));
@@ -202,7 +202,7 @@ fn elements(bytes: &[u8], raw: &mut RawMesh) -> Result<(), FormatFault> {
     end(&mut words)
 }
 
-/// Numbers of nodes are kept where they run from 0 or from 1, as TetGen wants them.
+/// Encodes both files. Node numbers start at 0 or at 1, as TetGen requires; the mesh's own are kept where they do.
 fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
     check(mesh, "TetGen")?;
     let first = u64::from(mesh.tags.first() != Some(&0));

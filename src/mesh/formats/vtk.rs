@@ -308,7 +308,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Passes over an array, or takes its values for regions where `name` is more wanted than what is there.
+    /// Skips an array, or takes its values for the regions where `name` ranks before the array taken so far.
     fn array(&mut self, name: Option<&str>, kind: Scalar, count: u64) -> Result<(), FormatFault> {
         let rank_of = |name: &str| region_rank(name).unwrap_or(usize::MAX);
         let there = self.cells.regions.as_ref().map_or(usize::MAX, |(name, _)| rank_of(name));
@@ -328,7 +328,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Hands `count` numbers with their offsets to `each`.
+/// Calls `each` with `count` numbers and their offsets.
 fn numbers(
     words: &mut Words,
     is_binary: bool,

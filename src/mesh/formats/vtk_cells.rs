@@ -23,7 +23,7 @@ pub const REGION_ARRAYS: [&str; 11] = [
     "gmsh:geometrical",
 ];
 
-/// How much an array of that name is wanted for regions: less is more; `None` if not at all.
+/// The rank of an array of that name among [`REGION_ARRAYS`]; the least rank is taken.
 pub fn region_rank(name: &str) -> Option<usize> {
     let name = name.to_lowercase().replace("%3a", ":");
     REGION_ARRAYS.iter().position(|known| *known == name)

@@ -133,7 +133,7 @@ fn offset(position: u64) -> usize {
     usize::try_from(position).unwrap_or(usize::MAX)
 }
 
-/// Stands for the name of an array that will be read.
+/// Replaces the name of an array that will be read.
 const WANTED: &str = "wanted DataArray";
 
 /// Takes note of an element and returns its name, or [`WANTED`]; `path` leads to it.

@@ -23,7 +23,7 @@ pub struct Array<'a> {
 pub enum ArrayData<'a> {
     Text(&'a [u8]),
     Base64(&'a [u8]),
-    /// So many bytes behind the start of the appended data.
+    /// The offset from the start of the appended data, bytes.
     Appended(usize),
 }
 
@@ -73,7 +73,7 @@ pub struct Coding<'a> {
 }
 
 impl<'a> Coding<'a> {
-    /// Compressed arrays of a file may hold so many times its bytes: real meshes reach 10, a bomb 1000.
+    /// Compressed arrays may decode to this many times the size of the file. Real meshes reach 10, a zip bomb 1000.
     const MOST_INFLATION: u64 = 64;
 
     pub fn new(bytes: &'a [u8]) -> Coding<'a> {
@@ -100,7 +100,7 @@ impl<'a> Coding<'a> {
         Ok(())
     }
 
-    /// Hands the numbers of `array` to `each`, with an offset to name in errors.
+    /// Calls `each` with every number of `array` and an offset for error messages.
     pub fn numbers(
         &mut self,
         array: &Array,
@@ -250,7 +250,7 @@ impl Bytes<'_> {
         Ok(())
     }
 
-    /// The next `size` bytes; no more is taken from memory than there is.
+    /// The next `size` bytes. Memory is reserved only for bytes that exist.
     fn next(&mut self, size: u64, at: usize) -> Result<Vec<u8>, FormatFault> {
         let size = usize::try_from(size).ok().filter(|&size| size <= self.bytes.len());
         let size = size.ok_or_else(|| FormatFault::at(at, "the array's data ends too early"))?;
@@ -259,7 +259,7 @@ impl Bytes<'_> {
         Ok(out)
     }
 
-    /// Base64 begins anew: what is left of the last four characters is dropped.
+    /// Restarts base64 decoding and drops what is left of the last four characters.
     fn restart(&mut self) {
         if let Some(coded) = &mut self.coded {
             coded.clear();

@@ -12,7 +12,7 @@ pub struct Words<'a> {
     pub bytes: &'a [u8],
     /// Offset of the next byte.
     pub at: usize,
-    /// What follows this byte, to the end of the line, is no word.
+    /// This byte begins a comment, which ends with the line.
     comment: Option<u8>,
 }
 
@@ -25,7 +25,7 @@ impl<'a> Words<'a> {
         self.bytes.get(self.at..).unwrap_or_default()
     }
 
-    /// Moves over white space and comments, to the next word or the end.
+    /// Skips white space and comments, up to the next word or the end.
     pub fn skip_white(&mut self) {
         loop {
             self.at += self.rest().iter().take_while(|byte| byte.is_ascii_whitespace()).count();
@@ -55,7 +55,7 @@ impl<'a> Words<'a> {
         parsed(word, at, what)
     }
 
-    /// The line from here on without blanks around it, and its offset; moves just behind its end. `None` at the end
+    /// The rest of this line without surrounding blanks, and its offset; moves to the next line. `None` at the end
     /// of the file.
     pub fn line(&mut self) -> Option<(usize, &'a [u8])> {
         let (at, rest) = (self.at, self.rest());

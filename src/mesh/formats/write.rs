@@ -44,13 +44,13 @@ fn nodes_of_named_regions(mesh: &TetMesh) -> BTreeMap<&str, Vec<u32>> {
     nodes
 }
 
-/// Node groups that do not follow from the names of regions.
+/// The node groups that have to be written: a reader does not make them from the names of regions.
 pub fn own_groups(mesh: &TetMesh) -> impl Iterator<Item = (&String, &Vec<u32>)> {
     let implied = nodes_of_named_regions(mesh);
     mesh.groups.iter().filter(move |&(name, nodes)| implied.get(name.as_str()) != Some(nodes))
 }
 
-/// Sentences on names, groups and node numbers that a format does not hold; its own numbers begin at `first`.
+/// Sentences on names, groups and node numbers that a format cannot hold; its own node numbers begin at `first`.
 pub fn lost(mesh: &TetMesh, first: u64) -> Vec<String> {
     let mut lost = Vec::new();
     let groups: Vec<&str> = own_groups(mesh).map(|(name, _)| name.as_str()).collect();
@@ -73,7 +73,7 @@ fn listed(names: &[&str]) -> String {
     names[..names.len().min(MOST)].join(", ") + more
 }
 
-/// Appended text to a string, which takes all of it.
+/// Appends formatted text to a string, which cannot fail.
 pub fn put(text: &mut String, line: std::fmt::Arguments) {
     let written = text.write_fmt(line);
     debug_assert!(written.is_ok(), "a string takes all text");

@@ -13,7 +13,7 @@ use crate::mesh::quality::signed_volume;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// A cut point nearer to a lattice vertex than this part of a long edge pulls the vertex onto the surface.
+/// A vertex is moved onto the surface where a cut point is nearer to it than this part of a long edge.
 pub const ALPHA_LONG: f64 = 0.2845;
 /// The same for short edges.
 pub const ALPHA_SHORT: f64 = 0.3995;

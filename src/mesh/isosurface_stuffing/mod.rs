@@ -29,7 +29,7 @@ use std::path::Path;
 pub const MAX_TETRAHEDRA: f64 = 20e6;
 /// More lattice vertices than this, inside and outside, are refused.
 const MAX_VERTICES: usize = 40_000_000;
-/// A piece of less than this part of the volume is a crumb of a thin place and is left out.
+/// A piece with less than this part of the volume is a leftover of a thin place and is removed.
 const CRUMB: f64 = 1e-3;
 
 /// The cell that is suggested for a surface: a thirtieth of its longest extent, of two digits.
@@ -85,7 +85,7 @@ pub fn tetrahedralise(
     Ok(mesh)
 }
 
-/// What cannot be filled; else the lattice.
+/// The lattice, or why the surface cannot be filled.
 fn refuse(surface: &TriangleSurface, report: &SurfaceReport, cell: f64) -> Result<Lattice, String> {
     let suggested = suggested_cell(surface);
     if !(cell > 0.0 && cell.is_finite()) {
@@ -158,7 +158,7 @@ fn root(f: impl Fn(f64) -> f64) -> f64 {
     (a + b) / 2.0
 }
 
-/// Leaves out pieces that are joined to nothing and hold next to no volume. The number of pieces that stay.
+/// Removes isolated pieces with almost no volume. Returns how many pieces stay.
 fn drop_crumbs(mesh: &mut TetMesh, notices: &mut Vec<String>) -> usize {
     let components = quality::components(mesh);
     let mut volumes = vec![0.0; components.nodes.len()];
@@ -193,7 +193,7 @@ fn drop_crumbs(mesh: &mut TetMesh, notices: &mut Vec<String>) -> usize {
     volumes.len() - crumbs
 }
 
-/// Notices of what the mesh is like against the surface.
+/// Notices on how the mesh differs from the surface.
 fn told(
     surface: &TriangleSurface,
     report: &SurfaceReport,

@@ -8,7 +8,7 @@ use super::lattice::{Lattice, STEPS};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// Of the vertices on one side, as many may have the wrong sign: the others outvote them.
+/// Up to this part of the vertices on one side may have the wrong sign; the others outvote them.
 const MINORITY: f64 = 0.05;
 
 /// Turns signs that the neighbours outvote, with a notice; refuses where too many contradict.
@@ -75,7 +75,7 @@ fn contradictions(lattice: &Lattice, depth: &[f64]) -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// The least vertex of each side: all that clear edges join.
+/// For each vertex the least vertex of its side; edges that the surface cannot cut join a side.
 fn sides(lattice: &Lattice, depth: &[f64]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..depth.len() as u32).collect();
     fn root(parent: &mut [u32], mut vertex: u32) -> u32 {

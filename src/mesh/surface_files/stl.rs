@@ -50,7 +50,7 @@ fn binary(bytes: &[u8]) -> RawSurface {
     raw
 }
 
-/// Only `vertex` and `endloop` matter; everything between is passed over, so that names of any form do no harm.
+/// Only `vertex` and `endloop` matter; everything between is passed over, so that any name is accepted.
 fn text(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
     let mut raw = RawSurface::default();
     let mut sides = 0;

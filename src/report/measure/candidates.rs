@@ -6,17 +6,9 @@ use crate::base::statistics::median;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, Needs, Solution};
 use crate::mesh::{TetMesh, quadratic};
-use crate::scene::{Generate, Method, Scene, Solver, Storage};
-use crate::solve::Progress;
+use crate::scene::{Generate, Scene, Storage};
+use crate::solve::{Progress, SOLVERS, Solver};
 use nalgebra::Vector3;
-
-/// Cost of one unknown, as a multiple of one of tet4: averaged pressures make the rows of K longer.
-fn cost(element: Element) -> f64 {
-    match element {
-        Element::Tet4 | Element::Tet10 => 1.0,
-        Element::Tet4Anp => 3.0,
-    }
-}
 
 /// Tolerances of conjugate gradients to be measured.
 const TOLERANCES: [f64; 5] = [1e-3, 1e-4, 1e-6, 1e-8, 1e-10];
@@ -68,11 +60,8 @@ impl Meshes {
     }
 
     /// The meshes that have the element's nodes, by refinement.
-    fn of(&self, element: Element) -> &[TetMesh] {
-        match element {
-            Element::Tet4 | Element::Tet4Anp => &self.linear,
-            Element::Tet10 => &self.ladder.levels,
-        }
+    fn of(&self, element: &Element) -> &[TetMesh] {
+        if element.order == 1 { &self.linear } else { &self.ladder.levels }
     }
 
     pub fn affords(&self, request: &Request<'_>, refine: usize, element: &Element) -> bool {
@@ -87,8 +76,7 @@ impl Meshes {
 pub struct Candidate {
     pub refine: u32,
     pub element: &'static Element,
-    /// "cholesky", or "pcg 1e-6".
-    pub solver: String,
+    pub solver: Solver,
     pub solution: Solution,
     pub offline_s: f64,
 }
@@ -102,7 +90,7 @@ impl Candidate {
 }
 
 /// The scene with another refinement, element and solver for its body.
-pub fn variant(request: &Request<'_>, refine: u32, element: Element, solver: Solver) -> Scene {
+pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, solver: Solver) -> Scene {
     let mut scene = request.scene.clone();
     let body = &mut scene.body[request.body];
     (body.refine, body.element, body.solver) =
@@ -124,15 +112,18 @@ pub fn solve(
                 Ok(candidate) => candidates.push(candidate),
                 // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
                 // with them, so the rest can be measured without them.
-                Err(MeasureError::Green(_)) if element == Element::Tet4Anp => {}
+                Err(MeasureError::Green(_)) if element.dilatation == Dilatation::Nodal => {}
                 Err(error) => return Err(error),
             }
         }
     }
     let own = request.scene.body[request.body].element;
     if meshes.affords(request, 0, own) {
-        for tolerance in TOLERANCES {
-            let solver = Solver { method: Method::Pcg, tolerance, ..Solver::default() };
+        let iterative = SOLVERS.iter().copied().filter(|method| !method.is_direct);
+        for (method, tolerance) in
+            iterative.flat_map(|method| TOLERANCES.map(|tolerance| (method, tolerance)))
+        {
+            let solver = Solver { method, tolerance, ..Solver::default() };
             // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
             match candidate(request, 0, own, solver, progress) {
                 Ok(candidate) => candidates.push(candidate),
@@ -168,12 +159,8 @@ pub fn solved(
         times.push(solution.offline_s());
         // Short times scatter, so they are measured three times.
         if times.len() == 3 || times[0] > 1.0 || request.quick {
-            let name = match solver.method {
-                Method::Cholesky => "cholesky".to_owned(),
-                Method::Pcg => format!("pcg {:.0e}", solver.tolerance),
-            };
             let offline_s = median(times);
-            return Ok(Candidate { refine: 0, element, solver: name, solution, offline_s });
+            return Ok(Candidate { refine: 0, element, solver, solution, offline_s });
         }
     }
 }

@@ -51,7 +51,7 @@ pub fn measurements(
     let models: Vec<&ModelEntry> = online().collect();
     progress.begin("errors", (candidates.len() * models.len() * references.poses.len()) as u64);
     for candidate in candidates {
-        let is_own = candidate.solver == "cholesky";
+        let is_own = candidate.solver.method.is_direct;
         let storages = if is_own { Storage::ALL.to_vec() } else { vec![Storage::F32] };
         let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
         let mut errors = vec![Vec::new(); storages.len() * models.len()];
@@ -59,7 +59,7 @@ pub fn measurements(
             for pose in 0..references.poses.len() {
                 let parts = ErrorFields::new(meshes, candidates, candidate, references, model, pose)
                     .ok_or_else(|| {
-                        let (element, pose) = (candidate.element.name(), &references.poses[pose].name);
+                        let (element, pose) = (candidate.element.name, &references.poses[pose].name);
                         MeasureError::Model(format!(
                             "pose {pose}: {} with {element} cannot be measured",
                             model.name
@@ -84,7 +84,7 @@ pub fn measurements(
                     setting: Setting {
                         refine: candidate.refine,
                         element: candidate.element.name.into(),
-                        solver: candidate.solver.clone(),
+                        solver: candidate.solver,
                         storage: storage.name().into(),
                         model: model.name.into(),
                     },
@@ -136,7 +136,7 @@ impl ErrorFields {
             ladder.raise(c.refine as usize, &displaced(&c.solution, output, &superposed(&c.solution, output)))
         };
         let exact = candidates.iter().find(|other| {
-            other.solver == "cholesky"
+            other.solver.method.is_direct
                 && (other.refine, other.element) == (candidate.refine, candidate.element)
         })?;
         let (finest, base) = (&candidates[references.finest], references.base(candidates));

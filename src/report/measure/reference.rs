@@ -9,8 +9,9 @@ use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
 use crate::report::data::ModelError;
-use crate::scene::{Element, Scene, Solver};
+use crate::scene::Scene;
 use crate::solve::Progress;
+use crate::solve::Solver;
 use nalgebra::{Matrix3, Vector3};
 
 pub struct References<'a> {
@@ -89,7 +90,7 @@ impl<'a> References<'a> {
         candidates: &[Candidate],
         progress: &dyn Progress,
     ) -> Result<References<'a>, MeasureError> {
-        let cholesky = |c: &&(usize, &Candidate)| c.1.solver == "cholesky";
+        let cholesky = |c: &&(usize, &Candidate)| c.1.solver.method.is_direct;
         let all: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
         let finest = all.iter().filter(cholesky).max_by_key(|(_, c)| (c.element.order, c.refine));
         let base = all.iter().filter(cholesky).find(|(_, c)| c.refine == 0 && c.element == &TET4);

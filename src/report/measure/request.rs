@@ -4,7 +4,7 @@ use crate::deform::{ControlPoses, StaticsError};
 use crate::fem::AssemblyError;
 use crate::green::{GreenError, Needs};
 use crate::scene::{Scene, SceneError};
-use crate::verify::Fault;
+use crate::verify::ProblemError;
 use std::path::{Path, PathBuf};
 
 /// Limits of what is computed.
@@ -47,7 +47,7 @@ pub enum MeasureError {
     #[error("the norms' matrix: {0}")]
     Assembly(#[from] AssemblyError),
     #[error("the smooth problem: {0}")]
-    Smooth(#[from] Fault),
+    Smooth(#[from] ProblemError),
     #[error(
         "the reference needs tet10 on this mesh, {nodes} nodes and three times as many unknowns, more than {largest:.0}; \
          raise {key} (a million unknowns take some 10 GB), or take a coarser mesh"

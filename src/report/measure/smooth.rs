@@ -37,7 +37,7 @@ pub fn measure(
     mesh_of: &dyn Fn(&'static Element, u32) -> Option<TetMesh>,
     levels: u32,
     progress: &dyn Progress,
-) -> Result<Vec<SmoothError>, Fault> {
+) -> Result<Vec<SmoothError>, ProblemError> {
     let mut rows = Vec::new();
     progress.begin("smooth problem", ELEMENTS.len() as u64 * u64::from(levels));
     for &element in ELEMENTS {
@@ -61,7 +61,7 @@ pub fn measure(
     Ok(rows)
 }
 
-fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothError, Fault> {
+fn solve(element: &Element, refine: u32, mesh: TetMesh) -> Result<SmoothError, ProblemError> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let size = (high - low).amax();
     let lame = Lame::from_young_poisson(1.0, POISSON);
@@ -77,10 +77,10 @@ fn solve(element: Element, refine: u32, mesh: TetMesh) -> Result<SmoothError, Fa
     let place = mesh.nodes.clone();
     let body = Body { place, force: NodeFields::zeros(nodes, 1), fixed, mesh };
     let solution = body.solve(element, lame)?;
-    let norms = solution.norms(&body, element, lame, &exact);
-    let order = f64::from(element.order());
+    let norms = solution.norms(&body.mesh, element, lame, &exact);
+    let order = f64::from(element.order);
     Ok(SmoothError {
-        element: element.name().into(),
+        element: element.name.into(),
         refine,
         h,
         l2: norms.l2,

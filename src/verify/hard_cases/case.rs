@@ -7,7 +7,7 @@ use crate::solve::Silent;
 use serde::Serialize;
 use std::path::Path;
 
-/// What is done with a case; ordered as severities are.
+/// How a case ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
@@ -16,10 +16,10 @@ pub enum Outcome {
     Refused,
 }
 
-/// One case, and what became of it.
+/// One case and its outcome.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaseRow {
-    /// Of the list in the manual's chapter check.
+    /// Its number in the manual's chapter check.
     pub number: u32,
     pub case: String,
     pub required: Outcome,
@@ -198,7 +198,7 @@ pub fn difference(a: &Solution, b: &Solution, scale: impl Fn(usize) -> f64) -> f
     largest((0..a.fields.columns).map(of_column))
 }
 
-/// NaN where one of the values is, or where there are none: nothing was measured then.
+/// The largest value; NaN where one of them is NaN or where there are none, since nothing was measured then.
 pub fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.reduce(|most, value| if value > most || value.is_nan() { value } else { most }).unwrap_or(f64::NAN)
 }

@@ -1,0 +1,50 @@
+//! What solves a system without unknowns, as of a body whose nodes are all held.
+
+use super::error::SolveError;
+use super::solver::{Factor, LinearSolver, Method, SolveStats};
+use crate::base::progress::Progress;
+use crate::fem::{NodeFields, StiffnessMatrix};
+
+pub const NO_UNKNOWNS: Method = Method {
+    name: "none",
+    is_direct: true,
+    bounds_error: true,
+    remedy: "release a node",
+    analyse: |_, _, _| Ok(Box::new(NoUnknowns)),
+};
+
+struct NoUnknowns;
+
+impl LinearSolver for NoUnknowns {
+    fn memory(&self, _: &StiffnessMatrix, _: usize) -> f64 {
+        0.0
+    }
+
+    fn fits(&self, _: &StiffnessMatrix, _: usize) -> Result<(), SolveError> {
+        Ok(())
+    }
+
+    fn factor<'a>(
+        &'a self,
+        _: &'a StiffnessMatrix,
+        _: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        Ok(Box::new(NoUnknowns))
+    }
+}
+
+impl Factor for NoUnknowns {
+    fn solve(&self, b: &NodeFields, _: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError> {
+        let residuals = vec![0.0; b.columns];
+        let stats = SolveStats { method: &NO_UNKNOWNS, columns: b.columns, residuals, ..Default::default() };
+        Ok((b.clone(), stats))
+    }
+
+    fn solve_and_judge(
+        &self,
+        b: &NodeFields,
+        progress: &dyn Progress,
+    ) -> Result<(NodeFields, SolveStats), SolveError> {
+        self.solve(b, progress)
+    }
+}

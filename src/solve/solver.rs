@@ -1,0 +1,155 @@
+//! What a linear solver is: its settings in a scene, its entry in the list of methods, and its three steps.
+//!
+//! ```text
+//! Solver ── analyse(A) → LinearSolver ── factor(A) → Factor ── solve(b) → x, SolveStats
+//! ```
+//!
+//! The first step depends on the graph of A alone and is reused while only the numbers of A change; the second depends
+//! on those numbers; the third takes any number of right-hand sides.
+
+use super::error::SolveError;
+use crate::base::progress::Progress;
+use crate::fem::{NodeFields, StiffnessMatrix};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A method with its settings, as a scene asks for it.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Solver {
+    pub method: &'static Method,
+    /// Of an iterative method: relative residual ‖b - A x‖₂ / ‖b‖₂ at which a column is done.
+    pub tolerance: f64,
+    pub max_iterations: usize,
+}
+
+impl Default for Solver {
+    fn default() -> Solver {
+        Solver { method: Default::default(), tolerance: 1e-10, max_iterations: 20_000 }
+    }
+}
+
+impl Solver {
+    /// The tolerance of an iterative method.
+    pub fn tolerance(&self) -> Option<f64> {
+        (!self.method.is_direct).then_some(self.tolerance)
+    }
+}
+
+/// "cholesky", or "pcg 1e-6" with the tolerance; the limit on the iterations is not said.
+impl fmt::Display for Solver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.tolerance() {
+            Some(tolerance) => write!(f, "{} {tolerance:e}", self.method.name),
+            None => f.write_str(self.method.name),
+        }
+    }
+}
+
+/// In the order of their texts.
+impl Ord for Solver {
+    fn cmp(&self, other: &Solver) -> std::cmp::Ordering {
+        self.to_string()
+            .cmp(&other.to_string())
+            .then(self.tolerance.total_cmp(&other.tolerance))
+            .then(self.max_iterations.cmp(&other.max_iterations))
+    }
+}
+
+impl PartialOrd for Solver {
+    fn partial_cmp(&self, other: &Solver) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Solver {
+    fn eq(&self, other: &Solver) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Solver {}
+
+/// The solver, with its settings, for all matrices with the graph of one.
+pub type Analyse = fn(&Solver, &StiffnessMatrix, &dyn Progress) -> Result<Box<dyn LinearSolver>, SolveError>;
+
+/// A way to solve A x = b: an entry of the list of methods.
+#[derive(Debug)]
+pub struct Method {
+    /// As scenes, results and .green files name it.
+    pub name: &'static str,
+    /// Whether it factorises A, so that no tolerance says when it ends.
+    pub is_direct: bool,
+    /// Whether its forward error is a bound; an estimate otherwise.
+    pub bounds_error: bool,
+    /// What to do where the forward error is too large.
+    pub remedy: &'static str,
+    pub analyse: Analyse,
+}
+
+/// A solver of all matrices of one graph.
+pub trait LinearSolver: Send + Sync {
+    /// Bytes that the factor, and the solves for `columns` right-hand sides after it, take at most.
+    fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64;
+
+    /// Errors where they take more memory than is left.
+    fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError>;
+
+    /// Prepares the solves with the numbers of `a`. Errors where it is not positive definite.
+    fn factor<'a>(
+        &'a self,
+        a: &'a StiffnessMatrix,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError>;
+}
+
+/// A matrix that is ready to be solved with.
+pub trait Factor {
+    /// Solves A x = b for all columns; errors where a true residual stays too large.
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError>;
+
+    /// [`Factor::solve`], and how exact the solution is: [`SolveStats::conditioning`].
+    fn solve_and_judge(
+        &self,
+        b: &NodeFields,
+        progress: &dyn Progress,
+    ) -> Result<(NodeFields, SolveStats), SolveError>;
+}
+
+/// What a solver did, for the closing table and the .green file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SolveStats {
+    pub method: &'static Method,
+    pub unknowns: usize,
+    pub columns: usize,
+    pub ordering_s: f64,
+    pub symbolic_s: f64,
+    pub factor_s: f64,
+    pub solve_s: f64,
+    /// Numbers held by the factor (supernodal: its explicit zeros counted), 0 of an iterative method.
+    pub factor_entries: usize,
+    /// Iterations of the slowest column, 0 of a direct method.
+    pub iterations: usize,
+    /// ‖b - A x‖₂ / ‖b‖₂ of every column, computed from A after the solve; 0 where b = 0.
+    pub residuals: Vec<f64>,
+    /// Where it was asked for.
+    pub conditioning: Option<Conditioning>,
+}
+
+impl SolveStats {
+    pub fn worst_residual(&self) -> f64 {
+        self.residuals.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// How far the solution can be from the exact one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Conditioning {
+    /// Estimate of κ₂ of A scaled by its diagonal; `None` of conjugate gradients, which stop before they have seen the
+    /// least eigenvalue.
+    pub scaled_condition: Option<f64>,
+    /// Cholesky: bound on max |x̂ - x| / max |x| of the column with the largest residual. PCG: the largest ‖x̂ - x‖_A /
+    /// ‖x̂‖_A of all columns, whose errors are solved for.
+    pub forward_error: f64,
+    pub seconds: f64,
+}

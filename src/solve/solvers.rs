@@ -1,0 +1,94 @@
+//! The list of methods that solve A x = b.
+
+use super::cholesky::CHOLESKY;
+use super::error::SolveError;
+use super::no_unknowns::NO_UNKNOWNS;
+use super::pcg::PCG;
+use super::solver::{LinearSolver, Method, Solver};
+use crate::base::progress::Progress;
+use crate::config::unknown_name;
+use crate::fem::StiffnessMatrix;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::str::FromStr;
+
+/// All methods; a new one is one file and one line here.
+pub const SOLVERS: &[&Method] = &[&CHOLESKY, &PCG];
+
+/// The method called `name`; the error lists the known ones.
+pub fn find_method(name: &str) -> Result<&'static Method, String> {
+    let found = SOLVERS.iter().copied().find(|method| method.name == name);
+    found.ok_or_else(|| unknown_name("solver", name, SOLVERS.iter().map(|method| method.name)))
+}
+
+impl Solver {
+    /// The solver for all matrices with the graph of `a`.
+    pub fn analyse(
+        &self,
+        a: &StiffnessMatrix,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn LinearSolver>, SolveError> {
+        let method = if a.nodes() == 0 { &NO_UNKNOWNS } else { self.method };
+        (method.analyse)(self, a, progress)
+    }
+}
+
+/// Reads what [`Solver`] displays.
+impl FromStr for Solver {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Solver, String> {
+        let (name, tolerance) = text.split_once(' ').map_or((text, None), |(name, rest)| (name, Some(rest)));
+        let method = find_method(name)?;
+        let solver = Solver { method, ..Solver::default() };
+        match (method.is_direct, tolerance.map(str::parse)) {
+            (true, None) => Ok(solver),
+            (false, Some(Ok(tolerance))) => Ok(Solver { tolerance, ..solver }),
+            _ => Err(format!(
+                "\"{text}\" is no solver: write \"cholesky\", or \"pcg 1e-6\" with its tolerance"
+            )),
+        }
+    }
+}
+
+impl Default for &'static Method {
+    fn default() -> &'static Method {
+        &CHOLESKY
+    }
+}
+
+impl PartialEq for Method {
+    fn eq(&self, other: &Method) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Method {}
+
+impl Serialize for Method {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for &'static Method {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static Method, D::Error> {
+        find_method(&String::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solver_is_read_as_it_is_displayed() {
+        for text in ["cholesky", "pcg 1e-6", "pcg 2.5e-5", "pcg 1e-13"] {
+            assert_eq!(text.parse::<Solver>().map(|solver| solver.to_string()), Ok(text.to_owned()));
+        }
+        for text in ["", "choleski", "cholesky 1e-6", "pcg", "pcg low", "pcg 1e-6 2"] {
+            assert!(text.parse::<Solver>().is_err(), "{text}");
+        }
+        assert!("choleski".parse::<Solver>().unwrap_err().contains("did you mean \"cholesky\""));
+    }
+}
