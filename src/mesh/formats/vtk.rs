@@ -2,7 +2,7 @@
 //!
 //! In: bytes. Out: a [`RawMesh`] whose nodes and elements have the file's numbers, from 0. After "The VTK User's
 //! Guide", chapter "VTK File Formats", and for version 5 (OFFSETS and CONNECTIVITY) the sources of VTK 9. Attributes
-//! other than a region array are passed over.
+//! other than a region array are skipped.
 
 use super::format::{Format, Part};
 use super::gmsh_scan::excerpt;

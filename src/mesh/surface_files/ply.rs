@@ -1,7 +1,7 @@
 //! PLY 1.0, text and binary of both byte orders (Turk, The PLY Polygon File Format, Stanford 1994).
 //!
 //! Elements `vertex` (x, y, z) and `face` (vertex_indices or vertex_index) are used; all other elements and properties
-//! are passed over by their declared sizes.
+//! are skipped by their declared sizes.
 
 use super::raw::RawSurface;
 use super::words::{lines, words};
