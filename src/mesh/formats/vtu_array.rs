@@ -4,9 +4,9 @@
 //! held in memory. After "VTK XML Formats", section "Appended and binary data": a header of lengths, then bytes, or
 //! blocks that are compressed separately; base64 restarts after the header of compressed data.
 
-use super::vtk::Scalar;
 use super::words::Words;
 use crate::mesh::error::FormatFault;
+use crate::mesh::scalar::Scalar;
 use std::io::{Cursor, Read};
 
 /// An array as the XML tells of it.
