@@ -10,8 +10,8 @@
 //! ```
 //!
 //! W is never negative: the mean's square is at most the squares' mean, so patches take no more from it than elements
-//! would. There are about six times as many tetrahedra as nodes: one constraint a tetrahedron is more than three unknowns a
-//! node can meet, one a node is not. A patch ends where the material does. K couples each node with its neighbours'
+//! would. There are about six times as many tetrahedra as nodes: three unknowns per node cannot meet one constraint per
+//! tetrahedron, but one per node. A patch ends where the material does. K couples each node with its neighbours'
 //! neighbours, so it has about four times as many blocks as with [`tet4`].
 
 use super::assembly::{ElementSet, Elements};

@@ -6,11 +6,11 @@
 //! S_ij = Σ_e Σ_q w_q s_q(u_i) s_q(u_j)        s_q(u) = Σ_a g_a · (u_a - u_0)        N/m for fields without unit
 //! ```
 //!
-//! with the strains s_q of element e and the stiffness w_q against each. It equals u_iᵀ K u_j, but an element sees only how
-//! its nodes move against one of them, which for a part that moves as a rigid body is zero to the last digit. In u_iᵀ K u_j
-//! that zero is left to cancel in sums of the size of K. Where u_i and u_j are equilibria for prescribed nodes, the errors
-//! δ of their free nodes enter as a(δ_i, δ_j) alone, the square of what they do to a force K u: a(u, δ) = 0
-//! (Galerkin's orthogonality; Strang and Fix, An Analysis of the Finite Element Method, chapter 1).
+//! with the strains s_q of element e and the stiffness w_q that belongs to each. It equals u_iᵀ K u_j, but is computed
+//! from the motion of an element's nodes relative to one of them, which is exactly zero where a part is only shifted.
+//! In u_iᵀ K u_j that zero is the difference of sums of the size of K. Where u_i and u_j are equilibria for prescribed
+//! nodes, the errors δ of their free nodes enter as a(δ_i, δ_j) alone, the square of what they do to a force K u: a(u,
+//! δ) = 0 (Galerkin's orthogonality; Strang and Fix, An Analysis of the Finite Element Method, chapter 1).
 
 use super::fields::NodeFields;
 use nalgebra::{DMatrix, DMatrixView, Vector3};

@@ -1,4 +1,4 @@
-//! Several nodal vector fields side by side, as the solvers work on them.
+//! Several nodal vector fields in one array, as the solvers use them.
 
 use rayon::prelude::*;
 

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! R is the proper rotation nearest to A (W. Kabsch, Acta Cryst. A32, 1976, 922-923), also where A mirrors, and at half
-//! a turn, where iterations that start from a rotation find no way. It is unique where σ₂ + det(U Vᵀ) σ₃ > 0.
+//! a turn, where iterations that start from a rotation do not converge. It is unique where σ₂ + det(U Vᵀ) σ₃ > 0.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 

@@ -3,9 +3,9 @@
 //! u(x(ξ)) = Σ N_a(ξ) u_a over the same shape functions as x(ξ) = Σ N_a(ξ) x_a ([`mod@quadratic`]), so edges may be curved
 //! (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., sections 8.10 and 9.10). Integrals are sums over
 //! points: of a straight element four, which are exact and see all 24 strains of ten nodes; of a curved one eight, exact
-//! to degree 3, as the forces of a constant stress, ∫ ∇N dV, and with them the patch test, need. The dilatation of a
-//! curved element is first projected onto the linear functions, among which that of a straight one lies anyway: near
-//! ν = 1/2 eight points would be eight constraints an element, and stiffen it; the projection leaves four.
+//! to degree 3, which the patch test needs: the forces of a constant stress are ∫ ∇N dV. The dilatation of a curved
+//! element is first projected onto the linear functions (that of a straight one is linear anyway): near ν = 1/2 eight
+//! points would be eight constraints per element and stiffen it; the projection leaves four.
 
 use super::assembly::{AssemblyError, ElementSet, Elements};
 use super::element::{Dilatation, Element};

@@ -1,4 +1,4 @@
-//! From what a file says to a [`TetMesh`] that the rest of the program can trust.
+//! Turns what a file says into a [`TetMesh`] that the rest of the program can trust.
 //!
 //! In: a [`RawMesh`], nodes and elements by their tags as a format's reader found them. Out: tetrahedra by
 //! index, checked, positively oriented, every node used, physical groups as regions and node groups.

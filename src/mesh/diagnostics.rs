@@ -1,7 +1,7 @@
-//! What is wrong with a mesh, though it could be read: a Cholesky factorization passes most of it in silence.
+//! Finds what is wrong with a mesh that could be read. A Cholesky factorization would accept most of it silently.
 //!
-//! In: a [`TetMesh`]. Out: one sentence for each kind of trouble, the worst first, with places and the tags of some
-//! nodes, and what to do. The measures are relative: the same body in metres and nanometres gives the same sentences.
+//! In: a [`TetMesh`]. Out: one [`Diagnostic`] for each kind of defect, the most severe first, with places, the tags of
+//! some nodes, and what to do. All measures are relative: a body gives the same sentences in metres and in nanometres.
 
 use super::quadratic;
 use super::quality::{Components, bounding_box, components, overlapping_faces, quality};

@@ -1,8 +1,8 @@
 //! Parts of a mesh within a geodesic distance of one node, measured through the material.
 //!
 //! In: a [`TetMesh`], a node, a length. Out: the nodes within that length along the mesh's edges (Dijkstra,
-//! Numerische Mathematik 1, 1959). Edges of all tetrahedra count, those inside the body too: what grows on a wall then
-//! has the wall's thickness, and never crosses a gap, which no edge does.
+//! Numerische Mathematik 1, 1959). The edges inside the body count too: the nodes around one on a wall then reach through
+//! the wall, and never across a gap, because no edge crosses it.
 
 use super::tet_mesh::{EDGES, TetMesh, edges_of};
 use nalgebra::Vector3;

@@ -1,8 +1,8 @@
-//! Which groups a new node joins that stands between two old ones.
+//! Decides which groups a new node joins that is inserted between two old ones.
 //!
-//! In: a mesh whose edges have got nodes in their middles. Out: its groups with those of them that belong there. A
-//! group is a set of nodes, and no file says whether it means a volume, a part of the surface or a line, so its nodes
-//! decide:
+//! In: a mesh with new nodes in the middles of its edges. Out: its groups, extended by the new nodes that belong to
+//! them. A group is a set of nodes, and no file says whether it means a volume, a part of the surface or a line, so its
+//! nodes decide:
 //!
 //! 1. each is a corner of a tetrahedron that lies in the group with all corners: a volume; the edges of those
 //!    tetrahedra belong to it;

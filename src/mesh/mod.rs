@@ -16,6 +16,7 @@ pub mod near;
 pub mod quadratic;
 pub mod quality;
 pub mod refine;
+mod scalar;
 mod surface;
 pub mod surface_check;
 pub mod surface_files;

@@ -1,4 +1,4 @@
-//! What a mesh is like: volumes, element quality, pieces, extent.
+//! Measures of a mesh: volumes, element quality, pieces, extent.
 //!
 //! In: a [`TetMesh`]. Out: numbers for `inspect` and for the checks before a factorization. The quality measure is
 //! the volume over the cube of the root-mean-square edge (the inverse of Parthasarathy, Graichen and Hathaway, Finite

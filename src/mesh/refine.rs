@@ -1,4 +1,4 @@
-//! Uniform refinement: every tetrahedron into eight, with groups, regions and curved walls.
+//! Uniform refinement: cuts every tetrahedron into eight and keeps groups, regions and curved walls.
 //!
 //! In: a mesh, how often, and where the middle of an edge lies. Out: the finer mesh, whose old nodes keep index and
 //! tag. Each tetrahedron x₀x₁x₂x₃ is cut into its four corners and the octahedron between them, and that into four

@@ -1,7 +1,8 @@
 //! The outer surface of a tetrahedral mesh.
 //!
 //! In: a [`TetMesh`]. Out: the faces that belong to one tetrahedron only, as outward triangles in the order of
-//! their tetrahedra; a face of a quadratic mesh as four. Faces between two regions belong to two tetrahedra, so they are none of these.
+//! their tetrahedra; a face of a quadratic mesh as four triangles. Faces between two regions belong to two tetrahedra
+//! and are therefore not among them.
 
 use super::tet_mesh::{EDGES, FACES, TetMesh};
 use nalgebra::Vector3;

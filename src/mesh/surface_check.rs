@@ -1,4 +1,4 @@
-//! What is wrong with a triangle surface, and the repairs that need no guess.
+//! Finds what is wrong with a triangle surface, and makes the repairs that are unambiguous.
 //!
 //! In: a [`TriangleSurface`]. Out: the same with outward triangles (cavities inward), and a [`SurfaceReport`]: shells,
 //! holes, edges of three triangles and more, places where it passes through itself, volume. Winding numbers by solid

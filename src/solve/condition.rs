@@ -1,7 +1,7 @@
 //! How far a solution can be from the exact one: the condition number of A and a bound on the forward error.
 //!
 //! In: A, ways to apply A and A⁻¹, and a solution with its residual. Out: two numbers for the closing table and the
-//! .green file. Both cost a few solves with one right-hand side.
+//! .green file. Each costs a few solves with one right-hand side.
 
 use super::error::SolveError;
 use super::residual::Column;

@@ -5,8 +5,8 @@
 //! share 0 to 1 of the way. Out: the displacements at its end. Each load step is predicted along the tangent, then
 //! iterated with K(u) d = -f(u), each d shortened until the energy falls (Nocedal and Wright, Numerical Optimization,
 //! 2nd ed., algorithm 3.2). A step that fails is halved. The tangent must be positive definite throughout, so what is
-//! found is a stable equilibrium, joined to the start by stable ones (Crisfield, Non-linear Finite Element Analysis of
-//! Solids and Structures, vol. 1, sections 9.2 to 9.4).
+//! found is a stable equilibrium, connected with the start by stable ones (Crisfield, Non-linear Finite Element
+//! Analysis of Solids and Structures, vol. 1, sections 9.2 to 9.4).
 
 use super::error::SolveError;
 use super::solver::LinearSolver;

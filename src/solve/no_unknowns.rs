@@ -1,4 +1,4 @@
-//! What solves a system without unknowns, as of a body whose nodes are all held.
+//! The solver of systems without unknowns: those of bodies whose nodes are all held.
 
 use super::error::SolveError;
 use super::solver::{Factor, LinearSolver, Method, SolveStats};

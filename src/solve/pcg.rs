@@ -1,5 +1,5 @@
 //! Conjugate gradients on the 3×3-block matrix, preconditioned by its diagonal blocks (block-Jacobi); all columns
-//! are iterated together, so that one pass over the matrix serves them all.
+//! are iterated together, so that one pass over the matrix multiplies all of them.
 
 use super::error::SolveError;
 use super::residual::residuals;
@@ -263,8 +263,8 @@ impl Spectrum {
     }
 }
 
-/// The least and the largest eigenvalue of a symmetric tridiagonal matrix, by bisection with Sturm sequences (Golub and Van
-/// Loan, Matrix Computations, 4th ed., section 8.4.1); `None` where it has no row.
+/// The least and the largest eigenvalue of a symmetric tridiagonal matrix, by bisection with Sturm sequences (Golub and
+/// Van Loan, Matrix Computations, 4th ed., section 8.4.1); `None` where it has no row.
 fn ends(diagonal: &[f64], beside: &[f64]) -> Option<[f64; 2]> {
     let size = diagonal.len();
     let reach = |row: usize| beside[row].sqrt() + beside.get(row + 1).map_or(0.0, |square| square.sqrt());

@@ -1,4 +1,5 @@
-//! A body to be judged by: the unit block mapped to its shape, with tractions and supports of single components.
+//! The body of a verification problem: the unit block mapped to its shape, with tractions and supports of single
+//! components.
 //!
 //! Tractions become nodal forces f_a = ∫ N_a t dA on three- and six-node faces, straight or curved. Supports are
 //! eliminated exactly, component by component: with K u = f and u_d = g_d prescribed,

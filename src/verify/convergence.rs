@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// One mesh of a [`ConvergenceRow`].
+/// One mesh of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Level {
     /// Size of a cell as a part of the body's.

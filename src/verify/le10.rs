@@ -2,7 +2,8 @@
 //!
 //! A quarter of the plate between the ellipses x²/2² + y²/1² = 1 and x²/3.25² + y²/2.75² = 1, 0.6 m thick, symmetric
 //! about x = 0 and y = 0; on the outer wall u_x = u_y = 0, and u_z = 0 on its middle line. 1 MPa presses on the top.
-//! σ_yy at D = (2, 0, top), where the hole is sharpest: cells are three times as thin there as on the mean. NAFEMS, The Standard NAFEMS Benchmarks, TNSB Rev. 3, 1990.
+//! σ_yy at D = (2, 0, top), where the hole is sharpest: cells are three times as thin there as on average. NAFEMS, The
+//! Standard NAFEMS Benchmarks, TNSB Rev. 3, 1990.
 
 use super::body::Body;
 use super::problem::{Problem, ProblemError};

@@ -1,8 +1,8 @@
 //! Problems with published or analytic answers, and how near the elements come to them.
 //!
-//! In: [`PROBLEMS`] and [`ELEMENTS`], a line each. Every problem is solved with every element on a sequence of uniformly
-//! refined meshes. Out: [`ConvergenceRow`]s, one for each quantity and element, with the error on every mesh, the fitted rate and
-//! whether it keeps what theory promises.
+//! In: [`PROBLEMS`] and [`ELEMENTS`], a line each. Every problem is solved with every element on a sequence of
+//! uniformly refined meshes. Out: [`ConvergenceRow`]s, one for each quantity and element, with the error on every mesh,
+//! the fitted rate and whether it keeps what theory promises.
 //!
 //! ```text
 //! Problem × Element × mesh → Body (mesh, loads, supports) → Solution → Measures → ConvergenceRow

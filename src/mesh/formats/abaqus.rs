@@ -2,7 +2,7 @@
 //!
 //! In: bytes. Out: a [`RawMesh`] with the file's numbers; node sets become node groups, element sets regions (see
 //! [`super::abaqus_sets`]). After "Abaqus Keywords Reference Guide" and G. Dhondt, "CalculiX CrunchiX User's Manual",
-//! chapter "Input deck format". Keywords of the analysis are passed over; what would move or make nodes is refused.
+//! chapter "Input deck format". Keywords of the analysis are skipped; those that move or create nodes are refused.
 
 use super::abaqus_lines::{Keyword, data_line, fields, skip_data};
 use super::abaqus_sets::Sets;

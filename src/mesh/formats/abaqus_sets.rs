@@ -1,4 +1,4 @@
-//! Sets of an Abaqus file to node groups and regions.
+//! Makes node groups and regions of the sets in an Abaqus file.
 //!
 //! Element sets may overlap, regions may not. Where the file has *SOLID SECTION, whose sets are the materials, only
 //! their sets become regions. An element in several sets belongs to the smallest of them, of equals to the one that

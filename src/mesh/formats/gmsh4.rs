@@ -1,6 +1,6 @@
 //! `$Entities`, `$PartitionedEntities`, `$Nodes` and `$Elements` of Gmsh 4.0 and 4.1.
 //!
-//! Both say the same in another order: see [`Layout`].
+//! Both versions hold the same data in different orders: see [`Layout`].
 
 use super::gmsh_scan::Scanner;
 use super::gmsh_types::known_kind;

@@ -1,7 +1,7 @@
 //! The words and numbers of a Gmsh file, one after the other, text and binary alike.
 //!
 //! In: bytes. Out: sections, lines and numbers, or a [`FormatFault`] at the offset where something else stands. Nothing
-//! is allocated here, so a count in a file cannot cost memory.
+//! is allocated here, so that a forged count cannot cost memory.
 
 use crate::mesh::error::FormatFault;
 use std::str::FromStr;

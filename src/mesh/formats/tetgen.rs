@@ -1,8 +1,7 @@
 //! TetGen `.node` and `.ele`, a pair of files of one name.
 //!
-//! In: the bytes of both. Out: a [`RawMesh`] with the files' numbers; the first
-//! attribute of a tetrahedron is its region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section
-//! "File formats".
+//! In: the bytes of both. Out: a [`RawMesh`] with the files' numbers; the first attribute of a tetrahedron is its
+//! region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section "File formats".
 
 use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::excerpt;

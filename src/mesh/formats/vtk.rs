@@ -2,7 +2,7 @@
 //!
 //! In: bytes. Out: a [`RawMesh`] whose nodes and elements have the file's numbers, from 0. After "The VTK User's
 //! Guide", chapter "VTK File Formats", and for version 5 (OFFSETS and CONNECTIVITY) the sources of VTK 9. Attributes
-//! other than a region array are passed over.
+//! other than a region array are skipped.
 
 use super::format::{Format, Part};
 use super::gmsh_scan::excerpt;
@@ -10,6 +10,7 @@ use super::vtk_cells::{Cells, index, region_rank};
 use super::words::{Words, parsed};
 use crate::mesh::assemble::{RawMesh, RawNode};
 use crate::mesh::error::FormatFault;
+use crate::mesh::scalar::Scalar;
 use nalgebra::Vector3;
 
 pub const FORMAT: Format = Format {
@@ -20,49 +21,6 @@ pub const FORMAT: Format = Format {
     read,
     writers: &[],
 };
-
-/// A number as a file holds it; all are read as f64, which is exact up to 2⁵³.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Scalar {
-    pub fn size(self) -> usize {
-        match self {
-            Scalar::I8 | Scalar::U8 => 1,
-            Scalar::I16 | Scalar::U16 => 2,
-            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
-            Scalar::I64 | Scalar::U64 | Scalar::F64 => 8,
-        }
-    }
-
-    /// The number in `bytes`, big endian; they are as many as [`Scalar::size`] tells, right-aligned in 8.
-    pub fn value(self, bytes: [u8; 8]) -> f64 {
-        let bits = u64::from_be_bytes(bytes);
-        match self {
-            Scalar::I8 => f64::from(bits as i8),
-            Scalar::U8 => f64::from(bits as u8),
-            Scalar::I16 => f64::from(bits as i16),
-            Scalar::U16 => f64::from(bits as u16),
-            Scalar::I32 => f64::from(bits as i32),
-            Scalar::U32 => f64::from(bits as u32),
-            Scalar::I64 => bits as i64 as f64,
-            Scalar::U64 => bits as f64,
-            Scalar::F32 => f64::from(f32::from_bits(bits as u32)),
-            Scalar::F64 => f64::from_bits(bits),
-        }
-    }
-}
 
 /// The name of a number's type in a legacy file.
 fn scalar(name: &str, at: usize) -> Result<Scalar, FormatFault> {

@@ -1,4 +1,4 @@
-//! Cells of a VTK unstructured grid, as both VTK formats hold them, to the elements of a [`RawMesh`].
+//! Turns the cells of a VTK unstructured grid, as both VTK formats hold them, into the elements of a [`RawMesh`].
 //!
 //! In: connectivity, where each cell ends in it, cell types, and a number of each cell. Out: tetrahedra with their
 //! regions, and the cells of lower dimension that have a number as node groups. Cell types and the order of their

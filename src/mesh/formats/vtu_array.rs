@@ -1,12 +1,12 @@
 //! The numbers of one array of a `.vtu` file.
 //!
-//! In: where the array stands and how it is coded. Out: its numbers, one after the other; nothing is held but one
-//! compressed block. After "VTK XML Formats", section "Appended and binary data": a header of lengths, then bytes, or
-//! blocks compressed each for itself; base64 runs anew after the header of compressed data.
+//! In: where the array stands and how it is encoded. Out: its numbers, one after the other; only one compressed block is
+//! held in memory. After "VTK XML Formats", section "Appended and binary data": a header of lengths, then bytes, or
+//! blocks that are compressed separately; base64 restarts after the header of compressed data.
 
-use super::vtk::Scalar;
 use super::words::Words;
 use crate::mesh::error::FormatFault;
+use crate::mesh::scalar::Scalar;
 use std::io::{Cursor, Read};
 
 /// An array as the XML tells of it.

@@ -1,8 +1,8 @@
 //! Writes VTK XML `.vtu`: unstructured grids, their arrays as base64 within the XML.
 //!
 //! In: pieces of nodes and cells with fields on them. Out: the file's bytes, which the reader of this folder, ParaView and
-//! meshio open. After "VTK XML Formats" of the VTK documentation: of data that is not compressed the length, 8 bytes,
-//! and the numbers are one run of base64 (RFC 4648).
+//! meshio open. After "VTK XML Formats" of the VTK documentation: without compression, the length (8 bytes) and the
+//! numbers are encoded together in base64 (RFC 4648).
 
 use nalgebra::Vector3;
 

@@ -1,7 +1,7 @@
 //! The words, numbers and lines of a text file, one after the other.
 //!
 //! In: bytes. Out: words with their offsets, or a [`FormatFault`] where something else stands. Nothing is allocated here,
-//! so a count in a file cannot cost memory.
+//! so that a forged count cannot cost memory.
 
 use super::gmsh_scan::excerpt;
 use crate::mesh::error::FormatFault;

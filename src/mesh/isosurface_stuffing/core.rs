@@ -2,10 +2,10 @@
 //!
 //! In: a [`Lattice`], how deep its vertices lie, and where its edges are cut. Out: tetrahedra with dihedral angles
 //! between 10.7° and 164.8°, the bounds of F. Labelle and J. R. Shewchuk, Isosurface stuffing: fast tetrahedral meshes
-//! with good dihedral angles (SIGGRAPH 2007). Without their grading: all cells have one size.
+//! with good dihedral angles (SIGGRAPH 2007). Without their grading: all cells have the same size.
 //!
-//! The two constants below are ours: they maximise the least angle over random signs and cut points, which know no
-//! surface (`tests/meshes/isosurface_stuffing.rs`: 10.77° to 164.1°).
+//! The two constants below are ours: they maximise the least angle over random signs and cut points that belong to no
+//! particular surface (`tests/meshes/isosurface_stuffing.rs`: 10.77° to 164.1°).
 
 use super::lattice::{Lattice, STEPS};
 use super::stencil::{Corner, fill};

@@ -1,4 +1,4 @@
-//! From a closed triangle surface to tetrahedra.
+//! Fills a closed triangle surface with tetrahedra.
 //!
 //! In: a surface file and the size of a cell. Out: a [`Loaded`] tetrahedral mesh by isosurface stuffing
 //! ([`core`]), with notices of what was repaired in the surface, of the volume lost, and of features that the cells

@@ -1,7 +1,7 @@
 //! Lattice vertices on the wrong side of a surface that passes through itself.
 //!
-//! In: depths at the vertices of a lattice. Out: the same with signs that agree. A vertex' distance is right whatever
-//! the surface is like; its sign comes from one triangle, which in a fold may face the wrong way. Where the distances
+//! In: depths at the vertices of a lattice. Out: the same with consistent signs. The distance of a vertex is
+//! always right, but its sign comes from one triangle, which may face the wrong way in a fold. Where the distances
 //! of two neighbours together exceed their edge, no surface lies between them: they are on one side.
 
 use super::lattice::{Lattice, STEPS};

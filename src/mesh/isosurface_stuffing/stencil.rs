@@ -1,4 +1,4 @@
-//! What of one lattice tetrahedron lies inside: the stencils of isosurface stuffing.
+//! The stencils of isosurface stuffing: the part of one lattice tetrahedron that lies inside.
 //!
 //! In: four lattice vertices with their signs and the cut points of its edges. Out: one to three tetrahedra. The
 //! quadrilaterals of cut faces are split by rules that depend on the face alone, so that neighbours conform:

@@ -1,8 +1,8 @@
 //! Triangle surfaces from files: one format a file, and one line in `FORMATS`.
 //!
 //! In: a file's bytes. Out: a [`TriangleSurface`] whose equal vertices are one, with a notice for everything that was
-//! joined, cut into triangles or left out. The parsers are ours because errors name the line, coordinates keep the
-//! file's precision, and memory follows the bytes, whatever counts a header claims.
+//! joined, cut into triangles or left out. The parsers are our own so that errors name the line, coordinates
+//! keep the file's precision, and memory grows with the bytes, not with the counts in a header.
 
 mod obj;
 mod ply;

@@ -1,6 +1,6 @@
 //! Wavefront OBJ: `v` and `f` only (Wavefront Technologies, Advanced Visualizer manual, appendix B1).
 //!
-//! Texture coordinates, normals, materials, groups and lines do not change the surface and are passed over; free-form
+//! Texture coordinates, normals, materials, groups and lines do not change the surface and are skipped; free-form
 //! surfaces (`curv`, `surf`, …) are refused, because leaving them out would open holes.
 
 use super::raw::RawSurface;

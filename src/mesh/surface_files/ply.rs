@@ -1,24 +1,13 @@
 //! PLY 1.0, text and binary of both byte orders (Turk, The PLY Polygon File Format, Stanford 1994).
 //!
 //! Elements `vertex` (x, y, z) and `face` (vertex_indices or vertex_index) are used; all other elements and properties
-//! are passed over by their declared sizes.
+//! are skipped by their declared sizes.
 
 use super::raw::RawSurface;
 use super::words::{lines, words};
 use crate::mesh::error::FormatFault;
+use crate::mesh::scalar::Scalar;
 use nalgebra::Vector3;
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum NumberType {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Form {
@@ -29,9 +18,9 @@ enum Form {
 
 struct Property {
     name: Vec<u8>,
-    /// Of a list: the kind of its length.
-    length: Option<NumberType>,
-    kind: NumberType,
+    /// The type of the length of a list.
+    length: Option<Scalar>,
+    kind: Scalar,
 }
 
 struct Element {
@@ -53,16 +42,16 @@ pub fn read(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
     Ok(raw)
 }
 
-fn kind(name: &[u8], at: usize) -> Result<NumberType, FormatFault> {
+fn kind(name: &[u8], at: usize) -> Result<Scalar, FormatFault> {
     Ok(match name {
-        b"char" | b"int8" => NumberType::I8,
-        b"uchar" | b"uint8" => NumberType::U8,
-        b"short" | b"int16" => NumberType::I16,
-        b"ushort" | b"uint16" => NumberType::U16,
-        b"int" | b"int32" => NumberType::I32,
-        b"uint" | b"uint32" => NumberType::U32,
-        b"float" | b"float32" => NumberType::F32,
-        b"double" | b"float64" => NumberType::F64,
+        b"char" | b"int8" => Scalar::I8,
+        b"uchar" | b"uint8" => Scalar::U8,
+        b"short" | b"int16" => Scalar::I16,
+        b"ushort" | b"uint16" => Scalar::U16,
+        b"int" | b"int32" => Scalar::I32,
+        b"uint" | b"uint32" => Scalar::U32,
+        b"float" | b"float32" => Scalar::F32,
+        b"double" | b"float64" => Scalar::F64,
         _ => return Err(FormatFault::at(at, "unknown kind of number in a property")),
     })
 }
@@ -129,7 +118,7 @@ struct Data<'a> {
 }
 
 impl Data<'_> {
-    fn number(&mut self, kind: NumberType) -> Result<f64, FormatFault> {
+    fn number(&mut self, kind: Scalar) -> Result<f64, FormatFault> {
         let cut = |at| FormatFault::at(at, "the file ends before all its elements: it is cut short");
         if self.form == Form::Text {
             let rest = &self.bytes[self.at..];
@@ -139,34 +128,20 @@ impl Data<'_> {
             self.at = at + length;
             return super::words::Word { text: &self.bytes[at..at + length], at }.parse("a number");
         }
-        let size = match kind {
-            NumberType::I8 | NumberType::U8 => 1,
-            NumberType::I16 | NumberType::U16 => 2,
-            NumberType::I32 | NumberType::U32 | NumberType::F32 => 4,
-            NumberType::F64 => 8,
-        };
+        let size = kind.size();
         let found = self.bytes.get(self.at..self.at + size).ok_or_else(|| cut(self.at))?;
         self.at += size;
-        let mut little = [0; 8];
-        little[..size].copy_from_slice(found);
-        if self.form == Form::Big {
-            little[..size].reverse();
+        let mut wide = [0; 8];
+        let number = &mut wide[8 - size..];
+        number.copy_from_slice(found);
+        if self.form == Form::Little {
+            number.reverse();
         }
-        let [a, b, c, d, ..] = little;
-        Ok(match kind {
-            NumberType::I8 => f64::from(a as i8),
-            NumberType::U8 => f64::from(a),
-            NumberType::I16 => f64::from(i16::from_le_bytes([a, b])),
-            NumberType::U16 => f64::from(u16::from_le_bytes([a, b])),
-            NumberType::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
-            NumberType::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
-            NumberType::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
-            NumberType::F64 => f64::from_le_bytes(little),
-        })
+        Ok(kind.value(wide))
     }
 
     /// A number that must be a whole one from 0 to 2³² - 2.
-    fn whole(&mut self, kind: NumberType, what: &str) -> Result<u32, FormatFault> {
+    fn whole(&mut self, kind: Scalar, what: &str) -> Result<u32, FormatFault> {
         let at = self.at;
         let number = self.number(kind)?;
         if number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number) {

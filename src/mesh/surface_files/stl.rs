@@ -1,7 +1,7 @@
 //! STL, text and binary (3D Systems, StereoLithography Interface Specification, 1989).
 //!
-//! A binary file is known by its length, 84 + 50 · triangles, because many begin with "solid" as texts do. Normals
-//! and attribute bytes are not used: the order of the corners tells the outside.
+//! A binary file is recognised by its length, 84 + 50 · triangles, because many begin with "solid" as texts do. Normals
+//! and attribute bytes are not used: the order of the corners determines the outside.
 
 use super::raw::RawSurface;
 use super::words::{number, words};
