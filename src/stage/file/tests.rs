@@ -1,4 +1,4 @@
-//! Tests of the loader: what is refused, where, and with what advice.
+//! Tests of the loader: what it refuses, at which line, and with which advice.
 
 use super::*;
 use crate::stage::BUILT_IN;
