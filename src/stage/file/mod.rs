@@ -109,7 +109,12 @@ impl Stage {
     /// [`StageError::File`] and [`StageError::Unknown`], if there is no stage file that can be read.
     pub fn survey(name_or_path: &str) -> Result<Survey, StageError> {
         let (text, path) = text_of(name_or_path)?;
-        survey(&text, &path)
+        Self::survey_text(&text, &path)
+    }
+
+    /// The same for the text of a stage file; `path` is only named in errors.
+    pub fn survey_text(text: &str, path: &Path) -> Result<Survey, StageError> {
+        survey(text, path)
     }
 
     /// Reads and checks a stage file.
