@@ -165,8 +165,9 @@ impl Coupling {
             return (*free, 0.0);
         }
         let (directions, stiffness) = *self.saturated.get_or_insert_with(|| {
-            let (per, felt) = (&self.per_limit, self.step * self.stiffness);
-            let scaled = Matrix6::from_fn(|i, j| 0.5 * (felt[(i, j)] + felt[(j, i)]) * per[i] * per[j]);
+            let (per, softened) = (&self.per_limit, self.step * self.stiffness);
+            let scaled =
+                Matrix6::from_fn(|i, j| 0.5 * (softened[(i, j)] + softened[(j, i)]) * per[i] * per[j]);
             let eigen = scaled.symmetric_eigen();
             let least = SOFTEST * eigen.eigenvalues.amax();
             (eigen.eigenvectors, eigen.eigenvalues.map(|w| w.max(least)))
@@ -224,8 +225,8 @@ mod tests {
         let coupling = Coupling::new(&stiffness, damping, true, k, None);
         assert!((coupling.stiffer - all.max() / k).abs() < 1e-12);
         // Both springs in series: (K⁻¹ + Γ)⁻¹.
-        let felt = (stiffness.try_inverse().unwrap() + coupling.compliance).try_inverse().unwrap();
-        let (mut expected, mut found) = (all.map(|l| l.min(k)), ratios(&felt));
+        let softened = (stiffness.try_inverse().unwrap() + coupling.compliance).try_inverse().unwrap();
+        let (mut expected, mut found) = (all.map(|l| l.min(k)), ratios(&softened));
         expected.as_mut_slice().sort_by(f64::total_cmp);
         found.as_mut_slice().sort_by(f64::total_cmp);
         assert!((expected - found).norm() < 1e-9 * k, "{expected} {found}");

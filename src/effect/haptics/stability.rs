@@ -113,9 +113,9 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
         swing if swing <= 2.0 * START_M => Verdict::Cycle,
         _ => Verdict::Diverges,
     };
-    let felt = control.state;
-    let generated_j = felt.observer.deepest;
-    Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: felt.stiffer }
+    let state = control.state;
+    let generated_j = state.observer.deepest;
+    Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: state.stiffer }
 }
 
 /// The least stiffness that is not stable, N/m, to 1 %. The search goes upwards from 50 N/m in steps of 5 %, because some
