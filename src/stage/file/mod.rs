@@ -147,12 +147,12 @@ pub struct Survey {
 }
 
 /// Collects faults with their lines.
-struct Faults<'a> {
+struct FaultList<'a> {
     text: &'a str,
     found: Vec<Located>,
 }
 
-impl Faults<'_> {
+impl FaultList<'_> {
     fn push(&mut self, offset: usize, fault: StageFault) {
         let line = config::line_and_column(self.text, offset).0;
         self.found.push(Located { line, fault });
@@ -166,7 +166,7 @@ impl Faults<'_> {
 /// Reads the whole file and continues after a fault.
 fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let file: StageFile = config::parse(text, path)?;
-    let mut faults = Faults { text, found: Vec::new() };
+    let mut faults = FaultList { text, found: Vec::new() };
     faults.keep(0, check_name("stage", &file.name));
     let workspace = faults.keep(file.workspace.span().start, workspace(file.workspace.get_ref()));
     let start = file.viewer.span().start;
@@ -225,7 +225,11 @@ fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
 }
 
 /// The screens that can be used, including skewed and mirrored ones.
-fn screens(files: Vec<Spanned<ScreenFile>>, viewer: Option<&Viewer>, faults: &mut Faults<'_>) -> Vec<Screen> {
+fn screens(
+    files: Vec<Spanned<ScreenFile>>,
+    viewer: Option<&Viewer>,
+    faults: &mut FaultList<'_>,
+) -> Vec<Screen> {
     let eye = viewer.map(|viewer| Point3::from(viewer.room_from_head.translation.vector));
     let mut lines = BTreeMap::new();
     let mut screens = Vec::new();
@@ -249,7 +253,7 @@ fn windows(
     files: Vec<Spanned<WindowFile>>,
     screens: &[Screen],
     stereo: Stereo,
-    faults: &mut Faults<'_>,
+    faults: &mut FaultList<'_>,
 ) -> Vec<Window> {
     let mut windows: Vec<Window> = Vec::new();
     for (i, found) in files.into_iter().enumerate() {
