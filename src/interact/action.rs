@@ -1,22 +1,22 @@
-//! What a user commands at once, apart from poses and buttons: keys become these, and recordings keep them.
+//! Commands of the user besides poses and buttons. Keys are turned into them, and recordings contain them.
 
 use super::mode::Mode;
 use serde::{Deserialize, Serialize};
 
-/// A command. Those of one frame are carried out in order, before the styli are looked at.
+/// A command. The commands of a frame are executed in order, before the styli are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Action {
     /// Every hand lets go of what it holds; a button that is down grabs again.
     LetGo,
-    /// All lets go and stands as at the start; nothing can be undone.
+    /// Every hand lets go and everything is as at the start; nothing can be undone.
     Reset,
-    /// Takes back the last grab; what is held is let go first.
+    /// Undoes the last grab, after letting go of what is held.
     Undo,
     Redo,
     /// All control elements go back to rest; one entry of the history.
     SnapBack,
-    /// The scene and all bodies set aside go back to where the stage has them.
+    /// The scene and all bodies that were set aside return to their places.
     ResetNavigation,
     SetMode(Mode),
     /// Sets the body of this number aside, or brings it back.

@@ -1,8 +1,8 @@
-//! What one hand or two do to a thing they hold: a similarity of the room.
+//! The motion that one hand or two hands give to what they hold, as a similarity of the room.
 //!
-//! In: for every hand where it was and where it is, and the place it holds. Out: the motion since. One hand moves
-//! rigidly. Two hands hold the thing by two places: the line between them is carried along, stretched with the
-//! distance of the hands, and turned about itself by the mean of what the hands turn.
+//! In: the pose of every hand at the grab and now, and the point that it holds. Out: the motion since the grab. One hand
+//! gives a rigid motion. With two hands, the line between the two held points follows the hands, is scaled with their
+//! distance, and turns about itself by the mean of the hands' rotations.
 
 use super::mode::twist;
 use nalgebra::{Isometry3, Point3, Quaternion, Similarity3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -12,11 +12,11 @@ use nalgebra::{Isometry3, Point3, Quaternion, Similarity3, Translation3, Unit, U
 pub struct HandMotion {
     pub room_from_hand_then: Isometry3<f64>,
     pub room_from_hand_now: Isometry3<f64>,
-    /// What it holds, at the grab, in the room.
+    /// The point that it holds, at the grab, in the room.
     pub held_then: Point3<f64>,
 }
 
-/// Two places nearer to each other than this give no direction and no scale: those that they gave last stay, m.
+/// Two points nearer to each other than this define no direction and no scale, m; the last ones are kept.
 const APART_M: f64 = 1e-3;
 
 impl HandMotion {
@@ -29,16 +29,16 @@ impl HandMotion {
         self.rigid() * self.held_then
     }
 
-    /// How far the hand went along the ray that it had then, m.
+    /// How far the hand has moved along the ray that it had at the grab, m.
     pub fn push(&self) -> f64 {
         let way = self.room_from_hand_now.translation.vector - self.room_from_hand_then.translation.vector;
         way.dot(&(self.room_from_hand_then.rotation * -Vector3::z()))
     }
 }
 
-/// The motion of what is held by these hands since the grab; `None` without a hand. More than two do not count.
+/// The motion since the grab of what these hands hold; `None` without a hand. Only the first two hands count.
 ///
-/// Two hands that hold the places p and q: the scale is |q'-p'|/|q-p|, the rotation takes the direction of q-p to that
+/// Two hands that hold the points p and q: the scale is |q'-p'|/|q-p|, the rotation takes the direction of q-p to that
 /// of q'-p' the shortest way after a turn about it by the mean twist of the hands, and the middle goes to the middle.
 /// Where p and q (nearly) coincide there is no such line: the rotation is halfway between the hands' and nothing is
 /// scaled. Where p' and q' meet later, q'-p' is `last`, the [`held_line`] of the frame before (`None` at the grab).

@@ -1,13 +1,13 @@
-//! How hands carry one element, as a function of the pose of one of them: what is held is held by a mechanism.
+//! A held element's matrix as a function of the pose of one of the hands that hold it.
 //!
-//! In: a hold, that is mode, hands and element when it began and the hands now. Out: the element's matrix, wherever that
-//! hand may be. The force on the hand is minus the slope of the body's energy along this function.
+//! In: a hold, that is mode, hands and element at its start, and the hands now. Out: the element's matrix for any pose of that
+//! hand. The force on the hand is minus the derivative of the body's energy along this function.
 
 use super::carry::{HandMotion, carry, held_line};
 use super::mode::Mode;
 use nalgebra::{Isometry3, Matrix4, Point3, Unit, Vector3};
 
-/// The logarithm of a scale beyond any that a body admits.
+/// The logarithm of the largest scale, beyond any that a body admits.
 const MOST_SCALE_LN: f64 = 6.0;
 
 /// A hold of one hand or two, seen from one of them.
@@ -19,13 +19,13 @@ pub struct Carrying {
     pub axis: Option<Unit<Vector3<f64>>>,
     /// The [`held_line`] of the frame before.
     pub line: Option<Vector3<f64>>,
-    /// With one hand both are the same.
+    /// With one hand, both entries are the same.
     pub motions: [HandMotion; 2],
     /// 1 or 2.
     pub hands: usize,
-    /// Whose hold it is.
+    /// The index of the hand whose pose is the argument.
     pub mine: usize,
-    /// The one that scales by its second button, by e for `radius_m` along its ray; the element does not follow then.
+    /// The hand that scales with its second button, by e per `radius_m` along its ray; meanwhile the element does not follow.
     pub scaled_by: Option<usize>,
     pub radius_m: f64,
 }
@@ -49,14 +49,14 @@ impl Carrying {
         held_line(self.motions.get(..self.hands)?, self.line)
     }
 
-    /// The same with this hand elsewhere.
+    /// The element's matrix if this hand were at another pose.
     pub fn at(&self, room_from_hand: &Isometry3<f64>) -> Option<Matrix4<f64>> {
         let mut moved = *self;
         moved.motions.get_mut(self.mine)?.room_from_hand_now = *room_from_hand;
         moved.now()
     }
 
-    /// As it began: the same as long as the hold lasts.
+    /// The hold as it began, which does not change while it lasts.
     pub fn begun(&self) -> Carrying {
         let then =
             |motion: HandMotion| HandMotion { room_from_hand_now: motion.room_from_hand_then, ..motion };

@@ -1,17 +1,17 @@
-//! The ray that bends to what it holds, and the arrow of the force that is felt there.
+//! The bent ray to the held point, and the arrow of the force there.
 //!
-//! In: where the hand carries the place that it grabbed, and where that place is; a force. Out: a quadratic Bézier
-//! curve, an arrow. Constraints, limits and a second hand part the two places.
+//! In: where the hand would carry the grabbed point, and where that point is; a force. Out: a quadratic Bézier curve and an
+//! arrow. The two points differ because of constraints, limits and a second hand.
 
 use nalgebra::{Point3, Vector3};
 
-/// Parted by less than this share of the ray's length, the ray is drawn straight.
+/// If the points are closer than this fraction of the ray's length, the ray is drawn straight.
 const STRAIGHT: f64 = 0.01;
-/// The ray leaves the stylus straight for this share of its length.
+/// The ray is straight for this fraction of its length from the stylus.
 const STIFF: f64 = 2.0 / 3.0;
 
-/// The middle control point of the curve from `tip` to `held`, which leaves the tip towards the place `carried`; `None`
-/// where the straight line does, or a place is not finite.
+/// The middle control point of the curve from `tip` to `held`, which leaves the tip towards `carried`; `None` if a straight
+/// line suffices or a point is not finite.
 pub fn bend(tip: &Point3<f64>, carried: &Point3<f64>, held: &Point3<f64>) -> Option<Point3<f64>> {
     let (along, parted) = (carried - tip, (held - carried).norm());
     let is_bent = parted.is_finite() && along.norm() > 0.0 && parted > STRAIGHT * along.norm();
@@ -22,7 +22,7 @@ pub fn bend(tip: &Point3<f64>, carried: &Point3<f64>, held: &Point3<f64>) -> Opt
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceArrow {
     pub from: Point3<f64>,
-    /// Its length by the scale, in the room, m.
+    /// Its length in the room, m.
     pub along: Vector3<f64>,
     /// 0 to 1: the colour goes from green by yellow to red.
     pub strength: f64,

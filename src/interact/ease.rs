@@ -1,11 +1,11 @@
 //! Motion that eases from one state to another in a set time, whatever the frame rate.
 //!
-//! In: the time now. Out: the share of the way, 0 to 1, and control poses and places in between. Each is computed from
-//! where the motion began, so that the frames between do not matter.
+//! In: the time now. Out: the fraction of the motion, 0 to 1, and control poses and places in between. Each is computed from
+//! the start of the motion, so that the frames in between do not matter.
 
 use nalgebra::{Matrix3, Similarity3, UnitQuaternion, Vector3};
 
-/// A motion under way.
+/// A motion in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ease {
     start_s: f64,

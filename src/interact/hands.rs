@@ -1,9 +1,9 @@
-//! Hands that hold: while the button is down, a control element's matrix follows the hands that hold it.
+//! Hands that grab: while the button is down, a control element's matrix follows the hands that hold it.
 //!
-//! In: the styli, what each of them points at, and the matrices of the elements as they are now. Out: the matrices of
-//! those that are held, and what the second button asks for. Every matrix is computed from those at the grab, never
-//! from the last one, so that nothing drifts; whenever hands, mode or scaling change, the hold starts anew from where
-//! the element is, so that nothing jumps.
+//! In: the styli, what each of them points at, and the current matrices of the elements. Out: the matrices of the held
+//! elements, and what the second button asks for. Every matrix is computed from the state at the grab, never from the last
+//! one, so that nothing drifts. When hands, mode or scaling change, a new hold starts where the element is, so that nothing
+//! jumps.
 
 use super::carry::HandMotion;
 use super::carrying::Carrying;
@@ -17,21 +17,21 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// The second button pressed and released within this time is a click; two presses within it are a double press, s.
 pub const CLICK_S: f64 = 0.35;
-/// A click moves the hand along its ray by less than this part of the workspace's radius.
+/// During a click the hand moves along its ray by less than this fraction of the workspace's radius.
 const CLICK_PUSH: f64 = 0.05;
 
-/// All hands, and what they hold. At most two hold the same element; a third grabs nothing.
+/// All hands, and what they hold. At most two hands hold the same element; a third one grabs nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hands {
     pub mode: Mode,
-    /// A push of the hand along its ray by so much scales by e, m: the workspace's radius.
+    /// Moving the hand along its ray by this distance scales by e, m: the workspace's radius.
     pub radius_m: f64,
     hands: Vec<Hand>,
     holds: BTreeMap<usize, Hold>,
 }
 
-/// A control element as the hands find it.
+/// A control element as it is in this frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
     pub room_from_body: Similarity3<f64>,
@@ -52,23 +52,23 @@ pub struct Drag {
 #[serde(deny_unknown_fields)]
 pub struct Grip {
     pub target: usize,
-    /// The place that was grabbed, as the hand carries it.
+    /// The grabbed point, rigidly carried by the hand.
     #[serde(with = "crate::field::numbers")]
     pub place_in_stylus: Point3<f64>,
-    /// The same place of the element.
+    /// The same point of the element itself.
     #[serde(with = "crate::field::numbers")]
     pub place_in_element: Point3<f64>,
-    /// Taken by the tip, not by the ray.
+    /// It was grabbed with the tip, not with the ray.
     pub is_near: bool,
 }
 
-/// What the hands ask for in one frame.
+/// What the hands do in one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Asked {
     /// In the order of the targets.
     pub drags: Vec<Drag>,
-    /// Hands that move the scene: the second button went down while they held nothing.
+    /// Hands that move the scene: their second button was pressed while they held nothing.
     pub navigating: Vec<MovingHand>,
     /// Hands that pressed the second button twice while they held nothing.
     pub double_pressed: Vec<usize>,
@@ -81,7 +81,7 @@ struct Hand {
     grip: Option<Grip>,
     was_pressed: bool,
     second: Second,
-    /// When the second button last went down with nothing in the hand.
+    /// When the second button was last pressed while the hand held nothing.
     last_press_s: Option<f64>,
 }
 
@@ -95,11 +95,11 @@ enum Second {
         since_s: f64,
     },
     Navigates,
-    /// What it did has ended; it waits for its release.
+    /// Its effect has ended, and it waits for its release.
     Spent,
 }
 
-/// An element in one or two hands, as they were when this hold began.
+/// An element held by one hand or two, as all were when this hold began.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Hold {
@@ -116,7 +116,7 @@ struct Hold {
     then: Vec<Then>,
 }
 
-/// A hand of a hold, and what it held, when the hold began.
+/// A hand of a hold, and the point that it held, when the hold began.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Then {
@@ -132,17 +132,18 @@ impl Hands {
         Self { mode: Mode::FREE, radius_m, hands: Vec::new(), holds: BTreeMap::new() }
     }
 
-    /// Takes the styli as they are at `time_s`, those that there are; `hits` is what each of them points at, `element` the elements as they
-    /// are shown now, where they are known.
+    /// Evaluates the styli at `time_s`. `hits` is what each of them points at, `element` gives the elements as they are shown
+    /// now.
     ///
-    /// At the press of the button the element of the hit is taken hold of; while the button is down it follows, see
-    /// [`carry`](super::carry()) and [`Mode::take`]; on release it stays where it is: the last [`Drag`] stands. A press beside
-    /// everything grabs nothing until the next press. A pose that is not usable counts as the last usable one; a press
-    /// that comes with it waits for one that is. A stylus that is lost lets go and must be pressed anew.
+    /// When the button is pressed, the hand takes hold of the element of the hit. While the button is down, the element
+    /// follows the hand, see [`carry`](super::carry()) and [`Mode::take`]; when it is released, the element stays where the
+    /// last [`Drag`] put it. A press that hits nothing grabs nothing until the next press. An unusable pose is replaced by
+    /// the last usable one, and a press that comes with it waits for a usable one. A lost stylus lets go, and its button
+    /// must be pressed again.
     ///
-    /// The second button: with something in the hand, a click goes to the next mode, and while it is held down the
-    /// element does not follow but is scaled about its origin by exp(push / radius), push the way of the hand along
-    /// its ray. With nothing in the hand it moves the scene.
+    /// The second button: while the hand holds something, a click selects the next mode; while it is held down, the element
+    /// does not follow but is scaled about its origin by exp(d / radius), with d the hand's motion along its ray. While the
+    /// hand holds nothing, it moves the scene.
     pub fn step(
         &mut self,
         styli: &[Option<StylusState>],
@@ -178,7 +179,7 @@ impl Hands {
         asked
     }
 
-    /// The elements that are held now.
+    /// The held elements.
     pub fn held(&self) -> BTreeSet<usize> {
         self.hands.iter().filter_map(|hand| hand.grip).map(|grip| grip.target).collect()
     }
@@ -193,19 +194,19 @@ impl Hands {
         self.hands.get(i)?.stylus.last
     }
 
-    /// Unusable poses that came from stylus `i` since the start.
+    /// The number of unusable poses of stylus `i` since the start.
     pub fn invalid(&self, i: usize) -> u64 {
         self.hands.get(i).map_or(0, |hand| hand.stylus.invalid)
     }
 
-    /// Lets go of what `is_taken` says without a release, as when it is taken away; the next press grabs again.
+    /// Lets go of the elements for which `is_taken` is true, as when they are set aside; the next press grabs again.
     pub fn let_go(&mut self, is_taken: impl Fn(usize) -> bool) {
         for hand in &mut self.hands {
             hand.grip = hand.grip.filter(|grip| !is_taken(grip.target));
         }
     }
 
-    /// Everything held stands elsewhere now, as after navigation: holds go on from there.
+    /// Tells that held elements have moved, as after navigation: holds continue from there.
     pub fn rebase(&mut self) {
         self.holds.clear();
     }
@@ -240,7 +241,7 @@ impl Hands {
         }
     }
 
-    /// Follows the second button of hand `i`; true if it was pressed twice.
+    /// Evaluates the second button of hand `i`; true if it was pressed twice.
     fn second_button(
         &mut self,
         i: usize,
@@ -274,7 +275,7 @@ impl Hands {
         is_double
     }
 
-    /// A click of the second button: the next mode, from where the element was before the little that was scaled.
+    /// A click of the second button: selects the next mode, and takes back what was scaled during the click.
     fn click(&mut self, i: usize, target: usize, element: &impl Fn(usize) -> Option<Element>) {
         let Some(hold) = self.holds.get(&target).filter(|hold| hold.scaled_by == Some(i)) else { return };
         let motion = hold.then.iter().find(|then| then.hand == i).and_then(|then| self.motion(then));
@@ -306,7 +307,7 @@ impl Hands {
         Some(Drag { target, room_from_element: carrying.now()? })
     }
 
-    /// How hand `i` carries what it holds, the other hand of the hold where it is now.
+    /// How hand `i` carries what it holds, with the other hand of the hold where it is now.
     pub fn carrying(&self, i: usize) -> Option<Carrying> {
         let hold = self.holds.get(&self.grip(i)?.target)?;
         let mine = hold.then.iter().position(|then| then.hand == i)?;
@@ -337,7 +338,7 @@ impl Hands {
         })
     }
 
-    /// A hold that begins now.
+    /// Starts a hold now.
     fn hold(&self, hands: Vec<usize>, scaled_by: Option<usize>, element: &Element) -> Option<Hold> {
         let then = |i: usize| {
             let (pose, grip) = (self.hands[i].stylus.last?, self.hands[i].grip?);

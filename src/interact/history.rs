@@ -1,18 +1,17 @@
-//! What was done and can be undone: a bounded list of entries, newest last.
+//! Undo and redo: a bounded list of entries, newest last.
 //!
-//! In: an entry when a grab is let go. Out: the entry to take back or to do again. What an entry holds is its
-//! owner's business.
+//! In: an entry when a grab ends. Out: the entry to undo or to redo. The caller decides what an entry contains.
 
 use std::collections::VecDeque;
 
-/// Entries done, and entries undone that can be done again.
+/// Entries that can be undone, and undone entries that can be redone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct History<T> {
     done: VecDeque<T>,
     undone: Vec<T>,
 }
 
-/// Entries kept; the oldest is forgotten first.
+/// The most entries that are kept; the oldest is dropped first.
 pub const KEPT: usize = 256;
 
 impl<T> Default for History<T> {
@@ -22,7 +21,7 @@ impl<T> Default for History<T> {
 }
 
 impl<T: Clone> History<T> {
-    /// A new entry; what was undone before it cannot be done again.
+    /// Adds an entry; entries that were undone before can no longer be redone.
     pub fn push(&mut self, entry: T) {
         self.undone.clear();
         if self.done.len() == KEPT {
@@ -31,21 +30,21 @@ impl<T: Clone> History<T> {
         self.done.push_back(entry);
     }
 
-    /// The newest entry, to be taken back by the caller.
+    /// The newest entry, which the caller undoes.
     pub fn undo(&mut self) -> Option<T> {
         let entry = self.done.pop_back()?;
         self.undone.push(entry.clone());
         Some(entry)
     }
 
-    /// The entry undone last, to be done again by the caller.
+    /// The entry that was undone last, which the caller redoes.
     pub fn redo(&mut self) -> Option<T> {
         let entry = self.undone.pop()?;
         self.done.push_back(entry.clone());
         Some(entry)
     }
 
-    /// How many entries can be undone, and how many done again.
+    /// How many entries can be undone, and how many redone.
     pub fn depth(&self) -> [usize; 2] {
         [self.done.len(), self.undone.len()]
     }

@@ -1,6 +1,6 @@
-//! What of a hand's motion a control element takes: the constraint modes.
+//! Constraint modes: which part of the hands' motion a control element follows.
 //!
-//! In: the similarity that the hands describe in the room, the element's matrix at the grab, the place held. Out: the
+//! In: the similarity that the hands describe in the room, the element's matrix at the grab, the held point. Out: the
 //! element's matrix. The six modes are the joints of a mechanism:
 //!
 //! | | no axis | along an axis |
@@ -12,7 +12,7 @@
 use nalgebra::{Matrix3, Matrix4, Point3, Similarity3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// The constraint under which held elements move.
+/// The constraint on the motion of held elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mode {
     pub freedom: Freedom,
@@ -36,7 +36,7 @@ pub enum Axis {
     Z,
 }
 
-/// Whose axis: the body's stays, the element's own turns with it.
+/// Whose axis: the body's is fixed, the element's own turns with the element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AxisOf {
@@ -47,7 +47,7 @@ pub enum AxisOf {
 impl Mode {
     pub const FREE: Mode = Mode { freedom: Freedom::Free, axis: None };
 
-    /// What a key of an axis does: the body's axis, at the second press the element's own, at the third none.
+    /// The mode after the key of an axis: first the body's axis, at the second press the element's own, at the third none.
     pub fn along(self, axis: Axis) -> Mode {
         let axis = match self.axis {
             Some((current, AxisOf::Body)) if current == axis => Some((axis, AxisOf::Element)),
@@ -57,8 +57,8 @@ impl Mode {
         Mode { axis, ..self }
     }
 
-    /// The next in the round that a click of the second button goes: free, translate, rotate, then along and about the
-    /// body's x, y, z.
+    /// The mode after a click of the second button, in the cycle free, translate, rotate, then along and about the body's x,
+    /// y and z.
     pub fn next(self) -> Mode {
         let free_along = |axis| Mode { freedom: Freedom::Free, axis: Some((axis, AxisOf::Body)) };
         let only = |freedom| Mode { freedom, axis: None };
@@ -88,8 +88,8 @@ impl Mode {
             .map_or_else(|| what.to_owned(), |(axis, of)| format!("{what} {} {}", whose(of), letter(axis)))
     }
 
-    /// The axis in the room for an element with this matrix, of length 1; `None` in a mode without one, or where the
-    /// element's own has no length.
+    /// The unit axis in the room for an element with this matrix; `None` in a mode without an axis, or if the element's own
+    /// axis has no length.
     pub fn axis_in_room(
         self,
         room_from_body: &Similarity3<f64>,
@@ -103,13 +103,13 @@ impl Mode {
         Unit::try_new(direction, 1e-12)
     }
 
-    /// The element's matrix after `motion` of the hands since the grab, of which this mode takes its part:
+    /// The element's matrix after this mode's part of the hands' `motion` since the grab:
     ///
-    /// free: motion · E. Otherwise, with o the element's origin, p the place held, d = motion(p) - p, R the motion's
+    /// free: motion · E. Otherwise, with o the element's origin, p the held point, d = motion(p) - p, R the motion's
     /// rotation, a the axis:
     /// the linear part becomes R E, twist(R, a) E or stays, and o becomes o + d, o + a (a·d) or stays.
     ///
-    /// `axis` is [`Mode::axis_in_room`] at the grab; without one that the mode asks for, the element stays.
+    /// `axis` is [`Mode::axis_in_room`] at the grab; if the mode needs one and there is none, the element stays.
     pub fn take(
         self,
         motion: &Similarity3<f64>,

@@ -1,24 +1,23 @@
-//! Navigation: the whole scene moved, turned and scaled for inspection, and bodies set aside.
+//! Navigation: moves, turns and scales the whole scene for inspection, and sets bodies aside.
 //!
-//! In: the hands that navigate, commands. Out: room_from_scene, a similarity that stands before every body's own place,
-//! and the place at the border of the workspace of each body that is set aside. The bodies' own poses know nothing
-//! of it.
+//! In: the navigating hands, and commands. Out: room_from_scene, a similarity that is applied after every body's own place,
+//! and the place at the border of the workspace for each body that is set aside. The bodies' own poses do not change.
 
 use super::carry::{HandMotion, carry, held_line};
 use super::ease::{Ease, between};
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Least and greatest scale of the scene.
+/// The smallest and the largest scale of the scene.
 pub const SCENE_SCALE: [f64; 2] = [0.01, 100.0];
-/// No place of the scene's origin is farther from the workspace's centre than so many of its radii.
+/// The scene's origin moves no farther from the workspace's centre than this many radii.
 const FARTHEST: f64 = 1e3;
-/// Radius of a body that is set aside, against the workspace's.
+/// The radius of a body that is set aside, as a fraction of the workspace's.
 pub const ASIDE_SIZE: f64 = 0.2;
-/// The places aside are on the workspace's border, from the lower right on upwards, this far apart, rad.
+/// The angle between the places of bodies that are set aside, on the workspace's border from the lower right upwards, rad.
 const ASIDE_STEP: f64 = std::f64::consts::PI / 6.0;
 
-/// A hand that moves the scene, and where it is.
+/// A hand that moves the scene, and its pose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MovingHand {
@@ -27,7 +26,7 @@ pub struct MovingHand {
     pub room_from_hand: Isometry3<f64>,
 }
 
-/// Where the user has put the scene.
+/// The scene's place as the user has moved it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Navigation {
     pub room_from_scene: Similarity3<f64>,
@@ -38,12 +37,12 @@ pub struct Navigation {
     scene_then: Similarity3<f64>,
     /// See [`held_line`].
     line: Option<Vector3<f64>>,
-    /// Under way back to where the stage has it.
+    /// The motion back to the scene's own place.
     reset: Option<(Ease, Similarity3<f64>)>,
 }
 
 impl Navigation {
-    /// The scene as the stage has it; `centre` and `radius_m` are the workspace's.
+    /// The scene at its own place; `centre` and `radius_m` are the workspace's.
     pub fn new(centre: Point3<f64>, radius_m: f64) -> Self {
         Self {
             room_from_scene: Similarity3::identity(),
@@ -56,8 +55,8 @@ impl Navigation {
         }
     }
 
-    /// Carries the scene with one hand rigidly, with two also scaled, see [`carry`]: each holds the scene by its tip.
-    /// True if the scene moved.
+    /// Moves the scene rigidly with one hand, and scales it too with two, see [`carry`]: each hand holds the scene by its
+    /// tip. True if the scene moved.
     pub fn step(&mut self, hands: &[MovingHand], time_s: f64) -> bool {
         let before = self.room_from_scene;
         if let Some((ease, from)) = self.reset {
@@ -95,19 +94,19 @@ impl Navigation {
         self.hands.clear();
     }
 
-    /// Where the stage has the scene, and nobody moves it.
+    /// Puts the scene back at once.
     pub fn is_at_rest(&self) -> bool {
         self.room_from_scene == Similarity3::identity() && self.reset.is_none() && self.hands.is_empty()
     }
 
-    /// Starts back to where the stage has the scene.
+    /// Starts the motion back to the scene's own place.
     pub fn reset(&mut self, time_s: f64) {
         if self.room_from_scene != Similarity3::identity() {
             self.reset = Some((Ease::start(time_s), self.room_from_scene));
         }
     }
 
-    /// Takes a place that is finite, near enough and scaled within [`SCENE_SCALE`]; keeps the last one otherwise.
+    /// Accepts a place that is finite, near enough and scaled within [`SCENE_SCALE`]; keeps the last one otherwise.
     fn put(&mut self, room_from_scene: Similarity3<f64>) {
         let scale = room_from_scene.scaling();
         let way = room_from_scene * self.centre - self.centre;
@@ -118,7 +117,7 @@ impl Navigation {
     }
 }
 
-/// Whether a body stands aside, and on its way there or back.
+/// Whether a body is set aside, and its motion there or back.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Aside {
     pub is_aside: bool,
@@ -126,18 +125,18 @@ pub struct Aside {
 }
 
 impl Aside {
-    /// Neither aside nor on the way.
+    /// Neither set aside nor in motion.
     pub fn is_at_home(&self) -> bool {
         *self == Aside::default()
     }
 
-    /// Starts to the place aside, or back; `room_from_body` is where the body is now.
+    /// Starts the motion aside, or back; `room_from_body` is the body's place now.
     pub fn toggle(&mut self, time_s: f64, room_from_body: &Similarity3<f64>) {
         self.is_aside = !self.is_aside;
         self.moving = Some((Ease::start(time_s), *room_from_body));
     }
 
-    /// Where the body is now, on its way from where it was to its place aside or at home.
+    /// The body's place now, on its way aside or back.
     pub fn place(
         &mut self,
         time_s: f64,

@@ -1,8 +1,8 @@
-//! What a ray hits: the nearest of the control elements, as they are deformed now.
+//! Picking with a ray: finds the nearest deformed control element.
 //!
 //! In: a ray in the room and each element's triangles in its body's frame. Out: the [`Hit`]. The intersections
-//! are parry's. There is no tree over the triangles: they move in every frame, and building one costs more than
-//! the one ray that is cast through it.
+//! are parry's. There is no tree over the triangles, because they move in every frame and building it costs more than the
+//! one ray that is cast.
 
 use crate::mesh::Surface;
 use crate::track::{StylusState, usable};
@@ -18,12 +18,12 @@ pub struct PickRay {
     pub direction_in_room: Vector3<f32>,
 }
 
-/// What can be hit of one control element, as indices into its body's surface vertices.
+/// The part of one control element that can be hit, as indices into its body's surface vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PickShape {
     /// The surface's triangles that belong wholly to the element.
     pub triangles: Vec<[u32; 3]>,
-    /// Where there is no such triangle: the element's vertices, to be hit as balls.
+    /// The element's vertices, which can be hit as balls; used only if there is no such triangle.
     pub points: Vec<u32>,
 }
 
@@ -38,7 +38,7 @@ pub struct PickTarget<'a> {
     pub room_from_body: Similarity3<f64>,
 }
 
-/// The nearest place that a ray meets.
+/// The nearest point that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hit {
@@ -51,7 +51,7 @@ pub struct Hit {
     /// Unit normal of what was hit, towards the ray's origin; zero if the ray starts in the middle of a ball.
     #[serde(with = "crate::field::numbers")]
     pub normal_in_room: Vector3<f32>,
-    /// Within reach of the stylus' tip; the ray is the way from there.
+    /// The point lies within reach of the stylus' tip, from which the ray starts.
     pub is_near: bool,
 }
 

@@ -1,4 +1,4 @@
-//! A control element's matrix in the room, and its pose in the body: the same thing in two frames.
+//! Converts between a control element's matrix in the room and its pose in the body.
 //!
 //! In: room_from_body (rotation, uniform scale, translation) and the element's rest origin o in the body. Out:
 //! T and M of x ↦ o + T + M (x - o), or the matrix again. f64; none of it is done per vertex.

@@ -1,7 +1,7 @@
-//! What a hand touches: the nearest place of the control elements within reach of the stylus' tip.
+//! Touching with the stylus' tip: finds the nearest point of the control elements within reach.
 //!
-//! In: the tip in the room and each element's triangles in its body's frame. Out: a [`Hit`] whose ray is the way from
-//! the tip. The projections are parry's; triangles whose box is out of reach are passed over.
+//! In: the tip in the room and each element's triangles in its body's frame. Out: a [`Hit`] whose ray runs from the tip to
+//! the point. The projections are parry's; triangles whose box is out of reach are skipped.
 
 use super::pick::{Hit, PickTarget};
 use nalgebra::{Point3, Vector3};

@@ -1,14 +1,14 @@
-//! What a scene may ask of a body instead of naming its knobs: an accuracy, or a budget.
+//! Targets by which a body's settings are chosen instead of being named: an accuracy, or a budget.
 
 use serde::{Deserialize, Serialize};
 
-/// Largest relative errors over the measured poses.
+/// The largest relative errors over the measured poses.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Accuracy {
-    /// Of the displacement, relative L2 over the body.
+    /// Error of the displacement, relative L2 over the body.
     pub displacement: Option<f64>,
-    /// Of forces and torques on control elements, against the largest wrench of the pose.
+    /// Error of forces and torques on control elements, relative to the largest wrench of the pose.
     pub force: Option<f64>,
     /// Unknowns of the largest solve while it is measured.
     pub largest: Option<f64>,
@@ -17,7 +17,7 @@ pub struct Accuracy {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Budget {
-    /// 99th percentile of one evaluation.
+    /// 99th percentile of the time of one evaluation.
     pub frame_ms: Option<f64>,
     pub file_mb: Option<f64>,
     pub offline_s: Option<f64>,
@@ -25,7 +25,7 @@ pub struct Budget {
     pub largest: Option<f64>,
 }
 
-/// What is asked of a body whose knobs are not named but chosen.
+/// The target by which element, refinement, storage, solver and model of a body are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AccuracyTarget {
     Accuracy(Accuracy),
@@ -48,7 +48,7 @@ impl AccuracyTarget {
         }
     }
 
-    /// Whether it asks for times, which are those of one machine.
+    /// Whether it limits times, which hold for one machine only.
     pub fn is_timed(&self) -> bool {
         matches!(self, AccuracyTarget::Budget(budget) if budget.frame_ms.is_some() || budget.offline_s.is_some())
     }

@@ -1,7 +1,7 @@
-//! What a scene asks for: bodies, materials, control elements, deformation model, effects, solver, place.
+//! Scenes: bodies with their materials, control elements, deformation model, effects, solver and place.
 //!
 //! In: a strict TOML file. Out: a checked [`Scene`]; meshes and node selections are loaded from it on demand.
-//! Names of models and effects are checked where their lists stand, in `deform` and `effect`.
+//! Models and effects stay names here, because their entries live in rooms above this one: `deform` and `effect` check them.
 
 mod accuracy_target;
 mod load;
@@ -38,19 +38,18 @@ pub struct Scene {
     /// Name of a built-in stage, or the path of a stage file.
     #[serde(default = "desktop")]
     pub stage: String,
-    /// Key frames that move head and stylus where nobody does: a built-in script's name, or a path relative to the
-    /// scene file.
+    /// A script that moves head and stylus when nobody does: a built-in name, or a path relative to the scene file.
     pub script: Option<PathBuf>,
     /// In the order of the file.
     pub body: IndexMap<String, Body>,
-    /// Where the scene was read from; relative paths start at its folder.
+    /// The scene's own path; relative paths start at its folder.
     #[serde(skip)]
     pub path: PathBuf,
 }
 
-/// Relative residuals at which conjugate gradients may end.
+/// Permitted tolerances of conjugate gradients, as relative residuals.
 pub const TOLERANCE: std::ops::RangeInclusive<f64> = 1e-14..=1e-3;
-/// Young's moduli, Pa, that can be computed with: from far below any jelly to far above diamond.
+/// Permitted Young's moduli, Pa: from far below any jelly to far above diamond.
 const YOUNG: std::ops::RangeInclusive<f64> = 1e-12..=1e24;
 
 fn desktop() -> String {
@@ -65,13 +64,13 @@ pub struct Body {
     pub generate: Option<Generate>,
     /// How a surface file is filled with tetrahedra.
     pub tetrahedralise: Option<Tetrahedralise>,
-    /// Times that every tetrahedron is cut into eight, 0 to [`refine::MOST`].
+    /// How often every tetrahedron is divided into eight, 0 to [`refine::MOST`].
     #[serde(default)]
     pub refine: u32,
     #[serde(default)]
     pub element: &'static Element,
     pub material: Material,
-    /// Materials of single regions, by the region's number or name; `material` holds for all others.
+    /// Materials of single regions, by the region's number or name; all others have `material`.
     #[serde(default)]
     pub region: BTreeMap<String, Material>,
     #[serde(default = "linear")]
@@ -86,12 +85,12 @@ pub struct Body {
     pub accuracy: Option<Accuracy>,
     /// Costs that must not be exceeded; or else `accuracy`.
     pub budget: Option<Budget>,
-    /// What the knobs were chosen from; no key of the file.
+    /// The measurements from which the settings were chosen; not a key of the file.
     #[serde(skip)]
     pub plan: Option<serde_json::Value>,
     /// In the order of the file, which is the order of all results.
     pub control: IndexMap<String, Control>,
-    /// Where the body stands in the room; absent: fitted into the stage's workspace.
+    /// The body's place in the room; without it, the body is fitted into the stage's workspace.
     pub place: Option<Place>,
 }
 
@@ -100,7 +99,7 @@ fn linear() -> String {
 }
 
 impl Body {
-    /// What is asked, where the knobs are to be chosen.
+    /// The target by which the settings are to be chosen, if there is one.
     pub fn accuracy_target(&self) -> Option<AccuracyTarget> {
         self.accuracy.map(AccuracyTarget::Accuracy).or(self.budget.map(AccuracyTarget::Budget))
     }
@@ -148,11 +147,11 @@ pub enum Generate {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tetrahedralise {
-    /// Edge of a lattice cube, m; tetrahedra have edges of about this length.
+    /// Edge of a lattice cube, m; the tetrahedra's edges have about this length.
     pub cell: f64,
 }
 
-/// Numbers of the precomputed displacements in the .green file and in memory.
+/// The number format of the precomputed displacements in the .green file and in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Storage {
@@ -184,7 +183,7 @@ pub struct Material {
     /// Young's modulus, Pa.
     pub young: f64,
     pub poisson: f64,
-    /// kg/m³; only effects that move mass need it.
+    /// kg/m³, needed only by effects with inertia.
     pub density: Option<f64>,
 }
 
@@ -218,7 +217,7 @@ impl Grab {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
-    /// Where the body's own origin comes to stand, m.
+    /// The position of the body's origin in the room, m.
     pub position: [f64; 3],
     /// Rotation vector (axis times angle), rad.
     #[serde(default)]
@@ -248,7 +247,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// A path as the scene file means it.
+    /// A path of the scene file, relative to its folder.
     pub fn resolve(&self, relative: &Path) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(relative)
     }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// A choice of nodes; bounds count as inside. Coordinates in metres, in the mesh's own frame.
+/// A selection of nodes; bounds count as inside. Coordinates are in metres, in the mesh's own frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Nodes {
@@ -36,13 +36,13 @@ pub enum Nodes {
         from: [f64; 3],
         radius: f64,
     },
-    /// A text file of node tags, one a line, # begins a comment; relative to the scene. Nodes that are added
-    /// between two of them join them as they join a group.
+    /// A text file of node tags, one per line, with comments after #; the path is relative to the scene. Nodes that are
+    /// added between two of them belong to them as well, as with a group.
     File(PathBuf),
 }
 
 impl Nodes {
-    /// What can be judged without the mesh.
+    /// Checks what can be checked without the mesh.
     pub(super) fn check(&self) -> Result<(), String> {
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
         match self {
@@ -75,8 +75,8 @@ impl Nodes {
         Ok(())
     }
 
-    /// Makes the node group that a choice by file means, before nodes are added to `mesh`. `resolve` turns the scene's
-    /// relative paths into real ones.
+    /// Makes the node group for a selection by file, before nodes are added to `mesh`. `resolve` turns relative paths of
+    /// the scene into real ones.
     pub fn prepare(&self, mesh: &mut TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<(), String> {
         if let Nodes::File(path) = self {
             let nodes = tags(mesh, &resolve(path))?;

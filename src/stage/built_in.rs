@@ -1,11 +1,11 @@
-//! The stages that the program carries within itself.
+//! The built-in stages.
 
 use super::error::StageError;
 use crate::config;
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// The stage files that the program carries within itself, by name.
+/// The files of the built-in stages, by name.
 pub const BUILT_IN: [(&str, &str); 9] = [
     ("workbench", include_str!("../../configs/stages/workbench.toml")),
     ("workbench-one-sided", include_str!("../../configs/stages/workbench-one-sided.toml")),
@@ -18,7 +18,7 @@ pub const BUILT_IN: [(&str, &str); 9] = [
     ("laptop", include_str!("../../configs/stages/laptop.toml")),
 ];
 
-/// The text of a built-in stage or of a file, and the path to be named in errors.
+/// The text of a built-in stage or of a file, and the path that errors name.
 pub fn text_of(name_or_path: &str) -> Result<(Cow<'static, str>, PathBuf), StageError> {
     if name_or_path.ends_with(".toml") {
         let path = PathBuf::from(name_or_path);
@@ -30,7 +30,7 @@ pub fn text_of(name_or_path: &str) -> Result<(Cow<'static, str>, PathBuf), Stage
     }
 }
 
-/// The error for a name that is no built-in stage.
+/// The error for a name that is not a built-in stage.
 fn unknown(name: &str) -> StageError {
     let names = BUILT_IN.map(|(name, _)| name);
     StageError::Unknown {

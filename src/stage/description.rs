@@ -9,31 +9,31 @@ use super::window::{Monitor, Window};
 use super::workspace::{Grid, Workspace};
 use nalgebra::Vector3;
 
-/// A place of projection: its screens, who looks at them from where, and what space lies before them.
+/// A display installation: its screens, the viewer, the workspace before the screens, windows, trackers and devices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
     pub name: String,
     pub description: String,
     pub stereo: Stereo,
-    /// Each eye is shown what the other should see, because glasses or projectors have them the other way round.
+    /// Each eye gets the other's picture, because glasses or projectors have them the other way round.
     pub swap_eyes: bool,
     pub viewer: Viewer,
     pub workspace: Workspace,
     pub grid: Option<Grid>,
     /// At least one; names are unique.
     pub screens: Vec<Screen>,
-    /// None: those of [`Stage::usual_layout`].
+    /// If empty, those of [`Stage::usual_layout`].
     pub windows: Vec<Window>,
-    /// What the file says of the desktop, for checks where there is no display.
+    /// The desktop's monitors by the file, for checks without a display.
     pub monitors: Vec<Monitor>,
-    /// What follows head and hands, force-feedback devices among it; empty where nothing does.
+    /// What tracks head and hands, including force-feedback devices; empty if nothing does.
     pub tracking: Tracking,
-    /// Force-feedback devices; mostly none.
+    /// Force-feedback devices; most stages have none.
     pub haptics: Vec<Haptic>,
 }
 
 impl Stage {
-    /// The screens' indices from the highest to the lowest, as pictures of them are stacked: a wall above its table.
+    /// The screens' indices from the highest to the lowest, in the order of their pictures: a wall above its table.
     pub fn screens_from_top(&self) -> Vec<usize> {
         let height = |screen: &Screen| screen.point([0.0, 0.0]).y;
         let mut order: Vec<usize> = (0..self.screens.len()).collect();
@@ -41,7 +41,7 @@ impl Stage {
         order
     }
 
-    /// The screen that the viewer's head is turned to most.
+    /// The screen that the viewer's head faces most directly.
     pub fn faced_screen(&self) -> usize {
         let forward = self.viewer.room_from_head.rotation * -Vector3::z();
         let turned = |screen: &Screen| -screen.axes()[2].dot(&forward);
@@ -49,7 +49,7 @@ impl Stage {
         self.screens.iter().enumerate().max_by(best).map_or(0, |(index, _)| index)
     }
 
-    /// Names of the styli in the order of their tracker's state; where none is tracked, those of the hands.
+    /// Names of the styli in the order of the trackers' state; if none is tracked, the names of the two hands.
     pub fn stylus_names(&self) -> Vec<&str> {
         self.tracking.stylus_names()
     }

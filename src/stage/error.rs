@@ -1,4 +1,4 @@
-//! Why a stage is refused: each fault carries its numbers and says what to do about it.
+//! Why a stage is refused. Every error carries its numbers and says what to do.
 
 use crate::config::ConfigError;
 use nalgebra::Point3;
@@ -85,16 +85,16 @@ pub enum StageFault {
     Monitor { name: String, message: String },
     #[error(transparent)]
     Tracking(#[from] TrackingFault),
-    /// Of the keys that belong to a tracker's kind of source.
+    /// An error in the keys of a tracker's source.
     #[error("{0}")]
     Source(String),
     #[error("haptic `{name}`: {message}")]
     Haptic { name: String, message: String },
 }
 
-/// wgpu's textures go no further on common devices.
+/// The largest texture on common devices, pixels.
 pub const MAX_PIXELS: u32 = 16384;
-/// Window systems count places in 16 bits.
+/// Window positions that fit the 16 bits of window systems.
 pub const PLACES: std::ops::RangeInclusive<i32> = -32768..=32767;
 pub const MIN_SIDE_M: f64 = 0.01;
 pub const MAX_SIDE_M: f64 = 100.0;
@@ -103,7 +103,7 @@ pub const MAX_SIDE_M: f64 = 100.0;
 pub const MAX_SKEW: f64 = 1e-3;
 pub const IPD_M: std::ops::RangeInclusive<f64> = 0.045..=0.080;
 
-/// A fault and the line in which what it is about begins.
+/// A fault, and the line where the table at fault begins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Located {
     pub line: usize,

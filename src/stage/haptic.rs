@@ -14,31 +14,31 @@ pub struct Haptic {
     pub rate_hz: f64,
     /// The force never exceeds this, N.
     pub max_force_n: f64,
-    /// N·m; 0: a device that has no torque.
+    /// N·m; 0 for a device without torque.
     pub max_torque_nm: f64,
-    /// Newtons in the hand for a newton of the body.
+    /// Newtons in the hand per newton of the body.
     pub force: f64,
-    /// Metres of the stylus in the room for a metre of the device.
+    /// Metres of the stylus in the room per metre of the device.
     pub motion: f64,
-    /// The device's own viscous friction, N·s/m and N·m·s/rad: it alone eats what sampling generates.
+    /// The device's own viscous friction, N·s/m and N·m·s/rad, which dissipates the energy that sampling generates.
     pub damping: f64,
     pub rotational_damping: f64,
-    /// What a hand feels of the device's own mass, kg and kg·m².
+    /// The device's mass and inertia as the hand feels them, kg and kg·m².
     pub mass: f64,
     pub inertia: f64,
     /// Friction that the loop adds, N·s/m.
     pub virtual_damping: f64,
-    /// How old a pose is at worst when the force from it begins to act, s, as far as the user knows; what is measured counts where it
-    /// is more.
+    /// The greatest age of a pose when its force begins to act, s, as far as the user knows. A greater measured age counts
+    /// instead.
     pub latency_s: f64,
     pub room_from_device: Isometry3<f64>,
-    /// From the handle that the device tells to the stylus, whose ray is its -z axis.
+    /// From the handle that the device measures to the stylus, whose ray is its -z axis.
     pub sensor_from_body: Isometry3<f64>,
-    /// Of a Haply grip: the button that grabs, and the second.
+    /// The buttons of a Haply grip that grab and act as the second button.
     pub buttons: [GripButton; 2],
 }
 
-/// A button of a grip, as Haply's service names it. The only one of a grip on a wire is `a`.
+/// A button of a grip, as Haply's service names it. The only button of a wired grip is `a`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GripButton {
@@ -110,7 +110,7 @@ impl Haptic {
         format!("haptic.{}", self.name)
     }
 
-    /// Seconds of a tick.
+    /// The length of a tick, s.
     pub fn period_s(&self) -> f64 {
         1.0 / self.rate_hz
     }

@@ -1,4 +1,4 @@
-//! The windows of a stage that names none: one for each screen, or one for each screen and eye.
+//! The windows of a stage that names none: one per screen, or one per screen and eye.
 
 use super::description::Stage;
 use super::stereo::Stereo;
@@ -6,7 +6,7 @@ use super::viewer::Eye;
 use super::window::{Border, Tile, Window};
 
 impl Tile {
-    /// All of a screen in the whole of a window.
+    /// A tile that fills its window with the whole of a screen.
     pub fn whole(stage: &Stage, screen: usize, stereo: Stereo) -> Self {
         let pixels @ [width, height] = stage.screens[screen].pixels;
         let [w, h] = stereo.window_size(pixels);
@@ -16,13 +16,12 @@ impl Tile {
 }
 
 impl Stage {
-    /// The stage's own windows; without any, those of [`Stage::usual_layout`].
+    /// The stage's own windows, or those of [`Stage::usual_layout`] if it has none.
     pub fn layout(&self) -> Vec<Window> {
         if self.windows.is_empty() { self.usual_layout() } else { self.windows.clone() }
     }
 
-    /// The windows that show everything: a column per eye where each has a window of its own, the screens from the
-    /// highest to the lowest.
+    /// Windows for all screens, from the highest to the lowest; with a column per eye if each eye has its own window.
     pub fn usual_layout(&self) -> Vec<Window> {
         let from_top = self.screens_from_top();
         let kinds: &[Stereo] = match self.stereo {

@@ -1,7 +1,7 @@
-//! What display walls get wrong in silence: findings about a stage that loads, or nearly does.
+//! Finds mistakes in a stage that loads: what display walls get wrong without an error.
 //!
-//! In: a [`Stage`], and the monitors of its desktop where they are known. Out: [`Lint`]s with their numbers: how edges
-//! meet, shapes of pixels, sides and eyes, windows on their monitors.
+//! In: a [`Stage`], and the monitors of its desktop if they are known. Out: [`Lint`]s with their numbers: how edges meet,
+//! shapes of pixels, where the viewer stands, windows on their monitors.
 
 use super::description::Stage;
 use super::error::{IPD_M, MAX_SKEW};
@@ -18,7 +18,7 @@ use nalgebra::Point3;
 pub enum Level {
     /// Pictures will be wrong.
     Error,
-    /// They may not be what was meant.
+    /// Pictures may not be what was meant.
     Warning,
     /// Worth knowing.
     Note,
@@ -28,26 +28,26 @@ pub enum Level {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lint {
     pub level: Level,
-    /// As `screen.wall`, `window.left`, `viewer`.
+    /// For example `screen.wall`, `window.left` or `viewer`.
     pub entity: String,
     pub message: String,
 }
 
-/// Pixels this much wider than high, or higher than wide, are told.
+/// Pixels that differ from squares by more than this are reported.
 const PIXEL_RATIO: f64 = 0.01;
 /// Most adults' pupils lie within this distance, m (N. A. Dodgson, "Variation and extrema of human interpupillary
 /// distance", 2004: 5 % lie below, 5 % above).
 const USUAL_IPD_M: std::ops::RangeInclusive<f64> = 0.055..=0.070;
-/// Edges that meet better than a tape measures are told as closed, m.
+/// Edges that meet within this are reported as closed, m: a tape measures no better.
 pub(super) const CLOSED_M: f64 = 0.0005;
-/// Corners off a rectangle by more than this are told, m.
+/// Corners that are off a rectangle by more than this are reported, m.
 const SKEW_M: f64 = 0.0005;
-/// A place this much beyond a screen's edge, in half widths and heights, may still lie behind a bezel.
+/// A point up to here, in half widths and heights of a screen, may still lie behind a bezel.
 const ABOUT_SHOWN: f32 = 1.02;
-/// A screen seen under a smaller angle to its plane shows next to nothing, radians.
+/// Screens that are seen under a smaller angle to their plane are reported, radians.
 const GRAZING: f64 = 0.087;
 
-/// All findings about `stage`, but for those that the loader tells. Windows are judged where `monitors` are known.
+/// All findings about `stage` except for those of the loader. Windows are checked if `monitors` are known.
 pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Lint> {
     let mut found = Vec::new();
     for screen in &stage.screens {
@@ -93,7 +93,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
     let across = screen.lower_right - screen.lower_left;
     let upward = screen.upper_left - screen.lower_left;
     let off_m = (across.dot(&upward) / across.norm()).abs();
-    // What is worse is refused by the loader.
+    // The loader refuses what is worse.
     if off_m > SKEW_M && off_m <= MAX_SKEW * upward.norm() {
         let advice = "the projection takes the lower edge and the height as they are";
         push(
@@ -122,7 +122,7 @@ fn seam(stage: &Stage, seam: &Seam) -> Lint {
         let (screen, edge) = seam.edges[k];
         format!("{} edge of {}", edge.name(), stage.screens[screen].name)
     });
-    // Added to, -0.0 is told as 0.0.
+    // Adding 0.0 prints -0.0 as 0.0.
     let mm = |m: f64| (m * 1e4).round() / 10.0 + 0.0;
     let [first, second] = seam.gap_m;
     let worst_m = seam.widest_m();
@@ -225,7 +225,7 @@ fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
     }
 }
 
-/// Which eye's tiles stand where: both or neither, and the left one left of the right one or above it.
+/// Checks the eyes' tiles: both eyes or neither, and the left eye's left of the right eye's or above it.
 fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
     if stage.swap_eyes {
         push(found, Level::Note, "swap_eyes", "each eye is shown what the other should see".to_owned());

@@ -1,7 +1,6 @@
 //! Screens that lie in one plane and cover part of it twice.
 //!
-//! In: screens. Out: [`Overlap`]s, with the size of what two of them both cover. Screens that only run beside each other
-//! are seams.
+//! In: screens. Out: [`Overlap`]s, with the size of the area that two screens both cover. Screens that only touch are seams.
 
 use super::screen::Screen;
 use nalgebra::Point3;
@@ -17,14 +16,14 @@ pub struct Overlap {
     pub is_same: bool,
 }
 
-/// Screens whose corners are this far from each other's plane are still in one, m.
+/// Screens whose corners are within this distance of each other's plane lie in one plane, m.
 const PLANE_M: f64 = 0.01;
 /// Cosine of the largest angle between the normals of screens in one plane: 5°.
 const PARALLEL: f64 = 0.9962;
 
 type Polygon = Vec<[f64; 2]>;
 
-/// All pairs that cover an area of more than `least_m` each way twice.
+/// All pairs whose common area is larger than `least_m` in both directions.
 pub fn overlaps(screens: &[Screen], least_m: f64) -> Vec<Overlap> {
     let mut found = Vec::new();
     for (i, a) in screens.iter().enumerate() {
@@ -45,7 +44,7 @@ fn corners(screen: &Screen) -> [Point3<f64>; 4] {
     [screen.lower_left, screen.lower_right, screen.upper_right(), screen.upper_left]
 }
 
-/// Width and height of what both cover, where they lie in one plane and face the same way.
+/// Width and height of the area that both cover, if they lie in one plane and face the same way.
 fn size_m(a: &Screen, b: &Screen) -> Option<[f64; 2]> {
     let [right, up, normal] = a.axes();
     let of_b = corners(b).map(|corner| corner - a.lower_left);

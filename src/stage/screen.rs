@@ -6,11 +6,11 @@
 
 use nalgebra::{Matrix4, Point3, Vector3};
 
-/// An eye closer than this to a screen's plane gets no picture: the projection would magnify f32's rounding
-/// beyond a pixel, and the glass fills the whole field of view anyway.
+/// An eye closer than this to a screen's plane gets no picture, m: the projection would magnify f32's rounding beyond a
+/// pixel, and the glass fills the whole field of view anyway.
 pub const MIN_EYE_DISTANCE_M: f64 = 0.01;
 
-/// No coordinate of a room, a head or a stylus is larger: it comes from a fault or from another unit.
+/// The largest coordinate of a room, a head or a stylus, m; larger ones come from a fault or another unit.
 pub const ROOM_LIMIT_M: f64 = 1000.0;
 
 /// A rectangular screen. Corners in metres, in the room's frame, named as its viewer sees the picture.
@@ -35,7 +35,7 @@ pub struct Frustum {
     pub near: f64,
 }
 
-/// All that the renderer needs to draw one eye's picture on one screen.
+/// What the renderer needs to draw one eye's picture on one screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EyeView {
     /// Room to clip space: x right, y up, both -w..w over the screen; depth z/w = near/distance along the
@@ -45,7 +45,7 @@ pub struct EyeView {
     pub near_m: f32,
 }
 
-/// Why an eye gets no picture on a screen, which is then to be left black.
+/// Why an eye gets no picture on a screen, which then stays black.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unseen {
     #[error("screen `{screen}` stays black: the eye is {:.3} m behind its plane", -distance_m)]
@@ -92,7 +92,7 @@ impl Screen {
         (point - self.lower_left).dot(&self.axes()[2])
     }
 
-    /// The place on the screen of normalised device coordinates (x right, y up, -1..1), metres in the room.
+    /// The point on the screen with these normalised device coordinates (x right, y up, -1..1), metres in the room.
     pub fn point(&self, ndc: [f64; 2]) -> Point3<f64> {
         self.lower_left
             + (self.lower_right - self.lower_left) * ((ndc[0] + 1.0) / 2.0)
@@ -110,7 +110,7 @@ impl Screen {
     /// l = right·(lower_left - eye)·n/d, and so on for r, b and t.
     ///
     /// The near distance n is `near_limit_m`, but at most d/4, so that a body before the glass is still drawn
-    /// when the head comes close, and at least d/1000. Reversed floating-point depth loses nothing by it.
+    /// when the head comes close, and at least d/1000. With reversed floating-point depth this costs no precision.
     pub fn frustum(&self, eye: &Point3<f64>, near_limit_m: f64) -> Result<Frustum, Unseen> {
         let screen = || self.name.clone();
         let [right, up, normal] = self.axes();

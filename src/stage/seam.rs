@@ -1,7 +1,7 @@
-//! How screens meet: pairs of edges that run beside each other, with what lies between them.
+//! How screens meet: pairs of edges that run beside each other, and the gap or overlap between them.
 //!
-//! In: a [`Stage`]. Out: its [`Seam`]s, of which each tells gap or overlap across the edges, and how far their ends are
-//! off along them.
+//! In: a [`Stage`]. Out: its [`Seam`]s, each with the gap or overlap across the edges, and how far their ends are off along
+//! them.
 
 use super::description::Stage;
 use super::screen::Screen;
@@ -25,14 +25,13 @@ pub struct Seam {
     pub ends: [Point3<f64>; 2],
     /// Distance of the second edge from the first, m, at both `ends`, measured perpendicular to the first.
     pub gap_m: [f64; 2],
-    /// The second edge lies within the first screen's picture, or the first within the second's: both show the same
-    /// place twice. Otherwise something is hidden between them.
+    /// One edge lies within the other screen's picture, so that both show the same place. Otherwise there is a gap.
     pub is_overlap: bool,
     /// How far the second edge's ends lie beyond the first's, m, along the first; negative: short of them.
     pub along_m: [f64; 2],
 }
 
-/// Edges further apart than this part of the longer one do not meet.
+/// Edges that are further apart than this fraction of the longer one do not meet.
 const NEAR: f64 = 0.08;
 /// Cosine of the largest angle between edges that meet: 5°.
 const PARALLEL: f64 = 0.9962;
@@ -81,7 +80,7 @@ impl Seam {
 
 impl Stage {
     /// All pairs of edges of different screens that run beside each other, within 5° and 8 % of the longer one's length,
-    /// for at least half the shorter one's. Of two screens only the nearest pair is told.
+    /// for at least half the shorter one's. Only the nearest pair of two screens counts.
     pub fn seams(&self) -> Vec<Seam> {
         let mut found = Vec::new();
         for (i, a) in self.screens.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Kinds of stereo: how the two eyes' pictures of a screen reach its display, and how large the whole then is.
+//! Kinds of stereo: how the two eyes' pictures of a screen reach its display, and how large the window is.
 
 use super::viewer::Eye;
 use crate::config;
@@ -42,7 +42,7 @@ pub enum Stereo {
 }
 
 impl Stereo {
-    /// All kinds by their names in a stage file.
+    /// All kinds, with their names in a stage file.
     pub const ALL: [(&str, Stereo); 16] = [
         ("separate", Stereo::Separate),
         ("side_by_side", Stereo::SideBySide),
@@ -84,7 +84,7 @@ impl Stereo {
         }
     }
 
-    /// What is shown where one eye's window gets the other eye's picture.
+    /// The kind after the eyes were swapped.
     pub fn swapped(self) -> Self {
         match self {
             Self::Left => Self::Right,
@@ -93,7 +93,7 @@ impl Stereo {
         }
     }
 
-    /// Pixels of the window that shows a screen of `pixels` whole.
+    /// The size in pixels of a window that shows a whole screen of `pixels`.
     pub fn window_size(self, [width, height]: [u32; 2]) -> [u32; 2] {
         match self {
             Self::SideBySide => [2 * width, height],

@@ -1,4 +1,4 @@
-//! What a stage is, for a reader: sizes, pixels, distances and fields of view, and how its screens meet.
+//! A stage described as text: sizes, pixels, distances, fields of view, seams, trackers and sensors.
 
 use super::description::Stage;
 use super::lint::CLOSED_M;

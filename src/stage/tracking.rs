@@ -1,13 +1,13 @@
-//! What a stage says of trackers: their sources, the sensors with their calibration, and which of them are head and styli.
+//! A stage's trackers, its sensors with their calibration, and which of them are on the head and on the styli.
 //!
-//! Data only: nothing is opened here. What a source's own keys mean is known to its entry in `track::SOURCES`.
+//! Data only: nothing is opened here. The keys of each kind of source are read by its entry in `track::SOURCES`.
 
 use super::haptic::HapticDevice;
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Similarity3, Translation3, UnitQuaternion};
 use std::path::PathBuf;
 
-/// All that is tracked on a stage, in the order of the file; empty where nothing is.
+/// Everything that is tracked on a stage, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tracking {
     pub trackers: IndexMap<String, Tracker>,
@@ -20,7 +20,7 @@ pub struct Tracking {
 }
 
 impl Tracking {
-    /// Names of the styli in the order of their tracker's state; where none is tracked, those of the hands.
+    /// Names of the styli in the order of the trackers' state; if none is tracked, the names of the two hands.
     pub fn stylus_names(&self) -> Vec<&str> {
         if self.styli.is_empty() {
             vec!["right", "left"]
@@ -41,7 +41,7 @@ pub struct Tracker {
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrackerSource {
     Table(SourceTable),
-    /// Of a table `[haptic.NAME]`: whoever gives the device its forces also reads what it measures.
+    /// A table `[haptic.NAME]`: the haptic loop that drives the device also reads its poses.
     Haptic(HapticDevice),
 }
 
@@ -53,10 +53,10 @@ pub struct SourceTable {
     pub line: usize,
 }
 
-/// From what a tracker says to metres in the room.
+/// The transform from a tracker's frame and unit to metres in the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackerFrame {
-    /// The axis to be reversed first, where the tracker's system is left-handed.
+    /// The axis that is reversed first if the tracker's system is left-handed.
     pub mirror: Option<Axis>,
     /// Its scaling turns the tracker's unit into metres.
     pub room_from_tracker: Similarity3<f64>,
@@ -70,7 +70,7 @@ pub enum Axis {
     Z,
 }
 
-/// One tracked thing: which it is, how its sensor is mounted, and what is done with its poses.
+/// One sensor: its number, how it is mounted, and how its poses are filtered and predicted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
     pub tracker: String,
@@ -78,7 +78,7 @@ pub struct Sensor {
     /// The body is a head (origin midway between the eyes, -z to where it looks) or a stylus (ray along -z).
     pub sensor_from_body: Isometry3<f64>,
     pub filter: Option<OneEuro>,
-    /// How far ahead of now the pose is wanted, s; 0: it is taken as it came.
+    /// How far ahead the pose is predicted, s; 0: it is used as it came.
     pub predict_s: f64,
     pub lost: LostPolicy,
 }
@@ -94,12 +94,12 @@ pub struct OneEuro {
     pub speed_cutoff: f64,
 }
 
-/// What becomes of a thing that is not seen any more.
+/// What happens to a sensor that is not tracked any more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LostPolicy {
     /// From this age on the last pose counts as held, s.
     pub after_s: f64,
-    /// From this age on it is given up and said, s: a stylus lets go.
+    /// From this age on it counts as lost, s: a notice is given, and a stylus lets go.
     pub warn_s: f64,
 }
 
@@ -111,7 +111,7 @@ pub struct Stylus {
     pub second: Option<ButtonId>,
 }
 
-/// A button of a tracker, which need not be the one that sees the stylus.
+/// A button of a tracker, which need not be the tracker of the stylus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ButtonId {
     pub tracker: String,

@@ -6,11 +6,11 @@ use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
 pub enum Eye {
     Left,
     Right,
-    /// Midway between the two: what a mono stage shows, and where the mouse aims from.
+    /// Midway between the two, for mono stages and for aiming with the mouse.
     Centre,
 }
 
-/// The viewer's head as long as no tracker reports it.
+/// The viewer's head while no tracker reports it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewer {
     /// The head's x axis points to the right ear and -z to where it looks; its origin is midway between the eyes.
@@ -20,7 +20,7 @@ pub struct Viewer {
 }
 
 impl Eye {
-    /// The one that swapped eyes show instead.
+    /// The eye whose picture is shown instead when the eyes are swapped.
     pub fn other(self) -> Self {
         match self {
             Self::Left => Self::Right,
@@ -40,7 +40,7 @@ impl Eye {
 }
 
 impl Viewer {
-    /// Where an eye of a head is: ±ipd/2 along the head's x axis.
+    /// The position of an eye: ±ipd/2 along the head's x axis.
     pub fn eye_in_room(&self, room_from_head: &Isometry3<f64>, eye: Eye) -> Point3<f64> {
         let x = match eye {
             Eye::Left => -self.ipd_m / 2.0,
@@ -51,7 +51,7 @@ impl Viewer {
     }
 }
 
-/// The rotation whose -z axis points along `direction`, with x horizontal and y as upward as can be; then
+/// The rotation whose -z axis points along `direction`, with x horizontal and y as far upward as possible, then
 /// turned by `roll` radians about that -z axis, right-handed. Looking straight up or down, x stays the room's.
 /// `None` if the direction has no length or is not finite.
 pub fn rotation_towards(direction: &Vector3<f64>, roll: f64) -> Option<UnitQuaternion<f64>> {

@@ -1,7 +1,6 @@
-//! Windows: where on the desktop each stands, and which part of which screen it shows to which eye.
+//! Windows: their places on the desktop, and which part of which screen each shows to which eye.
 //!
-//! In: the tables `[[window]]` and `[[monitor]]` of a stage file, or without them the stage itself. Out: [`Window`]s,
-//! each of one [`Tile`] or more, and for each tile the part of its screen that is to be drawn ([`Tile::visible`]).
+//! A [`Window`] has one [`Tile`] or more; [`Tile::visible`] gives the part of its screen that is drawn.
 
 use super::screen::Screen;
 use super::stereo::Stereo;
@@ -11,32 +10,32 @@ use nalgebra::Matrix4;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
     pub name: String,
-    /// From whose top left corner `at` counts; None: from the corner of the desktop that spans all monitors.
+    /// The monitor from whose top left corner `at` counts; None: the corner of the desktop that spans all monitors.
     pub monitor: Option<MonitorId>,
     /// Top left corner; None leaves it to the window manager, or is `monitor`'s own.
     pub at: Option<[i32; 2]>,
-    /// The size for which its tiles are given.
+    /// The size that the tiles' rectangles refer to.
     pub size: [u32; 2],
-    /// It is opened in the size of its monitor, whatever `size` is.
+    /// The window is opened in the size of its monitor, whatever `size` is.
     pub fills: bool,
     pub border: Border,
     /// At least one; they do not overlap.
     pub tiles: Vec<Tile>,
 }
 
-/// What is about a window.
+/// The frame around a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Border {
-    /// Nothing: the picture alone.
+    /// No frame.
     #[default]
     None,
     /// A title bar and edges, where a window manager draws them.
     Decorated,
-    /// Nothing, and the window manager is told to cover the whole monitor.
+    /// No frame; the window manager is told to cover the whole monitor.
     FullScreen,
-    /// Nothing, and no window manager is asked (X11's override-redirect): the place is exact, but the keyboard does not
-    /// follow a click.
+    /// No frame and no window manager (X11's override-redirect): the place is exact, but a click does not give the window
+    /// the keyboard.
     Unmanaged,
 }
 
@@ -65,15 +64,15 @@ pub struct Tile {
     pub screen: usize,
     /// Never [`Stereo::Separate`]: that takes two tiles.
     pub stereo: Stereo,
-    /// This display has its eyes the other way round than the others.
+    /// This display has the eyes the other way round than the other displays.
     pub swap_eyes: bool,
     /// Which part of the screen's picture fills the tile: x, y from its top left, width, height, in the screen's pixels.
     pub crop: [u32; 4],
-    /// Pixels of the screen that its display hides at the left, right, top and bottom. They stay black.
+    /// Pixels of the screen that its display hides at the left, right, top and bottom; they stay black.
     pub overscan: [u32; 4],
 }
 
-/// What of a tile's eye picture is drawn.
+/// The part of a tile's picture that is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Visible {
     /// x, y, width, height in the eye's picture; the rest stays black.
@@ -101,8 +100,8 @@ impl std::fmt::Display for MonitorId {
 }
 
 impl Window {
-    /// Its place and size on a desktop of these monitors; None where the window manager chooses, or the monitor is not
-    /// among them.
+    /// The window's place and size on a desktop with these monitors; None if the window manager chooses the place, or if its
+    /// monitor is not there.
     pub fn on_desktop(&self, monitors: &[Monitor]) -> Option<([i32; 2], [u32; 2])> {
         let Some(id) = &self.monitor else { return Some((self.at?, self.size)) };
         let monitor = id.find(monitors)?;
@@ -111,7 +110,7 @@ impl Window {
         Some((place, if self.fills { monitor.size } else { self.size }))
     }
 
-    /// Where a tile lies when the window has another size than it was made for.
+    /// A tile's rectangle when the window has this size.
     pub fn rect(&self, tile: &Tile, size: [u32; 2]) -> [u32; 4] {
         let scaled = |axis: usize, pixel: u32| -> u32 {
             let scale = f64::from(size[axis]) / f64::from(self.size[axis].max(1));
@@ -125,9 +124,9 @@ impl Window {
 }
 
 impl Tile {
-    /// The part of an eye's picture of `eye_size` pixels that the display shows, on whole pixels, and what of the
-    /// screen it is. The screen's corners are those of all its pixels, hidden ones too, so hiding pixels changes none
-    /// of the others. None where nothing is left.
+    /// The part of an eye's picture of `eye_size` pixels that the display shows, on whole pixels, and its
+    /// place on the screen. The screen's corners are those of all its pixels, hidden ones included, so hiding some changes
+    /// none of the others. None if nothing is left.
     pub fn visible(&self, screen: &Screen, eye_size: [u32; 2]) -> Option<Visible> {
         let [left, right, top, bottom] = self.overscan.map(f64::from);
         let along = |axis: usize, before: f64, behind: f64| {
@@ -147,7 +146,7 @@ impl Tile {
 }
 
 impl Visible {
-    /// From the clip space of the whole screen to that of the part that is drawn.
+    /// The transform from the clip space of the whole screen to that of the drawn part.
     pub fn clip_from_whole(&self) -> Matrix4<f64> {
         let [left, right, bottom, top] = self.on_screen;
         let (x, y) = (2.0 / (right - left), 2.0 / (top - bottom));
@@ -157,7 +156,7 @@ impl Visible {
         matrix
     }
 
-    /// Normalised device coordinates on the whole screen of those in the part.
+    /// Converts normalised device coordinates in the drawn part to those on the whole screen.
     pub fn on_whole(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [left, right, bottom, top] = self.on_screen;
         [left + (right - left) * (x + 1.0) / 2.0, bottom + (top - bottom) * (y + 1.0) / 2.0]

@@ -9,7 +9,7 @@ pub struct Workspace {
     pub radius_m: f64,
 }
 
-/// A horizontal square of lines about the room's vertical axis through the workspace, to see depth by.
+/// A horizontal square of grid lines around the workspace's vertical axis, as a depth cue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     pub height_m: f64,
@@ -17,7 +17,7 @@ pub struct Grid {
 }
 
 impl Workspace {
-    /// How much of the ball's radius a body's largest half-extent takes up.
+    /// A body's largest half-extent as a fraction of the ball's radius.
     pub const FILL: f64 = 0.95;
 
     /// Places a body with the bounds `min..max` (body frame, metres): its middle at the centre, its largest

@@ -7,7 +7,7 @@
 use super::device::{DeviceState, Link, now_s};
 use super::open_error::OpenError;
 use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
-use super::worker::{Backoff, Publisher, Worker};
+use super::worker::{Publisher, Worker};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -50,32 +50,14 @@ fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
 /// Opens the serial line `device`, now or as soon as it appears.
 pub fn open(tracker: &str, device: &Path, baud: u32) -> Result<Worker, OpenError> {
     let description = format!("fastrak {} at {baud} baud", device.display());
-    let device: PathBuf = device.to_owned();
-    Worker::spawn(description, move |publisher| run(publisher, &device, baud))
-        .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
-}
-
-fn run(mut publisher: Publisher, device: &Path, baud: u32) {
-    let mut backoff = Backoff::default();
-    loop {
-        let opened = serialport::new(device.to_string_lossy(), baud).timeout(WAKE).open();
-        let why = match opened {
-            Ok(mut port) => {
-                let before = publisher.state.counters.messages;
-                let why = listen(&mut publisher, &mut port);
-                if publisher.state.counters.messages > before {
-                    backoff = Backoff::default();
-                }
-                why
-            }
+    let path = device.to_string_lossy().into_owned();
+    Worker::reconnecting(description, move |publisher| {
+        match serialport::new(path.as_str(), baud).timeout(WAKE).open() {
+            Ok(mut port) => listen(publisher, &mut port),
             Err(error) => error.to_string(),
-        };
-        publisher.down(why);
-        if !backoff.wait(&publisher) {
-            return;
         }
-        publisher.state.counters.reconnects += 1;
-    }
+    })
+    .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
 }
 
 /// Configures the device and reads it until it is gone or silent; returns the reason.

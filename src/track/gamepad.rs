@@ -61,37 +61,22 @@ pub fn open(tracker: &str, device: &Path) -> Result<Worker, OpenError> {
 pub fn open(tracker: &str, device: &Path) -> Result<Worker, OpenError> {
     let description = format!("gamepad {}", device.display());
     let device = device.to_owned();
-    Worker::spawn(description, move |publisher| run(publisher, &device))
-        // Its thread is blocked in a read until the next event of the device.
-        .map(Worker::detached)
-        .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
-}
-
-#[cfg(target_os = "linux")]
-fn run(mut publisher: super::worker::Publisher, device: &Path) {
-    let mut backoff = super::worker::Backoff::default();
-    loop {
-        let why = match std::fs::File::open(device) {
+    Worker::reconnecting(description, move |publisher| {
+        let why = match std::fs::File::open(&device) {
             Ok(mut file) => {
                 publisher.state.link = Link::Up;
                 publisher.publish();
-                let before = publisher.state.counters.messages;
-                let why = listen(&mut publisher, &mut file);
-                if publisher.state.counters.messages > before {
-                    backoff = super::worker::Backoff::default();
-                }
-                why
+                listen(publisher, &mut file)
             }
             Err(error) => error.to_string(),
         };
         // The buttons of a device that is gone count as released.
         publisher.state.buttons.values_mut().for_each(|button| button.value = false);
-        publisher.down(why);
-        if !backoff.wait(&publisher) {
-            return;
-        }
-        publisher.state.counters.reconnects += 1;
-    }
+        why
+    })
+    // Its thread is blocked in a read until the next event of the device.
+    .map(Worker::detached)
+    .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
 }
 
 #[cfg(target_os = "linux")]

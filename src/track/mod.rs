@@ -42,4 +42,4 @@ pub use source_entry::SourceEntry;
 pub use sources::{SOURCES, checked, find_stage, open, source_faults};
 pub use state::{HeldPose, Signal, StylusState, TrackerState, normalised, usable};
 pub use tracker_set::TrackerSet;
-pub use worker::{Backoff, Publisher, Worker};
+pub use worker::{Publisher, Worker};

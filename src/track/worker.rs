@@ -30,7 +30,7 @@ pub struct Publisher {
 
 /// How long to wait before the next attempt: 0.25 s, then twice as long each time, up to 5 s.
 #[derive(Clone, Copy, Debug)]
-pub struct Backoff {
+struct Backoff {
     next_s: f64,
 }
 
@@ -49,6 +49,29 @@ impl Worker {
         let name = description.chars().filter(|c| *c != '\0').take(15).collect();
         let thread = std::thread::Builder::new().name(name).spawn(move || run(publisher))?;
         Ok(Worker { description, newest, stop, thread: Some(thread) })
+    }
+
+    /// Runs `session` again and again: it opens the device, reads it, and returns why it ended. After a failure it waits
+    /// longer each time, until a message has come.
+    pub fn reconnecting(
+        description: String,
+        mut session: impl FnMut(&mut Publisher) -> String + Send + 'static,
+    ) -> std::io::Result<Worker> {
+        Worker::spawn(description, move |mut publisher| {
+            let mut backoff = Backoff::default();
+            loop {
+                let before = publisher.state.counters.messages;
+                let why = session(&mut publisher);
+                if publisher.state.counters.messages > before {
+                    backoff = Backoff::default();
+                }
+                publisher.down(why);
+                if !backoff.wait(&publisher) {
+                    return;
+                }
+                publisher.state.counters.reconnects += 1;
+            }
+        })
     }
 
     /// Does not wait for the thread at the end, because it is blocked in a read that only the device ends.
@@ -122,7 +145,7 @@ impl Default for Backoff {
 
 impl Backoff {
     /// Waits before the next attempt; false if the source was stopped meanwhile.
-    pub fn wait(&mut self, publisher: &Publisher) -> bool {
+    fn wait(&mut self, publisher: &Publisher) -> bool {
         let wait_s = self.next_s;
         self.next_s = (2.0 * wait_s).min(5.0);
         publisher.pause(wait_s)
@@ -136,14 +159,10 @@ mod tests {
 
     #[test]
     fn the_newest_state_is_read_and_the_thread_stops() {
-        let mut worker = Worker::spawn("test".into(), |mut publisher| {
-            let mut backoff = Backoff::default();
+        let mut worker = Worker::reconnecting("test".into(), |publisher| {
             publisher.state.counters.packets = 7;
-            publisher.down("no cable");
-            while backoff.wait(&publisher) {
-                publisher.state.counters.reconnects += 1;
-                publisher.publish();
-            }
+            publisher.publish();
+            "no cable".into()
         })
         .unwrap();
         let deadline = now_s() + 10.0;

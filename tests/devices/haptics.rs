@@ -290,13 +290,13 @@ fn nothing_comes_out_that_was_not_put_in() {
     for (i, direction) in [Vector3::x(), -Vector3::y(), Vector3::new(0.3, 1.0, 1.0)].into_iter().enumerate() {
         bench.pull_to(direction * (0.01 + 0.01 * i as f64));
         bench.run(0.5);
-        let felt = bench.control.state;
-        assert!(felt.stored_energy > 1e-4 && felt.gain == 1.0);
-        assert!(bench.device.hand_work >= felt.stored_energy, "{} J {felt:?}", bench.device.hand_work);
+        let state = bench.control.state;
+        assert!(state.stored_energy > 1e-4 && state.gain == 1.0);
+        assert!(bench.device.hand_work >= state.stored_energy, "{} J {state:?}", bench.device.hand_work);
     }
-    let felt = bench.control.state;
-    assert!(felt.stiffer > 1.0, "the tube is too stiff for 1 N·s/m at 1 kHz");
-    assert!(felt.observer.deepest < 1e-6 && felt.observer.braked < 1e-6, "{:?}", felt.observer);
+    let state = bench.control.state;
+    assert!(state.stiffer > 1.0, "the tube is too stiff for 1 N·s/m at 1 kHz");
+    assert!(state.observer.deepest < 1e-6 && state.observer.braked < 1e-6, "{:?}", state.observer);
 }
 
 /// Real time is measured, never asserted: the loop runs, follows the frame's grasp, and stops with its owner.

@@ -93,16 +93,16 @@ fn a_second_hand_that_relaxes_the_body_leaves_no_debt() {
     let mut test = TestLoop::new(Haptic::simulated("right"), [2e4; 3]);
     test.way(x(0.0), x(0.0), 600);
     test.way(x(0.0), x(0.05), 500);
-    let felt = test.control.state;
-    assert!((felt.push.force.norm() - 8.0).abs() < 1e-6, "{felt:?}");
-    assert!((felt.stored_energy - 8.0 * 0.05).abs() < 0.03, "{felt:?}");
+    let state = test.control.state;
+    assert!((state.push.force.norm() - 8.0).abs() < 1e-6, "{state:?}");
+    assert!((state.stored_energy - 8.0 * 0.05).abs() < 0.03, "{state:?}");
     for i in 1..=500 {
         test.other_to(x(1e-4 * f64::from(i)));
         test.at(x(0.05));
     }
     test.way(x(0.05), x(0.05), 50);
-    let felt = test.control.state;
-    assert!(felt.push.force.norm() < 1e-6 && felt.stored_energy < 1e-6, "{felt:?}");
+    let state = test.control.state;
+    assert!(state.push.force.norm() < 1e-6 && state.stored_energy < 1e-6, "{state:?}");
     for _ in 0..20 {
         test.way(x(0.05), x(0.051), 50);
         test.way(x(0.051), x(0.05), 50);
@@ -118,9 +118,9 @@ fn a_bent_body_that_is_taken_is_no_reserve() {
     let mut test = TestLoop::new(Haptic::simulated("right"), [2e4; 3]);
     test.other_to(x(0.012));
     test.way(x(0.0), x(0.0), 600);
-    let felt = test.control.state;
-    assert!(felt.gain == 1.0 && (felt.push.force.x - 8.0).abs() < 1e-6, "{felt:?}");
-    assert!(felt.stored_energy < 0.1 && felt.observer.energy.abs() < 1e-3, "{felt:?}");
+    let state = test.control.state;
+    assert!(state.gain == 1.0 && (state.push.force.x - 8.0).abs() < 1e-6, "{state:?}");
+    assert!(state.stored_energy < 0.1 && state.observer.energy.abs() < 1e-3, "{state:?}");
 }
 
 /// Round a circle off centre, at the limit all the way and on a body far stiffer in one direction than in another, a hand
@@ -197,10 +197,14 @@ fn slow_reports_make_a_softer_body_and_no_cycle() {
             swing = swing.max(device.device_from_handle.translation.vector.norm());
         }
     }
-    let felt = test.control.state;
-    println!("{:.0} N/m at {:.1} ms; {swing:.1e} m in the last second", felt.bearable, 1e3 * felt.spacing_s);
-    assert!((felt.bearable - 0.8 * 200.0).abs() < 2.0, "{felt:?}");
-    assert!(felt.gain == 1.0 && swing < 1e-4, "{swing} {felt:?}");
+    let state = test.control.state;
+    println!(
+        "{:.0} N/m at {:.1} ms; {swing:.1e} m in the last second",
+        state.bearable,
+        1e3 * state.spacing_s
+    );
+    assert!((state.bearable - 0.8 * 200.0).abs() < 2.0, "{state:?}");
+    assert!(state.gain == 1.0 && swing < 1e-4, "{swing} {state:?}");
 }
 
 /// On a body of 1e8 Pa the handle comes to rest within 10 µm, of 5 mm at the start, and gives the hand nothing in ten seconds that

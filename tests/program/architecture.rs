@@ -84,14 +84,14 @@ fn files(folder: &str, extension: &str) -> Vec<(String, String)> {
     found.iter().map(|path| (name(path), std::fs::read_to_string(path).unwrap())).collect()
 }
 
-/// `stage` of src/stage/file.rs; `None` for main.rs and lib.rs, which hold nothing but the list of the modules.
+/// `stage` of src/stage/screen.rs; `None` for main.rs and lib.rs, which hold nothing but the list of the modules.
 fn module_of(file: &str) -> Option<&str> {
     let inside = file.strip_prefix("src/")?;
     let module = inside.split('/').next()?.trim_end_matches(".rs");
     (module != "main" && module != "lib").then_some(module)
 }
 
-/// Where a source file's module stands below the crate: `["stage", "file"]` of src/stage/file.rs.
+/// Where a source file's module stands below the crate: `["stage", "screen"]` of src/stage/screen.rs.
 fn module_path(file: &str) -> Vec<String> {
     let parts = file.trim_end_matches(".rs").split('/').skip(1);
     let mut path: Vec<String> = parts.map(str::to_owned).collect();

@@ -1,24 +1,24 @@
-//! Which push acted on the hand while its handle moved: an older one than the loop has just given, where messages
-//! need time.
+//! The push that acted on the hand while the handle moved. If messages take time, it is older than the loop's last one.
 //!
-//! In: the push of every tick. Out: its mean over the time between two poses, shifted by the delay. Allocates when it is made.
+//! In: the push of every tick. Out: its mean over the time between two poses, shifted by the delay. Allocates only in
+//! [`Acting::new`].
 
 use super::device::Push;
 use std::collections::VecDeque;
 
-/// Pushes are remembered for so long, s: the longest silence with a force, and the greatest age.
+/// How long pushes are remembered, s: the longest silence during a force, and the greatest age of a pose.
 const KEPT_S: f64 = 0.2;
 
 pub struct Acting {
     given: VecDeque<Given>,
 }
 
-/// A push of the body, as the tick at a time gave it.
+/// The body's push in the tick at a given time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Given {
     pub at_s: f64,
     pub push: Push,
-    /// 0 no force, 1 all of it.
+    /// From 0, no force, to 1, all of it.
     pub gain: f64,
 }
 
@@ -27,7 +27,7 @@ impl Acting {
         Acting { given: VecDeque::with_capacity((KEPT_S * rate_hz) as usize + 2) }
     }
 
-    /// What was given is of another potential.
+    /// Forgets all pushes, because they belong to another potential.
     pub fn clear(&mut self) {
         self.given.clear();
     }
@@ -46,7 +46,7 @@ impl Acting {
         let mut end_s = f64::INFINITY;
         for given in self.given.iter().rev() {
             let begins_s = given.at_s.max(from_s);
-            // A span of no length has what acts then.
+            // For a span of length 0, the push that acts at that time.
             let part = if span_s > 0.0 { (end_s.min(until_s) - begins_s).max(0.0) / span_s } else { 1.0 };
             let is_first = given.at_s <= from_s + SAME_S;
             if span_s > 0.0 || is_first {
@@ -62,7 +62,7 @@ impl Acting {
     }
 }
 
-/// Rounding of times that are the same, s.
+/// Times that differ by less are equal, s.
 const SAME_S: f64 = 1e-9;
 
 #[cfg(test)]

@@ -1,18 +1,18 @@
-//! The spring between the handle and the hold on a body: it makes bearable what is too stiff, and keeps the push within
-//! the device's limits without taking its potential from it.
+//! The virtual coupling between the handle and the hold on a body: a spring that softens bodies that are too stiff for the
+//! device, and that keeps the push within the device's limits so that it remains the gradient of a potential.
 //!
-//! In: the body's stiffness at the handle, the device's friction and limits. Out: the hold's place beside the handle, the
-//! push there, and the energy whose slope it is.
+//! In: the body's stiffness at the handle, the device's friction and limits. Out: the hold's offset from the handle, the
+//! push there, and the energy whose negative gradient it is.
 //!
 //! The hold is where U = V(hold) + ½ fᵀ Γ f + s is least, V the body's energy (R. J. Adams and B. Hannaford, IEEE Trans.
-//! Robotics and Automation 15, 1999, 465-474, for Γ). The last part is the limit: with y = (f/F, t/T), F and T what the
-//! device can, it is s |y| for a hold that has slipped by s (f/F², t/T²), and it slips only as far as keeps |y| ≤ 1. The
-//! least of a sum over the hold is a function of the handle's place alone, so that its slope does no work in a
-//! circle; a push that is cut to its limit does, where a body is stiffer in one direction than in another.
+//! Robotics and Automation 15, 1999, 465-474, for Γ). The last term is the limit: with y = (f/F, t/T), where F and T are
+//! the device's limits, it is s |y| for a hold that has slipped by s (f/F², t/T²), and it slips just so far that |y| ≤ 1.
+//! The minimum over the hold is a function of the handle's place alone, so its gradient does no work around a closed path.
+//! A push that were clipped to its limit would do work if a body is stiffer in one direction than in another.
 
 use nalgebra::{Isometry3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector6};
 
-/// How the handle's motion (v, ω), m and rad of the device, moves the twelve coefficients of the held element.
+/// The derivative of the held element's twelve coefficients by the handle's motion (v, ω), m and rad of the device.
 pub type Jacobian = SMatrix<f64, 12, 6>;
 
 /// The stiffness at the handle, 6 × 6 in N/m, N and N·m: Jᵀ S J of the held element's block of S.
@@ -20,7 +20,7 @@ pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, jacobian: &Jacobian) -> Ma
     jacobian.transpose() * block * jacobian
 }
 
-/// What a device can push with; 0 N·m: it has no torque.
+/// The device's limits; 0 N·m for one without torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// N.
@@ -29,39 +29,39 @@ pub struct Limits {
     pub torque: f64,
 }
 
-/// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ makes of every
-/// λ > k, what friction bears, k itself.
+/// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ reduces
+/// every λ greater than k, the stiffness that friction bears, to k.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling {
-    /// K, 6 × 6 in N/m, N and N·m; without torque the three translations alone.
+    /// K, 6 × 6 in N/m, N and N·m; without torque the translations only.
     stiffness: Matrix6<f64>,
     /// Γ, m/N and so on.
     pub compliance: Matrix6<f64>,
     /// Newton's step for f = push(hold moved by Γ f) from its residual: (1 + K Γ)⁻¹.
     pub step: Matrix6<f64>,
-    /// How many times stiffer the body is than the device bears, in its stiffest direction; up to 1 all is felt as it is.
+    /// The body's stiffness over what the device bears, in the stiffest direction; up to 1 nothing is softened.
     pub stiffer: f64,
     /// 1/F and 1/T; 0: no limit.
     per_limit: Vector6<f64>,
-    /// Directions and stiffnesses of what is felt, K (1 + Γ K)⁻¹, in units of the limits; made when they are needed first.
+    /// Principal directions and stiffnesses of K (1 + Γ K)⁻¹ in units of the limits; computed when first needed.
     saturated: Option<(Matrix6<f64>, Vector6<f64>)>,
 }
 
-/// Where the hold is beside the handle, and what it pushes with.
+/// The hold's offset from the handle, and its push.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CouplingState {
     /// Translation and rotation vector of the hold from the handle, m and rad.
     pub offset: Vector6<f64>,
     /// On the hand.
     pub push: Vector6<f64>,
-    /// U - V: of the springs, and of the hold's last way, J.
+    /// U - V: the energy of the springs, and of the hold's last step, J.
     pub energy: f64,
-    /// The hold's last way, and the longest that it goes at once, m; rotations times [`ARM_M`].
+    /// The hold's last step, and the longest step that it may take, m; rotations are multiplied by [`ARM_M`].
     moved: Vector6<f64>,
     radius: f64,
-    /// It went as far as it was let: the push is not yet that of its place.
+    /// The last step was limited: the hold has not arrived yet.
     pub is_on_the_way: bool,
-    /// The body pulls harder than the device can.
+    /// The body pulls harder than the device can push.
     pub is_limited: bool,
 }
 
@@ -90,15 +90,15 @@ impl CouplingState {
     }
 }
 
-/// Faster than any hand moves in a tick, slow enough for what a body far from rest is by its stiffness at the handle.
+/// The longest step: faster than any hand in a tick, and short enough for the stiffness at the handle to be valid.
 const RADIUS_M: f64 = 5e-3;
 const ARM_M: f64 = 0.1;
 
-/// A direction that is softer than this part of the stiffest one gives no more than that one would.
+/// Softer directions count with this fraction of the stiffest one's stiffness.
 const SOFTEST: f64 = 1e-6;
 
 impl Coupling {
-    /// `damping` is b and b_r; `bearable` the largest stiffness for a friction of 1, 1/s.
+    /// `damping` is b and b_r, `bearable` the largest stiffness per unit of friction, 1/s.
     pub fn new(
         stiffness: &Matrix6<f64>,
         damping: [f64; 2],
@@ -133,7 +133,7 @@ impl Coupling {
         }
     }
 
-    /// From the body's `push` with the hold where `last` has it: one step of Newton's, exact where the push is linear.
+    /// One Newton step from the body's `push` at the hold of `last`; exact if the push is linear.
     pub fn settle(&mut self, push: &Vector6<f64>, last: &CouplingState) -> CouplingState {
         let free = self.step * (push + self.stiffness * last.offset);
         let (push_now, slip) = self.limited(&free);
@@ -144,7 +144,7 @@ impl Coupling {
         let way = moved.component_mul(&arm).norm();
         let (mut radius, is_on_the_way) = (last.radius, way > last.radius);
         if is_on_the_way {
-            // To and fro: the body is not what its stiffness says.
+            // The steps alternate, so the stiffness does not describe the body well.
             let is_turning = moved.dot(&last.moved.component_mul(&arm).component_mul(&arm)) < 0.0;
             moved *= radius / way;
             radius = if is_turning { 0.5 * radius } else { (1.5 * radius).min(RADIUS_M) };
@@ -160,13 +160,14 @@ impl Coupling {
     fn limited(&mut self, free: &Vector6<f64>) -> (Vector6<f64>, f64) {
         let y = free.component_mul(&self.per_limit);
         let size = y.norm();
-        // Also where it is no number: that is found out later.
+        // NaN is passed on and found by the caller.
         if size.is_nan() || size <= 1.0 {
             return (*free, 0.0);
         }
         let (directions, stiffness) = *self.saturated.get_or_insert_with(|| {
-            let (per, felt) = (&self.per_limit, self.step * self.stiffness);
-            let scaled = Matrix6::from_fn(|i, j| 0.5 * (felt[(i, j)] + felt[(j, i)]) * per[i] * per[j]);
+            let (per, softened) = (&self.per_limit, self.step * self.stiffness);
+            let scaled =
+                Matrix6::from_fn(|i, j| 0.5 * (softened[(i, j)] + softened[(j, i)]) * per[i] * per[j]);
             let eigen = scaled.symmetric_eigen();
             let least = SOFTEST * eigen.eigenvalues.amax();
             (eigen.eigenvectors, eigen.eigenvalues.map(|w| w.max(least)))
@@ -185,14 +186,14 @@ impl Coupling {
             slip = (slip + (size - 1.0) * size * size / slope).max(0.0);
         }
         let now = directions * z.component_mul(&stiffness.map(|w| 1.0 / (1.0 + slip * w)));
-        // Where nothing gives way, or the iteration has not come to its end.
+        // If nothing yields, or the iteration has not converged.
         let now = now / now.norm().max(1.0);
         let limited = |k: usize, per: f64| if per > 0.0 { now[k] / per } else { free[k] };
         (Vector6::from_fn(|k, _| limited(k, self.per_limit[k])), slip)
     }
 }
 
-/// Rigid and without a limit.
+/// A rigid coupling without limits.
 impl Default for Coupling {
     fn default() -> Coupling {
         Coupling {
@@ -224,8 +225,8 @@ mod tests {
         let coupling = Coupling::new(&stiffness, damping, true, k, None);
         assert!((coupling.stiffer - all.max() / k).abs() < 1e-12);
         // Both springs in series: (K⁻¹ + Γ)⁻¹.
-        let felt = (stiffness.try_inverse().unwrap() + coupling.compliance).try_inverse().unwrap();
-        let (mut expected, mut found) = (all.map(|l| l.min(k)), ratios(&felt));
+        let softened = (stiffness.try_inverse().unwrap() + coupling.compliance).try_inverse().unwrap();
+        let (mut expected, mut found) = (all.map(|l| l.min(k)), ratios(&softened));
         expected.as_mut_slice().sort_by(f64::total_cmp);
         found.as_mut_slice().sort_by(f64::total_cmp);
         assert!((expected - found).norm() < 1e-9 * k, "{expected} {found}");

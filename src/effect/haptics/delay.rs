@@ -1,57 +1,57 @@
-//! How old the pose is behind the force that acts on the hand, at worst: the one place where it is reckoned.
+//! Measures how old a pose is, at worst, while the force that follows from it acts on the hand.
 //!
-//! A pose is measured at s_k, is seen by a tick at e_k, and the force that follows from it acts from then on, later by
-//! the messages' way, until the force from pose k + 1 does. Just before, pose k has the age A_k = e_{k+1} - s_k + t_m,
-//! with t_m for both ways of messages and the device's own turn. T is the mean time between two poses, as the device really
-//! reports; A the greatest A_k of late. A = T + τ then adds up the period, the age τ of a pose when its force begins to act,
-//! and all jitter.
+//! A pose is measured at s_k and used by a tick at e_k. After the travel time of the message its force acts until the force
+//! of pose k + 1 does. Just before that, pose k has the age A_k = e_{k+1} - s_k + t_m, where t_m is the travel time of
+//! messages both ways and the device's own cycle. T is the mean time between two poses as the device reports them, and A
+//! the greatest recent A_k. Then A = T + τ contains the period, the age τ of a pose when its force begins to act, and all
+//! jitter.
 //!
-//! In: what the device said, and when; t_m as the device's echo measures it; the stage's `latency`, of which the larger
-//! counts. Out: T and τ, for [`super::passivity`]. A rises at once and falls slowly ([`Peak`]).
+//! In: the device's readings and their times; t_m, the larger of the echo's measurement and the stage's `latency`. Out: T
+//! and τ, for [`super::passivity`]. A rises at once and falls slowly ([`Peak`]).
 
 use super::device::Reading;
 use crate::base::peak::Peak;
 
 /// Time constant of T, s.
 const PERIOD_S: f64 = 0.2;
-/// A longer silence is no age, but an absence: there is no force any more, s.
+/// After a longer silence the device counts as absent, s, and there is no force.
 const ABSENT_S: f64 = 0.04;
-/// Two clocks drift apart by no more, s/s: the most that a time service corrects by.
+/// The greatest drift between two clocks, s/s: the most by which a time service corrects.
 const DRIFT: f64 = 5e-4;
-/// A clock that leaps by more was set, s.
+/// A clock that jumps by more than this has been set, s.
 const SET_S: f64 = 1.0;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delay {
-    /// Poses per second: the mean of 1/T_i in which each counts by its length, so that it is that of the poses counted.
+    /// Poses per second: the mean of 1/T_i weighted by T_i, which equals the number of poses per time.
     rate_hz: f64,
     age: Peak,
     newest: Option<Pose>,
     clock: Clock,
 }
 
-/// When a pose arrived, and when it would have on the fastest way that was seen; seconds of this program's clock.
+/// When a pose arrived, and when it would have arrived with the shortest travel time so far; seconds of this program's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pose {
     arrived_s: f64,
     sampled_s: f64,
 }
 
-/// The device's own clock, as far as its stamps tell.
+/// What the stamps tell about the device's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Clock {
     Unheard,
-    /// The last stamp, and the least of arrival less stamp: what is more than that a message was late by.
+    /// The last stamp, and the least difference between arrival and stamp; a message with a greater difference was late.
     Runs {
         stamp_s: f64,
         least_s: f64,
     },
-    /// It stood still between two poses: too coarse to be of use.
+    /// Two poses had the same stamp: the clock is too coarse.
     Coarse,
 }
 
 impl Delay {
-    /// Steady and at once, so far.
+    /// Starts with a steady device without delay.
     pub fn new(period_s: f64) -> Delay {
         Delay { rate_hz: 1.0 / period_s, age: Peak::default(), newest: None, clock: Clock::Unheard }
     }
@@ -61,13 +61,13 @@ impl Delay {
         1.0 / self.rate_hz
     }
 
-    /// τ: how old a pose is when the force from it begins to act, with all jitter; `given_s` at least.
+    /// τ: the age of a pose when its force begins to act, with all jitter; at least `given_s`.
     pub fn age_s(&self, given_s: f64) -> f64 {
         (self.age.value - self.period_s()).max(given_s).max(0.0)
     }
 
-    /// A tick at `now_s` has this reading, of a device whose messages and turn take `echo_s`. Says when it was measured, on the
-    /// fastest way.
+    /// Takes the reading of the tick at `now_s`; the device's messages and cycle take `echo_s`. Returns when the pose was
+    /// measured, by the shortest travel time.
     pub fn heard(&mut self, reading: &Reading, now_s: f64, echo_s: f64) -> f64 {
         let last = self.newest;
         let arrived_s = reading.arrived_s;
@@ -88,7 +88,7 @@ impl Delay {
 }
 
 impl Clock {
-    /// When a pose that has just arrived was measured, on the fastest way; without a clock when it arrived.
+    /// When a pose that has just arrived was measured, by the shortest travel time; without a clock, when it arrived.
     fn sampled(&mut self, reading: &Reading) -> f64 {
         let (arrived_s, Some(measured_s)) = (reading.arrived_s, reading.measured_s) else {
             return reading.arrived_s;

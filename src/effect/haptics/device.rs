@@ -1,34 +1,34 @@
-//! A force-feedback device: where its handle is, in; the force and torque on it, out.
+//! Force-feedback devices: the handle's pose comes in, force and torque go out.
 
 use crate::track::Flow;
 use nalgebra::{Isometry3, Vector3, Vector6};
 
-/// What a device measured last, in its own frame.
+/// The newest measurement of a device, in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     pub device_from_handle: Isometry3<f64>,
-    /// The one that grabs, and the second.
+    /// The button that grabs, and the second button.
     pub buttons: [bool; 2],
     /// When it arrived, seconds of this program's clock.
     pub arrived_s: f64,
-    /// When the device says that it measured it, seconds of the device's clock.
+    /// When the device measured it, seconds of the device's clock.
     pub measured_s: Option<f64>,
-    /// False where the device says that it does not know where it is.
+    /// False if the device reports that it does not know its pose.
     pub tracked: bool,
     pub info: SampleInfo,
 }
 
-/// How many poses came so far, and how steadily; a device without a wire does not count them.
+/// Statistics of a device's samples; a simulated device does not keep them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleInfo {
     pub count: u64,
     pub flow: Flow,
-    /// The last tracked one before it, and when it arrived.
+    /// The last tracked pose before this one, and when it arrived.
     pub before: Option<(Isometry3<f64>, f64)>,
 }
 
 impl Reading {
-    /// Older by either clock.
+    /// Whether it is older than `other` by either clock.
     pub fn is_before(&self, other: &Reading) -> bool {
         let is_measured_before =
             self.measured_s.zip(other.measured_s).is_some_and(|(own, other)| own < other);
@@ -36,7 +36,7 @@ impl Reading {
     }
 }
 
-/// What the device pushes the hand with, about its handle's origin, in the device's frame.
+/// Force and torque of the device on the hand, about the handle's origin, in the device's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Push {
     /// N.
@@ -56,7 +56,7 @@ impl Push {
         Push { force: self.force * by, torque: self.torque * by }
     }
 
-    /// Force above torque.
+    /// The force above the torque in one vector.
     pub fn stacked(&self) -> Vector6<f64> {
         let (f, t) = (&self.force, &self.torque);
         Vector6::new(f.x, f.y, f.z, t.x, t.y, t.z)
@@ -71,29 +71,29 @@ impl Push {
     }
 }
 
-/// A device that the loop reads and drives once a tick. Neither call blocks or allocates: what travels over a network has
-/// a thread of its own.
+/// A device that the loop reads and drives once a tick. No call blocks or allocates: network devices have threads of their
+/// own.
 pub trait Device: Send {
     /// `haply ws://localhost:10001`, for messages.
     fn describe(&self) -> String;
 
-    /// The newest reading; `None` as long as there is no device.
+    /// The newest reading; `None` while there is no device.
     fn read(&mut self, now_s: f64) -> Option<Reading>;
 
-    /// The force from now until the next call.
+    /// Sets the force until the next call.
     fn push(&mut self, push: &Push, now_s: f64);
 
-    /// Seconds from a measurement to the loop and from the loop to the motors, beside the tick itself, at worst of late: as an
-    /// echo measures it, or what must be feared as long as none has come.
+    /// The greatest recent time from a measurement to the loop plus from the loop to the motors, without the tick itself, s: as
+    /// an echo measures it, or a cautious estimate until one has come.
     fn latency_s(&self) -> f64 {
         0.0
     }
 
-    /// Messages that could not be read so far.
+    /// The number of messages that could not be read.
     fn malformed(&mut self) -> u64 {
         0
     }
 
-    /// Where the user holds the handle, for a device that is simulated, in its own frame.
+    /// Tells a simulated device where the user's hand is, in the device's frame.
     fn hand(&mut self, _device_from_hand: &Isometry3<f64>) {}
 }

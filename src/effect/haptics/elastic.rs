@@ -1,10 +1,10 @@
-//! The elastic body as the hand feels it: poses of its control elements in, strain energy and its exact slope out.
+//! The elastic body in the haptic loop: poses of its control elements in, strain energy and its exact gradient out.
 //!
-//! The energy is V = ½ cᵀ S c with the coefficients c as the body's model takes them from the poses; what the hand
-//! feels is -∂V/∂(its pose). For `linear` the parts of the other elements are folded into a constant, and a tick
-//! is one product of 12 × 12. For `rotation` c stands in the frame of the mean rotation R̄, which moves with the hand
-//! in every tick: it is followed by Newton's iteration from its last value, and its share in the slope is not left
-//! out, or a hand could gain energy by going in a circle. f64; nothing is allocated after [`Elastic::new`].
+//! The energy is V = ½ cᵀ S c with the coefficients c that the body's model computes from the poses; the hand feels
+//! -∂V/∂(its pose). For `linear` the contributions of the other elements are combined into a constant, and a tick is one
+//! product of 12 × 12. For `rotation` c is relative to the mean rotation R̄, which moves with the hand in every tick. R̄ is
+//! followed by Newton's iteration from its last value, and its part in the gradient is included; otherwise a hand could
+//! gain energy on a closed path. f64; nothing is allocated after [`Elastic::new`].
 
 use crate::deform::{ControlPose, ControlRest, Wrench, is_mean_defined};
 use crate::green::FIELDS;
@@ -13,13 +13,13 @@ use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 /// Newton's iteration ends with a step smaller than this, rad; it converges quadratically.
 const STEP: f64 = 1e-9;
 
-/// A body whose control elements resist: S, and what the model needs to know of the elements.
+/// A body with its handle stiffness S, and the model's constants of the elements.
 #[derive(Clone, Debug)]
 pub struct Elastic {
-    /// Column by column.
+    /// S by columns.
     stiffness: Vec<f64>,
     origins: Vec<Vector3<f64>>,
-    /// Shares of the elements in the mean rotation, by their nodes; empty where the model is `linear`.
+    /// The elements' weights in the mean rotation, by their nodes; empty for the model `linear`.
     weights: Vec<f64>,
     /// C_e - C̄ of `rotation`, over ℓ².
     arms: Vec<Vector3<f64>>,
@@ -29,23 +29,23 @@ pub struct Elastic {
     /// Coefficients of all elements, and S c.
     c: Vec<f64>,
     g: Vec<f64>,
-    /// `linear`: S c of the held element's rows without its own part, and ½ cᵀ S c of the others.
+    /// For `linear`: the held element's rows of S c without its own contribution, and ½ cᵀ S c of the others.
     folded: [f64; FIELDS],
     others_energy: f64,
 }
 
-/// What one evaluation gives, in the body's frame.
+/// The result of one evaluation, in the body's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// V, J.
     pub energy: f64,
-    /// ∂V/∂T of the held element, N: what a hand must push it with.
+    /// ∂V/∂T of the held element, N: the force that a hand must apply.
     pub slope: Vector3<f64>,
     /// ∂V/∂M of the held element, N·m.
     pub slope_matrix: Matrix3<f64>,
-    /// As `greenstage deform` tells it: lever arms at rest, R̄ held fast.
+    /// The torque as `greenstage deform` reports it: with lever arms at rest and R̄ held fixed.
     pub wrench: Wrench,
-    /// R̄ could not be followed: the last one was kept.
+    /// R̄ could not be followed, and the last one was kept.
     pub rotation_undefined: bool,
 }
 
@@ -101,8 +101,8 @@ impl Elastic {
         self.mean
     }
 
-    /// Takes the poses of all elements at a frame; the one that is `held` will be given to [`Elastic::respond`].
-    /// Poses that are not finite are left out, and elements that the body does not have.
+    /// Takes the poses of all elements in a frame, of which `held` will be given to [`Elastic::respond`]. Poses that are not
+    /// finite and elements that the body does not have are ignored.
     pub fn set(&mut self, held: usize, poses: &[ControlPose]) {
         self.held = held.min(self.elements() - 1);
         for (own, new) in self.poses.iter_mut().zip(poses).filter(|(_, new)| new.is_finite()) {
@@ -113,7 +113,7 @@ impl Elastic {
         }
     }
 
-    /// Starts the following of the mean rotation at that of the frame.
+    /// Sets the mean rotation to that of the frame, from where it is followed.
     pub fn set_mean(&mut self, mean: Rotation3<f64>) {
         if mean.matrix().iter().all(|x| x.is_finite()) {
             self.mean = mean;
@@ -238,7 +238,7 @@ impl Elastic {
     }
 }
 
-/// Shares of the elements by their nodes, and (C_e - C̄)/ℓ² with ℓ² = Σ w_e |C_e - C̄|².
+/// Weights w_e of the elements by their nodes, and (C_e - C̄)/ℓ² with ℓ² = Σ w_e |C_e - C̄|².
 fn shares(controls: &[ControlRest]) -> (Vec<f64>, Vec<Vector3<f64>>) {
     let total = controls.iter().map(|control| control.nodes as f64).sum::<f64>().max(1.0);
     let weights: Vec<f64> = controls.iter().map(|control| control.nodes as f64 / total).collect();
@@ -252,7 +252,7 @@ fn shares(controls: &[ControlRest]) -> (Vec<f64>, Vec<Vector3<f64>>) {
     (weights, arms)
 }
 
-/// One step towards the rotation nearest to a matrix that is one but for rounding.
+/// One step towards the nearest rotation, for a matrix that is a rotation except for rounding.
 fn reorthogonal(rotation: Rotation3<f64>) -> Rotation3<f64> {
     let r = rotation.matrix();
     Rotation3::from_matrix_unchecked(r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5)

@@ -1,4 +1,4 @@
-//! What the frame tells the loop: which element is held and how, and where the others are.
+//! What a frame passes to the haptic loop: the held element, how it is held, and the poses of the others.
 
 use super::coupling::Jacobian;
 use super::device::Push;
@@ -10,64 +10,65 @@ use nalgebra::{
     Isometry3, Matrix3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3, Vector6,
 };
 
-/// The newest of these is handed to the loop in every frame.
+/// Written in every frame; the loop takes the newest.
 #[derive(Clone, Debug, Default)]
 pub struct Grasp {
-    /// `None`: nothing is held, or it does not go where the hand wants it.
+    /// `None` if nothing is held, or if the element does not follow the hand.
     pub held: Option<Held>,
     /// Poses of all control elements of the held body.
     pub poses: Vec<ControlPose>,
-    /// Where a simulated device's hand is, in the room.
+    /// The hand's pose in the room, for a simulated device.
     pub room_from_hand: Option<Isometry3<f64>>,
 }
 
 /// A handle's hold on one control element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
-    /// Number of the grab: another number is another hold.
+    /// The number of the grab; another number means another hold.
     pub grip: u64,
-    /// Of the loop's bodies.
+    /// Index into the loop's bodies.
     pub body: usize,
     pub element: usize,
     pub room_from_body: Similarity3<f64>,
     pub constraint: HoldConstraint,
-    /// Rotation of the whole body in the frame, where the loop starts to follow it.
+    /// The body's mean rotation in this frame, from which the loop follows it.
     pub mean: Rotation3<f64>,
 }
 
-/// How the element goes with the handle.
+/// How the held element's motion depends on the handle's.
 #[allow(clippy::large_enum_variant, reason = "both are copied through a triple buffer, without a heap")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldConstraint {
-    /// One hand, freely: handle(grab)⁻¹ · room_from_element(grab), and room_from_element = room_from_handle · this.
+    /// Held freely by one hand: handle(grab)⁻¹ · room_from_element(grab), so that room_from_element = room_from_handle ·
+    /// this.
     Rigid(Matrix4<f64>),
-    /// By a mode, with a second hand, or scaled: what the hold makes of the stylus' pose.
+    /// Held in a constraint mode, with a second hand, or scaled: a function of the stylus' pose.
     Carried { carrying: Carrying, handle_from_stylus: Isometry3<f64> },
 }
 
-/// Half the difference of the handle's pose, m and rad, over which a slope along [`HoldConstraint::Carried`] is taken: for hands 0.1 m
-/// apart it is off by less than a millionth.
+/// The step of the central differences along [`HoldConstraint::Carried`], m and rad: for hands 0.1 m apart the error is
+/// below a millionth.
 const STEP: f64 = 1e-4;
 
-/// A device's handle in the room: translations times `motion`.
+/// The handle's pose in the room, with translations multiplied by `motion`.
 pub fn room_from_handle(haptic: &Haptic, device_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
     let mut scaled = *device_from_handle;
     scaled.translation.vector *= haptic.motion;
     haptic.room_from_device * scaled
 }
 
-/// What the device tells of a handle in the room; the inverse of [`room_from_handle`].
+/// The inverse of [`room_from_handle`].
 pub fn device_from_handle(haptic: &Haptic, room_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
     let mut pose = haptic.room_from_device.inv_mul(room_from_handle);
     pose.translation.vector /= haptic.motion;
     pose
 }
 
-/// The held element with the handle at a place.
+/// The held element for a pose of the handle.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     pub room_from_handle: Isometry3<f64>,
-    /// From the body's frame: the element's origin at rest.
+    /// The element's origin at rest, in the body's frame.
     pub origin: Vector3<f64>,
     /// Its pose in the body.
     pub pose: ControlPose,
@@ -76,7 +77,7 @@ pub struct Reach {
 }
 
 impl HoldConstraint {
-    /// room_from_element with the handle at a place; `None` where the hold says nothing of it.
+    /// room_from_element for a pose of the handle; `None` if the hold does not define it.
     fn element(&self, room_from_handle: &Isometry3<f64>) -> Option<Matrix4<f64>> {
         match self {
             HoldConstraint::Rigid(handle_from_element) => {
@@ -96,7 +97,7 @@ impl HoldConstraint {
         }
     }
 
-    /// Slopes of the element's origin and of its linear part along direction `k` of (v, ω), in the room.
+    /// Derivatives of the element's origin and linear part along direction `k` of (v, ω), in the room.
     fn slope(&self, room_from_handle: &Isometry3<f64>, k: usize) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let moved = |by: f64| {
             let mut motion = Vector6::<f64>::zeros();
@@ -112,7 +113,7 @@ impl HoldConstraint {
 }
 
 impl Held {
-    /// Where the element is while the handle is at `room_from_handle`; `None` where nothing is known of it.
+    /// The element while the handle is at `room_from_handle`; `None` if the hold does not define it.
     pub fn reach(&self, room_from_handle: &Isometry3<f64>, origin: &Vector3<f64>) -> Option<Reach> {
         let element = self.constraint.element(room_from_handle)?;
         let (room_from_handle, origin) = (*room_from_handle, *origin);
@@ -129,8 +130,8 @@ impl Held {
         body.isometry.rotation.to_rotation_matrix().matrix().transpose() / body.scaling()
     }
 
-    /// What the body pushes the hand with, in the device's frame: minus the slope of its energy, by virtual work. A newton
-    /// of the body is `force` newtons in the hand; the torque is what belongs to that, so that no energy is made on the way.
+    /// The body's push on the hand, in the device's frame: minus the gradient of its energy, by virtual work. A newton of the
+    /// body becomes `force` newtons in the hand, and the torque is scaled to match, so that no energy is generated.
     pub fn push(&self, haptic: &Haptic, reach: &Reach, response: &Response) -> Option<Push> {
         let body = &self.room_from_body;
         let [force, torque] = match &self.constraint {
@@ -159,12 +160,12 @@ impl Held {
         })
     }
 
-    /// Joules in the hand for a joule of the body.
+    /// Joules in the hand per joule of the body.
     pub fn energy_scale(&self, haptic: &Haptic) -> f64 {
         haptic.force * self.room_from_body.scaling() / haptic.motion
     }
 
-    /// How the handle's motion moves the element's coefficients, in the frame of the body's mean rotation now.
+    /// The derivative of the element's coefficients by the handle's motion, in the frame of the body's current mean rotation.
     pub fn jacobian(&self, haptic: &Haptic, reach: &Reach, mean: &Rotation3<f64>) -> Option<Jacobian> {
         let surface_from_room = mean.matrix().transpose() * self.body_from_room();
         let room_from_device = haptic.room_from_device.rotation.to_rotation_matrix();

@@ -3,8 +3,8 @@
 //! In: `inverse3[0].state.cursor_position` in metres, and orientation and buttons of the first `wireless_verse_grip`,
 //! `verse_grip` or `custom_verse_grip`, if there is one. Out: `set_cursor_force` in newtons, under `vector`, or under
 //! `values` where the messages are those of a service before 3.5; the arm has no torque. The service answers every
-//! command with the next state and says nothing else after its greeting, so a thread of its own keeps the two in step at
-//! the service's own rate; the loop reads and writes triple buffers. Written from the service's public documentation
+//! command with the next state and says nothing else after its greeting, so a thread alternates between the two at the
+//! service's own rate; the loop reads and writes triple buffers. Written from the service's public documentation
 //! (docs.haply.co/inverseSDK, versions 3.5 and 3.1) and tried against a server of our own alone. What comes is bounded and
 //! strictly read; a service that vanishes is tried again.
 
@@ -25,25 +25,25 @@ use triple_buffer::{Input, Output, triple_buffer};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, WebSocket};
 
-/// Where the service listens unless told otherwise.
+/// The port of the service by default.
 pub const PORT: u16 = 10001;
 /// A longer message is refused, bytes.
 const LONGEST: usize = 64 << 10;
-/// A command of the loop that is older than this is not passed on, s: no force instead.
+/// A command of the loop that is older than this is replaced by no force, s.
 const COMMAND_S: f64 = 0.02;
-/// So much silence ends the connection, s.
+/// Silence for this long ends the connection, s.
 const SILENT_S: f64 = 1.0;
 /// Between two attempts to connect, s.
 const RETRY_S: f64 = 1.0;
-/// A service without an arm says nothing of itself: it is asked so often whether there is one, s.
+/// How often a service without an arm is asked whether there is one, s, since it sends nothing by itself.
 const ASK_S: f64 = 0.25;
 const ASK: &str = r#"{"session":{"force_render_full_state":{}}}"#;
 const NO_ARM: &str =
     "the service is up, but has no Inverse3 that says where it is; it is asked again until one is plugged in";
-/// More reasons than this are not told.
+/// The most different warnings per connection.
 const MOST_TOLD: usize = 16;
 const WAKE: Duration = Duration::from_millis(50);
-/// What an answer must be feared to take before the first has come, s.
+/// The assumed time until an answer before the first one has come, s.
 const UNHEARD_S: f64 = 2e-3;
 
 /// A service, connected or not.
@@ -59,12 +59,12 @@ pub struct Haply {
 struct Shared {
     stop: AtomicBool,
     malformed: AtomicU64,
-    /// From a tick's command to the state that answers it, the longest of late: bits of an f64, s; 0 before the first.
+    /// The longest recent time from a tick's command to the state that answers it: bits of an f64, s; 0 before the first.
     echo: AtomicU64,
 }
 
 impl Haply {
-    /// `host` or `host:port`, and the buttons that grab and do the second thing; connects in the background.
+    /// Connects in the background to `host` or `host:port`; `buttons` are the one that grabs and the second one.
     pub fn open(place: &str, buttons: [GripButton; 2]) -> std::io::Result<Haply> {
         let place = if place.contains(':') { place.to_owned() } else { format!("{place}:{PORT}") };
         let (reading, newest) = triple_buffer(&None);
@@ -95,7 +95,7 @@ impl Device for Haply {
         self.shared.malformed.load(Relaxed)
     }
 
-    /// A command waits for the state that it answers, goes its way, and is answered by the next state at the service's turn.
+    /// A command waits for the state that it follows, travels, and is answered by the next state in the service's cycle.
     fn latency_s(&self) -> f64 {
         match f64::from_bits(self.shared.echo.load(Relaxed)) {
             echo_s if echo_s > 0.0 => echo_s,
@@ -120,7 +120,7 @@ struct Link {
     reading: Input<Option<Reading>>,
     commands: Output<(Push, f64)>,
     shared: Arc<Shared>,
-    /// What was said of it since it last told where its arm is.
+    /// The warnings since the arm's position last came.
     told: BTreeSet<String>,
 }
 
@@ -139,7 +139,7 @@ impl Link {
         }
     }
 
-    /// Says once what will go on until somebody does something about it.
+    /// Warns once about a lasting condition.
     fn tell(&mut self, what: &str) {
         if self.told.len() < MOST_TOLD && self.told.insert(what.to_owned()) {
             tracing::warn!("haply ws://{}: {what}", self.place);
@@ -162,7 +162,7 @@ impl Link {
         Ok(socket)
     }
 
-    /// One command for each state, until the connection or this side ends; says why.
+    /// Sends one command for each state until the connection or this side ends; returns the reason.
     fn converse(&mut self, socket: &mut WebSocket<TcpStream>) -> String {
         let (mut heard_s, mut asked_s) = (now_s(), now_s());
         let mut arm: Option<Commanded> = None;
@@ -231,7 +231,7 @@ impl Link {
     }
 }
 
-/// The arm that is told how to push. However the program ends, it is told to push no more.
+/// The arm that is commanded. However the program ends, its force is taken back.
 struct Commanded {
     id: String,
     key: ForceKey,
@@ -239,7 +239,7 @@ struct Commanded {
 }
 
 impl Commanded {
-    /// The arm that a message names; the one before where it names none.
+    /// The arm that a message names, or the previous one if it names none.
     fn next(
         before: Option<Commanded>,
         id: Option<String>,
@@ -247,7 +247,7 @@ impl Commanded {
         socket: &mut WebSocket<TcpStream>,
     ) -> std::io::Result<Option<Commanded>> {
         let Some(id) = id else { return Ok(before) };
-        // What once was said as 3.5 says it stays 3.5: not every message needs to have all keys.
+        // A service that has once used 3.5's keys is 3.5, because not every message has all keys.
         let key =
             before.as_ref().filter(|before| before.key == ForceKey::Vector).map_or(key, |_| ForceKey::Vector);
         match before {
@@ -284,7 +284,7 @@ fn masked_text(text: &str) -> Vec<u8> {
     frame
 }
 
-/// A reading with what is known of those before it.
+/// The reading with the statistics of those before it.
 fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
     let stamp = Stamp { arrived_s: reading.arrived_s, measured_s: None };
     heard.take_pose_at(stamp, 0, reading.device_from_handle, 1.0);
@@ -296,7 +296,7 @@ fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
     Reading { info: info.unwrap_or_default(), ..reading }
 }
 
-/// What one message of the service says.
+/// The contents of one message of the service.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     /// Name of the first arm.
@@ -376,7 +376,7 @@ struct Xyzw {
     w: f64,
 }
 
-/// Reads a message of the service; keys that are not needed here are passed over, as it adds some with every version.
+/// Reads a message of the service. Other keys are ignored, because every version adds some.
 pub fn parse(text: &str, arrived_s: f64, buttons: [GripButton; 2]) -> Result<State, String> {
     let said: Said = serde_json::from_str(text).map_err(|error| error.to_string())?;
     let is_new = said.session_id.is_some()

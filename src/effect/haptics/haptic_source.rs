@@ -1,4 +1,4 @@
-//! A force-feedback device as a source of poses: what it measures goes the way of every tracker to its stylus.
+//! A force-feedback device as a source of poses: its measurements reach its stylus like those of any tracker.
 //!
 //! In: a device, or the loop that drives it. Out: a [`DeviceState`] with sensor 0 and the buttons 0 and 1.
 
@@ -6,7 +6,7 @@ use super::device::{Device, Reading, SampleInfo};
 use crate::track::device::{DeviceState, Link, Reading as Sample, Source, now_s};
 use triple_buffer::Output;
 
-/// Its thread is the device's or the loop's.
+/// Reads from the device itself, or from the loop that drives it.
 pub struct HapticSource {
     device: String,
     from: From,
@@ -19,7 +19,7 @@ enum From {
 }
 
 impl HapticSource {
-    /// Without forces: no loop runs.
+    /// A device without forces, for which no loop runs.
     pub fn alone(device: Box<dyn Device>) -> HapticSource {
         HapticSource { device: device.describe(), from: From::Device(device), state: DeviceState::default() }
     }

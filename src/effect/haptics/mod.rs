@@ -1,11 +1,11 @@
-//! The effect `haptics`: what a body resists with, in the hand that bends it, a thousand times a second or more.
+//! The effect `haptics`: the force with which a body resists, rendered to the hand a thousand times a second or more.
 //!
-//! In: the device's newest pose in every tick, and from the frame which element is held and where the others are. Out:
-//! force and torque on the hand. From the paper, "f_b = Bᵀu + Cb", which for control elements is S = Φᵀ(C - BᵀA⁻¹B)Φ of
-//! 12E × 12E: small enough for a thread that knows nothing of surfaces or frames.
+//! In: the device's newest pose in every tick, and from each frame the held element and the poses of the others. Out: force
+//! and torque on the hand. From the paper, "f_b = Bᵀu + Cb", which for control elements is S = Φᵀ(C - BᵀA⁻¹B)Φ of
+//! 12E × 12E: small enough for a thread of its own that knows no surface.
 //!
-//! [`Elastic`] is the body, [`Held`] the hold on it, [`Control`] a tick with all that keeps it safe, [`Loop`] the thread,
-//! [`Device`] what is held.
+//! [`Elastic`] is the body, [`Held`] the hold on it, [`Control`] one tick with all safety measures, [`Loop`] the thread, and
+//! [`Device`] the force-feedback device.
 
 pub mod acting;
 pub mod coupling;

@@ -1,8 +1,8 @@
-//! What keeps a sampled force from feeding the hand with energy: the largest stiffness that the device's own friction
-//! can bear, and an observer that counts the energy and brakes.
+//! Keeps a sampled force from feeding energy to the hand: the largest stiffness that the device's own friction can bear, and
+//! an observer that measures generated energy and brakes.
 //!
-//! A force that is held for a tick T while the hand moves by Δx is late by T/2 on the mean: a spring K gives back
-//! ½ K Δx² a tick more than it took. The device's friction b eats b Δx²/T. Hence b > K T/2 + |B| with a virtual damper B
+//! A force that is held for a tick T while the hand moves by Δx is late by T/2 on average: a spring K returns ½ K Δx² per
+//! tick more than it took. The device's friction b dissipates b Δx²/T. Hence b > K T/2 + |B| with a virtual damper B
 //! (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14, 1997, 37-47). Their
 //! condition is b > T/2 · Re{(1 - e^{-jωT}) H}/(1 - cos ωT) at all ω. With H = K e^{-jωnT}, a delay of n ticks, the right side is
 //! K T/2 · sin((n + ½) ωT)/sin(½ ωT), at most K (T/2 + nT). A delay τ counts in full (so too in the stability of J. J. Gil,
@@ -13,18 +13,19 @@
 //! b > K (T/2 + τ) + |B|
 //! ```
 //!
-//! A delay that changes: at t the force is that of a place that is a(t) old, and is wrong by at most K ∫ |v| over that time, so that
+//! For a changing delay: at t the force is that of a pose of age a(t), and is wrong by at most K ∫ |v| over that time, so that
 //! it generates at most K ∫∫ |v(t)| |v(s)| ds dt over t - a(t) < s < t. With |v(t)| |v(s)| ≤ ½ v(t)² + ½ v(s)² that is at most
 //! K ∫ ½ (a(t) + a'(t)) v² dt, where a'(s) is how long after s the force still follows from a pose before s. Where poses come
 //! every T, and their forces begin to act up to τ later, for any τ of whole T, that is at most T + 2 τ: the same bound, with the
-//! greatest τ there was. It asks no more of the force than a slope K, and so holds for the coupling to any body. T and τ are those of
-//! [`super::delay`]. A body that is stiffer is felt through a virtual coupling ([`super::coupling`]).
+//! greatest τ. It requires only that the force's slope is at most K, and so holds for the coupling to any body. T and τ are
+//! those of [`super::delay`]. A stiffer body is felt through a virtual coupling ([`super::coupling`]).
 
 use super::device::Push;
 use nalgebra::Vector3;
 
-/// Of the stiffness that is passive in theory so much is used: the coupling is made anew only where the lag has changed by 1 %, a
-/// delay between whole periods is worse than the bound by a little, and the body's stiffness is that at the handle.
+/// The fraction of the theoretically passive stiffness that is used: the coupling is updated only when the lag has changed by
+/// 1 %, a delay that is no multiple of the period is slightly worse than the bound, and the body's stiffness is that at the
+/// handle.
 pub const MARGIN: f64 = 0.8;
 
 /// Largest stiffness, N/m, that a device of friction `damping` b N·s/m bears: (b - |B|)/(T/2 + τ), never below 0.
@@ -42,30 +43,32 @@ pub struct Motion {
     pub time_s: f64,
 }
 
-/// Counts what sampling generates, and brakes until it is taken back (B. Hannaford and J.-H. Ryu, "Time-domain passivity
+/// Measures the energy that sampling generates, and brakes until it is taken back (B. Hannaford and J.-H. Ryu, "Time-domain passivity
 /// control of haptic interfaces", IEEE Trans. Robotics and Automation 18, 2002, 1-10).
 ///
-/// A force that is the slope of a potential gives back what the potential loses. The work is that of the force that acted between
-/// two poses, an older one where messages need time ([`super::acting`]). What it is more than that loss was generated. A ramp of the force, or another
-/// hand on the body, changes the potential without a motion of this handle, and is not counted. What friction eats offsets
-/// what is generated at the same time, and is forgotten within [`RESERVE_S`]: a calm second does not pay for a later cycle.
+/// A force that is the gradient of a potential returns what the potential loses. The work is that of the force that acted
+/// between two poses, which is an older one if messages take time ([`super::acting`]); whatever exceeds the loss was
+/// generated. A ramp of the force, or another hand on the body, changes the potential without a motion of this handle and is
+/// not counted. Energy dissipated by friction offsets energy generated at the same time, and is forgotten within
+/// [`RESERVE_S`], so that a calm second does not pay for a later limit cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Observer {
-    /// What friction and brake took of late less what was generated, J. Negative: so much must be taken back.
+    /// Recently dissipated less generated energy, J; if negative, this much must be taken back.
     pub energy: f64,
-    /// Most that was missing at once, J.
+    /// The largest deficit so far, J.
     pub deepest: f64,
-    /// What the brake took in all, J.
+    /// The total energy that the brake has taken, J.
     pub braked: f64,
 }
 
-/// Time constant in which an excess is forgotten, s.
+/// The time constant with which a surplus is forgotten, s.
 pub const RESERVE_S: f64 = 0.01;
-/// A brake beyond this part of the device's mass a tick would itself be unstable.
+/// A brake of more than this fraction of the device's mass per tick would itself be unstable.
 const BRAKE: f64 = 0.5;
 
 impl Observer {
-    /// The handle moved under the force `held`, whose potential rose by `stored` J; friction, b and b_r, ate b Δx²/Δt at least.
+    /// Takes a motion of the handle under the force `held`, during which the potential rose by `stored` J and friction, b and
+    /// b_r, dissipated at least b Δx²/Δt.
     pub fn moved(&mut self, held: &Push, stored: f64, motion: &Motion, damping: [f64; 2]) {
         let Motion { dx, turn, time_s } = motion;
         let eaten = (damping[0] * dx.norm_squared() + damping[1] * turn.norm_squared()) / time_s;
@@ -76,8 +79,7 @@ impl Observer {
         self.deepest = self.deepest.max(-self.energy);
     }
 
-    /// The force with which to brake a handle of the given mass and inertia, moving by (v, ω), so that a tick takes what
-    /// is missing.
+    /// The force that brakes a handle of this mass and inertia, moving by (v, ω), so that one tick takes the deficit.
     pub fn brake(
         &mut self,
         v: &Vector3<f64>,

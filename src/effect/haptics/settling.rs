@@ -1,10 +1,9 @@
-//! The closed loop of a simulated device whose poses are old when their forces act: does the handle come to rest, and was
-//! energy made?
+//! The closed loop of a simulated device with delay: does the handle come to rest, and was energy generated?
 //!
 //! The body is a block of [`BLOCK_M`] between the hand and the ground: Young's modulus E is a spring of E · [`BLOCK_M`]. The
-//! handle is held [`START_M`] aside until the loop knows the device and has its whole force; then it is let go. In: how the
-//! device reports, E, the hand, the measures. Out: how far it still moves at the end, and what the handle gave the hand beyond what
-//! the body held when it was let go. Time is virtual: the same on every machine.
+//! handle is held [`START_M`] aside until the loop has measured the device and reached its full force; then it is released. In:
+//! how the device reports, E, the hand, the measures. Out: how far the handle still moves at the end, and the energy that it
+//! gave the hand beyond what the body held at the release. Time is virtual, and so the same on every machine.
 
 use super::device::Device;
 use super::simulated::{Hand, Reports, Simulated};
@@ -15,16 +14,16 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 
 /// Sides of the body, m.
 pub const BLOCK_M: f64 = 0.1;
-/// Held, and let go, for so long, s.
+/// How long the handle is held, and observed after the release, s.
 const HELD_S: f64 = 1.0;
 const FREE_S: f64 = 10.0;
-/// How often the loop hears of a frame, s.
+/// The time between two frames, s.
 const FRAME_S: f64 = 1.0 / 60.0;
 
 /// Young's moduli, Pa.
 pub const MODULI: [f64; 6] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
 
-/// Devices that report a thousand times a second, later and later, and two hundred times with jitter.
+/// Devices that report a thousand times a second with growing delay, and one that reports two hundred times with jitter.
 pub const REPORTS: [Reports; 5] = [
     Reports { every_s: 1e-3, delay_s: 0.0, jitter_s: 0.0 },
     Reports { every_s: 1e-3, delay_s: 1e-3, jitter_s: 0.0 },
@@ -38,15 +37,16 @@ pub const REPORTS: [Reports; 5] = [
 pub struct Settled {
     /// Largest distance from rest in the last second, m.
     pub swing_m: f64,
-    /// Fastest in the last second, m/s.
+    /// Greatest speed in the last second, m/s.
     pub speed: f64,
-    /// Work of the push, less what the device's friction ate and what the body held at the start: the most there was at a time, J.
+    /// The maximum over time of the push's work, less the dissipation by the device's friction and the body's initial energy,
+    /// J.
     pub made_j: f64,
-    /// What the loop knew at the end.
+    /// The loop's state at the end.
     pub state: LoopState,
 }
 
-/// What a hand does that holds the handle.
+/// The motion of the hand that holds the handle.
 pub type Gesture = fn(f64) -> Vector3<f64>;
 
 /// At rest in the middle.
@@ -60,7 +60,7 @@ pub fn shaking(time_s: f64) -> Vector3<f64> {
     Vector3::new((3.0 * phase).sin(), (2.0 * phase).sin(), 0.0) * 5e-3
 }
 
-/// Lets the handle of `haptic` go on a body of the Young's modulus `young`, Pa.
+/// Releases the handle of `haptic` on a body of Young's modulus `young`, Pa.
 pub fn settle(
     haptic: &Haptic,
     reports: Reports,

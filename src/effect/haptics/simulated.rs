@@ -1,8 +1,8 @@
-//! A device that is not there: a mass with friction on the spring of a hand, for tests and for a desk without one.
+//! A simulated device: a mass with friction on the spring of a hand, for tests and for desks without a device.
 //!
 //! m x'' = f - b x' - k_h (x - x_h) - b_h x' and the same for the rotation, between two ticks in steps of
 //! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass. Its [`Reports`] may
-//! be seldom, late and unsteady, as those of a device behind a network.
+//! be rare, late and irregular, like those of a device on a network.
 
 use super::device::{Device, Push, Reading, SampleInfo};
 use crate::stage::Haptic;
@@ -12,13 +12,13 @@ use std::collections::VecDeque;
 /// Longest step of the integration (Runge-Kutta of order 4 for the place, symplectic Euler for the rotation), s.
 const STEP_S: f64 = 5e-5;
 
-/// Rounding of times that are the same, s.
+/// Times that differ by less are equal, s.
 const SAME_S: f64 = 1e-9;
 
-/// A hand that holds the handle: mass, spring and damper to where it wants to be.
+/// A hand that holds the handle: a mass, and a spring and damper to its target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hand {
-    /// kg, moves with the handle.
+    /// Mass that moves with the handle, kg.
     pub mass: f64,
     /// N/m and N·s/m.
     pub stiffness: f64,
@@ -61,18 +61,18 @@ impl Hand {
     };
 }
 
-/// How the device tells its poses. Without anything it tells the one of the moment whenever it is asked.
+/// How the device reports its poses. By default it reports the current one whenever it is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reports {
-    /// Between two poses, s; 0: the moment's.
+    /// Time between two poses, s; 0: the current one.
     pub every_s: f64,
-    /// From a pose's measurement to its arrival, and in it the force's way to the motors, s.
+    /// From a pose's measurement to its arrival, including the force's way to the motors, s.
     pub delay_s: f64,
-    /// Each is later by 0 to this, by chance, but does not overtake, s. No stamp tells of it.
+    /// Each pose is later by a random time of up to this, s, but none overtakes another. The poses have no stamps.
     pub jitter_s: f64,
 }
 
-/// Where a scripted hand wants to be at a time.
+/// The target of a scripted hand at a time.
 pub type Script = Box<dyn Fn(f64) -> Isometry3<f64> + Send>;
 
 pub struct Simulated {
@@ -81,17 +81,17 @@ pub struct Simulated {
     pub velocity: [Vector3<f64>; 2],
     pub hand: Hand,
     pub buttons: [bool; 2],
-    /// False: it answers, but does not know where it is.
+    /// False: it reports, but does not know its pose.
     pub tracked: bool,
-    /// False: it does not answer.
+    /// False: it does not report.
     pub present: bool,
     /// Work of the hand's spring and damper on the handle since the start, J.
     pub hand_work: f64,
-    /// Work of the loop's push on the handle, and what the device's own friction ate, since the start, J.
+    /// Work of the loop's push on the handle, and dissipation by the device's own friction, since the start, J.
     pub push_work: f64,
     pub eaten: f64,
     pub reports: Reports,
-    /// On their way, the eldest first, and the newest that has arrived.
+    /// The poses under way, the oldest first, and the newest that has arrived.
     under_way: VecDeque<Reading>,
     arrived: Option<Reading>,
     reported: u64,
@@ -145,7 +145,7 @@ impl Simulated {
         }
     }
 
-    /// Kinetic energy of handle and hand, and what is in the hand's spring, J.
+    /// Kinetic energy of handle and hand, and the energy in the hand's spring, J.
     pub fn energy(&self) -> f64 {
         let [v, w] = &self.velocity;
         let off = self.device_from_handle.translation.vector - self.target.translation.vector;
@@ -154,7 +154,7 @@ impl Simulated {
             + self.hand.stiffness * off.norm_squared())
     }
 
-    /// Moves on to `now_s` under the last push.
+    /// Simulates up to `now_s` under the last push.
     pub fn advance(&mut self, now_s: f64) {
         let Some(before) = self.time_s.replace(now_s) else { return };
         let span = (now_s - before).clamp(0.0, 0.1);
@@ -168,7 +168,7 @@ impl Simulated {
         }
     }
 
-    /// The pose of the moment, as it arrives then.
+    /// The current pose, arriving now.
     fn now(&self, arrived_s: f64) -> Reading {
         let Simulated { device_from_handle, buttons, tracked, .. } = *self;
         Reading {
@@ -181,10 +181,10 @@ impl Simulated {
         }
     }
 
-    /// Moves on to `now_s`, sending poses on their way meanwhile; the newest that has arrived.
+    /// Simulates up to `now_s` and sends poses meanwhile; returns the newest that has arrived.
     fn hear(&mut self, now_s: f64) -> Option<Reading> {
         let Reports { every_s, delay_s, jitter_s } = self.reports;
-        // What it did during a longer pause nobody asks for any more.
+        // After a long pause, the time before is skipped.
         let mut next_s = self.next_s.unwrap_or(now_s).max(now_s - 0.1);
         while next_s <= now_s + SAME_S {
             self.advance(next_s);
@@ -256,13 +256,13 @@ impl Device for Simulated {
         self.push = *push;
     }
 
-    /// As an echo would tell it, which knows nothing of chance.
+    /// What an echo would measure, which does not contain the random part.
     fn latency_s(&self) -> f64 {
         self.reports.delay_s
     }
 
     fn hand(&mut self, device_from_hand: &Isometry3<f64>) {
-        // A hand that takes the handle for the first time finds it where it is.
+        // A hand that takes the handle for the first time starts where it is.
         if !std::mem::replace(&mut self.has_hand, true) && self.script.is_none() {
             self.device_from_handle = *device_from_hand;
             self.velocity = [Vector3::zeros(); 2];
@@ -272,7 +272,7 @@ impl Device for Simulated {
     }
 }
 
-/// From 0 to 1, the same for a number on every machine (S. Vigna's splitmix64).
+/// A pseudo-random number from 0 to 1, the same on every machine (S. Vigna's splitmix64).
 fn chance(number: u64) -> f64 {
     let mut z = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

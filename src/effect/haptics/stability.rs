@@ -1,8 +1,8 @@
-//! The closed loop of a simulated device, a hand and a stiff body, by stiffness and rate: stable, a limit cycle, or worse.
+//! The closed loop of a simulated device, a hand and a stiff body, by stiffness and rate: stable, a limit cycle, or diverging.
 //!
 //! The body is one control element on a spring of K N/m in every direction; the handle starts [`START_M`] aside at rest.
-//! In: rates, stiffnesses, which hand, which measures. Out: rows for a table, and the least stiffness that is not stable
-//! beside the theory's K = 2b/T. Time is virtual: the same on every machine.
+//! In: rates, stiffnesses, the hand, the measures. Out: rows for a table, and the least stiffness that is not stable, to be
+//! compared with K = 2b/T in theory. Time is virtual, and so the same on every machine.
 
 use super::device::Device;
 use super::elastic::Elastic;
@@ -14,15 +14,15 @@ use crate::green::FIELDS;
 use crate::stage::Haptic;
 use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Vector3};
 
-/// Where the handle is let go, m.
+/// Where the handle is released, m.
 pub const START_M: f64 = 5e-3;
 /// How long each run lasts, s.
 const SPAN_S: f64 = 4.0;
-/// How often the loop hears of a frame, s.
+/// The time between two frames, s.
 const FRAME_S: f64 = 1.0 / 60.0;
-/// Between two stiffnesses that the boundary is looked for at.
+/// The ratio of two consecutive stiffnesses in the search for the boundary.
 const STEP: f64 = 1.05;
-/// Where it is looked for, N/m.
+/// The range of that search, N/m.
 const SCAN: [f64; 2] = [50.0, 1e6];
 
 pub const RATES_HZ: [f64; 5] = [250.0, 500.0, 1000.0, 2000.0, 4000.0];
@@ -36,7 +36,7 @@ pub enum Verdict {
     Stable,
     /// It goes on moving, no further than twice the start.
     Cycle,
-    /// It left.
+    /// The handle leaves the neighbourhood.
     Diverges,
 }
 
@@ -58,9 +58,9 @@ pub struct Run {
     pub verdict: Verdict,
     /// Largest distance from rest in the last second, m.
     pub swing_m: f64,
-    /// Most energy that the loop had given beyond what it got, J.
+    /// The most energy that the loop had generated at any time, J.
     pub generated_j: f64,
-    /// How many times stiffer the body is than the device bears.
+    /// The body's stiffness over what the device bears.
     pub stiffer: f64,
 }
 
@@ -113,13 +113,13 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
         swing if swing <= 2.0 * START_M => Verdict::Cycle,
         _ => Verdict::Diverges,
     };
-    let felt = control.state;
-    let generated_j = felt.observer.deepest;
-    Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: felt.stiffer }
+    let state = control.state;
+    let generated_j = state.observer.deepest;
+    Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: state.stiffer }
 }
 
-/// The least stiffness that is not stable, N/m, to 1 %: sought upwards from 50 N/m in steps of 5 %, for above it some may be
-/// stable again. `None` where all are up to 1 MN/m.
+/// The least stiffness that is not stable, N/m, to 1 %. The search goes upwards from 50 N/m in steps of 5 %, because some
+/// greater stiffnesses may be stable again. `None` if all are stable up to 1 MN/m.
 pub fn boundary(haptic: &Haptic, hand: Hand, measures: Measures) -> Option<f64> {
     let is_stable = |stiffness| run(haptic, hand, stiffness, measures).verdict == Verdict::Stable;
     let [mut low, most] = SCAN;
@@ -137,7 +137,7 @@ pub fn boundary(haptic: &Haptic, hand: Hand, measures: Measures) -> Option<f64> 
     Some(high)
 }
 
-/// One control element on a spring in every direction, held at rest by a stylus in the origin.
+/// One control element on springs in all directions, held at rest by a stylus at the origin.
 pub(super) fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)> {
     let matrix = DMatrix::from_fn(FIELDS, FIELDS, |i, j| if i == j && i < 3 { stiffness } else { 0.0 });
     let rest = ControlRest { name: "spring".into(), origin: Vector3::zeros(), nodes: 1 };

@@ -1,7 +1,7 @@
-//! The loop's thread: device, tick and clock, at a kilohertz or faster whatever the frame rate.
+//! The thread of the haptic loop: reads the device, runs a tick and pushes, at 1 kHz or more whatever the frame rate.
 //!
-//! In: the frame's [`Grasp`], of which the newest is taken. Out: [`Report`], of which the frame reads the newest. Both go
-//! through triple buffers; a tick waits for nobody.
+//! In: the newest [`Grasp`] of the frame. Out: the newest [`Report`] for the frame. Both go through triple buffers; a tick
+//! never waits.
 
 use super::device::{Device, Push, Reading};
 use super::grasp::{Grasp, device_from_handle};
@@ -15,14 +15,14 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use triple_buffer::{Input, Output, triple_buffer};
 
-/// Loops that run in this process now: none where nothing asks for one.
+/// The number of loops that run in this process.
 pub fn running() -> usize {
     RUNNING.load(Ordering::SeqCst)
 }
 
 static RUNNING: AtomicUsize = AtomicUsize::new(0);
 
-/// A loop that runs, until it ends or panics.
+/// Counts a running loop until it ends or panics.
 struct Counted;
 
 impl Counted {
@@ -38,7 +38,7 @@ impl Drop for Counted {
     }
 }
 
-/// Ends all loops of the process with no force left, before it ends itself; waits `patience` for them. False: not all ended.
+/// Ends all loops of the process, each with a last push of no force; waits `patience` for them. False if some have not ended.
 pub fn stop_all(patience: Duration) -> bool {
     STOPPED.store(true, Ordering::SeqCst);
     let started = Instant::now();
@@ -50,7 +50,8 @@ pub fn stop_all(patience: Duration) -> bool {
 
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
-/// How a loop did since its start; how punctually while something was held, for otherwise it sleeps more deeply.
+/// A loop's timing since its start. Lateness is measured only while something is held, because otherwise the loop sleeps
+/// less precisely.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoopTiming {
     pub ticks: u64,
@@ -58,13 +59,13 @@ pub struct LoopTiming {
     pub rate_hz: f64,
     /// Ticks that began more than half a period after they were due.
     pub late: u64,
-    /// Ticks that were left out, for the next was due already.
+    /// Ticks that were skipped because the next one was already due.
     pub missed: u64,
-    /// Work of a tick between its reading of the device and its push, both not counted, s.
+    /// Computing time of a tick, without reading the device and pushing, s.
     pub work_p50_s: f64,
     pub work_p99_s: f64,
     pub work_most_s: f64,
-    /// How much after its time a tick began, s.
+    /// How late a tick began, s.
     pub late_p50_s: f64,
     pub late_p99_s: f64,
 }
@@ -78,7 +79,7 @@ pub struct Report {
     pub malformed: u64,
 }
 
-/// A running loop; it ends, with no force left, when this is dropped.
+/// A running loop. When it is dropped, the loop ends with a last push of no force.
 pub struct Loop {
     pub device: String,
     grasp: Input<Grasp>,
@@ -105,13 +106,13 @@ impl Loop {
         Ok(Loop { device: described, grasp, report, readings: Some(readings), stop, thread: Some(thread) })
     }
 
-    /// Hands a frame's news over. `write` gets one of three buffers with what it held before: write all of it.
+    /// Passes a frame's data to the loop. `write` gets one of three buffers with old contents and must write all of it.
     pub fn tell(&mut self, write: impl FnOnce(&mut Grasp)) {
         write(self.grasp.input_buffer_mut());
         self.grasp.publish();
     }
 
-    /// What the device measures, as a source of poses; there is one.
+    /// The device's measurements as a source of poses; `None` after the first call.
     pub fn source(&mut self) -> Option<HapticSource> {
         Some(HapticSource::of_loop(self.device.clone(), self.readings.take()?))
     }
@@ -126,7 +127,7 @@ impl Drop for Loop {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::SeqCst);
         if let Some(thread) = self.thread.take() {
-            // A panic in it was told by it.
+            // A thread that panicked has reported that itself.
             let _ = thread.join();
         }
     }
@@ -141,14 +142,14 @@ fn run(
     stop: &AtomicBool,
 ) {
     let period = Duration::from_secs_f64(control.haptic.period_s());
-    // What a plain sleep is late by is waited for awake: no longer than a quarter of the time.
+    // Spin for the last part of a period, because a plain sleep wakes late; at most a quarter of the time.
     let awake = (period / 4).min(Duration::from_micros(125));
     let sleeper = SpinSleeper::new(awake.as_nanos() as u32);
     let (mut work, mut late) = (Histogram::new(), Histogram::new());
     let mut timing = LoopTiming::default();
     let mut second = (Instant::now(), 0);
     let mut due = Instant::now();
-    // Percentiles some thirty times a second.
+    // Percentiles are computed about thirty times a second.
     let summary = (control.haptic.rate_hz / 30.0).max(1.0) as u64;
     let mut is_felt = false;
     while !stop.load(Ordering::Relaxed) && !STOPPED.load(Ordering::Relaxed) {
@@ -205,7 +206,7 @@ fn run(
     device.push(&Push::NONE, now_s());
 }
 
-/// Durations in classes of 1/8 octave: quantiles to 9 %, without memory of its own for each.
+/// Durations in classes of 1/8 octave, which gives quantiles to 9 % in constant memory.
 struct Histogram {
     counts: [u64; 8 * 34],
     total: u64,

@@ -1,7 +1,7 @@
 //! One tick of the force loop: the device's newest pose in, the push on the hand out.
 //!
-//! Pose → held element, moved by the coupling → energy and slope → push within the limits, times a gain that ramps; a brake
-//! where energy was generated. Whatever is wrong with the pose, or if the frame says nothing more, the force goes to
+//! Pose → held element, moved by the coupling → energy and gradient → push within the limits, times a gain that ramps up;
+//! plus a brake if energy was generated. If anything is wrong with the pose, or if frames stop coming, the force goes to
 //! zero within [`FADE_S`]. A tick takes no lock and allocates nothing.
 
 use super::acting::{Acting, Given};
@@ -14,40 +14,40 @@ use super::passivity::{MARGIN, Motion, Observer, largest_stiffness};
 use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-/// A new hold reaches its whole force in this time, s.
+/// A new hold reaches its full force within this time, s.
 pub const RAMP_S: f64 = 0.25;
-/// A force that ends is gone after this time, s.
+/// A force that ends fades out within this time, s.
 pub const FADE_S: f64 = 0.05;
-/// A device that says nothing for so long is lost, s.
+/// A device that reports nothing for this long is lost, s.
 pub const STALE_S: f64 = 0.02;
-/// A frame that says nothing for so long has lost its hold, s.
+/// The hold ends if no frame comes for this long, s.
 pub const UNATTENDED_S: f64 = 0.2;
-/// The force changes by the device's whole limit in no less than this time, s. It catches what no hand does: at 5 ms it
-/// held a stiff body's force back, and from 2 kHz on the loop diverged.
+/// The shortest time in which the force may change by the device's whole limit, s. It stops only changes that no hand
+/// causes: at 5 ms it delayed a stiff body's force, and from 2 kHz on the loop diverged.
 pub const SLEW_S: f64 = 0.001;
 /// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
-/// The coupling is made anew after a turn of the handle or the body by so much, rad.
+/// The coupling is updated after the handle or the body has turned by this angle, rad,
 pub const TURNED: f64 = 0.1;
-/// And when the lag of the force has grown or shrunk by this factor.
+/// or when the lag of the force has changed by this factor.
 const SLOWER: f64 = 1.01;
-/// By more than this it is another spring, and what it pushed with before is not that one's.
+/// Beyond this factor the earlier pushes belong to another potential and are forgotten.
 const OTHER: f64 = 1.05;
-/// Steps towards the hold's place in one tick.
+/// The most steps of the hold in one tick.
 const MOST_STEPS: usize = 4;
 /// Time constant of the velocity for the virtual damper, s.
 const VELOCITY_S: f64 = 0.005;
 
-/// Which measures are taken; a stage takes all, the table of stability leaves some out.
+/// Which safety measures are active. Stages use all; the tables of stability leave some out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measures {
     /// Force and slew limits.
     pub limits: bool,
-    /// The coupling to bodies that are too stiff.
+    /// The coupling that softens bodies that are too stiff.
     pub coupling: bool,
     /// The observer's brake.
     pub brake: bool,
-    /// The age of a pose when its force acts, beside the time between two poses.
+    /// The age of a pose when its force acts, in addition to the time between two poses.
     pub age: bool,
 }
 
@@ -56,24 +56,24 @@ impl Measures {
     pub const NONE: Measures = Measures { limits: false, coupling: false, brake: false, age: false };
 }
 
-/// Why there was no force at a tick, counted in ticks.
+/// Numbers of ticks without force, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LoopFaults {
-    /// No device, no news for [`STALE_S`], or it says that it is not tracked.
+    /// No device, no report for [`STALE_S`], or a device that reports no tracked pose.
     pub lost: u64,
     /// Not a number, outside the room, or no rotation.
     pub absurd: u64,
     /// Faster than [`MOST_SPEED`].
     pub jumps: u64,
-    /// A reading older than the last: not taken.
+    /// A reading older than the last one, which is ignored.
     pub backward: u64,
-    /// Something is held, but the frame has said nothing for [`UNATTENDED_S`].
+    /// Something is held, but no frame has come for [`UNATTENDED_S`].
     pub unattended: u64,
-    /// The mean rotation was kept: the force is that of another frame.
+    /// The mean rotation could not be followed, so the force is that of an earlier one.
     pub undefined: u64,
 }
 
-/// What the loop knows after a tick, for the frame to show.
+/// The loop's state after a tick, which the frame can show.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoopState {
     /// In the room; `None` while the device is lost.
@@ -81,55 +81,55 @@ pub struct LoopState {
     pub buttons: [bool; 2],
     /// On the hand, in the device's frame.
     pub push: Push,
-    /// 0 no force, 1 all of it.
+    /// From 0, no force, to 1, all of it.
     pub gain: f64,
-    /// The body pulls harder than the device can.
+    /// The body pulls harder than the device can push.
     pub limited: bool,
-    /// How many times stiffer the body is than the device bears, in its stiffest direction; up to 1 all is felt as it is.
+    /// The body's stiffness over what the device bears, in the stiffest direction; up to 1 nothing is softened.
     pub stiffer: f64,
     /// The largest stiffness that the device bears, N/m.
     pub bearable: f64,
     /// Mean time between two reports of the device, s: [`Delay::period_s`].
     pub spacing_s: f64,
-    /// How old a pose is at worst when the force from it begins to act, s: [`Delay::age_s`].
+    /// The greatest age of a pose when its force begins to act, s: [`Delay::age_s`].
     pub age_s: f64,
     /// The body's strain energy, J.
     pub strain_energy: f64,
-    /// The energy whose slope the whole force is, J: of the body and its coupling in the hand's units, but where the force is at
-    /// its limit it grows only by force · way.
+    /// The energy whose gradient is the full force, J: of body and coupling in the hand's units. At the force limit it grows
+    /// only by force times distance.
     pub stored_energy: f64,
     pub observer: Observer,
     pub faults: LoopFaults,
 }
 
-/// The loop without its clock: the same on a device and in a test.
+/// The loop without its clock, so that tests run the same code as devices.
 pub struct Control {
     pub haptic: Haptic,
     pub measures: Measures,
     pub state: LoopState,
-    /// How long the device's messages take, both ways, and its own turn, s: [`super::Device::latency_s`] as it is now.
+    /// Travel time of the device's messages both ways and its own cycle, s: the current [`super::Device::latency_s`].
     pub latency_s: f64,
     bodies: Vec<Elastic>,
     held: Option<Held>,
-    /// Where the coupling had the hold in the room at the last tick.
+    /// The hold's pose in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
-    /// Rotations of handle and body, and the lag of the force, s, when the coupling was made.
+    /// Rotations of handle and body, and the lag of the force, s, at the last update of the coupling.
     coupled_at: Option<([UnitQuaternion<f64>; 2], f64)>,
-    /// Where the coupling has the hold, and the push before gain.
+    /// The state of the coupling, with the push before the gain.
     give: CouplingState,
-    /// Stored energy at the last reading; `None` where the next one belongs to another potential.
+    /// Stored energy at the last reading; `None` if the next one belongs to another potential.
     stored: Option<f64>,
-    /// The body's torque for a device that has none.
+    /// The body's torque, for a device that cannot render it.
     unfelt: Vector3<f64>,
-    /// The force that ends, and how much of it is left.
+    /// The force that fades out, and the fraction that is left.
     fading: (Push, f64),
-    /// News of the frame since the last tick, and when the last came, s.
+    /// Whether a frame has come since the last tick, and when the last one came, s.
     news: bool,
     news_s: f64,
     motion: Option<Motion>,
     delay: Delay,
-    /// When the pose before the newest was measured, and when that one was, s.
+    /// When the last two poses were measured, s.
     between_s: [f64; 2],
     acting: Acting,
     last: Option<Reading>,
@@ -138,7 +138,7 @@ pub struct Control {
 }
 
 impl Control {
-    /// `bodies` in the order that [`Held::body`] counts; `latency_s` as the device has it.
+    /// `bodies` are those that [`Held::body`] indexes; `latency_s` is that of the device.
     pub fn new(haptic: Haptic, bodies: Vec<Elastic>, latency_s: f64) -> Control {
         let (delay, acting) = (Delay::new(haptic.period_s()), Acting::new(haptic.rate_hz));
         Control {
@@ -167,7 +167,7 @@ impl Control {
         }
     }
 
-    /// Takes a frame's news.
+    /// Takes the data of a new frame.
     pub fn take(&mut self, grasp: &Grasp) {
         self.news = true;
         let known =
@@ -187,7 +187,7 @@ impl Control {
         let reach = |at: Isometry3<f64>| held.reach(&at, &body.origin());
         let moved = self.hold_at.filter(|_| !is_new).and_then(reach).map(|reach| reach.pose);
         let pose = moved.or(pose);
-        // Another branch of the mean rotation, or one that was lost: the frame knows better.
+        // The loop follows another branch of the mean rotation, or has lost it: take the frame's.
         if is_new || body.mean().angle_to(&held.mean) > 0.5 {
             body.set_mean(held.mean);
             if !is_new {
@@ -196,7 +196,7 @@ impl Control {
         }
         let body = &mut self.bodies[held.body];
         let Some(pose) = pose.filter(|pose| pose.is_finite()) else { return };
-        // What another hand did to the body since the last frame: this one neither gave it nor can it take it.
+        // Energy that another hand has put into the body since the last frame is not this hand's.
         let energy = body.respond(&pose).energy;
         if let Some(stored) = &mut self.stored {
             *stored += (energy - self.state.strain_energy) * held.energy_scale(&self.haptic);
@@ -204,7 +204,7 @@ impl Control {
         self.state.strain_energy = energy;
     }
 
-    /// Whether there is something to feel.
+    /// Whether an element is held.
     pub fn holds(&self) -> bool {
         self.held.is_some()
     }
@@ -219,7 +219,7 @@ impl Control {
         }
         let is_attended = self.held.is_none() || now_s - self.news_s <= UNATTENDED_S;
         self.state.faults.unattended += u64::from(!is_attended);
-        // A real device knows sooner than the frame that it was let go.
+        // A real device reports the released button before the frame does.
         let is_open = self.haptic.device != HapticDevice::Simulated && !self.state.buttons[0];
         let wanted = match self.held {
             Some(held) if moved && is_attended && !is_open => self.pull(&held, dt),
@@ -240,7 +240,7 @@ impl Control {
         push
     }
 
-    /// The hold ends: what there is of force fades, the next one starts at nothing.
+    /// Ends the hold: the force fades out, and the next hold starts without force.
     fn end(&mut self) {
         if self.state.gain > 0.0 {
             self.fading = (self.state.push, 1.0);
@@ -253,7 +253,7 @@ impl Control {
         self.acting.clear();
     }
 
-    /// Takes the device's reading if it can be used. False: there is no force at this tick.
+    /// Takes the device's reading if it can be used; false if there is no force at this tick.
     fn admit(&mut self, reading: Option<&Reading>, now_s: f64, dt: f64) -> bool {
         let faults = &mut self.state.faults;
         self.motion = None;
@@ -268,7 +268,7 @@ impl Control {
             faults.lost += 1;
             self.state.room_from_handle = None;
             self.state.buttons = [false; 2];
-            // A clock that went back for good would never be believed again.
+            // Otherwise a clock that was set back would be refused for ever.
             self.last = None;
             return false;
         };
@@ -300,7 +300,7 @@ impl Control {
             return false;
         }
         self.motion = Some(Motion { dx, turn, time_s: time });
-        // Between two reports nothing is known of it.
+        // The velocity is known only when a new report has come.
         if new.arrived_s > last.arrived_s {
             let share = time / (time + VELOCITY_S);
             for (velocity, step) in self.velocity.iter_mut().zip([dx, turn]) {
@@ -310,7 +310,7 @@ impl Control {
         true
     }
 
-    /// What the body and the dampers want of the device; `None` where it is no number.
+    /// The push of the body and the dampers; `None` if it is not a number.
     fn pull(&mut self, held: &Held, dt: f64) -> Option<Push> {
         let handle = self.last?.device_from_handle;
         self.couple(held, &handle)?;
@@ -318,7 +318,7 @@ impl Control {
         let scale = held.energy_scale(haptic);
         let body = self.bodies.get_mut(held.body)?;
         let (mut stored, mut torque, mut is_unsettled, mut energy) = (f64::NAN, Vector3::zeros(), false, 0.0);
-        // Once, but where the hold is far from where it must be.
+        // Usually one step; more if the hold is far from its place.
         for _ in 0..MOST_STEPS {
             let hold = room_from_handle(haptic, &self.give.hold(&handle));
             let reach = held.reach(&hold, &body.origin())?;
@@ -329,7 +329,7 @@ impl Control {
             if haptic.max_torque_nm <= 0.0 {
                 push.torque = Vector3::zeros();
             }
-            // Limited before the gain, or a bent body would ramp up to the limit at once.
+            // Limited before the gain; otherwise the force of a bent body would reach the limit too early in the ramp.
             self.give = self.coupling.settle(&push.stacked(), &self.give);
             energy = response.energy;
             stored = energy * scale + self.give.energy;
@@ -352,7 +352,7 @@ impl Control {
         let [v, w] = &self.velocity;
         wanted.force -= v * haptic.virtual_damping * gain;
         if self.measures.brake {
-            // A brake lags like every other force.
+            // The brake lags like every other force.
             let period_s = 2.0 * self.lag_s();
             let brake = self.state.observer.brake(v, w, haptic.mass, haptic.inertia, period_s);
             wanted = wanted.plus(&brake);
@@ -365,20 +365,20 @@ impl Control {
         self.haptic.period_s().max(self.delay.period_s())
     }
 
-    /// How old a pose is when its force begins to act, s.
+    /// The age of a pose when its force begins to act, s.
     fn age_s(&self) -> f64 {
         if self.measures.age { self.delay.age_s(self.haptic.latency_s) } else { 0.0 }
     }
 
-    /// How much the force lags behind the motion, s: half the time that it is held, and the age of its pose.
+    /// The lag of the force behind the motion, s: half the time for which it is held, plus the age of its pose.
     fn lag_s(&self) -> f64 {
         0.5 * self.period_s() + self.age_s()
     }
 
-    /// Tells the observer what the handle's last motion did: the force that acted meanwhile, less what fades of an earlier
-    /// hold, and the energy stored at its end. Which force that was is known to the age of the poses only: of the one given last and
-    /// the oldest that it can have been, the one that generates more is counted. A device without torque is counted as if it
-    /// had one, for the hand that turns it changes the body by that much.
+    /// Reports the handle's last motion to the observer: the force that acted meanwhile, without the fading rest of an earlier
+    /// hold, and the energy stored at its end. Because of the poses' age it is not known exactly which force acted: of the last
+    /// one and the oldest possible one, the one that generates more is counted. A device without torque is counted as if it
+    /// had one, because the hand that turns it changes the body's energy by that much.
     fn count(&mut self, stored: f64, torque: Vector3<f64>, is_unsettled: bool) {
         let half_torque = (self.unfelt + torque) * 0.5;
         self.unfelt = torque;
@@ -399,8 +399,8 @@ impl Control {
         self.state.observer.moved(&given.push, given.gain * (stored - before), &motion, damping);
     }
 
-    /// Makes the coupling for a new hold, and anew where handle or body have turned, for its directions are theirs, or where
-    /// the force lags more than before, or less: what was stored before and what it pushed with say nothing of it.
+    /// Makes the coupling for a new hold. Updates it when handle or body have turned, since its directions turn with them, and
+    /// when the lag of the force has changed; the energy stored before then belongs to another potential.
     fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
         let (period_s, age_s, lag_s) = (self.period_s(), self.age_s(), self.lag_s());
         let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
@@ -434,7 +434,7 @@ impl Control {
         Some(())
     }
 
-    /// Not more than the device can, in the same direction.
+    /// The push reduced to the device's limits, in the same direction.
     fn fitting(&self, mut push: Push) -> Push {
         let (force, torque) = (self.haptic.max_force_n, self.haptic.max_torque_nm);
         if torque <= 0.0 {
@@ -446,7 +446,7 @@ impl Control {
         push.scaled(part(push.force.norm(), force).min(part(push.torque.norm(), torque)))
     }
 
-    /// Within the limits, and not faster than [`SLEW_S`] allows.
+    /// The push within the limits, changing no faster than [`SLEW_S`] allows.
     fn limited(&self, push: Push, dt: f64) -> Push {
         let push = self.fitting(if push.is_finite() { push } else { Push::NONE });
         if !self.measures.limits {
@@ -462,7 +462,7 @@ impl Control {
     }
 }
 
-/// By what a length must be multiplied not to exceed `most`.
+/// The factor that reduces a length to at most `most`.
 fn part(length: f64, most: f64) -> f64 {
     if length > most { most / length } else { 1.0 }
 }

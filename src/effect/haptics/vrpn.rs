@@ -1,23 +1,23 @@
 //! A VRPN force device: sensor 0 and two buttons in, a force field out.
 //!
-//! VRPN knows no torque. The force goes as a field without slope about the place that the device told last, so that a
-//! server which evaluates it itself pushes with just that force until the next one; it ends with the field's radius
-//! when the device has moved far from where it was seen. Bytes by `track::vrpn`, tried against our own server alone.
+//! VRPN has no torque. The force is sent as a constant field around the device's last position, so that a server that
+//! evaluates the field itself applies just that force until the next one comes. Beyond the field's radius it ends, when the
+//! device has moved far from its last known position. The bytes are those of `track::vrpn`, tested only with our own server.
 
 use super::device::{Device, Push, Reading, SampleInfo};
 use crate::track::device::{DeviceState, Link, Source};
 use crate::track::vrpn::{Address, Client, ForceField, ForceSender, Timing, Transport};
 use nalgebra::Isometry3;
 
-/// A device that moves further than this before it hears of a new force stops pushing, m.
+/// The field's radius: a device that moves further than this before a new force comes stops pushing, m.
 const RADIUS_M: f32 = 0.1;
-/// Between two echoes of the server, s.
+/// The time between two pings of the server, s.
 const ECHO_S: f64 = 0.1;
-/// What a server's answer must be feared to take beside a turn of its own, as long as it has answered no ping, s.
+/// The assumed travel time of messages, besides the server's own cycle, until the first ping was answered, s.
 const UNHEARD_S: f64 = 1e-3;
 
 pub struct VrpnDevice {
-    /// Dropped before the client, whose connection it needs to say that the device is to push no more.
+    /// Dropped before the client, whose connection it needs to take the force back.
     sender: ForceSender,
     client: Client,
     last: Option<Isometry3<f64>>,
@@ -36,7 +36,7 @@ impl VrpnDevice {
     }
 }
 
-/// Sensor 0 and buttons 0 and 1 of what a client heard; `None` without a connection, or before the first pose.
+/// Sensor 0 and buttons 0 and 1 of a client's state; `None` without a connection, or before the first pose.
 fn reading(state: &DeviceState) -> Option<Reading> {
     if state.link != Link::Up {
         return None;
@@ -69,7 +69,7 @@ impl Device for VrpnDevice {
 
     fn push(&mut self, push: &Push, _now_s: f64) {
         let is_none = *push == Push::NONE;
-        // Nothing more is said of no force than that, once.
+        // No force is sent once, not repeatedly.
         if is_none && self.resting {
             return;
         }
@@ -87,7 +87,7 @@ impl Device for VrpnDevice {
         self.client.latest().counters.malformed
     }
 
-    /// A ping and its pong go the way of a force and the pose that answers it, and wait for the server's turn as they do.
+    /// A ping and its pong take as long as a force and the pose that follows it, including the wait for the server's cycle.
     fn latency_s(&self) -> f64 {
         self.latency_s
     }

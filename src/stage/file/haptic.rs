@@ -10,7 +10,7 @@ use super::super::tracking::{
 use super::mount::{MountFile, isometry};
 use nalgebra::Similarity3;
 
-/// The force of a pose that old is none any more, s.
+/// The largest latency, s; a force that is based on an older pose is not applied.
 const MOST_LATENCY_S: f64 = 0.1;
 
 #[derive(serde::Deserialize)]
@@ -55,7 +55,7 @@ pub fn check(name: &str, file: &HapticFile) -> Result<Haptic, StageFault> {
         if (min..=max).contains(&value) { Ok(value) } else { Err(fault(message())) }
     };
     let mount = |key: &str, mount: &MountFile| isometry(&format!("{key} of haptic `{name}`"), mount);
-    // Neither VRPN nor the Inverse3 knows torque.
+    // Neither VRPN nor the Inverse3 has torque.
     let torque = file.max_torque.unwrap_or(if is_simulated { usual.max_torque_nm } else { 0.0 });
     if torque > 0.0 && !is_simulated {
         return Err(fault(format!(
@@ -103,7 +103,7 @@ pub fn check(name: &str, file: &HapticFile) -> Result<Haptic, StageFault> {
     Ok(haptic)
 }
 
-/// Which of the grip's buttons do what.
+/// The grip's buttons that grab and act as the second button.
 fn buttons(file: &HapticFile, device: &HapticDevice) -> Result<[GripButton; 2], String> {
     let given = file.grab.map(|_| "grab").or(file.second.map(|_| "second"));
     if let (Some(key), HapticDevice::Simulated | HapticDevice::Vrpn(_)) = (given, device) {
@@ -119,8 +119,8 @@ fn buttons(file: &HapticFile, device: &HapticDevice) -> Result<[GripButton; 2], 
     Ok([grab, second])
 }
 
-/// A real device is a tracker: sensor 0 is its handle, buttons 0 and 1 grab and do the second thing. A simulated one is
-/// moved by the stylus instead.
+/// Adds a real device to the trackers: sensor 0 is its handle, buttons 0 and 1 grab and act as the second button. A
+/// simulated device is moved by the stylus instead.
 pub fn sense(haptic: &Haptic, tracking: &mut Tracking) -> Result<(), StageFault> {
     if haptic.device == HapticDevice::Simulated {
         return Ok(());
@@ -154,7 +154,7 @@ pub fn sense(haptic: &Haptic, tracking: &mut Tracking) -> Result<(), StageFault>
     Ok(())
 }
 
-/// A stylus that there is, and that no other device moves or pushes.
+/// Checks that the stylus exists, and that no other device uses it.
 pub fn check_stylus<'a>(
     haptic: &Haptic,
     mut others: impl Iterator<Item = &'a Haptic>,

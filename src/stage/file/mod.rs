@@ -1,6 +1,5 @@
-//! Stage files: strict TOML in, a [`Stage`] that can be projected on out, or an error that names file, line,
-//! screen and remedy. The faults checked are those that display walls are really set up with: mirrored and
-//! skewed corners, other units, swapped eyes.
+//! Stage files: strict TOML in; out a [`Stage`] with usable screens, or an error that names file, line, screen and remedy.
+//! The checks cover the mistakes that occur when display walls are set up: mirrored and skewed corners, other units.
 
 mod haptic;
 mod mount;
@@ -97,19 +96,25 @@ struct ScreenFile {
 }
 
 impl Stage {
-    /// The stage of a built-in name, or of a file: whatever ends in `.toml` is a path.
+    /// The built-in stage of this name, or the stage in a file: anything that ends in `.toml` is a path. The keys of its
+    /// trackers' sources are checked by `track::checked`.
     pub fn find(name_or_path: &str) -> Result<Self, StageError> {
         let (text, path) = text_of(name_or_path)?;
         Self::parse(&text, &path)
     }
 
-    /// The same with all that is wrong with it, instead of the first fault alone.
+    /// The same with all faults instead of the first one only.
     ///
     /// # Errors
-    /// [`StageError::File`] and [`StageError::Unknown`]: there is nothing to be surveyed.
+    /// [`StageError::File`] and [`StageError::Unknown`], if there is no stage file that can be read.
     pub fn survey(name_or_path: &str) -> Result<Survey, StageError> {
         let (text, path) = text_of(name_or_path)?;
-        survey(&text, &path)
+        Self::survey_text(&text, &path)
+    }
+
+    /// The same for the text of a stage file; `path` is only named in errors.
+    pub fn survey_text(text: &str, path: &Path) -> Result<Survey, StageError> {
+        survey(text, path)
     }
 
     /// Reads and checks a stage file.
@@ -132,22 +137,22 @@ impl Stage {
     }
 }
 
-/// All that a stage file says, and all that is wrong with it.
+/// A stage file with all its faults.
 pub struct Survey {
-    /// What can be made of it nevertheless: without the parts that are beyond use.
+    /// The stage without its unusable parts, if that is possible.
     pub stage: Option<Stage>,
-    /// The stage's trackers, even where there is no stage.
+    /// The trackers, also if there is no stage.
     pub tracking: Tracking,
     pub faults: Vec<Located>,
 }
 
-/// Faults as they are found, with their lines.
-struct Faults<'a> {
+/// Collects faults with their lines.
+struct FaultList<'a> {
     text: &'a str,
     found: Vec<Located>,
 }
 
-impl Faults<'_> {
+impl FaultList<'_> {
     fn push(&mut self, offset: usize, fault: StageFault) {
         let line = config::line_and_column(self.text, offset).0;
         self.found.push(Located { line, fault });
@@ -158,10 +163,10 @@ impl Faults<'_> {
     }
 }
 
-/// Reads the whole file, and goes on after a fault.
+/// Reads the whole file and continues after a fault.
 fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let file: StageFile = config::parse(text, path)?;
-    let mut faults = Faults { text, found: Vec::new() };
+    let mut faults = FaultList { text, found: Vec::new() };
     faults.keep(0, check_name("stage", &file.name));
     let workspace = faults.keep(file.workspace.span().start, workspace(file.workspace.get_ref()));
     let start = file.viewer.span().start;
@@ -219,8 +224,12 @@ fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     Ok(Survey { stage, tracking, faults: faults.found })
 }
 
-/// The screens that can be projected on, be it that they are skewed or mirrored.
-fn screens(files: Vec<Spanned<ScreenFile>>, viewer: Option<&Viewer>, faults: &mut Faults<'_>) -> Vec<Screen> {
+/// The screens that can be used, including skewed and mirrored ones.
+fn screens(
+    files: Vec<Spanned<ScreenFile>>,
+    viewer: Option<&Viewer>,
+    faults: &mut FaultList<'_>,
+) -> Vec<Screen> {
     let eye = viewer.map(|viewer| Point3::from(viewer.room_from_head.translation.vector));
     let mut lines = BTreeMap::new();
     let mut screens = Vec::new();
@@ -244,7 +253,7 @@ fn windows(
     files: Vec<Spanned<WindowFile>>,
     screens: &[Screen],
     stereo: Stereo,
-    faults: &mut Faults<'_>,
+    faults: &mut FaultList<'_>,
 ) -> Vec<Window> {
     let mut windows: Vec<Window> = Vec::new();
     for (i, found) in files.into_iter().enumerate() {
@@ -343,7 +352,7 @@ fn screen(file: ScreenFile) -> Result<Screen, StageFault> {
     Ok(screen)
 }
 
-/// The viewer stands before the screen.
+/// Checks that the viewer stands before the screen.
 fn check_side(screen: &Screen, viewer: &Point3<f64>) -> Result<(), StageFault> {
     let distance_m = screen.distance_m(viewer);
     if distance_m.abs() < MIN_EYE_DISTANCE_M {
@@ -378,8 +387,8 @@ fn check_shape(screen: &Screen) -> Result<(), StageFault> {
     Ok(())
 }
 
-/// The same rectangle with its face on the other side. A picture that stood upside down is turned about its
-/// horizontal axis, any other about its vertical one.
+/// The corners of the same rectangle facing the other way, and which corners to swap. A picture that stood upside down is
+/// turned about its horizontal axis, any other about its vertical one.
 fn unmirrored(screen: &Screen) -> (&'static str, [Point3<f64>; 3]) {
     if screen.upper_left.y < screen.lower_left.y - 1e-9 {
         ("lower_left with upper_left", [screen.upper_left, screen.upper_right(), screen.lower_left])

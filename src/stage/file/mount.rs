@@ -12,7 +12,7 @@ pub struct MountFile {
     pub axes: Option<[[f64; 3]; 3]>,
 }
 
-/// The value, if it is within its range.
+/// Returns the value if it is within its range.
 pub fn range(what: &str, value: f64, unit: &'static str, min: f64, max: f64) -> Result<f64, TrackingFault> {
     if (min..=max).contains(&value) {
         Ok(value)
@@ -44,7 +44,7 @@ pub fn isometry(what: &str, file: &MountFile) -> Result<Isometry3<f64>, Tracking
     Ok(Isometry3::from_parts(Translation3::from(position), rotation))
 }
 
-/// The rotation nearest to three measured axes, of any length.
+/// The rotation nearest to three measured axes of any length.
 fn rotation_from_axes(what: &str, axes: [Vector3<f64>; 3]) -> Result<UnitQuaternion<f64>, TrackingFault> {
     const NAMES: [char; 3] = ['x', 'y', 'z'];
     let what = || what.to_owned();

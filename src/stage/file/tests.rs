@@ -1,4 +1,4 @@
-//! Tests of the loader: what is refused, where, and with what advice.
+//! Tests of the loader: what it refuses, at which line, and with which advice.
 
 use super::*;
 use crate::stage::BUILT_IN;
@@ -89,22 +89,6 @@ fn a_mono_stage_needs_no_distance_between_the_eyes() {
     };
     assert!(with("mono").is_ok());
     assert!(with("rows").unwrap_err().to_string().contains("ipd is 0 m"), "a window of it shows two eyes");
-}
-
-#[test]
-fn every_fault_of_tracking_is_told_and_none_that_follows_from_another() {
-    let keys = "[tracker.a]\nvrpn = \"\"\n[tracker.b]\n[sensor.head]\ntracker = \"a\"\nid = 0\n[sensor.wand]\n\
-                tracker = \"a\"\nid = 1\npredict = 5\n[stylus.right]\nsensor = \"wand\"\n[stylus.left]\n\
-                sensor = \"hand\"\n";
-    let text = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + keys;
-    let Survey { stage, faults, .. } = survey(&text, Path::new("bench.toml")).unwrap();
-    let told: Vec<String> = faults.iter().map(|located| located.fault.to_string()).collect();
-    let expected =
-        ["`vrpn` of tracker `a`", "tracker `b` has none", "predict of sensor `wand`", "stylus `left`: "];
-    assert_eq!(told.len(), expected.len(), "{told:#?}");
-    assert!(told.iter().zip(expected).all(|(told, part)| told.contains(part)), "{told:#?}");
-    let lints = crate::stage::lint(&stage.unwrap(), &[]);
-    assert!(!lints.iter().any(|lint| lint.entity == "viewer.head"), "the head has a sensor: {lints:#?}");
 }
 
 #[test]

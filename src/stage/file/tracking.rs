@@ -1,6 +1,6 @@
 //! The tables `[tracker.NAME]`, `[sensor.NAME]` and `[stylus.NAME]` of a stage file, and the key `viewer.head`.
 //!
-//! Out: a checked [`Tracking`]. The source's own keys of a tracker are kept as they stand; `track::SOURCES` reads them.
+//! Out: a checked [`Tracking`], in which the keys of a tracker's source are kept unread for `track::SOURCES`.
 
 use super::super::error::TrackingFault;
 use super::super::tracking::{
@@ -14,7 +14,7 @@ use nalgebra::Similarity3;
 use std::path::Path;
 use toml::Spanned;
 
-/// Where the tracker's frame lies, and the source's own keys, which are read where it is opened.
+/// The tracker's frame, and the keys of its source.
 #[derive(serde::Deserialize)]
 pub struct TrackerFile {
     #[serde(default)]
@@ -78,11 +78,11 @@ struct ButtonFile {
     button: i32,
 }
 
-/// A table of named tables, each with its place in the text.
+/// Named tables, each with its position in the text.
 pub type Tables<T> = IndexMap<String, Spanned<T>>;
 
-/// All tracking keys of a stage but those at fault; `tell` gets every fault and its place in the text. What names a
-/// tracker or a sensor that is there, but at fault, is not at fault for it.
+/// The valid tracking keys of a stage; `tell` gets every fault and its position in the text. Naming a tracker or a sensor
+/// that exists but is at fault is not a second fault.
 pub fn check(
     trackers: Tables<TrackerFile>,
     sensors: Tables<SensorFile>,
@@ -125,7 +125,7 @@ pub fn check(
     tracking
 }
 
-/// What the file has tables for.
+/// The names of all tables in the file, valid or not.
 struct Names {
     trackers: Vec<String>,
     sensors: Vec<String>,

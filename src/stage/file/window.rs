@@ -1,4 +1,4 @@
-//! The tables `[[window]]` and `[[monitor]]` of a stage file, as they stand there, and their checks.
+//! The tables `[[window]]` and `[[monitor]]` of a stage file, and their checks.
 
 use super::super::error::{MAX_PIXELS, PLACES, StageFault};
 use super::super::screen::Screen;

@@ -1,8 +1,8 @@
 //! Tracking keys: what is read, and what is refused with line and remedy.
 
 use super::*;
-use crate::stage::BUILT_IN;
 use crate::stage::tracking::{Axis, ButtonId, LostPolicy, OneEuro, TrackerFrame};
+use crate::stage::{BUILT_IN, Survey};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use std::path::Path;
 
@@ -206,4 +206,22 @@ fn numbers_out_of_range_and_axes_that_are_no_rotation_are_refused() {
         let error = refusal(from, to, table);
         assert!(error.contains(part), "{to}: {error}");
     }
+}
+
+#[test]
+fn every_fault_of_tracking_is_told_and_none_that_follows_from_another() {
+    let keys = "[tracker.a]\nvrpn = \"\"\n[tracker.b]\n[sensor.head]\ntracker = \"a\"\nid = 0\n[sensor.wand]\n\
+                tracker = \"a\"\nid = 1\npredict = 5\n[stylus.right]\nsensor = \"wand\"\n[stylus.left]\n\
+                sensor = \"hand\"\n";
+    let text = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + keys;
+    let survey = Stage::survey_text(&text, Path::new("bench.toml")).unwrap();
+    let Survey { stage, tracking, faults } = survey;
+    let told: Vec<String> =
+        source_faults(&tracking).chain(faults).map(|located| located.fault.to_string()).collect();
+    let expected =
+        ["`vrpn` of tracker `a`", "tracker `b` has none", "predict of sensor `wand`", "stylus `left`: "];
+    assert_eq!(told.len(), expected.len(), "{told:#?}");
+    assert!(told.iter().zip(expected).all(|(told, part)| told.contains(part)), "{told:#?}");
+    let lints = crate::stage::lint(&stage.unwrap(), &[]);
+    assert!(!lints.iter().any(|lint| lint.entity == "viewer.head"), "the head has a sensor: {lints:#?}");
 }
