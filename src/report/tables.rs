@@ -16,7 +16,7 @@ pub struct Cell {
 }
 
 /// Cells under the names of their columns.
-pub type Line<'a> = Vec<(&'a str, Cell)>;
+pub type NamedCells<'a> = Vec<(&'a str, Cell)>;
 
 fn word(text: impl Into<String>) -> Cell {
     Cell { text: text.into(), number: false, bold: false }
@@ -31,7 +31,7 @@ fn bold(cell: Cell, bold: bool) -> Cell {
 }
 
 /// Columns with a number stand to the right, their headings too.
-fn html(lines: &[Line<'_>]) -> String {
+fn html(lines: &[NamedCells<'_>]) -> String {
     let right = |column: usize| lines.iter().filter_map(|line| line.get(column)).any(|(_, cell)| cell.number);
     let class = |number: bool| if number { " class=\"n\"" } else { "" };
     let heading = |(i, (name, _)): (usize, &(&str, Cell))| {
@@ -71,7 +71,7 @@ pub fn goals(rows: &[Measurement]) -> String {
 }
 
 /// The settings worth their online time, from cheap to accurate.
-pub fn efficient_settings(rows: &[Measurement]) -> Vec<Line<'static>> {
+pub fn efficient_settings(rows: &[Measurement]) -> Vec<NamedCells<'static>> {
     let line = |i: usize| {
         let Measurement { cost, error, .. } = &rows[i];
         let mut line = parameters(&rows[i], false);
@@ -102,7 +102,7 @@ fn fronts(rows: &[Measurement]) -> Vec<[bool; 3]> {
     (0..rows.len()).map(|i| fronts.each_ref().map(|front| front.contains(&i))).collect()
 }
 
-fn parameters(row: &Measurement, is_bold: bool) -> Line<'static> {
+fn parameters(row: &Measurement, is_bold: bool) -> NamedCells<'static> {
     let cells = row.setting.values().map(|value| bold(word(value), is_bold));
     PARAMETERS.iter().map(|parameter| parameter.name).zip(cells).collect()
 }

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 /// The result of measuring one body, as its .green file keeps it.
 #[derive(Serialize, Deserialize)]
-struct Table {
+struct MeasuredTable {
     /// Fingerprint of the body without what it asks for, and the largest solve: another body needs another table.
     key: String,
     /// The machine that the times were measured on.
@@ -62,7 +62,7 @@ pub struct Planner<'a, E> {
 
 /// Where a body's table comes from: the scene without what it asks for, the body's name, the key that the table must
 /// have, and what is asked for.
-type TableSource<'a, E> = &'a dyn Fn(&Scene, &str, String, &AccuracyTarget) -> Result<Option<Table>, E>;
+type TableSource<'a, E> = &'a dyn Fn(&Scene, &str, String, &AccuracyTarget) -> Result<Option<MeasuredTable>, E>;
 
 impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
     /// The scene with the settings chosen for every body that asks for an accuracy or a budget. Measures a body that has
@@ -136,18 +136,18 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
         name: &str,
         key: &str,
         demand: &AccuracyTarget,
-    ) -> Result<Option<Table>, E> {
+    ) -> Result<Option<MeasuredTable>, E> {
         let Some(file) = (self.file)(scene)? else { return Ok(None) };
         let plan = file.meta.bodies.get(name).and_then(|body| body.plan.clone());
         // A table of another version is measured again.
-        let table: Option<Table> = plan.and_then(|plan| serde_json::from_value(plan).ok());
-        let is_own = |table: &Table| {
+        let table: Option<MeasuredTable> = plan.and_then(|plan| serde_json::from_value(plan).ok());
+        let is_own = |table: &MeasuredTable| {
             table.key == key && (!demand.is_timed() || table.machine == machine::description())
         };
         Ok(table.filter(is_own))
     }
 
-    fn measure(&self, scene: &Scene, name: &str, key: String, demand: &AccuracyTarget) -> Result<Table, E> {
+    fn measure(&self, scene: &Scene, name: &str, key: String, demand: &AccuracyTarget) -> Result<MeasuredTable, E> {
         (self.notify)(format!(
             "body.{name}: measuring what accuracy costs on this body, to choose from; once"
         ));
@@ -168,7 +168,7 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
         let measured = settings(&request, &*(self.progress)(name)).map_err(TuningError::from)?;
         let range = measured.poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);
         let machine = machine::description();
-        Ok(Table { key, machine, range, rows: measured.rows, left_out: measured.left_out })
+        Ok(MeasuredTable { key, machine, range, rows: measured.rows, left_out: measured.left_out })
     }
 }
 

@@ -59,7 +59,7 @@ impl Rect {
 
 /// A label of this size beside the point `at`.
 #[derive(Clone, Copy, Debug)]
-pub struct Wish {
+pub struct Label {
     pub at: [f64; 2],
     pub width: f64,
     pub height: f64,
@@ -80,22 +80,22 @@ const DIRECTIONS: [f64; 12] =
     [-45.0, 0.0, 45.0, -135.0, 180.0, 135.0, -90.0, 90.0, -25.0, 25.0, -155.0, 155.0];
 
 /// A place inside `area` for each label, `None` where there is no room that no other label takes.
-pub fn place(wishes: &[Wish], obstacles: &Obstacles, area: Rect) -> Vec<Option<Rect>> {
-    let mut placed: Vec<Option<Rect>> = vec![None; wishes.len()];
-    for i in (0..wishes.len()).cycle().take(3 * wishes.len()) {
+pub fn place(labels: &[Label], obstacles: &Obstacles, area: Rect) -> Vec<Option<Rect>> {
+    let mut placed: Vec<Option<Rect>> = vec![None; labels.len()];
+    for i in (0..labels.len()).cycle().take(3 * labels.len()) {
         placed[i] = None;
         let mut least = f64::INFINITY;
         for (radius, turn) in
             RINGS.iter().flat_map(|radius| (0..DIRECTIONS.len()).map(move |turn| (radius, turn)))
         {
-            let rect = beside(&wishes[i], DIRECTIONS[turn], *radius);
+            let rect = beside(&labels[i], DIRECTIONS[turn], *radius);
             let taken = |other: &Rect| other.grown([3.0, 1.0]).overlaps(&rect);
             if !area.contains(&rect)
                 || placed.iter().enumerate().any(|(j, other)| j != i && other.as_ref().is_some_and(taken))
             {
                 continue;
             }
-            let cost = radius + 0.5 * turn as f64 + covered(i, &rect, wishes, &placed, obstacles);
+            let cost = radius + 0.5 * turn as f64 + covered(i, &rect, labels, &placed, obstacles);
             if cost < least {
                 (least, placed[i]) = (cost, Some(rect));
             }
@@ -105,21 +105,21 @@ pub fn place(wishes: &[Wish], obstacles: &Obstacles, area: Rect) -> Vec<Option<R
 }
 
 /// The label in a direction from its point: it touches the end of that way with its nearest side or corner.
-fn beside(wish: &Wish, degrees: f64, radius: f64) -> Rect {
+fn beside(label: &Label, degrees: f64, radius: f64) -> Rect {
     let (dy, dx) = degrees.to_radians().sin_cos();
     let shift = |d: f64, size: f64| match d {
         d if d > 0.3 => 0.0,
         d if d < -0.3 => -size,
         _ => -0.5 * size,
     };
-    let x = wish.at[0] + radius * dx + shift(dx, wish.width);
-    let y = wish.at[1] + radius * dy + shift(dy, wish.height);
-    Rect { x, y, width: wish.width, height: wish.height }
+    let x = label.at[0] + radius * dx + shift(dx, label.width);
+    let y = label.at[1] + radius * dy + shift(dy, label.height);
+    Rect { x, y, width: label.width, height: label.height }
 }
 
 /// Pixels of distance that covering all this is worth.
-fn covered(i: usize, rect: &Rect, wishes: &[Wish], placed: &[Option<Rect>], obstacles: &Obstacles) -> f64 {
-    let leader = |j: usize, rect: &Rect| [wishes[j].at, rect.nearest(wishes[j].at)];
+fn covered(i: usize, rect: &Rect, labels: &[Label], placed: &[Option<Rect>], obstacles: &Obstacles) -> f64 {
+    let leader = |j: usize, rect: &Rect| [labels[j].at, rect.nearest(labels[j].at)];
     let own = leader(i, rect);
     let far = |p: &&[f64; 2]| (p[0] - own[0][0]).hypot(p[1] - own[0][1]) > 2.0 * MARKER;
     let points = obstacles.points.iter().filter(|p| Rect::around(**p, MARKER).overlaps(rect)).count();
@@ -158,8 +158,8 @@ mod tests {
 
     #[test]
     fn a_lone_label_stands_at_its_point() {
-        let wish = Wish { at: [300.0, 150.0], width: 80.0, height: 14.0 };
-        let placed = place(&[wish], &Obstacles::default(), AREA);
+        let label = Label { at: [300.0, 150.0], width: 80.0, height: 14.0 };
+        let placed = place(&[label], &Obstacles::default(), AREA);
         let rect = placed[0].expect("there is room");
         let away = [rect.x - 300.0, 150.0 - rect.y - rect.height];
         assert!(away.iter().all(|d| (d - 8.0 * 0.5_f64.sqrt()).abs() < 1e-9), "{away:?}");
@@ -172,8 +172,8 @@ mod tests {
             width in 10.0_f64..150.0,
         ) {
             let points: Vec<[f64; 2]> = at.iter().map(|&(x, y)| [x, y]).collect();
-            let wishes: Vec<Wish> = points.iter().map(|&at| Wish { at, width, height: 14.0 }).collect();
-            let placed = place(&wishes, &Obstacles { points, lines: vec![] }, AREA);
+            let labels: Vec<Label> = points.iter().map(|&at| Label { at, width, height: 14.0 }).collect();
+            let placed = place(&labels, &Obstacles { points, lines: vec![] }, AREA);
             for (i, rect) in placed.iter().enumerate() {
                 let Some(rect) = rect else { continue };
                 prop_assert!(AREA.contains(rect));

@@ -2,7 +2,7 @@
 
 use super::axis::Axis;
 use super::canvas::{Canvas, FONT, LONGEST_LABEL, MARGIN, Picture, WIDTH, colour, marker};
-use super::labels::{Obstacles, Rect, Wish, place};
+use super::labels::{Label, Obstacles, Rect, place};
 use super::markup::{escape, shortened, width};
 use crate::report::cost_metric::CostMetric;
 use crate::report::units::{Unit, digits};
@@ -202,10 +202,10 @@ impl Plot {
     fn labels(&self, canvas: &mut Canvas, obstacles: Obstacles, area: Rect) {
         let labelled = self.points.iter().zip(&obstacles.points);
         let labelled = together(labelled.filter_map(|(p, at)| Some((p.label.as_deref()?, *at))));
-        let wish =
-            |(label, at): &(String, [f64; 2])| Wish { at: *at, width: width(label, FONT), height: LINE };
-        let wishes: Vec<Wish> = labelled.iter().map(wish).collect();
-        let placed = place(&wishes, &obstacles, area.grown([-3.0; 2]));
+        let sized =
+            |(label, at): &(String, [f64; 2])| Label { at: *at, width: width(label, FONT), height: LINE };
+        let sizes: Vec<Label> = labelled.iter().map(sized).collect();
+        let placed = place(&sizes, &obstacles, area.grown([-3.0; 2]));
         let placed =
             || labelled.iter().zip(&placed).filter_map(|((label, at), rect)| Some((label, *at, (*rect)?)));
         for (_, at, rect) in placed() {
