@@ -2,6 +2,7 @@
 //!
 //! Imports no other room of ours.
 
+pub mod columns;
 pub mod disjoint;
 pub mod input;
 pub mod last_word;
@@ -9,6 +10,7 @@ pub mod machine;
 pub mod memory;
 pub mod notice;
 pub mod output;
+pub mod parts;
 pub mod peak;
 pub mod signal;
 pub mod statistics;

@@ -10,7 +10,7 @@ use super::world::World;
 use crate::base::output::Scratch;
 use crate::config::unknown_name;
 use crate::deform::{ControlPose, ControlPoses};
-use crate::green::{self, GreenFile, Needs};
+use crate::green::{self, GreenFile, Requirements};
 use crate::report::{self, Limits, Request, measure::poses::random};
 use crate::scene::{Element, Scene, Solver};
 use std::path::PathBuf;
@@ -72,8 +72,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         None => scene.body.keys().next().cloned().unwrap_or_default(),
     };
-    let needs =
-        |scene: &Scene| -> Needs { session::needs(scene, &name, &scene.body[&name]).unwrap_or_default() };
+    let needs = |scene: &Scene| -> Requirements {
+        session::needs(scene, &name, &scene.body[&name]).unwrap_or_default()
+    };
     session::needs(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;

@@ -9,7 +9,7 @@ use super::panes;
 use super::pattern::Pattern;
 use super::room::{Camera, Orbit, Room, write_names};
 use crate::render::window::{Input, Key, WindowTimes, Windows};
-use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Sheet, Tile};
+use crate::render::{EyePicture, FrameContents, Gpu, Overlay, OverlayMesh, RenderError, Tile};
 use crate::stage::{Stage, Window};
 use crate::track::rig::TrackerReport;
 use nalgebra::Isometry3;
@@ -153,7 +153,7 @@ impl Aids {
             rooms.iter().map(|room| Some(room.as_ref()?.1.contents(*contents))).collect();
         let readings = panels.contains(&true).then(|| readings(&windows.gpu));
         // Both eyes get the same overlay.
-        let mut panel: Option<Sheet> = None;
+        let mut panel: Option<OverlayMesh> = None;
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
             let Some((window, &size)) =
                 staged.layout.get(picture.window).zip(staged.sizes.get(picture.window))
@@ -181,7 +181,7 @@ impl Aids {
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
-                let is_same = |sheet: &Sheet| sheet.size == picture.texture_size && picture.slot == 1;
+                let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
                 let sheet = match panel.take().filter(is_same) {
                     Some(sheet) => sheet,
                     None => overlay.lay_out(picture.texture_size, |painter| {

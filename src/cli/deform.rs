@@ -6,8 +6,10 @@ use super::{session, statics};
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::text::one_line;
-use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
-use crate::green::{self, FIELDS, GreenFile, Solution};
+use crate::deform::{
+    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, Wrench, find_model, wrenches,
+};
+use crate::green::{self, GreenFile, STIFFNESS, Solution};
 use crate::mesh::TetMesh;
 use crate::mesh::formats::vtu_write::{self, Cell, Piece};
 use crate::scene::{Body, Scene};
@@ -80,7 +82,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
         // The linear theory takes matrices as they are, not as turns.
         let doubtful =
-            |asked: &Asked| poses::doubtful_turn(&asked.control, body).filter(|_| body.model != "linear");
+            |asked: &Asked| poses::doubtful_turn(&asked.control, body).filter(|_| !takes_matrices(body));
         for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
             notice!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
         }
@@ -157,7 +159,7 @@ fn surface_results(
 
 fn surface_result(asked: &Asked<'_>, body: &mut Deformer) -> Deformed {
     body.forget();
-    if body.evaluate(&asked.control).is_some() && body.coefficients.rotation_undefined {
+    if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
             "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
              defined, and the result not to be trusted; model = \"linear\" has no such pose",
@@ -179,13 +181,13 @@ fn volume_results(
     body: &Body,
     asked: &[&Asked<'_>],
 ) -> Result<(Geometry, Vec<Deformed>), Failure> {
-    if body.model != "linear" {
+    if !takes_matrices(body) {
         return Err(Failure::request(scene.invalid(
             &format!("body.{name}.model"),
             format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
         )));
     }
-    let solution = green::solve(scene, name, session::needs(scene, name, body)?, &Silent)?;
+    let solution = green::solve(scene, name, &session::needs(scene, name, body)?, &Silent)?;
     for notice in &solution.notices {
         notice!("{notice}");
     }
@@ -193,17 +195,21 @@ fn volume_results(
     Ok((Geometry::volume(name, &solution.mesh), found))
 }
 
+/// Whether the body's model is linear in the matrices of the poses, not in their turns.
+fn takes_matrices(body: &Body) -> bool {
+    find_model(&body.model).is_ok_and(|model| model.frame == Frame::Rest)
+}
+
 fn volume_result(asked: &Asked<'_>, name: &str, solution: &Solution) -> Deformed {
-    let coefficients: Vec<[f64; FIELDS]> = asked.control.iter().map(ControlPose::coefficients).collect();
-    let c = coefficients.as_flattened();
-    let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+    let c: Vec<f64> = asked.control.iter().flat_map(ControlPose::coefficients).collect();
+    let value = |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>();
     Deformed {
         pose: asked.pose.to_owned(),
         body: name.to_owned(),
         displacement: (0..solution.mesh.nodes.len())
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
-        wrenches: solution.stiffness.as_ref().map(|s| wrenches(s, &coefficients, UnitQuaternion::identity())),
+        wrenches: solution.stiffness().map(|s| wrenches(s, &c, UnitQuaternion::identity())),
     }
 }
 
@@ -217,7 +223,7 @@ fn static_results(
     for (asked, settled) in asked.iter().zip(solved.settled) {
         let (pose, body) = (asked.pose.to_owned(), name.to_owned());
         match settled {
-            Ok(Settled { displacement, wrenches, energy, .. }) => {
+            Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 found.push(Deformed { pose, body, displacement, wrenches: Some((wrenches, energy)) });
             }
             Err(why) => missed.push(Missed { pose, body, why }),
@@ -320,7 +326,7 @@ impl Files {
         for (name, body) in &scene.body {
             let is_static = session::law(scene, name, body)?.is_some();
             has_columns |= !is_static;
-            has_forces |= is_static || session::needs(scene, name, body)?.stiffness;
+            has_forces |= is_static || session::needs(scene, name, body)?.has(STIFFNESS);
         }
         if has_forces {
             output::try_path(&self.forces, &FORCES, &inputs)?;

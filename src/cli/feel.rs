@@ -9,12 +9,12 @@ use super::interrupt;
 use super::overlay::HapticReading;
 use super::world::World;
 use crate::base::notice::notice;
-use crate::effect::find_effect;
+use crate::effect::any_requires;
 use crate::effect::haptics::{
     Control, Device, Elastic, Faults, Felt, Hand, Haply, Held, Loop, Report, Sensed, Simulated, VrpnDevice,
     Way,
 };
-use crate::green::GreenFile;
+use crate::green::{GreenFile, STIFFNESS};
 use crate::interact::Mode;
 use crate::report::table::seconds;
 use crate::scene::Scene;
@@ -98,10 +98,9 @@ pub fn step(feel: Option<&mut Feel>, world: &mut World, state: &mut TrackerState
 impl Feel {
     /// Starts the loops; `None` where nothing asks for one.
     pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Option<Feel>, Failure> {
-        let wants = |effect: &String| find_effect(effect).is_ok_and(|effect| effect.needs.stiffness);
         let (mut bodies, mut elastic) = (Vec::new(), Vec::new());
         for (b, (name, body)) in scene.body.iter().enumerate() {
-            let stiffness = file.stiffness(name).filter(|_| body.effects.iter().any(wants));
+            let stiffness = file.stiffness(name).filter(|_| any_requires(&body.effects, STIFFNESS));
             if let Some(stiffness) = stiffness {
                 let made = Elastic::new(&body.model, &stiffness, &world.bodies[b].deformer.controls);
                 elastic.push(made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))?);

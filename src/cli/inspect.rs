@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::table::{Table, bytes, count};
 use super::world::flow;
 use super::{plan, session};
-use crate::green::{GreenError, GreenFile};
+use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::{self, Surface, quality, stuffing, surface_check, surface_files, trouble};
 use crate::scene::Scene;
 use crate::stage::Stage;
@@ -230,7 +230,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &scene.body {
         let needs = match session::law(&scene, name, body)? {
             Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
-            None if session::needs(&scene, name, body)?.stiffness => "; needs the handle stiffness",
+            None if session::needs(&scene, name, body)?.has(STIFFNESS) => "; needs the handle stiffness",
             None => "",
         };
         let loaded = scene.load_mesh(name, body)?;

@@ -78,7 +78,7 @@ fn choose_all(
     for (name, demand) in demands {
         let needs = session::needs(&plain, &name, &plain.body[&name])?;
         let largest = demand.largest().unwrap_or(LARGEST);
-        let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, needs)?);
+        let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, &needs)?);
         let Some(table) = source(&plain, &name, key, &demand)? else { continue };
         let choice = choose(&table.rows, &demand).ok_or_else(|| {
             Failure::work(scene.invalid(&format!("body.{name}"), "nothing could be measured"))

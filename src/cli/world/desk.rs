@@ -6,7 +6,7 @@
 use super::flow::{BodyPlace, Grasp};
 use super::{PlacedBody, World};
 use crate::cli::failure::Failure;
-use crate::deform::{ControlPose, FollowedTurn, PoseGuard};
+use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
 use crate::interact::{
     Action, Aside, Asked, Ease, Hands, History, Mode, Navigation, PickRay, pick, place_aside, towards_rest,
 };
@@ -306,7 +306,7 @@ impl World {
     fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
         for (target, posed) in targets {
             let (b, c) = self.fields.targets[target];
-            self.bodies[b].controls[c].guard = PoseGuard::default();
+            self.bodies[b].controls[c].limiter = PoseLimiter::default();
             self.bodies[b].deformer.set_turn(c, posed.turn);
             self.graph.restore(self.fields.bodies[b].poses[c], posed.pose);
         }

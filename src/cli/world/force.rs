@@ -5,8 +5,8 @@
 
 use super::PlacedBody;
 use crate::deform::Deformer;
-use crate::effect::find_effect;
-use crate::green::{FIELDS, GreenFile};
+use crate::effect::any_requires;
+use crate::green::{FIELDS, GreenFile, STIFFNESS};
 use crate::interact::force_arrow;
 use crate::render::Arrow;
 use crate::scene::Body;
@@ -40,8 +40,7 @@ pub struct HeldForce {
 /// The scale of a body of which the scene wants forces: for a control element with the translational stiffness K (3 × 3
 /// of S) and a body of radius r, 0.25 r times the least singular value of K.
 pub fn scale(body: &Body, deformer: &Deformer, file: &GreenFile) -> Option<ForceScale> {
-    let wants = |name: &String| find_effect(name).is_ok_and(|effect| effect.needs.stiffness);
-    if !body.effects.iter().any(wants) {
+    if !any_requires(&body.effects, STIFFNESS) {
         return None;
     }
     let stiffness = file.stiffness(&deformer.body)?;

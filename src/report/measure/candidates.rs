@@ -3,7 +3,7 @@
 use super::ladder::Ladder;
 use super::{MeasureError, Request};
 use crate::base::statistics::median;
-use crate::green::{self, Needs, Solution};
+use crate::green::{self, Requirements, STIFFNESS, Solution};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Element, Generate, Method, Scene, Solver, Storage};
 use crate::solve::Progress;
@@ -173,7 +173,7 @@ pub fn solved(
     let element = scene.body[request.body].element;
     let mut times = Vec::new();
     loop {
-        let solution = green::solve(scene, request.body, Needs { stiffness: true }, progress)?;
+        let solution = green::solve(scene, request.body, &Requirements::of(&[STIFFNESS]), progress)?;
         times.push(solution.offline_s());
         // What is fast is noisy, and is measured three times.
         if times.len() == 3 || times[0] > 1.0 || request.quick {

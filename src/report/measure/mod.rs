@@ -30,7 +30,7 @@ pub use norms::Norms;
 use super::{ModelError, Report, Row, SCHEMA};
 use crate::deform::{ControlPoses, Kind, StaticsError, find_model};
 use crate::fem::AssemblyError;
-use crate::green::{GreenError, Needs};
+use crate::green::{GreenError, Requirements};
 use crate::mesh::TetMesh;
 use crate::scene::{Scene, SceneError};
 use crate::solve::Progress;
@@ -48,8 +48,8 @@ pub struct Request<'a> {
     /// Where the user sets `limits.largest`.
     pub largest_key: String,
     pub quick: bool,
-    /// What the body's model and effects need, as the scene lists them.
-    pub needs_of: &'a dyn Fn(&Scene) -> Needs,
+    /// What the body's model and effects require, as the scene lists them.
+    pub needs_of: &'a dyn Fn(&Scene) -> Requirements,
     /// The command that does it again.
     pub command: String,
     /// For files that live while it is measured.

@@ -4,7 +4,9 @@ use super::candidates::{Candidate, Meshes, solved, variant};
 use super::fields::{ask, asked_of, combined, displaced, minus, origins};
 use super::norms::Norms;
 use super::{MeasureError, Request};
-use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
+use crate::deform::{
+    ControlPoses, EquilibriumResult, Kind, MODELS, ModelEntry, Statics, StaticsError, Wrench,
+};
 use crate::fem::{STVK, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
@@ -194,7 +196,7 @@ impl<'a> Truth<'a> {
         own: &green::Solution,
         name: &str,
         poses: &ControlPoses,
-        settled: Settled,
+        settled: EquilibriumResult,
     ) -> Reference {
         // Settled moments are about where the origins rested.
         let moved = |(wrench, pose): (&Wrench, &crate::deform::ControlPose)| Wrench {

@@ -12,7 +12,7 @@ mod meshes;
 mod poses;
 mod supports;
 
-use crate::green::{self, Finding, GreenError, Needs, Severity, Solution};
+use crate::green::{self, Finding, GreenError, Requirements, STIFFNESS, Severity, Solution};
 use crate::mesh::{Block, Loaded, TetMesh, block};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
@@ -67,8 +67,6 @@ pub fn run() -> Rows {
     rows.sort_by_key(|row| row.number);
     Ok(rows)
 }
-
-const HAPTICS: Needs = Needs { stiffness: true };
 
 const ENDS: &str = r#"
 [body.b.control.low]
@@ -126,7 +124,8 @@ impl Asked {
     fn judge_and_solve(&self) -> Result<(Vec<Finding>, Solution), GreenError> {
         let scene = self.scene()?;
         let prepared = green::prepare_mesh(&scene, "b", self.mesh.clone())?;
-        let solution = green::solve_prepared(&scene, "b", prepared, HAPTICS, &Silent)?;
+        let solution =
+            green::solve_prepared(&scene, "b", prepared, &Requirements::of(&[STIFFNESS]), &Silent)?;
         Ok((solution.notices.clone(), solution))
     }
 }
@@ -227,7 +226,7 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
 
 /// Relative difference of two handle stiffnesses.
 fn stiffness_difference(a: &Solution, b: &Solution) -> f64 {
-    match (&a.stiffness, &b.stiffness) {
+    match (a.stiffness(), b.stiffness()) {
         (Some(a), Some(b)) if a.shape() == b.shape() => (a - b).amax() / b.amax(),
         _ => f64::NAN,
     }
