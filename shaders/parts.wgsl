@@ -11,10 +11,10 @@ struct Motion {
     rows: array<vec4<f32>, 3>,
 }
 
+@group(0) @binding(0) var<storage, read> motions: array<Motion>;
 // Where the shares of each vertex of the chunk start; one more for the end.
-@group(0) @binding(0) var<storage, read> starts: array<u32>;
-@group(0) @binding(1) var<storage, read> shares: array<Share>;
-@group(0) @binding(2) var<storage, read> motions: array<Motion>;
+@group(0) @binding(1) var<storage, read> starts: array<u32>;
+@group(0) @binding(2) var<storage, read> shares: array<Share>;
 @group(0) @binding(3) var<storage, read_write> positions: array<f32>;
 
 @compute @workgroup_size(64)

@@ -59,7 +59,7 @@ impl PartWeights {
                     "node {node} names part {part}, the body has {parts} parts, 0 the first"
                 ));
             }
-            let sum: f64 = row.iter().map(|(_, weight)| weight).sum();
+            let sum = row.iter().fold(0.0, |sum, (_, weight)| sum + weight);
             let is_one = (sum - 1.0).abs() <= OFF;
             if !is_one || row.iter().any(|(_, weight)| *weight < 0.0) {
                 return Err(format!(

@@ -75,6 +75,14 @@ impl Deformer {
         let Kind::Online(make) = model.kind else {
             return Err(format!("body.{body}.model: {}", not_online(model.name)));
         };
+        if let Some(family) = model.requirements.iter().find(|family| !meta.requirements.has(**family)) {
+            let (path, name) = (file.path.display(), family.name);
+            return Err(format!(
+                "{path}: body {body} has no numbers of the family {name}, which the model \"{}\" requires; run \
+                 `greenstage precompute` on its scene",
+                model.name
+            ));
+        }
         let controls: Vec<ControlRest> = meta
             .controls
             .iter()

@@ -95,13 +95,17 @@ pub fn solve_prepared(
     progress.end();
 
     let mut fields = NodeFields::zeros(mesh.nodes.len(), columns);
-    for (e, control) in controls.iter().enumerate().take(columns / FIELDS) {
-        control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
+    let mut stats = SolveStats { method: "none".into(), ..Default::default() };
+    if columns > 0 {
+        for (e, control) in controls.iter().enumerate() {
+            control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
+        }
+        let rhs = partition.minus_b_times(&k, &fields);
+        let free;
+        (free, stats) = solve_free(body, &a, &rhs, progress)
+            .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
+        partition.insert_free(&free, &mut fields);
     }
-    let rhs = partition.minus_b_times(&k, &fields);
-    let (free, stats) = solve_free(body, &a, &rhs, progress)
-        .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
-    partition.insert_free(&free, &mut fields);
 
     let mut solution = Solution {
         element: body.element,
@@ -163,7 +167,7 @@ fn solve_free(
     rhs: &NodeFields,
     progress: &dyn Progress,
 ) -> Result<(NodeFields, SolveStats), SolveError> {
-    if a.nodes() == 0 || rhs.columns == 0 {
+    if a.nodes() == 0 {
         let residuals = vec![0.0; rhs.columns];
         let stats =
             SolveStats { method: "none".into(), columns: rhs.columns, residuals, ..Default::default() };

@@ -1,7 +1,7 @@
 //! The .green file: a safetensors container, read into memory, checked by hash.
 //!
-//! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, those of the column families that the
-//! body requires, and `EFFECT/TENSOR` of effects that own some. The metadata key `greenstage` holds one JSON object;
+//! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, `control/NAME` (the surface nodes of
+//! each control element), those of the column families that the body requires, and `EFFECT/TENSOR` of effects that own some. The metadata key `greenstage` holds one JSON object;
 //! NumPy's safetensors opens the file as it is.
 
 use super::bytes::Bytes;
@@ -145,6 +145,11 @@ impl GreenFile {
 
     pub fn tags(&self, body: &str) -> &[u64] {
         self.slice(&format!("{body}/tags"))
+    }
+
+    /// Surface nodes of one control element.
+    pub fn control(&self, body: &str, control: &str) -> &[u32] {
+        self.slice(&format!("{body}/control/{control}"))
     }
 
     /// A tensor of an effect's own section: its shape and numbers. The error names what is missing or of another type.

@@ -3,9 +3,10 @@
 //! In: a container that was read. Out: the first fault, by the name of its tensor or field. A hash tells that a file is as
 //! it was written, and nothing of who wrote it: nothing that is used later is taken on trust.
 
+use super::control::{FIELD_NAMES, FIELDS};
 use super::error::GreenError;
 use super::families::FAMILIES;
-use super::file::{BodyMeta, GreenFile};
+use super::file::{BodyMeta, ControlMeta, GreenFile};
 use super::numbers::{LARGEST, numbers};
 use super::requirements::Requirements;
 use crate::mesh::trouble::EXTENT;
@@ -77,14 +78,40 @@ impl GreenFile {
         Ok(())
     }
 
-    /// Control elements by names of their own, at places.
+    /// Control elements by names of their own, at places, and of nodes that are there.
     fn check_controls(&self, name: &str, body: &BodyMeta) -> Result<(), String> {
         for (i, control) in body.controls.iter().enumerate() {
             let called = &control.name;
             if body.controls[..i].iter().any(|other| other.name == *called) {
                 return Err(format!("bodies.{name}.controls names \"{called}\" twice"));
             }
-            numbers(&format!("bodies.{name}.controls: {called}: origin"), control.origin, LARGEST)?;
+            self.check_control(name, body, control)?;
+        }
+        Ok(())
+    }
+
+    fn check_control(&self, name: &str, body: &BodyMeta, control: &ControlMeta) -> Result<(), String> {
+        let ControlMeta { name: called, origin, nodes, independent, vanishing, .. } = control;
+        let field = |key: &str| format!("bodies.{name}.controls: {called}: {key}");
+        numbers(&field("origin"), *origin, LARGEST)?;
+        let is_known = |field: &String| FIELD_NAMES.contains(&field.as_str());
+        if independent.checked_add(vanishing.len()) != Some(FIELDS) || !vanishing.iter().all(is_known) {
+            return Err(format!(
+                "{}: {independent} independent fields and the vanishing ones {vanishing:?} are not the {FIELDS}",
+                field("independent")
+            ));
+        }
+        let tensor = format!("{name}/control/{called}");
+        self.expect(&tensor, Dtype::U32, &[self.count(&tensor)])?;
+        let held = self.control(name, called);
+        let is_ascending = held.windows(2).all(|pair| pair[0] < pair[1]);
+        if !is_ascending || held.last().is_some_and(|&node| node as usize >= body.surface_nodes) {
+            return Err(format!(
+                "tensor {tensor} names a node that is not there, or its nodes are not ascending"
+            ));
+        }
+        if *nodes < held.len().max(1) {
+            return Err(format!("{} is {nodes}, of which {} are on the surface", field("nodes"), held.len()));
         }
         Ok(())
     }

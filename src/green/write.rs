@@ -114,6 +114,11 @@ fn add_tensors(body: &Precomputed, meta: &mut BodyMeta, tensors: &mut BTreeMap<S
         ("triangles".to_owned(), Tensor::new(&[triangles.len(), 3], triangles.iter().flatten().copied())),
         ("tags".to_owned(), Tensor::new(&[nodes.len()], nodes.iter().map(|&n| mesh.tags[n as usize]))),
     ];
+    for control in &solution.controls {
+        let is_held = |i: &u32| control.nodes.binary_search(&nodes[*i as usize]).is_ok();
+        let held: Vec<u32> = (0..nodes.len() as u32).filter(is_held).collect();
+        own.push((format!("control/{}", control.name), Tensor::new(&[held.len()], held)));
+    }
     for entry in FAMILIES.iter().filter(|entry| body.requirements.has(entry.family)) {
         own.extend((entry.write)(body, meta));
     }

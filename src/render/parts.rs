@@ -4,7 +4,7 @@
 //! in place. Its twin on the CPU is `deform::move_parts`.
 
 use super::bounds::Bounds;
-use super::chunk::{Chunk, ComputePass, most_items};
+use super::chunk::ComputePass;
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::shader;
@@ -30,27 +30,7 @@ impl PartsPass {
         let motions = gpu.storage("motions of parts", size_of_val(&last[..]) as u64, usage)?;
         gpu.queue.write_buffer(&motions, 0, bytemuck::cast_slice(&last));
         let mut pass = ComputePass::new(gpu, "parts", &shader::PARTS);
-        let most_shares = (gpu.storage_limit / 8) as usize;
-        let most_vertices = most_items(gpu).min((gpu.storage_limit / 4) as usize - 1);
-        let mut first = 0;
-        while first < weights.nodes() {
-            let limit = weights.starts()[first] as usize + most_shares;
-            let end = weights.starts().partition_point(|&start| start as usize <= limit) - 1;
-            let count = (end.max(first + 1) - first).min(most_vertices);
-            let rows = &weights.starts()[first..=first + count];
-            let starts: Vec<u32> = rows.iter().map(|start| start - rows[0]).collect();
-            let shares = &weights.shares()[rows[0] as usize..rows[count] as usize];
-            let buffers = [
-                gpu.storage("rows of weights", size_of_val(&starts[..]) as u64, usage)?,
-                gpu.storage("weights of parts", size_of_val(shares) as u64, usage)?,
-            ];
-            gpu.queue.write_buffer(&buffers[0], 0, bytemuck::cast_slice(&starts));
-            gpu.queue.write_buffer(&buffers[1], 0, bytemuck::cast_slice(shares));
-            gpu.queue.submit([]);
-            let chunk = Chunk { count: count as u32, first: first as u32 };
-            pass.add(gpu, [&buffers[0], &buffers[1], &motions, positions], chunk)?;
-            first += count;
-        }
+        pass.add_rows(gpu, &motions, weights.starts(), weights.shares(), positions)?;
         Ok(PartsPass { pass, motions, last })
     }
 

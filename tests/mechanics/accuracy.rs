@@ -5,7 +5,7 @@ use crate::common;
 use common::{case_poses, folder, scene, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
 use greenstage::fem::STVK;
-use greenstage::green::{self, Requirements, STIFFNESS};
+use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::report::measure::poses::random;
 use greenstage::report::plan::{choose, miss, time};
 use greenstage::report::{Limits, Report, Request, Row, measure};
@@ -159,7 +159,7 @@ fn errors_of_energy_and_force_are_against_the_equilibrium() {
         let mut scene = scene.clone();
         scene.body["b"].element = element;
         let solution = green::solve(&scene, "b", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
-        let c: Vec<_> = poses.iter().map(ControlPose::coefficients).collect();
+        let c: Vec<f64> = poses.iter().flat_map(ControlPose::coefficients).collect();
         wrenches(solution.stiffness().unwrap(), &c, UnitQuaternion::identity())
     };
     let (coarse, fine) = (solved(Element::Tet4), solved(Element::Tet10));

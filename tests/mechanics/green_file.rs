@@ -48,7 +48,7 @@ fn round_trip_keeps_every_number_to_f32() {
             file.control("block", &control.name).iter().map(|&i| nodes[i as usize]).collect();
         assert_eq!(held, control.nodes);
     }
-    assert_eq!(file.stiffness("block"), solution.stiffness);
+    assert_eq!(file.stiffness("block").as_ref(), solution.stiffness());
 }
 
 /// Half the bytes: every number is within the error that the file states for its field, and no smaller error is true.
@@ -179,21 +179,34 @@ fn no_cut_file_passes() {
     assert!(GreenFile::open(&cut).is_err(), "eight bytes too many");
 }
 
+/// A body of which no family is required has its surface and its control elements in the file, and no model.
+#[test]
+fn what_is_not_required_is_neither_solved_nor_stored() {
+    let (path, precomputed) = written("green-nothing", &Requirements::default());
+    let solution = &precomputed.solution;
+    assert_eq!((solution.fields.columns, solution.stats.columns, solution.stiffness()), (0, 0, None));
+    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let names: Vec<&str> = file.tensors().map(|(name, ..)| name).collect();
+    assert_eq!(
+        names,
+        ["block/control/high", "block/control/low", "block/rest", "block/tags", "block/triangles"]
+    );
+    let refused = Deformer::new(file, "block", "linear").err().unwrap();
+    assert!(refused.contains("no numbers of the family affine, which the model \"linear\""), "{refused}");
+}
+
 #[test]
 fn changed_scene_makes_the_file_stale() {
-    let fingerprint =
-        |text: &str, needs| green::fingerprint(&block_scene([2, 1, 1], text), "block", needs).unwrap();
-    let base = fingerprint("", &Requirements::of(&[AFFINE]));
-    assert_eq!(base, fingerprint("", &Requirements::of(&[AFFINE])));
-    assert_eq!(
-        base,
-        fingerprint("place = { position = [0.0, 1.0, 0.0] }", &Requirements::of(&[AFFINE])),
-        "placing moves nothing"
-    );
+    let affine = &Requirements::of(&[AFFINE]);
+    let fingerprint = |text: &str, requirements: &Requirements| {
+        green::fingerprint(&block_scene([2, 1, 1], text), "block", requirements).unwrap()
+    };
+    let base = fingerprint("", affine);
+    assert_eq!(base, fingerprint("", affine));
+    assert_eq!(base, fingerprint("place = { position = [0.0, 1.0, 0.0] }", affine), "placing moves nothing");
     assert_ne!(base, fingerprint("", &HAPTICS));
-    assert_ne!(base, fingerprint("solver = { method = \"pcg\" }", &Requirements::of(&[AFFINE])));
-    let finer =
-        green::fingerprint(&block_scene([2, 2, 1], ""), "block", &Requirements::of(&[AFFINE])).unwrap();
+    assert_ne!(base, fingerprint("solver = { method = \"pcg\" }", affine));
+    let finer = green::fingerprint(&block_scene([2, 2, 1], ""), "block", affine).unwrap();
     assert_ne!(base, finer);
 
     let (path, _) = written("green-stale", &Requirements::of(&[AFFINE]));
@@ -251,7 +264,7 @@ fn a_file_that_shrinks_while_it_is_open_changes_nothing() {
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(0).unwrap();
     assert_eq!(file.triangles("block"), precomputed.solution.surface.triangles);
-    assert_eq!(file.stiffness("block"), precomputed.solution.stiffness);
+    assert_eq!(file.stiffness("block").as_ref(), precomputed.solution.stiffness());
     let mut deformer = Deformer::new(file, "block", "rotation").unwrap();
     deformer.evaluate(&[some_pose(0.3), some_pose(2.0)]);
     assert!(deformer.positions().as_flattened().iter().all(|x| x.is_finite()));

@@ -227,7 +227,11 @@ fn what_its_curved_edges_fold_is_refused_with_its_place() {
 }
 
 fn handle_stiffness(scene: &Scene) -> DMatrix<f64> {
-    green::solve(scene, "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap().stiffness().unwrap()
+    green::solve(scene, "block", &Requirements::of(&[STIFFNESS]), &Silent)
+        .unwrap()
+        .stiffness()
+        .unwrap()
+        .clone()
 }
 
 /// What a refined mesh can represent contains what the coarse one can, and the ends are prescribed alike: the strain

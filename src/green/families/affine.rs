@@ -1,9 +1,9 @@
 //! The family `affine`: for each control element the displacements that its twelve unit affine motions cause.
 //!
-//! In: the solved fields. Out: `basis/NAME` (12 × nodes × 3), `scale/NAME` (12) where they are stored scaled, and
-//! `control/NAME` (the surface nodes that the element holds). From the paper's "Elastic deformation using control elements".
+//! In: the solved fields. Out: `basis/NAME` (12 × nodes × 3), and `scale/NAME` (12) where they are stored scaled. From the
+//! paper's "Elastic deformation using control elements".
 
-use super::super::control::{FIELD_NAMES, FIELDS};
+use super::super::control::FIELDS;
 use super::super::family::FamilyEntry;
 use super::super::file::{BodyMeta, ControlMeta, GreenFile};
 use super::super::numbers::{LARGEST, numbers};
@@ -39,9 +39,6 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
         }
         let (dtype, shape) = (dtype(body.storage), vec![FIELDS, nodes.len(), 3]);
         tensors.push((format!("basis/{name}"), Tensor { dtype, shape, bytes: stored.into_bytes() }));
-        let is_held = |i: &u32| control.nodes.binary_search(&nodes[*i as usize]).is_ok();
-        let held: Vec<u32> = (0..nodes.len() as u32).filter(is_held).collect();
-        tensors.push((format!("control/{name}"), Tensor::new(&[held.len()], held)));
     }
     tensors
 }
@@ -73,34 +70,15 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
         if storage != Storage::F32 {
             file.expect(&format!("{name}/scale/{called}"), Dtype::F32, &[FIELDS])?;
         }
-        let held = format!("{name}/control/{called}");
-        file.expect(&held, Dtype::U32, &[file.count(&held)])?;
-        check_control(file, name, body, control)?;
+        check_columns(file, name, control)?;
     }
     Ok(())
 }
 
-fn check_control(file: &GreenFile, name: &str, body: &BodyMeta, control: &ControlMeta) -> Result<(), String> {
-    let ControlMeta { name: called, nodes, independent, vanishing, storage_errors, .. } = control;
-    let field = |key: &str| format!("bodies.{name}.controls: {called}: {key}");
-    numbers(&field("storage_errors"), storage_errors.iter().copied(), f64::MAX)?;
-    let is_known = |field: &String| FIELD_NAMES.contains(&field.as_str());
-    if independent.checked_add(vanishing.len()) != Some(FIELDS) || !vanishing.iter().all(is_known) {
-        return Err(format!(
-            "{}: {independent} independent fields and the vanishing ones {vanishing:?} are not the {FIELDS}",
-            field("independent")
-        ));
-    }
-    let held = file.control(name, called);
-    let is_ascending = held.windows(2).all(|pair| pair[0] < pair[1]);
-    if !is_ascending || held.last().is_some_and(|&node| node as usize >= body.surface_nodes) {
-        return Err(format!(
-            "tensor {name}/control/{called} names a node that is not there, or its nodes are not ascending"
-        ));
-    }
-    if *nodes < held.len().max(1) {
-        return Err(format!("{} is {nodes}, of which {} are on the surface", field("nodes"), held.len()));
-    }
+fn check_columns(file: &GreenFile, name: &str, control: &ControlMeta) -> Result<(), String> {
+    let called = &control.name;
+    let errors = format!("bodies.{name}.controls: {called}: storage_errors");
+    numbers(&errors, control.storage_errors.iter().copied(), f64::MAX)?;
     let (basis, scale) = (format!("tensor {name}/basis/{called}"), format!("tensor {name}/scale/{called}"));
     let scaled =
         |scales: &[f32], largest: f64| numbers(&scale, scales.iter().map(|&x| x.into()), LARGEST / largest);
@@ -131,10 +109,5 @@ impl GreenFile {
             Storage::F16 => ColumnGroup::F16 { bits: self.slice(&basis), scales: self.slice(&scale) },
             Storage::Int16 => ColumnGroup::Int16 { values: self.slice(&basis), scales: self.slice(&scale) },
         }
-    }
-
-    /// Surface nodes of one control element.
-    pub fn control(&self, body: &str, control: &str) -> &[u32] {
-        self.slice(&format!("{body}/control/{control}"))
     }
 }
