@@ -1,10 +1,10 @@
 //! What the graph of fields costs, and the online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use greenstage::deform::{Columns, Superposition, vertex_normals};
+use greenstage::base::columns::{Storage, StoredColumns};
+use greenstage::deform::{Superposition, vertex_normals};
 use greenstage::field::{Each, Field, FieldError, Graph, Value};
-use greenstage::green::{Basis, FIELDS, Stored};
-use greenstage::scene::Storage;
+use greenstage::green::FIELDS;
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
 
@@ -13,29 +13,22 @@ const NODES: usize = 10_000;
 fn superposition(c: &mut Criterion) {
     let exact: Vec<Vec<f64>> =
         (0..FIELDS).map(|k| (0..3 * NODES).map(|i| ((i + k) as f64).sin()).collect()).collect();
-    let [f32s, f16s, int16s] = Storage::ALL.map(|storage| Stored::new(storage, &exact));
     // A memory of its own for each of the two control elements.
-    let singles: [Vec<f32>; 2] = std::array::from_fn(|_| bytemuck::pod_collect_to_vec(&f32s.bytes));
-    let bits: [Vec<u16>; 2] = std::array::from_fn(|_| bytemuck::pod_collect_to_vec(&f16s.bytes));
-    let integers: [Vec<i16>; 2] = std::array::from_fn(|_| bytemuck::pod_collect_to_vec(&int16s.bytes));
-    let all = [
-        ("f32", [0, 1].map(|e| Basis::F32(&singles[e]))),
-        ("f16", [0, 1].map(|e| Basis::F16 { bits: &bits[e], scales: &f16s.scales })),
-        ("int16", [0, 1].map(|e| Basis::Int16 { values: &integers[e], scales: &int16s.scales })),
-    ];
+    let all = Storage::ALL.map(|storage| [0, 1].map(|_| StoredColumns::new(storage, &exact)));
     let mut group = c.benchmark_group("superposition 10,000 nodes");
-    for ((storage, basis), moved) in all.iter().flat_map(|basis| [(basis, 1), (basis, 2)]) {
-        let columns = Columns { elements: basis.to_vec() };
-        let name = format!("{storage}, {} columns", 12 * moved);
-        let mut sum = Superposition::new(2);
+    for (stored, moved) in all.iter().flat_map(|stored| [(stored, 1), (stored, 2)]) {
+        let groups = stored.each_ref().map(StoredColumns::group);
+        let storage = groups[0].storage();
+        let name = format!("{}, {} columns", storage.name(), 12 * moved);
+        let mut sum = Superposition::new(&groups, NODES);
         let mut u = vec![[0.0; 3]; NODES];
         let mut step = 0.0;
-        group.throughput(Throughput::Bytes((moved * FIELDS * 3 * basis[0].width() * NODES) as u64));
+        group.throughput(Throughput::Bytes((moved * FIELDS * 3 * storage.width() * NODES) as u64));
         group.bench_function(name, |b| {
             b.iter(|| {
                 step += 1e-3;
                 let coefficients = [0, 1].map(|e| [if e < moved { 0.1 + step } else { 0.0 }; FIELDS]);
-                black_box(sum.update(&columns, &coefficients, &mut u));
+                black_box(sum.update(&groups, coefficients.as_flattened(), &mut u));
             });
         });
     }

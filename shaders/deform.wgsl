@@ -1,5 +1,6 @@
 // Superposition: x = X + Σ w u over the columns that have a weight, four numbers of the surface's x a thread, four
-// columns a pass. Columns lie one after the other, so neighbouring threads read neighbouring memory.
+// columns a pass. Columns lie one after the other, so neighbouring threads read neighbouring memory. The Rust twin is in
+// src/deform/superposition.rs.
 
 // Four columns and their weights: coefficient times scale.
 struct Terms {

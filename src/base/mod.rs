@@ -3,6 +3,7 @@
 //! Imports no other room of ours.
 
 pub mod bars;
+pub mod columns;
 pub mod csv;
 pub mod disjoint;
 pub mod failure;
@@ -12,6 +13,7 @@ pub mod machine;
 pub mod memory;
 pub mod notice;
 pub mod output;
+pub mod parts;
 pub mod peak;
 pub mod progress;
 pub mod signal;

@@ -7,7 +7,7 @@ use crate::config::unknown_name;
 use crate::deform::pose_file;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::TET4;
-use crate::green::{self, GreenFile, Needs};
+use crate::green::{self, GreenFile, Requirements};
 use crate::report::{self, Limits, Request, measure::poses::random};
 use crate::scene::Scene;
 use crate::session::{Playback, Session, open};
@@ -72,8 +72,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         None => scene.body.keys().next().cloned().unwrap_or_default(),
     };
-    let needs =
-        |scene: &Scene| -> Needs { prepare::needs(scene, &name, &scene.body[&name]).unwrap_or_default() };
+    let needs = |scene: &Scene| -> Requirements {
+        prepare::needs(scene, &name, &scene.body[&name]).unwrap_or_default()
+    };
     prepare::needs(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;

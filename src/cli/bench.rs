@@ -1,15 +1,17 @@
 //! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
 
 use super::{bench_haptics, marks, precompute};
+use crate::base::columns::ColumnGroup;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::statistics::median;
 use crate::base::table::{Table, bytes, seconds};
-use crate::deform::{BYTES_PER_THREAD, Columns, Superposition, vertex_normals};
+use crate::deform::{BYTES_PER_THREAD, Superposition, vertex_normals};
 use crate::display::device;
 use crate::display::offscreen::{DrawTimes, Pictures, Targets};
 use crate::display::pictures;
-use crate::green::{Basis, FIELDS, Precomputed};
+use crate::effect::any_requires;
+use crate::green::{FIELDS, Precomputed, STIFFNESS};
 use crate::render::DrawCounts;
 use crate::scene::{Scene, Storage};
 use crate::session::{Playback, Request, Session};
@@ -103,7 +105,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         measured.bodies = names.zip(targets.bodies.choices).collect();
         drawn.push(measured);
     }
-    let resists = scene.body.values().flat_map(|body| &body.effects).any(|effect| effect == "haptics");
+    let resists = scene.body.values().any(|body| any_requires(&body.effects, STIFFNESS));
     let ticks = match resists || args.haptics {
         true => beside_frames(
             Session::open(&Request { stage: args.stage.as_deref(), ..Request::of(&scene) })?,
@@ -221,14 +223,14 @@ impl Loop {
 fn loops() -> Vec<Loop> {
     let numbers = 2 * FIELDS * 3 * PAPER_NODES;
     let data: Vec<f32> = (0..numbers).map(|i| (i as f32).sin()).collect();
-    let columns = Columns { elements: data.chunks_exact(numbers / 2).map(Basis::F32).collect() };
-    let mut sum = Superposition::new(2);
+    let groups: Vec<ColumnGroup> = data.chunks_exact(numbers / 2).map(ColumnGroup::F32).collect();
+    let mut sum = Superposition::new(&groups, PAPER_NODES);
     let mut u = vec![[0.0; 3]; PAPER_NODES];
     let mut c = 0.0;
     let mut superpose = |moved: usize| {
         c += 1e-3;
         let coefficients = [0, 1].map(|e| [if e < moved { 0.1 + c } else { 0.0 }; FIELDS]);
-        black_box(sum.update(&columns, &coefficients, &mut u));
+        black_box(sum.update(&groups, coefficients.as_flattened(), &mut u));
     };
     let mut measure = |name: &'static str, moved: usize| {
         let words = bytemuck::cast_slice(&data[..moved * numbers / 2]);
@@ -242,15 +244,15 @@ fn loops() -> Vec<Loop> {
     rows.push(measure("superposition, 24 columns, all threads", 2));
     let integers: Vec<i16> = (0..numbers).map(|i| ((i % 65_521) as i32 - 32_760) as i16).collect();
     let scales = [1e-4; FIELDS];
-    let half = |values| Basis::Int16 { values, scales: &scales };
-    let columns = Columns { elements: integers.chunks_exact(numbers / 2).map(half).collect() };
+    let half = |values| ColumnGroup::Int16 { values, scales: &scales };
+    let groups: Vec<ColumnGroup> = integers.chunks_exact(numbers / 2).map(half).collect();
     if let Ok(one) = rayon::ThreadPoolBuilder::new().num_threads(1).build() {
-        let mut sum = Superposition::new(2);
+        let mut sum = Superposition::new(&groups, PAPER_NODES);
         let name = "superposition, 24 columns of int16, one thread";
         rows.push(one.install(|| {
             Loop::new(name, bytemuck::cast_slice(&integers), || {
                 c += 1e-3;
-                black_box(sum.update(&columns, &[[0.1 + c; FIELDS]; 2], &mut u));
+                black_box(sum.update(&groups, &[0.1 + c; 2 * FIELDS], &mut u));
             })
         }));
     }

@@ -3,7 +3,7 @@
 use super::plan;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
-use crate::green::{GreenError, GreenFile};
+use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::scene::Scene;
 use crate::session::open;
@@ -233,7 +233,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &scene.body {
         let needs = match prepare::law(&scene, name, body)? {
             Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
-            None if prepare::needs(&scene, name, body)?.stiffness => "; needs the handle stiffness",
+            None if prepare::needs(&scene, name, body)?.has(STIFFNESS) => "; needs the handle stiffness",
             None => "",
         };
         let loaded = scene.load_mesh(name, body)?;

@@ -4,17 +4,17 @@
 //! stage is needed, and every size fits. All coefficients change in every frame.
 
 use super::bench;
+use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
 use crate::base::failure::Failure;
 use crate::base::statistics::median;
 use crate::base::table::{Table, bytes, seconds};
-use crate::deform::{Columns, Superposition, vertex_normals};
-use crate::display::device::{self, DeformOn};
-use crate::green::{Basis, FIELDS, Stored};
+use crate::deform::{Superposition, vertex_normals};
+use crate::display::device::DeformOn;
+use crate::green::FIELDS;
 use crate::render::{
     BodyBuffers, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Renderer, View,
     Viewport,
 };
-use crate::scene::Storage;
 use crate::stage::{Eye, Stage};
 use nalgebra::Point3;
 use serde_json::{Value, json};
@@ -29,8 +29,7 @@ const NEAR_M: f64 = 0.05;
 struct Tube {
     rest: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
-    stored: Vec<Stored>,
-    storage: Storage,
+    stored: Vec<StoredColumns>,
 }
 
 impl Tube {
@@ -57,34 +56,13 @@ impl Tube {
             rest.iter().flat_map(|x| [0, 1, 2].map(|axis| number(x.map(f64::from), axis))).collect()
         };
         let stored = (0..ELEMENTS)
-            .map(|e| Stored::new(storage, &(0..FIELDS).map(|k| column(e, k)).collect::<Vec<_>>()))
+            .map(|e| StoredColumns::new(storage, &(0..FIELDS).map(|k| column(e, k)).collect::<Vec<_>>()))
             .collect();
-        Tube { rest, triangles, stored, storage }
-    }
-}
-
-/// Numbers of a stored element, aligned to their type.
-enum Numbers {
-    F32(Vec<f32>),
-    F16(Vec<u16>),
-    Int16(Vec<i16>),
-}
-
-impl Numbers {
-    fn new(storage: Storage, stored: &Stored) -> Numbers {
-        match storage {
-            Storage::F32 => Numbers::F32(bytemuck::pod_collect_to_vec(&stored.bytes)),
-            Storage::F16 => Numbers::F16(bytemuck::pod_collect_to_vec(&stored.bytes)),
-            Storage::Int16 => Numbers::Int16(bytemuck::pod_collect_to_vec(&stored.bytes)),
-        }
+        Tube { rest, triangles, stored }
     }
 
-    fn basis<'a>(&'a self, scales: &'a [f32]) -> Basis<'a> {
-        match self {
-            Numbers::F32(values) => Basis::F32(values),
-            Numbers::F16(bits) => Basis::F16 { bits, scales },
-            Numbers::Int16(values) => Basis::Int16 { values, scales },
-        }
+    fn groups(&self) -> Vec<ColumnGroup<'_>> {
+        self.stored.iter().map(StoredColumns::group).collect()
     }
 }
 
@@ -249,7 +227,6 @@ fn views(stage: &Stage) -> Vec<[Option<View>; 2]> {
 /// One body, and what deforms it.
 struct Bench<'a> {
     tube: &'a Tube,
-    numbers: Vec<Numbers>,
     buffers: BodyBuffers,
     sum: Superposition,
     positions: Vec<[f32; 3]>,
@@ -261,24 +238,17 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     fn new(gpu: &Gpu, tube: &'a Tube, on_device: bool) -> Result<Bench<'a>, Failure> {
         let colors = vec![[96, 142, 186, 0]; tube.rest.len()];
-        let numbers: Vec<Numbers> =
-            tube.stored.iter().map(|stored| Numbers::new(tube.storage, stored)).collect();
-        let elements: Vec<_> = numbers
-            .iter()
-            .zip(&tube.stored)
-            .map(|(numbers, stored)| device::on_device(&numbers.basis(&stored.scales)))
-            .collect();
+        let groups = tube.groups();
         let buffers = if on_device {
-            BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &elements)?
+            BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &groups, None)?
         } else {
             BodyBuffers::new(gpu, &tube.triangles, &colors)?
         };
         let nodes = tube.rest.len();
         Ok(Bench {
             tube,
-            numbers,
             buffers,
-            sum: Superposition::new(ELEMENTS),
+            sum: Superposition::new(&groups, nodes),
             positions: tube.rest.clone(),
             normals: vec![[0.0; 3]; nodes],
             scratch: Vec::new(),
@@ -295,15 +265,14 @@ impl<'a> Bench<'a> {
         views: &[[Option<View>; 2]],
         frame: usize,
     ) -> Result<Parts, Failure> {
-        let c: Vec<[f64; FIELDS]> = (0..ELEMENTS)
-            .map(|e| std::array::from_fn(|k| 0.1 * ((frame * 5 + 3 * k + e) as f64 * 0.3).sin()))
+        let c: Vec<f64> = (0..ELEMENTS)
+            .flat_map(|e| (0..FIELDS).map(move |k| 0.1 * ((frame * 5 + 3 * k + e) as f64 * 0.3).sin()))
             .collect();
         let mut parts = Parts::default();
         gpu.read_clock()?;
         if self.buffers.is_deformed_here() {
             let started = Instant::now();
-            let flat: Vec<f32> = c.as_flattened().iter().map(|c| *c as f32).collect();
-            self.buffers.deform(gpu, &flat)?;
+            self.buffers.deform(gpu, &c, &[])?;
             gpu.finish()?;
             parts.deform_s = started.elapsed().as_secs_f64();
             // Both passes are done: the clock tells how the time splits.
@@ -338,12 +307,9 @@ impl<'a> Bench<'a> {
         Ok(parts)
     }
 
-    fn deform_on_cpu(&mut self, c: &[[f64; FIELDS]], parts: &mut Parts) {
+    fn deform_on_cpu(&mut self, c: &[f64], parts: &mut Parts) {
         let started = Instant::now();
-        let bases = self.numbers.iter().zip(&self.tube.stored);
-        let columns =
-            Columns { elements: bases.map(|(numbers, stored)| numbers.basis(&stored.scales)).collect() };
-        self.sum.update(&columns, c, &mut self.u);
+        self.sum.update(&self.tube.groups(), c, &mut self.u);
         let moved = self.tube.rest.as_flattened().iter().zip(self.u.as_flattened());
         for (x, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(moved) {
             *x = rest + u;

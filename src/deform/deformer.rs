@@ -5,14 +5,16 @@
 
 use super::followed::FollowedTurn;
 use super::force::{Wrench, wrenches};
-use super::model::{Coefficients, ControlRest, DeformationModel, Kind};
+use super::model::{BodyState, ControlRest, DeformationModel, Kind, ModelEntry};
 use super::models::{find_model, not_online};
 use super::normals::vertex_normals;
 use super::partial::PartialSum;
+use super::parts::{move_parts, moved, moved_exactly};
 use super::pose::{ControlPose, ControlPoses};
-use super::superposition::SumStats;
-use super::superposition::{Columns, Superposition};
-use crate::green::GreenFile;
+use super::superposition::{SumStats, Superposition, displacement};
+use crate::base::columns::ColumnGroup;
+use crate::base::parts::{PartMotion, PartWeights};
+use crate::green::{FIELDS, GreenFile};
 use nalgebra::{DMatrix, Isometry3, Vector3};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -37,11 +39,13 @@ pub struct Deformer {
     /// By how much every control element has turned on the way to its pose.
     turns: Vec<FollowedTurn>,
     /// What the model made of the poses.
-    pub coefficients: Coefficients,
+    pub state: BodyState,
     pub times: FrameTimes,
-    /// Those that the surface was last summed for.
-    summed: Coefficients,
-    /// Displacements of the surface nodes, X + u and unit normals; NaN where the CPU keeps nothing up to date.
+    /// That for which the surface was last summed.
+    summed: BodyState,
+    /// How much each part moves each node, of a body of several parts.
+    weights: Option<PartWeights>,
+    /// Displacements of the surface nodes, their positions and unit normals; NaN where the CPU keeps nothing up to date.
     u: Vec<[f32; 3]>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
@@ -58,14 +62,27 @@ pub struct Deformer {
 impl Deformer {
     /// A deformer at rest for `body` of the file; the error names an unknown body or model.
     pub fn new(file: Arc<GreenFile>, body: &str, model: &str) -> Result<Deformer, String> {
+        Deformer::of_model(file, body, find_model(model)?)
+    }
+
+    /// The same for a model that stands in no list.
+    pub fn of_model(file: Arc<GreenFile>, body: &str, model: &ModelEntry) -> Result<Deformer, String> {
         let meta = file
             .meta
             .bodies
             .get(body)
             .ok_or_else(|| format!("{}: holds no body \"{body}\"", file.path.display()))?;
-        let Kind::Online(make) = find_model(model)?.kind else {
-            return Err(format!("body.{body}.model: {}", not_online(model)));
+        let Kind::Online(make) = model.kind else {
+            return Err(format!("body.{body}.model: {}", not_online(model.name)));
         };
+        if let Some(family) = model.requirements.iter().find(|family| !meta.requirements.has(**family)) {
+            let (path, name) = (file.path.display(), family.name);
+            return Err(format!(
+                "{path}: body {body} has no numbers of the family {name}, which the model \"{}\" requires; run \
+                 `greenstage precompute` on its scene",
+                model.name
+            ));
+        }
         let controls: Vec<ControlRest> = meta
             .controls
             .iter()
@@ -75,7 +92,16 @@ impl Deformer {
                 nodes: control.nodes,
             })
             .collect();
-        let nodes = meta.surface_nodes;
+        let (nodes, model) = (meta.surface_nodes, make(&controls));
+        let weights = model.part_weights(file.rest(body));
+        if let Some(weights) = weights.as_ref().filter(|weights| weights.nodes() != nodes) {
+            let found = weights.nodes();
+            return Err(format!(
+                "body.{body}: the parts have weights of {found} nodes, the surface has {nodes}"
+            ));
+        }
+        let sum = Superposition::new(&file.groups(body), nodes);
+        let rest = BodyState::at_rest(sum.columns());
         let mut deformer = Deformer {
             body: body.to_owned(),
             centre: Vector3::from(meta.centre),
@@ -85,11 +111,12 @@ impl Deformer {
             positions: vec![[0.0; 3]; nodes],
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
-            model: make(&controls),
+            model,
             stiffness: file.stiffness(body),
-            coefficients: Coefficients::at_rest(controls.len()),
-            summed: Coefficients::at_rest(controls.len()),
-            sum: Superposition::new(controls.len()),
+            state: rest.clone(),
+            summed: rest,
+            weights,
+            sum,
             partial: None,
             normal_sums: Vec::new(),
             evaluated: false,
@@ -125,7 +152,7 @@ impl Deformer {
         self.take(poses).then(|| self.deform())
     }
 
-    /// First half of [`Deformer::evaluate`]: poses → coefficients. False where no pose changed.
+    /// First half of [`Deformer::evaluate`]: poses → state. False where no pose changed.
     pub fn take(&mut self, poses: &[ControlPose]) -> bool {
         let is_first = !std::mem::replace(&mut self.evaluated, true);
         let mut changed = is_first;
@@ -135,20 +162,30 @@ impl Deformer {
             }
         }
         if changed {
-            self.coefficients = self.model.coefficients(&self.poses);
+            self.state = self.model.state(&self.poses);
+            // Columns of families that the model does not know.
+            self.state.coefficients.resize(self.sum.columns(), 0.0);
+            if let Some(weights) = &self.weights {
+                self.state.parts.resize(weights.parts(), Isometry3::identity());
+            }
         }
         changed
     }
 
-    /// Columns of all control elements, as they are stored.
-    pub fn columns(&self) -> Columns<'_> {
-        columns(&self.file, &self.body, &self.controls)
+    /// The groups of columns that are summed, as they are stored.
+    pub fn groups(&self) -> Vec<ColumnGroup<'_>> {
+        self.file.groups(&self.body)
+    }
+
+    /// How much each part moves each node, of a body of several parts.
+    pub fn part_weights(&self) -> Option<&PartWeights> {
+        self.weights.as_ref()
     }
 
     /// From now on the CPU sums these surface nodes only, and no normals: the graphics device makes the whole surface
     /// from the coefficients.
     pub fn sum_only_at(&mut self, nodes: Vec<u32>) {
-        self.partial = Some(PartialSum::new(nodes, &self.columns().elements, self.positions.len()));
+        self.partial = Some(PartialSum::new(nodes, &self.groups(), self.positions.len()));
         for values in [&mut self.u, &mut self.positions, &mut self.normals] {
             values.fill([f32::NAN; 3]);
         }
@@ -160,16 +197,21 @@ impl Deformer {
         self.positions.len()
     }
 
-    /// X + u of all surface nodes, about `centre`, before [`Deformer::body_from_surface`]: summed for this call where
+    /// Positions of all surface nodes, about `centre`, before [`Deformer::body_from_surface`]: summed for this call where
     /// the graphics device deforms the surface.
     pub fn positions(&self) -> Cow<'_, [[f32; 3]]> {
         if self.partial.is_none() {
             return Cow::Borrowed(&self.positions);
         }
         let mut positions = vec![[0.0; 3]; self.positions.len()];
-        Superposition::new(self.controls.len()).update(&self.columns(), &self.summed.c, &mut positions);
+        let groups = self.groups();
+        let mut sum = Superposition::new(&groups, positions.len());
+        sum.update(&groups, &self.summed.coefficients, &mut positions);
         for (position, rest) in positions.as_flattened_mut().iter_mut().zip(self.rest().as_flattened()) {
             *position += rest;
+        }
+        if let Some(weights) = &self.weights {
+            move_parts(weights, &self.summed.parts, &mut positions);
         }
         Cow::Owned(positions)
     }
@@ -189,27 +231,40 @@ impl Deformer {
         Cow::Owned(normals)
     }
 
-    /// Rigid motion that the model took out of the poses, of the surface as it was last summed: the point X of the body
-    /// comes to body_from_surface · (X + u).
-    pub fn body_from_surface(&self) -> &Isometry3<f64> {
-        &self.summed.body_from_surface
+    /// What brings the positions into the body's frame, of the surface as it was last summed: the motion of a single part,
+    /// where the point X of the body comes to body_from_surface · (X + u). Several parts are moved already.
+    pub fn body_from_surface(&self) -> Isometry3<f64> {
+        match self.weights {
+            None => self.summed.body_from_surface(),
+            Some(_) => Isometry3::identity(),
+        }
     }
 
-    /// Second half: coefficients → displacements, positions, normals.
+    /// Second half: state → displacements, positions, normals.
     pub fn deform(&mut self) -> SumStats {
         let started = Instant::now();
         let (file, body) = (&self.file, &self.body);
-        self.summed.clone_from(&self.coefficients);
-        let c = &self.summed.c;
+        self.summed.clone_from(&self.state);
+        let (c, parts) = (&self.summed.coefficients, &self.summed.parts);
         if let Some(partial) = &mut self.partial {
             let stats = partial.update(c, file.rest(body), &mut self.u, &mut self.positions);
+            if let Some(weights) = &self.weights {
+                let motions: Vec<PartMotion> = parts.iter().map(PartMotion::from).collect();
+                for &node in &partial.nodes {
+                    let place = &mut self.positions[node as usize];
+                    *place = moved(weights.of(node as usize), &motions, *place);
+                }
+            }
             self.times = FrameTimes { deform_s: started.elapsed().as_secs_f64(), normals_s: 0.0 };
             return stats;
         }
-        let stats = self.sum.update(&columns(file, body, &self.controls), c, &mut self.u);
-        let moved = file.rest(body).as_flattened().iter().zip(self.u.as_flattened());
-        for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(moved) {
+        let stats = self.sum.update(&file.groups(body), c, &mut self.u);
+        let deformed = file.rest(body).as_flattened().iter().zip(self.u.as_flattened());
+        for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(deformed) {
             *position = rest + u;
+        }
+        if let Some(weights) = &self.weights {
+            move_parts(weights, parts, &mut self.positions);
         }
         self.times.deform_s = started.elapsed().as_secs_f64();
 
@@ -248,7 +303,7 @@ impl Deformer {
     pub fn linear_part(&self, i: usize) -> Vector3<f64> {
         match &self.partial {
             None => Vector3::from(self.u[i]).cast::<f64>(),
-            Some(_) => self.columns().displacement(self.u.len(), i, &self.summed.c),
+            Some(_) => displacement(&self.groups(), self.u.len(), i, &self.summed.coefficients),
         }
     }
 
@@ -256,6 +311,9 @@ impl Deformer {
     pub fn displacement(&self, i: usize) -> Vector3<f64> {
         let rest = Vector3::from(self.rest()[i]).cast::<f64>();
         let u = self.linear_part(i);
+        if let Some(weights) = &self.weights {
+            return moved_exactly(weights.of(i), &self.summed.parts, rest + u) - rest;
+        }
         let motion = self.body_from_surface();
         // R (X + u) + t - X, written so that a small u keeps its digits beside a large X.
         let turned = motion.rotation * rest - rest;
@@ -265,10 +323,7 @@ impl Deformer {
     /// Force and torque on every control element, and the strain energy, where the file has S.
     pub fn wrenches(&self) -> Option<(Vec<Wrench>, f64)> {
         let stiffness = self.stiffness.as_ref()?;
-        Some(wrenches(stiffness, &self.coefficients.c, self.coefficients.body_from_surface.rotation))
+        let c = self.state.coefficients.get(..FIELDS * self.controls.len())?;
+        Some(wrenches(stiffness, c, self.state.body_from_surface().rotation))
     }
-}
-
-fn columns<'a>(file: &'a GreenFile, body: &str, controls: &[ControlRest]) -> Columns<'a> {
-    Columns { elements: controls.iter().map(|control| file.basis(body, &control.name)).collect() }
 }

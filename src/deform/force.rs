@@ -12,16 +12,16 @@ pub struct Wrench {
     pub moment: Vector3<f64>,
 }
 
-/// The wrench on every control element, and the body's strain energy ½ cᵀ S c in J.
+/// The wrench on every control element by the coefficients c of its twelve columns, and the body's strain energy ½ cᵀ S c in J.
 ///
 /// The generalised force on field k is g_k = (S c)_k: three forces Σ f_i, then Σ f_i (X - o)_j row by row, whose
 /// skew part is the moment. `body_from_surface` turns the result from the frame in which c was taken.
 pub fn wrenches(
     stiffness: &DMatrix<f64>,
-    coefficients: &[[f64; FIELDS]],
+    coefficients: &[f64],
     body_from_surface: UnitQuaternion<f64>,
 ) -> (Vec<Wrench>, f64) {
-    let c = DVector::from_column_slice(coefficients.as_flattened());
+    let c = DVector::from_column_slice(coefficients);
     let g = stiffness * &c;
     let wrench = |g: &[f64]| {
         let moment_arm = |i: usize, j: usize| g[3 + 3 * i + j];
@@ -48,7 +48,7 @@ mod tests {
         let mut g = vec![f.x, f.y, f.z];
         g.extend((0..9).map(|k| f[k / 3] * r[k % 3]));
         let stiffness = DMatrix::from_diagonal(&DVector::from_vec(g));
-        let (wrenches, energy) = wrenches(&stiffness, &[[1.0; FIELDS]], UnitQuaternion::identity());
+        let (wrenches, energy) = wrenches(&stiffness, &[1.0; FIELDS], UnitQuaternion::identity());
         assert!((wrenches[0].force - f).norm() < 1e-15 && (wrenches[0].moment - r.cross(&f)).norm() < 1e-15);
         assert!((energy - 0.5 * stiffness.trace()).abs() < 1e-15);
     }

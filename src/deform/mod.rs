@@ -1,17 +1,20 @@
 //! Online deformation: control poses in, displacements, positions and normals of the surface out.
 //!
-//! One [`DeformationModel`] per body turns poses into coefficients (the paper's `fieldHasChanged`), [`Deformer`] sums
-//! u = Σ cₖ u⁽ᵏ⁾ over the columns of the .green file (its `evaluate`) and adds the rest surface and the normals. [`Statics`] stands apart: it solves a body anew for every pose.
+//! One [`DeformationModel`] per body turns poses into a [`BodyState`] (the paper's `fieldHasChanged`), from which
+//! [`Deformer`] makes x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p) (its `evaluate`): [`Superposition`] sums the columns
+//! of the .green file, [`move_parts`] moves the parts where there are several. [`Statics`] stands apart: it solves a body
+//! anew for every pose.
 
 mod deformer;
 mod followed;
 mod force;
-mod guard;
+mod limiter;
 mod linear;
 mod model;
 mod models;
 mod normals;
 mod partial;
+mod parts;
 mod pose;
 pub mod pose_file;
 mod rotation;
@@ -24,15 +27,16 @@ mod turn;
 pub use deformer::{Deformer, FrameTimes};
 pub use followed::FollowedTurn;
 pub use force::{Wrench, wrenches};
-pub use guard::{CATCH_UP, JUMP, PoseFault, PoseGuard, STRETCH};
+pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use linear::Linear;
-pub use model::{Coefficients, ControlRest, DeformationModel, Kind, ModelEntry};
+pub use model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry};
 pub use models::{MODELS, find_model, not_online};
 pub use normals::vertex_normals;
+pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
 pub use rotation::{Rotation, is_mean_defined, mean_rotation, unwrapped};
 pub use screw::Screw;
-pub use statics::{Settled, Statics, StaticsError};
-pub use superposition::{BYTES_PER_THREAD, Columns, SumStats, Superposition};
+pub use statics::{EquilibriumResult, Statics, StaticsError};
+pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
 pub use surface_displacements::SurfaceDisplacements;
 pub use turn::local_turn;

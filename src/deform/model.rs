@@ -1,13 +1,20 @@
-//! What a deformation model is: control poses in, coefficients of the columns out.
+//! What a deformation model is: control poses in, the state of a body out.
 
 use super::pose::ControlPose;
+use crate::base::parts::PartWeights;
 use crate::fem::Law;
-use crate::green::{FIELDS, Needs};
+use crate::green::Family;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-/// How a body's control poses become coefficients of its columns. Exactly one per body.
+/// How a body's control poses become its state. Exactly one per body.
 pub trait DeformationModel: Send {
-    fn coefficients(&mut self, poses: &[ControlPose]) -> Coefficients;
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState;
+
+    /// How much each part moves each node of the rest surface, of a model that has several; `None` of one part, whose
+    /// motion is that of the whole body. Asked once.
+    fn part_weights(&self, _rest: &[[f32; 3]]) -> Option<PartWeights> {
+        None
+    }
 
     /// Forgets the poses seen so far: the next one stands alone, as in a batch.
     fn forget(&mut self) {}
@@ -20,9 +27,24 @@ pub trait DeformationModel: Send {
 pub struct ModelEntry {
     pub name: &'static str,
     pub summary: &'static str,
-    /// What must be precomputed for it beside the basis.
-    pub needs: Needs,
+    /// Column families that must be precomputed for it.
+    pub requirements: &'static [Family],
+    pub frame: Frame,
+    /// Largest turns of a piece of the surface, in degrees, up to which it is good and up to which it is fair: off by about
+    /// 0.2 % and 2 % of the body's length.
+    pub turn_limits_deg: [f64; 2],
     pub kind: Kind,
+}
+
+/// In which frame a model's displacements stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// In that of the body at rest: it is linear in the matrices of the poses, and takes them as they are, not as turns.
+    Rest,
+    /// In one that follows the mean motion of the control elements.
+    MeanMotion,
+    /// In that of the body at rest, solved for large rotations.
+    Solved,
 }
 
 /// How a model is evaluated.
@@ -44,26 +66,32 @@ pub struct ControlRest {
     pub nodes: usize,
 }
 
-/// What a model makes of the poses of one body.
+/// All that a body's surface is computed from: x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p).
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Coefficients {
-    /// cₖ, 12 a control element, in the surface's frame.
-    // Derived code has a FIELDS of its own.
-    pub c: Vec<[f64; crate::green::FIELDS]>,
-    /// Rigid motion that the model took out of the poses; the identity for `linear`.
-    #[serde(with = "crate::field::numbers")]
-    pub body_from_surface: Isometry3<f64>,
+pub struct BodyState {
+    /// R_p and t_p of each rigid part. That of a single part is what the model took out of the poses: the identity for
+    /// `linear`.
+    #[serde(with = "crate::field::numbers::list")]
+    pub parts: Vec<Isometry3<f64>>,
+    /// c_k, group after group as the body's columns stand; a model may leave out those behind its own, which are then 0.
+    pub coefficients: Vec<f64>,
     /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
     pub rotation_undefined: bool,
 }
 
-impl Coefficients {
-    pub fn at_rest(controls: usize) -> Coefficients {
-        Coefficients {
-            c: vec![[0.0; FIELDS]; controls],
-            body_from_surface: Isometry3::identity(),
+impl BodyState {
+    /// One part where it was made, and so many columns without a coefficient.
+    pub fn at_rest(columns: usize) -> BodyState {
+        BodyState {
+            parts: vec![Isometry3::identity()],
+            coefficients: vec![0.0; columns],
             rotation_undefined: false,
         }
+    }
+
+    /// The motion of the first part: of the whole body, where it has one part alone.
+    pub fn body_from_surface(&self) -> Isometry3<f64> {
+        self.parts.first().copied().unwrap_or_else(Isometry3::identity)
     }
 }

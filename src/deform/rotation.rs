@@ -5,16 +5,19 @@
 //! the element's share of all held nodes; R̄ = polar(A). Then x = R̄ (X + u(c̄)) + t̄ for the poses
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
-use super::model::{Coefficients, ControlRest, DeformationModel, Kind, ModelEntry};
+use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry};
 use super::pose::ControlPose;
 use crate::fem::Polar;
-use crate::green::Needs;
+use crate::green::AFFINE;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "rotation",
     summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
-    needs: Needs { stiffness: false },
+    requirements: &[AFFINE],
+    frame: Frame::MeanMotion,
+    // As for `linear`; the mean of both ends' turns is taken out, and half of it is left either way.
+    turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|controls: &[ControlRest]| {
         Box::new(Rotation { controls: controls.to_vec(), last: Rotation3::identity(), turns: None })
     }),
@@ -44,7 +47,7 @@ pub struct Rotation {
 }
 
 impl DeformationModel for Rotation {
-    fn coefficients(&mut self, poses: &[ControlPose]) -> Coefficients {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         let turns = unwrapped(self.turns.as_deref(), poses);
         let mean = mean_rotation(&self.controls, poses, &turns);
         self.last = mean.unwrap_or(self.last);
@@ -56,8 +59,8 @@ impl DeformationModel for Rotation {
             (0..poses.len()).map(|e| (moved(e) - rotation * self.controls[e].origin) * weights[e]).sum();
         let body_from_surface =
             Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_rotation_matrix(&rotation));
-        let c = (0..poses.len())
-            .map(|e| {
+        let coefficients = (0..poses.len())
+            .flat_map(|e| {
                 let seen = ControlPose {
                     translation: inverse * (moved(e) - shift) - self.controls[e].origin,
                     matrix: inverse.matrix() * poses[e].matrix,
@@ -65,7 +68,7 @@ impl DeformationModel for Rotation {
                 seen.coefficients()
             })
             .collect();
-        Coefficients { c, body_from_surface, rotation_undefined: mean.is_none() }
+        BodyState { parts: vec![body_from_surface], coefficients, rotation_undefined: mean.is_none() }
     }
 
     fn forget(&mut self) {
@@ -176,11 +179,11 @@ mod tests {
         let shift = Vector3::new(0.3, -2.0, 0.7);
         let Kind::Online(make) = ENTRY.kind else { panic!("it is evaluated in every frame") };
         let mut model = make(&controls());
-        let made = model.coefficients(&rigid(rotation, shift));
-        assert!(made.c.as_flattened().iter().all(|c| c.abs() < 1e-14), "{made:?}");
+        let made = model.state(&rigid(rotation, shift));
+        assert!(made.coefficients.iter().all(|c| c.abs() < 1e-14), "{made:?}");
         let x = nalgebra::Point3::new(0.5, 0.1, -0.3);
         let expected = rotation * x + shift;
-        assert!((made.body_from_surface * x - expected).norm() < 1e-14);
+        assert!((made.body_from_surface() * x - expected).norm() < 1e-14);
     }
 
     #[test]

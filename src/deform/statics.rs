@@ -5,11 +5,11 @@
 //! while [`Newton`] keeps the others in equilibrium. What the other models are measured against; too slow for a frame.
 
 use super::force::Wrench;
-use super::model::{Kind, ModelEntry};
+use super::model::{Frame, Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Screw;
 use crate::fem::{Hyperelastic, Lame, Law, NodeFields, Partition, TET4, tet4};
-use crate::green::{self, ControlElement, GreenError, Needs, Prepared};
+use crate::green::{self, ControlElement, GreenError, Prepared};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{Counts, Equilibrium, LinearSolver, Newton, NewtonError, Progress, Setback, SolveError};
@@ -17,12 +17,9 @@ use nalgebra::{Matrix3, Vector3};
 
 /// The model of bodies under `law`.
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
-    ModelEntry {
-        name: law.name,
-        summary: law.summary,
-        needs: Needs { stiffness: false },
-        kind: Kind::Static(law),
-    }
+    let (requirements, turn_limits_deg) = (&[], [180.0; 2]);
+    let (frame, kind) = (Frame::Solved, Kind::Static(law));
+    ModelEntry { name: law.name, summary: law.summary, requirements, frame, turn_limits_deg, kind }
 }
 
 /// No load step turns a control element by more, rad, …
@@ -49,7 +46,7 @@ pub struct Statics {
 
 /// A body held in a pose.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Settled {
+pub struct EquilibriumResult {
     /// Of every node of the mesh, m.
     pub displacement: Vec<Vector3<f64>>,
     /// Of every control element, about where its origin rested, with the lever arms of the deformed body.
@@ -78,7 +75,7 @@ pub enum StaticsError {
     )]
     Stopped {
         /// The last state that was found.
-        settled: Box<Settled>,
+        settled: Box<EquilibriumResult>,
         share: f64,
         from: &'static str,
         why: Setback,
@@ -169,7 +166,11 @@ impl Statics {
     /// Starts from the last pose that was solved where that is nearer than rest; each control element takes the
     /// shorter turn from rest either way, so that beyond a loss of stability alone the order of the poses matters.
     /// `progress` is advanced by 1000 in all.
-    pub fn solve(&mut self, poses: &ControlPoses, progress: &dyn Progress) -> Result<Settled, StaticsError> {
+    pub fn solve(
+        &mut self,
+        poses: &ControlPoses,
+        progress: &dyn Progress,
+    ) -> Result<EquilibriumResult, StaticsError> {
         // No law feels a common shift. With it, screw motions by different turns would tear the body on the way, and a small
         // strain would drown in the rounding of large displacements.
         let least =
@@ -233,7 +234,7 @@ impl Statics {
     }
 
     /// What is told of an equilibrium that is shifted as a whole.
-    fn settled(&self, equilibrium: &Equilibrium, shift: &Vector3<f64>) -> Settled {
+    fn settled(&self, equilibrium: &Equilibrium, shift: &Vector3<f64>) -> EquilibriumResult {
         let at = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
         let displacement: Vec<_> = (0..self.mesh.nodes.len()).map(|node| at(&equilibrium.u, node)).collect();
         let wrench = |control: &ControlElement| {
@@ -249,7 +250,7 @@ impl Statics {
         let dets: Vec<f64> =
             equilibrium.gradients.iter().map(|h| (Matrix3::identity() + h).determinant()).collect();
         let least = (0..dets.len()).min_by(|&a, &b| dets[a].total_cmp(&dets[b])).unwrap_or(0);
-        Settled {
+        EquilibriumResult {
             wrenches: self.controls.iter().map(wrench).collect(),
             energy: equilibrium.energy,
             least_det: (dets.get(least).copied().unwrap_or(1.0), least),

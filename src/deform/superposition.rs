@@ -1,41 +1,39 @@
-//! u = Σ cₖ u⁽ᵏ⁾ in f32, vectorised, with only the changed control elements summed again.
+//! u = Σ cₖ u⁽ᵏ⁾ in f32, vectorised, with only the changed groups of columns summed again.
 //!
-//! Every control element keeps its own partial sum. When its coefficients change, that sum is made anew from its
-//! columns and the total from the partial sums, so that nothing drifts however often the body is moved.
+//! In: groups of columns as they are stored, any number in each, and their coefficients. Out: displacements. Every group
+//! keeps its own partial sum. When its coefficients change, that sum is made anew from its columns and the total from the
+//! partial sums, so that nothing drifts however often the body is moved. The twin on the graphics device is
+//! `shaders/deform.wgsl`.
 
-use crate::green::{Basis, FIELDS, half_to_single};
+use crate::base::columns::{ColumnGroup, half_to_single};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// What one sum cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SumStats {
-    /// Control elements whose columns were summed again.
-    pub elements_summed: usize,
+    /// Groups whose columns were summed again.
+    pub groups_summed: usize,
     /// Columns read for them.
     pub columns_read: usize,
 }
 
-/// The basis columns of a body, per control element.
-pub struct Columns<'a> {
-    pub elements: Vec<Basis<'a>>,
-}
-
-impl Columns<'_> {
-    /// u of node `i` alone, of `nodes`: for coefficients `c`, 12 a control element.
-    pub fn displacement(&self, nodes: usize, i: usize, c: &[[f64; FIELDS]]) -> Vector3<f64> {
-        let terms =
-            self.elements.iter().zip(c).flat_map(|(basis, c)| (0..FIELDS).map(move |k| (basis, k, c[k])));
-        terms.fold(Vector3::zeros(), |sum, (basis, k, c)| {
-            sum + Vector3::from_fn(|axis, _| c * f64::from(basis.value(nodes, k, 3 * i + axis)))
-        })
-    }
+/// u of node `i` alone, of `nodes`, for the coefficients of all columns in the order of their groups.
+pub fn displacement(groups: &[ColumnGroup<'_>], nodes: usize, i: usize, c: &[f64]) -> Vector3<f64> {
+    let columns = groups.iter().flat_map(|group| {
+        let count = group.columns(nodes).unwrap_or(0);
+        (0..count).map(move |k| (group, k))
+    });
+    columns.zip(c).fold(Vector3::zeros(), |sum, ((group, k), c)| {
+        sum + Vector3::from_fn(|axis, _| c * f64::from(group.value(nodes, k, 3 * i + axis)))
+    })
 }
 
 /// A coefficient, times the column's scale, and the column.
 type Term<'a, T> = (f32, &'a [T]);
 
-/// The columns of one control element that are summed.
+/// The columns of one group that are summed.
 enum Terms<'a> {
     F32(Vec<Term<'a, f32>>),
     F16(Vec<Term<'a, u16>>),
@@ -44,15 +42,15 @@ enum Terms<'a> {
 
 impl<'a> Terms<'a> {
     /// Those with a coefficient; a column has `n` numbers.
-    fn new(basis: &Basis<'a>, c: &[f32; FIELDS], n: usize) -> Terms<'a> {
-        fn used<'a, T>(values: &'a [T], c: &[f32; FIELDS], scales: &[f32], n: usize) -> Vec<Term<'a, T>> {
-            let used = (0..FIELDS).filter(|&k| c[k] != 0.0);
-            used.map(|k| (c[k] * scales[k], &values[k * n..(k + 1) * n])).collect()
-        }
-        match basis {
-            Basis::F32(values) => Terms::F32(used(values, c, &[1.0; FIELDS], n)),
-            Basis::F16 { bits, scales } => Terms::F16(used(bits, c, scales, n)),
-            Basis::Int16 { values, scales } => Terms::Int16(used(values, c, scales, n)),
+    fn new(group: &ColumnGroup<'a>, c: &[f32], n: usize) -> Terms<'a> {
+        let used = c.iter().enumerate().filter(|(_, c)| **c != 0.0);
+        let used = used.map(|(k, c)| (c * group.scale(k), k * n..(k + 1) * n));
+        match *group {
+            ColumnGroup::F32(values) => Terms::F32(used.map(|(c, part)| (c, &values[part])).collect()),
+            ColumnGroup::F16 { bits, .. } => Terms::F16(used.map(|(c, part)| (c, &bits[part])).collect()),
+            ColumnGroup::Int16 { values, .. } => {
+                Terms::Int16(used.map(|(c, part)| (c, &values[part])).collect())
+            }
         }
     }
 
@@ -82,36 +80,56 @@ pub const BYTES_PER_THREAD: usize = 1 << 20;
 
 /// The partial sums of one body.
 pub struct Superposition {
-    /// The coefficients summed last, per control element.
-    coefficients: Vec<[f32; FIELDS]>,
-    /// Per block of numbers, the partial sum of every control element, each `BLOCK` long.
+    /// Where the columns of each group stand among all.
+    groups: Vec<Range<usize>>,
+    /// The coefficients summed last, of all columns.
+    coefficients: Vec<f32>,
+    /// Per block of numbers, the partial sum of every group, each `BLOCK` long.
     partial: Vec<f32>,
 }
 
 impl Superposition {
-    pub fn new(elements: usize) -> Superposition {
-        Superposition { coefficients: vec![[0.0; FIELDS]; elements], partial: Vec::new() }
+    /// For these groups of columns of `nodes` nodes, none of which has a coefficient yet.
+    pub fn new(groups: &[ColumnGroup<'_>], nodes: usize) -> Superposition {
+        let mut end = 0;
+        let range = |group: &ColumnGroup<'_>| {
+            let start = end;
+            end += group.columns(nodes).unwrap_or(0);
+            start..end
+        };
+        let groups: Vec<Range<usize>> = groups.iter().map(range).collect();
+        Superposition { groups, coefficients: vec![0.0; end], partial: Vec::new() }
     }
 
-    /// Brings `u` to the sum over all control elements for coefficients `c`, 12 a control element.
+    /// Columns of all groups together.
+    pub fn columns(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    /// Brings `u` to the sum over all groups for the coefficients of their columns; columns behind the last coefficient
+    /// have none.
     ///
-    /// `u` must be what the last call left, or zero on the first. The bits do not depend on the number of threads.
-    pub fn update(&mut self, columns: &Columns<'_>, c: &[[f64; FIELDS]], u: &mut [[f32; 3]]) -> SumStats {
-        let rounded: Vec<[f32; FIELDS]> = c.iter().map(|c| c.map(|c| c as f32)).collect();
-        let changed: Vec<usize> =
-            (0..rounded.len()).filter(|&e| rounded[e] != self.coefficients[e]).collect();
-        let mut stats = SumStats { elements_summed: changed.len(), columns_read: 0 };
+    /// `groups` are those of [`Superposition::new`]; `u` must be what the last call left, or zero on the first. The bits do
+    /// not depend on the number of threads.
+    pub fn update(&mut self, groups: &[ColumnGroup<'_>], c: &[f64], u: &mut [[f32; 3]]) -> SumStats {
+        let mut rounded: Vec<f32> = c.iter().map(|c| *c as f32).collect();
+        rounded.resize(self.columns(), 0.0);
+        let columns = |g: usize| self.groups[g].clone();
+        let is_changed = |g: &usize| rounded[columns(*g)] != self.coefficients[columns(*g)];
+        let changed: Vec<usize> = (0..self.groups.len()).filter(is_changed).collect();
+        let mut stats = SumStats { groups_summed: changed.len(), columns_read: 0 };
         if changed.is_empty() {
             return stats;
         }
         let u = u.as_flattened_mut();
         let terms: Vec<(usize, Terms)> =
-            changed.iter().map(|&e| (e, Terms::new(&columns.elements[e], &rounded[e], u.len()))).collect();
-        let width = columns.elements.iter().map(Basis::width).max().unwrap_or(4);
+            changed.iter().map(|&g| (g, Terms::new(&groups[g], &rounded[columns(g)], u.len()))).collect();
+        let width = groups.iter().map(|group| group.storage().width()).max().unwrap_or(4);
         stats.columns_read = terms.iter().map(|(_, terms)| terms.len()).sum();
-        let moved: Vec<usize> = (0..rounded.len()).filter(|&e| rounded[e] != [0.0; FIELDS]).collect();
+        let is_moved = |g: &usize| rounded[columns(*g)].iter().any(|c| *c != 0.0);
+        let moved: Vec<usize> = (0..self.groups.len()).filter(is_moved).collect();
 
-        let stride = BLOCK * rounded.len();
+        let stride = BLOCK * self.groups.len();
         self.partial.resize(u.len().div_ceil(BLOCK) * stride, 0.0);
         let block_bytes = width * BLOCK * stats.columns_read.max(1);
         self.partial
@@ -121,10 +139,10 @@ impl Superposition {
             .with_min_len(BYTES_PER_THREAD.div_ceil(block_bytes))
             .for_each(|(block, (partial, total))| {
                 let n = total.len();
-                for (e, terms) in &terms {
-                    terms.combine(&mut partial[e * BLOCK..][..n], block * BLOCK);
+                for (g, terms) in &terms {
+                    terms.combine(&mut partial[g * BLOCK..][..n], block * BLOCK);
                 }
-                let mut sums = moved.iter().map(|e| &partial[e * BLOCK..][..n]);
+                let mut sums = moved.iter().map(|g| &partial[g * BLOCK..][..n]);
                 match sums.next() {
                     Some(first) => total.copy_from_slice(first),
                     None => total.fill(0.0),
@@ -201,59 +219,89 @@ fn combine_with<T: Copy>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::columns::{Storage, StoredColumns};
 
     const NODES: usize = 1501;
 
-    fn columns(elements: usize) -> Vec<Vec<f32>> {
+    /// Groups of so many columns each.
+    fn data(counts: &[usize], nodes: usize) -> Vec<Vec<f32>> {
         let value = |i: usize| ((i * 2654435761 % 1000) as f32 - 500.0) * 1e-3;
-        (0..elements).map(|e| (0..FIELDS * 3 * NODES).map(|i| value(i + 7 * e)).collect()).collect()
+        let group = |(g, count): (usize, &usize)| (0..count * 3 * nodes).map(|i| value(i + 7 * g)).collect();
+        counts.iter().enumerate().map(group).collect()
     }
 
-    fn direct(columns: &[Vec<f32>], c: &[[f64; FIELDS]], i: usize) -> f64 {
-        let term = |e: usize, k: usize| c[e][k] * f64::from(columns[e][k * 3 * NODES + i]);
-        (0..columns.len()).flat_map(|e| (0..FIELDS).map(move |k| (e, k))).map(|(e, k)| term(e, k)).sum()
+    fn direct(data: &[Vec<f32>], c: &[f64], i: usize) -> f64 {
+        let columns = data.iter().flat_map(|group| group.chunks_exact(3 * NODES));
+        columns.zip(c).map(|(column, c)| c * f64::from(column[i])).sum()
     }
 
+    /// Groups of 12, 1 and 7 columns.
     #[test]
     fn sum_agrees_with_f64_and_reads_only_what_changed() {
-        let data = columns(3);
-        let columns = Columns { elements: data.iter().map(|data| Basis::F32(data)).collect() };
-        let mut sum = Superposition::new(3);
+        let data = data(&[12, 1, 7], NODES);
+        let groups: Vec<ColumnGroup> = data.iter().map(|data| ColumnGroup::F32(data)).collect();
+        let mut sum = Superposition::new(&groups, NODES);
         let mut u = vec![[0.0; 3]; NODES];
-        let mut c = vec![[0.0; FIELDS]; 3];
-        c[0][2] = 0.5;
-        c[2] = std::array::from_fn(|k| 0.1 * k as f64 - 0.4);
-        let stats = sum.update(&columns, &c, &mut u);
-        assert_eq!((stats.elements_summed, stats.columns_read), (2, 1 + 11));
-        c[1][11] = -0.25;
-        let stats = sum.update(&columns, &c, &mut u);
-        assert_eq!((stats.elements_summed, stats.columns_read), (1, 1));
+        let mut c = vec![0.0; 20];
+        c[2] = 0.5;
+        c[13..].copy_from_slice(&[-0.4, -0.3, 0.0, 0.1, 0.2, 0.3, 0.7]);
+        let mut cost = |c: &[f64], u: &mut [[f32; 3]]| {
+            let SumStats { groups_summed, columns_read } = sum.update(&groups, c, u);
+            (groups_summed, columns_read)
+        };
+        assert_eq!(cost(&c, &mut u), (2, 1 + 6));
+        c[12] = -0.25;
+        assert_eq!(cost(&c, &mut u), (1, 1));
         for (i, u) in u.as_flattened().iter().enumerate() {
             assert!((f64::from(*u) - direct(&data, &c, i)).abs() < 2e-6);
         }
-        let stats = sum.update(&columns, &c, &mut u);
-        assert_eq!((stats.elements_summed, stats.columns_read), (0, 0));
-        let stats = sum.update(&columns, &[[0.0; FIELDS]; 3], &mut u);
-        assert_eq!((stats.elements_summed, stats.columns_read), (3, 0));
+        for node in [0, 700, NODES - 1] {
+            let alone = displacement(&groups, NODES, node, &c);
+            assert!((0..3).all(|axis| (alone[axis] - f64::from(u[node][axis])).abs() < 2e-6), "{node}");
+        }
+        assert_eq!(cost(&c, &mut u), (0, 0));
+        assert_eq!(cost(&c[..13], &mut u), (1, 0), "columns behind the last coefficient have none");
+        assert_eq!(cost(&[0.0; 20], &mut u), (2, 0));
         assert!(u.as_flattened().iter().all(|u| *u == 0.0));
+    }
+
+    /// Groups may be stored differently, and be none at all.
+    #[test]
+    fn groups_of_any_storage_are_summed_together() {
+        let exact: Vec<Vec<f64>> = data(&[5], NODES)[0]
+            .chunks_exact(3 * NODES)
+            .map(|c| c.iter().map(|x| (*x).into()).collect())
+            .collect();
+        let stored = Storage::ALL.map(|storage| StoredColumns::new(storage, &exact));
+        let groups = stored.each_ref().map(StoredColumns::group);
+        let c: Vec<f64> = (0..15).map(|k| 0.1 * f64::from(k) - 0.6).collect();
+        let mut u = vec![[0.0; 3]; NODES];
+        Superposition::new(&groups, NODES).update(&groups, &c, &mut u);
+        for (i, u) in u.as_flattened().iter().enumerate() {
+            let expected: f64 = (0..15).map(|k| c[k] * exact[k % 5][i]).sum();
+            assert!((f64::from(*u) - expected).abs() < 1e-3, "{i}: {u} {expected}");
+        }
+        let nothing = Superposition::new(&[], NODES).update(&[], &c, &mut u);
+        assert_eq!(nothing, SumStats::default());
     }
 
     #[test]
     fn a_million_updates_do_not_drift() {
         const FEW: usize = 5;
-        let data: Vec<Vec<f32>> = columns(2).iter().map(|all| all[..FIELDS * 3 * FEW].to_vec()).collect();
-        let columns = Columns { elements: data.iter().map(|data| Basis::F32(data)).collect() };
-        let pose = |step: usize, e: usize| -> [f64; FIELDS] {
-            std::array::from_fn(|k| ((step * (k + 3) + e) as f64 * 0.37).sin())
+        const COLUMNS: usize = 12;
+        let data = data(&[COLUMNS; 2], FEW);
+        let groups: Vec<ColumnGroup> = data.iter().map(|data| ColumnGroup::F32(data)).collect();
+        let pose = |steps: [usize; 2]| -> Vec<f64> {
+            let c = |g: usize, k: usize| ((steps[g] * (k + 3) + g) as f64 * 0.37).sin();
+            (0..2 * COLUMNS).map(|i| c(i / COLUMNS, i % COLUMNS)).collect()
         };
-        let mut sum = Superposition::new(2);
+        let mut sum = Superposition::new(&groups, FEW);
         let mut u = vec![[0.0; 3]; FEW];
-        for step in 0..1_000_000 {
-            sum.update(&columns, &[pose(step / 2, 0), pose(step.div_ceil(2), 1)], &mut u);
+        for step in 0..1_000_000_usize {
+            sum.update(&groups, &pose([step / 2, step.div_ceil(2)]), &mut u);
         }
-        let mut fresh = Superposition::new(2);
         let mut expected = vec![[0.0; 3]; FEW];
-        fresh.update(&columns, &[pose(499_999, 0), pose(500_000, 1)], &mut expected);
+        Superposition::new(&groups, FEW).update(&groups, &pose([499_999, 500_000]), &mut expected);
         assert_eq!(u, expected);
     }
 }

@@ -37,7 +37,7 @@ impl GpuBodies {
         for (buffers, body) in self.buffers.iter_mut().zip(&mut world.bodies) {
             let moved = std::mem::take(&mut body.moved);
             if moved && buffers.is_deformed_here() {
-                buffers.deform(gpu, &device::coefficients(body))?;
+                device::deform(gpu, buffers, body)?;
             } else if moved {
                 buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
             }

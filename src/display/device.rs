@@ -4,8 +4,7 @@
 use crate::base::failure::Failure;
 use crate::base::statistics::median;
 use crate::base::table::seconds;
-use crate::green::Basis;
-use crate::render::{BodyBuffers, ColumnData, Gpu, RenderError, Renderer};
+use crate::render::{BodyBuffers, Gpu, RenderError, Renderer};
 use crate::world::PlacedBody;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -184,7 +183,7 @@ pub fn buffers(
     if choice.on_device {
         let nodes = body.pickable();
         body.deformer.sum_only_at(nodes);
-        buffers.deform(gpu, &coefficients(body))?;
+        deform(gpu, &mut buffers, body)?;
     }
     body.moved = true;
     Ok((buffers, choice))
@@ -192,22 +191,14 @@ pub fn buffers(
 
 fn with_columns(gpu: &Gpu, body: &PlacedBody) -> Result<BodyBuffers, RenderError> {
     let deformer = &body.deformer;
-    let elements: Vec<ColumnData<'_>> = deformer.columns().elements.iter().map(on_device).collect();
-    BodyBuffers::with_columns(gpu, deformer.triangles(), &body.colours(), deformer.rest(), &elements)
+    let (groups, weights) = (deformer.groups(), deformer.part_weights());
+    BodyBuffers::with_columns(gpu, deformer.triangles(), &body.colours(), deformer.rest(), &groups, weights)
 }
 
-/// Columns as the device takes them.
-pub fn on_device<'a>(basis: &Basis<'a>) -> ColumnData<'a> {
-    match *basis {
-        Basis::F32(values) => ColumnData::F32(values),
-        Basis::F16 { bits, scales } => ColumnData::F16 { bits, scales },
-        Basis::Int16 { values, scales } => ColumnData::Int16 { values, scales },
-    }
-}
-
-/// The body's coefficients as the device takes them.
-pub fn coefficients(body: &PlacedBody) -> Vec<f32> {
-    body.deformer.coefficients.c.as_flattened().iter().map(|c| *c as f32).collect()
+/// Deforms the body on the device, as its state says; false where nothing changed.
+pub fn deform(gpu: &Gpu, buffers: &mut BodyBuffers, body: &PlacedBody) -> Result<bool, RenderError> {
+    let state = &body.deformer.state;
+    buffers.deform(gpu, &state.coefficients, &state.parts)
 }
 
 /// Deformations that are timed; one more goes before them.
@@ -216,15 +207,15 @@ const TIMED: usize = 3;
 /// Median time of one deformation of all columns on the CPU, upload included, and on the device, s. The body is left as
 /// it was.
 fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Result<[f64; 2], RenderError> {
-    let before = body.deformer.coefficients.clone();
+    let before = body.deformer.state.clone();
     let mut times = [Vec::new(), Vec::new()];
     for round in 0..=TIMED {
         let step = 1e-4 * (round + 1) as f64;
-        body.deformer.coefficients.c.iter_mut().for_each(|c| *c = [step; crate::green::FIELDS]);
+        body.deformer.state.coefficients.fill(step);
         for (on_device, times) in times.iter_mut().enumerate() {
             let started = Instant::now();
             if on_device == 1 {
-                buffers.deform(gpu, &coefficients(body))?;
+                deform(gpu, buffers, body)?;
             } else {
                 body.deformer.deform();
                 buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
@@ -235,7 +226,7 @@ fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Resul
             }
         }
     }
-    body.deformer.coefficients = before;
+    body.deformer.state = before;
     body.deformer.deform();
     Ok(times.map(median))
 }

@@ -9,7 +9,7 @@ use super::pattern::Pattern;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_layout;
 use crate::render::window::{Input, Key, WindowTimes, Windows};
-use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Sheet, Tile};
+use crate::render::{EyePicture, FrameContents, Gpu, Overlay, OverlayMesh, RenderError, Tile};
 use crate::stage::{Stage, Window};
 use crate::track::tracker_set::TrackerReport;
 use nalgebra::Isometry3;
@@ -153,7 +153,7 @@ impl Overlays {
             rooms.iter().map(|room| Some(room.as_ref()?.1.contents(*contents))).collect();
         let readings = panels.contains(&true).then(|| readings(&windows.gpu));
         // Both eyes get the same overlay.
-        let mut panel: Option<Sheet> = None;
+        let mut panel: Option<OverlayMesh> = None;
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
             let Some((window, &size)) = frame.layout.get(picture.window).zip(frame.sizes.get(picture.window))
             else {
@@ -180,7 +180,7 @@ impl Overlays {
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
-                let is_same = |sheet: &Sheet| sheet.size == picture.texture_size && picture.slot == 1;
+                let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
                 let sheet = match panel.take().filter(is_same) {
                     Some(sheet) => sheet,
                     None => overlay.lay_out(picture.texture_size, |painter| {

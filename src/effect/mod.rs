@@ -1,12 +1,16 @@
 //! Opt-in effects: what a scene does not list costs nothing, neither precomputation, file, memory, pipeline nor
 //! time in the frame.
 //!
-//! Each effect is one entry of [`EFFECTS`]; a body names those it wants, and only what they need is precomputed.
+//! Each effect is one entry of [`EFFECTS`]; a body names those it wants, and only what they require is precomputed
+//! ([`requirements`], [`add_sections`]).
 
 mod entry;
 pub mod haptics;
 
-pub use entry::EffectEntry;
+pub use entry::{EffectEntry, Precompute};
+
+use crate::deform::ModelEntry;
+use crate::green::{Family, GreenError, Precomputed, Requirements};
 
 /// All effects; a new one is one file and one line here.
 pub const EFFECTS: &[EffectEntry] = &[haptics::ENTRY];
@@ -17,4 +21,119 @@ pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
         .iter()
         .find(|entry| entry.name == name)
         .ok_or_else(|| crate::config::unknown_name("effect", name, EFFECTS.iter().map(|entry| entry.name)))
+}
+
+/// What must be precomputed for a body of this model with these effects.
+pub fn requirements<'a>(
+    model: &ModelEntry,
+    effects: impl IntoIterator<Item = &'a EffectEntry>,
+) -> Requirements {
+    let of_model = Requirements::of(model.requirements);
+    effects.into_iter().fold(of_model, |all, effect| all.and(effect.requirements()))
+}
+
+/// Whether one of these effects, by their names, requires the family.
+pub fn any_requires(effects: &[String], family: Family) -> bool {
+    effects.iter().any(|name| find_effect(name).is_ok_and(|effect| effect.requirements().has(family)))
+}
+
+/// Makes the tensors of those effects that own some, and leaves them in what is written of the body.
+pub fn add_sections<'a>(
+    effects: impl IntoIterator<Item = &'a EffectEntry>,
+    body: &mut Precomputed,
+) -> Result<(), GreenError> {
+    for effect in effects {
+        let Some(precompute) = effect.precompute else { continue };
+        let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
+        body.sections.extend(precompute(&body.solution)?.into_iter().map(named));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deform::{Deformer, MODELS, find_model};
+    use crate::green::{self, AFFINE, FAMILIES, GreenFile, STIFFNESS, Tensor};
+    use crate::scene::Scene;
+    use crate::solve::Silent;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// An effect that stands in no list: it keeps the mean of every column.
+    const MEANS: EffectEntry = EffectEntry {
+        name: "means",
+        summary: "the mean of every column",
+        requirements: &[AFFINE],
+        precompute: Some(|solution| {
+            let fields = &solution.fields;
+            let mean = |column: usize| {
+                let sum: f64 = (0..3 * fields.nodes).map(|row| fields.row(row)[column]).sum();
+                sum / (3 * fields.nodes) as f64
+            };
+            let means = Tensor::new(&[fields.columns], (0..fields.columns).map(mean));
+            Ok(vec![("columns".into(), means)])
+        }),
+    };
+
+    fn scene() -> Scene {
+        let text = "[body.b]\n\
+                    generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }\n\
+                    material = { young = 1.0, poisson = 0.3 }\n\
+                    [body.b.control]\n\
+                    low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        Scene::parse(text, Path::new("test.toml")).unwrap()
+    }
+
+    #[test]
+    fn an_effect_with_tensors_of_its_own_fills_its_section_of_the_file() {
+        let (scene, folder) = (scene(), tempfile::tempdir().unwrap());
+        let linear = find_model("linear").unwrap();
+        let required = requirements(linear, [&MEANS]);
+        assert_eq!(required.describe(), "affine, means");
+        let mut body = green::precompute(&scene, "b", &required, &Silent).unwrap();
+        let path = folder.path().join("b.green");
+        green::write(&path, std::slice::from_ref(&body)).unwrap();
+        let error = GreenFile::open(&path).unwrap_err().to_string();
+        assert!(error.contains("the section b/means/ of the effect means is missing"), "{error}");
+
+        add_sections([&MEANS], &mut body).unwrap();
+        green::write(&path, &[body]).unwrap();
+        let file = GreenFile::open(&path).unwrap();
+        file.check_belongs(&scene, "b", &required).unwrap();
+        let other = file.check_belongs(&scene, "b", &requirements(linear, [])).unwrap_err().to_string();
+        assert!(other.contains("is stale"), "{other}");
+        let (shape, means) = file.section::<f64>("b", "means", "columns").unwrap();
+        assert_eq!((shape, means.len()), (&[24][..], 24));
+        // Both control elements shifted by 1 along x shift every node by it: a third of all numbers.
+        assert!((means[0] + means[12] - 1.0 / 3.0).abs() < 1e-9, "{means:?}");
+        assert!(file.section::<f32>("b", "means", "columns").is_err());
+        let missing = file.section::<f64>("b", "means", "rows").unwrap_err().to_string();
+        assert!(missing.contains("tensor b/means/rows is missing"), "{missing}");
+        assert!(Deformer::new(Arc::new(file), "b", "linear").unwrap().wrenches().is_none());
+    }
+
+    #[test]
+    fn the_stiffness_comes_from_the_family_that_haptics_requires() {
+        let online = MODELS.iter().filter(|model| !model.requirements.is_empty());
+        for model in online {
+            assert!(!requirements(model, []).has(STIFFNESS));
+            assert!(requirements(model, EFFECTS).has(STIFFNESS), "{}", model.name);
+        }
+        assert!(any_requires(&["haptics".into()], STIFFNESS) && !any_requires(&[], STIFFNESS));
+        assert_eq!((haptics::ENTRY.bytes(2), MEANS.bytes(2)), (24 * 24 * 8, 0));
+    }
+
+    /// A section must not stand where a family's tensors or the surface do.
+    #[test]
+    fn names_of_effects_and_families_differ() {
+        let mut names: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
+        names.extend(FAMILIES.iter().map(|entry| entry.family.name));
+        names.extend(["rest", "triangles", "tags", "basis", "scale", "control"]);
+        let all = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), all, "{names:?}");
+    }
 }

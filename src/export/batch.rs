@@ -5,8 +5,10 @@ use super::statics;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file::{self, Pose};
-use crate::deform::{ControlPose, ControlPoses, Deformer, Settled, Wrench, wrenches};
-use crate::green::{self, FIELDS, GreenFile, Solution};
+use crate::deform::{
+    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, Wrench, find_model, wrenches,
+};
+use crate::green::{self, GreenFile, STIFFNESS, Solution};
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
 use crate::world::prepare;
@@ -62,7 +64,7 @@ pub fn solve(
         let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
         // The linear theory takes matrices as they are, not as turns.
         let doubtful =
-            |asked: &Asked| pose_file::doubtful_turn(&asked.control, body).filter(|_| body.model != "linear");
+            |asked: &Asked| pose_file::doubtful_turn(&asked.control, body).filter(|_| !takes_matrices(body));
         for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
             notice!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
         }
@@ -92,9 +94,14 @@ pub fn requirements(scene: &Scene) -> Result<(bool, bool), Failure> {
     for (name, body) in &scene.body {
         let is_static = prepare::law(scene, name, body)?.is_some();
         has_columns |= !is_static;
-        has_forces |= is_static || prepare::needs(scene, name, body)?.stiffness;
+        has_forces |= is_static || prepare::needs(scene, name, body)?.has(STIFFNESS);
     }
     Ok((has_forces, has_columns))
+}
+
+/// Whether the body's model is linear in the matrices of the poses, not in their turns.
+fn takes_matrices(body: &Body) -> bool {
+    find_model(&body.model).is_ok_and(|model| model.frame == Frame::Rest)
 }
 
 fn control_forces(body: &Body, (wrenches, energy): (Vec<Wrench>, f64)) -> ControlForces {
@@ -114,7 +121,7 @@ fn surface_results(
 
 fn surface_result(asked: &Asked<'_>, scene_body: &Body, body: &mut Deformer) -> PoseResult {
     body.forget();
-    if body.evaluate(&asked.control).is_some() && body.coefficients.rotation_undefined {
+    if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
             "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
              defined, and the result not to be trusted; model = \"linear\" has no such pose",
@@ -136,13 +143,13 @@ fn volume_results(
     body: &Body,
     asked: &[&Asked<'_>],
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
-    if body.model != "linear" {
+    if !takes_matrices(body) {
         return Err(Failure::request(scene.invalid(
             &format!("body.{name}.model"),
             format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
         )));
     }
-    let solution = green::solve(scene, name, prepare::needs(scene, name, body)?, &Silent)?;
+    let solution = green::solve(scene, name, &prepare::needs(scene, name, body)?, &Silent)?;
     for notice in &solution.notices {
         notice!("{notice}");
     }
@@ -151,9 +158,8 @@ fn volume_results(
 }
 
 fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution) -> PoseResult {
-    let coefficients: Vec<[f64; FIELDS]> = asked.control.iter().map(ControlPose::coefficients).collect();
-    let c = coefficients.as_flattened();
-    let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+    let c: Vec<f64> = asked.control.iter().flat_map(ControlPose::coefficients).collect();
+    let value = |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>();
     PoseResult {
         pose: asked.pose.to_owned(),
         body: name.to_owned(),
@@ -161,9 +167,8 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
         wrenches: solution
-            .stiffness
-            .as_ref()
-            .map(|s| control_forces(body, wrenches(s, &coefficients, UnitQuaternion::identity()))),
+            .stiffness()
+            .map(|s| control_forces(body, wrenches(s, &c, UnitQuaternion::identity()))),
     }
 }
 
@@ -178,7 +183,7 @@ fn static_results(
     for (asked, settled) in asked.iter().zip(solved.settled) {
         let (pose, name) = (asked.pose.to_owned(), name.to_owned());
         match settled {
-            Ok(Settled { displacement, wrenches, energy, .. }) => {
+            Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
                 found.push(PoseResult { pose, body: name, displacement, wrenches });
             }

@@ -4,7 +4,7 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::{Table, seconds};
-use crate::deform::{ControlPoses, Settled, Statics, StaticsError};
+use crate::deform::{ControlPoses, EquilibriumResult, Statics, StaticsError};
 use crate::fem::Law;
 use crate::scene::Scene;
 use crate::solve::Progress;
@@ -14,7 +14,7 @@ use std::time::Instant;
 pub struct Solved {
     pub statics: Statics,
     /// In the order of the poses; why there is none where a pose has no equilibrium.
-    pub settled: Vec<Result<Settled, String>>,
+    pub settled: Vec<Result<EquilibriumResult, String>>,
     /// What each pose took, and how good it is.
     pub table: Table,
 }
@@ -71,7 +71,7 @@ pub fn solve(
     Ok(Solved { statics, settled, table })
 }
 
-fn inverted(statics: &Statics, found: &Settled) -> String {
+fn inverted(statics: &Statics, found: &EquilibriumResult) -> String {
     let mesh = &statics.mesh;
     let tags = |&tet: &usize| format!("{:?}", mesh.tets[tet].map(|node| mesh.tags[node as usize]));
     let named: Vec<String> = found.inverted.iter().take(5).map(tags).collect();

@@ -1,7 +1,7 @@
 //! Lists of numbers in a stream, exactly as they are; those that JSON lacks are the words `nan`, `inf` and `-inf`.
 //!
 //! `#[serde(with = "crate::field::numbers")]` on a vector, point, matrix (row by row) or pose (place, then quaternion
-//! i, j, k, w); `numbers::option` where it may be absent.
+//! i, j, k, w); `numbers::option` where it may be absent, `numbers::list` where there are any number of them.
 
 use nalgebra::{
     Isometry3, Matrix3, Matrix4, Point3, Quaternion, Similarity3, Translation3, UnitQuaternion, Vector3,
@@ -91,14 +91,20 @@ impl<'de, T: Numbers> Visitor<'de> for Exactly<T> {
     }
 }
 
-/// A list of numbers, or nothing.
-pub mod option {
-    use super::{Deserialize, Deserializer, Numbers, Serialize, Serializer};
+/// One list of numbers among others.
+mod listed {
+    use super::{Deserialize, Numbers, Serialize};
 
     #[derive(Serialize, Deserialize)]
     #[serde(transparent)]
     #[serde(bound = "")]
-    struct Listed<T: Numbers>(#[serde(with = "super")] T);
+    pub struct Listed<T: Numbers>(#[serde(with = "super")] pub T);
+}
+
+/// A list of numbers, or nothing.
+pub mod option {
+    use super::listed::Listed;
+    use super::{Deserialize, Deserializer, Numbers, Serialize, Serializer};
 
     pub fn serialize<T: Numbers + Clone, S: Serializer>(
         value: &Option<T>,
@@ -111,6 +117,23 @@ pub mod option {
         deserializer: D,
     ) -> Result<Option<T>, D::Error> {
         Ok(Option::<Listed<T>>::deserialize(deserializer)?.map(|Listed(value)| value))
+    }
+}
+
+/// Any count of lists of numbers.
+pub mod list {
+    use super::listed::Listed;
+    use super::{Deserialize, Deserializer, Numbers, Serializer};
+
+    pub fn serialize<T: Numbers + Clone, S: Serializer>(
+        values: &[T],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(values.iter().cloned().map(Listed))
+    }
+
+    pub fn deserialize<'de, T: Numbers, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+        Ok(Vec::<Listed<T>>::deserialize(deserializer)?.into_iter().map(|Listed(value)| value).collect())
     }
 }
 

@@ -1,22 +1,15 @@
-//! The .green file: a safetensors container, written atomically, read into memory, checked by hash.
+//! The .green file: a safetensors container, read into memory, checked by hash.
 //!
-//! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, per control element `basis/NAME`
-//! (12 × nodes × 3), `scale/NAME` (12) where the basis is stored scaled, and `control/NAME` (its surface nodes), and
-//! `stiffness` where it is needed. The metadata key `greenstage` holds one JSON object; NumPy's safetensors opens the
-//! file as it is.
+//! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, `control/NAME` (the surface nodes of
+//! each control element), those of the column families that the body requires, and `EFFECT/TENSOR` of effects that own some. The metadata key `greenstage` holds one JSON object;
+//! NumPy's safetensors opens the file as it is.
 
-use super::basis::Precomputed;
 use super::bytes::Bytes;
-use super::control::FIELDS;
 use super::error::GreenError;
-use super::kind::GREEN;
-use super::needs::Needs;
-use super::storage::{Basis, Stored};
-use crate::base::output;
-use crate::mesh::quality;
-use crate::scene::Storage;
-use nalgebra::{DMatrix, Vector3};
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use super::requirements::Requirements;
+use super::tensor::Number;
+use crate::base::columns::Storage;
+use safetensors::tensor::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use std::collections::BTreeMap;
@@ -25,8 +18,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Version of the container's contents; a file of another version is refused.
-pub const FORMAT: u32 = 2;
-const KEY: &str = "greenstage";
+pub const FORMAT: u32 = 3;
+pub(super) const KEY: &str = "greenstage";
 
 /// What the file says of itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,12 +35,12 @@ pub struct Meta {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BodyMeta {
     pub fingerprint: String,
-    pub needs: Needs,
+    pub requirements: Requirements,
     /// Mesh coordinates of the origin of `rest`, m.
     pub centre: [f64; 3],
-    /// Nodes of the whole mesh; the file holds the surface's only.
     /// As scenes name it.
     pub element: String,
+    /// Nodes of the whole mesh; the file holds the surface's only.
     pub mesh_nodes: usize,
     pub mesh_tets: usize,
     pub surface_nodes: usize,
@@ -94,156 +87,10 @@ pub struct Accuracy {
 
 /// Metadata as it stands in the file: its own hash beside it, so that a flipped bit in a number is found too.
 #[derive(Serialize, Deserialize)]
-struct Sealed<'a> {
-    blake3: String,
+pub(super) struct Sealed<'a> {
+    pub(super) blake3: String,
     #[serde(borrow)]
-    content: &'a RawValue,
-}
-
-struct Tensor {
-    dtype: Dtype,
-    shape: Vec<usize>,
-    bytes: Vec<u8>,
-}
-
-/// Writes all bodies of a scene to `path`, whole or not at all ([`output::write`]). Returns its size.
-pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
-    let failed = |source| GreenError::Io { path: path.to_owned(), source };
-    let mut tensors = BTreeMap::new();
-    let mut meta = Meta {
-        format: FORMAT,
-        program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
-        units: "SI (m, N, Pa)".into(),
-        bodies: BTreeMap::new(),
-        blake3: BTreeMap::new(),
-    };
-    for body in bodies {
-        let columns = stored(body);
-        meta.bodies.insert(body.name.clone(), body_meta(body, &columns));
-        add_tensors(body, columns, &mut tensors);
-    }
-    for (name, tensor) in &tensors {
-        meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
-    }
-    let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
-    output::make_folder_of(path)?;
-    output::write(path, &GREEN, |file| file.write_all(&bytes))?;
-    Ok(bytes.len() as u64)
-}
-
-fn container(
-    meta: &Meta,
-    tensors: &BTreeMap<String, Tensor>,
-) -> Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
-    let content = serde_json::value::to_raw_value(meta)?;
-    let seal = blake3::hash(content.get().as_bytes()).to_hex().to_string();
-    let sealed = serde_json::to_string(&Sealed { blake3: seal, content: &content })?;
-    let views = tensors
-        .iter()
-        .map(|(name, t)| Ok((name.as_str(), TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?)))
-        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
-    Ok(safetensors::serialize(views, Some([(KEY.to_owned(), sealed)].into()))?)
-}
-
-/// The columns of every control element over the surface.
-fn stored(body: &Precomputed) -> Vec<Stored> {
-    let (nodes, fields) = (&body.solution.surface.nodes, &body.solution.fields);
-    let column = |column: usize| -> Vec<f64> {
-        nodes
-            .iter()
-            .flat_map(|&n| (0..3).map(move |axis| fields.row(3 * n as usize + axis)[column]))
-            .collect()
-    };
-    (0..body.solution.controls.len())
-        .map(|e| Stored::new(body.storage, &(FIELDS * e..FIELDS * (e + 1)).map(column).collect::<Vec<_>>()))
-        .collect()
-}
-
-fn body_meta(body: &Precomputed, columns: &[Stored]) -> BodyMeta {
-    let solution = &body.solution;
-    let centre = rest_centre(body);
-    let controls = solution
-        .controls
-        .iter()
-        .zip(columns)
-        .map(|(control, stored)| ControlMeta {
-            name: control.name.clone(),
-            origin: (control.origin - centre).into(),
-            nodes: control.nodes.len(),
-            independent: control.independent_fields(),
-            vanishing: (0..FIELDS)
-                .filter(|&field| control.vanishing[field])
-                .map(|field| super::control::FIELD_NAMES[field].to_owned())
-                .collect(),
-            storage_errors: stored.errors.clone(),
-        })
-        .collect();
-    let conditioning = solution.stats.conditioning;
-    BodyMeta {
-        fingerprint: body.fingerprint.clone(),
-        needs: body.needs,
-        centre: centre.into(),
-        element: solution.element.name.into(),
-        mesh_nodes: solution.mesh.nodes.len(),
-        mesh_tets: solution.mesh.tets.len(),
-        surface_nodes: solution.surface.nodes.len(),
-        surface_triangles: solution.surface.triangles.len(),
-        controls,
-        plan: body.plan.clone(),
-        accuracy: Accuracy {
-            solver: solution.stats.method.name.into(),
-            residual: solution.stats.worst_residual(),
-            residuals: solution.stats.residuals.clone(),
-            scaled_condition: conditioning.and_then(|c| c.scaled_condition),
-            forward_error: conditioning.map(|c| c.forward_error),
-            asymmetry: solution.asymmetry,
-            storage: body.storage,
-            storage_error: columns.iter().map(Stored::relative_error).fold(0.0, f64::max),
-        },
-    }
-}
-
-/// Middle of the body's bounding box.
-fn rest_centre(body: &Precomputed) -> Vector3<f64> {
-    let (low, high) = quality::bounding_box(&body.solution.mesh.nodes);
-    low + (high - low) * 0.5
-}
-
-fn add_tensors(body: &Precomputed, columns: Vec<Stored>, tensors: &mut BTreeMap<String, Tensor>) {
-    let solution = &body.solution;
-    let (nodes, mesh) = (&solution.surface.nodes, &solution.mesh);
-    let centre = rest_centre(body);
-    let mut add = |name: String, dtype: Dtype, shape: Vec<usize>, bytes: Vec<u8>| {
-        tensors.insert(format!("{}/{name}", body.name), Tensor { dtype, shape, bytes });
-    };
-    let rest = nodes.iter().flat_map(|&n| <[f64; 3]>::from(mesh.nodes[n as usize] - centre));
-    add(
-        "rest".into(),
-        Dtype::F32,
-        vec![nodes.len(), 3],
-        rest.flat_map(|x| (x as f32).to_le_bytes()).collect(),
-    );
-    let corners = solution.surface.triangles.iter().flatten().flat_map(|corner| corner.to_le_bytes());
-    add("triangles".into(), Dtype::U32, vec![solution.surface.triangles.len(), 3], corners.collect());
-    let tags = nodes.iter().flat_map(|&n| mesh.tags[n as usize].to_le_bytes());
-    add("tags".into(), Dtype::U64, vec![nodes.len()], tags.collect());
-    for (control, stored) in solution.controls.iter().zip(columns) {
-        let dtype = basis_type(body.storage);
-        add(format!("basis/{}", control.name), dtype, vec![FIELDS, nodes.len(), 3], stored.bytes);
-        if !stored.scales.is_empty() {
-            let bytes = stored.scales.iter().flat_map(|scale| scale.to_le_bytes()).collect();
-            add(format!("scale/{}", control.name), Dtype::F32, vec![FIELDS], bytes);
-        }
-        let held: Vec<u32> = (0..nodes.len() as u32)
-            .filter(|&i| control.nodes.binary_search(&nodes[i as usize]).is_ok())
-            .collect();
-        let bytes = held.iter().flat_map(|index| index.to_le_bytes()).collect();
-        add(format!("control/{}", control.name), Dtype::U32, vec![held.len()], bytes);
-    }
-    if let Some(s) = &solution.stiffness {
-        let bytes = s.iter().flat_map(|value| value.to_le_bytes()).collect();
-        add("stiffness".into(), Dtype::F64, vec![s.nrows(), s.ncols()], bytes);
-    }
+    pub(super) content: &'a RawValue,
 }
 
 /// A .green file in memory; its tensors are read where they lie. What becomes of the file on the disk afterwards changes
@@ -300,28 +147,41 @@ impl GreenFile {
         self.slice(&format!("{body}/tags"))
     }
 
-    /// The twelve columns of one control element.
-    pub fn basis(&self, body: &str, control: &str) -> Basis<'_> {
-        let storage = self.meta.bodies.get(body).map_or(Storage::F32, |meta| meta.accuracy.storage);
-        let (basis, scale) = (format!("{body}/basis/{control}"), format!("{body}/scale/{control}"));
-        match storage {
-            Storage::F32 => Basis::F32(self.slice(&basis)),
-            Storage::F16 => Basis::F16 { bits: self.slice(&basis), scales: self.slice(&scale) },
-            Storage::Int16 => Basis::Int16 { values: self.slice(&basis), scales: self.slice(&scale) },
-        }
-    }
-
     /// Surface nodes of one control element.
     pub fn control(&self, body: &str, control: &str) -> &[u32] {
         self.slice(&format!("{body}/control/{control}"))
     }
 
-    /// The handle stiffness S, where the scene needed it.
-    pub fn stiffness(&self, body: &str) -> Option<DMatrix<f64>> {
-        self.meta.bodies.get(body).filter(|meta| meta.needs.stiffness)?;
-        let name = format!("{body}/stiffness");
-        let (_, shape, _) = self.tensors.get(&name)?;
-        Some(DMatrix::from_column_slice(shape[0], shape[1], self.slice(&name)))
+    /// A tensor of an effect's own section: its shape and numbers. The error names what is missing or of another type.
+    pub fn section<T: Number + bytemuck::AnyBitPattern>(
+        &self,
+        body: &str,
+        effect: &str,
+        tensor: &str,
+    ) -> Result<(&[usize], &[T]), GreenError> {
+        let name = format!("{body}/{effect}/{tensor}");
+        let shape = self.tensors.get(&name).map_or(&[][..], |(_, shape, _)| shape);
+        self.expect(&name, T::DTYPE, shape)
+            .map_err(|reason| GreenError::Damaged { path: self.path.clone(), reason })?;
+        Ok((shape, self.slice(&name)))
+    }
+
+    /// Errors unless the tensor is there, of this type and shape, and aligned to its numbers.
+    pub(super) fn expect(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), String> {
+        let (found, found_shape, range) =
+            self.tensors.get(name).ok_or_else(|| format!("tensor {name} is missing"))?;
+        if *found != dtype || found_shape != shape {
+            return Err(format!("tensor {name} is {found:?} {found_shape:?}, should be {dtype:?} {shape:?}"));
+        }
+        if !(self.bytes.as_slice().as_ptr() as usize + range.start).is_multiple_of(dtype.bitsize() / 8) {
+            return Err(format!("tensor {name} is not aligned to its numbers"));
+        }
+        Ok(())
+    }
+
+    /// Numbers of a tensor; 0 of one that is not there.
+    pub(super) fn count(&self, name: &str) -> usize {
+        self.tensors.get(name).map_or(0, |(_, shape, _)| shape.iter().product())
     }
 
     /// Names, types and shapes of all tensors, for `inspect`.
@@ -336,14 +196,6 @@ impl GreenFile {
         self.tensors
             .get(name)
             .map_or(&[], |(_, _, range)| bytemuck::cast_slice(&self.bytes.as_slice()[range.clone()]))
-    }
-}
-
-pub(super) fn basis_type(storage: Storage) -> Dtype {
-    match storage {
-        Storage::F32 => Dtype::F32,
-        Storage::F16 => Dtype::F16,
-        Storage::Int16 => Dtype::I16,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Whether a .green file still belongs to its scene.
 
 use super::error::GreenError;
-use super::needs::Needs;
+use super::requirements::Requirements;
 use crate::base::input;
 use crate::mesh::formats::files_of;
 use crate::scene::{Control, Nodes, Scene};
@@ -9,8 +9,8 @@ use std::path::Path;
 
 /// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]) and the
 /// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, control
-/// elements with the bytes of their tag files, what its model and effects need, and the program's version.
-pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, GreenError> {
+/// elements with the bytes of their tag files, what its model and effects require, and the program's version.
+pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Result<String, GreenError> {
     let body = &scene.body[name];
     let selections: Vec<_> = body.control.iter().map(|(control, c)| (control, &c.nodes)).collect();
     let asked = serde_json::json!({
@@ -24,7 +24,7 @@ pub fn fingerprint(scene: &Scene, name: &str, needs: Needs) -> Result<String, Gr
         "region": body.region,
         "solver": body.solver,
         "controls": selections,
-        "needs": needs,
+        "requirements": requirements,
     });
     let mut hasher = blake3::Hasher::new();
     hasher.update(asked.to_string().as_bytes());

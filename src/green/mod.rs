@@ -1,39 +1,49 @@
 //! The precomputed Green's functions: a scene's body in, the surface rows of u⁽ᵏ⁾ = -A⁻¹B b⁽ᵏ⁾ out, in one
 //! checked file.
 //!
-//! Twelve affine columns per control element (the paper, "Elastic deformation using control elements") and, for
-//! the effect `haptics`, the handle stiffness S = Φᵀ(C - BᵀA⁻¹B)Φ.
+//! The numbers come in column families ([`FAMILIES`]): twelve affine columns per control element (the paper, "Elastic
+//! deformation using control elements"), the handle stiffness S = Φᵀ(C - BᵀA⁻¹B)Φ. A model or an effect declares those that
+//! it needs ([`Requirements`]); nothing else is computed or stored.
 
 mod basis;
 mod bytes;
 mod check;
 mod control;
 mod error;
+mod families;
+mod family;
 mod file;
 mod finding;
 mod fingerprint;
 mod floating;
 mod judge;
 mod kind;
-mod needs;
+mod numbers;
 mod pack;
 mod pieces;
 mod prepare;
+mod requirements;
 mod rigid;
-mod storage;
+mod solution;
+mod tensor;
 mod validate;
+mod write;
 
 pub use crate::mesh::diagnostics::Severity;
-pub use basis::{Precomputed, Solution, StepTimes, precompute, refuse, solve, solve_prepared};
+pub use basis::{precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
-pub use file::{BodyMeta, ControlMeta, GreenFile, Meta, write};
+pub use families::{AFFINE, FAMILIES, STIFFNESS};
+pub use family::{Assembled, FamilyEntry};
+pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};
 pub use finding::Finding;
 pub use fingerprint::fingerprint;
 pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};
-pub use needs::Needs;
 pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, prepare, prepare_mesh};
+pub use requirements::{Family, Requirements};
 pub use rigid::RigidMotion;
-pub use storage::{Basis, Stored, half_to_single};
+pub use solution::{Precomputed, Solution, StepTimes};
+pub use tensor::{Number, Tensor};
+pub use write::write;

@@ -5,26 +5,27 @@
 
 use super::control::{FIELD_NAMES, FIELDS};
 use super::error::GreenError;
-use super::file::{BodyMeta, ControlMeta, GreenFile, basis_type};
-use super::needs::Needs;
-use super::storage::{Basis, half_to_single};
+use super::families::FAMILIES;
+use super::file::{BodyMeta, ControlMeta, GreenFile};
+use super::numbers::{LARGEST, numbers};
+use super::requirements::Requirements;
 use crate::mesh::diagnostics::EXTENT;
-use crate::scene::{Scene, Storage};
+use crate::scene::Scene;
 use safetensors::tensor::Dtype;
 
-/// Largest number of a column, m per unit of its field, and of a place, m: sums of them times the coefficients of poses
-/// stay within single precision.
-const LARGEST: f64 = 1e18;
 /// A solution with a larger relative residual is worse than none: that of x = 0 is 1.
 const LARGEST_RESIDUAL: f64 = 1.0;
-/// S is symmetric to this part of its largest entry.
-const SYMMETRY: f64 = 1e-9;
 
 impl GreenFile {
     /// Errors where body `name` of the scene cannot be shown from this file: where it was made from something else, and
     /// where it is not what its fingerprint says.
-    pub fn check_belongs(&self, scene: &Scene, name: &str, needs: Needs) -> Result<(), GreenError> {
-        self.check_fresh(name, &super::fingerprint(scene, name, needs)?)?;
+    pub fn check_belongs(
+        &self,
+        scene: &Scene,
+        name: &str,
+        requirements: &Requirements,
+    ) -> Result<(), GreenError> {
+        self.check_fresh(name, &super::fingerprint(scene, name, requirements)?)?;
         let (Some(meta), body) = (self.meta.bodies.get(name), &scene.body[name]) else { return Ok(()) };
         let differs = |field: &str, found: String, expected: String| {
             let reason = format!(
@@ -37,9 +38,8 @@ impl GreenFile {
         if names != expected {
             return differs("controls", format!("{names:?}"), format!("{expected:?}"));
         }
-        if meta.needs != needs {
-            let [found, expected] = [meta.needs, needs].map(|needs| needs.stiffness.to_string());
-            return differs("needs.stiffness", found, expected);
+        if meta.requirements != *requirements {
+            return differs("requirements", meta.requirements.describe(), requirements.describe());
         }
         if meta.element != body.element.name {
             return differs("element", meta.element.clone(), body.element.name.into());
@@ -70,57 +70,75 @@ impl GreenFile {
             }
         }
         for (name, body) in &self.meta.bodies {
-            self.check_shapes(name, body)?;
             self.check_surface(name, body)?;
-            for control in &body.controls {
-                self.check_control(name, body, control)?;
-            }
-            self.check_stiffness(name)?;
+            self.check_controls(name, body)?;
+            self.check_requirements(name, body)?;
             check_accuracy(name, body)?;
         }
         Ok(())
     }
 
-    /// Every tensor is there, of its type and shape.
-    fn check_shapes(&self, name: &str, body: &BodyMeta) -> Result<(), String> {
-        let nodes = body.surface_nodes;
-        self.expect(&format!("{name}/rest"), Dtype::F32, &[nodes, 3])?;
-        self.expect(&format!("{name}/triangles"), Dtype::U32, &[body.surface_triangles, 3])?;
-        self.expect(&format!("{name}/tags"), Dtype::U64, &[nodes])?;
-        for (i, ControlMeta { name: control, .. }) in body.controls.iter().enumerate() {
-            if body.controls[..i].iter().any(|other| other.name == *control) {
-                return Err(format!("bodies.{name}.controls names \"{control}\" twice"));
+    /// Control elements by names of their own, at places, and of nodes that are there.
+    fn check_controls(&self, name: &str, body: &BodyMeta) -> Result<(), String> {
+        for (i, control) in body.controls.iter().enumerate() {
+            let called = &control.name;
+            if body.controls[..i].iter().any(|other| other.name == *called) {
+                return Err(format!("bodies.{name}.controls names \"{called}\" twice"));
             }
-            let dtype = basis_type(body.accuracy.storage);
-            self.expect(&format!("{name}/basis/{control}"), dtype, &[FIELDS, nodes, 3])?;
-            if body.accuracy.storage != Storage::F32 {
-                self.expect(&format!("{name}/scale/{control}"), Dtype::F32, &[FIELDS])?;
-            }
-            let held = format!("{name}/control/{control}");
-            let count = self.tensors.get(&held).map_or(0, |(_, shape, _)| shape.iter().product());
-            self.expect(&held, Dtype::U32, &[count])?;
-        }
-        if body.needs.stiffness {
-            let fields = FIELDS * body.controls.len();
-            self.expect(&format!("{name}/stiffness"), Dtype::F64, &[fields, fields])?;
+            self.check_control(name, body, control)?;
         }
         Ok(())
     }
 
-    fn expect(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), String> {
-        let (found, found_shape, range) =
-            self.tensors.get(name).ok_or_else(|| format!("tensor {name} is missing"))?;
-        if *found != dtype || found_shape != shape {
-            return Err(format!("tensor {name} is {found:?} {found_shape:?}, should be {dtype:?} {shape:?}"));
+    fn check_control(&self, name: &str, body: &BodyMeta, control: &ControlMeta) -> Result<(), String> {
+        let ControlMeta { name: called, origin, nodes, independent, vanishing, .. } = control;
+        let field = |key: &str| format!("bodies.{name}.controls: {called}: {key}");
+        numbers(&field("origin"), *origin, LARGEST)?;
+        let is_known = |field: &String| FIELD_NAMES.contains(&field.as_str());
+        if independent.checked_add(vanishing.len()) != Some(FIELDS) || !vanishing.iter().all(is_known) {
+            return Err(format!(
+                "{}: {independent} independent fields and the vanishing ones {vanishing:?} are not the {FIELDS}",
+                field("independent")
+            ));
         }
-        if !(self.bytes.as_slice().as_ptr() as usize + range.start).is_multiple_of(dtype.bitsize() / 8) {
-            return Err(format!("tensor {name} is not aligned to its numbers"));
+        let tensor = format!("{name}/control/{called}");
+        self.expect(&tensor, Dtype::U32, &[self.count(&tensor)])?;
+        let held = self.control(name, called);
+        let is_ascending = held.windows(2).all(|pair| pair[0] < pair[1]);
+        if !is_ascending || held.last().is_some_and(|&node| node as usize >= body.surface_nodes) {
+            return Err(format!(
+                "tensor {tensor} names a node that is not there, or its nodes are not ascending"
+            ));
+        }
+        if *nodes < held.len().max(1) {
+            return Err(format!("{} is {nodes}, of which {} are on the surface", field("nodes"), held.len()));
+        }
+        Ok(())
+    }
+
+    /// Every family that the body requires is known and can be used, and so is every section of an effect.
+    fn check_requirements(&self, name: &str, body: &BodyMeta) -> Result<(), String> {
+        for required in body.requirements.families() {
+            let entry = FAMILIES.iter().find(|entry| entry.family.name == required).ok_or_else(|| {
+                format!("bodies.{name}.requirements names \"{required}\", which this program does not know")
+            })?;
+            (entry.check)(self, name, body)?;
+        }
+        for effect in body.requirements.sections() {
+            let prefix = format!("{name}/{effect}/");
+            if !self.tensors.keys().any(|tensor| tensor.starts_with(&prefix)) {
+                return Err(format!("the section {prefix} of the effect {effect} is missing"));
+            }
         }
         Ok(())
     }
 
     /// Nodes at places of their own names, and triangles between them.
     fn check_surface(&self, name: &str, body: &BodyMeta) -> Result<(), String> {
+        let nodes = body.surface_nodes;
+        self.expect(&format!("{name}/rest"), Dtype::F32, &[nodes, 3])?;
+        self.expect(&format!("{name}/triangles"), Dtype::U32, &[body.surface_triangles, 3])?;
+        self.expect(&format!("{name}/tags"), Dtype::U64, &[nodes])?;
         let rest = self.rest(name);
         numbers(&format!("tensor {name}/rest"), rest.as_flattened().iter().map(|&x| x.into()), LARGEST)?;
         let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
@@ -155,63 +173,6 @@ impl GreenFile {
         }
         numbers(&format!("bodies.{name}.centre"), body.centre, LARGEST)
     }
-
-    fn check_control(&self, name: &str, body: &BodyMeta, control: &ControlMeta) -> Result<(), String> {
-        let ControlMeta { name: called, origin, nodes, independent, vanishing, storage_errors } = control;
-        let field = |key: &str| format!("bodies.{name}.controls: {called}: {key}");
-        numbers(&field("origin"), *origin, LARGEST)?;
-        numbers(&field("storage_errors"), storage_errors.iter().copied(), f64::MAX)?;
-        let is_known = |field: &String| FIELD_NAMES.contains(&field.as_str());
-        if independent.checked_add(vanishing.len()) != Some(FIELDS) || !vanishing.iter().all(is_known) {
-            return Err(format!(
-                "{}: {independent} independent fields and the vanishing ones {vanishing:?} are not the {FIELDS}",
-                field("independent")
-            ));
-        }
-        let held = self.control(name, called);
-        let is_ascending = held.windows(2).all(|pair| pair[0] < pair[1]);
-        if !is_ascending || held.last().is_some_and(|&node| node as usize >= body.surface_nodes) {
-            return Err(format!(
-                "tensor {name}/control/{called} names a node that is not there, or its nodes are not ascending"
-            ));
-        }
-        if *nodes < held.len().max(1) {
-            return Err(format!("{} is {nodes}, of which {} are on the surface", field("nodes"), held.len()));
-        }
-        let (basis, scale) =
-            (format!("tensor {name}/basis/{called}"), format!("tensor {name}/scale/{called}"));
-        let scaled = |scales: &[f32], largest: f64| {
-            numbers(&scale, scales.iter().map(|&x| x.into()), LARGEST / largest)
-        };
-        match self.basis(name, called) {
-            Basis::F32(values) => numbers(&basis, values.iter().map(|&x| x.into()), LARGEST),
-            Basis::F16 { bits, scales } => {
-                // Of magnitude 1 at most; infinite and NaN come out above 6e4.
-                numbers(&basis, bits.iter().map(|&bits| half_to_single(bits).into()), 1.0)?;
-                scaled(scales, 1.0)
-            }
-            Basis::Int16 { scales, .. } => scaled(scales, f64::from(i16::MAX)),
-        }
-    }
-
-    fn check_stiffness(&self, name: &str) -> Result<(), String> {
-        let Some(s) = self.stiffness(name) else { return Ok(()) };
-        let tensor = format!("tensor {name}/stiffness");
-        numbers(&tensor, s.iter().copied(), f64::MAX)?;
-        let largest = s.amax();
-        for j in 0..s.ncols() {
-            for i in 0..j {
-                if (s[(i, j)] - s[(j, i)]).abs() > SYMMETRY * largest {
-                    return Err(format!(
-                        "{tensor} is not symmetric: {:e} and {:e} at ({i}, {j})",
-                        s[(i, j)],
-                        s[(j, i)]
-                    ));
-                }
-            }
-        }
-        Ok(())
-    }
 }
 
 /// What the file says of its own errors can be: an error that is negative or above that of no solution is none.
@@ -229,15 +190,4 @@ fn check_accuracy(name: &str, body: &BodyMeta) -> Result<(), String> {
         }
     }
     Ok(())
-}
-
-/// Errors at the first number that is not finite, or whose magnitude is above `largest`.
-fn numbers(what: &str, values: impl IntoIterator<Item = f64>, largest: f64) -> Result<(), String> {
-    match values.into_iter().enumerate().find(|(_, value)| value.is_nan() || value.abs() > largest) {
-        None => Ok(()),
-        Some((i, value)) if value.is_finite() => {
-            Err(format!("{what}: number {i} is {value:e}, of a magnitude above {largest:e}"))
-        }
-        Some((i, value)) => Err(format!("{what}: number {i} is {value}")),
-    }
 }

@@ -3,7 +3,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Shot, Surface};
+use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
 use super::shader;
 
 #[derive(Default)]
@@ -20,8 +20,14 @@ impl DrawPass for BackgroundPass {
         Ok(())
     }
 
-    fn draw(&self, pass: &mut wgpu::RenderPass<'_>, shot: &Shot, _: &FrameContents<'_>, _: &mut DrawCounts) {
-        if let Some(pipeline) = self.0.of(shot) {
+    fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        view_draw: &ViewDraw,
+        _: &FrameContents<'_>,
+        _: &mut DrawCounts,
+    ) {
+        if let Some(pipeline) = self.0.of(view_draw) {
             pass.set_pipeline(pipeline);
             pass.draw(0..3, 0..1);
         }

@@ -1,10 +1,10 @@
-//! Draws the deformed bodies: one indexed draw per run of patches that a shot can see.
+//! Draws the deformed bodies: one indexed draw per run of patches that a view can see.
 
 use super::error::RenderError;
 use super::frame::{BodyInstance, FrameContents};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Shot, Surface};
+use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
 use super::shader;
 use std::ops::Range;
 
@@ -54,14 +54,16 @@ impl DrawPass for BodyPass {
     fn draw(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
-        shot: &Shot,
+        view_draw: &ViewDraw,
         contents: &FrameContents<'_>,
         counts: &mut DrawCounts,
     ) {
-        let Some(pipeline) = self.pipelines.of(shot).filter(|_| !contents.bodies.is_empty()) else { return };
+        let Some(pipeline) = self.pipelines.of(view_draw).filter(|_| !contents.bodies.is_empty()) else {
+            return;
+        };
         pass.set_pipeline(pipeline);
         for (k, body) in contents.bodies.iter().enumerate() {
-            self.draw_body(pass, shot, (k, body), counts);
+            self.draw_body(pass, view_draw, (k, body), counts);
         }
     }
 
@@ -74,12 +76,12 @@ impl BodyPass {
     fn draw_body(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
-        shot: &Shot,
+        view_draw: &ViewDraw,
         (k, body): (usize, &BodyInstance<'_>),
         counts: &mut DrawCounts,
     ) {
         let buffers = body.buffers;
-        let clip_from_body = shot.clip_from_shape(&body.room_from_body);
+        let clip_from_body = view_draw.clip_from_shape(&body.room_from_body);
         let draw = |pass: &mut wgpu::RenderPass<'_>, run: Range<u32>| {
             if !run.is_empty() {
                 pass.draw_indexed(run, 0, 0..1);
@@ -93,7 +95,7 @@ impl BodyPass {
         // Neighbours in the index buffer in one draw.
         let mut run = 0..0;
         for patch in &buffers.patches {
-            if !shot.shows(&patch.bounds, &clip_from_body, counts) {
+            if !view_draw.shows(&patch.bounds, &clip_from_body, counts) {
                 continue;
             }
             if run.end == patch.indices.start {

@@ -3,11 +3,13 @@
 //! coefficients, of a body with columns. Out goes one indexed draw per view that can see it.
 
 use super::bounds::Bounds;
-use super::columns::ColumnData;
 use super::deform::DeformPass;
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::patches::{self, Patch, Reach};
+use crate::base::columns::ColumnGroup;
+use crate::base::parts::PartWeights;
+use nalgebra::Isometry3;
 use wgpu::BufferUsages;
 
 /// The buffers of one body, shared by all screens and eyes.
@@ -38,18 +40,19 @@ impl BodyBuffers {
         Self::with_buffers(gpu, triangles, colors, |what| gpu.buffer(what, bytes, vertex))
     }
 
-    /// Buffers for a body that [`BodyBuffers::deform`] deforms: at `rest` plus the sum of coefficients times columns,
-    /// those of one control element after those of the other, all in one storage. It stands at rest.
+    /// Buffers for a body that [`BodyBuffers::deform`] deforms: at `rest` plus the sum of coefficients times columns, group
+    /// after group, all in one storage; then moved by its parts, where it has several. It stands at rest.
     ///
     /// # Errors
-    /// As [`BodyBuffers::new`]; columns of another number of nodes or of mixed storage; a body of which even a few
+    /// As [`BodyBuffers::new`]; columns or weights of another number of nodes, or mixed storage; a body of which even a few
     /// nodes, or whose positions, are more than the device binds at once.
     pub fn with_columns(
         gpu: &Gpu,
         triangles: &[[u32; 3]],
         colors: &[[u8; 4]],
         rest: &[[f32; 3]],
-        elements: &[ColumnData<'_>],
+        groups: &[ColumnGroup<'_>],
+        weights: Option<&PartWeights>,
     ) -> Result<Self, RenderError> {
         let (found, expected) = (rest.len(), colors.len());
         if found != expected {
@@ -60,18 +63,19 @@ impl BodyBuffers {
         // The shader writes four numbers at a time, which end beyond the last node of most bodies.
         let bytes = (rest.len() as u64 * 12).next_multiple_of(16);
         let mut body = Self::with_buffers(gpu, triangles, colors, |what| gpu.storage(what, bytes, usage))?;
-        let mut pass = DeformPass::new(gpu, triangles, rest, elements, [&body.positions, &body.normals])?;
+        let written = [&body.positions, &body.normals];
+        let mut pass = DeformPass::new(gpu, triangles, rest, groups, weights, written)?;
         pass.rest(gpu)?;
         let (ordered, lengths) = patches::split(triangles, rest);
         gpu.queue.write_buffer(&body.indices, 0, bytemuck::cast_slice(&ordered));
-        pass.reaches = patches::reaches(&ordered, &lengths, rest, elements);
+        pass.reaches = patches::reaches(&ordered, &lengths, rest, groups, weights);
         let ends = lengths.iter().scan(0, |end, length| {
             *end += 3 * *length as u32;
             Some(*end)
         });
         let patch = |((end, length), reach): ((u32, &usize), &Reach)| Patch {
             indices: end - 3 * *length as u32..end,
-            bounds: reach.bounds(&[]),
+            bounds: pass.bounds(reach),
         };
         body.patches = ends.zip(&lengths).zip(&pass.reaches).map(patch).collect();
         body.deform = Some(pass);
@@ -160,19 +164,26 @@ impl BodyBuffers {
         self.write(gpu, "normals", &self.normals, normals)
     }
 
-    /// Deforms the body on the device; returns false, and does nothing, where no coefficient changed. For bodies made
-    /// by [`BodyBuffers::with_columns`]; others stay as they were uploaded.
+    /// Deforms the body on the device; returns false, and does nothing, where neither a coefficient nor, of several parts,
+    /// a motion changed. For bodies made by [`BodyBuffers::with_columns`];
+    /// others stay as they were uploaded.
     ///
     /// # Errors
-    /// [`RenderError::CoefficientCount`] unless there is one coefficient per column, or a device that failed.
-    pub fn deform(&mut self, gpu: &Gpu, coefficients: &[f32]) -> Result<bool, RenderError> {
+    /// [`RenderError::CoefficientCount`] unless there is one coefficient per column, [`RenderError::PartCount`] unless each
+    /// of several parts has a motion, or a device that failed.
+    pub fn deform(
+        &mut self,
+        gpu: &Gpu,
+        coefficients: &[f64],
+        parts: &[Isometry3<f64>],
+    ) -> Result<bool, RenderError> {
         let Some(pass) = &mut self.deform else {
             return Ok(false);
         };
-        let is_new = pass.run(gpu, coefficients)?;
+        let is_new = pass.run(gpu, coefficients, parts)?;
         if is_new {
             for (patch, reach) in self.patches.iter_mut().zip(&pass.reaches) {
-                patch.bounds = reach.bounds(&pass.last);
+                patch.bounds = pass.bounds(reach);
             }
         }
         Ok(is_new)

@@ -98,6 +98,41 @@ impl ComputePass {
         Ok(())
     }
 
+    /// A thread for each row of `items`, in as many dispatches as the device's limits ask for. Binding 0 is `read`, 1 where
+    /// each row of the chunk starts and one more for the end, 2 the items of these rows, 3 `written`.
+    pub(super) fn add_rows<T: bytemuck::Pod>(
+        &mut self,
+        gpu: &Gpu,
+        read: &wgpu::Buffer,
+        starts: &[u32],
+        items: &[T],
+        written: &wgpu::Buffer,
+    ) -> Result<(), RenderError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let most = gpu.storage_limit as usize / size_of::<T>();
+        let most_rows = most_items(gpu).min((gpu.storage_limit / 4) as usize - 1);
+        let (mut first, rows) = (0, starts.len() - 1);
+        while first < rows {
+            let count = fitting(starts, first, most).min(most_rows);
+            let bounds = &starts[first..=first + count];
+            let own: Vec<u32> = bounds.iter().map(|start| start - bounds[0]).collect();
+            let items = &items[bounds[0] as usize..bounds[count] as usize];
+            // Rows may all be empty, and a buffer is never.
+            let bytes = (size_of_val(items) as u64).max(8);
+            let buffers = [
+                gpu.storage("starts of rows", size_of_val(&own[..]) as u64, usage)?,
+                gpu.storage("items of rows", bytes, usage)?,
+            ];
+            gpu.queue.write_buffer(&buffers[0], 0, bytemuck::cast_slice(&own));
+            gpu.queue.write_buffer(&buffers[1], 0, bytemuck::cast_slice(items));
+            gpu.queue.submit([]);
+            let chunk = Chunk { count: count as u32, first: first as u32 };
+            self.add(gpu, [read, &buffers[0], &buffers[1], written], chunk)?;
+            first += count;
+        }
+        Ok(())
+    }
+
     pub(super) fn chunks(&self) -> usize {
         self.dispatches.len()
     }
@@ -121,6 +156,13 @@ impl ComputePass {
     }
 }
 
+/// Rows from `first` on whose items fit into `most`; at least one. `starts` has one more for the end.
+fn fitting(starts: &[u32], first: usize, most: usize) -> usize {
+    let limit = starts[first] as usize + most;
+    let end = starts.partition_point(|&start| start as usize <= limit) - 1;
+    end.max(first + 1) - first
+}
+
 /// Items that one dispatch can have.
 pub(super) fn most_items(gpu: &Gpu) -> usize {
     gpu.device.limits().max_compute_workgroups_per_dimension as usize * WORKGROUP as usize
@@ -129,6 +171,16 @@ pub(super) fn most_items(gpu: &Gpu) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_are_never_split() {
+        let starts = [0, 1, 3, 5, 5, 6, 6];
+        assert_eq!(fitting(&starts, 0, 100), 6);
+        assert_eq!(fitting(&starts, 0, 3), 2);
+        assert_eq!(fitting(&starts, 0, 2), 1);
+        assert_eq!(fitting(&starts, 1, 1), 1);
+        assert_eq!(fitting(&starts, 3, 1), 3);
+    }
 
     #[test]
     fn chunks_cover_everything_once() {

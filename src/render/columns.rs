@@ -1,106 +1,46 @@
-//! Basis columns on the device: as they are stored, in chunks of nodes.
+//! Columns on the device: as they are stored, in chunks of nodes.
 //!
-//! In: borrowed columns in one of three storages; out: a buffer per chunk in which column after column of the chunk's
+//! In: borrowed groups of columns in one storage; out: a buffer per chunk in which column after column of the chunk's
 //! nodes lies, each padded to four numbers, and between which displacements a column moves some nodes.
 
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::shader;
+use crate::base::columns::{ColumnGroup, Storage, half_to_single};
 use std::ops::Range;
 use wgpu::BufferUsages;
-
-/// The basis columns of one control element, one after the other, 3 numbers a node. A stored number times the scale of
-/// its column is metres per unit of the coefficient.
-#[derive(Clone, Copy, Debug)]
-pub enum ColumnData<'a> {
-    F32(&'a [f32]),
-    /// Bits of IEEE half precision.
-    F16 {
-        bits: &'a [u16],
-        scales: &'a [f32],
-    },
-    Int16 {
-        values: &'a [i16],
-        scales: &'a [f32],
-    },
-}
 
 /// Bytes handed to the driver before it is waited for: so much memory the upload needs beside the buffers.
 const BATCH: u64 = 64 << 20;
 
-impl ColumnData<'_> {
-    /// The parts of the shader that reads this storage.
-    pub(super) fn shader(&self) -> [&'static str; 3] {
-        match self {
-            ColumnData::F32(_) => shader::DEFORM_F32,
-            ColumnData::F16 { .. } => shader::DEFORM_F16,
-            ColumnData::Int16 { .. } => shader::DEFORM_INT16,
-        }
-    }
-
-    pub(super) fn numbers(&self) -> usize {
-        match self {
-            ColumnData::F32(values) => values.len(),
-            ColumnData::F16 { bits, .. } => bits.len(),
-            ColumnData::Int16 { values, .. } => values.len(),
-        }
-    }
-
-    /// Bytes of one number.
-    pub(super) fn width(&self) -> usize {
-        match self {
-            ColumnData::F32(_) => 4,
-            ColumnData::F16 { .. } | ColumnData::Int16 { .. } => 2,
-        }
-    }
-
-    pub(super) fn scale(&self, column: usize) -> f32 {
-        match self {
-            ColumnData::F32(_) => 1.0,
-            ColumnData::F16 { scales, .. } | ColumnData::Int16 { scales, .. } => scales[column],
-        }
-    }
-
-    /// How many columns of `nodes` nodes there are, with a scale each.
-    pub(super) fn count(&self, nodes: usize) -> Result<usize, RenderError> {
-        let (numbers, per_column) = (self.numbers(), 3 * nodes);
-        let columns = numbers / per_column;
-        let scaled = match self {
-            ColumnData::F32(_) => true,
-            ColumnData::F16 { scales, .. } | ColumnData::Int16 { scales, .. } => scales.len() == columns,
-        };
-        if numbers % per_column == 0 && scaled {
-            Ok(columns)
-        } else {
-            Err(RenderError::ColumnLength { numbers, per_column })
-        }
-    }
-
-    /// Least and largest displacement of some nodes, of `all`, along each axis, m per unit of the column's coefficient.
-    pub(super) fn extent(&self, column: usize, nodes: &[u32], all: usize) -> [[f32; 3]; 2] {
-        let part = column * 3 * all..(column + 1) * 3 * all;
-        let [a, b] = match self {
-            ColumnData::F32(values) => extent(&values[part], nodes, |x| x),
-            ColumnData::F16 { bits, .. } => {
-                extent(&bits[part], nodes, |bits| half::f16::from_bits(bits).to_f32())
-            }
-            ColumnData::Int16 { values, .. } => extent(&values[part], nodes, f32::from),
-        };
-        let [a, b] = [a, b].map(|end| end.map(|x| x * self.scale(column)));
-        [[0, 1, 2].map(|axis| a[axis].min(b[axis])), [0, 1, 2].map(|axis| a[axis].max(b[axis]))]
-    }
-
-    /// Numbers `part` of one column, as they lie in memory.
-    fn bytes(&self, part: Range<usize>) -> &[u8] {
-        match self {
-            ColumnData::F32(values) => bytemuck::cast_slice(&values[part]),
-            ColumnData::F16 { bits, .. } => bytemuck::cast_slice(&bits[part]),
-            ColumnData::Int16 { values, .. } => bytemuck::cast_slice(&values[part]),
-        }
+/// The parts of the shader that reads a storage.
+pub(super) fn shader(storage: Storage) -> [&'static str; 3] {
+    match storage {
+        Storage::F32 => shader::DEFORM_F32,
+        Storage::F16 => shader::DEFORM_F16,
+        Storage::Int16 => shader::DEFORM_INT16,
     }
 }
 
-fn extent<T: Copy>(column: &[T], nodes: &[u32], number: impl Fn(T) -> f32) -> [[f32; 3]; 2] {
+/// How many columns of `nodes` nodes a group has.
+pub(super) fn count(group: &ColumnGroup<'_>, nodes: usize) -> Result<usize, RenderError> {
+    let (numbers, per_column) = (group.numbers(), 3 * nodes);
+    group.columns(nodes).ok_or(RenderError::ColumnLength { numbers, per_column })
+}
+
+/// Least and largest displacement of some nodes, of `all`, along each axis, m per unit of the column's coefficient.
+pub(super) fn extent(group: &ColumnGroup<'_>, column: usize, nodes: &[u32], all: usize) -> [[f32; 3]; 2] {
+    let part = column * 3 * all..(column + 1) * 3 * all;
+    let [a, b] = match group {
+        ColumnGroup::F32(values) => extent_of(&values[part], nodes, |x| x),
+        ColumnGroup::F16 { bits, .. } => extent_of(&bits[part], nodes, half_to_single),
+        ColumnGroup::Int16 { values, .. } => extent_of(&values[part], nodes, f32::from),
+    };
+    let [a, b] = [a, b].map(|end| end.map(|x| x * group.scale(column)));
+    [[0, 1, 2].map(|axis| a[axis].min(b[axis])), [0, 1, 2].map(|axis| a[axis].max(b[axis]))]
+}
+
+fn extent_of<T: Copy>(column: &[T], nodes: &[u32], number: impl Fn(T) -> f32) -> [[f32; 3]; 2] {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for &node in nodes {
         for axis in 0..3 {
@@ -112,25 +52,25 @@ fn extent<T: Copy>(column: &[T], nodes: &[u32], number: impl Fn(T) -> f32) -> [[
     [low, high]
 }
 
-/// All columns of the elements for the nodes of one chunk, in one buffer.
+/// All columns of the groups for the nodes of one chunk, in one buffer.
 pub(super) fn upload(
     gpu: &Gpu,
-    elements: &[ColumnData<'_>],
+    groups: &[ColumnGroup<'_>],
     nodes: usize,
     chunk: Range<usize>,
 ) -> Result<wgpu::Buffer, RenderError> {
     let numbers = 3 * chunk.len();
-    let width = elements.first().map_or(4, ColumnData::width);
+    let width = groups.first().map_or(4, |group| group.storage().width());
     let padded = numbers.next_multiple_of(4) * width;
-    let columns: usize = elements.iter().map(|element| element.numbers() / (3 * nodes)).sum();
+    let columns: usize = groups.iter().map(|group| group.numbers() / (3 * nodes)).sum();
     // A body without columns still binds a buffer.
     let bytes = ((columns * padded) as u64).max(16);
-    let buffer = gpu.storage("basis columns", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+    let buffer = gpu.storage("columns", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
     let (mut at, mut waiting) = (0, 0);
-    for element in elements {
-        for column in 0..element.numbers() / (3 * nodes) {
+    for group in groups {
+        for column in 0..group.numbers() / (3 * nodes) {
             let first = 3 * (column * nodes + chunk.start);
-            let data = element.bytes(first..first + numbers);
+            let data = group.bytes(first..first + numbers);
             // A write is of whole words; halves of an odd number of nodes end within one.
             let (words, rest) = data.split_at(data.len() / 4 * 4);
             gpu.queue.write_buffer(&buffer, at, words);
@@ -163,20 +103,14 @@ mod tests {
         let halves: Vec<u16> = values.iter().map(|x| half::f16::from_f32(*x).to_bits()).collect();
         let integers: Vec<i16> = values.iter().map(|x| (*x * 100.0) as i16).collect();
         let scales = [2.0; 3];
-        assert_eq!(ColumnData::F32(&values).extent(1, &[0], 1), [[0.5, -2.0, 0.25]; 2]);
+        assert_eq!(extent(&ColumnGroup::F32(&values), 1, &[0], 1), [[0.5, -2.0, 0.25]; 2]);
         let expected = [[-0.75, -2.0, 0.0], [0.5, 1.0, 0.25]];
-        assert_eq!(ColumnData::F32(&values).extent(0, &[1, 2], 3), expected);
+        assert_eq!(extent(&ColumnGroup::F32(&values), 0, &[1, 2], 3), expected);
         let doubled = expected.map(|end| end.map(|x| 2.0 * x));
-        assert_eq!(ColumnData::F16 { bits: &halves, scales: &scales }.extent(0, &[1, 2], 3), doubled);
+        let group = ColumnGroup::F16 { bits: &halves, scales: &scales };
+        assert_eq!(extent(&group, 0, &[1, 2], 3), doubled);
         let hundreds = doubled.map(|end| end.map(|x| 100.0 * x));
-        assert_eq!(ColumnData::Int16 { values: &integers, scales: &scales }.extent(0, &[2, 1], 3), hundreds);
-    }
-
-    #[test]
-    fn columns_that_do_not_fit_the_body_are_refused() {
-        let values = [0.0_f32; 18];
-        assert_eq!(ColumnData::F32(&values).count(3).unwrap(), 2);
-        assert!(ColumnData::F32(&values[1..]).count(3).is_err());
-        assert!(ColumnData::Int16 { values: &[0; 18], scales: &[1.0] }.count(3).is_err());
+        let group = ColumnGroup::Int16 { values: &integers, scales: &scales };
+        assert_eq!(extent(&group, 0, &[2, 1], 3), hundreds);
     }
 }

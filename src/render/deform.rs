@@ -1,16 +1,23 @@
-//! A body deformed on the device: coefficients in; positions and normals out, into the body's own vertex buffers.
+//! A body deformed on the device: coefficients and motions in; positions and normals out, into the body's own vertex
+//! buffers.
 //!
-//! x = X + Σ cₖ u⁽ᵏ⁾ over all columns with a coefficient, then the normals. The sum is made whole each time: partial
-//! sums per control element, as `deform::Superposition` keeps them on the CPU, would read half as much when one of two
-//! elements moves, but write and read as much again, and under the model `rotation` all elements change together.
-//! Twins on the CPU: `deform::Superposition`, `deform::vertex_normals`.
+//! y = X + Σ cₖ u⁽ᵏ⁾ over all columns with a coefficient, x = Σ w_p (R_p y + t_p) where the body has several parts, then
+//! the normals. The sum is made whole each time: partial sums per group, as `deform::Superposition` keeps them on the CPU,
+//! would read half as much when one of two control elements moves, but write and read as much again, and under the model
+//! `rotation` all elements change together. Twins on the CPU: `deform::Superposition`, `deform::move_parts`,
+//! `deform::vertex_normals`.
 
+use super::bounds::Bounds;
 use super::chunk::{Chunk, ComputePass, most_items, ranges};
-use super::columns::{self, ColumnData};
+use super::columns;
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::normals;
+use super::parts::PartsPass;
 use super::patches::Reach;
+use crate::base::columns::{ColumnGroup, Storage};
+use crate::base::parts::PartWeights;
+use nalgebra::Isometry3;
 use wgpu::BufferUsages;
 
 /// Four columns and their weights: `Terms` of `shaders/deform.wgsl`.
@@ -24,9 +31,11 @@ struct Terms {
 /// Bytes before the terms in `Sum` of `shaders/deform.wgsl`.
 const HEADER: usize = 16;
 
-/// The two compute passes of one body, and what their buffers hold.
+/// The compute passes of one body, and what their buffers hold.
 pub(super) struct DeformPass {
     sum: ComputePass,
+    /// Of a body of several parts.
+    parts: Option<PartsPass>,
     normals: ComputePass,
     terms: wgpu::Buffer,
     /// Of each column.
@@ -43,19 +52,22 @@ impl DeformPass {
         gpu: &Gpu,
         triangles: &[[u32; 3]],
         rest: &[[f32; 3]],
-        elements: &[ColumnData<'_>],
+        groups: &[ColumnGroup<'_>],
+        weights: Option<&PartWeights>,
         [positions, normals]: [&wgpu::Buffer; 2],
     ) -> Result<DeformPass, RenderError> {
         let nodes = rest.len();
         let mut scales = Vec::new();
-        for element in elements {
-            scales.extend((0..element.count(nodes)?).map(|column| element.scale(column)));
+        for group in groups {
+            scales.extend((0..columns::count(group, nodes)?).map(|column| group.scale(column)));
         }
-        let first = elements.first().copied().unwrap_or(ColumnData::F32(&[]));
-        let same =
-            |element: &ColumnData<'_>| std::mem::discriminant(element) == std::mem::discriminant(&first);
-        if !elements.iter().all(same) {
+        let storage = groups.first().map_or(Storage::F32, ColumnGroup::storage);
+        if groups.iter().any(|group| group.storage() != storage) {
             return Err(RenderError::MixedStorage);
+        }
+        if let Some(weights) = weights.filter(|weights| weights.nodes() != nodes) {
+            let (what, found) = ("rows of weights", weights.nodes());
+            return Err(RenderError::VertexCount { what, found, expected: nodes });
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let rest_buffer = gpu.storage("rest surface", positions.size(), usage)?;
@@ -63,44 +75,68 @@ impl DeformPass {
         let most_terms = HEADER + scales.len().div_ceil(4).max(1) * size_of::<Terms>();
         let terms = gpu.storage("coefficients", most_terms as u64, usage)?;
 
-        let mut sum = ComputePass::new(gpu, "deform", &first.shader());
-        let bytes_per_node = 3 * first.width() * scales.len().max(1);
+        let mut sum = ComputePass::new(gpu, "deform", &columns::shader(storage));
+        let bytes_per_node = 3 * storage.width() * scales.len().max(1);
         let most_nodes = (gpu.storage_limit as usize / bytes_per_node).min(most_items(gpu) / 3 * 4);
         // Four nodes are three passes of four numbers: every chunk starts at a whole one.
         for chunk in ranges(nodes, most_nodes, 4) {
-            let columns = columns::upload(gpu, elements, nodes, chunk.clone())?;
+            let columns = columns::upload(gpu, groups, nodes, chunk.clone())?;
             let quads = |nodes: usize| (3 * nodes).div_ceil(4) as u32;
             let part = Chunk { count: quads(chunk.len()), first: quads(chunk.start) };
             sum.add(gpu, [&columns, &rest_buffer, &terms, positions], part)?;
         }
+        let parts = weights.map(|weights| PartsPass::new(gpu, weights, positions)).transpose()?;
         let normals = normals::pass(gpu, triangles, nodes, positions, normals)?;
         gpu.check()?;
-        Ok(DeformPass { sum, normals, terms, scales, last: Vec::new(), reaches: Vec::new() })
+        Ok(DeformPass { sum, parts, normals, terms, scales, last: Vec::new(), reaches: Vec::new() })
     }
 
-    /// Whether the coefficients differ from the last ones; then the passes are encoded and submitted.
-    pub(super) fn run(&mut self, gpu: &Gpu, coefficients: &[f32]) -> Result<bool, RenderError> {
+    /// Whether the coefficients or the parts differ from the last ones; then the passes are encoded and submitted. The
+    /// motion of a single part is left to whoever draws the body.
+    pub(super) fn run(
+        &mut self,
+        gpu: &Gpu,
+        coefficients: &[f64],
+        parts: &[Isometry3<f64>],
+    ) -> Result<bool, RenderError> {
         let (found, expected) = (coefficients.len(), self.scales.len());
         if found != expected {
             return Err(RenderError::CoefficientCount { found, expected });
         }
-        if self.last == coefficients {
+        let moved = match &mut self.parts {
+            Some(pass) => pass.take(gpu, parts)?,
+            None => false,
+        };
+        let rounded: Vec<f32> = coefficients.iter().map(|c| *c as f32).collect();
+        if self.last == rounded && !moved {
             return Ok(false);
         }
-        self.last = coefficients.to_vec();
-        gpu.queue.write_buffer(&self.terms, 0, &self.packed());
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.sum.encode(gpu, &mut encoder);
-        self.normals.encode(gpu, &mut encoder);
-        gpu.queue.submit([encoder.finish()]);
-        gpu.check()?;
+        self.last = rounded;
+        self.submit(gpu)?;
         Ok(true)
     }
 
-    /// Puts the body at rest, whatever it was before.
-    pub(super) fn rest(&mut self, gpu: &Gpu) -> Result<bool, RenderError> {
-        self.last.clear();
-        self.run(gpu, &vec![0.0; self.scales.len()])
+    fn submit(&self, gpu: &Gpu) -> Result<(), RenderError> {
+        gpu.queue.write_buffer(&self.terms, 0, &self.packed());
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.sum.encode(gpu, &mut encoder);
+        if let Some(parts) = &self.parts {
+            parts.pass.encode(gpu, &mut encoder);
+        }
+        self.normals.encode(gpu, &mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+        gpu.check()
+    }
+
+    /// Puts the body at rest, as it is made.
+    pub(super) fn rest(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
+        self.last = vec![0.0; self.scales.len()];
+        self.submit(gpu)
+    }
+
+    /// A box around a patch as it is now.
+    pub(super) fn bounds(&self, reach: &Reach) -> Bounds {
+        reach.bounds(&self.last, self.parts.as_ref().map_or(&[], |parts| &parts.last))
     }
 
     /// The buffer `sum` of the shader: columns without a coefficient are left out, which is why they cost nothing.
@@ -123,7 +159,7 @@ impl DeformPass {
         bytes
     }
 
-    /// Dispatches of each of the two passes: one where the device binds the whole body at once.
+    /// Dispatches of the sum and of the normals: one where the device binds the whole body at once.
     pub(super) fn chunks(&self) -> [usize; 2] {
         [self.sum.chunks(), self.normals.chunks()]
     }

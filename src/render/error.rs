@@ -50,6 +50,8 @@ pub enum RenderError {
     MixedStorage,
     #[error("{found} coefficients were handed over for a body of {expected} columns")]
     CoefficientCount { found: usize, expected: usize },
+    #[error("{found} motions were handed over for a body of {expected} parts")]
+    PartCount { found: usize, expected: usize },
     #[error("the graphics device reported: {0}")]
     Device(String),
     #[error("no display to open windows on: {0}")]

@@ -8,8 +8,8 @@
 //! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a
 //! window shows both eyes, [`TilePainter`] draws a picture for each, on which an [`Overlay`] may write, and joins them
 //! ([`Composite`]). One pass, one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point),
-//! background, grid, composite; and for bodies that the device deforms itself: deform, normals; and on
-//! their first use: quads, lines.
+//! background, grid, composite; and for bodies that the device deforms itself: deform, parts (of bodies of
+//! several), normals; and on their first use: quads, lines.
 
 mod background;
 mod body;
@@ -33,6 +33,7 @@ mod normals;
 mod offscreen;
 mod overlay;
 mod pair;
+mod parts;
 mod pass;
 mod patches;
 mod quads;
@@ -47,14 +48,13 @@ pub mod window;
 
 pub use body_buffers::BodyBuffers;
 pub use bounds::Bounds;
-pub use columns::ColumnData;
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
 pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Grid, Line, Quad, StylusShape};
 pub use gpu::{Gpu, Made};
 pub use lighting::Lighting;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
-pub use overlay::{Overlay, Sheet};
+pub use overlay::{Overlay, OverlayMesh};
 pub use pair::EyePair;
 pub use pass::DrawCounts;
 pub use renderer::Renderer;

@@ -2,14 +2,14 @@
 //!
 //! In comes a closure that paints in pixels (one point is one pixel, the origin at the top left); out go its triangles on
 //! a target of any size. It lies on the glass, at zero parallax, so both eyes get the same. Fonts are read when the first
-//! sheet is laid out; pipeline and textures are made when the first is drawn. Letters are filtered in the shader and
+//! mesh is laid out; pipeline and textures are made when the first is drawn. Letters are filtered in the shader and
 //! colours are not dithered, so that every device draws the same.
 
 use super::error::RenderError;
 use super::gpu::Gpu;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 
-/// Lays sheets out and draws them, all on targets of one format.
+/// Lays meshes out and draws them, all on targets of one format.
 pub struct Overlay {
     format: wgpu::TextureFormat,
     context: egui::Context,
@@ -19,7 +19,7 @@ pub struct Overlay {
 }
 
 /// What is written over one picture, to be drawn in the same frame.
-pub struct Sheet {
+pub struct OverlayMesh {
     pub size: [u32; 2],
     primitives: Vec<egui::ClippedPrimitive>,
 }
@@ -29,8 +29,8 @@ impl Overlay {
         Self { format, context: egui::Context::default(), letters: Vec::new(), renderer: None }
     }
 
-    /// A sheet for pictures of `size` pixels.
-    pub fn lay_out(&mut self, size: [u32; 2], mut paint: impl FnMut(&egui::Painter)) -> Sheet {
+    /// A mesh for pictures of `size` pixels.
+    pub fn lay_out(&mut self, size: [u32; 2], mut paint: impl FnMut(&egui::Painter)) -> OverlayMesh {
         let [width, height] = size.map(|side| side as f32);
         let input = egui::RawInput {
             screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(width, height))),
@@ -41,7 +41,7 @@ impl Overlay {
         // The letters are the only texture: nobody loads another.
         let deltas = output.textures_delta.set.remove(&egui::TextureId::default());
         self.letters.extend(deltas.into_iter().flatten());
-        Sheet { size, primitives: self.context.tessellate(output.shapes, 1.0) }
+        OverlayMesh { size, primitives: self.context.tessellate(output.shapes, 1.0) }
     }
 
     /// Whether pipeline and textures are there: only once something was drawn.
@@ -49,17 +49,17 @@ impl Overlay {
         self.renderer.is_some()
     }
 
-    /// Draws each sheet over what its target holds.
+    /// Draws each mesh over what its target holds.
     ///
     /// # Errors
     /// [`RenderError::Device`] when the device failed.
     pub fn draw<'a>(
         &mut self,
         gpu: &Gpu,
-        sheets: impl IntoIterator<Item = (&'a wgpu::TextureView, &'a Sheet)>,
+        meshes: impl IntoIterator<Item = (&'a wgpu::TextureView, &'a OverlayMesh)>,
     ) -> Result<(), RenderError> {
-        let mut sheets = sheets.into_iter().filter(|(_, sheet)| !sheet.primitives.is_empty()).peekable();
-        if sheets.peek().is_none() {
+        let mut meshes = meshes.into_iter().filter(|(_, mesh)| !mesh.primitives.is_empty()).peekable();
+        if meshes.peek().is_none() {
             return Ok(());
         }
         let format = self.format;
@@ -70,18 +70,18 @@ impl Overlay {
             renderer.update_texture(&gpu.device, &gpu.queue, egui::TextureId::default(), &delta);
         }
         // One submission each, since all share one vertex buffer.
-        for (target, sheet) in sheets {
-            draw(gpu, renderer, target, sheet);
+        for (target, mesh) in meshes {
+            draw(gpu, renderer, target, mesh);
         }
         gpu.check()
     }
 }
 
-fn draw(gpu: &Gpu, renderer: &mut Renderer, target: &wgpu::TextureView, sheet: &Sheet) {
-    let screen = ScreenDescriptor { size_in_pixels: sheet.size, pixels_per_point: 1.0 };
+fn draw(gpu: &Gpu, renderer: &mut Renderer, target: &wgpu::TextureView, mesh: &OverlayMesh) {
+    let screen = ScreenDescriptor { size_in_pixels: mesh.size, pixels_per_point: 1.0 };
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    // No sheet holds a callback, so there are no further command buffers.
-    renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &sheet.primitives, &screen);
+    // No mesh holds a callback, so there are no further command buffers.
+    renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &mesh.primitives, &screen);
     let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("overlay"),
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -95,6 +95,6 @@ fn draw(gpu: &Gpu, renderer: &mut Renderer, target: &wgpu::TextureView, sheet: &
         occlusion_query_set: None,
         multiview_mask: None,
     });
-    renderer.render(&mut pass.forget_lifetime(), &sheet.primitives, &screen);
+    renderer.render(&mut pass.forget_lifetime(), &mesh.primitives, &screen);
     gpu.queue.submit([encoder.finish()]);
 }

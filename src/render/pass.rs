@@ -1,5 +1,5 @@
 //! What every drawing pass is: a file of its own beside the shader of the same name, which takes its part of a frame,
-//! makes its pipelines when there is first something for it to draw, and draws it once per shot.
+//! makes its pipelines when there is first something for it to draw, and draws it once per view.
 
 use super::bounds::Bounds;
 use super::error::RenderError;
@@ -26,11 +26,11 @@ pub(super) trait DrawPass {
         contents: &FrameContents<'_>,
     ) -> Result<(), RenderError>;
 
-    /// Draws what was taken into the viewport of a shot, which is set.
+    /// Draws what was taken into the viewport of a view, which is set.
     fn draw(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
-        shot: &Shot,
+        view_draw: &ViewDraw,
         contents: &FrameContents<'_>,
         counts: &mut DrawCounts,
     );
@@ -50,7 +50,7 @@ pub struct DrawCounts {
 }
 
 /// A viewport that shows something: to one eye, or to one or both of a pair.
-pub(super) struct Shot {
+pub(super) struct ViewDraw {
     pub(super) rect: [u32; 4],
     /// Where its views lie in the uniform buffer.
     pub(super) offset: u32,
@@ -60,7 +60,7 @@ pub(super) struct Shot {
     pub(super) clip_from_room: [Option<Matrix4<f32>>; 2],
 }
 
-impl Shot {
+impl ViewDraw {
     /// For each of its views.
     pub(super) fn clip_from_shape(&self, room_from_shape: &Matrix4<f32>) -> [Option<Matrix4<f32>>; 2] {
         self.clip_from_room.map(|clip_from_room| Some(clip_from_room? * room_from_shape))
@@ -92,8 +92,8 @@ impl EyePipelines {
         }
     }
 
-    pub(super) fn of(&self, shot: &Shot) -> Option<&wgpu::RenderPipeline> {
-        self.0[usize::from(shot.both_eyes)].as_ref()
+    pub(super) fn of(&self, view_draw: &ViewDraw) -> Option<&wgpu::RenderPipeline> {
+        self.0[usize::from(view_draw.both_eyes)].as_ref()
     }
 
     pub(super) fn is_made(&self) -> bool {

@@ -3,12 +3,17 @@
 //! In: triangles, rest surface and columns once, coefficients in every frame. Out: the triangles in an order in which each
 //! patch is one piece, and a box around every patch however the body is bent, without a look at any vertex: for the nodes
 //! of a patch, each component of u = Σ cₖ u⁽ᵏ⁾ lies in Σ cₖ [min u⁽ᵏ⁾, max u⁽ᵏ⁾] by interval arithmetic. Where the
-//! columns vary little over a patch the box is little larger than the patch.
+//! columns vary little over a patch the box is little larger than the patch. Of a body of several parts the box is around
+//! what each part makes of it.
 
 use super::bounds::Bounds;
-use super::columns::ColumnData;
+use super::columns::extent;
+use super::parts::moved_bounds;
+use crate::base::columns::ColumnGroup;
+use crate::base::parts::{PartMotion, PartWeights};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// A body is halved so often, if it has the triangles.
@@ -64,6 +69,8 @@ pub(super) struct Reach {
     rest: Extent,
     /// Per column, m per unit of its coefficient.
     columns: Vec<Extent>,
+    /// The parts that move its nodes; none where the body is one part.
+    parts: Vec<u32>,
 }
 
 /// One for each patch of `lengths` triangles.
@@ -71,7 +78,8 @@ pub(super) fn reaches(
     triangles: &[[u32; 3]],
     lengths: &[usize],
     rest: &[[f32; 3]],
-    elements: &[ColumnData<'_>],
+    groups: &[ColumnGroup<'_>],
+    weights: Option<&PartWeights>,
 ) -> Vec<Reach> {
     let mut left = triangles;
     let patches: Vec<&[[u32; 3]]> = lengths
@@ -82,25 +90,38 @@ pub(super) fn reaches(
             patch
         })
         .collect();
-    patches.into_par_iter().map(|patch| Reach::new(patch, rest, elements)).collect()
+    patches.into_par_iter().map(|patch| Reach::new(patch, rest, groups, weights)).collect()
 }
 
 impl Reach {
-    fn new(patch: &[[u32; 3]], rest: &[[f32; 3]], elements: &[ColumnData<'_>]) -> Reach {
+    fn new(
+        patch: &[[u32; 3]],
+        rest: &[[f32; 3]],
+        groups: &[ColumnGroup<'_>],
+        weights: Option<&PartWeights>,
+    ) -> Reach {
         let mut nodes = patch.as_flattened().to_vec();
         nodes.sort_unstable();
         nodes.dedup();
-        let of_element = |element: &ColumnData<'_>| -> Vec<Extent> {
-            let columns = element.numbers() / (3 * rest.len());
-            (0..columns).map(|column| element.extent(column, &nodes, rest.len()).map(Vector3::from)).collect()
+        let of_group = |group: &ColumnGroup<'_>| -> Vec<Extent> {
+            let columns = group.numbers() / (3 * rest.len());
+            (0..columns).map(|column| extent(group, column, &nodes, rest.len()).map(Vector3::from)).collect()
         };
-        let at_rest = ColumnData::F32(rest.as_flattened()).extent(0, &nodes, rest.len());
-        Reach { rest: at_rest.map(Vector3::from), columns: elements.iter().flat_map(of_element).collect() }
+        let at_rest = extent(&ColumnGroup::F32(rest.as_flattened()), 0, &nodes, rest.len());
+        let shares = |weights: &PartWeights| -> BTreeSet<u32> {
+            let moving = nodes.iter().flat_map(|&node| weights.of(node as usize));
+            moving.filter(|share| share.weight > 0.0).map(|share| share.part).collect()
+        };
+        Reach {
+            rest: at_rest.map(Vector3::from),
+            columns: groups.iter().flat_map(of_group).collect(),
+            parts: weights.map(shares).unwrap_or_default().into_iter().collect(),
+        }
     }
 
-    /// A box around the patch for a coefficient per column. It is wider by what rounding may do: n products added up in
+    /// A box around the patch for a coefficient per column and the motions of the parts. It is wider by what rounding may do: n products added up in
     /// f32 are off by no more than (n + 3) ε/2 of the sum of their sizes, on the device as here.
-    pub(super) fn bounds(&self, coefficients: &[f32]) -> Bounds {
+    pub(super) fn bounds(&self, coefficients: &[f32], motions: &[PartMotion]) -> Bounds {
         let [mut low, mut high] = self.rest;
         let mut size = low.abs().sup(&high.abs());
         let mut terms = 0;
@@ -112,7 +133,8 @@ impl Reach {
             terms += 1;
         }
         let slack = size * ((terms + 4) as f32 * f32::EPSILON);
-        Bounds { centre: (low + high) / 2.0, half: (high - low) / 2.0 + slack }
+        let bounds = Bounds { centre: (low + high) / 2.0, half: (high - low) / 2.0 + slack };
+        if self.parts.is_empty() { bounds } else { moved_bounds(&bounds, &self.parts, motions) }
     }
 }
 
@@ -121,7 +143,7 @@ mod tests {
     use super::*;
     use std::f32::consts::TAU;
 
-    /// A closed strip of triangles around a bent sheet, `along` × `around` nodes.
+    /// A closed strip of triangles around a tube, `along` × `around` nodes.
     fn tube(around: usize, along: usize) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
         let place = |i: usize| {
             let (sin, cos) = (TAU * (i % around) as f32 / around as f32).sin_cos();
@@ -196,11 +218,11 @@ mod tests {
                 .map(|column| column.iter().map(|x| (x * 3e4).round() as i16).collect::<Vec<_>>());
             let scales = [1.0 / 3e4; 12];
             let ones = [1.0; 12];
-            let elements: Vec<ColumnData<'_>> = (0..2)
+            let groups: Vec<ColumnGroup<'_>> = (0..2)
                 .map(|e| match storage {
-                    0 => ColumnData::F32(&data[e]),
-                    1 => ColumnData::F16 { bits: &halves[e], scales: &ones },
-                    _ => ColumnData::Int16 { values: &integers[e], scales: &scales },
+                    0 => ColumnGroup::F32(&data[e]),
+                    1 => ColumnGroup::F16 { bits: &halves[e], scales: &ones },
+                    _ => ColumnGroup::Int16 { values: &integers[e], scales: &scales },
                 })
                 .collect();
             let stored = [0, 1].map(|e| match storage {
@@ -208,7 +230,7 @@ mod tests {
                 1 => halves[e].iter().map(|bits| half::f16::from_bits(*bits).to_f32()).collect(),
                 _ => integers[e].iter().map(|x| f32::from(*x) * (1.0 / 3e4)).collect(),
             });
-            let reaches = reaches(&ordered, &lengths, &rest, &elements);
+            let reaches = reaches(&ordered, &lengths, &rest, &groups, None);
             let (mut ours, mut least) = (0.0, 0.0);
             for round in 0..40 {
                 // A whole turn and a shift of both ends together, and something of each end's own.
@@ -218,7 +240,7 @@ mod tests {
                 let at = moved(&rest, &stored, &c);
                 let mut first = 0;
                 for (reach, &length) in reaches.iter().zip(&lengths) {
-                    let bounds = reach.bounds(&c);
+                    let bounds = reach.bounds(&c, &[]);
                     let corners = ordered[first..first + length].as_flattened();
                     let points: Vec<[f32; 3]> = corners.iter().map(|&node| at[node as usize]).collect();
                     for point in &points {

@@ -12,7 +12,7 @@ use super::frame::{FrameContents, Line, Quad};
 use super::gpu::Gpu;
 use super::grid::Floor;
 use super::lighting::LightingUniform;
-use super::pass::{BOTH_EYES, DrawCounts, DrawPass, MadeFor, Shot, group_layout};
+use super::pass::{BOTH_EYES, DrawCounts, DrawPass, MadeFor, ViewDraw, group_layout};
 use super::solid::SolidPass;
 use super::strips::StripPass;
 use super::target::{Attachments, Picture};
@@ -153,7 +153,7 @@ impl Renderer {
         for pass in &mut self.passes {
             pass.upload(gpu, &kinds, contents)?;
         }
-        let shots = self.write_views(gpu, pictures)?;
+        let view_draws = self.write_views(gpu, pictures)?;
         gpu.queue.write_buffer(
             &self.uniforms.lighting,
             0,
@@ -162,16 +162,16 @@ impl Renderer {
 
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut counts = DrawCounts::default();
-        for (picture, shots) in pictures.iter().zip(shots) {
+        for (picture, view_draws) in pictures.iter().zip(view_draws) {
             let mut pass = begin_pass(gpu, &mut encoder, picture);
             counts.passes += 1;
-            for shot in shots {
-                let [x, y, width, height] = shot.rect;
+            for view_draw in view_draws {
+                let [x, y, width, height] = view_draw.rect;
                 pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
                 pass.set_scissor_rect(x, y, width, height);
-                pass.set_bind_group(0, &self.uniforms.group, &[shot.offset]);
+                pass.set_bind_group(0, &self.uniforms.group, &[view_draw.offset]);
                 for kind in &self.passes {
-                    kind.draw(&mut pass, &shot, contents, &mut counts);
+                    kind.draw(&mut pass, &view_draw, contents, &mut counts);
                 }
             }
             // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
@@ -189,11 +189,15 @@ impl Renderer {
     }
 
     /// Uploads the views of all pictures; returns what there is to draw in each.
-    fn write_views(&mut self, gpu: &Gpu, pictures: &[Picture<'_>]) -> Result<Vec<Vec<Shot>>, RenderError> {
+    fn write_views(
+        &mut self,
+        gpu: &Gpu,
+        pictures: &[Picture<'_>],
+    ) -> Result<Vec<Vec<ViewDraw>>, RenderError> {
         self.view_bytes.clear();
         let (bytes, stride) = (&mut self.view_bytes, self.uniforms.stride as usize);
         let culling = self.culling;
-        let mut shot = |rect: [u32; 4], both_eyes: bool, views: &[Option<View>]| {
+        let mut view_draw = |rect: [u32; 4], both_eyes: bool, views: &[Option<View>]| {
             let size = [rect[2], rect[3]];
             let uniforms: Vec<Option<ViewUniform>> = views
                 .iter()
@@ -209,15 +213,17 @@ impl Renderer {
                 bytes.extend_from_slice(bytemuck::bytes_of(&uniform.unwrap_or(ViewUniform::HIDDEN)));
             }
             bytes.resize(bytes.len().next_multiple_of(stride), 0);
-            Some(Shot { rect, offset: offset as u32, both_eyes, culling, clip_from_room })
+            Some(ViewDraw { rect, offset: offset as u32, both_eyes, culling, clip_from_room })
         };
-        let shots = pictures
+        let view_draws = pictures
             .iter()
             .map(|picture| match picture.viewports {
                 [left, right] if picture.attachments.layers > 1 => {
-                    shot(left.rect, true, &[left.view, right.view]).into_iter().collect()
+                    view_draw(left.rect, true, &[left.view, right.view]).into_iter().collect()
                 }
-                viewports => viewports.iter().filter_map(|one| shot(one.rect, false, &[one.view])).collect(),
+                viewports => {
+                    viewports.iter().filter_map(|one| view_draw(one.rect, false, &[one.view])).collect()
+                }
             })
             .collect();
         if self.view_bytes.len() + size_of::<ViewUniform>() > self.uniforms.views.size() as usize {
@@ -225,7 +231,7 @@ impl Renderer {
             self.uniforms = Uniforms::new(gpu, &self.group_layout, count)?;
         }
         gpu.queue.write_buffer(&self.uniforms.views, 0, &self.view_bytes);
-        Ok(shots)
+        Ok(view_draws)
     }
 }
 

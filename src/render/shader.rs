@@ -26,6 +26,7 @@ pub(super) const DEFORM_F32: [&str; 3] = [CHUNK, include_str!("../../shaders/com
 pub(super) const DEFORM_F16: [&str; 3] = [CHUNK, include_str!("../../shaders/common/columns_f16.wgsl"), SUM];
 pub(super) const DEFORM_INT16: [&str; 3] =
     [CHUNK, include_str!("../../shaders/common/columns_int16.wgsl"), SUM];
+pub(super) const PARTS: [&str; 2] = [CHUNK, include_str!("../../shaders/parts.wgsl")];
 pub(super) const NORMALS: [&str; 2] = [CHUNK, include_str!("../../shaders/normals.wgsl")];
 
 pub(super) fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModule {
@@ -79,6 +80,7 @@ mod tests {
             ("deform of f32", &DEFORM_F32[..]),
             ("deform of f16", &DEFORM_F16),
             ("deform of int16", &DEFORM_INT16),
+            ("parts", &PARTS),
             ("normals", &NORMALS),
         ] {
             let found = stages(name, &parts.concat(), Capabilities::empty());

@@ -6,7 +6,7 @@ use super::error::RenderError;
 use super::frame::{Arrow, FrameContents, StylusShape};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Shot, Surface};
+use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
 use super::shader;
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -82,11 +82,11 @@ impl DrawPass for SolidPass {
     fn draw(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
-        shot: &Shot,
+        view_draw: &ViewDraw,
         _: &FrameContents<'_>,
         counts: &mut DrawCounts,
     ) {
-        let made = self.pipelines.of(shot).zip(self.meshes.as_ref());
+        let made = self.pipelines.of(view_draw).zip(self.meshes.as_ref());
         let Some((pipeline, meshes)) = made.filter(|_| !self.instances.list.is_empty()) else { return };
         pass.set_pipeline(pipeline);
         pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint32);
@@ -95,7 +95,7 @@ impl DrawPass for SolidPass {
         for ((range, bounds), count) in meshes.ranges.iter().zip(&meshes.bounds).zip(self.counts) {
             for instance in first..first + count as usize {
                 let room_from_shape = Matrix4::from(self.instances.list[instance].room_from_shape);
-                if shot.shows(bounds, &shot.clip_from_shape(&room_from_shape), counts) {
+                if view_draw.shows(bounds, &view_draw.clip_from_shape(&room_from_shape), counts) {
                     self.instances.bind(pass, 1, instance);
                     pass.draw_indexed(range.clone(), 0, 0..1);
                 }

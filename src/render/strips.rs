@@ -6,7 +6,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Shot, Surface};
+use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
 use std::borrow::Cow;
 use std::marker::PhantomData;
 use wgpu::BufferUsages;
@@ -73,8 +73,14 @@ impl<S: Strip> DrawPass for StripPass<S> {
         Ok(())
     }
 
-    fn draw(&self, pass: &mut wgpu::RenderPass<'_>, shot: &Shot, _: &FrameContents<'_>, _: &mut DrawCounts) {
-        let made = self.pipelines.of(shot).zip(self.buffer.as_ref());
+    fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        view_draw: &ViewDraw,
+        _: &FrameContents<'_>,
+        _: &mut DrawCounts,
+    ) {
+        let made = self.pipelines.of(view_draw).zip(self.buffer.as_ref());
         if let Some((pipeline, buffer)) = made.filter(|_| self.count > 0) {
             pass.set_pipeline(pipeline);
             pass.set_vertex_buffer(0, buffer.slice(..));

@@ -7,6 +7,7 @@ mod accuracy_target;
 mod load;
 mod select;
 
+pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
 pub use select::Nodes;
 
@@ -149,32 +150,6 @@ pub enum Generate {
 pub struct Tetrahedralise {
     /// Edge of a lattice cube, m; the tetrahedra's edges have about this length.
     pub cell: f64,
-}
-
-/// The number format of the precomputed displacements in the .green file and in memory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Storage {
-    /// Single precision.
-    #[default]
-    F32,
-    /// Half precision, scaled per field: half the bytes, an error of 2e-4 of each field's largest displacement.
-    F16,
-    /// 16-bit integers, scaled per field: half the bytes, an error of 2e-5.
-    Int16,
-}
-
-impl Storage {
-    pub const ALL: [Storage; 3] = [Storage::F32, Storage::F16, Storage::Int16];
-
-    /// As scenes name it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Storage::F32 => "f32",
-            Storage::F16 => "f16",
-            Storage::Int16 => "int16",
-        }
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]

@@ -8,12 +8,12 @@ use super::interrupt;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::seconds;
-use crate::effect::find_effect;
+use crate::effect::any_requires;
 use crate::effect::haptics::{
     Control, Device, Elastic, Hand, Haply, HapticSource, Held, HoldConstraint, Loop, LoopFaults, LoopState,
     LoopTiming, Report, Simulated, VrpnDevice,
 };
-use crate::green::GreenFile;
+use crate::green::{GreenFile, STIFFNESS};
 use crate::interact::Mode;
 use crate::scene::Scene;
 use crate::stage::{Haptic, HapticDevice, Stage};
@@ -95,10 +95,9 @@ const SAME_HOLD: f64 = 1e-3;
 impl HapticSession {
     /// Starts the loops; `None` where nothing asks for one.
     pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Option<HapticSession>, Failure> {
-        let wants = |effect: &String| find_effect(effect).is_ok_and(|effect| effect.needs.stiffness);
         let (mut bodies, mut elastic) = (Vec::new(), Vec::new());
         for (b, (name, body)) in scene.body.iter().enumerate() {
-            let stiffness = file.stiffness(name).filter(|_| body.effects.iter().any(wants));
+            let stiffness = file.stiffness(name).filter(|_| any_requires(&body.effects, STIFFNESS));
             if let Some(stiffness) = stiffness {
                 let made = Elastic::new(&body.model, &stiffness, &world.bodies[b].deformer.controls);
                 elastic.push(made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))?);

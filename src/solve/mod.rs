@@ -20,6 +20,7 @@ mod solvers;
 pub use crate::base::progress::{Progress, Silent};
 pub use error::{ERROR_LIMITS, SolveError};
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
+pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
 pub use solver::{Conditioning, Factor, LinearSolver, Method, SolveStats, Solver};

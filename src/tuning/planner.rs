@@ -6,7 +6,7 @@ use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::{find_element, nearest_turn};
-use crate::green::{self, GreenError, GreenFile, Needs};
+use crate::green::{self, GreenError, GreenFile, Requirements};
 use crate::report::measure::settings;
 use crate::report::{Limits, MeasureError, Measurement, Request, Setting};
 use crate::scene::{AccuracyTarget, Scene, SceneError, Storage};
@@ -50,7 +50,7 @@ pub type NamedPoses = (Vec<(String, ControlPoses)>, String);
 /// What the planner asks of the program around it; `E` is the program's own error.
 pub struct Planner<'a, E> {
     /// What the model and the effects of a body need.
-    pub needs: &'a dyn Fn(&Scene, &str) -> Result<Needs, E>,
+    pub needs: &'a dyn Fn(&Scene, &str) -> Result<Requirements, E>,
     /// The scene's .green file, where it has one.
     pub file: &'a dyn Fn(&Scene) -> Result<Option<GreenFile>, E>,
     /// The poses that a body is measured in.
@@ -62,7 +62,8 @@ pub struct Planner<'a, E> {
 
 /// Where a body's table comes from: the scene without what it asks for, the body's name, the key that the table must
 /// have, and what is asked for.
-type TableSource<'a, E> = &'a dyn Fn(&Scene, &str, String, &AccuracyTarget) -> Result<Option<MeasuredTable>, E>;
+type TableSource<'a, E> =
+    &'a dyn Fn(&Scene, &str, String, &AccuracyTarget) -> Result<Option<MeasuredTable>, E>;
 
 impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
     /// The scene with the settings chosen for every body that asks for an accuracy or a budget. Measures a body that has
@@ -114,7 +115,7 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
         for (name, demand) in demands {
             let needs = (self.needs)(&plain, &name)?;
             let largest = demand.largest().unwrap_or(LARGEST);
-            let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, needs)?);
+            let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, &needs)?);
             let Some(table) = source(&plain, &name, key, &demand)? else { continue };
             let choice = choose(&table.rows, &demand).ok_or_else(|| {
                 TuningError::Unmet(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
@@ -147,7 +148,13 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
         Ok(table.filter(is_own))
     }
 
-    fn measure(&self, scene: &Scene, name: &str, key: String, demand: &AccuracyTarget) -> Result<MeasuredTable, E> {
+    fn measure(
+        &self,
+        scene: &Scene,
+        name: &str,
+        key: String,
+        demand: &AccuracyTarget,
+    ) -> Result<MeasuredTable, E> {
         (self.notify)(format!(
             "body.{name}: measuring what accuracy costs on this body, to choose from; once"
         ));

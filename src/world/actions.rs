@@ -8,7 +8,7 @@ use super::edit_state::{Change, EditState, Posed, REST};
 use super::flow::{BodyPlace, HandState};
 use super::frame::World;
 use crate::base::failure::Failure;
-use crate::deform::{ControlPose, FollowedTurn, PoseGuard};
+use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
 use crate::interact::{Action, Asked, Ease, Hands, Mode, PickRay, pick, place_aside, towards_rest};
 use crate::stage::Workspace;
 use crate::track::Signal;
@@ -249,7 +249,7 @@ impl World {
     fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
         for (target, posed) in targets {
             let (b, c) = self.fields.targets[target];
-            self.bodies[b].controls[c].guard = PoseGuard::default();
+            self.bodies[b].controls[c].limiter = PoseLimiter::default();
             self.bodies[b].deformer.set_turn(c, posed.turn);
             self.graph.restore(self.fields.bodies[b].poses[c], posed.pose);
         }

@@ -3,7 +3,7 @@
 use super::force_scale::{self, ForceScale};
 use super::highlight::Highlight;
 use super::times::StepTimes;
-use crate::deform::{ControlPose, Deformer, PoseGuard};
+use crate::deform::{ControlPose, Deformer, PoseLimiter};
 use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
@@ -51,7 +51,7 @@ pub struct PlacedBody {
 pub struct PlacedControl {
     pub grab: Grab,
     pub highlight: Highlight,
-    pub(super) guard: PoseGuard,
+    pub(super) limiter: PoseLimiter,
     shape: PickShape,
     /// Its surface nodes as balls, for a ray that passes by.
     near: PickShape,
@@ -96,7 +96,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
 impl PlacedBody {
     /// From the frame in which the deformed surface stands.
     pub fn room_from_surface(&self) -> Similarity3<f64> {
-        self.room_from_body * *self.deformer.body_from_surface()
+        self.room_from_body * self.deformer.body_from_surface()
     }
 
     /// Control element `c` as a thing to be hit; `near`: where a ray passes within a hand's aim.
@@ -148,7 +148,7 @@ impl PlacedBody {
 
     /// `pose` if a body can follow it after `last`, or what it can follow instead.
     pub(super) fn admit(&mut self, c: usize, last: &ControlPose, pose: &ControlPose) -> ControlPose {
-        let (admitted, faults) = self.controls[c].guard.admit(last, pose);
+        let (admitted, faults) = self.controls[c].limiter.admit(last, pose);
         for fault in faults {
             let (body, name) = (&self.deformer.body, &self.deformer.controls[c].name);
             self.warnings.push(format!("body.{body}.control.{name}: {}", fault.explain()));
@@ -199,7 +199,7 @@ fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Ve
         .map(|(c, grab)| PlacedControl {
             grab,
             highlight: Highlight::Idle,
-            guard: PoseGuard::default(),
+            limiter: PoseLimiter::default(),
             shape: PickShape::new(&surface, deformer.control_nodes(c)),
             near: PickShape { triangles: Vec::new(), points: deformer.control_nodes(c).to_vec() },
         })

@@ -17,8 +17,9 @@
 
 use super::body::PlacedBody;
 use super::hand;
-use crate::deform::{Coefficients, ControlPose};
+use crate::deform::{BodyState, ControlPose};
 use crate::field::{Each, Field, FieldError, Graph, Value};
+use crate::green::FIELDS;
 use crate::interact::{Asked, Element, Hands, Hit};
 use crate::scene::{Body, Grab};
 use crate::stage::Stage;
@@ -118,7 +119,7 @@ impl Value for ControlPose {
     const TYPE: &'static str = "control pose";
 }
 
-impl Value for Coefficients {
+impl Value for BodyState {
     const TYPE: &'static str = "coefficients";
 }
 
@@ -176,7 +177,7 @@ fn body_fields(
     let poses: Vec<_> = body.control.keys().map(pose).collect::<Result<_, _>>()?;
     let place = graph.field(format!("body.{name}.place"), BodyPlace(Similarity3::identity()))?;
     let coefficients =
-        graph.field(format!("body.{name}.coefficients"), Coefficients::at_rest(poses.len()))?;
+        graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), Surface(0))?;
     let mut taken = Vec::new();
     graph.compute(
@@ -189,10 +190,10 @@ fn body_fields(
             let body = &mut bodies[b];
             body.deformer.take(&taken);
             body.check_range();
-            body.deformer.coefficients.clone()
+            body.deformer.state.clone()
         },
     )?;
-    graph.compute(surface, "sum", coefficients, move |bodies: &mut Bodies, _: &Coefficients| {
+    graph.compute(surface, "sum", coefficients, move |bodies: &mut Bodies, _: &BodyState| {
         let body = &mut bodies[b];
         body.deformer.deform();
         (body.moved, body.deformations) = (true, body.deformations + 1);

@@ -1,8 +1,8 @@
 //! Which force the longest arrow of a body stands for.
 
 use crate::deform::Deformer;
-use crate::effect::find_effect;
-use crate::green::{FIELDS, GreenFile};
+use crate::effect::any_requires;
+use crate::green::{FIELDS, GreenFile, STIFFNESS};
 use crate::scene::Body;
 use nalgebra::Matrix3;
 
@@ -19,8 +19,7 @@ pub struct ForceScale {
 /// The scale of a body of which the scene wants forces: for a control element with the translational stiffness K (3 × 3
 /// of S) and a body of radius r, 0.25 r times the least singular value of K.
 pub fn scale(body: &Body, deformer: &Deformer, radius_m: f64, file: &GreenFile) -> Option<ForceScale> {
-    let wants = |name: &String| find_effect(name).is_ok_and(|effect| effect.needs.stiffness);
-    if !body.effects.iter().any(wants) {
+    if !any_requires(&body.effects, STIFFNESS) {
         return None;
     }
     let stiffness = file.stiffness(&deformer.body)?;

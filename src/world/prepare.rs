@@ -6,9 +6,9 @@ use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
 use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Deformer, Kind, find_model, not_online};
-use crate::effect::find_effect;
+use crate::effect::{self, EffectEntry, find_effect};
 use crate::fem::Law;
-use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
+use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Nodes, Scene};
 use std::path::{Path, PathBuf};
@@ -26,15 +26,19 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
     }
 }
 
-/// What the model and the effects of a body need beside the basis columns. Errors name an unknown one, and refuse a
-/// model that has no part in the .green file.
-pub fn needs(scene: &Scene, name: &str, body: &Body) -> Result<Needs, Failure> {
+/// What must be precomputed for the model and the effects of a body. Errors name an unknown one, and refuse a model that
+/// has no part in the .green file.
+pub fn needs(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
     if law(scene, name, body)?.is_some() {
         return Err(wrong(scene, name, "model", not_online(&body.model)));
     }
-    let effects = body.effects.iter().filter_map(|effect| find_effect(effect).ok());
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
-    Ok(effects.fold(model.needs, |needs, effect| needs.and(effect.needs)))
+    Ok(effect::requirements(model, effects(body)))
+}
+
+/// The entries of the effects that a body lists.
+fn effects(body: &Body) -> impl Iterator<Item = &'static EffectEntry> {
+    body.effects.iter().filter_map(|effect| find_effect(effect).ok())
 }
 
 fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {
@@ -102,7 +106,7 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
         other => other?,
     };
     for (name, body) in &scene.body {
-        match file.check_belongs(scene, name, needs(scene, name, body)?) {
+        match file.check_belongs(scene, name, &needs(scene, name, body)?) {
             Err(stale @ GreenError::Stale { .. }) => return Ok(Err(stale)),
             other => other?,
         }
@@ -125,7 +129,8 @@ pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failur
         .iter()
         .map(|(name, body)| {
             let needs = needs(scene, name, body)?;
-            let precomputed = green::precompute(scene, name, needs, &Bars::new(name, quiet))?;
+            let mut precomputed = green::precompute(scene, name, &needs, &Bars::new(name, quiet))?;
+            effect::add_sections(effects(body), &mut precomputed)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
             }

@@ -26,10 +26,11 @@ impl World {
             for pose in &body.deformer.poses {
                 numbers(&mut pose.translation.iter().chain(pose.matrix.iter()));
             }
-            let made = &body.deformer.coefficients;
-            numbers(&mut made.c.as_flattened().iter());
-            let rigid = &made.body_from_surface;
-            numbers(&mut rigid.translation.vector.iter().chain(rigid.rotation.coords.iter()));
+            let made = &body.deformer.state;
+            numbers(&mut made.coefficients.iter());
+            for rigid in &made.parts {
+                numbers(&mut rigid.translation.vector.iter().chain(rigid.rotation.coords.iter()));
+            }
         }
         for body in &mut self.bodies {
             let hash = match body.positions_hash {

@@ -13,7 +13,7 @@ use greenstage::effect::haptics::{
     Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, Measures, Push, Reading, Report,
     Simulated, thread,
 };
-use greenstage::green::{self, GreenFile, Needs};
+use greenstage::green::{self, GreenFile, Requirements, STIFFNESS};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use greenstage::stage::Haptic;
@@ -27,7 +27,7 @@ fn tube() -> Arc<GreenFile> {
     let make = || {
         let place = folder("haptics-tube");
         let scene = Scene::load(&coarse_demo(&place)).unwrap();
-        let tube = green::precompute(&scene, "tube", Needs { stiffness: true }, &Silent).unwrap();
+        let tube = green::precompute(&scene, "tube", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
         let path = place.join("tube.green");
         green::write(&path, &[tube]).unwrap();
         Arc::new(GreenFile::open(&path).unwrap())

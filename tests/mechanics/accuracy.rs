@@ -5,7 +5,7 @@ use crate::common;
 use common::{case_poses, folder, scene, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
 use greenstage::fem::{Element, STVK, TET4, TET10};
-use greenstage::green::{self, Needs};
+use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::report::measure::poses::random;
 use greenstage::report::{Limits, Measurement, Report, Request, measure};
 use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
@@ -69,7 +69,7 @@ fn request<'a>(
         limits: Limits { largest: 20_000.0, refinements, rounds: 3 },
         largest_key: "--largest".into(),
         quick: true,
-        needs_of: &|_| Needs { stiffness: true },
+        needs_of: &|_| Requirements::of(&[STIFFNESS]),
         command: String::new(),
         scratch,
     }
@@ -158,9 +158,9 @@ fn errors_of_energy_and_force_are_against_the_equilibrium() {
     let solved = |element: &'static Element| {
         let mut scene = scene.clone();
         scene.body["b"].element = element;
-        let solution = green::solve(&scene, "b", Needs { stiffness: true }, &Silent).unwrap();
-        let c: Vec<_> = poses.iter().map(ControlPose::coefficients).collect();
-        wrenches(solution.stiffness.as_ref().unwrap(), &c, UnitQuaternion::identity())
+        let solution = green::solve(&scene, "b", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+        let c: Vec<f64> = poses.iter().flat_map(ControlPose::coefficients).collect();
+        wrenches(solution.stiffness().unwrap(), &c, UnitQuaternion::identity())
     };
     let (coarse, fine) = (solved(&TET4), solved(&TET10));
     let settled = Statics::new(scene, "b", &STVK, &Silent).unwrap().solve(poses, &Silent).unwrap();
@@ -324,7 +324,10 @@ fn effects_that_are_not_listed_cost_nothing() {
         let poses = poses(scene, &[0.1]);
         let request = Request {
             limits: Limits { largest: 5_000.0, refinements: 0, rounds: 1 },
-            needs_of: &|scene: &Scene| Needs { stiffness: !scene.body["b"].effects.is_empty() },
+            needs_of: &|scene: &Scene| {
+                let is_listed = !scene.body["b"].effects.is_empty();
+                Requirements::of(if is_listed { &[STIFFNESS] } else { &[AFFINE] })
+            },
             ..request(scene, &poses, &folder, 0)
         };
         measure(&request, &Silent).unwrap().effects.remove(0)

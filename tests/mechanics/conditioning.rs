@@ -4,7 +4,7 @@ use crate::common;
 
 use common::scene;
 use greenstage::fem::{Lame, NodeFields, Partition};
-use greenstage::green::{self, FIELDS, Needs, Solution};
+use greenstage::green::{self, AFFINE, FIELDS, Requirements, STIFFNESS, Solution};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::{DMatrix, DVector};
@@ -20,7 +20,7 @@ fn block(poisson: &str, extra: &str) -> Scene {
 }
 
 fn solve(poisson: &str, extra: &str) -> Solution {
-    green::solve(&block(poisson, extra), "block", Needs::default(), &Silent).unwrap()
+    green::solve(&block(poisson, extra), "block", &Requirements::of(&[AFFINE]), &Silent).unwrap()
 }
 
 /// κ₂ of A scaled by its diagonal, from all its eigenvalues.
@@ -105,7 +105,7 @@ fn the_error_of_conjugate_gradients_is_bounded() {
         for tolerance in ["1e-3", "1e-5", "1e-8", "1e-13"] {
             let pcg = format!("solver = {{ method = \"pcg\", tolerance = {tolerance} }}");
             let scene = block(poisson, &pcg);
-            let found = match green::solve(&scene, "block", Needs::default(), &Silent) {
+            let found = match green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent) {
                 Ok(found) => found,
                 Err(refused) => {
                     println!("ν = {poisson}, {tolerance}: {refused}");
@@ -139,7 +139,7 @@ fn what_has_no_digits_left_is_refused() {
     );
     let incompressible = block("0.4999999999999999", "element = \"tet4_anp\"");
     for scene in [wire, incompressible] {
-        let refused = green::solve(&scene, "block", Needs::default(), &Silent).err();
+        let refused = green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).err();
         let said = refused.expect("it must be refused").to_string();
         println!("{said}");
         assert!(said.contains("above 0.1: the solution is not to be trusted"), "{said}");
@@ -164,7 +164,7 @@ fn half_stiff(contrast: f64) -> Solution {
     }
     let loaded = greenstage::mesh::Loaded { mesh, notices: Vec::new() };
     let prepared = green::prepare_mesh(&scene, "block", loaded).unwrap();
-    green::solve_prepared(&scene, "block", prepared, Needs { stiffness: true }, &Silent).unwrap()
+    green::solve_prepared(&scene, "block", prepared, &Requirements::of(&[STIFFNESS]), &Silent).unwrap()
 }
 
 /// A pull was 3.6e4 N at one end and -2.3e4 N at the other, and a rigid shift cost 1.3e6 N: forces were left over of sums
@@ -174,7 +174,7 @@ fn forces_are_right_where_a_held_part_is_stiff() {
     let rigid = half_stiff(1e10);
     for contrast in [1.0, 1e14, 1e16, 1e18] {
         let solution = half_stiff(contrast);
-        let s = solution.stiffness.as_ref().unwrap();
+        let s = solution.stiffness().unwrap();
         for axis in 0..3 {
             let mut pull = DVector::zeros(s.ncols());
             pull[FIELDS + axis] = 0.01;
@@ -185,7 +185,7 @@ fn forces_are_right_where_a_held_part_is_stiff() {
             (both[axis], both[FIELDS + axis]) = (1.0, 1.0);
             let cost = (s * &both)[axis].abs().max((s * &both)[FIELDS + axis].abs());
             assert!(cost < 1e-8 * 100.0 * right.abs(), "{contrast:e}: a shift costs {cost} N");
-            let expected = rigid.stiffness.as_ref().unwrap()[(FIELDS + axis, FIELDS + axis)] * 0.01;
+            let expected = rigid.stiffness().unwrap()[(FIELDS + axis, FIELDS + axis)] * 0.01;
             assert!(contrast == 1.0 || (right / expected - 1.0).abs() < 1e-9, "{right} N, not {expected} N");
         }
         println!("contrast {contrast:e}: {:?}", solution.rigid);
@@ -211,7 +211,7 @@ fn rigid_motions_of_sound_bodies_are_exact() {
                 "[body.block]\ngenerate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [4, 4, 4] }} }}\n\
                  material = {{ young = 1.0e3, poisson = 0.3 }}\nelement = \"{element}\"\n{controls}"
             ));
-            let solution = green::solve(&scene, "block", Needs { stiffness: true }, &Silent).unwrap();
+            let solution = green::solve(&scene, "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
             let rigid = solution.rigid;
             println!("{element}, {} control elements: {rigid:?}", solution.controls.len());
             // Held at one corner the body amplifies rounding the most: 1.05e-12 was measured.

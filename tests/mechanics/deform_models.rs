@@ -3,11 +3,14 @@
 use crate::common;
 
 use common::{block_scene, case_poses, csv_rows, folder, scene, shared};
-use greenstage::deform::{ControlPose, ControlPoses, Deformer, local_turn};
-use greenstage::green::{self, GreenFile, Needs};
+use greenstage::base::parts::PartWeights;
+use greenstage::deform::{
+    BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, ModelEntry, local_turn,
+};
+use greenstage::green::{self, AFFINE, GreenFile, Requirements};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
-use nalgebra::{Point3, Rotation3, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -15,7 +18,7 @@ use std::sync::Arc;
 fn green_file(name: &str, scene: &Scene) -> Arc<GreenFile> {
     let body = scene.body.keys().next().unwrap();
     let path = folder(name).join("body.green");
-    let precomputed = green::precompute(scene, body, Needs::default(), &Silent).unwrap();
+    let precomputed = green::precompute(scene, body, &Requirements::of(&[AFFINE]), &Silent).unwrap();
     green::write(&path, &[precomputed]).unwrap();
     Arc::new(GreenFile::open(&path).unwrap())
 }
@@ -52,6 +55,75 @@ fn length(deformer: &Deformer) -> f64 {
         values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
     };
     (0..3).map(along).fold(0.0, f64::max)
+}
+
+/// A model of two rigid parts, one at each end along x, that blend between them. Its columns are those of `linear`.
+struct TwoParts;
+
+const TWO_PARTS: ModelEntry = ModelEntry {
+    name: "two_parts",
+    summary: "a test's own",
+    requirements: &[AFFINE],
+    frame: Frame::MeanMotion,
+    turn_limits_deg: [0.0; 2],
+    kind: Kind::Online(|_| Box::new(TwoParts)),
+};
+
+impl DeformationModel for TwoParts {
+    /// The first part follows the first control element's translation and turns with it; the second stays.
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        let turn = Vector3::new(0.0, 0.0, 40.0 * poses[0].translation.x);
+        BodyState {
+            parts: vec![Isometry3::new(poses[0].translation, turn), Isometry3::identity()],
+            coefficients: poses.iter().flat_map(ControlPose::coefficients).collect(),
+            rotation_undefined: false,
+        }
+    }
+
+    fn part_weights(&self, rest: &[[f32; 3]]) -> Option<PartWeights> {
+        let ends = rest.iter().fold([f32::MAX, f32::MIN], |[a, b], x| [a.min(x[0]), b.max(x[0])]);
+        let share = |x: &[f32; 3]| f64::from((x[0] - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
+        let rows: Vec<_> = rest.iter().map(|x| vec![(0, 1.0 - share(x)), (1, share(x))]).collect();
+        PartWeights::new(2, &rows).ok()
+    }
+}
+
+/// x_i = Σ w_ip (R_p (X_i + u_i) + t_p) in positions, in single displacements, and where only some nodes are summed.
+#[test]
+fn a_model_of_several_parts_moves_each_node_by_its_weights() {
+    let file = green_file("models-parts", &block_scene([4, 3, 3], ""));
+    let mut body = Deformer::of_model(file.clone(), "block", &TWO_PARTS).unwrap();
+    let mut poses = vec![ControlPose::REST; body.controls.len()];
+    assert_eq!(body.body_from_surface(), Isometry3::identity());
+    (poses[0].translation, poses[1].matrix[(0, 1)]) = (Vector3::new(0.02, 0.01, -0.03), 0.05);
+    assert!(body.evaluate(&poses).is_some());
+    let parts = [Isometry3::new(poses[0].translation, Vector3::z() * 0.8), Isometry3::identity()];
+    let weights = TwoParts.part_weights(body.rest()).unwrap();
+    let plain = deformed(&file, "linear", &[]);
+    let mut plain_body = Deformer::new(file.clone(), "block", "linear").unwrap();
+    plain_body.evaluate(&poses);
+    let expected: Vec<Vector3<f64>> = (0..body.node_count())
+        .map(|i| {
+            let place = Point3::from(drawn(&plain_body, i));
+            let of = |share: &greenstage::base::parts::PartShare| {
+                (parts[share.part as usize] * place).coords * f64::from(share.weight)
+            };
+            weights.of(i).iter().map(of).sum()
+        })
+        .collect();
+    let farthest = expected.iter().enumerate().map(|(i, x)| (x - rest(&plain, i)).norm()).fold(0.0, f64::max);
+    assert!(farthest > 0.1 * length(&plain), "it is moved: {farthest}");
+    for (i, expected) in expected.iter().enumerate() {
+        assert!((drawn(&body, i) - expected).norm() < 1e-6 * length(&body), "{i}");
+        assert!((rest(&body, i) + body.displacement(i) - expected).norm() < 1e-6 * length(&body), "{i}");
+    }
+    let whole = body.positions().to_vec();
+    body.sum_only_at(vec![0, 5]);
+    for i in 0..whole.len() {
+        let kept = body.kept_positions()[i];
+        assert!(if i == 0 || i == 5 { kept == whole[i] } else { kept[0].is_nan() }, "{i}: {kept:?}");
+    }
+    assert_eq!(body.positions().as_ref(), whole);
 }
 
 /// The linear theory takes the finite rotation's R - I for a strain ½(R + Rᵀ) - I, and the body swells.

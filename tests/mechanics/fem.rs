@@ -4,7 +4,7 @@ use crate::common;
 
 use common::{block_scene, shared};
 use greenstage::fem::{Lame, NodeFields, Partition, StiffnessMatrix, TET4, TET4_ANP, TET10, tet4};
-use greenstage::green::{self, Needs};
+use greenstage::green::{self, AFFINE, Requirements};
 use greenstage::mesh::{self, TetMesh, generate};
 use greenstage::solve::{Silent, Solver};
 use nalgebra::{Matrix3, Vector3};
@@ -181,7 +181,7 @@ nodes = { file = "high.txt" }
 grab = "fixed"
 "#;
     let scene = greenstage::scene::Scene::parse(text, &folder.join("scene.toml")).unwrap();
-    let solution = green::solve(&scene, "patch", Needs::default(), &Silent).unwrap();
+    let solution = green::solve(&scene, "patch", &Requirements::of(&[AFFINE]), &Silent).unwrap();
     let c: Vec<f64> = solution
         .controls
         .iter()
@@ -203,9 +203,10 @@ grab = "fixed"
 /// The same patch with every solver: PCG is the check on Cholesky.
 #[test]
 fn pcg_and_cholesky_agree() {
-    let cholesky = green::solve(&block_scene([5, 4, 4], ""), "block", Needs::default(), &Silent).unwrap();
+    let cholesky =
+        green::solve(&block_scene([5, 4, 4], ""), "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
     let scene = block_scene([5, 4, 4], "solver = { method = \"pcg\", tolerance = 1e-12 }");
-    let pcg = green::solve(&scene, "block", Needs::default(), &Silent).unwrap();
+    let pcg = green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
     assert!(pcg.stats.iterations > 10 && cholesky.stats.iterations == 0);
     assert!(pcg.stats.worst_residual() <= 1e-12 && cholesky.stats.worst_residual() <= 1e-12);
     let worst =
@@ -219,7 +220,9 @@ fn solutions_have_the_same_bits_on_every_thread_count() {
         let scene = block_scene([4, 4, 3], solver);
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| green::solve(&scene, "block", Needs::default(), &Silent).unwrap().fields)
+            pool.install(|| {
+                green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).unwrap().fields
+            })
         };
         assert!(with(1) == with(2), "{solver}");
     }

@@ -4,7 +4,7 @@ use crate::common;
 
 use common::{block_scene, folder, scene, some_pose};
 use greenstage::deform::Deformer;
-use greenstage::green::{self, FIELDS, GreenError, GreenFile, Needs};
+use greenstage::green::{self, AFFINE, FIELDS, GreenError, GreenFile, Requirements, STIFFNESS};
 use greenstage::mesh;
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
@@ -13,19 +13,20 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::LazyLock;
 
-const HAPTICS: Needs = Needs { stiffness: true };
+static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
-fn written(name: &str, needs: Needs) -> (PathBuf, green::Precomputed) {
+fn written(name: &str, requirements: &Requirements) -> (PathBuf, green::Precomputed) {
     let path = folder(name).join("block.green");
-    let precomputed = green::precompute(&block_scene([2, 1, 1], ""), "block", needs, &Silent).unwrap();
+    let precomputed = green::precompute(&block_scene([2, 1, 1], ""), "block", requirements, &Silent).unwrap();
     green::write(&path, std::slice::from_ref(&precomputed)).unwrap();
     (path, precomputed)
 }
 
 #[test]
 fn round_trip_keeps_every_number_to_f32() {
-    let (path, precomputed) = written("green-round-trip", HAPTICS);
+    let (path, precomputed) = written("green-round-trip", &HAPTICS);
     let file = GreenFile::open(&path).unwrap();
     let solution = &precomputed.solution;
     let body = &file.meta.bodies["block"];
@@ -47,7 +48,7 @@ fn round_trip_keeps_every_number_to_f32() {
             file.control("block", &control.name).iter().map(|&i| nodes[i as usize]).collect();
         assert_eq!(held, control.nodes);
     }
-    assert_eq!(file.stiffness("block"), solution.stiffness);
+    assert_eq!(file.stiffness("block").as_ref(), solution.stiffness());
 }
 
 /// Half the bytes: every number is within the error that the file states for its field, and no smaller error is true.
@@ -56,7 +57,7 @@ fn compact_columns_are_as_exact_as_their_file_says() {
     for (storage, bound) in [("f16", 2.5e-4), ("int16", 1.6e-5)] {
         let path = folder(&format!("green-{storage}")).join("block.green");
         let scene = block_scene([3, 2, 2], &format!("storage = \"{storage}\""));
-        let precomputed = green::precompute(&scene, "block", HAPTICS, &Silent).unwrap();
+        let precomputed = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
         green::write(&path, std::slice::from_ref(&precomputed)).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
         let (meta, solution) = (&file.meta.bodies["block"], &precomputed.solution);
@@ -104,7 +105,7 @@ fn compact_columns_are_as_exact_as_their_file_says() {
 
 #[test]
 fn packed_files_unpack_to_the_same_bytes_and_damage_is_told() {
-    let (path, _) = written("green-packed", HAPTICS);
+    let (path, _) = written("green-packed", &HAPTICS);
     let (small, back) = (green::packed_path(&path), path.with_extension("back.green"));
     let (whole, packed) = green::pack(&path, &small).unwrap();
     assert_eq!(whole, std::fs::metadata(&path).unwrap().len());
@@ -129,15 +130,15 @@ fn packed_files_unpack_to_the_same_bytes_and_damage_is_told() {
 
 #[test]
 fn same_scene_gives_the_same_bytes() {
-    let (one, _) = written("green-same-1", HAPTICS);
-    let (two, _) = written("green-same-2", HAPTICS);
+    let (one, _) = written("green-same-1", &HAPTICS);
+    let (two, _) = written("green-same-2", &HAPTICS);
     assert!(std::fs::read(one).unwrap() == std::fs::read(two).unwrap());
 }
 
 #[test]
 fn scene_without_haptics_has_no_stiffness_in_its_file() {
-    let (with, _) = written("green-with", HAPTICS);
-    let (without, _) = written("green-without", Needs::default());
+    let (with, _) = written("green-with", &HAPTICS);
+    let (without, _) = written("green-without", &Requirements::of(&[AFFINE]));
     let stiffness = |path: &Path| GreenFile::open(path).unwrap().stiffness("block").is_some();
     assert!(stiffness(&with) && !stiffness(&without));
     let size = |path: &Path| std::fs::metadata(path).unwrap().len() as usize;
@@ -147,7 +148,7 @@ fn scene_without_haptics_has_no_stiffness_in_its_file() {
 /// Every byte flipped in turn, each refused with the reason and the remedy.
 #[test]
 fn no_flipped_byte_passes() {
-    let (path, _) = written("green-flipped", Needs::default());
+    let (path, _) = written("green-flipped", &Requirements::of(&[AFFINE]));
     let bytes = std::fs::read(&path).unwrap();
     let damaged = path.with_extension("damaged.green");
     for at in 0..bytes.len() {
@@ -165,7 +166,7 @@ fn no_flipped_byte_passes() {
 
 #[test]
 fn no_cut_file_passes() {
-    let (path, _) = written("green-cut", Needs::default());
+    let (path, _) = written("green-cut", &Requirements::of(&[AFFINE]));
     let bytes = std::fs::read(&path).unwrap();
     let cut = path.with_extension("cut.green");
     for length in (0..bytes.len()).step_by(7) {
@@ -178,23 +179,37 @@ fn no_cut_file_passes() {
     assert!(GreenFile::open(&cut).is_err(), "eight bytes too many");
 }
 
+/// A body of which no family is required has its surface and its control elements in the file, and no model.
+#[test]
+fn what_is_not_required_is_neither_solved_nor_stored() {
+    let (path, precomputed) = written("green-nothing", &Requirements::default());
+    let solution = &precomputed.solution;
+    assert_eq!((solution.fields.columns, solution.stats.columns, solution.stiffness()), (0, 0, None));
+    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let names: Vec<&str> = file.tensors().map(|(name, ..)| name).collect();
+    assert_eq!(
+        names,
+        ["block/control/high", "block/control/low", "block/rest", "block/tags", "block/triangles"]
+    );
+    let refused = Deformer::new(file, "block", "linear").err().unwrap();
+    assert!(refused.contains("no numbers of the family affine, which the model \"linear\""), "{refused}");
+}
+
 #[test]
 fn changed_scene_makes_the_file_stale() {
-    let fingerprint =
-        |text: &str, needs| green::fingerprint(&block_scene([2, 1, 1], text), "block", needs).unwrap();
-    let base = fingerprint("", Needs::default());
-    assert_eq!(base, fingerprint("", Needs::default()));
-    assert_eq!(
-        base,
-        fingerprint("place = { position = [0.0, 1.0, 0.0] }", Needs::default()),
-        "placing moves nothing"
-    );
-    assert_ne!(base, fingerprint("", HAPTICS));
-    assert_ne!(base, fingerprint("solver = { method = \"pcg\" }", Needs::default()));
-    let finer = green::fingerprint(&block_scene([2, 2, 1], ""), "block", Needs::default()).unwrap();
+    let affine = &Requirements::of(&[AFFINE]);
+    let fingerprint = |text: &str, requirements: &Requirements| {
+        green::fingerprint(&block_scene([2, 1, 1], text), "block", requirements).unwrap()
+    };
+    let base = fingerprint("", affine);
+    assert_eq!(base, fingerprint("", affine));
+    assert_eq!(base, fingerprint("place = { position = [0.0, 1.0, 0.0] }", affine), "placing moves nothing");
+    assert_ne!(base, fingerprint("", &HAPTICS));
+    assert_ne!(base, fingerprint("solver = { method = \"pcg\" }", affine));
+    let finer = green::fingerprint(&block_scene([2, 2, 1], ""), "block", affine).unwrap();
     assert_ne!(base, finer);
 
-    let (path, _) = written("green-stale", Needs::default());
+    let (path, _) = written("green-stale", &Requirements::of(&[AFFINE]));
     let file = GreenFile::open(&path).unwrap();
     file.check_fresh("block", &base).unwrap();
     let stale = file.check_fresh("block", &finer).unwrap_err();
@@ -222,19 +237,21 @@ fn a_change_of_any_file_of_the_mesh_makes_the_file_stale() {
             &folder.join("scene.toml"),
         )
         .unwrap();
-        let fingerprint = || green::fingerprint(&scene, "block", Needs::default()).unwrap();
+        let fingerprint = || green::fingerprint(&scene, "block", &Requirements::of(&[AFFINE])).unwrap();
         let path = folder.join("block.green");
         for changed in ["m.node", "m.ele"] {
-            let precomputed = green::precompute(&scene, "block", Needs::default(), &Silent).unwrap();
+            let precomputed =
+                green::precompute(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
             green::write(&path, &[precomputed]).unwrap();
             let file = GreenFile::open(&path).unwrap();
             file.check_fresh("block", &fingerprint()).unwrap();
             change(changed);
-            let stale = file.check_belongs(&scene, "block", Needs::default()).unwrap_err();
+            let stale = file.check_belongs(&scene, "block", &Requirements::of(&[AFFINE])).unwrap_err();
             assert!(matches!(stale, GreenError::Stale { .. }), "{named}, {changed}: {stale}");
         }
         std::fs::rename(folder.join("m.ele"), folder.join("away")).unwrap();
-        let missing = green::fingerprint(&scene, "block", Needs::default()).unwrap_err().to_string();
+        let missing =
+            green::fingerprint(&scene, "block", &Requirements::of(&[AFFINE])).unwrap_err().to_string();
         assert!(missing.contains("m.ele: "), "{missing}");
         std::fs::rename(folder.join("away"), folder.join("m.ele")).unwrap();
     }
@@ -243,11 +260,11 @@ fn a_change_of_any_file_of_the_mesh_makes_the_file_stale() {
 /// Another program cuts the file, or writes over it, while it is in use: what was read stays as it was.
 #[test]
 fn a_file_that_shrinks_while_it_is_open_changes_nothing() {
-    let (path, precomputed) = written("green-shrinks", HAPTICS);
+    let (path, precomputed) = written("green-shrinks", &HAPTICS);
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(0).unwrap();
     assert_eq!(file.triangles("block"), precomputed.solution.surface.triangles);
-    assert_eq!(file.stiffness("block"), precomputed.solution.stiffness);
+    assert_eq!(file.stiffness("block").as_ref(), precomputed.solution.stiffness());
     let mut deformer = Deformer::new(file, "block", "rotation").unwrap();
     deformer.evaluate(&[some_pose(0.3), some_pose(2.0)]);
     assert!(deformer.positions().as_flattened().iter().all(|x| x.is_finite()));
@@ -273,7 +290,7 @@ grab = "dragger"
 "#,
     );
     let path = folder("green-vanishing").join("block.green");
-    let precomputed = green::precompute(&scene, "block", HAPTICS, &Silent).unwrap();
+    let precomputed = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
     assert!(
         precomputed
             .solution
@@ -384,7 +401,7 @@ fn numbers_that_no_body_has_are_refused_although_their_hashes_are_right() {
         ("bodies.block.controls: high: independent", |f| f.control()["vanishing"] = json!(["x", "y", "z"])),
         ("bodies.block.controls: high: nodes is 0", |f| f.control()["nodes"] = json!(0)),
     ];
-    let (path, _) = written("green-rehashed", HAPTICS);
+    let (path, _) = written("green-rehashed", &HAPTICS);
     let forged = path.with_extension("forged.green");
     Parts::of(&path).write(&forged);
     GreenFile::open(&forged).unwrap();
@@ -400,7 +417,7 @@ fn numbers_that_no_body_has_are_refused_although_their_hashes_are_right() {
         ("int16", "block/scale/low", &f32::INFINITY.to_le_bytes()),
     ] {
         let scene = block_scene([2, 1, 1], &format!("storage = \"{storage}\""));
-        let precomputed = green::precompute(&scene, "block", HAPTICS, &Silent).unwrap();
+        let precomputed = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
         green::write(&path, &[precomputed]).unwrap();
         let mut parts = Parts::of(&path);
         parts.tensors.get_mut(tensor).unwrap().2[..number.len()].copy_from_slice(number);
@@ -437,10 +454,10 @@ fn assert_refused<T>(result: Result<T, GreenError>, expected: &str) {
 /// With the scene's fingerprint in it, and another order or other names of its control elements, or without S.
 #[test]
 fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
-    let (path, _) = written("green-claims", HAPTICS);
+    let (path, _) = written("green-claims", &HAPTICS);
     let forged = path.with_extension("forged.green");
     let scene = block_scene([2, 1, 1], "");
-    GreenFile::open(&path).unwrap().check_belongs(&scene, "block", HAPTICS).unwrap();
+    GreenFile::open(&path).unwrap().check_belongs(&scene, "block", &HAPTICS).unwrap();
     let cases: &[(&str, Edit)] = &[
         ("bodies.block.controls is [\"low\", \"high\"], the scene's is [\"high\", \"low\"]", |f| {
             f.body()["controls"].as_array_mut().unwrap().reverse();
@@ -453,8 +470,8 @@ fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
                 f.content["blake3"].as_object_mut().unwrap().remove(&format!("block/{kind}/high"));
             }
         }),
-        ("bodies.block.needs.stiffness is false, the scene's is true", |f| {
-            f.body()["needs"]["stiffness"] = json!(false);
+        ("bodies.block.requirements is affine, the scene's is affine, stiffness, though", |f| {
+            f.body()["requirements"]["families"] = json!(["affine"]);
         }),
         ("bodies.block.element is tet10", |f| f.body()["element"] = json!("tet10")),
     ];
@@ -462,7 +479,7 @@ fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
         let mut parts = Parts::of(&path);
         edit(&mut parts);
         parts.write(&forged);
-        assert_refused(GreenFile::open(&forged).unwrap().check_belongs(&scene, "block", HAPTICS), expected);
+        assert_refused(GreenFile::open(&forged).unwrap().check_belongs(&scene, "block", &HAPTICS), expected);
     }
     let mut parts = Parts::of(&path);
     parts.tensors.remove("block/stiffness");
@@ -474,7 +491,7 @@ fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
 /// A file whose metadata were changed by somebody who also made the hash anew: refused, or harmless.
 #[test]
 fn forged_metadata_do_no_harm() {
-    let (path, _) = written("green-forged", HAPTICS);
+    let (path, _) = written("green-forged", &HAPTICS);
     let forged_path = path.with_extension("forged.green");
     let mut refused = 0;
     let mut parts = Parts::of(&path);
@@ -494,7 +511,7 @@ fn forged_metadata_do_no_harm() {
         "/bodies/block/controls/0/origin",
         "/bodies/block/centre",
         "/blake3",
-        "/bodies/block/needs/stiffness",
+        "/bodies/block/requirements/families",
         "/bodies/block",
         "/bodies",
     ] {

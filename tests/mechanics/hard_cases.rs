@@ -6,7 +6,7 @@ use crate::common;
 
 use common::block_scene;
 use greenstage::fem::{Lame, NodeFields};
-use greenstage::green::{self, Needs};
+use greenstage::green::{self, Requirements, STIFFNESS};
 use greenstage::solve::Silent;
 use greenstage::verify::hard_cases::{CaseRow, Outcome, run};
 use std::collections::BTreeSet;
@@ -42,7 +42,7 @@ fn rows_that_prove_nothing_do_not_hold() {
 #[test]
 fn free_nodes_are_in_equilibrium() {
     let solution =
-        green::solve(&block_scene([5, 5, 5], ""), "block", Needs { stiffness: true }, &Silent).unwrap();
+        green::solve(&block_scene([5, 5, 5], ""), "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
     let lame = Lame::from_young_poisson(1e3, 0.3);
     let k = solution.element.assemble(&solution.mesh, &vec![lame; solution.mesh.tets.len()]).unwrap();
     let mut force = NodeFields::zeros(solution.mesh.nodes.len(), solution.fields.columns);

@@ -4,13 +4,14 @@ use crate::common;
 
 use common::{block_scene, some_pose};
 use greenstage::fem::{Lame, NodeFields, Partition, TET4, tet4};
-use greenstage::green::{self, FIELDS, Needs, Solution};
+use greenstage::green::{self, FIELDS, Requirements, STIFFNESS, Solution};
 use greenstage::mesh::{Surface, TetMesh, generate, quality};
 use greenstage::scene::Scene;
 use greenstage::solve::{Silent, Solver};
 use nalgebra::{DVector, Matrix3, Vector3};
+use std::sync::LazyLock;
 
-const HAPTICS: Needs = Needs { stiffness: true };
+static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
 /// Lamé's thick cylinder in plane strain (Timoshenko and Goodier, Theory of Elasticity, 3rd ed., article 28):
 /// u_r = (1+ν) p a² / (E (b²-a²)) ((1-2ν) r + b²/r) under inner pressure p.
@@ -166,7 +167,7 @@ fn shear_force(element: &str, poisson: &str, n: u32) -> f64 {
          [body.block.control.low]\nnodes = {{ group = \"xmin\" }}\ngrab = \"fixed\"\n",
         4 * n
     ));
-    green::solve(&scene, "block", HAPTICS, &Silent).unwrap().stiffness.unwrap()[(1, 1)]
+    green::solve(&scene, "block", &HAPTICS, &Silent).unwrap().stiffness().unwrap()[(1, 1)]
 }
 
 /// How much too stiff linear tetrahedra are in bending, how slowly that heals near ν = 1/2, and what the two other
@@ -187,7 +188,7 @@ fn linear_tetrahedra_lock_as_the_manual_says() {
 
 fn solved_block() -> (Scene, Solution) {
     let scene = block_scene([5, 4, 4], "");
-    let solution = green::solve(&scene, "block", HAPTICS, &Silent).unwrap();
+    let solution = green::solve(&scene, "block", &HAPTICS, &Silent).unwrap();
     (scene, solution)
 }
 
@@ -214,7 +215,7 @@ fn handle_stiffness_is_the_second_derivative_of_the_energy() {
         0.5 * u.dots(&force)[0]
     };
     let c: Vec<f64> = [some_pose(0.3), some_pose(2.0)].iter().flat_map(|pose| pose.coefficients()).collect();
-    let force = solution.stiffness.as_ref().unwrap() * DVector::from_column_slice(&c);
+    let force = solution.stiffness().unwrap() * DVector::from_column_slice(&c);
     assert!((energy(&c) - 0.5 * force.dot(&DVector::from_column_slice(&c))).abs() < 1e-12 * energy(&c));
     for i in 0..2 * FIELDS {
         let shifted = |by: f64| {
@@ -230,7 +231,7 @@ fn handle_stiffness_is_the_second_derivative_of_the_energy() {
 #[test]
 fn handle_stiffness_does_not_feel_rigid_motions() {
     let (_, solution) = solved_block();
-    let s = solution.stiffness.as_ref().unwrap();
+    let s = solution.stiffness().unwrap();
     for mode in 0..6 {
         let axis = Vector3::<f64>::ith(mode % 3, 1.0);
         let c: Vec<f64> = solution

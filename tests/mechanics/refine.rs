@@ -3,7 +3,7 @@
 use crate::common;
 
 use common::{block_scene, scene};
-use greenstage::green::{self, Needs};
+use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::mesh::isosurface_stuffing::tetrahedralise;
 use greenstage::mesh::quadratic::{least_jacobian, quadratic, straight};
 use greenstage::mesh::quality::{components, overlapping_faces, quality_report, signed_volume};
@@ -227,7 +227,11 @@ fn what_its_curved_edges_fold_is_refused_with_its_place() {
 }
 
 fn handle_stiffness(scene: &Scene) -> DMatrix<f64> {
-    green::solve(scene, "block", Needs { stiffness: true }, &Silent).unwrap().stiffness.unwrap()
+    green::solve(scene, "block", &Requirements::of(&[STIFFNESS]), &Silent)
+        .unwrap()
+        .stiffness()
+        .unwrap()
+        .clone()
 }
 
 /// What a refined mesh can represent contains what the coarse one can, and the ends are prescribed alike: the strain
@@ -270,6 +274,6 @@ fn a_scene_says_what_was_refined_or_refuses() {
     let error = green::prepare(&many, "block").err().unwrap().to_string();
     assert!(error.contains("body.block.refine: 40000 tetrahedra refined 4 times are 163840000"), "{error}");
     let (once, twice) = (block_scene([2, 2, 2], "refine = 1"), block_scene([2, 2, 2], "refine = 2"));
-    let print = |scene: &Scene| green::fingerprint(scene, "block", Needs::default()).unwrap();
+    let print = |scene: &Scene| green::fingerprint(scene, "block", &Requirements::of(&[AFFINE])).unwrap();
     assert_ne!(print(&once), print(&twice));
 }

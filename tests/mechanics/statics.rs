@@ -5,7 +5,7 @@ mod cases;
 use crate::common;
 
 use common::{block_scene, folder, greenstage};
-use greenstage::deform::{ControlPose, ControlPoses, Settled, Statics, StaticsError};
+use greenstage::deform::{ControlPose, ControlPoses, EquilibriumResult, Statics, StaticsError};
 use greenstage::fem::{self, Hyperelastic, LAWS, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use greenstage::mesh::{TetMesh, generate};
 use greenstage::scene::Scene;
@@ -65,7 +65,7 @@ fn rigid_motion_costs_nothing_and_turns_the_answer() {
         (Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 2.0)), Vector3::new(0.3, -2.0, 0.7));
     for law in LAWS {
         let mut statics = block(law, [4, 4, 4]);
-        let moved = |statics: &Statics, settled: &Settled| -> Vec<Vector3<f64>> {
+        let moved = |statics: &Statics, settled: &EquilibriumResult| -> Vec<Vector3<f64>> {
             statics.mesh.nodes.iter().zip(&settled.displacement).map(|(x, u)| x + u).collect()
         };
         let still = statics.solve(&rigid(&statics, turn, shift, &pulled(&[])), &Silent).unwrap();
@@ -173,8 +173,9 @@ fn a_small_strain_in_a_body_moved_far_has_its_equilibrium() {
                     Ok(turned) => turned,
                     Err(error) => panic!("{}: {size:e} at {far:e} m: {error}", law.name),
                 };
-                let place =
-                    |settled: &Settled, node: usize| statics.mesh.nodes[node] + settled.displacement[node];
+                let place = |settled: &EquilibriumResult, node: usize| {
+                    statics.mesh.nodes[node] + settled.displacement[node]
+                };
                 let off = |node: usize| (turn * place(&straight, node) + shift - place(&turned, node)).norm();
                 let off = (0..statics.mesh.nodes.len()).map(off).fold(0.0, f64::max);
                 println!("{}: {size:e} at {far:e} m: off by {off:.1e} m", law.name);

@@ -3,14 +3,15 @@
 use crate::common;
 
 use common::{folder, shared};
-use greenstage::green::{self, Needs};
+use greenstage::green::{self, Requirements, STIFFNESS};
 use greenstage::mesh::{self, Order, Surface, TetMesh, generate, parse_as, quadratic};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::LazyLock;
 
-const HAPTICS: Needs = Needs { stiffness: true };
+static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
 fn linear() -> TetMesh {
     generate::block(&generate::Block { size: [2.0, 1.0, 1.0], cells: [4, 2, 2] }).unwrap()
@@ -114,7 +115,7 @@ fn the_same_body_from_ten_nodes_and_from_four() {
         held.map(|(_, tag)| format!("{tag}\n")).collect::<String>()
     };
     let solve = |file: &str, element: &str| {
-        green::solve(&scene(&folder, file, element), "b", HAPTICS, &Silent).unwrap()
+        green::solve(&scene(&folder, file, element), "b", &HAPTICS, &Silent).unwrap()
     };
     std::fs::write(folder.join("low.txt"), tags(&mesh)).unwrap();
     let ten = solve("ten.msh", "tet10");
@@ -122,9 +123,10 @@ fn the_same_body_from_ten_nodes_and_from_four() {
     let four = solve("four.msh", "tet10");
     assert_eq!(four.controls[0].nodes.len(), 25);
     assert_eq!(ten.mesh.nodes.len(), four.mesh.nodes.len());
-    let (s, t) = (ten.stiffness.unwrap(), four.stiffness.unwrap());
-    assert!((&s - &t).amax() < 1e-12 * s.amax(), "{:e}", (&s - &t).amax() / s.amax());
-    let corners = solve("ten.msh", "tet4").stiffness.unwrap();
+    let (s, t) = (ten.stiffness().unwrap(), four.stiffness().unwrap());
+    assert!((s - t).amax() < 1e-12 * s.amax(), "{:e}", (s - t).amax() / s.amax());
+    let corners = solve("ten.msh", "tet4");
+    let corners = corners.stiffness().unwrap();
     assert!(
         corners[(1, 1)] > 1.02 * s[(1, 1)],
         "linear tetrahedra are stiffer: {} {}",
@@ -144,9 +146,9 @@ fn folded_edges_are_refused_by_name() {
     std::fs::write(folder.join("ten.msh"), gmsh(&mesh, |_| false)).unwrap();
     std::fs::write(folder.join("low.txt"), "1\n2\n3\n4\n").unwrap();
     let error =
-        green::solve(&scene(&folder, "ten.msh", "tet10"), "b", HAPTICS, &Silent).err().unwrap().to_string();
+        green::solve(&scene(&folder, "ten.msh", "tet10"), "b", &HAPTICS, &Silent).err().unwrap().to_string();
     assert!(error.contains("folded by their curved edges"), "{error}");
-    assert!(green::solve(&scene(&folder, "ten.msh", "tet4"), "b", HAPTICS, &Silent).is_ok());
+    assert!(green::solve(&scene(&folder, "ten.msh", "tet4"), "b", &HAPTICS, &Silent).is_ok());
 }
 
 #[test]

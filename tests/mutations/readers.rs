@@ -5,7 +5,7 @@ use crate::mutate::{Random, mutated};
 use crate::{meshes, surfaces};
 use greenstage::deform::pose_file as poses;
 use greenstage::deform::{ControlPose, Deformer};
-use greenstage::green::{self, GreenFile, Needs};
+use greenstage::green::{self, GreenFile, Requirements, STIFFNESS};
 use greenstage::mesh::{
     self, Block, Order, Surface, block, diagnostics, formats, quality, surface_check, surface_files,
 };
@@ -181,7 +181,7 @@ fn read_green(path: &Path) -> Then {
 fn green_seed(folder: &Path, storage: &str) -> Vec<u8> {
     let scene = block_scene([1, 1, 1], &format!("effects = [\"haptics\"]\nstorage = \"{storage}\""));
     let path = folder.join("seed.green");
-    let body = green::precompute(&scene, "block", Needs { stiffness: true }, &Silent).unwrap();
+    let body = green::precompute(&scene, "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
     green::write(&path, &[body]).unwrap();
     std::fs::read(&path).unwrap()
 }

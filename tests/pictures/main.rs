@@ -1,4 +1,4 @@
-//! What is drawn: golden images, passes, stereo, windows, room views. Needs a graphics device.
+//! What is drawn: golden images, passes, stereo, windows, room views. Requirements a graphics device.
 #![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
 #[path = "../common/mod.rs"]

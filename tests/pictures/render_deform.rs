@@ -2,13 +2,14 @@
 
 use crate::render_common;
 
-use greenstage::deform::{Columns, Superposition, vertex_normals};
-use greenstage::green::{Basis, FIELDS, Stored, half_to_single};
+use greenstage::base::columns::{ColumnGroup, Storage, StoredColumns, half_to_single};
+use greenstage::base::parts::PartWeights;
+use greenstage::deform::{Superposition, move_parts, vertex_normals};
+use greenstage::green::FIELDS;
 use greenstage::render::{
-    BodyBuffers, BodyInstance, COLOR_FORMAT, ColumnData, FrameContents, Gpu, RenderError, Renderer,
+    BodyBuffers, BodyInstance, COLOR_FORMAT, FrameContents, Gpu, RenderError, Renderer,
 };
-use greenstage::scene::Storage;
-use nalgebra::{Matrix4, Point3, Rotation3, Vector3};
+use nalgebra::{Isometry3, Matrix4, Point3, Rotation3, Vector3};
 use render_common::{draw_full, off_axis, require_gpu};
 use std::f32::consts::TAU;
 
@@ -48,59 +49,46 @@ fn columns(tube: &Tube, elements: usize) -> Vec<Vec<Vec<f64>>> {
     (0..elements).map(|e| (0..FIELDS).map(|k| field(e, k)).collect()).collect()
 }
 
-/// Stored columns with numbers of their own type.
-enum Data {
-    F32(Vec<f32>),
-    F16(Vec<u16>, Vec<f32>),
-    Int16(Vec<i16>, Vec<f32>),
+/// `columns` of all elements in one storage.
+fn stored(storage: Storage, tube: &Tube, elements: usize) -> Vec<StoredColumns> {
+    columns(tube, elements).iter().map(|columns| StoredColumns::new(storage, columns)).collect()
 }
 
-impl Data {
-    fn new(storage: Storage, columns: &[Vec<f64>]) -> Data {
-        let stored = Stored::new(storage, columns);
-        match storage {
-            Storage::F32 => Data::F32(bytemuck::pod_collect_to_vec(&stored.bytes)),
-            Storage::F16 => Data::F16(bytemuck::pod_collect_to_vec(&stored.bytes), stored.scales),
-            Storage::Int16 => Data::Int16(bytemuck::pod_collect_to_vec(&stored.bytes), stored.scales),
-        }
-    }
-
-    fn basis(&self) -> Basis<'_> {
-        match self {
-            Data::F32(values) => Basis::F32(values),
-            Data::F16(bits, scales) => Basis::F16 { bits, scales },
-            Data::Int16(values, scales) => Basis::Int16 { values, scales },
-        }
-    }
-
-    fn on_device(&self) -> ColumnData<'_> {
-        match self {
-            Data::F32(values) => ColumnData::F32(values),
-            Data::F16(bits, scales) => ColumnData::F16 { bits, scales },
-            Data::Int16(values, scales) => ColumnData::Int16 { values, scales },
-        }
-    }
+fn groups(data: &[StoredColumns]) -> Vec<ColumnGroup<'_>> {
+    data.iter().map(StoredColumns::group).collect()
 }
 
-fn body(gpu: &Gpu, tube: &Tube, data: &[Data]) -> BodyBuffers {
-    let elements: Vec<ColumnData> = data.iter().map(Data::on_device).collect();
+fn body(gpu: &Gpu, tube: &Tube, data: &[StoredColumns], weights: Option<&PartWeights>) -> BodyBuffers {
     let colors = vec![[0; 4]; tube.rest.len()];
-    BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &elements).unwrap()
+    BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &groups(data), weights).unwrap()
 }
 
 /// Coefficients of a moderate bend: every element moved, turned and stretched; the last field of each left at zero.
-fn pose(elements: usize, step: usize) -> Vec<[f64; FIELDS]> {
+fn pose(elements: usize, step: usize) -> Vec<f64> {
     let c = |e: usize, k: usize| 0.2 * ((5 * e + 3 * k + 7 * step) as f64).sin();
-    (0..elements).map(|e| std::array::from_fn(|k| if k == 11 { 0.0 } else { c(e, k) })).collect()
+    let of = |e: usize| (0..FIELDS).map(move |k| if k == 11 { 0.0 } else { c(e, k) });
+    (0..elements).flat_map(of).collect()
 }
 
+/// What moves the parts of a body; none where it is one part.
+type Parts<'a> = Option<(&'a PartWeights, &'a [Isometry3<f64>])>;
+
 /// Largest difference of positions, and of normals of the vertices that have one.
-fn difference(gpu: &Gpu, body: &BodyBuffers, tube: &Tube, data: &[Data], c: &[[f64; FIELDS]]) -> [f32; 2] {
-    let columns = Columns { elements: data.iter().map(Data::basis).collect() };
+fn difference(
+    gpu: &Gpu,
+    body: &BodyBuffers,
+    tube: &Tube,
+    groups: &[ColumnGroup],
+    c: &[f64],
+    parts: Parts<'_>,
+) -> [f32; 2] {
     let mut positions = vec![[0.0; 3]; tube.rest.len()];
-    Superposition::new(data.len()).update(&columns, c, &mut positions);
+    Superposition::new(groups, positions.len()).update(groups, c, &mut positions);
     for (x, rest) in positions.as_flattened_mut().iter_mut().zip(tube.rest.as_flattened()) {
         *x += rest;
+    }
+    if let Some((weights, motions)) = parts {
+        move_parts(weights, motions, &mut positions);
     }
     let mut normals = vec![[0.0; 3]; positions.len()];
     vertex_normals(&positions, &tube.triangles, &mut Vec::new(), &mut normals);
@@ -116,10 +104,6 @@ fn difference(gpu: &Gpu, body: &BodyBuffers, tube: &Tube, data: &[Data], c: &[[f
     [largest(&positions, &found_positions), largest(&normals, &found_normals)]
 }
 
-fn flat(c: &[[f64; FIELDS]]) -> Vec<f32> {
-    c.as_flattened().iter().map(|c| *c as f32).collect()
-}
-
 /// The body is 1 m long: differences in metres are parts of its size.
 #[test]
 fn device_and_cpu_agree_to_a_hundred_thousandth_in_every_storage() {
@@ -130,17 +114,16 @@ fn device_and_cpu_agree_to_a_hundred_thousandth_in_every_storage() {
         let tube = tube(around, along);
         for storage in Storage::ALL {
             for elements in [1, 2, 4] {
-                let exact = columns(&tube, elements);
-                let data: Vec<Data> = exact.iter().map(|columns| Data::new(storage, columns)).collect();
+                let data = stored(storage, &tube, elements);
                 for limit in [whole, 40 << 10] {
                     gpu.storage_limit = limit;
-                    let mut body = body(&gpu, &tube, &data);
+                    let mut body = body(&gpu, &tube, &data, None);
                     let [sums, normals] = body.chunks().unwrap();
                     assert_eq!(sums == 1 && normals == 1, limit == whole, "{sums} and {normals} chunks");
                     for step in 0..2 {
                         let c = pose(elements, step);
-                        assert!(body.deform(&gpu, &flat(&c)).unwrap());
-                        let [position, normal] = difference(&gpu, &body, &tube, &data, &c);
+                        assert!(body.deform(&gpu, &c, &[]).unwrap());
+                        let [position, normal] = difference(&gpu, &body, &tube, &groups(&data), &c, None);
                         println!(
                             "{} nodes, {storage:?}, {elements} elements, {sums} and {normals} chunks: \
                              positions {position:e} m, normals {normal:e}",
@@ -155,25 +138,72 @@ fn device_and_cpu_agree_to_a_hundred_thousandth_in_every_storage() {
     }
 }
 
+/// Three parts with groups of 12, 1 and 7 columns, whole and in chunks: the shaders and their twins on the CPU agree, the
+/// motion of a part alone deforms the body anew, and every vertex is in the box by which its patch is drawn.
+#[test]
+fn device_and_cpu_agree_on_several_parts_and_any_number_of_columns() {
+    let Some(mut gpu) = require_gpu() else { return };
+    let (whole, tube) = (gpu.storage_limit, tube(47, 32));
+    let rows: Vec<Vec<(u32, f64)>> = tube
+        .rest
+        .iter()
+        .map(|x| {
+            let along = 2.0 * (f64::from(x[0]) + 0.5);
+            let (first, share) = (along.floor().min(1.0), along - along.floor().min(1.0));
+            vec![(first as u32, 1.0 - share), (first as u32 + 1, share)]
+        })
+        .collect();
+    let weights = PartWeights::new(3, &rows).unwrap();
+    let motions = |step: usize| -> Vec<Isometry3<f64>> {
+        let number = |p: usize, k: usize| 0.6 * ((4 * p + 5 * k + 3 * step) as f64).cos();
+        let vector = |p: usize, k: usize| Vector3::new(number(p, k), number(p, k + 1), number(p, k + 2));
+        (0..3).map(|p| Isometry3::new(vector(p, 0), vector(p, 3))).collect()
+    };
+    for storage in Storage::ALL {
+        let all = columns(&tube, 3);
+        let data: Vec<StoredColumns> =
+            all.iter().zip([12, 1, 7]).map(|(of, count)| StoredColumns::new(storage, &of[..count])).collect();
+        let groups = groups(&data);
+        let c: Vec<f64> = pose(2, 1)[..20].to_vec();
+        for limit in [whole, 40 << 10] {
+            gpu.storage_limit = limit;
+            let mut body = body(&gpu, &tube, &data, Some(&weights));
+            assert_eq!(body.read(&gpu).unwrap()[0], tube.rest, "it is made at rest");
+            for step in 0..3 {
+                let parts = motions(step);
+                assert!(body.deform(&gpu, &c, &parts).unwrap(), "the parts moved");
+                assert!(!body.deform(&gpu, &c, &parts).unwrap());
+                let [position, normal] =
+                    difference(&gpu, &body, &tube, &groups, &c, Some((&weights, &parts)));
+                assert!(position < 1e-5 && normal < 1e-5, "{storage:?}: {position:e} {normal:e}");
+            }
+            let few = body.deform(&gpu, &c, &motions(0)[..2]).unwrap_err();
+            assert!(matches!(few, RenderError::PartCount { found: 2, expected: 3 }), "{few}");
+        }
+        gpu.storage_limit = whole;
+    }
+    assert_eq!(gpu.made.compute_pipelines() % 3, 0, "one more pass, of these bodies alone");
+}
+
 /// All 63,488 finite halves, the subnormal ones too, and all integers of 16 bits come out as they went in.
 #[test]
 fn every_half_and_every_integer_is_read_exactly() {
     let Some(gpu) = require_gpu() else { return };
     let halves: Vec<u16> = (0..=u16::MAX).filter(|bits| bits & 0x7c00 != 0x7c00).chain([0]).collect();
     let integers: Vec<i16> = (i16::MIN..=i16::MAX).chain([0, 0]).collect();
-    let read = |data: ColumnData, numbers: usize| {
+    let read = |data: ColumnGroup, numbers: usize| {
         let rest = vec![[0.0; 3]; numbers / 3];
         let colors = vec![[0; 4]; numbers / 3];
-        let mut body = BodyBuffers::with_columns(&gpu, &[[0, 1, 2]], &colors, &rest, &[data]).unwrap();
-        body.deform(&gpu, &[1.0]).unwrap();
+        let mut body = BodyBuffers::with_columns(&gpu, &[[0, 1, 2]], &colors, &rest, &[data], None).unwrap();
+        body.deform(&gpu, &[1.0], &[]).unwrap();
         let [positions, _] = body.read(&gpu).unwrap();
         positions.into_flattened()
     };
-    let found = read(ColumnData::F16 { bits: &halves, scales: &[1.0] }, halves.len());
+    let found = read(ColumnGroup::F16 { bits: &halves, scales: &[1.0] }, halves.len());
     for (&bits, found) in halves.iter().zip(found) {
         assert_eq!(half_to_single(bits), found, "{bits:#x}");
     }
-    let found = read(ColumnData::Int16 { values: &integers, scales: &[0.5] }, integers.len());
+    let found = read(ColumnGroup::Int16 { values: &integers, scales: &[0.5] }, integers.len());
     for (&value, found) in integers.iter().zip(found) {
         assert_eq!(0.5 * f32::from(value), found);
     }
@@ -183,16 +213,15 @@ fn every_half_and_every_integer_is_read_exactly() {
 fn only_new_coefficients_are_summed_and_rest_is_exact() {
     let Some(gpu) = require_gpu() else { return };
     let tube = tube(16, 9);
-    let data = [Data::new(Storage::F32, &columns(&tube, 1)[0])];
-    let mut body = body(&gpu, &tube, &data);
+    let mut body = body(&gpu, &tube, &stored(Storage::F32, &tube, 1), None);
     assert_eq!(body.read(&gpu).unwrap()[0], tube.rest, "it is made at rest");
-    let c = flat(&pose(1, 3));
-    assert!(!body.deform(&gpu, &[0.0; FIELDS]).unwrap());
-    assert!(body.deform(&gpu, &c).unwrap());
-    assert!(!body.deform(&gpu, &c).unwrap());
-    assert!(body.deform(&gpu, &[0.0; FIELDS]).unwrap());
+    let c = pose(1, 3);
+    assert!(!body.deform(&gpu, &[0.0; FIELDS], &[]).unwrap());
+    assert!(body.deform(&gpu, &c, &[]).unwrap());
+    assert!(!body.deform(&gpu, &c, &[]).unwrap());
+    assert!(body.deform(&gpu, &[0.0; FIELDS], &[]).unwrap());
     assert_eq!(body.read(&gpu).unwrap()[0], tube.rest);
-    let short = body.deform(&gpu, &c[1..]).unwrap_err();
+    let short = body.deform(&gpu, &c[1..], &[]).unwrap_err();
     assert!(matches!(short, RenderError::CoefficientCount { found: 11, expected: 12 }), "{short}");
 }
 
@@ -202,9 +231,9 @@ fn a_body_that_the_cpu_deforms_makes_no_storage_buffer_and_no_compute_pipeline()
     let tube = tube(16, 9);
     let mut plain = BodyBuffers::new(&gpu, &tube.triangles, &vec![[0; 4]; tube.rest.len()]).unwrap();
     plain.upload(&gpu, &tube.rest, &tube.rest).unwrap();
-    assert!(!plain.deform(&gpu, &[1.0; FIELDS]).unwrap() && !plain.is_deformed_here());
+    assert!(!plain.deform(&gpu, &[1.0; FIELDS], &[]).unwrap() && !plain.is_deformed_here());
     assert_eq!((gpu.made.storage_bytes(), gpu.made.compute_pipelines()), (0, 0));
-    body(&gpu, &tube, &[Data::new(Storage::F32, &columns(&tube, 1)[0])]);
+    body(&gpu, &tube, &stored(Storage::F32, &tube, 1), None);
     assert_eq!(gpu.made.compute_pipelines(), 2);
     assert!(gpu.made.storage_bytes() > 0);
 }
@@ -215,16 +244,16 @@ fn columns_that_do_not_fit_are_refused_with_the_numbers() {
     let tube = tube(16, 9);
     let colors = vec![[0; 4]; tube.rest.len()];
     let exact = columns(&tube, 1);
-    let data = Storage::ALL.map(|storage| Data::new(storage, &exact[0]));
-    let make = |gpu: &Gpu, elements: &[ColumnData]| {
-        BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, elements).err().unwrap()
+    let data = Storage::ALL.map(|storage| StoredColumns::new(storage, &exact[0]));
+    let make = |gpu: &Gpu, groups: &[ColumnGroup]| {
+        BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, groups, None).err().unwrap()
     };
-    let mixed = make(&gpu, &[data[0].on_device(), data[1].on_device()]);
+    let mixed = make(&gpu, &[data[0].group(), data[1].group()]);
     assert!(matches!(mixed, RenderError::MixedStorage), "{mixed}");
-    let short = make(&gpu, &[ColumnData::F32(&[0.0; 100])]);
+    let short = make(&gpu, &[ColumnGroup::F32(&[0.0; 100])]);
     assert!(matches!(short, RenderError::ColumnLength { numbers: 100, .. }), "{short}");
     gpu.storage_limit = 64;
-    let large = make(&gpu, &[data[0].on_device()]);
+    let large = make(&gpu, &[data[0].group()]);
     assert!(matches!(large, RenderError::BufferSize { limit: 64, .. }), "{large}");
 }
 
@@ -237,10 +266,10 @@ fn passes_tell_their_time() {
         return eprintln!("SKIPPED: this device has no clock");
     }
     let tube = tube(16, 9);
-    let mut body = body(&gpu, &tube, &[Data::new(Storage::F32, &columns(&tube, 1)[0])]);
+    let mut body = body(&gpu, &tube, &stored(Storage::F32, &tube, 1), None);
     gpu.read_clock().unwrap();
     for round in 0..3 {
-        body.deform(&gpu, &flat(&pose(1, round))).unwrap();
+        body.deform(&gpu, &pose(1, round), &[]).unwrap();
         let spans = gpu.read_clock().unwrap();
         let names: Vec<&str> = spans.iter().map(|(name, _)| *name).collect();
         assert_eq!(names, ["deform", "normals"]);
@@ -248,22 +277,30 @@ fn passes_tell_their_time() {
     }
 }
 
-/// A body in patches from random heads, bent at random: leaving out what a view cannot see changes no pixel.
+/// A body in patches from random heads, bent at random, of one part and of two in turn: leaving out what a view cannot see changes no pixel.
 #[test]
 fn patches_that_are_left_out_would_not_have_been_seen() {
     let Some(gpu) = require_gpu() else { return };
     let tube = tube(47, 60);
-    let data: Vec<Data> = columns(&tube, 2).iter().map(|of| Data::new(Storage::Int16, of)).collect();
-    let mut body = body(&gpu, &tube, &data);
+    let share = |x: &[f32; 3]| f64::from(x[0] + 0.5).clamp(0.0, 1.0);
+    let rows: Vec<_> = tube.rest.iter().map(|x| vec![(0, 1.0 - share(x)), (1, share(x))]).collect();
+    let weights = PartWeights::new(2, &rows).unwrap();
+    let data = stored(Storage::Int16, &tube, 2);
+    let mut bodies = [None, Some(&weights)].map(|weights| body(&gpu, &tube, &data, weights));
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
     let (mut drawn, mut culled, mut lit) = (0, 0, 0);
     for round in 0..24_u8 {
-        body.deform(&gpu, &flat(&pose(2, round.into()))).unwrap();
+        let body = &mut bodies[usize::from(round % 2)];
         let number = |k: f32| (f32::from(round) * 1.7 + k * 2.3).sin();
+        let part = |k: f32| {
+            let vector = |k: f32| Vector3::new(number(k), number(k + 1.0), number(k + 2.0)).cast::<f64>();
+            Isometry3::new(vector(k) * 0.2, vector(k + 3.0))
+        };
+        body.deform(&gpu, &pose(2, round.into()), &[part(10.0), part(20.0)]).unwrap();
         let place = Vector3::new(number(1.0), number(2.0), 0.6 * number(3.0));
         let turn = Rotation3::from_scaled_axis(Vector3::new(number(4.0), number(5.0), number(6.0)) * 3.0);
         let room_from_body = Matrix4::new_translation(&place) * turn.to_homogeneous();
-        let bodies = [BodyInstance { buffers: &body, room_from_body }];
+        let bodies = [BodyInstance { buffers: body, room_from_body }];
         let contents = FrameContents { bodies: &bodies, ..Default::default() };
         let eye = Point3::new(number(7.0), number(8.0), 1.4 + 0.5 * number(9.0));
         let view = off_axis(Point3::origin(), [0.8, 0.64], 0.0, eye);

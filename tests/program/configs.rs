@@ -4,7 +4,7 @@ use crate::common;
 
 use common::folder;
 use greenstage::deform::Deformer;
-use greenstage::green::{self, GreenFile, Needs};
+use greenstage::green::{self, AFFINE, GreenFile, Requirements};
 use greenstage::interact::{
     Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
@@ -84,7 +84,7 @@ fn scenes() {
     let scene = Scene::load(&config("scenes/tube.toml")).unwrap();
     let body = &scene.body["tube"];
     assert_eq!((scene.stage.as_str(), body.model.as_str()), ("workbench", "rotation"));
-    let precomputed = green::precompute(&scene, "tube", Needs::default(), &Silent).unwrap();
+    let precomputed = green::precompute(&scene, "tube", &Requirements::of(&[AFFINE]), &Silent).unwrap();
     let mesh = &precomputed.solution.mesh;
     assert_eq!((mesh.nodes.len(), mesh.tets.len()), (10_080, 37_200));
     let path = folder("configs-tube").join("tube.green");

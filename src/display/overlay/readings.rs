@@ -1,6 +1,6 @@
 //! What the overlay says beside times, read off a world as plain values.
 
-use crate::deform::{ControlPose, Wrench, local_turn};
+use crate::deform::{ControlPose, Wrench, find_model, local_turn};
 use crate::session::haptic::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
@@ -89,12 +89,10 @@ pub struct TurnLimits {
 }
 
 impl TurnLimits {
-    /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, against
-    /// St. Venant-Kirchhoff statics on the same mesh: linear, held at one end, 10° and 30°; rotation, which takes the
-    /// mean of both ends' turns out and leaves half of it either way, 15° and 45°. The error grows with the square of
-    /// the angle.
+    /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, as the model's
+    /// entry has them; 0 of an unknown model.
     pub fn of_model(model: &str) -> Self {
-        let [good, fair] = if model == "rotation" { [15.0, 45.0] } else { [10.0, 30.0] };
+        let [good, fair] = find_model(model).map_or([0.0; 2], |entry| entry.turn_limits_deg);
         Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
     }
 
@@ -162,7 +160,7 @@ fn hands(world: &World) -> Vec<HandReading> {
 pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
     let deformer = &body.deformer;
     // A file may hold S for its model alone; force is shown where the scene asks for it.
-    let felt = body.effects.iter().any(|effect| effect == "haptics");
+    let felt = body.force_scale.is_some();
     let (wrenches, energy) = match deformer.wrenches().filter(|_| felt) {
         Some((wrenches, energy)) => (wrenches.into_iter().map(Some).collect(), Some(energy)),
         None => (vec![None; deformer.controls.len()], None),

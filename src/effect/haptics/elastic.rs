@@ -6,7 +6,7 @@
 //! followed by Newton's iteration from its last value, and its part in the gradient is included; otherwise a hand could
 //! gain energy on a closed path. f64; nothing is allocated after [`Elastic::new`].
 
-use crate::deform::{ControlPose, ControlRest, Wrench, is_mean_defined};
+use crate::deform::{ControlPose, ControlRest, Frame, Wrench, find_model, is_mean_defined};
 use crate::green::FIELDS;
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 
@@ -58,10 +58,10 @@ impl Elastic {
             return Err(format!("S has {rows} × {columns} numbers, {count} control elements need 12 a side"));
         }
         let origins: Vec<Vector3<f64>> = controls.iter().map(|control| control.origin).collect();
-        let (weights, arms) = match model {
-            "linear" => (Vec::new(), Vec::new()),
-            "rotation" => shares(controls),
-            _ => {
+        let (weights, arms) = match find_model(model).map(|entry| entry.frame) {
+            Ok(Frame::Rest) => (Vec::new(), Vec::new()),
+            Ok(Frame::MeanMotion) => shares(controls),
+            Ok(Frame::Solved) | Err(_) => {
                 return Err(format!(
                     "no force is known of the model \"{model}\", but of linear and rotation"
                 ));

@@ -34,10 +34,11 @@ pub use tick::{Control, LoopFaults, LoopState, Measures};
 pub use vrpn::VrpnDevice;
 
 use super::entry::EffectEntry;
-use crate::green::Needs;
+use crate::green::STIFFNESS;
 
 pub(super) const ENTRY: EffectEntry = EffectEntry {
     name: "haptics",
     summary: "force and torque on every control element, from the 12E × 12E handle stiffness; felt with a device of the stage",
-    needs: Needs { stiffness: true },
+    requirements: &[STIFFNESS],
+    precompute: None,
 };

@@ -2,11 +2,12 @@
 //! not list both are without it, so its cost is 0.
 
 use crate::deform::{ControlPoses, Deformer};
-use crate::effect::EFFECTS;
-use crate::green::{self, GreenError, GreenFile, Needs, Precomputed};
+use crate::effect::{EFFECTS, add_sections, find_effect};
+use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
 use crate::report::data::EffectCost;
 use crate::scene::Scene;
 use crate::solve::Silent;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,7 +24,7 @@ struct Run {
 pub fn measure(
     scene: &Scene,
     body: &str,
-    needs_of: &dyn Fn(&Scene) -> Needs,
+    needs_of: &dyn Fn(&Scene) -> Requirements,
     model: &str,
     poses: &ControlPoses,
     folder: &Path,
@@ -53,21 +54,26 @@ pub fn measure(
 fn run(
     scene: &Scene,
     body: &str,
-    needs: Needs,
+    requirements: Requirements,
     model: &str,
     poses: &ControlPoses,
     folder: &Path,
 ) -> Result<Run, GreenError> {
-    let solution = green::solve(scene, body, needs, &Silent)?;
+    let solution = green::solve(scene, body, &requirements, &Silent)?;
     let offline_s = solution.times.stiffness_s;
-    let precomputed = Precomputed {
+    let mut precomputed = Precomputed {
         name: body.to_owned(),
         fingerprint: String::new(),
-        needs,
+        requirements,
         storage: scene.body[body].storage,
         plan: None,
         solution,
+        sections: BTreeMap::new(),
     };
+    add_sections(
+        scene.body[body].effects.iter().filter_map(|name| find_effect(name).ok()),
+        &mut precomputed,
+    )?;
     let path = folder.join("effects.green");
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
     let file = Arc::new(GreenFile::open(&path)?);

@@ -1,14 +1,14 @@
 //! The displacement field of one setting in one pose, over all nodes.
 
+use crate::base::columns::{Storage, StoredColumns};
 use crate::deform::{ControlPose, ControlPoses, ControlRest, Kind, ModelEntry, Wrench, wrenches};
-use crate::green::{FIELDS, Solution, Stored};
+use crate::green::Solution;
 use crate::mesh::quality;
-use crate::scene::Storage;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// The output of a model for a pose: coefficients, and the rigid motion about `centre` that it separated from them.
 pub struct ModelOutput {
-    pub coefficients: Vec<[f64; FIELDS]>,
+    pub coefficients: Vec<f64>,
     pub motion: Isometry3<f64>,
     pub centre: Vector3<f64>,
 }
@@ -38,12 +38,9 @@ pub fn evaluate(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -
         nodes: control.nodes.len(),
     };
     let controls: Vec<ControlRest> = solution.controls.iter().map(rest).collect();
-    let made = make(&controls).coefficients(poses);
-    (!made.rotation_undefined).then_some(ModelOutput {
-        coefficients: made.c,
-        motion: made.body_from_surface,
-        centre,
-    })
+    let made = make(&controls).state(poses);
+    let motion = made.body_from_surface();
+    (!made.rotation_undefined).then_some(ModelOutput { coefficients: made.coefficients, motion, centre })
 }
 
 /// The same for poses about the origins `about`.
@@ -58,7 +55,7 @@ pub fn evaluate_about(
 
 /// Σ cₖ u⁽ᵏ⁾ at all nodes, before the rigid motion.
 pub fn superposed(solution: &Solution, output: &ModelOutput) -> Vec<Vector3<f64>> {
-    let c = output.coefficients.as_flattened();
+    let c = &output.coefficients;
     let value = |row: usize| solution.fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
     (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| value(3 * n + axis))).collect()
 }
@@ -79,14 +76,14 @@ pub fn stored(solution: &Solution, storage: Storage) -> Vec<Vec<f64>> {
         .map(|column| {
             let exact: Vec<f64> =
                 (0..3 * solution.fields.nodes).map(|row| solution.fields.row(row)[column]).collect();
-            Stored::rounded(storage, &exact)
+            StoredColumns::rounded(storage, &exact)
         })
         .collect()
 }
 
 /// Σ cₖ (stored u⁽ᵏ⁾ - u⁽ᵏ⁾).
 pub fn storage_error(solution: &Solution, stored: &[Vec<f64>], output: &ModelOutput) -> Vec<Vector3<f64>> {
-    let c = output.coefficients.as_flattened();
+    let c = &output.coefficients;
     let value = |row: usize| -> f64 {
         stored.iter().zip(c).zip(solution.fields.row(row)).map(|((s, c), u)| c * (s[row] - u)).sum()
     };
@@ -99,7 +96,7 @@ pub fn wrenches_about(
     output: &ModelOutput,
     about: &[Vector3<f64>],
 ) -> Option<Vec<Wrench>> {
-    let stiffness = solution.stiffness.as_ref()?;
+    let stiffness = solution.stiffness()?;
     let (own, _) = wrenches(stiffness, &output.coefficients, output.motion.rotation);
     let moved =
         |((wrench, control), about): ((&Wrench, &crate::green::ControlElement), &Vector3<f64>)| Wrench {

@@ -75,7 +75,7 @@ fn jogged(poses: &ControlPoses, round: usize, first: usize) -> ControlPoses {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::green::{self, Needs};
+    use crate::green::{self, AFFINE, Requirements};
     use crate::scene::Scene;
     use crate::solve::Silent;
 
@@ -91,7 +91,7 @@ mod tests {
         let scene = Scene::parse(text, std::path::Path::new("test.toml")).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("b.green");
-        let body = green::precompute(&scene, "b", Needs::default(), &Silent).unwrap();
+        let body = green::precompute(&scene, "b", &Requirements::of(&[AFFINE]), &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
         let mut timed_deformers = [TimedDeformer::new(&file, "b", "rotation").unwrap()];

@@ -14,6 +14,7 @@ use crate::report::data::{Cost, Errors, Measurement, Setting, Spread};
 use crate::scene::Storage;
 use crate::solve::Progress;
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// One setting's errors in one pose.
@@ -245,17 +246,14 @@ fn written(
         storage.name()
     );
     let path = request.scratch.join(name.replace(' ', "-"));
-    let mut solution = candidate.solution.clone();
-    if !needs.stiffness {
-        (solution.stiffness, solution.asymmetry) = (None, None);
-    }
     let precomputed = Precomputed {
         name: request.body.to_owned(),
         fingerprint: String::new(),
         storage,
-        needs,
+        requirements: needs,
         plan: None,
-        solution,
+        solution: candidate.solution.clone(),
+        sections: BTreeMap::new(),
     };
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
     let io = |source| MeasureError::Io { path: path.clone(), source };

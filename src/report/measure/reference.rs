@@ -4,7 +4,9 @@ use super::candidates::{Candidate, Meshes, solved, variant};
 use super::fields::{difference, displaced, evaluate, evaluate_about, origins, superposed};
 use super::norms::Norms;
 use super::request::{MeasureError, Request};
-use crate::deform::{ControlPoses, Kind, MODELS, ModelEntry, Settled, Statics, StaticsError, Wrench};
+use crate::deform::{
+    ControlPoses, EquilibriumResult, Kind, MODELS, ModelEntry, Statics, StaticsError, Wrench,
+};
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
@@ -195,9 +197,9 @@ impl<'a> References<'a> {
         own: &green::Solution,
         name: &str,
         poses: &ControlPoses,
-        settled: Settled,
+        settled: EquilibriumResult,
     ) -> PoseReference {
-        // Settled moments are about where the origins rested.
+        // EquilibriumResult moments are about where the origins rested.
         let moved = |(wrench, pose): (&Wrench, &crate::deform::ControlPose)| Wrench {
             force: wrench.force,
             moment: wrench.moment - pose.translation.cross(&wrench.force),

@@ -2,7 +2,7 @@
 
 use crate::deform::{ControlPoses, StaticsError};
 use crate::fem::AssemblyError;
-use crate::green::{GreenError, Needs};
+use crate::green::{GreenError, Requirements};
 use crate::scene::{Scene, SceneError};
 use crate::verify::ProblemError;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub struct Request<'a> {
     pub largest_key: String,
     pub quick: bool,
     /// What the body's model and effects need.
-    pub needs_of: &'a dyn Fn(&Scene) -> Needs,
+    pub needs_of: &'a dyn Fn(&Scene) -> Requirements,
     /// The command that measures this again.
     pub command: String,
     /// A folder for temporary files.

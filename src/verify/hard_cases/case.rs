@@ -1,6 +1,6 @@
 //! What the hard cases share: how a body is asked for, judged, solved and measured, and the row that comes of it.
 
-use crate::green::{self, Finding, GreenError, Needs, Severity, Solution};
+use crate::green::{self, Finding, GreenError, Requirements, STIFFNESS, Severity, Solution};
 use crate::mesh::{Block, Loaded, TetMesh, block};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
@@ -45,8 +45,6 @@ impl CaseRow {
 }
 
 pub type CaseRows = Result<Vec<CaseRow>, GreenError>;
-
-pub const HAPTICS: Needs = Needs { stiffness: true };
 
 pub const ENDS: &str = r#"
 [body.b.control.low]
@@ -104,7 +102,8 @@ impl Asked {
     pub fn judge_and_solve(&self) -> Result<(Vec<Finding>, Solution), GreenError> {
         let scene = self.scene()?;
         let prepared = green::prepare_mesh(&scene, "b", self.mesh.clone())?;
-        let solution = green::solve_prepared(&scene, "b", prepared, HAPTICS, &Silent)?;
+        let solution =
+            green::solve_prepared(&scene, "b", prepared, &Requirements::of(&[STIFFNESS]), &Silent)?;
         Ok((solution.notices.clone(), solution))
     }
 }
@@ -205,7 +204,7 @@ pub fn largest(values: impl Iterator<Item = f64>) -> f64 {
 
 /// Relative difference of two handle stiffnesses.
 pub fn stiffness_difference(a: &Solution, b: &Solution) -> f64 {
-    match (&a.stiffness, &b.stiffness) {
+    match (a.stiffness(), b.stiffness()) {
         (Some(a), Some(b)) if a.shape() == b.shape() => (a - b).amax() / b.amax(),
         _ => f64::NAN,
     }

@@ -2,7 +2,7 @@
 //! here the least det F decides.
 
 use super::case::{CaseRow, CaseRows, ENDS, Must, Outcome};
-use crate::deform::{ControlPose, Kind, Settled, Statics, StaticsError, find_model};
+use crate::deform::{ControlPose, EquilibriumResult, Kind, Statics, StaticsError, find_model};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
 use nalgebra::Vector3;
@@ -30,7 +30,7 @@ fn pressed(scene: &Scene, model: &str, height: f64, must: Must) -> Result<CaseRo
         _ => return Err(scene.invalid("body.b.model", format!("no model of large strain is called {model}"))),
     };
     let press = ControlPose { translation: Vector3::z() * (height - 1.0), ..ControlPose::REST };
-    let settle = || -> Result<Settled, StaticsError> {
+    let settle = || -> Result<EquilibriumResult, StaticsError> {
         Statics::new(scene, "b", law, &Silent)?.solve(&vec![ControlPose::REST, press], &Silent)
     };
     let (outcome, said, error) = match settle() {

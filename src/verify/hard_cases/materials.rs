@@ -95,7 +95,7 @@ fn held_contrast() -> CaseRows {
 fn pull_difference(a: &Solution, b: &Solution) -> f64 {
     let pulls = |solution: &Solution| {
         let shifts: Vec<usize> = (0..solution.fields.columns).filter(|column| column % FIELDS < 3).collect();
-        solution.stiffness.as_ref().map(|s| s.select_rows(&shifts).select_columns(&shifts))
+        solution.stiffness().map(|s| s.select_rows(&shifts).select_columns(&shifts))
     };
     match (pulls(a), pulls(b)) {
         (Some(a), Some(b)) if a.shape() == b.shape() => (&a - &b).amax() / b.amax(),

@@ -1,12 +1,13 @@
 //! Cases 23 to 25 and 29: what a tracked hand may do, and bodies far from their origin in single precision.
 
 use super::case::{Asked, CaseRow, CaseRows, Must, Outcome, base, largest};
+use crate::base::columns::ColumnGroup;
 use crate::deform::{
-    CATCH_UP, Columns, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseGuard, STRETCH,
+    CATCH_UP, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseLimiter, STRETCH,
     Superposition, SurfaceDisplacements, find_model,
 };
 use crate::fem::nearest_turn;
-use crate::green::{Basis, FIELDS, Solution};
+use crate::green::{FIELDS, Solution};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 
 pub(super) fn rows() -> CaseRows {
@@ -70,16 +71,16 @@ impl Online {
     ) -> Vec<(Vec<Vector3<f64>>, bool)> {
         let Ok(Kind::Online(make)) = find_model(name).map(|entry| &entry.kind) else { return Vec::new() };
         let (mut model, mut u) = (make(&self.controls), SurfaceDisplacements::zeros(self.rest.len()));
-        let columns = Columns { elements: self.columns.iter().map(|columns| Basis::F32(columns)).collect() };
+        let groups: Vec<ColumnGroup> = self.columns.iter().map(|columns| ColumnGroup::F32(columns)).collect();
         let place = |u: &SurfaceDisplacements| -> Vec<Vector3<f64>> {
             let moved = self.rest.iter().zip(&u.u).map(|(x, u)| x + Vector3::from(*u).cast::<f64>());
             moved.map(|x| (u.body_from_surface * Point3::from(x)).coords).collect()
         };
-        let mut sum = Superposition::new(self.controls.len());
+        let mut sum = Superposition::new(&groups, self.rest.len());
         let frame = |poses: ControlPoses| {
-            let made = model.coefficients(&poses);
-            sum.update(&columns, &made.c, &mut u.u);
-            u.body_from_surface = made.body_from_surface;
+            let made = model.state(&poses);
+            sum.update(&groups, &made.coefficients, &mut u.u);
+            u.body_from_surface = made.body_from_surface();
             (place(&u), made.rotation_undefined)
         };
         poses.map(frame).collect()
@@ -145,7 +146,7 @@ fn turns() -> CaseRows {
             (Outcome::Warned, "the mean rotation is not defined, the last one is kept".into());
     }
 
-    let mut guard = PoseGuard::default();
+    let mut guard = PoseLimiter::default();
     let far = ControlPose {
         matrix: *Rotation3::from_axis_angle(&Vector3::z_axis(), 1.1 * JUMP).matrix(),
         ..ControlPose::REST
@@ -172,7 +173,7 @@ fn guarded() -> Vec<CaseRow> {
         if pose.matrix.determinant() > 0.0 { outside } else { f64::NAN }
     };
     let admit = |pose: ControlPose| {
-        let (admitted, faults) = PoseGuard::default().admit(&ControlPose::REST, &pose);
+        let (admitted, faults) = PoseLimiter::default().admit(&ControlPose::REST, &pose);
         (admitted, faults.first().copied())
     };
     let clamped = |case: &str, words: &'static str, pose: ControlPose| {
@@ -190,7 +191,7 @@ fn guarded() -> Vec<CaseRow> {
     rows.push(row(24, "shear by 2", Must::solve("change of M", 0.0), fault, change));
 
     for bad in [f64::NAN, f64::INFINITY] {
-        let mut guard = PoseGuard::default();
+        let mut guard = PoseLimiter::default();
         let last = ControlPose { translation: Vector3::new(0.1, 0.2, 0.3), ..ControlPose::REST };
         let lost = ControlPose { translation: Vector3::new(bad, 0.0, 0.0), ..ControlPose::REST };
         let (held, faults) = guard.admit(&last, &lost);

@@ -40,12 +40,12 @@ impl PoseFault {
 
 /// Admits the poses of one control element, frame by frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct PoseGuard {
+pub struct PoseLimiter {
     /// It is catching up after a jump.
     behind: bool,
 }
 
-impl PoseGuard {
+impl PoseLimiter {
     /// The pose to use in this frame, after `last` in the one before, and what was wrong with the one that came.
     pub fn admit(&mut self, last: &ControlPose, pose: &ControlPose) -> (ControlPose, Vec<PoseFault>) {
         if pose == last {
@@ -112,11 +112,11 @@ mod tests {
 
     #[test]
     fn honest_poses_pass_as_they_are() {
-        let (mut guard, mut last) = (PoseGuard::default(), ControlPose::REST);
+        let (mut limiter, mut last) = (PoseLimiter::default(), ControlPose::REST);
         let sheared =
             ControlPose { matrix: Matrix3::new(1.0, 0.4, 0.0, 0.0, 1.2, 0.1, 0.3, 0.0, 0.9), ..turned(0.0) };
         for pose in [turned(0.5), sheared, turned(2.0), turned(3.0), turned(4.0)] {
-            assert_eq!(guard.admit(&last, &pose), (pose, vec![]));
+            assert_eq!(limiter.admit(&last, &pose), (pose, vec![]));
             last = pose;
         }
     }
@@ -124,11 +124,11 @@ mod tests {
     #[test]
     fn a_hand_passes_half_a_turn_about_any_axis() {
         for axis in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(0.6, 0.0, -0.8)] {
-            let (mut guard, mut last) = (PoseGuard::default(), ControlPose::REST);
+            let (mut limiter, mut last) = (PoseLimiter::default(), ControlPose::REST);
             for i in 0..=40 {
                 let matrix = *Rotation3::new(axis * (std::f64::consts::PI * f64::from(i) / 20.0)).matrix();
                 let pose = ControlPose { matrix, ..ControlPose::REST };
-                assert_eq!(guard.admit(&last, &pose), (pose, vec![]), "{} ° about {axis}", 9 * i);
+                assert_eq!(limiter.admit(&last, &pose), (pose, vec![]), "{} ° about {axis}", 9 * i);
                 last = pose;
             }
         }
@@ -136,18 +136,18 @@ mod tests {
 
     #[test]
     fn numbers_that_are_none_hold_the_last_pose() {
-        let mut guard = PoseGuard::default();
+        let mut limiter = PoseLimiter::default();
         let last = turned(0.5);
         for bad in [f64::NAN, f64::INFINITY, 1e308] {
             let mut pose = turned(0.6);
             pose.matrix *= bad;
-            let (admitted, faults) = guard.admit(&last, &pose);
+            let (admitted, faults) = limiter.admit(&last, &pose);
             assert!(admitted.is_finite() && !faults.is_empty(), "{bad}: {faults:?}");
         }
         let mut pose = turned(0.6);
         pose.translation.x = f64::NAN;
-        assert_eq!(guard.admit(&last, &pose), (last, vec![PoseFault::NotFinite]));
-        assert_eq!(guard.admit(&last, &turned(0.7)), (turned(0.7), vec![]));
+        assert_eq!(limiter.admit(&last, &pose), (last, vec![PoseFault::NotFinite]));
+        assert_eq!(limiter.admit(&last, &turned(0.7)), (turned(0.7), vec![]));
     }
 
     #[test]
@@ -163,7 +163,7 @@ mod tests {
             (scaled(1e6, 1.0, 1.0), [1.0, 1.0, 20.0], PoseFault::Stretch),
             (scaled(1.0, 1.0, -1.0), [1.0, 1.0, 1.0], PoseFault::Mirrored),
         ] {
-            let (admitted, faults) = PoseGuard::default().admit(&ControlPose::REST, &pose);
+            let (admitted, faults) = PoseLimiter::default().admit(&ControlPose::REST, &pose);
             assert!(near(&diagonal(&admitted), &expected), "{admitted:?}");
             assert!(faults.contains(&fault), "{faults:?}");
             assert!(admitted.matrix.determinant() > 0.0);
@@ -172,18 +172,18 @@ mod tests {
 
     #[test]
     fn a_jump_is_followed_slowly_until_it_is_reached() {
-        let mut guard = PoseGuard::default();
+        let mut limiter = PoseLimiter::default();
         let far = turned(170f64.to_radians());
-        let (mut last, faults) = guard.admit(&ControlPose::REST, &far);
+        let (mut last, faults) = limiter.admit(&ControlPose::REST, &far);
         assert_eq!(faults, [PoseFault::Jump]);
         let angle = |pose: &ControlPose| Polar::of(&pose.matrix).unwrap().turn().angle();
         assert!((angle(&last) - CATCH_UP).abs() < 1e-9);
         let mut followed = || {
-            last = guard.admit(&last, &far).0;
+            last = limiter.admit(&last, &far).0;
             last == far
         };
         let frames = (1..100).find(|_| followed()).unwrap();
         assert_eq!(frames, 11, "170° in steps of 15°");
-        assert_eq!(guard.admit(&far, &far), (far, vec![]));
+        assert_eq!(limiter.admit(&far, &far), (far, vec![]));
     }
 }

@@ -1,0 +1,38 @@
+//! The list of column families.
+
+mod affine;
+mod stiffness;
+
+pub use affine::AFFINE;
+pub use stiffness::STIFFNESS;
+
+use super::family::FamilyEntry;
+use super::file::GreenFile;
+use crate::base::columns::ColumnGroup;
+
+/// All families, in the order in which they are computed and in which their columns are summed; a new one is one file and
+/// one line here.
+pub const FAMILIES: &[FamilyEntry] = &[affine::ENTRY, stiffness::ENTRY];
+
+impl GreenFile {
+    /// The groups of columns that are summed for a body, of all families that it requires.
+    pub fn groups(&self, body: &str) -> Vec<ColumnGroup<'_>> {
+        let Some(meta) = self.meta.bodies.get(body) else { return Vec::new() };
+        let required = FAMILIES.iter().filter(|entry| meta.requirements.has(entry.family));
+        required.flat_map(|entry| (entry.groups)(self, body)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_family_stands_behind_those_that_it_is_made_from() {
+        for (at, entry) in FAMILIES.iter().enumerate() {
+            let is_before = |name: &str| FAMILIES[..at].iter().any(|other| other.family.name == name);
+            assert!(entry.family.from.iter().all(|from| is_before(from.name)), "{}", entry.family.name);
+            assert!(!is_before(entry.family.name) && !entry.holds.is_empty(), "{}", entry.family.name);
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! The family `stiffness`: the handle stiffness S = Φᵀ(C - BᵀA⁻¹B)Φ, with which control elements resist.
+//!
+//! In: the affine fields of all control elements. Out: `stiffness`, 12E × 12E, f64, and how far it is from reciprocity.
+
+use super::super::control::FIELDS;
+use super::super::error::GreenError;
+use super::super::family::{Assembled, FamilyEntry};
+use super::super::file::{BodyMeta, GreenFile};
+use super::super::numbers::numbers;
+use super::super::requirements::Family;
+use super::super::solution::{Precomputed, Solution};
+use super::super::tensor::Tensor;
+use super::affine::AFFINE;
+use crate::fem::{NodeFields, Partition, StiffnessMatrix};
+use crate::solve::Progress;
+use nalgebra::DMatrix;
+use safetensors::tensor::Dtype;
+use std::time::Instant;
+
+pub const STIFFNESS: Family = Family { name: "stiffness", from: &[AFFINE] };
+
+pub(super) const ENTRY: FamilyEntry = FamilyEntry {
+    family: STIFFNESS,
+    holds: "the 12E × 12E handle stiffness S: forces and moments on the control elements",
+    compute: Some(compute),
+    write,
+    check,
+    groups: |_, _| Vec::new(),
+    fixed_bytes: |control_elements| 8 * (FIELDS * control_elements).pow(2),
+};
+
+/// S is symmetric to this part of its largest entry.
+const SYMMETRY: f64 = 1e-9;
+
+fn compute(
+    assembled: &Assembled<'_>,
+    solution: &mut Solution,
+    progress: &dyn Progress,
+) -> Result<(), GreenError> {
+    progress.begin("handle stiffness", 0);
+    let started = Instant::now();
+    let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
+    let Solution { element, mesh, fields, .. } = &*solution;
+    // S_ij = a(u⁽ⁱ⁾, u⁽ʲ⁾), the strain energies of the basis fields: the generalised force on field i for a unit of field j.
+    // It equals the reactions' work Φᵀ f_b with f_b = Bᵀ u + C b, but where a held part is stiff, f_b is left over of sums
+    // that are larger by its contrast; strains of a rigid motion are 0 there.
+    let s = element.energies(mesh, assembled.lame, fields).map_err(unfit)?;
+    solution.asymmetry = Some(reciprocity(assembled.k, assembled.partition, fields));
+    solution.tables.insert(STIFFNESS.name, s);
+    solution.times.stiffness_s = started.elapsed().as_secs_f64();
+    progress.end();
+    Ok(())
+}
+
+/// How far the reactions' work Φᵀ f_b is from symmetric, relative to its largest number.
+fn reciprocity(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFields) -> f64 {
+    let reaction = partition.reaction(k, fields);
+    let m = fields.columns;
+    let mut work = DMatrix::<f64>::zeros(m, m);
+    for (row, &node) in partition.controlled.iter().enumerate() {
+        for axis in 0..3 {
+            // On controlled nodes the fields are what was prescribed, Φ.
+            let phi = fields.row(3 * node as usize + axis);
+            let force = reaction.row(3 * row + axis);
+            for (i, phi) in phi.iter().enumerate().filter(|(_, phi)| **phi != 0.0) {
+                for (j, force) in force.iter().enumerate() {
+                    work[(i, j)] += phi * force;
+                }
+            }
+        }
+    }
+    let difference = (&work - work.transpose()).amax();
+    if difference == 0.0 { 0.0 } else { difference / work.amax() }
+}
+
+fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
+    meta.accuracy.asymmetry = body.solution.asymmetry;
+    let tensor = |s: &DMatrix<f64>| Tensor::new(&[s.nrows(), s.ncols()], s.iter().copied());
+    body.solution.stiffness().map(|s| ("stiffness".to_owned(), tensor(s))).into_iter().collect()
+}
+
+fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
+    let fields = FIELDS * body.controls.len();
+    file.expect(&format!("{name}/stiffness"), Dtype::F64, &[fields, fields])?;
+    let Some(s) = file.stiffness(name) else { return Ok(()) };
+    let tensor = format!("tensor {name}/stiffness");
+    numbers(&tensor, s.iter().copied(), f64::MAX)?;
+    let largest = s.amax();
+    for j in 0..s.ncols() {
+        for i in 0..j {
+            if (s[(i, j)] - s[(j, i)]).abs() > SYMMETRY * largest {
+                return Err(format!(
+                    "{tensor} is not symmetric: {:e} and {:e} at ({i}, {j})",
+                    s[(i, j)],
+                    s[(j, i)]
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Solution {
+    /// S, N/m and N and N·m by the fields' units; only where it was required.
+    pub fn stiffness(&self) -> Option<&DMatrix<f64>> {
+        self.tables.get(STIFFNESS.name)
+    }
+}
+
+impl GreenFile {
+    /// The handle stiffness S, where the scene required it.
+    pub fn stiffness(&self, body: &str) -> Option<DMatrix<f64>> {
+        self.meta.bodies.get(body).filter(|meta| meta.requirements.has(STIFFNESS))?;
+        let name = format!("{body}/stiffness");
+        let (_, shape, _) = self.tensors.get(&name)?;
+        Some(DMatrix::from_column_slice(shape[0], shape[1], self.slice(&name)))
+    }
+}

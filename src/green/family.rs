@@ -1,0 +1,40 @@
+//! What a column family is: one entry says how its numbers are made, written, checked and read again.
+
+use super::error::GreenError;
+use super::file::{BodyMeta, GreenFile};
+use super::requirements::Family;
+use super::solution::{Precomputed, Solution};
+use super::tensor::Tensor;
+use crate::base::columns::ColumnGroup;
+use crate::fem::{Lame, Partition, StiffnessMatrix};
+use crate::solve::Progress;
+
+/// What a family is made from beside the affine fields.
+pub struct Assembled<'a> {
+    /// `scene: body.name`, for errors.
+    pub place: &'a str,
+    pub lame: &'a [Lame],
+    pub k: &'a StiffnessMatrix,
+    pub partition: &'a Partition,
+}
+
+/// Makes the numbers of a family from what was solved, and leaves them in the solution.
+pub type Compute = fn(&Assembled<'_>, &mut Solution, &dyn Progress) -> Result<(), GreenError>;
+
+/// One entry of the list of families.
+pub struct FamilyEntry {
+    pub family: Family,
+    /// What its numbers are, in one line.
+    pub holds: &'static str,
+    /// `None` where its numbers are the solved fields themselves.
+    pub compute: Option<Compute>,
+    /// Its tensors in the .green file, by their names within the body; what it knows of their accuracy goes into the
+    /// metadata.
+    pub write: fn(&Precomputed, &mut BodyMeta) -> Vec<(String, Tensor)>,
+    /// Whether the tensors of a body of this name are there and can be used; the error names the first fault.
+    pub check: fn(&GreenFile, &str, &BodyMeta) -> Result<(), String>,
+    /// The columns that are summed online, group by group.
+    pub groups: for<'a> fn(&'a GreenFile, &str) -> Vec<ColumnGroup<'a>>,
+    /// Bytes of those of its numbers that do not grow with the surface, of a body of so many control elements.
+    pub fixed_bytes: fn(usize) -> usize,
+}

@@ -1,0 +1,73 @@
+//! What was computed of one body: its f64 solution, and what of it goes into the .green file.
+
+use super::control::ControlElement;
+use super::finding::Finding;
+use super::requirements::Requirements;
+use super::rigid::RigidMotion;
+use super::tensor::Tensor;
+use crate::base::columns::Storage;
+use crate::fem::Element;
+use crate::fem::NodeFields;
+use crate::mesh::{Surface, TetMesh};
+use crate::solve::SolveStats;
+use nalgebra::DMatrix;
+use std::collections::BTreeMap;
+
+/// Wall time of the steps outside the solver, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct StepTimes {
+    pub mesh_s: f64,
+    pub assembly_s: f64,
+    pub stiffness_s: f64,
+}
+
+/// The full f64 solution of one body: every basis field over every node.
+#[derive(Clone)]
+pub struct Solution {
+    pub element: &'static Element,
+    pub mesh: TetMesh,
+    pub surface: Surface,
+    pub controls: Vec<ControlElement>,
+    /// Column 12 e + k is u⁽ᵏ⁾ of control element e over all nodes, its own nodes included.
+    pub fields: NodeFields,
+    /// What the other families hold, by family: a column of the matrix for each of their columns.
+    pub tables: BTreeMap<&'static str, DMatrix<f64>>,
+    /// max |R - Rᵀ| / max |R| of the reactions' work R = Φᵀ f_b: Betti's reciprocity as the solver kept it.
+    pub asymmetry: Option<f64>,
+    pub rigid: RigidMotion,
+    pub stats: SolveStats,
+    pub times: StepTimes,
+    /// Scalar entries of K.
+    pub matrix_entries: usize,
+    /// Warnings and notes of the check before it, and of the judgement after it.
+    pub notices: Vec<Finding>,
+}
+
+impl Solution {
+    /// Time of the whole offline stage of the body, s.
+    pub fn offline_s(&self) -> f64 {
+        let (times, stats) = (&self.times, &self.stats);
+        let conditioning = stats.conditioning.map_or(0.0, |conditioning| conditioning.seconds);
+        times.mesh_s
+            + times.assembly_s
+            + times.stiffness_s
+            + stats.ordering_s
+            + stats.symbolic_s
+            + stats.factor_s
+            + stats.solve_s
+            + conditioning
+    }
+}
+
+/// What goes into the .green file for one body.
+pub struct Precomputed {
+    pub name: String,
+    pub storage: Storage,
+    pub fingerprint: String,
+    pub requirements: Requirements,
+    /// What its knobs were chosen from; kept in the file.
+    pub plan: Option<serde_json::Value>,
+    pub solution: Solution,
+    /// Tensors of effects that own some, by `EFFECT/TENSOR`.
+    pub sections: BTreeMap<String, Tensor>,
+}

@@ -1,0 +1,127 @@
+//! Writes bodies into a .green file, whole or not at all.
+//!
+//! In: precomputed bodies. Out: a safetensors container with the tensors of the surface, of the families that each body
+//! requires and of its effects, and the metadata sealed by their hash.
+
+use super::control::{ControlElement, FIELD_NAMES, FIELDS};
+use super::error::GreenError;
+use super::families::FAMILIES;
+use super::file::{Accuracy, BodyMeta, ControlMeta, FORMAT, KEY, Meta, Sealed};
+use super::kind::GREEN;
+use super::solution::Precomputed;
+use super::tensor::Tensor;
+use crate::base::output;
+use crate::mesh::quality;
+use nalgebra::Vector3;
+use safetensors::tensor::TensorView;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Writes all bodies of a scene to `path`, whole or not at all ([`output::write`]). Returns its size.
+pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
+    let failed = |source| GreenError::Io { path: path.to_owned(), source };
+    let mut tensors = BTreeMap::new();
+    let mut meta = Meta {
+        format: FORMAT,
+        program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
+        units: "SI (m, N, Pa)".into(),
+        bodies: BTreeMap::new(),
+        blake3: BTreeMap::new(),
+    };
+    for body in bodies {
+        let mut own = body_meta(body);
+        add_tensors(body, &mut own, &mut tensors);
+        meta.bodies.insert(body.name.clone(), own);
+    }
+    for (name, tensor) in &tensors {
+        meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
+    }
+    let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
+    output::make_folder_of(path)?;
+    output::write(path, &GREEN, |file| file.write_all(&bytes))?;
+    Ok(bytes.len() as u64)
+}
+
+fn container(
+    meta: &Meta,
+    tensors: &BTreeMap<String, Tensor>,
+) -> Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
+    let content = serde_json::value::to_raw_value(meta)?;
+    let seal = blake3::hash(content.get().as_bytes()).to_hex().to_string();
+    let sealed = serde_json::to_string(&Sealed { blake3: seal, content: &content })?;
+    let views = tensors
+        .iter()
+        .map(|(name, t)| Ok((name.as_str(), TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?)))
+        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
+    Ok(safetensors::serialize(views, Some([(KEY.to_owned(), sealed)].into()))?)
+}
+
+/// What is known before the families are written.
+fn body_meta(body: &Precomputed) -> BodyMeta {
+    let solution = &body.solution;
+    let centre = rest_centre(body);
+    let control = |control: &ControlElement| ControlMeta {
+        name: control.name.clone(),
+        origin: (control.origin - centre).into(),
+        nodes: control.nodes.len(),
+        independent: control.independent_fields(),
+        vanishing: (0..FIELDS)
+            .filter(|&field| control.vanishing[field])
+            .map(|field| FIELD_NAMES[field].to_owned())
+            .collect(),
+        storage_errors: Vec::new(),
+    };
+    let controls = solution.controls.iter().map(control).collect();
+    let conditioning = solution.stats.conditioning;
+    BodyMeta {
+        fingerprint: body.fingerprint.clone(),
+        requirements: body.requirements.clone(),
+        centre: centre.into(),
+        element: solution.element.name.into(),
+        mesh_nodes: solution.mesh.nodes.len(),
+        mesh_tets: solution.mesh.tets.len(),
+        surface_nodes: solution.surface.nodes.len(),
+        surface_triangles: solution.surface.triangles.len(),
+        controls,
+        plan: body.plan.clone(),
+        accuracy: Accuracy {
+            solver: solution.stats.method.name.into(),
+            residual: solution.stats.worst_residual(),
+            residuals: solution.stats.residuals.clone(),
+            scaled_condition: conditioning.and_then(|c| c.scaled_condition),
+            forward_error: conditioning.map(|c| c.forward_error),
+            asymmetry: None,
+            storage: body.storage,
+            storage_error: 0.0,
+        },
+    }
+}
+
+/// Middle of the body's bounding box.
+fn rest_centre(body: &Precomputed) -> Vector3<f64> {
+    let (low, high) = quality::bounding_box(&body.solution.mesh.nodes);
+    low + (high - low) * 0.5
+}
+
+/// The surface, the families that the body requires, and the sections of its effects.
+fn add_tensors(body: &Precomputed, meta: &mut BodyMeta, tensors: &mut BTreeMap<String, Tensor>) {
+    let solution = &body.solution;
+    let (nodes, mesh) = (&solution.surface.nodes, &solution.mesh);
+    let (centre, triangles) = (rest_centre(body), &solution.surface.triangles);
+    let place = |&n: &u32| <[f64; 3]>::from(mesh.nodes[n as usize] - centre).map(|x| x as f32);
+    let mut own = vec![
+        ("rest".to_owned(), Tensor::new(&[nodes.len(), 3], nodes.iter().flat_map(place))),
+        ("triangles".to_owned(), Tensor::new(&[triangles.len(), 3], triangles.iter().flatten().copied())),
+        ("tags".to_owned(), Tensor::new(&[nodes.len()], nodes.iter().map(|&n| mesh.tags[n as usize]))),
+    ];
+    for control in &solution.controls {
+        let is_held = |i: &u32| control.nodes.binary_search(&nodes[*i as usize]).is_ok();
+        let held: Vec<u32> = (0..nodes.len() as u32).filter(is_held).collect();
+        own.push((format!("control/{}", control.name), Tensor::new(&[held.len()], held)));
+    }
+    for entry in FAMILIES.iter().filter(|entry| body.requirements.has(entry.family)) {
+        own.extend((entry.write)(body, meta));
+    }
+    own.extend(body.sections.iter().map(|(name, tensor)| (name.clone(), tensor.clone())));
+    tensors.extend(own.into_iter().map(|(name, tensor)| (format!("{}/{name}", body.name), tensor)));
+}

@@ -1,0 +1,113 @@
+//! The rigid parts of a body on the device, of a body that has several.
+//!
+//! In: the parts' weights of every vertex, once, and the motion of every part; out: a pass that moves the summed positions
+//! in place. Its twin on the CPU is `deform::move_parts`.
+
+use super::bounds::Bounds;
+use super::chunk::ComputePass;
+use super::error::RenderError;
+use super::gpu::Gpu;
+use super::shader;
+use crate::base::parts::{PartMotion, PartWeights};
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use wgpu::BufferUsages;
+
+/// The pass, and the motions that its buffer holds.
+pub(super) struct PartsPass {
+    pub(super) pass: ComputePass,
+    motions: wgpu::Buffer,
+    pub(super) last: Vec<PartMotion>,
+}
+
+impl PartsPass {
+    pub(super) fn new(
+        gpu: &Gpu,
+        weights: &PartWeights,
+        positions: &wgpu::Buffer,
+    ) -> Result<PartsPass, RenderError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let last = vec![PartMotion::from(&Isometry3::identity()); weights.parts()];
+        let motions = gpu.storage("motions of parts", size_of_val(&last[..]) as u64, usage)?;
+        gpu.queue.write_buffer(&motions, 0, bytemuck::cast_slice(&last));
+        let mut pass = ComputePass::new(gpu, "parts", &shader::PARTS);
+        pass.add_rows(gpu, &motions, weights.starts(), weights.shares(), positions)?;
+        Ok(PartsPass { pass, motions, last })
+    }
+
+    /// Whether the motions differ from the last ones; then they are written to the device.
+    ///
+    /// # Errors
+    /// [`RenderError::PartCount`] unless there is one for each part.
+    pub(super) fn take(&mut self, gpu: &Gpu, parts: &[Isometry3<f64>]) -> Result<bool, RenderError> {
+        let (found, expected) = (parts.len(), self.last.len());
+        if found != expected {
+            return Err(RenderError::PartCount { found, expected });
+        }
+        let motions: Vec<PartMotion> = parts.iter().map(PartMotion::from).collect();
+        let is_new = motions != self.last;
+        if is_new {
+            gpu.queue.write_buffer(&self.motions, 0, bytemuck::cast_slice(&motions));
+            self.last = motions;
+        }
+        Ok(is_new)
+    }
+}
+
+/// A box around a box of points each of which any mix of these parts moves: weights that sum to 1 keep a point between the
+/// places to which the parts bring it. It is wider by what rounding may do.
+pub(super) fn moved_bounds(bounds: &Bounds, parts: &[u32], motions: &[PartMotion]) -> Bounds {
+    let (mut low, mut high) = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
+    let mut size = Vector3::zeros();
+    for motion in parts.iter().map(|&part| &motions[part as usize]) {
+        let [x, y, z] = motion.rows;
+        let rotation = Matrix3::new(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]).abs();
+        let centre = Vector3::from(motion.of(bounds.centre.into()));
+        let half = rotation * bounds.half;
+        let shift = Vector3::new(x[3], y[3], z[3]).abs();
+        low = low.inf(&(centre - half));
+        high = high.sup(&(centre + half));
+        size = size.sup(&(rotation * bounds.centre.abs() + half + shift));
+    }
+    // Four products and sums a part, then as many of the weights as there are parts, which sum to 1 but for their rounding.
+    let slack = size * ((2 * parts.len() + 8) as f32 * f32::EPSILON);
+    Bounds { centre: (low + high) / 2.0, half: (high - low) / 2.0 + slack }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout;
+    use super::*;
+    use crate::base::parts::PartShare;
+    use std::mem::offset_of;
+
+    #[test]
+    fn structs_lie_as_the_shader_reads_them() {
+        let source = shader::PARTS.concat();
+        let share = [("part", offset_of!(PartShare, part)), ("weight", offset_of!(PartShare, weight))];
+        layout::assert(&source, "Share", size_of::<PartShare>(), &share);
+        let motion = [("rows", offset_of!(PartMotion, rows))];
+        layout::assert(&source, "Motion", size_of::<PartMotion>(), &motion);
+    }
+
+    #[test]
+    fn a_box_holds_what_any_mix_of_its_parts_makes_of_its_corners() {
+        let parts = [
+            Isometry3::new(Vector3::new(1.0, 0.0, 0.5), Vector3::new(0.3, -1.2, 2.0)),
+            Isometry3::new(Vector3::new(0.0, -2.0, 0.0), Vector3::new(-0.9, 0.1, 0.4)),
+            Isometry3::new(Vector3::new(9.0, 9.0, 9.0), Vector3::zeros()),
+        ];
+        let motions: Vec<PartMotion> = parts.iter().map(PartMotion::from).collect();
+        let bounds = Bounds { centre: Vector3::new(0.4, -0.1, 0.2), half: Vector3::new(0.3, 0.05, 0.6) };
+        let moved = moved_bounds(&bounds, &[0, 1], &motions);
+        for corner in 0..8 {
+            let sign = |bit: i32| if corner & bit == 0 { -1.0 } else { 1.0 };
+            let point = bounds.centre + bounds.half.component_mul(&Vector3::new(sign(1), sign(2), sign(4)));
+            for share in [0.0, 0.3, 1.0] {
+                let ends = [0, 1].map(|part| Vector3::from(motions[part].of(point.into())));
+                let away = (ends[0].lerp(&ends[1], share) - moved.centre).abs() - moved.half;
+                assert!(away.max() <= 0.0, "{away}");
+            }
+        }
+        assert!(moved.half.max() < 3.0, "the third part is not in it: {moved:?}");
+    }
+}
