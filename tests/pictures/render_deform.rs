@@ -90,9 +90,11 @@ fn difference(
     if let Some((weights, motions)) = parts {
         move_parts(weights, motions, &mut positions);
     }
-    let mut normals = vec![[0.0; 3]; positions.len()];
-    vertex_normals(&positions, &tube.triangles, &mut Vec::new(), &mut normals);
     let [found_positions, found_normals] = body.read(gpu).unwrap();
+    // Triangles between parts are small: the last digit of a place is worth more in their normals than these may differ by.
+    let corners = if parts.is_some() { &found_positions } else { &positions };
+    let mut normals = vec![[0.0; 3]; positions.len()];
+    vertex_normals(corners, &tube.triangles, &mut Vec::new(), &mut normals);
     let largest = |a: &[[f32; 3]], b: &[[f32; 3]]| {
         assert_eq!(a.len(), b.len());
         let pairs = a.as_flattened().iter().zip(b.as_flattened());
@@ -168,14 +170,18 @@ fn device_and_cpu_agree_on_several_parts_and_any_number_of_columns() {
         for limit in [whole, 40 << 10] {
             gpu.storage_limit = limit;
             let mut body = body(&gpu, &tube, &data, Some(&weights));
-            assert_eq!(body.read(&gpu).unwrap()[0], tube.rest, "it is made at rest");
+            // Weights that are rounded to f32 sum to 1 but for their last bit.
+            let [made, _] = body.read(&gpu).unwrap();
+            let mut pairs = made.as_flattened().iter().zip(tube.rest.as_flattened());
+            assert!(pairs.all(|(made, rest)| (made - rest).abs() < 1e-6), "it is made at rest");
             for step in 0..3 {
                 let parts = motions(step);
                 assert!(body.deform(&gpu, &c, &parts).unwrap(), "the parts moved");
                 assert!(!body.deform(&gpu, &c, &parts).unwrap());
                 let [position, normal] =
                     difference(&gpu, &body, &tube, &groups, &c, Some((&weights, &parts)));
-                assert!(position < 1e-5 && normal < 1e-5, "{storage:?}: {position:e} {normal:e}");
+                println!("{storage:?}, limit {limit}: positions {position:e} m, normals {normal:e}");
+                assert!(position < 1e-6 && normal < 1e-5, "{storage:?}: {position:e} {normal:e}");
             }
             let few = body.deform(&gpu, &c, &motions(0)[..2]).unwrap_err();
             assert!(matches!(few, RenderError::PartCount { found: 2, expected: 3 }), "{few}");
