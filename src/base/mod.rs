@@ -5,6 +5,7 @@
 pub mod bars;
 pub mod columns;
 pub mod csv;
+pub mod diagnostic;
 pub mod disjoint;
 pub mod failure;
 pub mod input;

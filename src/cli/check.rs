@@ -1,11 +1,12 @@
 //! `greenstage check`: all that can be found wrong with a scene, without solving.
 
 use super::{check_stage, inspect};
+use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
 use crate::deform::{Statics, not_online};
 use crate::effect::{EFFECTS, EffectEntry};
-use crate::green::{self, Finding, GreenError, Severity};
+use crate::green::{self, GreenError};
 use crate::scene::{Body, Scene};
 use crate::session::open;
 use crate::world::prepare;
@@ -34,7 +35,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut findings = Vec::new();
     for (name, body) in &scene.body {
         let entity = format!("body.{name}");
-        let error = |message: String| Finding::new(Severity::Error, &entity, message);
+        let error = |message: String| Diagnostic::new(Severity::Error, &entity, message);
         match prepare::law(&scene, name, body) {
             Err(failure) => findings.push(error(failure.to_string())),
             Ok(Some(law)) => {
@@ -42,7 +43,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                     findings.push(error(unfit.to_string()));
                 }
                 let entity = format!("{entity}.model");
-                findings.push(Finding::new(Severity::Note, &entity, not_online(&body.model)));
+                findings.push(Diagnostic::new(Severity::Note, &entity, not_online(&body.model)));
             }
             Ok(None) => {}
         }
@@ -53,7 +54,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
     }
     for problem in [open::stage(&scene, None).err(), open::script(&scene, None).err()].into_iter().flatten() {
-        findings.push(Finding::new(Severity::Error, "stage", problem.to_string()));
+        findings.push(Diagnostic::new(Severity::Error, "stage", problem.to_string()));
     }
     findings.sort_by_key(|finding| finding.severity);
     let effects = effects(&scene);
@@ -67,7 +68,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let listed = if cost.listed { "listed" } else { "not listed" };
             table.row(&[&cost.body, cost.effect, listed, &bytes(cost.bytes as f64)]);
         }
-        super::print(&format!("{lines}{}\n\n{}", check_stage::tally(&findings), table.text()))?;
+        super::print(&format!("{lines}{}\n\n{}", tally(&findings), table.text()))?;
     }
     check_stage::verdict(&findings, &args.scene)
 }

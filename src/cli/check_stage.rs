@@ -1,37 +1,29 @@
 //! `greenstage check STAGE`: all that can be found wrong with a stage, at once.
 
+use crate::base::diagnostic::{Diagnostic, Severity, number, tally};
 use crate::base::failure::Failure;
-use crate::base::table::count;
-use crate::green::{Finding, Severity};
 use crate::render::window;
-use crate::stage::{Level, Monitor, Stage, Survey, lint};
+use crate::stage::{Monitor, Stage, Survey, lint};
 use std::path::Path;
 
 /// Prints the findings about the stage of this name or file.
 pub fn run(name: &Path, json: bool) -> Result<(), Failure> {
     let survey = Stage::survey(&name.display().to_string()).map_err(Failure::request)?;
     let Survey { stage, tracking, faults } = survey;
-    let mut findings: Vec<Finding> = faults
+    let mut findings: Vec<Diagnostic> = faults
         .into_iter()
         .chain(crate::track::source_faults(&tracking))
         .map(|fault| {
             let place = format!("{}:{}", name.display(), fault.line);
-            Finding::new(Severity::Error, &place, fault.fault.to_string())
+            Diagnostic::new(Severity::Error, &place, fault.fault.to_string())
         })
         .collect();
     if let Some(stage) = stage {
         let (monitors, whose) = monitors(&stage);
         if let Some(whose) = whose {
-            findings.push(Finding::new(Severity::Note, "monitors", whose));
+            findings.push(Diagnostic::new(Severity::Note, "monitors", whose));
         }
-        findings.extend(lint(&stage, &monitors).into_iter().map(|found| {
-            let severity = match found.level {
-                Level::Error => Severity::Error,
-                Level::Warning => Severity::Warning,
-                Level::Note => Severity::Note,
-            };
-            Finding::new(severity, &found.entity, found.message)
-        }));
+        findings.extend(lint(&stage, &monitors));
     }
     findings.sort_by_key(|finding| finding.severity);
     if json {
@@ -44,22 +36,12 @@ pub fn run(name: &Path, json: bool) -> Result<(), Failure> {
     verdict(&findings, name)
 }
 
-/// "1 error, 0 warnings, 2 notes".
-pub fn tally(findings: &[Finding]) -> String {
-    [Severity::Error, Severity::Warning, Severity::Note].map(|severity| number(findings, severity)).join(", ")
-}
-
 /// A wrong request where a finding about the file is an error.
-pub fn verdict(findings: &[Finding], path: &Path) -> Result<(), Failure> {
+pub fn verdict(findings: &[Diagnostic], path: &Path) -> Result<(), Failure> {
     if findings.iter().all(|finding| finding.severity != Severity::Error) {
         return Ok(());
     }
     Err(Failure::wrong(format!("{}: {}", path.display(), number(findings, Severity::Error))))
-}
-
-fn number(findings: &[Finding], severity: Severity) -> String {
-    let found = findings.iter().filter(|finding| finding.severity == severity).count();
-    count(found, &severity.to_string())
 }
 
 /// The monitors of the display, else those of the file, and whose they are; a stage without windows needs none.

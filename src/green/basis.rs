@@ -4,15 +4,14 @@ use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES};
 use super::family::Assembled;
-use super::finding::Finding;
 use super::judge;
 use super::prepare::Prepared;
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
 use super::solution::{Precomputed, Solution, StepTimes};
+use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition, StiffnessMatrix};
-use crate::mesh::diagnostics::Severity;
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{Body, Scene};
 use crate::solve::{NO_UNKNOWNS, Progress, SolveError, SolveStats};
@@ -163,12 +162,12 @@ fn solve_free(
 }
 
 /// The first error among the findings, if there is one.
-pub fn refuse(scene: &Scene, findings: &[Finding]) -> Result<(), GreenError> {
+pub fn refuse(scene: &Scene, findings: &[Diagnostic]) -> Result<(), GreenError> {
     let mut errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
     let Some(first) = errors.next() else { return Ok(()) };
     let more = match errors.count() {
         0 => String::new(),
         count => format!(" ({count} more: `greenstage check {}`)", scene.path.display()),
     };
-    Err(scene.invalid(&first.entity, format!("{}{more}", first.message)).into())
+    Err(scene.invalid(&first.place, format!("{}{more}", first.message)).into())
 }

@@ -2,11 +2,11 @@
 //! flat and swapped tetrahedra, pieces held at two points and bodies cracked open, and answers with nonsense.
 
 use super::control::ControlElement;
-use super::finding::Finding;
 use super::floating::{Floating, floating};
 use super::pieces;
+use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::Lame;
-use crate::mesh::diagnostics::{self, Severity, digits, place};
+use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Material};
 use std::collections::BTreeSet;
@@ -20,14 +20,14 @@ const STIFF: [f64; 2] = [1e8, 1e12];
 const USUAL_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
 
 /// What is wrong with the mesh itself; pieces are judged by [`support`].
-pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Finding> {
+pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Diagnostic> {
     let found = diagnostics::find(mesh).into_iter().filter(|found| found.severity < Severity::Note);
-    let found = found.map(|found| Finding::new(found.severity, entity, found.message));
+    let found = found.map(|found| Diagnostic::new(found.severity, entity, found.message));
     found.chain(unit(entity, mesh)).collect()
 }
 
 /// A word about bodies of an unlikely size: pictures are fitted to the stage and hide a wrong unit.
-fn unit(entity: &str, mesh: &TetMesh) -> Option<Finding> {
+fn unit(entity: &str, mesh: &TetMesh) -> Option<Diagnostic> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let side = (high - low).max();
     let message = format!(
@@ -35,14 +35,14 @@ fn unit(entity: &str, mesh: &TetMesh) -> Option<Finding> {
          another unit forces and energies are wrong (chapter meshes, Units)",
         digits(side)
     );
-    (!USUAL_M.contains(&side)).then(|| Finding::new(Severity::Note, entity, message))
+    (!USUAL_M.contains(&side)).then(|| Diagnostic::new(Severity::Note, entity, message))
 }
 
 /// Control elements that share nodes, and pieces that none holds or joins ([`pieces`]).
-pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Finding> {
-    let mut findings: Vec<Finding> = controls
+pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Diagnostic> {
+    let mut findings: Vec<Diagnostic> = controls
         .iter()
-        .filter_map(|control| Some(Finding::new(Severity::Note, entity, control.notice()?)))
+        .filter_map(|control| Some(Diagnostic::new(Severity::Note, entity, control.notice()?)))
         .collect();
     let mut owner: Vec<Option<usize>> = vec![None; mesh.nodes.len()];
     let mut told = BTreeSet::new();
@@ -60,7 +60,7 @@ pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec
                 other.name, mesh.tags[node as usize]
             );
             let entity = format!("{entity}.control.{}", control.name);
-            findings.push(Finding::new(Severity::Error, &entity, message));
+            findings.push(Diagnostic::new(Severity::Error, &entity, message));
         }
     }
     findings.extend(pieces::find(entity, mesh, controls));
@@ -74,7 +74,7 @@ pub fn materials(
     mesh: &TetMesh,
     controls: &[ControlElement],
     lame: &[Lame],
-) -> Vec<Finding> {
+) -> Vec<Diagnostic> {
     let mut findings = Vec::new();
     let named = std::iter::once(("material".to_owned(), &body.material))
         .chain(body.region.iter().map(|(region, material)| (format!("region.{region}"), material)));
@@ -85,7 +85,7 @@ pub fn materials(
              more the nearer to 0.5 and the coarser the mesh (chapter method has measured figures); write \
              element = \"tet4_anp\" (same nodes, does not lock) or \"tet10\""
         );
-        findings.push(Finding::new(Severity::Warning, &format!("{entity}.{key}"), message));
+        findings.push(Diagnostic::new(Severity::Warning, format!("{entity}.{key}"), message));
     }
     let mut controlled = vec![false; mesh.nodes.len()];
     for &node in controls.iter().flat_map(|control| &control.nodes) {
@@ -104,7 +104,7 @@ pub fn materials(
             part.how,
             (16.0 - part.ratio.log10()).max(0.0)
         );
-        findings.push(Finding::new(severity, entity, message));
+        findings.push(Diagnostic::new(severity, entity, message));
     }
     findings
 }

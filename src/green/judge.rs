@@ -1,8 +1,7 @@
 //! Whether a solution may be used: its forward error and what it does with rigid motions, against [`ERROR_LIMITS`].
 
-use super::finding::Finding;
 use super::rigid::RigidMotion;
-use crate::mesh::diagnostics::Severity;
+use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::solve::{ERROR_LIMITS, Method, SolveError, SolveStats, find_method};
 
 const SHIFT: &str = "the error of the displacements when all control elements are shifted alike (the columns of a shift \
@@ -11,7 +10,7 @@ const SHIFT_FORCE: &str =
     "the force that a shift of all control elements costs one of them, over that of shifting it alone,";
 
 /// A warning for every figure above the first limit; an error where one is above the second or is no number.
-pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Vec<Finding>, SolveError> {
+pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Vec<Diagnostic>, SolveError> {
     let mut findings = Vec::new();
     if let Some(conditioning) = stats.conditioning {
         findings.extend(forward(entity, stats.method, conditioning.forward_error)?);
@@ -30,7 +29,7 @@ pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Ve
              the same numbers; pulls are right, moments are not to be trusted beyond this part; make the contrast of \
              stiffness smaller, 10⁶ is as good as rigid"
         );
-        Finding::new(Severity::Warning, entity, message)
+        Diagnostic::new(Severity::Warning, entity, message)
     }));
     Ok(findings)
 }
@@ -40,11 +39,11 @@ pub fn judge_file(
     entity: &str,
     solver: &str,
     forward_error: Option<f64>,
-) -> Result<Option<Finding>, SolveError> {
+) -> Result<Option<Diagnostic>, SolveError> {
     forward_error.map_or(Ok(None), |error| forward(entity, find_method(solver).unwrap_or_default(), error))
 }
 
-fn forward(entity: &str, method: &Method, error: f64) -> Result<Option<Finding>, SolveError> {
+fn forward(entity: &str, method: &Method, error: f64) -> Result<Option<Diagnostic>, SolveError> {
     one(entity, "the bound on the forward error", error, method.remedy)
 }
 
@@ -53,7 +52,7 @@ fn one(
     figure: &'static str,
     value: f64,
     remedy: &'static str,
-) -> Result<Option<Finding>, SolveError> {
+) -> Result<Option<Diagnostic>, SolveError> {
     if value <= ERROR_LIMITS[0] {
         return Ok(None);
     }
@@ -61,7 +60,7 @@ fn one(
         return Err(SolveError::Inexact { figure, value, remedy });
     }
     let message = format!("{figure} is {value:.1e}, above {}; {remedy}", ERROR_LIMITS[0]);
-    Ok(Some(Finding::new(Severity::Warning, entity, message)))
+    Ok(Some(Diagnostic::new(Severity::Warning, entity, message)))
 }
 
 #[cfg(test)]

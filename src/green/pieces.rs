@@ -1,12 +1,12 @@
 //! Bodies in pieces: those that nothing holds, and those that no control element joins with the rest.
 //!
-//! In: a mesh and its control elements. Out: [`Finding`]s that name the piece, how far it is from the rest, and the remedy.
+//! In: a mesh and its control elements. Out: [`Diagnostic`]s that name the piece, how far it is from the rest, and the remedy.
 
 use super::control::ControlElement;
 use super::control::rank;
-use super::finding::Finding;
+use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::disjoint::DisjointSets;
-use crate::mesh::diagnostics::{self, Severity, digits, place};
+use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::near::{NearPair, nearest_pair};
 use crate::mesh::quality::Components;
 use crate::mesh::{TetMesh, quality};
@@ -80,7 +80,7 @@ fn joined(components: &Components, mesh: &TetMesh, controls: &[ControlElement]) 
 
 /// Errors for pieces that no control element holds at three points off one line, and a warning where pieces have no
 /// control element in common with the rest.
-pub fn find(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Finding> {
+pub fn find(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Diagnostic> {
     let pieces = Pieces::of(mesh);
     let mut findings = loose(entity, mesh, controls, &pieces);
     if findings.is_empty() {
@@ -89,7 +89,7 @@ pub fn find(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Fi
     findings
 }
 
-fn loose(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pieces) -> Vec<Finding> {
+fn loose(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pieces) -> Vec<Diagnostic> {
     let mut controlled = vec![false; mesh.nodes.len()];
     controls.iter().flat_map(|control| &control.nodes).for_each(|&node| controlled[node as usize] = true);
     let (count, hinges) = (pieces.components.nodes.len(), diagnostics::hinges(mesh, &pieces.components));
@@ -112,7 +112,7 @@ fn loose(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pie
             gap.filter(|gap| gap.is_narrow)
                 .map_or(String::new(), |gap| format!(" (merge nodes {})", gap.tolerance)),
         );
-        findings.push(Finding::new(Severity::Error, entity, message));
+        findings.push(Diagnostic::new(Severity::Error, entity, message));
     }
     findings
 }
@@ -137,7 +137,7 @@ fn offsets_from_centroid(mesh: &TetMesh, nodes: &[u32]) -> Vec<Vector3<f64>> {
 }
 
 /// A warning where the body is in parts that neither nodes nor control elements join.
-fn apart(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pieces) -> Option<Finding> {
+fn apart(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pieces) -> Option<Diagnostic> {
     let part = joined(&pieces.components, mesh, controls);
     let count = part.iter().max().map_or(0, |last| last + 1);
     if count < 2 {
@@ -173,7 +173,7 @@ fn apart(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pie
          there. {}",
         told.join(". ")
     );
-    Some(Finding::new(Severity::Warning, entity, message))
+    Some(Diagnostic::new(Severity::Warning, entity, message))
 }
 
 /// How far some nodes are from all others.

@@ -3,9 +3,8 @@
 use super::check;
 use super::control::ControlElement;
 use super::error::GreenError;
-use super::finding::Finding;
+use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::Lame;
-use crate::mesh::diagnostics::Severity;
 use crate::mesh::{Loaded, TetMesh, quality};
 use crate::scene::{Body, Material, Scene};
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,7 +16,7 @@ pub struct Prepared {
     /// Lamé's constants per tetrahedron.
     pub lame: Vec<Lame>,
     /// Most severe first. With an error among them the body must not be solved.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<Diagnostic>,
 }
 
 /// Loads body `name` and judges it without solving. Errors where it cannot even be judged: no mesh, a selection that
@@ -33,8 +32,8 @@ pub fn prepare_mesh(scene: &Scene, name: &str, loaded: Loaded) -> Result<Prepare
     let controls = control_elements(scene, name, body, &mesh)?;
     let lame = materials(scene, name, body, &mesh)?;
     let entity = format!("body.{name}");
-    let mut findings: Vec<Finding> =
-        loaded.notices.into_iter().map(|notice| Finding::new(Severity::Note, &entity, notice)).collect();
+    let mut findings: Vec<Diagnostic> =
+        loaded.notices.into_iter().map(|notice| Diagnostic::new(Severity::Note, &entity, notice)).collect();
     findings.extend(check::mesh(&entity, &mesh));
     findings.extend(check::support(&entity, &mesh, &controls));
     findings.extend(check::materials(&entity, body, &mesh, &controls, &lame));

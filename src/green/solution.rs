@@ -1,11 +1,11 @@
 //! What was computed of one body: its f64 solution, and what of it goes into the .green file.
 
 use super::control::ControlElement;
-use super::finding::Finding;
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
 use super::tensor::Tensor;
 use crate::base::columns::Storage;
+use crate::base::diagnostic::Diagnostic;
 use crate::fem::Element;
 use crate::fem::NodeFields;
 use crate::mesh::{Surface, TetMesh};
@@ -40,7 +40,7 @@ pub struct Solution {
     /// Scalar entries of K.
     pub matrix_entries: usize,
     /// Warnings and notes of the check before it, and of the judgement after it.
-    pub notices: Vec<Finding>,
+    pub notices: Vec<Diagnostic>,
 }
 
 impl Solution {

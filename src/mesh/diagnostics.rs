@@ -7,6 +7,7 @@ use super::quadratic;
 use super::quality::{Components, bounding_box, components, overlapping_faces, quality};
 use super::surface::sorted_faces;
 use super::tet_mesh::{FACES, TetMesh};
+use crate::base::diagnostic::{Diagnostic, Severity};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,39 +22,10 @@ pub const FAR: f64 = 1e-6;
 /// Extents, m, whose areas and coefficients single precision can hold.
 pub const EXTENT: [f64; 2] = [1e-14, 1e12];
 
-/// How bad it is; the most severe first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Severity {
-    /// The body is refused.
-    Error,
-    /// It is solved, but the answer may not be what was meant.
-    Warning,
-    /// Something was repaired, or is worth knowing.
-    Note,
-}
-
-impl std::fmt::Display for Severity {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Severity::Error => "error",
-            Severity::Warning => "warning",
-            Severity::Note => "note",
-        })
-    }
-}
-
-/// One thing that is wrong with a mesh: how severe it is, what it is, where, and what to do about it.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Diagnostic {
-    pub severity: Severity,
-    pub message: String,
-}
-
 /// Finds everything that is wrong, the most severe first; empty for a sound mesh.
 pub fn find(mesh: &TetMesh) -> Vec<Diagnostic> {
     let mut found = Vec::new();
-    let mut say = |severity, message: String| found.push(Diagnostic { severity, message });
+    let mut say = |severity, message: String| found.push(Diagnostic::new(severity, "", message));
     elements(mesh, &mut say);
     curved(mesh, &mut say);
     overlaps(mesh, &mut say);

@@ -1,6 +1,6 @@
 //! Finds mistakes in a stage that loads: what display walls get wrong without an error.
 //!
-//! In: a [`Stage`], and the monitors of its desktop if they are known. Out: [`Lint`]s with their numbers: how edges meet,
+//! In: a [`Stage`], and the monitors of its desktop if they are known. Out: [`Diagnostic`]s with their numbers: how edges meet,
 //! shapes of pixels, where the viewer stands, windows on their monitors.
 
 use super::description::Stage;
@@ -11,27 +11,8 @@ use super::seam::Seam;
 use super::stereo::Stereo;
 use super::viewer::Eye;
 use super::window::{Monitor, Window};
+use crate::base::diagnostic::{Diagnostic, Severity};
 use nalgebra::Point3;
-
-/// How bad a finding is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// Pictures will be wrong.
-    Error,
-    /// Pictures may not be what was meant.
-    Warning,
-    /// Worth knowing.
-    Note,
-}
-
-/// One finding and what it is about.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Lint {
-    pub level: Level,
-    /// For example `screen.wall`, `window.left` or `viewer`.
-    pub entity: String,
-    pub message: String,
-}
 
 /// Pixels that differ from squares by more than this are reported.
 const PIXEL_RATIO: f64 = 0.01;
@@ -48,7 +29,7 @@ const ABOUT_SHOWN: f32 = 1.02;
 const GRAZING: f64 = 0.087;
 
 /// All findings about `stage` except for those of the loader. Windows are checked if `monitors` are known.
-pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Lint> {
+pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     let mut found = Vec::new();
     for screen in &stage.screens {
         screens(stage, screen, &mut found);
@@ -67,11 +48,11 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Lint> {
     found
 }
 
-fn push(found: &mut Vec<Lint>, level: Level, entity: impl Into<String>, message: String) {
-    found.push(Lint { level, entity: entity.into(), message });
+fn push(found: &mut Vec<Diagnostic>, severity: Severity, place: impl Into<String>, message: String) {
+    found.push(Diagnostic::new(severity, place, message));
 }
 
-fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
+fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     let entity = format!("screen.{}", screen.name);
     let [width_m, height_m] = screen.pixel_size_m();
     let ratio = width_m / height_m;
@@ -79,7 +60,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
         let [w, h] = screen.pixels;
         push(
             found,
-            Level::Warning,
+            Severity::Warning,
             &entity,
             format!(
                 "pixels are {:.3} × {:.3} mm ({ratio:.3} times as wide as high): {w} × {h} square ones on this width \
@@ -98,7 +79,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
         let advice = "the projection takes the lower edge and the height as they are";
         push(
             found,
-            Level::Note,
+            Severity::Note,
             &entity,
             format!("upper_left is {:.1} mm off a rectangle: {advice}", off_m * 1e3),
         );
@@ -110,14 +91,14 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Lint>) {
     if distance_m > MIN_EYE_DISTANCE_M && angle < GRAZING {
         push(
             found,
-            Level::Warning,
+            Severity::Warning,
             &entity,
             format!("the viewer sees it under {:.1}° to its plane: next to nothing", angle.to_degrees()),
         );
     }
 }
 
-fn seam(stage: &Stage, seam: &Seam) -> Lint {
+fn seam(stage: &Stage, seam: &Seam) -> Diagnostic {
     let [a, b] = [0, 1].map(|k| {
         let (screen, edge) = seam.edges[k];
         format!("{} edge of {}", edge.name(), stage.screens[screen].name)
@@ -139,46 +120,42 @@ fn seam(stage: &Stage, seam: &Seam) -> Lint {
         true => format!(" ({:.1} mm at one end, {:.1} at the other)", mm(first), mm(second)),
         false => String::new(),
     };
-    let (level, what) = if worst_m <= CLOSED_M {
-        (Level::Note, format!("meet within {:.1} mm", mm(worst_m)))
+    let (severity, what) = if worst_m <= CLOSED_M {
+        (Severity::Note, format!("meet within {:.1} mm", mm(worst_m)))
     } else if seam.is_overlap {
-        (Level::Warning, format!("overlap by {:.1} mm{opens}", mm(worst_m)))
+        (Severity::Warning, format!("overlap by {:.1} mm{opens}", mm(worst_m)))
     } else {
-        (Level::Warning, format!("leave a gap of {:.1} mm{opens}", mm(worst_m)))
+        (Severity::Warning, format!("leave a gap of {:.1} mm{opens}", mm(worst_m)))
     };
-    let level = if along_m > CLOSED_M { Level::Warning } else { level };
+    let severity = if along_m > CLOSED_M { Severity::Warning } else { severity };
     let names = seam.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
-    Lint {
-        level,
-        entity: format!("seam.{}-{}", names[0], names[1]),
-        message: format!("{a} and {b} {what}{along}"),
-    }
+    Diagnostic::new(severity, format!("seam.{}-{}", names[0], names[1]), format!("{a} and {b} {what}{along}"))
 }
 
 /// Two screens show part of one plane, or all of it, twice.
-fn twice(stage: &Stage, overlap: &Overlap) -> Lint {
+fn twice(stage: &Stage, overlap: &Overlap) -> Diagnostic {
     let [a, b] = overlap.screens.map(|screen| stage.screens[screen].name.as_str());
     let entity = format!("seam.{a}-{b}");
     if overlap.is_same {
         let remedy =
             "measure again, or, where two projectors light one screen, give it once and a window for each";
         let message = format!("screens {a} and {b} have the same corners: {remedy}");
-        return Lint { level: Level::Error, entity, message };
+        return Diagnostic::new(Severity::Error, entity, message);
     }
     let [width_mm, height_mm] = overlap.size_m.map(|side| side * 1e3);
     let message = format!(
         "screens {a} and {b} lie in one plane and overlap by {width_mm:.1} × {height_mm:.1} mm, which both show: right \
          only where the projectors blend their edges, else measure again"
     );
-    Lint { level: Level::Warning, entity, message }
+    Diagnostic::new(Severity::Warning, entity, message)
 }
 
-fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
+fn viewer(stage: &Stage, found: &mut Vec<Diagnostic>) {
     let ipd_m = stage.viewer.ipd_m;
     if ipd_m > 0.0 && !USUAL_IPD_M.contains(&ipd_m) && IPD_M.contains(&ipd_m) {
         push(
             found,
-            Level::Note,
+            Severity::Note,
             "viewer.ipd",
             format!(
                 "eyes {:.1} mm apart are rare: nine of ten people have {:.0} to {:.0} mm",
@@ -194,7 +171,7 @@ fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
     if nearest_m > 10.0 {
         push(
             found,
-            Level::Warning,
+            Severity::Warning,
             "viewer.position",
             format!("the nearest screen is {nearest_m:.1} m away: are all numbers metres?"),
         );
@@ -210,7 +187,7 @@ fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
         let place = format!("({:.3}, {:.3}, {:.3})", centre.x, centre.y, centre.z);
         push(
             found,
-            Level::Warning,
+            Severity::Warning,
             "workspace.centre",
             format!("{place} is on no screen as the viewer stands: bodies placed there may not be seen"),
         );
@@ -218,7 +195,7 @@ fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
     if stage.tracking.head.is_none() {
         push(
             found,
-            Level::Note,
+            Severity::Note,
             "viewer.head",
             "no sensor: the head stays where the file has it, unless the keyboard moves it".to_owned(),
         );
@@ -226,9 +203,9 @@ fn viewer(stage: &Stage, found: &mut Vec<Lint>) {
 }
 
 /// Checks the eyes' tiles: both eyes or neither, and the left eye's left of the right eye's or above it.
-fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
+fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
     if stage.swap_eyes {
-        push(found, Level::Note, "swap_eyes", "each eye is shown what the other should see".to_owned());
+        push(found, Severity::Note, "swap_eyes", "each eye is shown what the other should see".to_owned());
     }
     let layout = stage.layout();
     let mut orders: Vec<(String, bool)> = Vec::new();
@@ -237,7 +214,7 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
         let mine: Vec<_> = tiles.filter(|(_, tile)| tile.screen == index).collect();
         let entity = format!("screen.{}", screen.name);
         if mine.is_empty() {
-            push(found, Level::Warning, &entity, "no window shows it".to_owned());
+            push(found, Severity::Warning, &entity, "no window shows it".to_owned());
             continue;
         }
         let sees = |eye: Eye| mine.iter().any(|(_, tile)| tile.stereo.eyes().contains(&eye));
@@ -245,7 +222,7 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
             if sees(eye) && !sees(other) {
                 push(
                     found,
-                    Level::Warning,
+                    Severity::Warning,
                     &entity,
                     format!("its windows show it to the {} eye alone", eye.name()),
                 );
@@ -270,7 +247,7 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
         let others = orders.iter().filter(|(_, is_left_first)| *is_left_first).count();
         push(
             found,
-            Level::Warning,
+            Severity::Warning,
             format!("screen.{screen}"),
             format!(
                 "the left eye's window stands right of the right eye's{}: are the eyes swapped?",
@@ -284,7 +261,7 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
     }
 }
 
-fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
+fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
     for window in &stage.windows {
         for tile in &window.tiles {
             tile_lints(stage, window, tile, found);
@@ -300,7 +277,7 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
             let names: Vec<String> = monitors.iter().map(|monitor| format!("`{}`", monitor.name)).collect();
             push(
                 found,
-                Level::Error,
+                Severity::Error,
                 &entity,
                 format!("there is no monitor {id}; there are {}", names.join(", ")),
             );
@@ -309,11 +286,11 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
         let area = i64::from(size[0]) * i64::from(size[1]);
         let hidden = uncovered(at, size, monitors);
         if hidden > 0 {
-            let level = if hidden == area { Level::Error } else { Level::Warning };
+            let severity = if hidden == area { Severity::Error } else { Severity::Warning };
             let share = 100.0 * hidden as f64 / area as f64;
             push(
                 found,
-                level,
+                severity,
                 &entity,
                 format!(
                     "{share:.0} % of its {} × {} pixels at ({}, {}) lie on no monitor",
@@ -326,7 +303,7 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
             if shared > 0 {
                 push(
                     found,
-                    Level::Warning,
+                    Severity::Warning,
                     &entity,
                     format!("{shared} of its pixels lie under or over window `{}`", other.name),
                 );
@@ -335,7 +312,7 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Lint>) {
     }
 }
 
-fn tile_lints(stage: &Stage, window: &Window, tile: &super::window::Tile, found: &mut Vec<Lint>) {
+fn tile_lints(stage: &Stage, window: &Window, tile: &super::window::Tile, found: &mut Vec<Diagnostic>) {
     let entity = format!("window.{}", window.name);
     let screen = &stage.screens[tile.screen];
     let [.., width, height] = tile.rect;
@@ -343,7 +320,7 @@ fn tile_lints(stage: &Stage, window: &Window, tile: &super::window::Tile, found:
     if !window.fills && [width, height] != wanted {
         push(
             found,
-            Level::Note,
+            Severity::Note,
             &entity,
             format!(
                 "screen {} is drawn with {width} × {height} pixels; its own are {} × {} in this kind of stereo",
@@ -355,7 +332,7 @@ fn tile_lints(stage: &Stage, window: &Window, tile: &super::window::Tile, found:
     if tile.stereo == Stereo::FramePacking && !packed.contains(&[width, height]) {
         push(
             found,
-            Level::Warning,
+            Severity::Warning,
             &entity,
             format!("frame packing takes 1920 × 2205 or 1280 × 1470 pixels, not {width} × {height}"),
         );

@@ -26,7 +26,7 @@ pub use description::Stage;
 pub use error::{Located, StageError, StageFault};
 pub use file::Survey;
 pub use haptic::{GripButton, Haptic, HapticDevice};
-pub use lint::{Level, Lint, lint};
+pub use lint::lint;
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use seam::{Edge, Seam};
 pub use stereo::Stereo;

@@ -10,7 +10,8 @@ fn found(name: &str, from: &str, to: &str, more: &str, monitors: &[Monitor]) -> 
     assert!(text.contains(from), "`{from}` is not in the file");
     let text = format!("{}\n{more}", text.replacen(from, to, 1));
     let stage = Stage::parse(&text, Path::new("bench.toml")).unwrap();
-    let line = |lint: Lint| format!("{:?}: {}: {}", lint.level, lint.entity, lint.message).to_lowercase();
+    let line =
+        |lint: Diagnostic| format!("{:?}: {}: {}", lint.severity, lint.place, lint.message).to_lowercase();
     lint(&stage, monitors).into_iter().map(line).collect()
 }
 

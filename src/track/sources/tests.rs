@@ -223,5 +223,5 @@ fn every_fault_of_tracking_is_told_and_none_that_follows_from_another() {
     assert_eq!(told.len(), expected.len(), "{told:#?}");
     assert!(told.iter().zip(expected).all(|(told, part)| told.contains(part)), "{told:#?}");
     let lints = crate::stage::lint(&stage.unwrap(), &[]);
-    assert!(!lints.iter().any(|lint| lint.entity == "viewer.head"), "the head has a sensor: {lints:#?}");
+    assert!(!lints.iter().any(|lint| lint.place == "viewer.head"), "the head has a sensor: {lints:#?}");
 }

@@ -1,6 +1,7 @@
 //! What the hard cases share: how a body is asked for, judged, solved and measured, and the row that comes of it.
 
-use crate::green::{self, Finding, GreenError, Requirements, STIFFNESS, Severity, Solution};
+use crate::base::diagnostic::{Diagnostic, Severity};
+use crate::green::{self, GreenError, Requirements, STIFFNESS, Solution};
 use crate::mesh::{Block, Loaded, TetMesh, block};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
@@ -99,7 +100,7 @@ impl Asked {
         self.judge_and_solve().map(|(_, solution)| solution)
     }
 
-    pub fn judge_and_solve(&self) -> Result<(Vec<Finding>, Solution), GreenError> {
+    pub fn judge_and_solve(&self) -> Result<(Vec<Diagnostic>, Solution), GreenError> {
         let scene = self.scene()?;
         let prepared = green::prepare_mesh(&scene, "b", self.mesh.clone())?;
         let solution =
@@ -150,7 +151,7 @@ pub fn solved(
         Ok(done) => done,
         Err(error) => return Ok(row(Outcome::Refused, error.to_string(), None)),
     };
-    let warning = |finding: &&Finding| finding.severity == Severity::Warning;
+    let warning = |finding: &&Diagnostic| finding.severity == Severity::Warning;
     let outcome =
         if findings.iter().any(|finding| warning(&finding)) { Outcome::Warned } else { Outcome::Solved };
     // The sentence that is asked for, be it a note; else the first warning.

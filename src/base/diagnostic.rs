@@ -1,0 +1,64 @@
+//! One thing found wrong, or worth knowing, in what the user gave: a mesh, a scene, a stage, a solution.
+
+use super::table::count;
+
+/// How bad it is; the most severe first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// The body is refused.
+    Error,
+    /// It is solved, but the answer may not be what was meant.
+    Warning,
+    /// Something was repaired, or is worth knowing.
+    Note,
+}
+
+impl std::fmt::Display for Severity {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        })
+    }
+}
+
+/// What is wrong, how severe it is, and where.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Diagnostic {
+    pub severity: Severity,
+    /// A key of the scene or the stage, or a file and a line; empty where the message says it all.
+    #[serde(rename = "entity", skip_serializing_if = "String::is_empty")]
+    pub place: String,
+    /// What is wrong, with the numbers, and what to do about it.
+    pub message: String,
+}
+
+impl Diagnostic {
+    pub fn new(severity: Severity, place: impl Into<String>, message: impl Into<String>) -> Diagnostic {
+        Diagnostic { severity, place: place.into(), message: message.into() }
+    }
+}
+
+impl std::fmt::Display for Diagnostic {
+    /// "warning: body.tube.material: …".
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: ", self.severity)?;
+        if !self.place.is_empty() {
+            write!(f, "{}: ", self.place)?;
+        }
+        f.write_str(&self.message)
+    }
+}
+
+/// "1 error, 0 warnings, 2 notes".
+pub fn tally(found: &[Diagnostic]) -> String {
+    [Severity::Error, Severity::Warning, Severity::Note].map(|severity| number(found, severity)).join(", ")
+}
+
+/// "2 warnings": those of one severity.
+pub fn number(found: &[Diagnostic], severity: Severity) -> String {
+    let matching = found.iter().filter(|diagnostic| diagnostic.severity == severity).count();
+    count(matching, &severity.to_string())
+}
