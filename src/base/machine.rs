@@ -198,16 +198,16 @@ pub fn start_threads() -> Result<(), ThreadsError> {
     }
 }
 
-/// The processor's name, where the system tells.
-pub fn processor() -> Option<String> {
-    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
-    let (_, name) = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'))?;
-    Some(name.trim().to_owned())
+/// The processor's name; its instruction set where the system does not tell.
+pub fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or(std::env::consts::ARCH, |(_, name)| name.trim()).to_owned()
 }
 
 /// Processor, threads and operating system in words.
 pub fn description() -> String {
-    let name = processor().unwrap_or_else(|| std::env::consts::ARCH.to_owned());
+    let name = processor();
     format!("{name}, {} threads, {}", rayon::current_num_threads(), std::env::consts::OS)
 }
 

@@ -1,5 +1,7 @@
 //! `greenstage accuracy`: what accuracy costs in time.
 
+use super::parsers;
+use super::print::print;
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::output::Scratch;
@@ -41,7 +43,7 @@ pub struct Args {
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
-    #[arg(long, default_value_t = LARGEST, value_parser = super::positive)]
+    #[arg(long, default_value_t = LARGEST, value_parser = parsers::positive)]
     pub largest: f64,
     /// A Markdown file whose lines between `<!-- accuracy: begin -->` and `<!-- accuracy: end -->` become a table
     #[arg(long)]
@@ -100,7 +102,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         super::marks::write_between(readme, "accuracy", &format!("{}\n", report::readme_table(&report)))?;
     }
     let listed: String = written.iter().map(|path| format!("{}\n", path.display())).collect();
-    super::print(&format!("{}\n{listed}", report::summary(&report)))
+    print(&format!("{}\n{listed}", report::summary(&report)))
 }
 
 /// Whether all that is written can be, before anything is measured.

@@ -1,5 +1,7 @@
 //! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
 
+use super::parsers;
+use super::print::print;
 use super::{bench_haptics, marks, precompute};
 use crate::base::columns::ColumnGroup;
 use crate::base::failure::Failure;
@@ -36,7 +38,7 @@ pub struct Args {
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme"])]
     pub sizes: Vec<usize>,
     /// How the columns of --sizes are stored: f32, f16 or int16
-    #[arg(long, default_value = "f32", value_parser = super::storage)]
+    #[arg(long, default_value = "f32", value_parser = parsers::storage)]
     pub storage: Storage,
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
@@ -45,7 +47,7 @@ pub struct Args {
     #[arg(long)]
     pub replay: Option<PathBuf>,
     /// Frames to draw for each figure
-    #[arg(long, default_value_t = 24, value_parser = super::frames)]
+    #[arg(long, default_value_t = 24, value_parser = parsers::frames)]
     pub frames: usize,
     /// The force loop's ticks too, where no body lists the effect haptics
     #[arg(long)]
@@ -67,7 +69,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let Some(scene) = &args.scene else {
         let stage = crate::track::find_stage(args.stage.as_deref().unwrap_or("cyberstage"))
             .map_err(Failure::request)?;
-        return super::sizes::run(args, &stage);
+        return super::sizes::run(&super::sizes::Request {
+            sizes: &args.sizes,
+            storage: args.storage,
+            frames: args.frames,
+            device: args.device,
+            json: args.json,
+            stage: &stage,
+        });
     };
     let scene = Scene::load(scene)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
@@ -120,14 +129,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     if let Some(path) = &args.readme {
         marks::write_between(path, "bench", &markdown(&tables))?;
-        super::print(&format!("{}: tables written\n", path.display()))?;
+        print(&format!("{}: tables written\n", path.display()))?;
     }
     if args.json {
-        super::print(&format!("{:#}\n", as_json(&offline, peak_memory, &loops, &drawn, &ticks)))
+        print(&format!("{:#}\n", as_json(&offline, peak_memory, &loops, &drawn, &ticks)))
     } else {
         let text: String =
             tables.iter().map(|(title, table)| format!("{title}\n\n{}\n", table.text())).collect();
-        super::print(&text)
+        print(&text)
     }
 }
 
@@ -313,7 +322,14 @@ fn offline_table(bodies: &[Precomputed], peak_memory: Option<f64>) -> (String, T
         table.row(&["peak memory", &bytes(peak), "resident, of the whole process"]);
     }
     let threads = rayon::current_num_threads();
-    (format!("Offline, {threads} threads, {}, greenstage {}", processor(), env!("CARGO_PKG_VERSION")), table)
+    (
+        format!(
+            "Offline, {threads} threads, {}, greenstage {}",
+            machine::processor(),
+            env!("CARGO_PKG_VERSION")
+        ),
+        table,
+    )
 }
 
 fn loops_table(loops: &[Loop]) -> (String, Table) {
@@ -324,12 +340,7 @@ fn loops_table(loops: &[Loop]) -> (String, Table) {
             |s: f64| if *bytes > 0.0 { format!("{:.1} GB/s", bytes / s * 1e-9) } else { String::new() };
         table.row(&[name, &seconds(*time_s), &rate(*time_s), &rate(*reading_s), &row.share()]);
     }
-    (format!("Online loops, {}", processor()), table)
-}
-
-/// The processor's name, where the system tells.
-pub fn processor() -> String {
-    machine::processor().unwrap_or_else(|| "unknown processor".into())
+    (format!("Online loops, {}", machine::processor()), table)
 }
 
 fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
@@ -393,7 +404,7 @@ fn as_json(
         })
         .collect();
     json!({ "offline": bodies, "peak_memory_bytes": peak_memory, "loops": rows,
-        "processor": processor(), "version": env!("CARGO_PKG_VERSION"), "frames": frames, "haptic_ticks": ticks })
+        "processor": machine::processor(), "version": env!("CARGO_PKG_VERSION"), "frames": frames, "haptic_ticks": ticks })
 }
 
 fn markdown(tables: &[(String, Table)]) -> String {

@@ -1,5 +1,6 @@
 //! `greenstage check`: all that can be found wrong with a scene, without solving.
 
+use super::print::print;
 use super::{check_stage, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
@@ -60,7 +61,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let effects = effects(&scene);
     if args.json {
         let value = serde_json::json!({ "scene": args.scene.to_string_lossy(), "findings": findings, "effects": effects });
-        super::print(&format!("{value:#}\n"))?;
+        print(&format!("{value:#}\n"))?;
     } else {
         let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
         let mut table = Table::new(&["body", "effect", "", "file and memory"]);
@@ -68,7 +69,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let listed = if cost.listed { "listed" } else { "not listed" };
             table.row(&[&cost.body, cost.effect, listed, &bytes(cost.bytes as f64)]);
         }
-        super::print(&format!("{lines}{}\n\n{}", tally(&findings), table.text()))?;
+        print(&format!("{lines}{}\n\n{}", tally(&findings), table.text()))?;
     }
     check_stage::verdict(&findings, &args.scene)
 }

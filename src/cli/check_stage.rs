@@ -1,5 +1,6 @@
 //! `greenstage check STAGE`: all that can be found wrong with a stage, at once.
 
+use super::print::print;
 use crate::base::diagnostic::{Diagnostic, Severity, number, tally};
 use crate::base::failure::Failure;
 use crate::render::window;
@@ -28,10 +29,10 @@ pub fn run(name: &Path, json: bool) -> Result<(), Failure> {
     findings.sort_by_key(|finding| finding.severity);
     if json {
         let value = serde_json::json!({ "stage": name, "findings": findings });
-        super::print(&format!("{value:#}\n"))?;
+        print(&format!("{value:#}\n"))?;
     } else {
         let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
-        super::print(&format!("{lines}{}\n", tally(&findings)))?;
+        print(&format!("{lines}{}\n", tally(&findings)))?;
     }
     verdict(&findings, name)
 }

@@ -1,5 +1,6 @@
 //! `greenstage convert`: a mesh from one format to another.
 
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::count;
@@ -51,7 +52,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let mesh = &loaded.mesh;
     let regions: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();
-    super::print(&format!(
+    print(&format!(
         "{}: {} nodes, {} tetrahedra, {}, {}\n{}: written ({})\n",
         args.input.display(),
         mesh.nodes.len(),

@@ -1,5 +1,6 @@
 //! `greenstage deform`: poses in, displacements and forces out.
 
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::deform::pose_file;
 use crate::export::batch::{self, Asked};
@@ -46,9 +47,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;
     if set.missed.is_empty() || !set.results.is_empty() {
         for path in files.write(&set)? {
-            super::print(&format!("{}\n", path.display()))?;
+            print(&format!("{}\n", path.display()))?;
         }
-        super::print(&tables)?;
+        print(&tables)?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }
 }

@@ -1,6 +1,7 @@
 //! `greenstage inspect`: what is in a mesh, .green, scene or stage file.
 
 use super::plan;
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
 use crate::green::{GreenError, GreenFile, STIFFNESS};
@@ -45,7 +46,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         _ if surface_files::is_surface_file(&args.file) => surface(&args.file)?,
         _ => mesh(&args.file)?,
     };
-    if args.json { super::print(&format!("{value:#}\n")) } else { super::print(&text) }
+    if args.json { print(&format!("{value:#}\n")) } else { print(&text) }
 }
 
 /// A TOML file with a stage's tables describes a stage, any other a scene; a name without extension, of which there is
@@ -272,7 +273,7 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
     let scene = prepare::online_part(&plan::known(Scene::load(path)?)?)?;
     let stage = open::stage(&scene, None)?;
     let (graph, _) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
-    super::print(&match format {
+    print(&match format {
         GraphFormat::Text => graph.text(),
         GraphFormat::Dot => graph.dot(),
     })

@@ -1,5 +1,6 @@
 //! `greenstage manual`: the manual's chapters, as they stand in `src/manual`.
 
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::Table;
 use crate::config::unknown_name;
@@ -14,8 +15,8 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     match &args.chapter {
-        Some(name) => super::print(chapter(name)?),
-        None => super::print(&contents()),
+        Some(name) => print(chapter(name)?),
+        None => print(&contents()),
     }
 }
 

@@ -14,9 +14,11 @@ mod inspect;
 mod manual;
 mod marks;
 mod pack;
+mod parsers;
 mod pattern;
 mod plan;
 mod precompute;
+mod print;
 mod render;
 mod serve;
 mod sizes;
@@ -28,7 +30,6 @@ mod view;
 
 use crate::base::failure::Failure;
 use crate::base::machine::{self, ThreadsError};
-use crate::base::text::plain;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -98,59 +99,6 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Manual(args)) => manual::run(&args),
         None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
     }
-}
-
-/// Writes a result to standard output, nothing in it able to steer the terminal ([`plain`]). A reader that has gone, as
-/// after `| head`, is no error.
-fn print(text: &str) -> Result<(), Failure> {
-    print_over(0, text)
-}
-
-/// [`print()`] over the last `lines` lines of a terminal.
-fn print_over(lines: usize, text: &str) -> Result<(), Failure> {
-    use std::io::{ErrorKind, Write};
-    let up = if lines > 0 { format!("\x1b[{lines}A\x1b[J") } else { String::new() };
-    let mut out = std::io::stdout().lock();
-    match out.write_all((up + &plain(text)).as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::work(error)),
-        _ => Ok(()),
-    }
-}
-
-fn samples(text: &str) -> Result<u32, String> {
-    match text {
-        "1" => Ok(1),
-        "4" => Ok(4),
-        _ => Err("samples a pixel are 1 or 4".into()),
-    }
-}
-
-fn storage(text: &str) -> Result<crate::scene::Storage, String> {
-    use crate::scene::Storage;
-    match text {
-        "f32" => Ok(Storage::F32),
-        "f16" => Ok(Storage::F16),
-        "int16" => Ok(Storage::Int16),
-        _ => Err("columns are stored as f32, f16 or int16".into()),
-    }
-}
-
-fn frames(text: &str) -> Result<usize, String> {
-    text.parse()
-        .ok()
-        .filter(|frames| (1..=100_000).contains(frames))
-        .ok_or("a number from 1 to 100000".into())
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|value: &f64| value.is_finite() && *value > 0.0)
-        .ok_or("a positive number".into())
-}
-
-fn scale(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|scale| (0.01..=4.0).contains(scale)).ok_or("a number from 0.01 to 4".into())
 }
 
 #[cfg(test)]

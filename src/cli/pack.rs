@@ -1,5 +1,6 @@
 //! `greenstage pack`: a .green file made small for shipping, and back.
 
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::base::table::bytes;
@@ -28,8 +29,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     output::try_path(&to, kind, std::slice::from_ref(&args.file))?;
     if is_packed {
         let size = green::unpack(&args.file, &to)?;
-        return super::print(&format!("{}: {}\n", to.display(), bytes(size as f64)));
+        return print(&format!("{}: {}\n", to.display(), bytes(size as f64)));
     }
     let (whole, small) = green::pack(&args.file, &to)?;
-    super::print(&format!("{}: {} from {}\n", to.display(), bytes(small as f64), bytes(whole as f64)))
+    print(&format!("{}: {} from {}\n", to.display(), bytes(small as f64), bytes(whole as f64)))
 }

@@ -1,5 +1,7 @@
 //! `greenstage pattern`: the test pattern on every screen of a stage, for installing a display.
 
+use super::parsers;
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::display::application::{self, Options, Shows};
@@ -24,10 +26,10 @@ pub struct Args {
     #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Size of the windows against the screens' own pixels
-    #[arg(long, value_parser = super::scale, default_value_t = 1.0)]
+    #[arg(long, value_parser = parsers::scale, default_value_t = 1.0)]
     pub scale: f64,
     /// Close the windows after so many seconds
-    #[arg(long, value_parser = super::positive)]
+    #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
 }
 
@@ -75,5 +77,5 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
             count += 1;
         }
     }
-    super::print(&format!("{count} pictures in {}\n", folder.display()))
+    print(&format!("{count} pictures in {}\n", folder.display()))
 }

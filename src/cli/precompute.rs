@@ -1,5 +1,6 @@
 //! `greenstage precompute`: the offline stage.
 
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
@@ -40,15 +41,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = prepare::online_part(&settled)?;
     if scene.body.is_empty() {
         let path = args.scene.display();
-        return super::print(&format!(
-            "{path}: `greenstage deform` solves it anew for every pose; nothing to do\n"
-        ));
+        return print(&format!("{path}: `greenstage deform` solves it anew for every pose; nothing to do\n"));
     }
     if !args.force && path.exists() && prepare::fresh(&scene, &path)?.is_ok() {
-        return super::print(&format!(
-            "{} is fresh; nothing to do (--force computes it anew)\n",
-            path.display()
-        ));
+        return print(&format!("{} is fresh; nothing to do (--force computes it anew)\n", path.display()));
     }
     try_path(&path, &green::GREEN, &inputs)?;
     let started = Instant::now();
@@ -60,7 +56,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let written_s = writing.elapsed().as_secs_f64();
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));
-    super::print(&format!(
+    print(&format!(
         "{tables}{}: {} written in {}\nwhole offline stage {}{peak}\n",
         path.display(),
         bytes(size as f64),

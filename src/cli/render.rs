@@ -1,5 +1,7 @@
 //! `greenstage render`: the scripted scene as offscreen pictures.
 
+use super::parsers;
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::display::device;
 use crate::display::offscreen::Pictures;
@@ -25,7 +27,7 @@ pub struct Args {
     #[arg(short, long)]
     pub output: PathBuf,
     /// Frames, evenly over the script or the recording
-    #[arg(long, default_value_t = 20, value_parser = super::frames)]
+    #[arg(long, default_value_t = 20, value_parser = parsers::frames)]
     pub frames: usize,
     /// Key frames for head and stylus: bend, or a script file; default: the scene's
     #[arg(long)]
@@ -40,10 +42,10 @@ pub struct Args {
     #[arg(long)]
     pub green: Option<PathBuf>,
     /// Samples a pixel, 1 or 4
-    #[arg(long, default_value_t = 4, value_parser = super::samples)]
+    #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
     /// Size of the pictures against the screens' own pixels, 0.01 to 4
-    #[arg(long, default_value_t = 1.0, value_parser = super::scale)]
+    #[arg(long, default_value_t = 1.0, value_parser = parsers::scale)]
     pub scale: f64,
     /// Both eyes in one picture as a display wants them (`greenstage manual stages` lists the kinds), or one eye's;
     /// default: a picture per eye
@@ -87,7 +89,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     try_outputs(&request, Some(&pictures))?;
     let scene = super::plan::settled(scene.clone(), false, false)?;
     let mut session = Session::open(&Request { scene: &scene, ..request })?;
-    super::print(&pictures.draw(&mut session)?)
+    print(&pictures.draw(&mut session)?)
 }
 
 /// Whether everything that `render` and `view` write can be written, before anything is solved.

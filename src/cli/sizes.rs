@@ -3,13 +3,14 @@
 //! A made-up tube of so many surface nodes with 24 columns, drawn for both eyes on every screen of a stage: no offline
 //! stage is needed, and every size fits. All coefficients change in every frame.
 
-use super::bench;
+use super::print::print;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
 use crate::base::failure::Failure;
+use crate::base::machine;
 use crate::base::statistics::median;
 use crate::base::table::{Table, bytes, seconds};
 use crate::deform::{Superposition, vertex_normals};
-use crate::display::device::DeformOn;
+use crate::display::device::{self, DeformOn};
 use crate::green::FIELDS;
 use crate::render::{
     BodyBuffers, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Renderer, View,
@@ -98,8 +99,21 @@ struct Header<'a> {
     attachments: [u64; 2],
 }
 
+/// What is measured.
+pub struct Request<'a> {
+    /// Surface nodes of each body.
+    pub sizes: &'a [usize],
+    pub storage: Storage,
+    /// Frames for each figure.
+    pub frames: usize,
+    pub device: device::Args,
+    pub json: bool,
+    pub stage: &'a Stage,
+}
+
 /// Measures all sizes, where the bodies may deform, and prints a table, or the same as JSON.
-pub fn run(args: &bench::Args, stage: &Stage) -> Result<(), Failure> {
+pub fn run(args: &Request<'_>) -> Result<(), Failure> {
+    let stage = args.stage;
     let mut gpu = Gpu::headless()?;
     let has_clock = gpu.start_clock()?;
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4)?;
@@ -119,7 +133,7 @@ pub fn run(args: &bench::Args, stage: &Stage) -> Result<(), Failure> {
         attachments: renderer.attachment_bytes(),
     };
     let mut rows = Vec::new();
-    for &size in &args.sizes {
+    for &size in args.sizes {
         let tube = Tube::new(size, args.storage);
         for on_device in [false, true] {
             let unwanted = if on_device { DeformOn::Cpu } else { DeformOn::Gpu };
@@ -147,9 +161,9 @@ pub fn run(args: &bench::Args, stage: &Stage) -> Result<(), Failure> {
         }
     }
     if args.json {
-        super::print(&format!("{:#}\n", as_json(&header, &rows)))
+        print(&format!("{:#}\n", as_json(&header, &rows)))
     } else {
-        super::print(&as_text(&header, &rows))
+        print(&as_text(&header, &rows))
     }
 }
 
@@ -210,7 +224,7 @@ fn as_json(header: &Header<'_>, rows: &[Row]) -> Value {
     };
     json!({ "stage": stage.name, "pictures": 2 * stage.screens.len(), "one_pass_for_both_eyes": one_pass,
         "columns": ELEMENTS * FIELDS, "storage": storage, "device": device, "device_has_clock": has_clock,
-        "attachment_bytes": shared, "attachment_bytes_unshared": alone, "processor": bench::processor(),
+        "attachment_bytes": shared, "attachment_bytes_unshared": alone, "processor": machine::processor(),
         "version": env!("CARGO_PKG_VERSION"), "sizes": rows.iter().map(row).collect::<Vec<_>>() })
 }
 

@@ -1,6 +1,6 @@
 //! `greenstage verify haptics`: the closed loop of hand, device and stiff body, by stiffness and rate, and by delay and jitter.
 
-use super::verify::Args;
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::Table;
 use crate::effect::haptics::settling::{MODULI, REPORTS, Settled, settle, still};
@@ -9,6 +9,7 @@ use crate::effect::haptics::{Hand, Measures, Reports};
 use crate::stage::Haptic;
 use rayon::prelude::*;
 use serde_json::json;
+use std::path::Path;
 
 /// Asks for this instead of problems.
 pub const NAME: &str = "haptics";
@@ -24,7 +25,8 @@ const SETTINGS: [(&str, Measures, Hand); 5] = [
 
 const BRAKE: Measures = Measures { brake: true, ..Measures::NONE };
 
-pub fn print(args: &Args) -> Result<(), Failure> {
+/// Runs all settings; prints tables or JSON, and writes the tables into a Markdown file where one is named.
+pub fn run_all(json: bool, readme: Option<&Path>) -> Result<(), Failure> {
     let (mut text, mut all) = (Vec::new(), Vec::new());
     for (name, measures, hand) in SETTINGS {
         let row = |&stiffness: &f64| {
@@ -45,15 +47,15 @@ pub fn print(args: &Args) -> Result<(), Failure> {
         text.push((name.to_owned(), table));
         delays.push(json!({ "setting": name, "runs": runs }));
     }
-    if args.json {
+    if json {
         let all = json!({ "settings": all, "boundaries": found, "delays": delays });
-        super::print(&format!("{all:#}\n"))?;
+        print(&format!("{all:#}\n"))?;
     } else {
         let tables: String =
             text.iter().map(|(name, table)| format!("{name}\n\n{}\n", table.text())).collect();
-        super::print(&tables)?;
+        print(&tables)?;
     }
-    if let Some(path) = &args.readme {
+    if let Some(path) = readme {
         let tables: String =
             text.iter().map(|(name, table)| format!("{name}:\n\n{}\n", table.markdown())).collect();
         super::marks::write_between(path, NAME, &tables)?;

@@ -1,5 +1,7 @@
 //! `greenstage stage-view`: the room from outside, in a window of its own or as a picture.
 
+use super::parsers;
+use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::display::application::{self, Options, Shows};
@@ -36,13 +38,13 @@ pub struct Args {
     #[arg(long, default_value_t = 0.0)]
     pub time: f64,
     /// Close the window after so many seconds
-    #[arg(long, value_parser = super::positive)]
+    #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
     /// Samples a pixel, 1 or 4
-    #[arg(long, default_value_t = 4, value_parser = super::samples)]
+    #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
 }
 
@@ -77,7 +79,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(path) = &args.output {
         play(&mut session, args.time)?;
         save(&picture(&mut session, &camera, args.size, args.samples)?, path)?;
-        return super::print(&format!("{}\n", path.display()));
+        return print(&format!("{}\n", path.display()));
     }
     session.start_trackers()?;
     let shows = Shows::Model(ModelWindow::new(camera, args.size));

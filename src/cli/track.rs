@@ -1,5 +1,7 @@
 //! `greenstage track`: what every sensor, button and valuator of a stage says, live.
 
+use super::parsers;
+use super::print::{print, print_over};
 use super::serve::{self, Service};
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
@@ -25,10 +27,10 @@ pub struct Args {
     #[arg(required_unless_present = "script")]
     pub stage: Option<String>,
     /// Quit after so many seconds
-    #[arg(long, value_parser = super::positive)]
+    #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
     /// Seconds from one table to the next
-    #[arg(long, default_value_t = 0.5, value_parser = super::positive)]
+    #[arg(long, default_value_t = 0.5, value_parser = parsers::positive)]
     pub interval: f64,
     /// Listen for --seconds (else 1), then tell once
     #[arg(long)]
@@ -47,7 +49,7 @@ pub struct Args {
     #[arg(long, requires = "serve")]
     pub script: Option<String>,
     /// Readings a second of the script
-    #[arg(long, default_value_t = 120.0, value_parser = super::positive)]
+    #[arg(long, default_value_t = 120.0, value_parser = parsers::positive)]
     pub rate: f64,
 }
 
@@ -84,12 +86,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         next_s = now_s + interval_s;
         let reports = rig.report(now_s);
         if args.json {
-            return super::print(&format!("{}\n", json(&reports, now_s - started_s)));
+            return print(&format!("{}\n", json(&reports, now_s - started_s)));
         }
         let text = text(&reports, args.raw);
         let above = if in_place { height } else { 0 };
         height = text.lines().count();
-        super::print_over(above, &format!("{text}{}", if in_place { "" } else { "\n" }))
+        print_over(above, &format!("{text}{}", if in_place { "" } else { "\n" }))
     })
 }
 

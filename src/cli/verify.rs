@@ -1,9 +1,10 @@
 //! `greenstage verify`: how near the elements come to published and analytic answers, and how fast.
 
-use super::bench::processor;
 use super::marks;
+use super::print::print;
 use super::stability;
 use crate::base::failure::Failure;
+use crate::base::machine;
 use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::verify::{self, ConvergenceRow, Effort, PROBLEMS, Problem};
@@ -42,7 +43,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         )?;
     }
     if args.problems == [stability::NAME] {
-        return stability::print(args);
+        return stability::run_all(args.json, args.readme.as_deref());
     }
     if args.problems == [HARD_CASES] {
         return hard_cases(args);
@@ -57,21 +58,21 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let solved = verify::run(problem, effort).map_err(Failure::work)?;
         let section = section(problem, &solved);
         if !args.json {
-            super::print(&section)?;
+            print(&section)?;
         }
         text.push_str(&section);
         rows.extend(solved);
     }
     if args.json {
         let rows: Vec<Value> = rows.iter().map(as_json).collect();
-        super::print(&format!("{:#}\n", json!(rows)))?;
+        print(&format!("{:#}\n", json!(rows)))?;
     }
     if let Some(path) = &args.readme {
         let machine = format!(
             "greenstage {}, {} threads, {}:",
             env!("CARGO_PKG_VERSION"),
             rayon::current_num_threads(),
-            processor()
+            machine::processor()
         );
         marks::write_between(path, "verify", &format!("{machine}\n\n```text\n{}\n```\n", text.trim_end()))?;
     }
@@ -98,9 +99,9 @@ fn hard_cases(args: &Args) -> Result<(), Failure> {
         ]);
     }
     if args.json {
-        super::print(&format!("{:#}\n", json!(rows)))?;
+        print(&format!("{:#}\n", json!(rows)))?;
     } else {
-        super::print(&format!("{}\n", table.text()))?;
+        print(&format!("{}\n", table.text()))?;
     }
     if let Some(path) = &args.readme {
         marks::write_between(path, HARD_CASES, &table.markdown())?;

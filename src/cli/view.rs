@@ -1,5 +1,7 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
+use super::parsers;
+use super::print::print;
 use super::render;
 use crate::base::failure::Failure;
 use crate::display::application::{self, Finished, Options, Shows};
@@ -41,11 +43,11 @@ pub struct Args {
     #[arg(long)]
     pub green: Option<PathBuf>,
     /// Samples a pixel, 1 or 4
-    #[arg(long, default_value_t = 4, value_parser = super::samples)]
+    #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
     /// Size of the windows against the screens' own pixels; default: 1 for a single window and where the stage file has
     /// windows of its own, else 0.5
-    #[arg(long, value_parser = super::scale)]
+    #[arg(long, value_parser = parsers::scale)]
     pub scale: Option<f64>,
     /// Present at once instead of waiting for the display's refresh
     #[arg(long)]
@@ -54,7 +56,7 @@ pub struct Args {
     #[arg(long)]
     pub overlay: bool,
     /// Quit after so many seconds
-    #[arg(long, value_parser = super::positive)]
+    #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
     /// Where the pictures go when there is no display; overwrites PNG files of their names, and nothing else
     #[arg(long, default_value = "out/demo")]
@@ -113,17 +115,17 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = super::plan::settled(scene.clone(), false, false)?;
     let mut session = Session::open(&Request { scene: &scene, ..request })?;
     if args.check {
-        return super::print(&playback::check(&mut session)?);
+        return print(&playback::check(&mut session)?);
     }
     if let Err(reason) = display {
-        super::print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
+        print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
         let moves = session.input.script.is_some() || args.replay.is_some();
         let pictures = PictureRequest { frames: if moves { OFFSCREEN } else { 1 }, ..pictures };
-        return super::print(&pictures.draw(&mut session)?);
+        return print(&pictures.draw(&mut session)?);
     }
     // A recording has its own head and hands.
     if args.replay.is_none() {
-        super::print(&format!("{}\n", keys::bindings()))?;
+        print(&format!("{}\n", keys::bindings()))?;
         session.attach_mouse();
         session.start_haptics(&scene)?;
         session.start_trackers()?;
@@ -137,8 +139,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 fn report(Finished { mut session, frames, lasted_s }: Finished) -> Result<(), Failure> {
-    super::print(&session.haptics.as_mut().map(HapticSession::summary).unwrap_or_default())?;
+    print(&session.haptics.as_mut().map(HapticSession::summary).unwrap_or_default())?;
     let rate = f64::from(frames) / lasted_s;
-    super::print(&format!("{frames} frames in {lasted_s:.1} s: {rate:.1} frames/s\n"))?;
-    super::print(&session.report()?)
+    print(&format!("{frames} frames in {lasted_s:.1} s: {rate:.1} frames/s\n"))?;
+    print(&session.report()?)
 }

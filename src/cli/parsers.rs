@@ -1,0 +1,38 @@
+//! Values of options that several subcommands have.
+
+use crate::scene::Storage;
+
+pub fn samples(text: &str) -> Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "4" => Ok(4),
+        _ => Err("samples a pixel are 1 or 4".into()),
+    }
+}
+
+pub fn storage(text: &str) -> Result<Storage, String> {
+    match text {
+        "f32" => Ok(Storage::F32),
+        "f16" => Ok(Storage::F16),
+        "int16" => Ok(Storage::Int16),
+        _ => Err("columns are stored as f32, f16 or int16".into()),
+    }
+}
+
+pub fn frames(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|frames| (1..=100_000).contains(frames))
+        .ok_or("a number from 1 to 100000".into())
+}
+
+pub fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|value: &f64| value.is_finite() && *value > 0.0)
+        .ok_or("a positive number".into())
+}
+
+pub fn scale(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|scale| (0.01..=4.0).contains(scale)).ok_or("a number from 0.01 to 4".into())
+}

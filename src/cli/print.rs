@@ -1,0 +1,21 @@
+//! Results on standard output.
+
+use crate::base::failure::Failure;
+use crate::base::text::plain;
+use std::io::{ErrorKind, Write};
+
+/// Writes a result to standard output, nothing in it able to steer the terminal ([`plain`]). A reader that has gone, as
+/// after `| head`, is no error.
+pub fn print(text: &str) -> Result<(), Failure> {
+    print_over(0, text)
+}
+
+/// [`print()`] over the last `lines` lines of a terminal.
+pub fn print_over(lines: usize, text: &str) -> Result<(), Failure> {
+    let up = if lines > 0 { format!("\x1b[{lines}A\x1b[J") } else { String::new() };
+    let mut out = std::io::stdout().lock();
+    match out.write_all((up + &plain(text)).as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::work(error)),
+        _ => Ok(()),
+    }
+}
