@@ -154,8 +154,9 @@ fn haply() -> Played {
 
 fn start(device: &Played, way_out: &str) -> Child {
     let mut command = Command::new(std::env::current_exe().unwrap());
+    let (_, tests) = module_path!().split_once("::").unwrap();
     command
-        .args(["--exact", "cli::interrupt::tests::child", "--nocapture"])
+        .args(["--exact", &format!("{tests}::child"), "--nocapture"])
         .envs([(DEVICE, device.name.as_str()), (WAY_OUT, way_out)])
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
