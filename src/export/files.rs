@@ -21,12 +21,13 @@ impl Files {
         let is_named = stem.file_name().is_some() && !output.as_os_str().as_encoded_bytes().ends_with(b"/");
         let is_special = std::fs::metadata(output).is_ok_and(|found| !found.is_file() && !found.is_dir());
         if !is_named || is_special {
-            let suffixes: Vec<String> =
+            let mut files: Vec<String> =
                 EXPORTERS.iter().map(|exporter| format!("OUT{}", exporter.suffix)).collect();
+            let last = files.pop().unwrap_or_default();
             return Err(Failure::wrong(format!(
-                "{}: {} are written: OUT names files in a folder, as out/part",
+                "{}: {} and {last} are written: OUT names files in a folder, as out/part",
                 output.display(),
-                suffixes.join(", ")
+                files.join(", ")
             )));
         }
         Ok(Files { stem })
@@ -48,8 +49,12 @@ impl Files {
         Ok(())
     }
 
-    /// Writes the files and removes those of an earlier run that have no successor; their paths.
-    pub fn write(&self, set: &ResultSet) -> Result<Vec<PathBuf>, Failure> {
+    /// Writes the files, each told to `tell` once it is there, and removes those of an earlier run that have no successor.
+    pub fn write(
+        &self,
+        set: &ResultSet,
+        mut tell: impl FnMut(&Path) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         let (mut staged, mut old) = (Vec::new(), Vec::new());
         for exporter in EXPORTERS {
             let path = self.path(exporter.suffix);
@@ -60,10 +65,9 @@ impl Files {
             let contents = (exporter.write)(set);
             staged.push((output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?, path));
         }
-        let mut written = Vec::new();
         for (staged, path) in staged {
             staged.put()?;
-            written.push(path);
+            tell(&path)?;
         }
         for old in old {
             std::fs::remove_file(&old)
@@ -71,6 +75,6 @@ impl Files {
                 .map_err(Failure::Request)?;
             notice!("note: {} was of an earlier run with haptics and is removed", old.display());
         }
-        Ok(written)
+        Ok(())
     }
 }

@@ -15,10 +15,11 @@ use std::sync::Arc;
 
 /// A world that is moved on.
 pub struct Session {
+    /// Loops of force devices, where the stage has some and a body asks for them. First, so that it is dropped first: no
+    /// device pushes while trackers are waited for.
+    pub haptics: Option<HapticSession>,
     pub world: World,
     pub input: InputSource,
-    /// Loops of force devices, where the stage has some and a body asks for them.
-    pub haptics: Option<HapticSession>,
     pub recorder: Option<Recorder>,
     /// Of a scene; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
@@ -37,7 +38,7 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
-        Session { world, input, haptics: None, recorder: None, file: None }
+        Session { haptics: None, world, input, recorder: None, file: None }
     }
 
     /// Mouse and keyboard move what nothing else does.
