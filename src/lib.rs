@@ -18,8 +18,9 @@
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
-//! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields |
+//! | [`prepare`] | a scene made ready: what its models and effects require, its .green file found fresh or made |
 //! | [`effect`] | opt-in effects: what no scene lists costs nothing |
+//! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`green`] | the precomputed columns and the .green file |
@@ -51,6 +52,7 @@ pub mod green;
 pub mod interact;
 pub mod manual;
 pub mod mesh;
+pub mod prepare;
 pub mod render;
 pub mod report;
 pub mod scene;

@@ -10,11 +10,12 @@ use crate::deform::pose_file;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::TET4;
 use crate::green::{self, GreenFile, Requirements};
+use crate::prepare;
 use crate::report::{self, Limits, Request, measure::poses::random};
 use crate::scene::Scene;
 use crate::session::{Playback, Session, open};
 use crate::solve::Solver;
-use crate::world::{World, prepare};
+use crate::world::World;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -8,9 +8,9 @@ use crate::base::table::{Table, bytes};
 use crate::deform::{Statics, not_online};
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, GreenError};
+use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::session::open;
-use crate::world::prepare;
 use std::path::PathBuf;
 
 /// All that can be found wrong with a scene, without solving it, or with a stage

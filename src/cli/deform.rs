@@ -5,8 +5,8 @@ use crate::base::failure::Failure;
 use crate::deform::pose_file;
 use crate::export::batch::{self, Asked};
 use crate::export::{Files, ResultSet};
+use crate::prepare;
 use crate::scene::Scene;
-use crate::world::prepare;
 use std::path::PathBuf;
 
 /// Batch: poses in, displacements and forces out

@@ -6,11 +6,11 @@ use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
 use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
+use crate::prepare;
 use crate::scene::Scene;
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::flow;
-use crate::world::prepare;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

@@ -6,9 +6,9 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::green::{GreenError, GreenFile};
+use crate::prepare;
 use crate::scene::Scene;
 use crate::tuning::Planner;
-use crate::world::prepare;
 
 /// [`Planner::choose`]; says on standard error what was chosen, and why.
 pub fn settled(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> {

@@ -5,8 +5,8 @@ use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
 use crate::green::{self, Precomputed};
+use crate::prepare;
 use crate::scene::Scene;
-use crate::world::prepare;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

@@ -6,10 +6,10 @@ use crate::base::failure::Failure;
 use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
+use crate::prepare;
 use crate::scene::Scene;
 use crate::session::{Request, Session, recording};
 use crate::stage::Stereo;
-use crate::world::prepare;
 use std::path::{Path, PathBuf};
 
 /// Offscreen PNGs of the scripted scene: every frame, screen and eye, and a contact sheet

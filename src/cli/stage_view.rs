@@ -9,9 +9,10 @@ use crate::display::device;
 use crate::display::model_window::{ModelWindow, picture};
 use crate::display::pictures::{PNG, save};
 use crate::display::stage_model::Camera;
+use crate::prepare;
 use crate::scene::Scene;
 use crate::session::{Request, Session};
-use crate::world::{World, prepare};
+use crate::world::World;
 use std::path::PathBuf;
 
 /// The room from outside: screens, eyes and what they see, head, stylus, bodies, trackers

@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// The running trackers of a stage.
 pub fn rig(stage: &str) -> Result<TrackerSet, Failure> {
     let stage = crate::track::find_stage(stage).map_err(Failure::request)?;
-    trackers::start(&stage, None)?.ok_or_else(|| {
+    trackers::start(&stage, &mut [])?.ok_or_else(|| {
         Failure::wrong(format!(
             "stage {} names no tracker: add a [tracker.NAME] table to its file (`greenstage manual tracking`)",
             stage.name

@@ -11,7 +11,7 @@ use crate::display::pictures::PictureRequest;
 use crate::display::screen_windows::ScreenWindows;
 use crate::render::window;
 use crate::scene::Scene;
-use crate::session::{HapticSession, Request, Session, keys, playback};
+use crate::session::{Request, Session, keys, playback};
 use std::path::PathBuf;
 
 /// Online stage in windows, or offscreen where there is no display
@@ -128,7 +128,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if args.replay.is_none() {
         print(&format!("{}\n", keys::bindings()))?;
         session.attach_mouse();
-        session.start_haptics(&scene)?;
+        session.start_effects(&scene)?;
         session.start_trackers()?;
     }
     let stage = &session.world.stage;
@@ -140,7 +140,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 fn report(Finished { mut session, frames, lasted_s }: Finished) -> Result<(), Failure> {
-    print(&session.haptics.as_mut().map(HapticSession::summary).unwrap_or_default())?;
+    print(&session.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
     let rate = f64::from(frames) / lasted_s;
     print(&format!("{frames} frames in {lasted_s:.1} s: {rate:.1} frames/s\n"))?;
     print(&session.report()?)

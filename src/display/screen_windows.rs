@@ -7,7 +7,7 @@ use super::window_frame::WindowFrame;
 use super::window_layout;
 use crate::render::window::{AppError, Button, Input, Key, WindowSpec};
 use crate::render::{Gpu, Tile};
-use crate::session::{HapticSession, Session};
+use crate::session::Session;
 use crate::stage::{Stage, Window};
 use crate::track::MouseInput;
 use crate::track::mouse::Button as MouseButton;
@@ -110,8 +110,8 @@ impl ScreenWindows {
         let upload_s = bodies.upload(&windows.gpu, &mut session.world)?;
         let is_wanted = self.overlays.wants_reports();
         let reports = if is_wanted { session.input.tracker_reports() } else { Vec::new() };
-        let haptics = session.haptics.as_mut().filter(|_| self.overlays.has_panel());
-        let felt = haptics.map(HapticSession::readings).unwrap_or_default();
+        let effects = session.effects.iter_mut().filter(|_| self.overlays.has_panel());
+        let haptics = effects.flat_map(|effect| effect.haptic_readings()).collect();
         let world = &session.world;
         let stage_frame = StageFrame {
             stage: &world.stage,
@@ -128,7 +128,7 @@ impl ScreenWindows {
             source: source.to_owned(),
             warnings: world.warnings.clone(),
             sensors: SensorReading::of(&reports),
-            felt,
+            haptics,
             ..Readings::of(world)
         };
         let instances = bodies.instances(world);

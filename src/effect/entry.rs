@@ -1,9 +1,25 @@
 //! What an effect says of itself.
 
-use crate::green::{FAMILIES, Family, GreenError, Requirements, Solution, Tensor};
+use super::running::RunningEffect;
+use crate::base::failure::Failure;
+use crate::green::{FAMILIES, Family, GreenError, GreenFile, Requirements, Solution, Tensor};
+use crate::scene::Scene;
+use crate::world::World;
 
 /// Makes the tensors of an effect's own section from the solution of a body, each with its name.
 pub type Precompute = fn(&Solution) -> Result<Vec<(String, Tensor)>, GreenError>;
+
+/// A scene in which some bodies list an effect.
+pub struct Listed<'a> {
+    pub scene: &'a Scene,
+    pub file: &'a GreenFile,
+    /// The bodies that list it: number in the scene and in the world, and name.
+    pub bodies: Vec<(usize, &'a str)>,
+}
+
+pub type Attach = fn(&Listed<'_>, &mut World);
+
+pub type Start = fn(&Listed<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 /// One entry of the list of effects.
 pub struct EffectEntry {
@@ -14,6 +30,10 @@ pub struct EffectEntry {
     /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,
+    /// Adds what is shown of it to a new world.
+    pub attach: Option<Attach>,
+    /// Starts what runs beside the frames of a live session; nothing where the stage has no device for it.
+    pub start: Option<Start>,
 }
 
 impl EffectEntry {

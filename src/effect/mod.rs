@@ -6,14 +6,19 @@
 
 mod entry;
 pub mod haptics;
+mod running;
 
-pub use entry::{EffectEntry, Precompute};
+pub use entry::{EffectEntry, Listed, Precompute};
+pub use running::RunningEffect;
 
+use crate::base::failure::Failure;
 use crate::deform::ModelEntry;
-use crate::green::{Family, GreenError, Precomputed, Requirements};
+use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements};
+use crate::scene::{Body, Scene};
+use crate::world::World;
 
 /// All effects; a new one is one file and one line here.
-pub const EFFECTS: &[EffectEntry] = &[haptics::ENTRY];
+pub const EFFECTS: &[EffectEntry] = &[haptics::live::ENTRY];
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
@@ -50,12 +55,50 @@ pub fn add_sections<'a>(
     Ok(())
 }
 
+/// Calls `act` for every effect that a body of the scene lists.
+fn for_listed<'a>(
+    scene: &'a Scene,
+    file: &'a GreenFile,
+    mut act: impl FnMut(&EffectEntry, &Listed<'a>) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    for entry in EFFECTS {
+        let lists = |body: &Body| body.effects.iter().any(|name| name == entry.name);
+        let bodies = scene.body.iter().enumerate().filter(|(_, (_, body))| lists(body));
+        let bodies: Vec<_> = bodies.map(|(b, (name, _))| (b, name.as_str())).collect();
+        if !bodies.is_empty() {
+            act(entry, &Listed { scene, file, bodies })?;
+        }
+    }
+    Ok(())
+}
+
+/// Adds what is shown of the effects of a scene to its new world.
+pub fn attach(scene: &Scene, file: &GreenFile, world: &mut World) -> Result<(), Failure> {
+    for_listed(scene, file, |entry, listed| {
+        if let Some(attach) = entry.attach {
+            attach(listed, world);
+        }
+        Ok(())
+    })
+}
+
+/// Starts what the effects of a scene run beside the frames.
+pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
+    let mut running = Vec::new();
+    for_listed(scene, file, |entry, listed| {
+        if let Some(start) = entry.start {
+            running.extend(start(listed, world)?);
+        }
+        Ok(())
+    })?;
+    Ok(running)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::deform::{Deformer, MODELS, find_model};
-    use crate::green::{self, AFFINE, FAMILIES, GreenFile, STIFFNESS, Tensor};
-    use crate::scene::Scene;
+    use crate::green::{self, AFFINE, FAMILIES, STIFFNESS, Tensor};
     use crate::solve::Silent;
     use std::path::Path;
     use std::sync::Arc;
@@ -74,6 +117,8 @@ mod tests {
             let means = Tensor::new(&[fields.columns], (0..fields.columns).map(mean));
             Ok(vec![("columns".into(), means)])
         }),
+        attach: None,
+        start: None,
     };
 
     fn scene() -> Scene {
@@ -122,7 +167,7 @@ mod tests {
             assert!(requirements(model, EFFECTS).has(STIFFNESS), "{}", model.name);
         }
         assert!(any_requires(&["haptics".into()], STIFFNESS) && !any_requires(&[], STIFFNESS));
-        assert_eq!((haptics::ENTRY.bytes(2), MEANS.bytes(2)), (24 * 24 * 8, 0));
+        assert_eq!((haptics::live::ENTRY.bytes(2), MEANS.bytes(2)), (24 * 24 * 8, 0));
     }
 
     /// A section must not stand where a family's tensors or the surface do.

@@ -9,9 +9,9 @@ use crate::deform::{
     ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, Wrench, find_model, wrenches,
 };
 use crate::green::{self, GreenFile, STIFFNESS, Solution};
+use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
-use crate::world::prepare;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::path::Path;
 use std::sync::Arc;

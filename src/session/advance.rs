@@ -1,10 +1,10 @@
 //! A session: a world, who moves it, the force devices that are felt, and the file that it is recorded in.
 
-use super::haptic::HapticSession;
 use super::input::{Change, InputSource, Leader};
 use super::keys;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
+use crate::effect::{self, RunningEffect};
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::window::Key;
@@ -15,9 +15,9 @@ use std::sync::Arc;
 
 /// A world that is moved on.
 pub struct Session {
-    /// Loops of force devices, where the stage has some and a body asks for them. First, so that it is dropped first: no
-    /// device pushes while trackers are waited for.
-    pub haptics: Option<HapticSession>,
+    /// What the effects of the scene's bodies run. First, so that it is dropped first: no device pushes while trackers
+    /// are waited for.
+    pub effects: Vec<Box<dyn RunningEffect>>,
     pub world: World,
     pub input: InputSource,
     pub recorder: Option<Recorder>,
@@ -38,7 +38,7 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
-        Session { haptics: None, world, input, recorder: None, file: None }
+        Session { effects: Vec::new(), world, input, recorder: None, file: None }
     }
 
     /// Mouse and keyboard move what nothing else does.
@@ -46,17 +46,17 @@ impl Session {
         self.input.mouse = Some(Mouse::new(self.world.stage.clone()));
     }
 
-    /// Starts the force devices of the stage, where a body of the scene asks for them.
-    pub fn start_haptics(&mut self, scene: &Scene) -> Result<(), Failure> {
+    /// Starts what the effects of the scene's bodies run beside the frames, as the loops of force devices.
+    pub fn start_effects(&mut self, scene: &Scene) -> Result<(), Failure> {
         if let Some(file) = &self.file {
-            self.haptics = HapticSession::start(scene, file, &self.world)?;
+            self.effects = effect::start(scene, file, &self.world)?;
         }
         Ok(())
     }
 
     /// Starts the trackers of the stage.
     pub fn start_trackers(&mut self) -> Result<(), Failure> {
-        self.input.trackers = super::trackers::start(&self.world.stage, self.haptics.as_mut())?;
+        self.input.trackers = super::trackers::start(&self.world.stage, &mut self.effects)?;
         Ok(())
     }
 
@@ -70,12 +70,9 @@ impl Session {
         for change in changes {
             self.apply(change);
         }
-        match &mut self.haptics {
-            None => {
-                self.world.step_at(time_s, &state);
-            }
-            Some(haptics) => haptics.step(&mut self.world, time_s, &mut state),
-        }
+        self.effects.iter_mut().for_each(|effect| effect.before_frame(&mut state));
+        self.world.step_at(time_s, &state);
+        self.effects.iter_mut().for_each(|effect| effect.after_frame(&self.world));
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&mut self.world, &state)?;
         }

@@ -5,9 +5,7 @@
 //! forces of haptic devices, and a file that plays the session again.
 
 pub mod advance;
-pub mod haptic;
 pub mod input;
-pub mod interrupt;
 pub mod keys;
 pub mod lines;
 pub mod open;
@@ -16,7 +14,6 @@ pub mod recording;
 pub mod trackers;
 
 pub use advance::{Progress, Session};
-pub use haptic::HapticSession;
 pub use input::{InputSource, Leader};
 pub use open::Request;
 pub use playback::Playback;

@@ -3,10 +3,12 @@
 use super::advance::Session;
 use super::recording::{Origin, Recorder, Replay};
 use crate::base::failure::Failure;
+use crate::effect;
+use crate::prepare;
 use crate::scene::Scene;
 use crate::stage::Stage;
 use crate::track::Script;
-use crate::world::{World, prepare};
+use crate::world::World;
 use std::path::Path;
 
 /// What a session is opened with; what is not named is the scene's.
@@ -45,6 +47,7 @@ impl Session {
         let stage = stage(scene, named.as_deref())?;
         let file = prepare::green_file(scene, request.green)?;
         let mut world = World::new(scene, &file, stage)?;
+        effect::attach(scene, &file, &mut world)?;
         let named = named.unwrap_or_else(|| stage_of_scene(scene));
         let origin = Origin { scene, file: &file, stage: &named };
         if let Some(replay) = &mut replay {

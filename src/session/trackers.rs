@@ -1,20 +1,20 @@
 //! The trackers of a session: opened once, joined with what mouse or script say.
 
-use super::haptic::{self, HapticSession};
 use crate::base::failure::Failure;
-use crate::effect::haptics::HapticSource;
+use crate::effect::RunningEffect;
+use crate::effect::haptics::{HapticSource, live};
 use crate::stage::Stage;
 use crate::track::device::{Source, now_s};
 use crate::track::{TrackerSet, TrackerState, open};
 
 /// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
-pub fn start(stage: &Stage, mut loops: Option<&mut HapticSession>) -> Result<Option<TrackerSet>, Failure> {
+pub fn start(stage: &Stage, effects: &mut [Box<dyn RunningEffect>]) -> Result<Option<TrackerSet>, Failure> {
     TrackerSet::start(&stage.tracking, |name, kind| {
         let device = stage.haptics.iter().find(|haptic| haptic.tracker() == name);
         match device {
-            Some(device) => match loops.as_mut().and_then(|loops| loops.source(&device.name)) {
-                Some(source) => Ok(Box::new(source) as Box<dyn Source>),
-                None => Ok(Box::new(HapticSource::alone(haptic::open(device)?))),
+            Some(device) => match effects.iter_mut().find_map(|effect| effect.source(name)) {
+                Some(source) => Ok(source),
+                None => Ok(Box::new(HapticSource::alone(live::open(device)?)) as Box<dyn Source>),
             },
             None => Ok(open(name, kind)?),
         }

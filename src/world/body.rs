@@ -1,6 +1,6 @@
 //! A body at its place in the room: its deformer, what of it can be taken, how it is coloured.
 
-use super::force_scale::{self, ForceScale};
+use super::force_scale::ForceScale;
 use super::highlight::Highlight;
 use super::times::StepTimes;
 use crate::deform::{ControlPose, Deformer, PoseLimiter};
@@ -28,7 +28,7 @@ pub struct PlacedBody {
     /// Names of its model and its effects, as in the scene.
     pub model: String,
     pub effects: Vec<String>,
-    /// Where the scene lists an effect of forces: how they are shown.
+    /// Where an effect shows forces: how.
     pub force_scale: Option<ForceScale>,
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
@@ -74,7 +74,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
             room_from_body: home,
             home,
             ball,
-            force_scale: force_scale::scale(body, &deformer, ball.1, file),
+            force_scale: None,
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
             model: body.model.clone(),
             effects: body.effects.clone(),

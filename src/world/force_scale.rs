@@ -1,10 +1,7 @@
 //! Which force the longest arrow of a body stands for.
 
-use crate::deform::Deformer;
-use crate::effect::any_requires;
-use crate::green::{FIELDS, GreenFile, STIFFNESS};
-use crate::scene::Body;
-use nalgebra::Matrix3;
+use crate::green::FIELDS;
+use nalgebra::{DMatrix, Matrix3};
 
 /// A control element carried by this part of its body's radius along its softest direction pulls at full scale.
 const FULL_AT: f64 = 0.25;
@@ -16,16 +13,14 @@ pub struct ForceScale {
     pub full_n: Vec<f64>,
 }
 
-/// The scale of a body of which the scene wants forces: for a control element with the translational stiffness K (3 × 3
-/// of S) and a body of radius r, 0.25 r times the least singular value of K.
-pub fn scale(body: &Body, deformer: &Deformer, radius_m: f64, file: &GreenFile) -> Option<ForceScale> {
-    if !any_requires(&body.effects, STIFFNESS) {
-        return None;
+impl ForceScale {
+    /// The scale of a body of the handle stiffness S and a ball of radius r about it: for a control element with the
+    /// translational stiffness K (3 × 3 of S), 0.25 r times the least singular value of K.
+    pub fn new(stiffness: &DMatrix<f64>, radius_m: f64) -> ForceScale {
+        let full_n = |e: usize| {
+            let k: Matrix3<f64> = stiffness.fixed_view::<3, 3>(FIELDS * e, FIELDS * e).into_owned();
+            FULL_AT * radius_m * k.singular_values().min()
+        };
+        ForceScale { full_n: (0..stiffness.nrows() / FIELDS).map(full_n).collect() }
     }
-    let stiffness = file.stiffness(&deformer.body)?;
-    let full_n = |e: usize| {
-        let k: Matrix3<f64> = stiffness.fixed_view::<3, 3>(FIELDS * e, FIELDS * e).into_owned();
-        FULL_AT * radius_m * k.singular_values().min()
-    };
-    Some(ForceScale { full_n: (0..deformer.controls.len()).map(full_n).collect() })
 }

@@ -10,15 +10,15 @@ use super::flow::{self, Bodies, BodyPlace, Fields, Tracked};
 use super::force::{self, HeldForce};
 use super::hand::{self, Held};
 use super::highlight::Highlight;
-use super::prepare;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
+use crate::deform::Deformer;
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::{Arrow, Grid, StylusShape, View};
-use crate::scene::Scene;
+use crate::scene::{Body, Scene};
 use crate::stage::{Eye, Stage};
 use crate::track::{Signal, TrackerState};
 use indexmap::IndexMap;
@@ -59,7 +59,9 @@ pub struct World {
 impl World {
     /// The bodies of a scene, from its .green file, at their places on the stage.
     pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
-        let bodies = body::place(scene, file, prepare::deformers(scene, file)?, &stage);
+        let deformer = |(name, body): (&String, &Body)| Deformer::new(file.clone(), name, &body.model);
+        let deformers = scene.body.iter().map(deformer).collect::<Result<_, _>>().map_err(Failure::wrong)?;
+        let bodies = body::place(scene, file, deformers, &stage);
         let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
         Ok(World::of(stage, bodies, graph, fields))
     }

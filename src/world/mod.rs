@@ -1,6 +1,6 @@
 //! All that moves in one frame: bodies at their places, hands, the graph of fields that joins them.
 //!
-//! In: a [`Scene`](crate::scene::Scene), its .green file ([`prepare`] finds or makes it), a stage, and what the trackers
+//! In: a [`Scene`](crate::scene::Scene), its .green file ([`prepare`](crate::prepare) finds or makes it), a stage, and what the trackers
 //! say. Out: a [`World`] that [`World::step`] moves on by one frame. It knows no window and no device.
 
 pub mod actions;
@@ -12,7 +12,6 @@ pub mod force_scale;
 pub mod frame;
 pub mod hand;
 pub mod highlight;
-pub mod prepare;
 pub mod state_hash;
 pub mod times;
 

@@ -5,6 +5,7 @@ use crate::deform::ControlPose;
 use crate::green;
 use crate::green::GreenFile;
 use crate::interact::Action;
+use crate::prepare;
 use crate::scene::Scene;
 use crate::stage::rotation_towards;
 use crate::stage::{Eye, Stage};

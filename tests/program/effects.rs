@@ -111,7 +111,7 @@ fn the_frame_calls_no_effect_that_is_not_listed() {
         files.extend(std::fs::read_dir(source.join(folder)).unwrap().map(|entry| entry.unwrap().path()));
     }
     // Of these, the first is entered in the frame, the others before it.
-    let own = ["force", "force_scale", "prepare"].map(|name| source.join(format!("world/{name}.rs")));
+    let own = ["force", "force_scale"].map(|name| source.join(format!("world/{name}.rs")));
     let asked_for = ".force_scale.is_some()";
     let (mut read, mut entered) = (0, 0);
     for file in files.iter().filter(|path| path.is_file() && !own.contains(path)) {

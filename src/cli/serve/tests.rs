@@ -3,13 +3,13 @@
 use super::*;
 use crate::deform::ControlPose;
 use crate::green::{self, GreenFile};
+use crate::prepare;
 use crate::scene::Scene;
 use crate::track::FakeSource;
 use crate::track::device::Link;
 use crate::track::vrpn::{Address, Client, Timing, Transport};
 use crate::track::{Signal, StylusState};
 use crate::world::World;
-use crate::world::prepare;
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::path::Path;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! What the overlay says beside times, read off a world as plain values.
 
 use crate::deform::{ControlPose, Wrench, find_model, local_turn};
-use crate::session::haptic::HapticReading;
+use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
 use crate::world::flow::StylusFields;
@@ -22,7 +22,7 @@ pub struct Readings {
     pub source: String,
     pub sensors: Vec<SensorReading>,
     /// Where the stage has force devices and a body is felt.
-    pub felt: Vec<HapticReading>,
+    pub haptics: Vec<HapticReading>,
     /// How held elements move.
     pub mode: String,
     pub hands: Vec<HandReading>,

@@ -15,7 +15,10 @@ pub mod elastic;
 pub mod grasp;
 pub mod haply;
 pub mod haptic_source;
+pub mod interrupt;
+pub mod live;
 pub mod passivity;
+pub mod reading;
 pub mod settling;
 pub mod simulated;
 pub mod stability;
@@ -28,17 +31,9 @@ pub use elastic::{Elastic, Response};
 pub use grasp::{Grasp, Held, HoldConstraint};
 pub use haply::Haply;
 pub use haptic_source::HapticSource;
+pub use live::HapticSession;
+pub use reading::HapticReading;
 pub use simulated::{Hand, Reports, Simulated};
 pub use thread::{Loop, LoopTiming, Report};
 pub use tick::{Control, LoopFaults, LoopState, Measures};
 pub use vrpn::VrpnDevice;
-
-use super::entry::EffectEntry;
-use crate::green::STIFFNESS;
-
-pub(super) const ENTRY: EffectEntry = EffectEntry {
-    name: "haptics",
-    summary: "force and torque on every control element, from the 12E × 12E handle stiffness; felt with a device of the stage",
-    requirements: &[STIFFNESS],
-    precompute: None,
-};

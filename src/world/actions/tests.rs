@@ -3,11 +3,11 @@
 use super::*;
 use crate::green::{self, GreenFile};
 use crate::interact::{Axis, Freedom};
+use crate::prepare;
 use crate::scene::Scene;
 use crate::stage::Stage;
 use crate::track::{Signal, StylusState, TrackerState};
 use crate::world::Highlight;
-use crate::world::prepare;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 use std::sync::Arc;

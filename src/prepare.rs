@@ -5,7 +5,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
 use crate::base::signal::{OnEnd, on_end};
-use crate::deform::{Deformer, Kind, find_model, not_online};
+use crate::deform::{Kind, find_model, not_online};
 use crate::effect::{self, EffectEntry, find_effect};
 use crate::fem::Law;
 use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
@@ -194,13 +194,4 @@ pub fn unwritable(error: GreenError, path: &Path) -> Failure {
     let is_request = error.is_request();
     let advised = anyhow::Error::from(error).context(advice);
     if is_request { Failure::Request(advised) } else { Failure::Work(advised) }
-}
-
-/// A deformer for every body of the scene, in the scene's order.
-pub fn deformers(scene: &Scene, file: &Arc<GreenFile>) -> Result<Vec<Deformer>, Failure> {
-    scene
-        .body
-        .iter()
-        .map(|(name, body)| Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong))
-        .collect()
 }

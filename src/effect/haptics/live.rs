@@ -4,37 +4,32 @@
 //! frame. After the frame the loop is told what the stylus holds. Where no body asks for it, or the stage has no
 //! device, there is no [`HapticSession`], no loop and no call in the frame.
 
+use super::super::entry::{EffectEntry, Listed};
+use super::super::running::RunningEffect;
+use super::device::Device;
+use super::elastic::Elastic;
+use super::grasp::{Held, HoldConstraint};
+use super::haply::Haply;
 use super::interrupt;
+use super::reading::HapticReading;
+use super::simulated::{Hand, Simulated};
+use super::thread::{Loop, Report};
+use super::tick::{Control, LoopFaults, LoopState};
+use super::vrpn::VrpnDevice;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::seconds;
-use crate::effect::any_requires;
-use crate::effect::haptics::{
-    Control, Device, Elastic, Hand, Haply, HapticSource, Held, HoldConstraint, Loop, LoopFaults, LoopState,
-    LoopTiming, Report, Simulated, VrpnDevice,
-};
-use crate::green::{GreenFile, STIFFNESS};
+use crate::green::STIFFNESS;
 use crate::interact::Mode;
-use crate::scene::Scene;
 use crate::stage::{Haptic, HapticDevice, Stage};
-use crate::track::{TrackerState, usable};
+use crate::track::{Source, TrackerState, usable};
 use crate::world::World;
+use crate::world::force_scale::ForceScale;
 use nalgebra::Isometry3;
 use std::time::{Duration, Instant};
 
 pub struct HapticSession {
     links: Vec<Link>,
-}
-
-/// What a force device and its loop do now.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HapticReading {
-    pub name: String,
-    pub felt: LoopState,
-    pub clockwork: LoopTiming,
-    pub max_force_n: f64,
-    /// Its stylus holds something that is felt.
-    pub holds: bool,
 }
 
 /// One device and its loop.
@@ -92,17 +87,34 @@ impl Hold {
 /// follow.
 const SAME_HOLD: f64 = 1e-3;
 
+pub(in crate::effect) const ENTRY: EffectEntry = EffectEntry {
+    name: "haptics",
+    summary: "force and torque on every control element, from the 12E × 12E handle stiffness; felt with a device of the stage",
+    requirements: &[STIFFNESS],
+    precompute: None,
+    attach: Some(show_forces),
+    start: Some(|listed, world| {
+        Ok(HapticSession::start(listed, world)?.map(|session| Box::new(session) as Box<dyn RunningEffect>))
+    }),
+};
+
+/// The arrow of the force at what a hand holds.
+fn show_forces(listed: &Listed<'_>, world: &mut World) {
+    for &(b, name) in &listed.bodies {
+        let body = &mut world.bodies[b];
+        body.force_scale = listed.file.stiffness(name).map(|s| ForceScale::new(&s, body.ball.1));
+    }
+}
+
 impl HapticSession {
-    /// Starts the loops; `None` where nothing asks for one.
-    pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Option<HapticSession>, Failure> {
+    /// Starts the loops; `None` where the stage has no force device.
+    pub fn start(listed: &Listed<'_>, world: &World) -> Result<Option<HapticSession>, Failure> {
         let (mut bodies, mut elastic) = (Vec::new(), Vec::new());
-        for (b, (name, body)) in scene.body.iter().enumerate() {
-            let stiffness = file.stiffness(name).filter(|_| any_requires(&body.effects, STIFFNESS));
-            if let Some(stiffness) = stiffness {
-                let made = Elastic::new(&body.model, &stiffness, &world.bodies[b].deformer.controls);
-                elastic.push(made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))?);
-                bodies.push(b);
-            }
+        for &(b, name) in &listed.bodies {
+            let Some(stiffness) = listed.file.stiffness(name) else { continue };
+            let made = Elastic::new(&world.bodies[b].model, &stiffness, &world.bodies[b].deformer.controls);
+            elastic.push(made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))?);
+            bodies.push(b);
         }
         if bodies.is_empty() || world.stage.haptics.is_empty() {
             return Ok(None);
@@ -129,18 +141,6 @@ impl HapticSession {
         Ok(Some(HapticSession { links }))
     }
 
-    /// What the device of this name measures, as a tracker's source; once.
-    pub fn source(&mut self, name: &str) -> Option<HapticSource> {
-        self.links.iter_mut().find(|link| link.haptic.name == name)?.running.source()
-    }
-
-    /// A frame of the world, which its force devices take part in.
-    pub fn step(&mut self, world: &mut World, clock_s: f64, state: &mut TrackerState) {
-        self.move_styli(state);
-        world.step_at(clock_s, state);
-        self.tell(world);
-    }
-
     /// Puts simulated devices in the place of their styli.
     fn move_styli(&mut self, state: &mut TrackerState) {
         for link in self.links.iter_mut().filter(|link| link.haptic.device == HapticDevice::Simulated) {
@@ -163,15 +163,29 @@ impl HapticSession {
             link.warn(world, held.as_ref());
         }
     }
+}
 
-    /// What each device does now.
-    pub fn readings(&mut self) -> Vec<HapticReading> {
+impl RunningEffect for HapticSession {
+    fn before_frame(&mut self, state: &mut TrackerState) {
+        self.move_styli(state);
+    }
+
+    fn after_frame(&mut self, world: &World) {
+        self.tell(world);
+    }
+
+    fn source(&mut self, tracker: &str) -> Option<Box<dyn Source>> {
+        let link = self.links.iter_mut().find(|link| link.haptic.tracker() == tracker)?;
+        Some(Box::new(link.running.source()?))
+    }
+
+    fn haptic_readings(&mut self) -> Vec<HapticReading> {
         let of = |link: &mut Link| {
-            let Report { state: felt, timing: clockwork, .. } = *link.running.report();
+            let Report { state, timing, .. } = *link.running.report();
             HapticReading {
                 name: link.haptic.name.clone(),
-                felt,
-                clockwork,
+                state,
+                timing,
                 max_force_n: link.haptic.max_force_n,
                 holds: link.hold.is_some(),
             }
@@ -179,8 +193,7 @@ impl HapticSession {
         self.links.iter_mut().map(of).collect()
     }
 
-    /// How the loops did, a line for each.
-    pub fn summary(&mut self) -> String {
+    fn summary(&mut self) -> String {
         let line = |link: &mut Link| {
             let Report { state: felt, timing: clock, malformed } = *link.running.report();
             let [p50, p99, late] = [clock.work_p50_s, clock.work_p99_s, clock.late_p99_s].map(seconds);

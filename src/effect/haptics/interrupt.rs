@@ -3,9 +3,9 @@
 //! Such a signal ends a process where it stands, and a device may push with the last force for as long as it is told
 //! nothing. What ends it without being asked for (a fault, an abort) is seen to by [`last_word`].
 
+use super::thread::stop_all;
 use crate::base::last_word;
 use crate::base::signal::on_end;
-use crate::effect::haptics::thread::stop_all;
 use std::sync::Once;
 use std::time::Duration;
 

@@ -1,17 +1,20 @@
 //! Hands that feel what they hold: by a simulated device, by VRPN and by Haply's service over the loopback device.
 
 use super::*;
+use crate::effect;
 use crate::effect::haptics::grasp::device_from_handle;
 use crate::effect::haptics::thread::running;
 use crate::green;
+use crate::green::GreenFile;
 use crate::interact::{Action, Axis, Freedom};
+use crate::prepare;
+use crate::scene::Scene;
 use crate::session::trackers;
 use crate::stage::{BUILT_IN, rotation_towards};
 use crate::track::StylusState;
 use crate::track::device::{DeviceState, Link as Line, Source, now_s};
 use crate::track::vrpn::Server;
 use crate::world::Highlight;
-use crate::world::prepare;
 use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector6};
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::Path;
@@ -39,6 +42,12 @@ fn session(effects: &str, device: &str) -> (Scene, Arc<GreenFile>, World) {
     (scene, file, world)
 }
 
+/// The effect of the block, started.
+fn started(scene: &Scene, file: &GreenFile, world: &World) -> HapticSession {
+    let listed = Listed { scene, file, bodies: vec![(0, "block")] };
+    HapticSession::start(&listed, world).unwrap().unwrap()
+}
+
 const DEVICE: &str = "[haptic.right]\ndevice = \"simulated\"\n";
 
 /// No thread unless a body asks and the stage has a device; and
@@ -48,11 +57,11 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
     let _alone = LOOPS.lock();
     for (effects, device) in [("", ""), ("", DEVICE), ("\"haptics\"", "")] {
         let (scene, file, world) = session(effects, device);
-        assert!(HapticSession::start(&scene, &file, &world).unwrap().is_none(), "{effects} {device}");
+        assert!(effect::start(&scene, &file, &world).unwrap().is_empty(), "{effects} {device}");
         assert_eq!(running(), 0, "{effects} {device}");
     }
     let (scene, file, mut world) = session("\"haptics\"", DEVICE);
-    let mut feel = HapticSession::start(&scene, &file, &world).unwrap().unwrap();
+    let mut haptics = started(&scene, &file, &world);
     assert_eq!(running(), 1);
     let workspace = world.stage.workspace;
     let started = Instant::now();
@@ -66,10 +75,10 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
                 let stylus = StylusState { room_from_stylus: pose, pressed, ..Default::default() };
                 let time_s = started.elapsed().as_secs_f64();
                 let mut state = TrackerState { head: None, styli: vec![stylus], time_s };
-                feel.move_styli(&mut state);
+                haptics.before_frame(&mut state);
                 world.step(&state);
-                feel.tell(world);
-                let felt = feel.links[0].running.report().state;
+                haptics.after_frame(world);
+                let felt = haptics.links[0].running.report().state;
                 if until(&felt, &state) {
                     return felt;
                 }
@@ -83,7 +92,7 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
     assert!(felt.push.force.y < 0.0, "it pulls back down: {felt:?}");
     assert!(world.bodies[0].deformer.poses[1].translation.y > 0.0, "the picture shows what is felt");
     follow(&mut world, 0.3, false, &|felt, _| felt.push.force.norm() == 0.0);
-    drop(feel);
+    drop(haptics);
     assert_eq!(running(), 0);
 }
 
@@ -121,8 +130,8 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
         serving.place.port()
     );
     let (scene, file, mut world) = session("\"haptics\"", &table);
-    let mut feel = HapticSession::start(&scene, &file, &world).unwrap().unwrap();
-    let mut rig = trackers::start(&world.stage, Some(&mut feel)).unwrap().unwrap();
+    let mut effects = effect::start(&scene, &file, &world).unwrap();
+    let mut rig = trackers::start(&world.stage, &mut effects).unwrap().unwrap();
     assert_eq!(world.fields.stylus_name(0), "pen");
     let (haptic, workspace) = (world.stage.haptics[0].clone(), world.stage.workspace);
     let place = |x: f64, y: f64| workspace.centre + Vector3::new(x, y, 0.1) * workspace.radius_m;
@@ -136,8 +145,10 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             let handle = device_from_handle(&haptic, &(stylus * haptic.sensor_from_body.inverse()));
             *phantom.said.lock().unwrap() = (handle, pressed);
             let mut state = trackers::merge(&mut rig, TrackerState { time_s: now_s(), ..Default::default() });
-            feel.step(&mut world, state.time_s, &mut state);
-            let felt = feel.links[0].running.report().state;
+            effects[0].before_frame(&mut state);
+            world.step(&state);
+            effects[0].after_frame(&world);
+            let felt = effects[0].haptic_readings()[0].state;
             if y == up_to && until(&world, &felt) {
                 return felt;
             }
@@ -200,7 +211,7 @@ fn a_haply_device_is_a_stylus_without_a_loop() {
          room_from_device = {{ position = [0.0, 0.9, 0.4] }}\n"
     );
     let stage = Stage::parse(&format!("{}\n{table}", BUILT_IN[0].1), Path::new("stage.toml")).unwrap();
-    let mut rig = trackers::start(&stage, None).unwrap().unwrap();
+    let mut rig = trackers::start(&stage, &mut []).unwrap().unwrap();
     let deadline = Instant::now() + Duration::from_secs(30);
     let stylus = loop {
         let stylus = rig.state(now_s()).styli[0];
@@ -262,8 +273,8 @@ fn in_every_mode_and_with_two_hands_the_push_is_the_slope_of_the_energy_that_is_
     let _alone = LOOPS.lock();
     for Case { name, mode, two, scales } in cases() {
         let (scene, file, mut world) = session("\"haptics\"", DEVICE);
-        let mut feel = HapticSession::start(&scene, &file, &world).unwrap().unwrap();
-        let link = &mut feel.links[0];
+        let mut haptics = started(&scene, &file, &world);
+        let link = &mut haptics.links[0];
         let mut time_s = 0.0;
         let mut go = |world: &mut World, styli: &[StylusState]| {
             time_s += 0.5;
