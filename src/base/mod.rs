@@ -19,5 +19,6 @@ pub mod peak;
 pub mod progress;
 pub mod signal;
 pub mod statistics;
+pub mod strips;
 pub mod table;
 pub mod text;

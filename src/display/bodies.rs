@@ -66,6 +66,7 @@ pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> Fram
         styli: &world.styli,
         arrows: &world.arrows,
         grid: world.grid(),
+        strips: &world.strips,
         ..Default::default()
     }
 }

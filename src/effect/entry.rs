@@ -17,7 +17,7 @@ pub struct Listed<'a> {
     pub bodies: Vec<(usize, &'a str)>,
 }
 
-pub type Attach = fn(&Listed<'_>, &mut World);
+pub type Attach = fn(&Listed<'_>, &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 pub type Start = fn(&Listed<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
@@ -30,9 +30,9 @@ pub struct EffectEntry {
     /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,
-    /// Adds what is shown of it to a new world.
+    /// Joins a new world: in windows, in pictures and where a session is checked.
     pub attach: Option<Attach>,
-    /// Starts what runs beside the frames of a live session; nothing where the stage has no device for it.
+    /// Starts what a live session alone has: devices, and nothing where the stage has none.
     pub start: Option<Start>,
 }
 

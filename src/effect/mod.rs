@@ -72,17 +72,23 @@ fn for_listed<'a>(
     Ok(())
 }
 
-/// Adds what is shown of the effects of a scene to its new world.
-pub fn attach(scene: &Scene, file: &GreenFile, world: &mut World) -> Result<(), Failure> {
+/// Joins the effects of a scene to its new world.
+pub fn attach(
+    scene: &Scene,
+    file: &GreenFile,
+    world: &mut World,
+) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
+    let mut running = Vec::new();
     for_listed(scene, file, |entry, listed| {
         if let Some(attach) = entry.attach {
-            attach(listed, world);
+            running.extend(attach(listed, world)?);
         }
         Ok(())
-    })
+    })?;
+    Ok(running)
 }
 
-/// Starts what the effects of a scene run beside the frames.
+/// Starts what the effects of a scene have in a live session.
 pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
     let mut running = Vec::new();
     for_listed(scene, file, |entry, listed| {

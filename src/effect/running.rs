@@ -1,16 +1,16 @@
-//! An effect that runs beside the frames of a session: devices, threads.
+//! An effect in a session: what it does before and after each frame, its devices and its threads.
 
 use super::haptics::reading::HapticReading;
 use crate::track::{Source, TrackerState};
 use crate::world::World;
 
-/// What an effect has started, until it is dropped.
+/// An effect of a session, until it is dropped; a thread that it has started ends with it.
 pub trait RunningEffect {
     /// May change what trackers, script or mouse say, before the world goes through a frame.
     fn before_frame(&mut self, _state: &mut TrackerState) {}
 
-    /// Learns what the world is like after a frame.
-    fn after_frame(&mut self, _world: &World) {}
+    /// Sees the world after a frame, and adds what it draws ([`World::strips`]).
+    fn after_frame(&mut self, _world: &mut World) {}
 
     /// What the effect's device of this name measures, as a tracker's source; once.
     fn source(&mut self, _tracker: &str) -> Option<Box<dyn Source>> {

@@ -3,6 +3,7 @@
 
 use super::body_buffers::BodyBuffers;
 use super::lighting::Lighting;
+use crate::base::strips::Strips;
 use nalgebra::{Matrix4, Point3, Vector3};
 
 /// A body's buffers at a place in the room.
@@ -107,4 +108,6 @@ pub struct FrameContents<'a> {
     /// Blended in this order, all before the lines.
     pub quads: &'a [Quad],
     pub lines: &'a [Line],
+    /// With shaders of their own, blended last.
+    pub strips: &'a [Strips],
 }

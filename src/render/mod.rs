@@ -19,6 +19,7 @@ mod chunk;
 mod clock;
 mod columns;
 mod composite;
+mod custom_strips;
 mod deform;
 mod error;
 mod frame;

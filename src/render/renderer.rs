@@ -7,6 +7,7 @@
 
 use super::background::BackgroundPass;
 use super::body::BodyPass;
+use super::custom_strips::CustomStripsPass;
 use super::error::RenderError;
 use super::frame::{FrameContents, Line, Quad};
 use super::gpu::Gpu;
@@ -23,13 +24,14 @@ use wgpu::BufferUsages;
 
 /// What is drawn, in this order: what is opaque first, so that the background costs only where it shows, and what is
 /// blended last. One file each, beside the shader of the same name.
-const PASSES: [fn() -> Box<dyn DrawPass>; 6] = [
+const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<BodyPass>::default(),
     || Box::<SolidPass>::default(),
     || Box::<BackgroundPass>::default(),
     || Box::<StripPass<Floor>>::default(),
     || Box::<StripPass<Quad>>::default(),
     || Box::<StripPass<Line>>::default(),
+    || Box::<CustomStripsPass>::default(),
 ];
 
 /// Pipelines for one device, colour format and sample count, with the buffers that change every frame.

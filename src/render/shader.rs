@@ -9,7 +9,7 @@ pub(super) fn drawing(parts: &[&str], both_eyes: bool) -> String {
     if both_eyes { source } else { source.replace(EYE, "") }
 }
 
-const VIEW: &str = include_str!("../../shaders/common/view.wgsl");
+pub(super) const VIEW: &str = include_str!("../../shaders/common/view.wgsl");
 const LIGHT: &str = include_str!("../../shaders/common/light.wgsl");
 
 pub(super) const BODY: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/body.wgsl")];

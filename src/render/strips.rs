@@ -24,15 +24,13 @@ pub(super) trait Strip: bytemuck::Pod {
 
 /// The pass of one kind of strip; nothing on the device until it is used.
 pub(super) struct StripPass<S> {
-    pipelines: EyePipelines,
-    buffer: Option<wgpu::Buffer>,
-    count: u32,
+    strips: StripBuffer,
     kind: PhantomData<S>,
 }
 
 impl<S> Default for StripPass<S> {
     fn default() -> Self {
-        Self { pipelines: EyePipelines::default(), buffer: None, count: 0, kind: PhantomData }
+        Self { strips: StripBuffer::default(), kind: PhantomData }
     }
 }
 
@@ -48,29 +46,13 @@ impl<S: Strip> DrawPass for StripPass<S> {
         contents: &FrameContents<'_>,
     ) -> Result<(), RenderError> {
         let strips = S::of(contents);
-        self.count = strips.len() as u32;
-        if strips.is_empty() {
-            return Ok(());
-        }
-        let buffers = [Some(wgpu::VertexBufferLayout {
-            array_stride: size_of::<S>() as u64,
-            step_mode: wgpu::VertexStepMode::Instance,
+        let shape = StripShape {
+            name: S::NAME,
+            parts: S::SHADER,
             attributes: S::ATTRIBUTES,
-        })];
-        let recipe =
-            Recipe { label: S::NAME, parts: S::SHADER, buffers: &buffers, surface: Surface::Translucent };
-        self.pipelines.complete(gpu, kinds, &recipe);
-        let bytes: &[u8] = bytemuck::cast_slice(&strips);
-        let buffer = match self.buffer.take() {
-            Some(buffer) if buffer.size() >= bytes.len() as u64 => buffer,
-            _ => {
-                let room = (strips.len().next_power_of_two() * size_of::<S>()) as u64;
-                gpu.buffer(S::NAME, room, BufferUsages::VERTEX | BufferUsages::COPY_DST)?
-            }
+            stride: size_of::<S>() as u64,
         };
-        gpu.queue.write_buffer(&buffer, 0, bytes);
-        self.buffer = Some(buffer);
-        Ok(())
+        self.strips.upload(gpu, kinds, &shape, bytemuck::cast_slice(&strips))
     }
 
     fn draw(
@@ -80,6 +62,64 @@ impl<S: Strip> DrawPass for StripPass<S> {
         _: &FrameContents<'_>,
         _: &mut DrawCounts,
     ) {
+        self.strips.draw(pass, view_draw);
+    }
+
+    fn is_made(&self) -> bool {
+        self.strips.is_made()
+    }
+}
+
+/// What a pipeline of strips is made from.
+pub(super) struct StripShape<'a> {
+    pub(super) name: &'static str,
+    pub(super) parts: &'a [&'a str],
+    pub(super) attributes: &'a [wgpu::VertexAttribute],
+    /// Bytes of an instance.
+    pub(super) stride: u64,
+}
+
+/// The instances of one kind on the device, with the pipelines that draw them.
+#[derive(Default)]
+pub(super) struct StripBuffer {
+    pipelines: EyePipelines,
+    buffer: Option<wgpu::Buffer>,
+    count: u32,
+}
+
+impl StripBuffer {
+    pub(super) fn upload(
+        &mut self,
+        gpu: &Gpu,
+        kinds: &[MadeFor<'_>],
+        shape: &StripShape<'_>,
+        bytes: &[u8],
+    ) -> Result<(), RenderError> {
+        self.count = (bytes.len() as u64 / shape.stride) as u32;
+        if self.count == 0 {
+            return Ok(());
+        }
+        let buffers = [Some(wgpu::VertexBufferLayout {
+            array_stride: shape.stride,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: shape.attributes,
+        })];
+        let surface = Surface::Translucent;
+        let recipe = Recipe { label: shape.name, parts: shape.parts, buffers: &buffers, surface };
+        self.pipelines.complete(gpu, kinds, &recipe);
+        let buffer = match self.buffer.take() {
+            Some(buffer) if buffer.size() >= bytes.len() as u64 => buffer,
+            _ => {
+                let room = u64::from(self.count.next_power_of_two()) * shape.stride;
+                gpu.buffer(shape.name, room, BufferUsages::VERTEX | BufferUsages::COPY_DST)?
+            }
+        };
+        gpu.queue.write_buffer(&buffer, 0, bytes);
+        self.buffer = Some(buffer);
+        Ok(())
+    }
+
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, view_draw: &ViewDraw) {
         let made = self.pipelines.of(view_draw).zip(self.buffer.as_ref());
         if let Some((pipeline, buffer)) = made.filter(|_| self.count > 0) {
             pass.set_pipeline(pipeline);
@@ -88,7 +128,12 @@ impl<S: Strip> DrawPass for StripPass<S> {
         }
     }
 
-    fn is_made(&self) -> bool {
+    /// Nothing to draw in this frame.
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    pub(super) fn is_made(&self) -> bool {
         self.buffer.is_some()
     }
 }

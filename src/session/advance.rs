@@ -49,7 +49,7 @@ impl Session {
     /// Starts what the effects of the scene's bodies run beside the frames, as the loops of force devices.
     pub fn start_effects(&mut self, scene: &Scene) -> Result<(), Failure> {
         if let Some(file) = &self.file {
-            self.effects = effect::start(scene, file, &self.world)?;
+            self.effects.extend(effect::start(scene, file, &self.world)?);
         }
         Ok(())
     }
@@ -72,7 +72,7 @@ impl Session {
         }
         self.effects.iter_mut().for_each(|effect| effect.before_frame(&mut state));
         self.world.step_at(time_s, &state);
-        self.effects.iter_mut().for_each(|effect| effect.after_frame(&self.world));
+        self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&mut self.world, &state)?;
         }
@@ -97,16 +97,17 @@ impl Session {
                 return Ok(Progress::Running);
             }
             replay.play_next(&mut self.world, Some(time_s))?;
+            self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
         }
         Ok(Progress::Ended)
     }
 
     /// Plays the next frame of the recording; false at its end.
     pub fn play_frame(&mut self) -> Result<bool, Failure> {
-        match &mut self.input.replay {
-            Some(replay) => replay.play_next(&mut self.world, None),
-            None => Ok(false),
-        }
+        let Some(replay) = &mut self.input.replay else { return Ok(false) };
+        let is_played = replay.play_next(&mut self.world, None)?;
+        self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
+        Ok(is_played)
     }
 
     /// Takes what a person does with the mouse. A press takes over from a script.

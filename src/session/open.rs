@@ -47,7 +47,7 @@ impl Session {
         let stage = stage(scene, named.as_deref())?;
         let file = prepare::green_file(scene, request.green)?;
         let mut world = World::new(scene, &file, stage)?;
-        effect::attach(scene, &file, &mut world)?;
+        let effects = effect::attach(scene, &file, &mut world)?;
         let named = named.unwrap_or_else(|| stage_of_scene(scene));
         let origin = Origin { scene, file: &file, stage: &named };
         if let Some(replay) = &mut replay {
@@ -56,7 +56,7 @@ impl Session {
         let recorder = request.record.map(|path| Recorder::create(path, &origin, &world)).transpose()?;
         let mut session = Session::new(world, script);
         (session.input.replay, session.recorder) = (replay, recorder);
-        session.file = Some(file);
+        (session.effects, session.file) = (effects, Some(file));
         Ok(session)
     }
 }

@@ -3,7 +3,7 @@
 
 use super::error::SolveError;
 use super::residual::residuals;
-use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveStats};
+use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveStats, Solver};
 use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
@@ -18,13 +18,15 @@ pub const PCG: Method = Method {
     remedy: "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
              large contrasts of stiffness (`greenstage check`)",
     analyse: |solver, _, _| {
-        Ok(Box::new(Limits { tolerance: solver.tolerance, max_iterations: solver.max_iterations }))
+        let Solver { method, tolerance, max_iterations } = *solver;
+        Ok(Box::new(Limits { method, tolerance, max_iterations }))
     },
 };
 
 /// When an iteration ends; the method needs to know nothing of the graph of A.
 #[derive(Clone, Copy)]
 struct Limits {
+    method: &'static Method,
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     tolerance: f64,
     max_iterations: usize,
@@ -97,7 +99,7 @@ impl Factor for Pcg<'_> {
 impl Pcg<'_> {
     /// Solves A x = b from x = 0. Errors where a column's true residual stays above the tolerance.
     fn converge(&self, b: &NodeFields, progress: &dyn Progress) -> Result<Converged, SolveError> {
-        let Limits { tolerance, max_iterations } = self.limits;
+        let Limits { tolerance, max_iterations, .. } = self.limits;
         // One unit a thousandth of the way down to the tolerance on a logarithmic scale.
         progress.begin("conjugate gradients", 1000);
         let started = Instant::now();
@@ -125,7 +127,7 @@ impl Pcg<'_> {
             }
         }
         let stats = SolveStats {
-            method: &PCG,
+            method: self.limits.method,
             unknowns: 3 * b.nodes,
             columns: b.columns,
             factor_s: self.factor_s,

@@ -44,9 +44,14 @@ impl FromStr for Solver {
         match (method.is_direct, tolerance.map(str::parse)) {
             (true, None) => Ok(solver),
             (false, Some(Ok(tolerance))) => Ok(Solver { tolerance, ..solver }),
-            _ => Err(format!(
-                "\"{text}\" is no solver: write \"cholesky\", or \"pcg 1e-6\" with its tolerance"
-            )),
+            _ => {
+                let known = SOLVERS.iter().map(|method| match method.is_direct {
+                    true => format!("\"{}\"", method.name),
+                    false => format!("\"{} 1e-6\" with its tolerance", method.name),
+                });
+                let known: Vec<String> = known.collect();
+                Err(format!("\"{text}\" is no solver: write {}", known.join(", or ")))
+            }
         }
     }
 }

@@ -13,6 +13,7 @@ use super::highlight::Highlight;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
+use crate::base::strips::Strips;
 use crate::deform::Deformer;
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
@@ -40,6 +41,8 @@ pub struct World {
     /// What held elements pull with, and how it is shown; of bodies whose scene wants it.
     pub forces: Vec<HeldForce>,
     pub arrows: Vec<Arrow>,
+    /// What effects draw with shaders of their own.
+    pub strips: Vec<Strips>,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
     /// What is wrong, each told once; with the time since the start at which it was, s.
@@ -81,6 +84,7 @@ impl World {
             styli: Vec::new(),
             forces: Vec::new(),
             arrows: Vec::new(),
+            strips: Vec::new(),
             times: StepTimes::default(),
             warnings: Vec::new(),
             clock_s: 0.0,
@@ -105,6 +109,7 @@ impl World {
     pub fn step_at(&mut self, clock_s: f64, state: &TrackerState) -> StepTimes {
         let started = Instant::now();
         self.clock_s = clock_s;
+        self.strips.clear();
         std::mem::swap(&mut self.actions, &mut self.pending);
         self.pending.clear();
         self.have_styli(state.styli.len());

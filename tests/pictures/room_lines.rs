@@ -3,6 +3,7 @@
 
 use crate::render_common;
 
+use greenstage::base::strips::{StripKind, Strips};
 use greenstage::render::{
     Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Lighting, Line, Quad, Renderer, View,
 };
@@ -143,4 +144,31 @@ fn a_ball_covers_its_disc() {
     // A radius of 10 pixels about (70, 30).
     assert!((300..330).contains(&covered.len()), "{}", covered.len());
     assert!(covered.iter().all(|(x, y, _)| x.abs_diff(70) <= 11 && y.abs_diff(30) <= 11));
+}
+
+/// What an effect draws: quads with the quads' own shader come out as quads do, and nothing is made before.
+#[test]
+fn strips_with_a_shader_of_their_own_are_drawn_as_it_says() {
+    const KIND: StripKind = StripKind {
+        name: "quads of an effect",
+        shader: include_str!("../../shaders/quads.wgsl"),
+        attributes: &[3, 3, 3, 4, 4],
+    };
+    let Some(gpu) = require_gpu() else { return };
+    let [corner, right, up] = [[-0.3, -0.2, 0.0], [0.5, 0.1, 0.0], [0.0, 0.4, 0.1]];
+    let (front, back) = ([0.1, 0.6, 0.2, 0.5], [0.7, 0.1, 0.1, 1.0]);
+    let quads = [Quad { corner, right, up, front, back }];
+    let instances = [&corner[..], &right, &up, &front, &back].concat();
+    let strips = [Strips { kind: &KIND, instances }];
+    for view in [before(), behind()] {
+        let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
+        let expected =
+            drawn(&gpu, &mut renderer, view, &FrameContents { quads: &quads, ..Default::default() });
+        assert!(expected.pixels().any(|pixel| pixel.0[..3] != [0; 3]), "the quad is in the picture");
+        assert!(!renderer.made().contains(&"custom strips"));
+        let found =
+            drawn(&gpu, &mut renderer, view, &FrameContents { strips: &strips, ..Default::default() });
+        assert!(renderer.made().contains(&"custom strips"));
+        assert_eq!(found, expected);
+    }
 }

@@ -19,44 +19,51 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("green", &["scene", "mesh", "fem", "solve", "config"]),
     ("deform", &["field", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("interact", &["mesh", "field", "track", "stage", "config"]),
-    ("effect", &["deform", "track", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "config"]),
-    ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
-    ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
-    ("tuning", &["report", "deform", "green", "scene", "fem", "solve", "config"]),
     (
         "world",
         &[
-            "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track",
-            "field", "render", "config",
+            "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field",
+            "render", "config",
         ],
     ),
     (
+        "effect",
+        &[
+            "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track",
+            "field", "render", "config",
+        ],
+    ),
+    ("prepare", &["effect", "deform", "green", "scene", "mesh", "fem", "config"]),
+    ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
+    ("report", &["verify", "effect", "deform", "green", "scene", "mesh", "fem", "solve", "config"]),
+    ("tuning", &["report", "deform", "green", "scene", "fem", "solve", "config"]),
+    (
         "export",
         &[
-            "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
+            "prepare", "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
             "track", "field", "render", "config",
         ],
     ),
     (
         "session",
         &[
-            "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
-            "track", "field", "render", "config",
+            "prepare", "effect", "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve",
+            "stage", "track", "field", "render", "config",
         ],
     ),
     (
         "display",
         &[
-            "session", "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve",
+            "session", "effect", "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve",
             "stage", "track", "field", "render", "config",
         ],
     ),
     (
         "cli",
         &[
-            "display", "session", "export", "world", "report", "tuning", "verify", "manual", "deform",
-            "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field",
-            "render", "config",
+            "display", "session", "export", "tuning", "report", "verify", "manual", "prepare", "effect",
+            "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track",
+            "field", "render", "config",
         ],
     ),
 ];

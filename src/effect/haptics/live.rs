@@ -87,7 +87,7 @@ impl Hold {
 /// follow.
 const SAME_HOLD: f64 = 1e-3;
 
-pub(in crate::effect) const ENTRY: EffectEntry = EffectEntry {
+pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: "haptics",
     summary: "force and torque on every control element, from the 12E × 12E handle stiffness; felt with a device of the stage",
     requirements: &[STIFFNESS],
@@ -99,11 +99,12 @@ pub(in crate::effect) const ENTRY: EffectEntry = EffectEntry {
 };
 
 /// The arrow of the force at what a hand holds.
-fn show_forces(listed: &Listed<'_>, world: &mut World) {
+fn show_forces(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     for &(b, name) in &listed.bodies {
         let body = &mut world.bodies[b];
         body.force_scale = listed.file.stiffness(name).map(|s| ForceScale::new(&s, body.ball.1));
     }
+    Ok(None)
 }
 
 impl HapticSession {
@@ -170,7 +171,7 @@ impl RunningEffect for HapticSession {
         self.move_styli(state);
     }
 
-    fn after_frame(&mut self, world: &World) {
+    fn after_frame(&mut self, world: &mut World) {
         self.tell(world);
     }
 

@@ -147,7 +147,7 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             let mut state = trackers::merge(&mut rig, TrackerState { time_s: now_s(), ..Default::default() });
             effects[0].before_frame(&mut state);
             world.step(&state);
-            effects[0].after_frame(&world);
+            effects[0].after_frame(&mut world);
             let felt = effects[0].haptic_readings()[0].state;
             if y == up_to && until(&world, &felt) {
                 return felt;
