@@ -1,8 +1,10 @@
 //! Opt-in effects: what a scene does not list costs nothing, neither precomputation, file, memory, pipeline nor
 //! time in the frame.
 //!
-//! Each effect is one entry of [`EFFECTS`]; a body names those it wants, and only what they require is precomputed
-//! ([`requirements`], [`add_sections`]).
+//! Each effect is one entry of [`EFFECTS`] in a file of its own; a body names those it wants. What they require is
+//! precomputed ([`requirements`]), with tensors of their own in the .green file ([`add_sections`]). They join a world when it
+//! is made ([`attach`]), and a live session starts their devices and threads ([`start`]); as [`RunningEffect`]s they act before
+//! and after each frame, and may draw with a shader of their own ([`World::strips`]).
 
 mod entry;
 pub mod haptics;
@@ -55,59 +57,54 @@ pub fn add_sections<'a>(
     Ok(())
 }
 
-/// Calls `act` for every effect that a body of the scene lists.
-fn for_listed<'a>(
-    scene: &'a Scene,
-    file: &'a GreenFile,
-    mut act: impl FnMut(&EffectEntry, &Listed<'a>) -> Result<(), Failure>,
-) -> Result<(), Failure> {
-    for entry in EFFECTS {
-        let lists = |body: &Body| body.effects.iter().any(|name| name == entry.name);
-        let bodies = scene.body.iter().enumerate().filter(|(_, (_, body))| lists(body));
-        let bodies: Vec<_> = bodies.map(|(b, (name, _))| (b, name.as_str())).collect();
-        if !bodies.is_empty() {
-            act(entry, &Listed { scene, file, bodies })?;
-        }
-    }
-    Ok(())
+/// The effect of `entry` where a body of the scene lists it.
+fn listed<'a>(entry: &EffectEntry, scene: &'a Scene, file: &'a GreenFile) -> Option<Listed<'a>> {
+    let lists = |body: &Body| body.effects.iter().any(|name| name == entry.name);
+    let bodies = scene.body.iter().enumerate().filter(|(_, (_, body))| lists(body));
+    let bodies: Vec<_> = bodies.map(|(b, (name, _))| (b, name.as_str())).collect();
+    (!bodies.is_empty()).then_some(Listed { scene, file, bodies })
 }
 
-/// Joins the effects of a scene to its new world.
+/// Joins those of `entries` that the scene lists to its new world.
 pub fn attach(
+    entries: &[EffectEntry],
     scene: &Scene,
     file: &GreenFile,
     world: &mut World,
 ) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
     let mut running = Vec::new();
-    for_listed(scene, file, |entry, listed| {
-        if let Some(attach) = entry.attach {
-            running.extend(attach(listed, world)?);
+    for entry in entries {
+        if let Some((attach, listed)) = entry.attach.zip(listed(entry, scene, file)) {
+            running.extend(attach(&listed, world)?);
         }
-        Ok(())
-    })?;
+    }
     Ok(running)
 }
 
 /// Starts what the effects of a scene have in a live session.
 pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
     let mut running = Vec::new();
-    for_listed(scene, file, |entry, listed| {
-        if let Some(start) = entry.start {
-            running.extend(start(listed, world)?);
+    for entry in EFFECTS {
+        if let Some((start, listed)) = entry.start.zip(listed(entry, scene, file)) {
+            running.extend(start(&listed, world)?);
         }
-        Ok(())
-    })?;
+    }
     Ok(running)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::strips::{StripKind, Strips};
     use crate::deform::{Deformer, MODELS, find_model};
     use crate::green::{self, AFFINE, FAMILIES, STIFFNESS, Tensor};
     use crate::solve::Silent;
+    use crate::stage::Stage;
+    use crate::track::TrackerState;
     use std::path::Path;
     use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+    use std::thread::JoinHandle;
 
     /// An effect that stands in no list: it keeps the mean of every column.
     const MEANS: EffectEntry = EffectEntry {
@@ -163,6 +160,79 @@ mod tests {
         let missing = file.section::<f64>("b", "means", "rows").unwrap_err().to_string();
         assert!(missing.contains("tensor b/means/rows is missing"), "{missing}");
         assert!(Deformer::new(Arc::new(file), "b", "linear").unwrap().wrenches().is_none());
+    }
+
+    /// An effect that stands in no list: a strip above each body that lists it, and a thread that counts until its end.
+    const HALO: EffectEntry = EffectEntry {
+        name: "halo",
+        summary: "a strip, and a thread that counts",
+        requirements: &[],
+        precompute: None,
+        attach: Some(|listed, _| {
+            let ends = Arc::new(AtomicBool::new(false));
+            let seen = ends.clone();
+            let thread = std::thread::spawn(move || {
+                let mut count = 0_u64;
+                while !seen.load(Ordering::Acquire) {
+                    count += 1;
+                    std::thread::yield_now();
+                }
+                count
+            });
+            let bodies = listed.bodies.iter().map(|(b, _)| *b).collect();
+            Ok(Some(Box::new(Halo { bodies, ends, thread: Some(thread) })))
+        }),
+        start: None,
+    };
+
+    const STRIP: StripKind = StripKind { name: "halo", shader: "", attributes: &[3] };
+
+    static COUNTED: AtomicU64 = AtomicU64::new(0);
+
+    struct Halo {
+        bodies: Vec<usize>,
+        ends: Arc<AtomicBool>,
+        thread: Option<JoinHandle<u64>>,
+    }
+
+    impl RunningEffect for Halo {
+        fn after_frame(&mut self, world: &mut World) {
+            let place = |b: &usize| {
+                <[f32; 3]>::from(world.bodies[*b].room_from_body.isometry.translation.vector.cast())
+            };
+            let instances = self.bodies.iter().flat_map(place).collect();
+            world.strips.push(Strips { kind: &STRIP, instances });
+        }
+    }
+
+    impl Drop for Halo {
+        fn drop(&mut self) {
+            self.ends.store(true, Ordering::Release);
+            COUNTED.store(self.thread.take().unwrap().join().unwrap(), Ordering::Release);
+        }
+    }
+
+    #[test]
+    fn an_effect_joins_the_worlds_of_scenes_that_list_it_and_no_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("halo.green");
+        let mut scene = scene();
+        let body = green::precompute(&scene, "b", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+        green::write(&path, &[body]).unwrap();
+        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let mut world = World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap();
+        assert!(attach(&[HALO], &scene, &file, &mut world).unwrap().is_empty(), "it is not listed");
+        scene.body["b"].effects = vec!["halo".into()];
+        let mut running = attach(&[HALO], &scene, &file, &mut world).unwrap();
+        for time_s in [0.0, 0.1] {
+            world.step(&TrackerState { time_s, ..Default::default() });
+            running.iter_mut().for_each(|effect| effect.after_frame(&mut world));
+            let place = world.bodies[0].room_from_body.isometry.translation.vector.cast::<f32>();
+            let [strips] = &world.strips[..] else { panic!("{:?}", world.strips) };
+            assert_eq!((strips.kind.name, &strips.instances[..]), ("halo", place.as_slice()));
+        }
+        drop(running);
+        assert!(COUNTED.load(Ordering::Acquire) > 0, "the thread ran, and has ended");
     }
 
     #[test]
