@@ -166,9 +166,7 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
     let mut tets = Vec::new();
     let mut elements = Vec::new();
     for (element, nodes) in with_corners(raw, corners) {
-        let (true, &[a, b, c, d, ..]) = (element.kind.is_tetrahedron, nodes) else {
-            continue;
-        };
+        let (true, &[a, b, c, d, ..]) = (element.kind.is_tetrahedron, nodes) else { continue };
         if a == b || a == c || a == d || b == c || b == d || c == d {
             let tags = [a, b, c, d].map(|node| raw.nodes[node as usize].tag);
             let reason = format!("tetrahedron {} names a node twice: {tags:?}", element.tag);
@@ -252,9 +250,7 @@ fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) 
     }
     sorted.sort_unstable();
     let twins = sorted.windows(2).filter(|pair| pair[0].0 == pair[1].0);
-    let Some(pair) = twins.min_by_key(|pair| pair[1].1) else {
-        return Ok(());
-    };
+    let Some(pair) = twins.min_by_key(|pair| pair[1].1) else { return Ok(()) };
     let (first, second) = (elements[pair[0].1], elements[pair[1].1]);
     let tags = pair[0].0.map(|node| raw.nodes[node as usize].tag);
     let reason = format!(

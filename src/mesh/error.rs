@@ -56,9 +56,7 @@ impl FormatFault {
     /// there the offset itself is named.
     pub fn in_file(self, path: &Path, bytes: &[u8]) -> MeshError {
         let path = path.to_owned();
-        let Some(at) = self.at else {
-            return MeshError::Refused { path, reason: self.reason };
-        };
+        let Some(at) = self.at else { return MeshError::Refused { path, reason: self.reason } };
         let place = if bytes.contains(&0) {
             Place::Byte(at)
         } else {

@@ -177,9 +177,7 @@ impl BodyBuffers {
         coefficients: &[f64],
         parts: &[Isometry3<f64>],
     ) -> Result<bool, RenderError> {
-        let Some(pass) = &mut self.deform else {
-            return Ok(false);
-        };
+        let Some(pass) = &mut self.deform else { return Ok(false) };
         let is_new = pass.run(gpu, coefficients, parts)?;
         if is_new {
             for (patch, reach) in self.patches.iter_mut().zip(&pass.reaches) {

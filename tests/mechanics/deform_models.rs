@@ -305,9 +305,7 @@ fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
 /// 4.2. At a twist of 180° the mean rotation is not defined, and from rest `rotation` is `linear`.
 #[test]
 fn rotation_is_nearer_to_static_equilibrium_than_linear() {
-    let (Some(tube), Some(beam)) = (errors("tube_stvk"), errors("beam_stvk")) else {
-        return;
-    };
+    let (Some(tube), Some(beam)) = (errors("tube_stvk"), errors("beam_stvk")) else { return };
     let least = |pose: &str| match pose {
         "twist180" => 0.999,
         twist if twist.starts_with("twist") => 3.7,

@@ -153,9 +153,7 @@ fn folded_edges_are_refused_by_name() {
 
 #[test]
 fn real_files_of_ten_nodes() {
-    let Some(cube) = shared("meshes/raw/fenris_cube_tet10_24.msh") else {
-        return;
-    };
+    let Some(cube) = shared("meshes/raw/fenris_cube_tet10_24.msh") else { return };
     let loaded = mesh::load_quadratic(&cube).unwrap().mesh;
     assert_eq!((loaded.nodes.len(), loaded.tets.len(), loaded.mids.len()), (63, 24, 24));
     assert!((Surface::of(&loaded).volume(&loaded) - 1.0).abs() < 1e-12);

@@ -65,9 +65,7 @@ fn cases_are_the_same_in_gmsh_2_and_4() {
 
 #[test]
 fn real_meshes_have_the_counts_of_their_manifest() {
-    let Some(manifest) = shared("meshes/MANIFEST.md") else {
-        return;
-    };
+    let Some(manifest) = shared("meshes/MANIFEST.md") else { return };
     let text = std::fs::read_to_string(&manifest).unwrap();
     let rows =
         text.lines().take_while(|line| !line.starts_with("## raw")).filter(|line| line.contains(".msh |"));
@@ -124,9 +122,7 @@ fn raw_meshes_are_read_or_refused_with_the_reason() {
         ("calculix_segment.inp", Err("no tetrahedra (C3D4, C3D10) among its elements: 96 of type C3D20")),
     ];
     for (name, expected) in expected {
-        let Some(path) = shared(&format!("meshes/raw/{name}")) else {
-            return;
-        };
+        let Some(path) = shared(&format!("meshes/raw/{name}")) else { return };
         match (load(&path).map_err(|error| error.to_string()), expected) {
             (Ok(loaded), Ok((tets, nodes, notices))) => {
                 let found = (loaded.mesh.tets.len(), loaded.mesh.nodes.len());

@@ -78,9 +78,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
         let at = scan.at();
         let Some(name) = scan.section()? else { break };
         match (name, version) {
-            ("NOD" | "ELM", _) => {
-                return Err(FormatFault::at(at, format!("Gmsh 1.0 is not read: {ADVICE}")));
-            }
+            ("NOD" | "ELM", _) => return Err(FormatFault::at(at, format!("Gmsh 1.0 is not read: {ADVICE}"))),
             ("MeshFormat", None) => version = Some(mesh_format(&mut scan)?),
             ("Nodes" | "Elements" | "Entities" | "PartitionedEntities" | "PhysicalNames", None) => {
                 return Err(FormatFault::at(at, format!("${name} stands before $MeshFormat")));

@@ -140,9 +140,7 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<()
         let parameters = match scan.int()? {
             0 => 0,
             1 => dimension,
-            other => {
-                return Err(FormatFault::at(at, format!("parametric is {other}, neither 0 nor 1")));
-            }
+            other => return Err(FormatFault::at(at, format!("parametric is {other}, neither 0 nor 1"))),
         };
         let count = scan.size()?;
         scan.end_line()?;

@@ -226,9 +226,7 @@ fn array<'a>(tag: &BytesStart, name: String, at: usize) -> Result<Array<'a>, For
 fn attribute(tag: &BytesStart, key: &str, at: usize) -> Result<Option<String>, FormatFault> {
     let wrong = |error: &dyn std::fmt::Display| FormatFault::at(at, format!("attribute {key}: {error}"));
     let found = tag.try_get_attribute(key).map_err(|error| wrong(&error))?;
-    let Some(found) = found else {
-        return Ok(None);
-    };
+    let Some(found) = found else { return Ok(None) };
     let value = found.normalized_value(XmlVersion::Implicit1_0).map_err(|error| wrong(&error))?;
     Ok(Some(value.into_owned()))
 }

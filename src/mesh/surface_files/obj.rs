@@ -35,9 +35,7 @@ fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), FormatF
     let line = line.split(|&byte| byte == b'#').next().unwrap_or(line);
     let end = at + line.len();
     let mut words = words(line, at);
-    let Some(keyword) = words.next() else {
-        return Ok(());
-    };
+    let Some(keyword) = words.next() else { return Ok(()) };
     match keyword.text {
         b"v" => {
             let mut next = || number(&mut words, end);

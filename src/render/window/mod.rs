@@ -250,9 +250,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
-        let Some(windows) = &mut self.windows else {
-            return;
-        };
+        let Some(windows) = &mut self.windows else { return };
         let Some(index) = windows.surfaces.iter().position(|surface| surface.window.id() == id) else {
             return;
         };
@@ -282,9 +280,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
-        let Some(windows) = &mut self.windows else {
-            return;
-        };
+        let Some(windows) = &mut self.windows else { return };
         if event_loop.exiting() {
             return;
         }
