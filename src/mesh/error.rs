@@ -36,6 +36,11 @@ impl fmt::Display for Place {
     }
 }
 
+/// A [`FormatFault`] at a byte offset, as the result of a reader.
+pub fn refuse<T>(at: usize, reason: impl Into<String>) -> Result<T, FormatFault> {
+    Err(FormatFault::at(at, reason))
+}
+
 /// What a format's reader objects to: at a byte offset, or in the file as a whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormatFault {

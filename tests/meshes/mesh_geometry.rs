@@ -5,7 +5,7 @@ use greenstage::mesh::{Block, GenerateError, Surface, TetMesh, Tube, block, tube
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
-fn demo_tube() -> Tube {
+pub fn demo_tube() -> Tube {
     Tube {
         inner_radius: 0.07,
         outer_radius: 0.1,

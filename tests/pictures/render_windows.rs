@@ -40,9 +40,7 @@ fn different(a: &RgbaImage, b: &RgbaImage) -> usize {
 
 #[test]
 fn the_windows_of_a_two_sided_workbench_are_its_pictures() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let place = folder("render-windows-workbench");
     coarse_demo(&place);
     let eyes = pictures(&place, "workbench", &["--scale", "0.25"]);
@@ -60,9 +58,7 @@ fn the_windows_of_a_two_sided_workbench_are_its_pictures() {
 /// swapped: each is made of the eyes' own pictures.
 #[test]
 fn windows_of_a_stage_file_are_joined_cropped_and_swapped_as_they_are_presented() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let place = folder("render-windows-own");
     coarse_demo(&place);
     let bench = include_str!("../../configs/stages/workbench.toml");

@@ -66,9 +66,7 @@ const WHITE: Rgb<u8> = Rgb([255; 3]);
 
 #[test]
 fn the_pattern_has_a_border_of_one_pixel_and_blocks_of_single_pixels() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let [left, right] = pattern("pattern-workbench", "workbench", "wall");
     let (width, height) = left.dimensions();
     assert_eq!((width, height), (1280, 1024));
@@ -97,9 +95,7 @@ fn the_pattern_has_a_border_of_one_pixel_and_blocks_of_single_pixels() {
 /// Only the left eye's picture has red, on its left side; only the right eye's has cyan, on its right side.
 #[test]
 fn swapped_eyes_are_seen_at_once() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let [left, right] = pattern("pattern-cyberstage", "cyberstage", "front");
     let count = |picture: &RgbImage, red: bool| {
         let is = |pixel: &Rgb<u8>| {
