@@ -187,6 +187,22 @@ impl Gpu {
         Ok(buffer)
     }
 
+    /// Writes to a buffer of vertices or instances, which is made anew of `room` bytes where it is too small.
+    pub(super) fn write_vertices(
+        &self,
+        buffer: &mut Option<wgpu::Buffer>,
+        what: &'static str,
+        bytes: &[u8],
+        room: usize,
+    ) -> Result<(), RenderError> {
+        let fitting = buffer.take().filter(|buffer| buffer.size() >= bytes.len() as u64);
+        let usage = BufferUsages::VERTEX | BufferUsages::COPY_DST;
+        let fitting = fitting.map_or_else(|| self.buffer(what, room as u64, usage), Ok)?;
+        self.queue.write_buffer(&fitting, 0, bytes);
+        *buffer = Some(fitting);
+        Ok(())
+    }
+
     /// A buffer that is bound whole as storage.
     pub(super) fn storage(
         &self,

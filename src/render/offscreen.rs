@@ -3,8 +3,7 @@
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::renderer::Renderer;
-use super::target::{Attachments, Picture};
-use super::target::{check_size, texture};
+use super::target::{Attachments, Picture, check_size, texture};
 use super::view::Viewport;
 use image::RgbaImage;
 use std::sync::Arc;

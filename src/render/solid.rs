@@ -128,23 +128,13 @@ impl SolidMeshes {
             let points: Vec<_> = used.iter().map(|&index| mesh.vertices[index as usize].position).collect();
             Bounds::of(&points)
         });
-        let solids = Self {
-            bounds,
-            vertices: gpu.buffer(
-                "solids",
-                vertices.len() as u64,
-                BufferUsages::VERTEX | BufferUsages::COPY_DST,
-            )?,
-            indices: gpu.buffer(
-                "solids",
-                indices.len() as u64,
-                BufferUsages::INDEX | BufferUsages::COPY_DST,
-            )?,
-            ranges,
+        let buffer = |bytes: &[u8], usage| -> Result<wgpu::Buffer, RenderError> {
+            let buffer = gpu.buffer("solids", bytes.len() as u64, usage | BufferUsages::COPY_DST)?;
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+            Ok(buffer)
         };
-        gpu.queue.write_buffer(&solids.vertices, 0, vertices);
-        gpu.queue.write_buffer(&solids.indices, 0, indices);
-        Ok(solids)
+        let vertices = buffer(vertices, BufferUsages::VERTEX)?;
+        Ok(Self { vertices, indices: buffer(indices, BufferUsages::INDEX)?, ranges, bounds })
     }
 }
 

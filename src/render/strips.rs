@@ -9,7 +9,6 @@ use super::gpu::Gpu;
 use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
 use std::borrow::Cow;
 use std::marker::PhantomData;
-use wgpu::BufferUsages;
 
 /// An instance as it lies in its buffer.
 pub(super) trait Strip: bytemuck::Pod {
@@ -60,17 +59,8 @@ impl<S: Strip> DrawPass for StripPass<S> {
         let recipe =
             Recipe { label: S::NAME, parts: S::SHADER, buffers: &buffers, surface: Surface::Translucent };
         self.pipelines.complete(gpu, kinds, &recipe);
-        let bytes: &[u8] = bytemuck::cast_slice(&strips);
-        let buffer = match self.buffer.take() {
-            Some(buffer) if buffer.size() >= bytes.len() as u64 => buffer,
-            _ => {
-                let room = (strips.len().next_power_of_two() * size_of::<S>()) as u64;
-                gpu.buffer(S::NAME, room, BufferUsages::VERTEX | BufferUsages::COPY_DST)?
-            }
-        };
-        gpu.queue.write_buffer(&buffer, 0, bytes);
-        self.buffer = Some(buffer);
-        Ok(())
+        let room = strips.len().next_power_of_two() * size_of::<S>();
+        gpu.write_vertices(&mut self.buffer, S::NAME, bytemuck::cast_slice(&strips), room)
     }
 
     fn draw(

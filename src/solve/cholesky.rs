@@ -6,10 +6,8 @@
 
 use super::condition;
 use super::error::SolveError;
-use super::ordering::ordering_memory;
-use super::ordering::{Ordering, nested_dissection};
-use super::residual::Column;
-use super::residual::residuals;
+use super::ordering::{Ordering, nested_dissection, ordering_memory};
+use super::residual::{Column, residuals};
 use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveStats};
 use crate::base::machine;
 use crate::base::progress::{Progress, Silent};

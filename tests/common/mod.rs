@@ -2,10 +2,15 @@
 #![allow(dead_code, reason = "each test file uses some of them")]
 
 use greenstage::deform::ControlPose;
+use greenstage::green::{Requirements, STIFFNESS};
 use greenstage::scene::Scene;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::LazyLock;
+
+/// What an effect needs that feels forces.
+pub static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
 /// The folder of independently computed cases beside the project, where there is one; else says that it skips.
 pub fn shared(what: &str) -> Option<PathBuf> {
@@ -101,10 +106,14 @@ pub fn case_poses(folder: &Path) -> Vec<(String, BTreeMap<String, ControlPose>)>
     file.pose.into_iter().map(named).collect()
 }
 
+/// Runs the program in `folder`, and may fail.
+pub fn attempt(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_greenstage")).current_dir(folder).args(arguments).output().unwrap()
+}
+
 /// Runs the program in `folder`; what it said is in the panic if it failed.
 pub fn greenstage(folder: &Path, arguments: &[&str]) -> Output {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_greenstage")).current_dir(folder).args(arguments).output().unwrap();
+    let output = attempt(folder, arguments);
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "greenstage {arguments:?}: {}\n{said}", output.status);
     output

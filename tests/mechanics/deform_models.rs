@@ -1,8 +1,6 @@
 //! Deformation models against each other, against rigid motions and against static equilibrium at large rotations.
 
-use crate::common;
-
-use common::{block_scene, case_poses, csv_rows, folder, scene, shared};
+use crate::common::{block_scene, case_poses, csv_rows, folder, scene, shared};
 use greenstage::base::parts::PartWeights;
 use greenstage::deform::{
     BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, ModelEntry, local_turn,

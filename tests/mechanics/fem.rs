@@ -1,8 +1,6 @@
 //! The finite element method against closed forms: patch test, rigid motions, symmetry, published matrices.
 
-use crate::common;
-
-use common::{block_scene, shared};
+use crate::common::{self, block_scene, shared};
 use greenstage::fem::{Lame, NodeFields, Partition, StiffnessMatrix, TET4, TET4_ANP, TET10, tet4};
 use greenstage::green::{self, AFFINE, Requirements};
 use greenstage::mesh::{self, TetMesh, generate};

@@ -1,17 +1,12 @@
 //! Locking against the manual's figures, and the handle stiffness against reciprocity, energy and rigid motions. Closed
 //! forms and rates of convergence are those of `greenstage verify` ([`super::verify`]).
 
-use crate::common;
-
-use common::{block_scene, some_pose};
+use crate::common::{self, HAPTICS, block_scene, some_pose};
 use greenstage::deform::ControlPose;
 use greenstage::fem::{Lame, NodeFields};
-use greenstage::green::{self, FIELDS, Requirements, STIFFNESS, Solution};
+use greenstage::green::{self, FIELDS, Solution};
 use greenstage::solve::Silent;
 use nalgebra::{DVector, Matrix3, Vector3};
-use std::sync::LazyLock;
-
-static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
 /// Force that moves one end of a beam of 4 × 1 × 1 m sideways by 1 m without turning it, N, with n cells through its
 /// thickness.

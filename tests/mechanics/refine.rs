@@ -1,8 +1,6 @@
 //! Uniform refinement: conforming meshes, exact volumes, bounded shapes, groups, and solutions that converge.
 
-use crate::common;
-
-use common::{block_scene, scene};
+use crate::common::{block_scene, scene};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::mesh::isosurface_stuffing::tetrahedralise;
 use greenstage::mesh::quadratic::{least_jacobian, quadratic, straight};

@@ -22,7 +22,7 @@ fn tet_volume(mesh: &TetMesh) -> f64 {
 }
 
 /// Each edge is run through once in each direction; returns V - E + F.
-fn euler_characteristic_of_closed(surface: &Surface) -> i64 {
+pub fn euler_characteristic_of_closed(surface: &Surface) -> i64 {
     let mut directed: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     for &[a, b, c] in &surface.triangles {
         for edge in [(a, b), (b, c), (c, a)] {

@@ -1,7 +1,6 @@
 //! What readers refuse, with file, line and reason; what they repair, with a notice.
 
-use greenstage::mesh::{Block, quality::signed_volume};
-use greenstage::mesh::{Encoding, Loaded, block, encode, load, parse};
+use greenstage::mesh::{Block, Encoding, Loaded, block, encode, load, parse, quality::signed_volume};
 use std::path::Path;
 
 fn read(text: &str) -> Result<Loaded, String> {

@@ -3,13 +3,10 @@
 //!
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden` writes tests/golden/*.png anew; look at them then.
 
-use crate::common;
-use crate::render_common;
-
-use common::{coarse_demo, folder, greenstage};
+use crate::common::{coarse_demo, folder, greenstage};
+use crate::render_common::require_gpu;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{Rgb, RgbImage, imageops};
-use render_common::require_gpu;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -3,13 +3,10 @@
 //!
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_hands` writes tests/golden/hands.png anew; look at it then.
 
-use crate::common;
+use crate::common::{coarse_demo, folder, greenstage};
 use crate::golden::{golden_picture, likeness};
-use crate::render_common;
-
-use common::{coarse_demo, folder, greenstage};
+use crate::render_common::require_gpu;
 use image::RgbImage;
-use render_common::require_gpu;
 use std::path::Path;
 
 /// Likeness as in tests/golden.rs.

@@ -3,13 +3,10 @@
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_room` writes tests/golden/room-*.png and pattern-*.png anew;
 //! look at them then.
 
-use crate::common;
+use crate::common::{folder, greenstage};
 use crate::golden::{golden_picture, likeness, save};
-use crate::render_common;
-
-use common::{folder, greenstage};
+use crate::render_common::require_gpu;
 use image::RgbImage;
-use render_common::require_gpu;
 use std::path::Path;
 
 /// Likeness as in tests/golden.rs. A picture must be within this of its golden one, and at least three times nearer to

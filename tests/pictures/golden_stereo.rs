@@ -2,14 +2,11 @@
 //!
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_stereo` writes tests/golden/stereo/*.png anew; look at them then.
 
-use crate::common;
+use crate::common::{coarse_demo, folder, greenstage};
 use crate::golden::{golden_picture, likeness};
-use crate::render_common;
-
-use common::{coarse_demo, folder, greenstage};
+use crate::render_common::require_gpu;
 use greenstage::stage::Stereo;
 use image::RgbImage;
-use render_common::require_gpu;
 use std::path::{Path, PathBuf};
 
 /// A kind of stereo, and the size of its picture.

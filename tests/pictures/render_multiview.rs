@@ -1,14 +1,12 @@
 //! Both eyes in one pass against one after the other, and views that leave out what they cannot see.
 
-use crate::render_common;
-
+use crate::render_common::{bent_tube, black_room, off_axis, require_gpu, square};
 use greenstage::render::{
     Attachments, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Grid, Offscreen,
     RenderError, Renderer, StylusShape, View, Viewport,
 };
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Rotation3, Vector3};
-use render_common::{bent_tube, black_room, off_axis, require_gpu, square};
 
 const SIZE: [u32; 2] = [320, 256];
 

@@ -1,10 +1,9 @@
 //! What is drawn lands where the projection says, nearer before farther, the same in every arrangement of viewports.
 
-use crate::render_common;
+use crate::render_common::*;
 use greenstage::render::*;
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
-use render_common::*;
 
 const SIZE: [u32; 2] = [320, 256];
 

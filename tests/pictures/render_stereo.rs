@@ -1,12 +1,11 @@
 //! Two eyes' pictures joined on the device are what their twin on the CPU makes of them, in every kind of stereo, at
 //! every place of the desktop; and tiles leave each other alone.
 
-use crate::render_common;
+use crate::render_common::*;
 use greenstage::render::window::Monitor;
 use greenstage::render::*;
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
-use render_common::*;
 
 const SIZE: [u32; 2] = [160, 98];
 

@@ -2,13 +2,11 @@
 //! on a display of its own. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --release --test
 //! pictures -- --ignored render_window
 
-use crate::display_common;
-use crate::render_common;
-use display_common::Display;
+use crate::display_common::Display;
+use crate::render_common::*;
 use greenstage::render::window::*;
 use greenstage::render::*;
 use nalgebra::{Matrix4, Point3, Vector3};
-use render_common::*;
 use std::io::Read;
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};

@@ -1,12 +1,10 @@
 //! Lines, quads and balls of the room view: as wide as asked for, in the right colour from either side, cut at the near
 //! plane, and no pipeline where there are none.
 
-use crate::render_common;
-
+use crate::render_common::{black_room, draw_full, off_axis, require_gpu};
 use greenstage::render::{Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Line, Quad, Renderer, View};
 use image::RgbaImage;
 use nalgebra::{Point3, Vector3};
-use render_common::{black_room, draw_full, off_axis, require_gpu};
 
 const SIZE: [u32; 2] = [100, 80];
 

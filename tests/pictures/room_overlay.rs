@@ -1,13 +1,10 @@
 //! Writing over pictures: nothing is made for an overlay that is never shown, what is drawn lies exactly on its pixels,
 //! and the test pattern shows what a display's installer looks for.
 
-use crate::common;
-use crate::render_common;
-
-use common::{folder, greenstage};
+use crate::common::{folder, greenstage};
+use crate::render_common::require_gpu;
 use greenstage::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
 use image::{Rgb, RgbImage};
-use render_common::require_gpu;
 
 /// A picture of 64 × 48 pixels, black, with what `paint` writes over it.
 fn written(gpu: &Gpu, overlay: &mut Overlay, paint: impl FnMut(&egui::Painter)) -> RgbImage {

@@ -1,14 +1,10 @@
 //! `greenstage view` under an X server of its own, without a window manager: windows stand where the stage file has
 //! them, and interlaced rows follow the desktop's parity when a window is moved.
 
-use crate::common;
-use crate::display_common;
-use crate::render_common;
-
-use common::{coarse_demo, folder};
-use display_common::{Display, Running, wait_for};
+use crate::common::{self, coarse_demo, folder};
+use crate::display_common::{Display, Running, wait_for};
+use crate::render_common::require_gpu;
 use image::RgbImage;
-use render_common::require_gpu;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
