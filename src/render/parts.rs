@@ -35,9 +35,7 @@ impl PartsPass {
     }
 
     /// Whether the motions differ from the last ones; then they are written to the device.
-    ///
-    /// # Errors
-    /// [`RenderError::PartCount`] unless there is one for each part.
+    /// Errors: [`RenderError::PartCount`] unless there is one for each part.
     pub(super) fn take(&mut self, gpu: &Gpu, parts: &[Isometry3<f64>]) -> Result<bool, RenderError> {
         let (found, expected) = (parts.len(), self.last.len());
         if found != expected {

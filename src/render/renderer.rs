@@ -66,8 +66,8 @@ struct Uniforms {
 }
 
 impl Renderer {
-    /// # Errors
-    /// [`RenderError::Samples`] for a sample count the device cannot draw, [`RenderError::Device`] when it fails.
+    /// Errors: [`RenderError::Samples`] for a sample count the device cannot draw, [`RenderError::Device`] when it
+    /// fails.
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat, samples: u32) -> Result<Self, RenderError> {
         let flags = gpu.adapter.get_texture_format_features(format).flags;
         let depth_flags = gpu.adapter.get_texture_format_features(super::target::DEPTH_FORMAT).flags;
@@ -99,9 +99,7 @@ impl Renderer {
     }
 
     /// The attachments for targets of one size and number of layers; all that are in use at the same time are the same.
-    ///
-    /// # Errors
-    /// As [`Attachments::new`].
+    /// Errors: as [`Attachments::new`].
     pub fn attachments(
         &self,
         gpu: &Gpu,
@@ -129,9 +127,7 @@ impl Renderer {
 
     /// Draws `contents` into all `pictures` with one submission; returns the time to encode and submit it. The device
     /// draws meanwhile: [`Gpu::wait`] tells how long.
-    ///
-    /// # Errors
-    /// A viewport outside its target, a target of another sample count, or a device that failed.
+    /// Errors: a viewport outside its target, a target of another sample count, or a device that failed.
     pub fn draw(
         &mut self,
         gpu: &Gpu,

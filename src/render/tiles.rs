@@ -96,9 +96,7 @@ impl TilePainter {
     }
 
     /// Draws all targets; returns the time to encode and submit it. Targets that share their contents are drawn together.
-    ///
-    /// # Errors
-    /// A tile outside its target, a viewport outside its picture, or a device that failed.
+    /// Errors: a tile outside its target, a viewport outside its picture, or a device that failed.
     pub fn draw(
         &mut self,
         gpu: &Gpu,

@@ -3,6 +3,7 @@
 
 use greenstage::deform::ControlPose;
 use greenstage::green::{Requirements, STIFFNESS};
+use greenstage::mesh::{Surface, TetMesh, quality::signed_volume};
 use greenstage::scene::Scene;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -45,6 +46,26 @@ nodes = {{ group = "xmin" }}
 grab = "fixed"
 "#
     ))
+}
+
+/// Sum of the tetrahedra, m³.
+pub fn tet_volume(mesh: &TetMesh) -> f64 {
+    (0..mesh.tets.len()).map(|tet| signed_volume(&mesh.corners(tet))).sum()
+}
+
+/// Each edge is run through once in each direction; returns V - E + F.
+pub fn euler_characteristic_of_closed(surface: &Surface) -> i64 {
+    let mut directed: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+    for &[a, b, c] in &surface.triangles {
+        for edge in [(a, b), (b, c), (c, a)] {
+            *directed.entry(edge).or_default() += 1;
+        }
+    }
+    for (&(a, b), &count) in &directed {
+        assert_eq!(count, 1, "edge {a}-{b} is run through {count} times");
+        assert!(directed.contains_key(&(b, a)), "edge {a}-{b} has one side only");
+    }
+    surface.nodes.len() as i64 - directed.len() as i64 / 2 + surface.triangles.len() as i64
 }
 
 /// A folder of its own for one test, emptied.

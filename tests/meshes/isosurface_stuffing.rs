@@ -1,7 +1,7 @@
 //! Isosurface stuffing: the dihedral angles that its authors prove, conforming meshes, volume and distance that
 //! converge, and what is refused.
 
-use crate::mesh_geometry::euler_characteristic_of_closed;
+use crate::common::euler_characteristic_of_closed;
 use greenstage::mesh::isosurface_stuffing::core::{ALPHA_LONG, ALPHA_SHORT, stuff};
 use greenstage::mesh::isosurface_stuffing::lattice::Lattice;
 use greenstage::mesh::isosurface_stuffing::tetrahedralise;

@@ -14,7 +14,11 @@ use crate::mesh::error::{FormatFault, MeshError, refuse};
 use crate::mesh::tet_mesh::TetMesh;
 use std::collections::BTreeSet;
 
-const MSH: &[(&str, Kind)] = &[("msh", Kind { name: "a Gmsh mesh", recognizes })];
+type Encode = fn(&TetMesh) -> Result<Encoded, MeshError>;
+
+const fn msh(name: &'static str, about: &'static str, encode: Encode) -> Writer {
+    Writer { name, about, files: &[("msh", Kind { name: "a Gmsh mesh", recognizes })], encode }
+}
 
 pub const FORMAT: Format = Format {
     name: "Gmsh 2.2, 4.0 and 4.1",
@@ -23,30 +27,10 @@ pub const FORMAT: Format = Format {
     others: |_| Vec::new(),
     read,
     writers: &[
-        Writer {
-            name: "msh41",
-            about: "Gmsh 4.1, text",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh41Text),
-        },
-        Writer {
-            name: "msh41-binary",
-            about: "Gmsh 4.1, binary",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh41Binary),
-        },
-        Writer {
-            name: "msh22",
-            about: "Gmsh 2.2, text",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh22Text),
-        },
-        Writer {
-            name: "msh22-binary",
-            about: "Gmsh 2.2, binary",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh22Binary),
-        },
+        msh("msh41", "Gmsh 4.1, text", |mesh| encoded(mesh, Encoding::Gmsh41Text)),
+        msh("msh41-binary", "Gmsh 4.1, binary", |mesh| encoded(mesh, Encoding::Gmsh41Binary)),
+        msh("msh22", "Gmsh 2.2, text", |mesh| encoded(mesh, Encoding::Gmsh22Text)),
+        msh("msh22-binary", "Gmsh 2.2, binary", |mesh| encoded(mesh, Encoding::Gmsh22Binary)),
     ],
 };
 
