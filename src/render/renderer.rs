@@ -12,7 +12,7 @@ use super::frame::{FrameContents, Line, Quad};
 use super::gpu::Gpu;
 use super::grid::Floor;
 use super::lighting::LightingUniform;
-use super::pass::{BOTH_EYES, DrawCounts, DrawPass, MadeFor, ViewDraw, group_layout};
+use super::pass::{BOTH_EYES, DrawCounts, DrawPass, DrawTo, MadeFor, ViewDraw, group_layout};
 use super::solid::SolidPass;
 use super::strips::StripPass;
 use super::target::{Attachments, Picture};
@@ -166,9 +166,8 @@ impl Renderer {
                 pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
                 pass.set_scissor_rect(x, y, width, height);
                 pass.set_bind_group(0, &self.uniforms.group, &[view_draw.offset]);
-                for kind in &self.passes {
-                    kind.draw(&mut pass, &view_draw, contents, &mut counts);
-                }
+                let mut to = DrawTo { pass: &mut pass, view_draw: &view_draw, counts: &mut counts };
+                self.passes.iter().for_each(|kind| kind.draw(&mut to, contents));
             }
             // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
             pass.set_scissor_rect(0, 0, picture.attachments.width, picture.attachments.height);

@@ -6,7 +6,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
+use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
 use std::borrow::Cow;
 use std::marker::PhantomData;
 
@@ -63,18 +63,12 @@ impl<S: Strip> DrawPass for StripPass<S> {
         gpu.write_vertices(&mut self.buffer, S::NAME, bytemuck::cast_slice(&strips), room)
     }
 
-    fn draw(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        _: &FrameContents<'_>,
-        _: &mut DrawCounts,
-    ) {
-        let made = self.pipelines.of(view_draw).zip(self.buffer.as_ref());
+    fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
+        let made = self.pipelines.of(to.view_draw).zip(self.buffer.as_ref());
         if let Some((pipeline, buffer)) = made.filter(|_| self.count > 0) {
-            pass.set_pipeline(pipeline);
-            pass.set_vertex_buffer(0, buffer.slice(..));
-            pass.draw(0..4, 0..self.count);
+            to.pass.set_pipeline(pipeline);
+            to.pass.set_vertex_buffer(0, buffer.slice(..));
+            to.pass.draw(0..4, 0..self.count);
         }
     }
 

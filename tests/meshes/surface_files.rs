@@ -5,7 +5,7 @@ use greenstage::mesh::quality::signed_volume;
 use greenstage::mesh::surface_check::{SurfaceReport, check};
 use greenstage::mesh::surface_files::{LoadedSurface, parse};
 use proptest::prelude::*;
-use small::{OBJ, TRIANGLES, VERTICES, ply, samples, stl_binary};
+use small::{OBJ, TRIANGLES, VERTICES, samples, stl_binary};
 use std::path::Path;
 
 mod small;
