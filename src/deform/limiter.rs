@@ -52,9 +52,7 @@ impl PoseLimiter {
             return (*pose, Vec::new());
         }
         let polar = if pose.is_finite() { Polar::of(&pose.matrix) } else { None };
-        let Some(polar) = polar else {
-            return (*last, vec![PoseFault::NotFinite]);
-        };
+        let Some(polar) = polar else { return (*last, vec![PoseFault::NotFinite]) };
         let (rotation, mirrored) = (polar.turn(), polar.sign < 0.0);
         let mut faults = Vec::new();
         if mirrored {

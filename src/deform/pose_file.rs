@@ -82,9 +82,7 @@ pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Resul
     body.control
         .keys()
         .map(|control| {
-            let Some(affine) = pose.control.get(control) else {
-                return Ok(ControlPose::REST);
-            };
+            let Some(affine) = pose.control.get(control) else { return Ok(ControlPose::REST) };
             let m = affine.matrix;
             let pose = ControlPose {
                 translation: Vector3::from(affine.translation),

@@ -14,7 +14,7 @@ use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{Body, Scene};
-use crate::solve::{NO_UNKNOWNS, Progress, SolveError, SolveStats};
+use crate::solve::{NO_UNKNOWNS, Progress, SolveResult, SolveStats};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -150,12 +150,7 @@ fn assembly_memory(element: &Element, mesh: &TetMesh, surface: &Surface, columns
     184.0 * pairs + 170.0 * tets + 400.0 * nodes + 2.0 * 24.0 * nodes * columns as f64
 }
 
-fn solve_free(
-    body: &Body,
-    a: &StiffnessMatrix,
-    rhs: &NodeFields,
-    progress: &dyn Progress,
-) -> Result<(NodeFields, SolveStats), SolveError> {
+fn solve_free(body: &Body, a: &StiffnessMatrix, rhs: &NodeFields, progress: &dyn Progress) -> SolveResult {
     let solver = body.solver.analyse(a, progress)?;
     solver.fits(a, rhs.columns)?;
     solver.factor(a, progress)?.solve_and_judge(rhs, progress)

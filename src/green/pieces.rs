@@ -2,8 +2,7 @@
 //!
 //! In: a mesh and its control elements. Out: [`Diagnostic`]s that name the piece, how far it is from the rest, and the remedy.
 
-use super::control::ControlElement;
-use super::control::rank;
+use super::control::{ControlElement, rank};
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::disjoint::DisjointSets;
 use crate::mesh::diagnostics::{self, digits, place};

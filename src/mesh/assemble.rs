@@ -3,7 +3,7 @@
 //! In: a [`RawMesh`], nodes and elements by their tags as a format's reader found them. Out: tetrahedra by
 //! index, checked, positively oriented, every node used, physical groups as regions and node groups.
 
-use super::error::FormatFault;
+use super::error::{FormatFault, refuse};
 use super::quality::signed_volume;
 use super::tet_mesh::{EDGES, Loaded, TetMesh, edges_of};
 use nalgebra::Vector3;
@@ -128,11 +128,10 @@ fn resolve(raw: &RawMesh) -> Result<Vec<u32>, FormatFault> {
     let mut index_of = HashMap::with_capacity(raw.nodes.len());
     for (node, index) in raw.nodes.iter().zip(0u32..) {
         if !node.position.iter().all(|x| x.is_finite()) {
-            let reason = format!("node {} has a coordinate that is no finite number", node.tag);
-            return Err(FormatFault::at(node.at, reason));
+            return refuse(node.at, format!("node {} has a coordinate that is no finite number", node.tag));
         }
         if index_of.insert(node.tag, index).is_some() {
-            return Err(FormatFault::at(node.at, format!("node {} is defined twice", node.tag)));
+            return refuse(node.at, format!("node {} is defined twice", node.tag));
         }
     }
     let mut corners = Vec::with_capacity(raw.corners.len());
@@ -166,13 +165,10 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
     let mut tets = Vec::new();
     let mut elements = Vec::new();
     for (element, nodes) in with_corners(raw, corners) {
-        let (true, &[a, b, c, d, ..]) = (element.kind.is_tetrahedron, nodes) else {
-            continue;
-        };
+        let (true, &[a, b, c, d, ..]) = (element.kind.is_tetrahedron, nodes) else { continue };
         if a == b || a == c || a == d || b == c || b == d || c == d {
             let tags = [a, b, c, d].map(|node| raw.nodes[node as usize].tag);
-            let reason = format!("tetrahedron {} names a node twice: {tags:?}", element.tag);
-            return Err(FormatFault::at(element.at, reason));
+            return refuse(element.at, format!("tetrahedron {} names a node twice: {tags:?}", element.tag));
         }
         tets.push([a, b, c, d]);
         elements.push(*element);
@@ -210,7 +206,7 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
                     tag(mid),
                     tag(other)
                 );
-                return Err(FormatFault::at(element.at, reason));
+                return refuse(element.at, reason);
             }
             if *edge_of.entry(mid).or_insert(edge) != edge {
                 let reason = format!(
@@ -218,7 +214,7 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
                     tag(mid),
                     element.tag
                 );
-                return Err(FormatFault::at(element.at, reason));
+                return refuse(element.at, reason);
             }
         }
     }
@@ -232,14 +228,14 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
                  element = \"tet4\" takes the corners of all",
                 element.tag, element.kind.nodes
             );
-            return Err(FormatFault::at(element.at, reason));
+            return refuse(element.at, reason);
         }
         if let Some(node) = nodes.iter().take(4).find(|node| edge_of.contains_key(node)) {
             let reason = format!(
                 "node {} is a corner of tetrahedron {} and lies between the corners of another",
                 raw.nodes[*node as usize].tag, element.tag
             );
-            return Err(FormatFault::at(element.at, reason));
+            return refuse(element.at, reason);
         }
     }
     Ok(mids)
@@ -252,9 +248,7 @@ fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) 
     }
     sorted.sort_unstable();
     let twins = sorted.windows(2).filter(|pair| pair[0].0 == pair[1].0);
-    let Some(pair) = twins.min_by_key(|pair| pair[1].1) else {
-        return Ok(());
-    };
+    let Some(pair) = twins.min_by_key(|pair| pair[1].1) else { return Ok(()) };
     let (first, second) = (elements[pair[0].1], elements[pair[1].1]);
     let tags = pair[0].0.map(|node| raw.nodes[node as usize].tag);
     let reason = format!(
@@ -262,7 +256,7 @@ fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) 
          one for each physical group of a volume; save as 4.1)",
         second.tag, first.tag
     );
-    Err(FormatFault::at(second.at, reason))
+    refuse(second.at, reason)
 }
 
 /// Swaps two corners of each tetrahedron of negative volume; one of zero volume is left as it is.
@@ -278,7 +272,7 @@ fn orient(
         if !volume.is_finite() {
             let reason =
                 format!("tetrahedron {}: its coordinates are too large to compute with", element.tag);
-            return Err(FormatFault::at(element.at, reason));
+            return refuse(element.at, reason);
         }
         if volume < 0.0 {
             tet.swap(2, 3);

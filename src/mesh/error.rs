@@ -36,6 +36,11 @@ impl fmt::Display for Place {
     }
 }
 
+/// A [`FormatFault`] at a byte offset, as the result of a reader.
+pub fn refuse<T>(at: usize, reason: impl Into<String>) -> Result<T, FormatFault> {
+    Err(FormatFault::at(at, reason))
+}
+
 /// What a format's reader objects to: at a byte offset, or in the file as a whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormatFault {
@@ -56,9 +61,7 @@ impl FormatFault {
     /// there the offset itself is named.
     pub fn in_file(self, path: &Path, bytes: &[u8]) -> MeshError {
         let path = path.to_owned();
-        let Some(at) = self.at else {
-            return MeshError::Refused { path, reason: self.reason };
-        };
+        let Some(at) = self.at else { return MeshError::Refused { path, reason: self.reason } };
         let place = if bytes.contains(&0) {
             Place::Byte(at)
         } else {

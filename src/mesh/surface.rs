@@ -90,9 +90,7 @@ impl Surface {
     /// Volume inside this surface of `mesh`, in m³: ∮ x·n dA / 3, with x from the surface's first node so that
     /// a body far from the origin loses no digits.
     pub fn volume(&self, mesh: &TetMesh) -> f64 {
-        let Some(&first) = self.nodes.first() else {
-            return 0.0;
-        };
+        let Some(&first) = self.nodes.first() else { return 0.0 };
         let origin = mesh.nodes[first as usize];
         self.corners(mesh).map(|[a, b, c]| (a - origin).dot(&(b - origin).cross(&(c - origin))) / 6.0).sum()
     }

@@ -3,7 +3,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
+use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
 use super::shader;
 
 #[derive(Default)]
@@ -20,16 +20,10 @@ impl DrawPass for BackgroundPass {
         Ok(())
     }
 
-    fn draw(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        _: &FrameContents<'_>,
-        _: &mut DrawCounts,
-    ) {
-        if let Some(pipeline) = self.0.of(view_draw) {
-            pass.set_pipeline(pipeline);
-            pass.draw(0..3, 0..1);
+    fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
+        if let Some(pipeline) = self.0.of(to.view_draw) {
+            to.pass.set_pipeline(pipeline);
+            to.pass.draw(0..3, 0..1);
         }
     }
 

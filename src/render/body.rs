@@ -4,7 +4,7 @@ use super::error::RenderError;
 use super::frame::{BodyInstance, FrameContents};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
+use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
 use super::shader;
 use std::ops::Range;
 
@@ -51,19 +51,13 @@ impl DrawPass for BodyPass {
         self.instances.upload(gpu)
     }
 
-    fn draw(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        contents: &FrameContents<'_>,
-        counts: &mut DrawCounts,
-    ) {
-        let Some(pipeline) = self.pipelines.of(view_draw).filter(|_| !contents.bodies.is_empty()) else {
+    fn draw(&self, to: &mut DrawTo<'_, '_>, contents: &FrameContents<'_>) {
+        let Some(pipeline) = self.pipelines.of(to.view_draw).filter(|_| !contents.bodies.is_empty()) else {
             return;
         };
-        pass.set_pipeline(pipeline);
+        to.pass.set_pipeline(pipeline);
         for (k, body) in contents.bodies.iter().enumerate() {
-            self.draw_body(pass, view_draw, (k, body), counts);
+            self.draw_body(to, k, body);
         }
     }
 
@@ -73,38 +67,32 @@ impl DrawPass for BodyPass {
 }
 
 impl BodyPass {
-    fn draw_body(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        (k, body): (usize, &BodyInstance<'_>),
-        counts: &mut DrawCounts,
-    ) {
+    fn draw_body(&self, to: &mut DrawTo<'_, '_>, k: usize, body: &BodyInstance<'_>) {
         let buffers = body.buffers;
-        let clip_from_body = view_draw.clip_from_shape(&body.room_from_body);
+        let clip_from_body = to.view_draw.clip_from_shape(&body.room_from_body);
         let draw = |pass: &mut wgpu::RenderPass<'_>, run: Range<u32>| {
             if !run.is_empty() {
                 pass.draw_indexed(run, 0, 0..1);
             }
         };
-        pass.set_index_buffer(buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.set_vertex_buffer(0, buffers.positions.slice(..));
-        pass.set_vertex_buffer(1, buffers.normals.slice(..));
-        pass.set_vertex_buffer(2, buffers.colors.slice(..));
-        self.instances.bind(pass, 3, k);
+        to.pass.set_index_buffer(buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
+        to.pass.set_vertex_buffer(0, buffers.positions.slice(..));
+        to.pass.set_vertex_buffer(1, buffers.normals.slice(..));
+        to.pass.set_vertex_buffer(2, buffers.colors.slice(..));
+        self.instances.bind(to.pass, 3, k);
         // Neighbours in the index buffer in one draw.
         let mut run = 0..0;
         for patch in &buffers.patches {
-            if !view_draw.shows(&patch.bounds, &clip_from_body, counts) {
+            if !to.shows(&patch.bounds, &clip_from_body) {
                 continue;
             }
             if run.end == patch.indices.start {
                 run.end = patch.indices.end;
                 continue;
             }
-            draw(pass, run);
+            draw(to.pass, run);
             run = patch.indices.clone();
         }
-        draw(pass, run);
+        draw(to.pass, run);
     }
 }

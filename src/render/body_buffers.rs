@@ -31,9 +31,7 @@ impl BodyBuffers {
     ///
     /// `triangles` are counter-clockwise seen from outside. A colour is red, green and blue in sRGB and a mark: 255 on
     /// a control element, 0 elsewhere; the border between the two is drawn sharply where the mark passes one half.
-    ///
-    /// # Errors
-    /// An empty body, a triangle that names a vertex that is not there, or a body too large for the device.
+    /// Errors: an empty body, a triangle that names a vertex that is not there, or a body too large for the device.
     pub fn new(gpu: &Gpu, triangles: &[[u32; 3]], colors: &[[u8; 4]]) -> Result<Self, RenderError> {
         let vertex = BufferUsages::VERTEX | BufferUsages::COPY_DST;
         let bytes = colors.len() as u64 * 12;
@@ -42,10 +40,8 @@ impl BodyBuffers {
 
     /// Buffers for a body that [`BodyBuffers::deform`] deforms: at `rest` plus the sum of coefficients times columns, group
     /// after group, all in one storage; then moved by its parts, where it has several. It stands at rest.
-    ///
-    /// # Errors
-    /// As [`BodyBuffers::new`]; columns or weights of another number of nodes, or mixed storage; a body of which even a few
-    /// nodes, or whose positions, are more than the device binds at once.
+    /// Errors: as [`BodyBuffers::new`]; columns or weights of another number of nodes, or mixed storage; a body of
+    /// which even a few nodes, or whose positions, are more than the device binds at once.
     pub fn with_columns(
         gpu: &Gpu,
         triangles: &[[u32; 3]],
@@ -125,9 +121,6 @@ impl BodyBuffers {
     }
 
     /// Positions and normals as the device has them, of a body with columns.
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed or was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<[Vec<[f32; 3]>; 2], RenderError> {
         let bytes = self.vertex_count as u64 * 12;
         let read = |buffer| -> Result<Vec<[f32; 3]>, RenderError> {
@@ -141,17 +134,13 @@ impl BodyBuffers {
     }
 
     /// Replaces all vertex colours, as for an element that is hovered or held.
-    ///
-    /// # Errors
-    /// [`RenderError::VertexCount`] unless there is one colour per vertex.
+    /// Errors: [`RenderError::VertexCount`] unless there is one colour per vertex.
     pub fn set_colors(&self, gpu: &Gpu, colors: &[[u8; 4]]) -> Result<(), RenderError> {
         self.write(gpu, "vertex colours", &self.colors, colors)
     }
 
     /// Writes the deformed surface of this frame: positions in the body's frame, normals of any length but zero.
-    ///
-    /// # Errors
-    /// [`RenderError::VertexCount`] unless there is one position and one normal per vertex.
+    /// Errors: [`RenderError::VertexCount`] unless there is one position and one normal per vertex.
     pub fn upload(
         &mut self,
         gpu: &Gpu,
@@ -167,19 +156,15 @@ impl BodyBuffers {
     /// Deforms the body on the device; returns false, and does nothing, where neither a coefficient nor, of several parts,
     /// a motion changed. For bodies made by [`BodyBuffers::with_columns`];
     /// others stay as they were uploaded.
-    ///
-    /// # Errors
-    /// [`RenderError::CoefficientCount`] unless there is one coefficient per column, [`RenderError::PartCount`] unless each
-    /// of several parts has a motion, or a device that failed.
+    /// Errors: [`RenderError::CoefficientCount`] unless there is one coefficient per column, [`RenderError::PartCount`]
+    /// unless each of several parts has a motion, or a device that failed.
     pub fn deform(
         &mut self,
         gpu: &Gpu,
         coefficients: &[f64],
         parts: &[Isometry3<f64>],
     ) -> Result<bool, RenderError> {
-        let Some(pass) = &mut self.deform else {
-            return Ok(false);
-        };
+        let Some(pass) = &mut self.deform else { return Ok(false) };
         let is_new = pass.run(gpu, coefficients, parts)?;
         if is_new {
             for (patch, reach) in self.patches.iter_mut().zip(&pass.reaches) {

@@ -281,20 +281,14 @@ impl CompositePass {
 
 #[cfg(test)]
 mod tests {
+    use super::super::layout::assert_layout;
     use super::*;
-    use std::mem::offset_of;
-    use wgpu::naga;
 
     #[test]
     fn the_uniform_lies_as_the_shader_reads_it() {
         let source = shader::COMPOSITE.concat();
-        let module = naga::front::wgsl::parse_str(&source).unwrap();
-        let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Composite")).unwrap();
-        let naga::TypeInner::Struct { members, span } = &found.inner else { panic!("no struct") };
-        let offsets: Vec<usize> = members.iter().map(|member| member.offset as usize).collect();
-        macro_rules! offsets { ($($field:ident),+) => { vec![$(offset_of!(CompositeUniform, $field)),+] }; }
-        assert_eq!(offsets, offsets!(from_first, from_second, corner, panel, eye_size, second, turns));
-        assert_eq!(*span as usize, size_of::<CompositeUniform>());
+        assert_layout!(source, "Composite", CompositeUniform:
+            from_first, from_second, corner, panel, eye_size, second, turns);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawCounts, DrawPass, MadeFor, ViewDraw};
+use super::pass::{DrawPass, DrawTo, MadeFor};
 use super::shader;
 use super::strips::{StripBuffer, StripShape};
 use crate::base::strips::StripKind;
@@ -48,14 +48,8 @@ impl DrawPass for CustomStripsPass {
         Ok(())
     }
 
-    fn draw(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        _: &FrameContents<'_>,
-        _: &mut DrawCounts,
-    ) {
-        self.kinds.values().for_each(|kind| kind.draw(pass, view_draw));
+    fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
+        self.kinds.values().for_each(|kind| kind.draw(to));
     }
 
     fn is_made(&self) -> bool {

@@ -9,12 +9,11 @@
 
 use super::bounds::Bounds;
 use super::chunk::{Chunk, ComputePass, most_items, ranges};
-use super::columns;
 use super::error::RenderError;
 use super::gpu::Gpu;
-use super::normals;
 use super::parts::PartsPass;
 use super::patches::Reach;
+use super::{columns, normals};
 use crate::base::columns::{ColumnGroup, Storage};
 use crate::base::parts::PartWeights;
 use nalgebra::Isometry3;
@@ -167,17 +166,15 @@ impl DeformPass {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{chunk::Chunk, layout, shader};
+    use super::super::layout::{self, assert_layout};
+    use super::super::shader;
     use super::*;
-    use std::mem::offset_of;
 
     #[test]
     fn structs_lie_as_the_shaders_read_them() {
         let source = shader::DEFORM_F32.concat();
-        let terms = [("column", offset_of!(Terms, column)), ("weight", offset_of!(Terms, weight))];
-        layout::assert(&source, "Terms", size_of::<Terms>(), &terms);
-        let chunk = [("count", offset_of!(Chunk, count)), ("first", offset_of!(Chunk, first))];
-        layout::assert(&source, "Chunk", size_of::<Chunk>(), &chunk);
+        assert_layout!(source, "Terms", Terms: column, weight);
+        assert_layout!(source, "Chunk", Chunk: count, first);
         let offsets: Vec<usize> =
             layout::in_wgsl(&source, "Sum").1.into_iter().map(|(_, offset)| offset).collect();
         assert_eq!(offsets, [0, HEADER]);

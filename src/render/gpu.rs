@@ -66,9 +66,7 @@ const OPTIONAL: wgpu::Features =
 
 impl Gpu {
     /// The best device of this machine, without a window.
-    ///
-    /// # Errors
-    /// [`RenderError::NoAdapter`] without any driver, [`RenderError::NoDevice`] when the driver fails.
+    /// Errors: [`RenderError::NoAdapter`] without any driver, [`RenderError::NoDevice`] when the driver fails.
     pub fn headless() -> Result<Self, RenderError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         Self::open(instance, None)
@@ -136,9 +134,6 @@ impl Gpu {
     }
 
     /// Waits until everything submitted is drawn; returns how long that took.
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed or was lost.
     pub fn wait(&self) -> Result<Duration, RenderError> {
         let start = Instant::now();
         self.device
@@ -149,9 +144,7 @@ impl Gpu {
     }
 
     /// Submits what was uploaded and waits until all is done.
-    ///
-    /// # Errors
-    /// As [`Gpu::wait`].
+    /// Errors: as [`Gpu::wait`].
     pub fn finish(&self) -> Result<Duration, RenderError> {
         self.queue.submit([]);
         self.wait()
@@ -185,6 +178,22 @@ impl Gpu {
             self.made.storage_bytes.fetch_add(bytes, Ordering::Relaxed);
         }
         Ok(buffer)
+    }
+
+    /// Writes to a buffer of vertices or instances, which is made anew of `room` bytes where it is too small.
+    pub(super) fn write_vertices(
+        &self,
+        buffer: &mut Option<wgpu::Buffer>,
+        what: &'static str,
+        bytes: &[u8],
+        room: usize,
+    ) -> Result<(), RenderError> {
+        let fitting = buffer.take().filter(|buffer| buffer.size() >= bytes.len() as u64);
+        let usage = BufferUsages::VERTEX | BufferUsages::COPY_DST;
+        let fitting = fitting.map_or_else(|| self.buffer(what, room as u64, usage), Ok)?;
+        self.queue.write_buffer(&fitting, 0, bytes);
+        *buffer = Some(fitting);
+        Ok(())
     }
 
     /// A buffer that is bound whole as storage.
@@ -223,9 +232,6 @@ impl Gpu {
     }
 
     /// From now on every pass tells its time; false where the device has no clock.
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed.
     pub fn start_clock(&mut self) -> Result<bool, RenderError> {
         if self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             let resolved = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
@@ -240,9 +246,6 @@ impl Gpu {
     }
 
     /// Name and time, s, of the passes since the last reading, in their order; none before [`Gpu::start_clock`].
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed.
     pub fn read_clock(&self) -> Result<Vec<(&'static str, f64)>, RenderError> {
         let Some(clock) = self.clock.as_ref().filter(|clock| !clock.is_empty()) else {
             return Ok(Vec::new());

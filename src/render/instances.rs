@@ -2,7 +2,6 @@
 
 use super::error::RenderError;
 use super::gpu::Gpu;
-use wgpu::BufferUsages;
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -32,20 +31,11 @@ pub(super) struct Instances {
 
 impl Instances {
     pub(super) fn upload(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
-        let bytes: &[u8] = bytemuck::cast_slice(&self.list);
-        if bytes.is_empty() {
+        if self.list.is_empty() {
             return Ok(());
         }
-        let buffer = match self.buffer.take() {
-            Some(buffer) if buffer.size() >= bytes.len() as u64 => buffer,
-            _ => {
-                let room = self.list.len().next_power_of_two().max(16) * size_of::<Instance>();
-                gpu.buffer("instances", room as u64, BufferUsages::VERTEX | BufferUsages::COPY_DST)?
-            }
-        };
-        gpu.queue.write_buffer(&buffer, 0, bytes);
-        self.buffer = Some(buffer);
-        Ok(())
+        let room = self.list.len().next_power_of_two().max(16) * size_of::<Instance>();
+        gpu.write_vertices(&mut self.buffer, "instances", bytemuck::cast_slice(&self.list), room)
     }
 
     /// Binds the instances from `first` on to a slot of vertex buffers.

@@ -13,8 +13,11 @@ pub(super) fn in_wgsl(source: &str, name: &str) -> (usize, Vec<(String, usize)>)
     (*span as usize, members.iter().map(field).collect())
 }
 
-/// Fails unless the struct `name` of `source` has this size and these fields at these offsets.
-pub(super) fn assert(source: &str, name: &str, size: usize, fields: &[(&str, usize)]) {
-    let fields = fields.iter().map(|(field, offset)| ((*field).to_owned(), *offset)).collect();
-    assert_eq!(in_wgsl(source, name), (size, fields), "{name}");
+/// Fails unless the struct `$name` of a shader has the size of `$rust` and these fields of it, at their offsets.
+macro_rules! assert_layout {
+    ($source:expr, $name:literal, $rust:ty: $($field:ident),+) => {
+        let fields = vec![$((stringify!($field).to_owned(), std::mem::offset_of!($rust, $field))),+];
+        assert_eq!($crate::render::layout::in_wgsl(&$source, $name), (size_of::<$rust>(), fields), $name);
+    };
 }
+pub(super) use assert_layout;

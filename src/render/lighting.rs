@@ -72,23 +72,14 @@ impl LightingUniform {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{layout, shader};
+    use super::super::layout::assert_layout;
+    use super::super::shader;
     use super::*;
-    use std::mem::{offset_of, size_of};
 
     #[test]
     fn the_lighting_lies_as_the_shaders_read_it() {
-        let expected = [
-            ("to_key", offset_of!(LightingUniform, to_key)),
-            ("key", offset_of!(LightingUniform, key)),
-            ("to_fill", offset_of!(LightingUniform, to_fill)),
-            ("fill", offset_of!(LightingUniform, fill)),
-            ("sky", offset_of!(LightingUniform, sky)),
-            ("ground", offset_of!(LightingUniform, ground)),
-            ("zenith", offset_of!(LightingUniform, zenith)),
-            ("horizon", offset_of!(LightingUniform, horizon)),
-            ("nadir", offset_of!(LightingUniform, nadir)),
-        ];
-        layout::assert(&shader::BODY.concat(), "Lighting", size_of::<LightingUniform>(), &expected);
+        let source = shader::BODY.concat();
+        assert_layout!(source, "Lighting", LightingUniform:
+            to_key, key, to_fill, fill, sky, ground, zenith, horizon, nadir);
     }
 }

@@ -3,8 +3,7 @@
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::renderer::Renderer;
-use super::target::{Attachments, Picture};
-use super::target::{check_size, texture};
+use super::target::{Attachments, Picture, check_size, texture};
 use super::view::Viewport;
 use image::RgbaImage;
 use std::sync::Arc;
@@ -29,9 +28,7 @@ pub struct Offscreen {
 
 impl Offscreen {
     /// A target for `renderer`, which must draw [`COLOR_FORMAT`].
-    ///
-    /// # Errors
-    /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
+    /// Errors: [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
     pub fn new(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
         let attachments = renderer.attachments(gpu, size, 1)?;
         Ok(Self { attachments, image: Readable::new(gpu, size)? })
@@ -42,17 +39,13 @@ impl Offscreen {
     }
 
     /// See [`Readable::read`].
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed or was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         self.image.read(gpu)
     }
 }
 
 impl Readable {
-    /// # Errors
-    /// [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
+    /// Errors: [`RenderError::PictureSize`] or [`RenderError::BufferSize`] beyond the device's limits.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
         check_size(gpu, size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
@@ -64,9 +57,6 @@ impl Readable {
 
     /// The picture as drawn by everything submitted so far, and the time to fetch it. [`Gpu::wait`] first tells the
     /// time of drawing from that of reading.
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed or was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         let start = Instant::now();
         Ok((self.readback.read(gpu, &self.texture, 0)?, start.elapsed()))

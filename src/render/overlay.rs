@@ -50,9 +50,6 @@ impl Overlay {
     }
 
     /// Draws each mesh over what its target holds.
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed.
     pub fn draw<'a>(
         &mut self,
         gpu: &Gpu,

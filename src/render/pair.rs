@@ -7,8 +7,7 @@ use super::error::RenderError;
 use super::gpu::Gpu;
 use super::offscreen::Readback;
 use super::renderer::Renderer;
-use super::target::layered;
-use super::target::{Attachments, Picture};
+use super::target::{Attachments, Picture, layered};
 use super::view::Viewport;
 use image::RgbaImage;
 use std::sync::Arc;
@@ -32,9 +31,7 @@ impl EyePair {
     pub const NO_OTHER_USAGE: TextureUsages = TextureUsages::empty();
 
     /// For `renderer`, in one pass if its `multiview` says so. `usage` is added to that of a target.
-    ///
-    /// # Errors
-    /// As [`Attachments::new`].
+    /// Errors: as [`Attachments::new`].
     pub fn new(
         gpu: &Gpu,
         renderer: &Renderer,
@@ -62,9 +59,7 @@ impl EyePair {
     }
 
     /// A pair that can be read back: see [`EyePair::read`].
-    ///
-    /// # Errors
-    /// As [`EyePair::new`].
+    /// Errors: as [`EyePair::new`].
     pub fn readable(gpu: &Gpu, renderer: &Renderer, size: [u32; 2]) -> Result<Self, RenderError> {
         Self::new(gpu, renderer, size, TextureUsages::COPY_SRC)
     }
@@ -92,9 +87,8 @@ impl EyePair {
     }
 
     /// The picture of eye 0 or 1, as drawn by everything submitted so far; of a readable pair.
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] when the device failed or was lost, [`RenderError::BufferSize`] beyond its limits.
+    /// Errors: [`RenderError::Device`] when the device failed or was lost, [`RenderError::BufferSize`] beyond its
+    /// limits.
     pub fn read(&self, gpu: &Gpu, eye: usize) -> Result<RgbaImage, RenderError> {
         let (texture, layer) = match self.textures.as_slice() {
             [left, right] => ([left, right][eye], 0),

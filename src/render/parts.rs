@@ -35,9 +35,7 @@ impl PartsPass {
     }
 
     /// Whether the motions differ from the last ones; then they are written to the device.
-    ///
-    /// # Errors
-    /// [`RenderError::PartCount`] unless there is one for each part.
+    /// Errors: [`RenderError::PartCount`] unless there is one for each part.
     pub(super) fn take(&mut self, gpu: &Gpu, parts: &[Isometry3<f64>]) -> Result<bool, RenderError> {
         let (found, expected) = (parts.len(), self.last.len());
         if found != expected {
@@ -75,18 +73,15 @@ pub(super) fn moved_bounds(bounds: &Bounds, parts: &[u32], motions: &[PartMotion
 
 #[cfg(test)]
 mod tests {
-    use super::super::layout;
+    use super::super::layout::assert_layout;
     use super::*;
     use crate::base::parts::PartShare;
-    use std::mem::offset_of;
 
     #[test]
     fn structs_lie_as_the_shader_reads_them() {
         let source = shader::PARTS.concat();
-        let share = [("part", offset_of!(PartShare, part)), ("weight", offset_of!(PartShare, weight))];
-        layout::assert(&source, "Share", size_of::<PartShare>(), &share);
-        let motion = [("rows", offset_of!(PartMotion, rows))];
-        layout::assert(&source, "Motion", size_of::<PartMotion>(), &motion);
+        assert_layout!(source, "Share", PartShare: part, weight);
+        assert_layout!(source, "Motion", PartMotion: rows);
     }
 
     #[test]

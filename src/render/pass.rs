@@ -27,16 +27,27 @@ pub(super) trait DrawPass {
     ) -> Result<(), RenderError>;
 
     /// Draws what was taken into the viewport of a view, which is set.
-    fn draw(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        contents: &FrameContents<'_>,
-        counts: &mut DrawCounts,
-    );
+    fn draw(&self, to: &mut DrawTo<'_, '_>, contents: &FrameContents<'_>);
 
     /// Whether it has anything on the device.
     fn is_made(&self) -> bool;
+}
+
+/// Where a pass draws for one view, and what it counts.
+pub(super) struct DrawTo<'a, 'p> {
+    pub(super) pass: &'a mut wgpu::RenderPass<'p>,
+    pub(super) view_draw: &'a ViewDraw,
+    pub(super) counts: &'a mut DrawCounts,
+}
+
+impl DrawTo<'_, '_> {
+    /// Whether a shape is to be drawn; counts it. `clip_from_shape` is for each eye of the view.
+    pub(super) fn shows(&mut self, bounds: &Bounds, clip_from_shape: &[Option<Matrix4<f32>>; 2]) -> bool {
+        let is_seen = clip_from_shape.iter().flatten().any(|clip| bounds.is_visible(clip));
+        let shows = is_seen || !self.view_draw.culling;
+        *if shows { &mut self.counts.drawn } else { &mut self.counts.culled } += 1;
+        shows
+    }
 }
 
 /// Patches of bodies, and solids, over all passes of a frame; both eyes in one pass count once. A body that the CPU
@@ -64,19 +75,6 @@ impl ViewDraw {
     /// For each of its views.
     pub(super) fn clip_from_shape(&self, room_from_shape: &Matrix4<f32>) -> [Option<Matrix4<f32>>; 2] {
         self.clip_from_room.map(|clip_from_room| Some(clip_from_room? * room_from_shape))
-    }
-
-    /// Whether a shape is to be drawn; counts it.
-    pub(super) fn shows(
-        &self,
-        bounds: &Bounds,
-        clip_from_shape: &[Option<Matrix4<f32>>; 2],
-        counts: &mut DrawCounts,
-    ) -> bool {
-        let is_seen = clip_from_shape.iter().flatten().any(|clip| bounds.is_visible(clip));
-        let shows = is_seen || !self.culling;
-        *if shows { &mut counts.drawn } else { &mut counts.culled } += 1;
-        shows
     }
 }
 

@@ -13,7 +13,7 @@ use super::frame::{FrameContents, Line, Quad};
 use super::gpu::Gpu;
 use super::grid::Floor;
 use super::lighting::LightingUniform;
-use super::pass::{BOTH_EYES, DrawCounts, DrawPass, MadeFor, ViewDraw, group_layout};
+use super::pass::{BOTH_EYES, DrawCounts, DrawPass, DrawTo, MadeFor, ViewDraw, group_layout};
 use super::solid::SolidPass;
 use super::strips::StripPass;
 use super::target::{Attachments, Picture};
@@ -68,8 +68,8 @@ struct Uniforms {
 }
 
 impl Renderer {
-    /// # Errors
-    /// [`RenderError::Samples`] for a sample count the device cannot draw, [`RenderError::Device`] when it fails.
+    /// Errors: [`RenderError::Samples`] for a sample count the device cannot draw, [`RenderError::Device`] when it
+    /// fails.
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat, samples: u32) -> Result<Self, RenderError> {
         let flags = gpu.adapter.get_texture_format_features(format).flags;
         let depth_flags = gpu.adapter.get_texture_format_features(super::target::DEPTH_FORMAT).flags;
@@ -101,9 +101,7 @@ impl Renderer {
     }
 
     /// The attachments for targets of one size and number of layers; all that are in use at the same time are the same.
-    ///
-    /// # Errors
-    /// As [`Attachments::new`].
+    /// Errors: as [`Attachments::new`].
     pub fn attachments(
         &self,
         gpu: &Gpu,
@@ -131,9 +129,7 @@ impl Renderer {
 
     /// Draws `contents` into all `pictures` with one submission; returns the time to encode and submit it. The device
     /// draws meanwhile: [`Gpu::wait`] tells how long.
-    ///
-    /// # Errors
-    /// A viewport outside its target, a target of another sample count, or a device that failed.
+    /// Errors: a viewport outside its target, a target of another sample count, or a device that failed.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
@@ -172,9 +168,8 @@ impl Renderer {
                 pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
                 pass.set_scissor_rect(x, y, width, height);
                 pass.set_bind_group(0, &self.uniforms.group, &[view_draw.offset]);
-                for kind in &self.passes {
-                    kind.draw(&mut pass, &view_draw, contents, &mut counts);
-                }
+                let mut to = DrawTo { pass: &mut pass, view_draw: &view_draw, counts: &mut counts };
+                self.passes.iter().for_each(|kind| kind.draw(&mut to, contents));
             }
             // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
             pass.set_scissor_rect(0, 0, picture.attachments.width, picture.attachments.height);

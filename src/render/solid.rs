@@ -6,7 +6,7 @@ use super::error::RenderError;
 use super::frame::{Arrow, FrameContents, StylusShape};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
+use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
 use super::shader;
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -79,25 +79,19 @@ impl DrawPass for SolidPass {
         self.instances.upload(gpu)
     }
 
-    fn draw(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        _: &FrameContents<'_>,
-        counts: &mut DrawCounts,
-    ) {
-        let made = self.pipelines.of(view_draw).zip(self.meshes.as_ref());
+    fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
+        let made = self.pipelines.of(to.view_draw).zip(self.meshes.as_ref());
         let Some((pipeline, meshes)) = made.filter(|_| !self.instances.list.is_empty()) else { return };
-        pass.set_pipeline(pipeline);
-        pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.set_vertex_buffer(0, meshes.vertices.slice(..));
+        to.pass.set_pipeline(pipeline);
+        to.pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint32);
+        to.pass.set_vertex_buffer(0, meshes.vertices.slice(..));
         let mut first = 0;
         for ((range, bounds), count) in meshes.ranges.iter().zip(&meshes.bounds).zip(self.counts) {
             for instance in first..first + count as usize {
                 let room_from_shape = Matrix4::from(self.instances.list[instance].room_from_shape);
-                if view_draw.shows(bounds, &view_draw.clip_from_shape(&room_from_shape), counts) {
-                    self.instances.bind(pass, 1, instance);
-                    pass.draw_indexed(range.clone(), 0, 0..1);
+                if to.shows(bounds, &to.view_draw.clip_from_shape(&room_from_shape)) {
+                    self.instances.bind(to.pass, 1, instance);
+                    to.pass.draw_indexed(range.clone(), 0, 0..1);
                 }
             }
             first += count as usize;
@@ -128,23 +122,13 @@ impl SolidMeshes {
             let points: Vec<_> = used.iter().map(|&index| mesh.vertices[index as usize].position).collect();
             Bounds::of(&points)
         });
-        let solids = Self {
-            bounds,
-            vertices: gpu.buffer(
-                "solids",
-                vertices.len() as u64,
-                BufferUsages::VERTEX | BufferUsages::COPY_DST,
-            )?,
-            indices: gpu.buffer(
-                "solids",
-                indices.len() as u64,
-                BufferUsages::INDEX | BufferUsages::COPY_DST,
-            )?,
-            ranges,
+        let buffer = |bytes: &[u8], usage| -> Result<wgpu::Buffer, RenderError> {
+            let buffer = gpu.buffer("solids", bytes.len() as u64, usage | BufferUsages::COPY_DST)?;
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+            Ok(buffer)
         };
-        gpu.queue.write_buffer(&solids.vertices, 0, vertices);
-        gpu.queue.write_buffer(&solids.indices, 0, indices);
-        Ok(solids)
+        let vertices = buffer(vertices, BufferUsages::VERTEX)?;
+        Ok(Self { vertices, indices: buffer(indices, BufferUsages::INDEX)?, ranges, bounds })
     }
 }
 

@@ -6,10 +6,9 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
+use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
 use std::borrow::Cow;
 use std::marker::PhantomData;
-use wgpu::BufferUsages;
 
 /// An instance as it lies in its buffer.
 pub(super) trait Strip: bytemuck::Pod {
@@ -55,14 +54,8 @@ impl<S: Strip> DrawPass for StripPass<S> {
         self.strips.upload(gpu, kinds, &shape, bytemuck::cast_slice(&strips))
     }
 
-    fn draw(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view_draw: &ViewDraw,
-        _: &FrameContents<'_>,
-        _: &mut DrawCounts,
-    ) {
-        self.strips.draw(pass, view_draw);
+    fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
+        self.strips.draw(to);
     }
 
     fn is_made(&self) -> bool {
@@ -107,24 +100,16 @@ impl StripBuffer {
         let surface = Surface::Translucent;
         let recipe = Recipe { label: shape.name, parts: shape.parts, buffers: &buffers, surface };
         self.pipelines.complete(gpu, kinds, &recipe);
-        let buffer = match self.buffer.take() {
-            Some(buffer) if buffer.size() >= bytes.len() as u64 => buffer,
-            _ => {
-                let room = u64::from(self.count.next_power_of_two()) * shape.stride;
-                gpu.buffer(shape.name, room, BufferUsages::VERTEX | BufferUsages::COPY_DST)?
-            }
-        };
-        gpu.queue.write_buffer(&buffer, 0, bytes);
-        self.buffer = Some(buffer);
-        Ok(())
+        let room = (u64::from(self.count.next_power_of_two()) * shape.stride) as usize;
+        gpu.write_vertices(&mut self.buffer, shape.name, bytes, room)
     }
 
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, view_draw: &ViewDraw) {
-        let made = self.pipelines.of(view_draw).zip(self.buffer.as_ref());
+    pub(super) fn draw(&self, to: &mut DrawTo<'_, '_>) {
+        let made = self.pipelines.of(to.view_draw).zip(self.buffer.as_ref());
         if let Some((pipeline, buffer)) = made.filter(|_| self.count > 0) {
-            pass.set_pipeline(pipeline);
-            pass.set_vertex_buffer(0, buffer.slice(..));
-            pass.draw(0..4, 0..self.count);
+            to.pass.set_pipeline(pipeline);
+            to.pass.set_vertex_buffer(0, buffer.slice(..));
+            to.pass.draw(0..4, 0..self.count);
         }
     }
 

@@ -19,9 +19,8 @@ pub struct Attachments {
 }
 
 impl Attachments {
-    /// # Errors
-    /// [`RenderError::PictureSize`] outside 1 to the device's texture limit, [`RenderError::NoMultiview`] for two layers
-    /// where the device cannot draw both in one pass.
+    /// Errors: [`RenderError::PictureSize`] outside 1 to the device's texture limit, [`RenderError::NoMultiview`] for
+    /// two layers where the device cannot draw both in one pass.
     pub fn new(
         gpu: &Gpu,
         format: wgpu::TextureFormat,

@@ -4,8 +4,7 @@
 //! Two-eye tiles are drawn into two pictures of their own, which are then joined ([`Composite`]). In between, `paint`
 //! may draw over each eye's picture: what it writes is then readable in every kind of stereo.
 
-use super::composite::Composite;
-use super::composite::{CompositePass, Inputs};
+use super::composite::{Composite, CompositePass, Inputs};
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
@@ -97,9 +96,7 @@ impl TilePainter {
     }
 
     /// Draws all targets; returns the time to encode and submit it. Targets that share their contents are drawn together.
-    ///
-    /// # Errors
-    /// A tile outside its target, a viewport outside its picture, or a device that failed.
+    /// Errors: a tile outside its target, a viewport outside its picture, or a device that failed.
     pub fn draw(
         &mut self,
         gpu: &Gpu,

@@ -73,20 +73,15 @@ impl ViewUniform {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{layout, shader};
+    use super::super::layout::assert_layout;
+    use super::super::shader;
     use super::*;
-    use std::mem::{offset_of, size_of};
 
     #[test]
     fn a_view_lies_as_the_shaders_read_it() {
-        let expected = [
-            ("clip_from_room", offset_of!(ViewUniform, clip_from_room)),
-            ("direction_from_ndc", offset_of!(ViewUniform, direction_from_ndc)),
-            ("eye_in_room", offset_of!(ViewUniform, eye_in_room)),
-            ("front_sign", offset_of!(ViewUniform, front_sign)),
-            ("size_px", offset_of!(ViewUniform, size_px)),
-        ];
-        layout::assert(&shader::BODY.concat(), "View", size_of::<ViewUniform>(), &expected);
+        let source = shader::BODY.concat();
+        assert_layout!(source, "View", ViewUniform:
+            clip_from_room, direction_from_ndc, eye_in_room, front_sign, size_px);
     }
 
     #[test]

@@ -116,52 +116,38 @@ fn check(report: &Report) -> Result<(), ReportError> {
     if report.rows.is_empty() {
         return Err(ReportError::Empty);
     }
-    let number = |place: &str, name: &str, value: f64| {
-        if value.is_finite() && value >= 0.0 {
-            return Ok(());
+    let numbers = |place: &str, named: &[(&str, f64)]| match named
+        .iter()
+        .find(|(_, value)| !value.is_finite() || *value < 0.0)
+    {
+        Some((name, value)) => {
+            Err(ReportError::Number { place: place.to_owned(), name: (*name).to_owned(), value: *value })
         }
-        Err(ReportError::Number { place: place.to_owned(), name: name.to_owned(), value })
+        None => Ok(()),
     };
-    number("report", "size", report.size)?;
+    numbers("report", &[("size", report.size)])?;
     for (i, row) in report.rows.iter().enumerate() {
         let place = format!("row {} ({})", i + 1, row.setting);
         for (name, value) in csv::numbers(row) {
-            number(&place, &name, value.unwrap_or(0.0))?;
+            numbers(&place, &[(&name, value.unwrap_or(0.0))])?;
         }
     }
     for of in &report.models {
         let place = format!("model {}, pose {}", of.model, of.pose);
-        for (name, value) in
-            [("rotation", of.rotation), ("error", of.error), ("displacement_m", of.displacement_m)]
-        {
-            number(&place, name, value)?;
-        }
+        let (rotation, error) = (("rotation", of.rotation), ("error", of.error));
+        numbers(&place, &[rotation, error, ("displacement_m", of.displacement_m)])?;
     }
     for of in &report.smooth {
         let place = format!("smooth problem, {}, refined {} times", of.element, of.refine);
         let slopes = [of.l2_rate, of.energy_rate].map(|rate| rate.map_or(0.0, f64::abs));
-        for (name, value) in [
-            ("h", of.h),
-            ("l2", of.l2),
-            ("energy", of.energy),
-            ("l2_rate", slopes[0]),
-            ("energy_rate", slopes[1]),
-            ("promised", of.promised[0]),
-            ("promised", of.promised[1]),
-        ] {
-            number(&place, name, value)?;
-        }
+        numbers(&place, &[("h", of.h), ("l2", of.l2), ("energy", of.energy)])?;
+        numbers(&place, &[("l2_rate", slopes[0]), ("energy_rate", slopes[1])])?;
+        numbers(&place, &of.promised.map(|rate| ("promised", rate)))?;
     }
     for of in &report.effects {
         let place = format!("effect {}", of.effect);
-        for (name, value) in [
-            ("offline_s", of.offline_s),
-            ("file_bytes", of.file_bytes),
-            ("memory_bytes", of.memory_bytes),
-            ("frame_s", of.frame_s),
-        ] {
-            number(&place, name, value)?;
-        }
+        numbers(&place, &[("offline_s", of.offline_s), ("file_bytes", of.file_bytes)])?;
+        numbers(&place, &[("memory_bytes", of.memory_bytes), ("frame_s", of.frame_s)])?;
     }
     Ok(())
 }

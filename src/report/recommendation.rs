@@ -60,9 +60,7 @@ fn better(rows: &[Measurement], metric: &CostMetric, i: usize) -> Option<usize> 
 /// Recommendations in sentences, one for each of [`GOALS`], by the online cost.
 pub fn recommendations(report: &Report) -> Vec<String> {
     let rows = &report.rows;
-    let Some(best) = ladder(rows, &ONLINE).pop() else {
-        return Vec::new();
-    };
+    let Some(best) = ladder(rows, &ONLINE).pop() else { return Vec::new() };
     let mut sentences = Vec::new();
     for goal in GOALS {
         match cheapest(rows, &ONLINE, goal) {

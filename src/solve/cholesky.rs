@@ -6,11 +6,9 @@
 
 use super::condition;
 use super::error::SolveError;
-use super::ordering::ordering_memory;
-use super::ordering::{Ordering, nested_dissection};
-use super::residual::Column;
-use super::residual::residuals;
-use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveStats};
+use super::ordering::{Ordering, nested_dissection, ordering_memory};
+use super::residual::{Column, residuals};
+use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats};
 use crate::base::machine;
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
@@ -271,7 +269,7 @@ impl<'a> Cholesky<'a> {
 
 impl Factor for Cholesky<'_> {
     /// Solves A x = b for all columns, refining where a residual is above 1e-12; errors where one stays above 1e-7.
-    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError> {
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         progress.begin("solves", b.columns as u64);
         let started = Instant::now();
         let mut x = self.substitute(b, progress)?;
@@ -315,11 +313,7 @@ impl Factor for Cholesky<'_> {
         Ok((x, stats))
     }
 
-    fn solve_and_judge(
-        &self,
-        b: &NodeFields,
-        progress: &dyn Progress,
-    ) -> Result<(NodeFields, SolveStats), SolveError> {
+    fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         let (x, mut stats) = self.solve(b, progress)?;
         stats.conditioning = Some(self.conditioning(&x, b, progress)?);
         Ok((x, stats))

@@ -23,5 +23,5 @@ pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
-pub use solver::{Conditioning, Factor, LinearSolver, Method, SolveStats, Solver};
+pub use solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats, Solver};
 pub use solvers::{SOLVERS, find_method};

@@ -1,7 +1,7 @@
 //! The solver of systems without unknowns: those of bodies whose nodes are all held.
 
 use super::error::SolveError;
-use super::solver::{Factor, LinearSolver, Method, SolveStats};
+use super::solver::{Factor, LinearSolver, Method, SolveResult, SolveStats};
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
 
@@ -34,17 +34,13 @@ impl LinearSolver for NoUnknowns {
 }
 
 impl Factor for NoUnknowns {
-    fn solve(&self, b: &NodeFields, _: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError> {
+    fn solve(&self, b: &NodeFields, _: &dyn Progress) -> SolveResult {
         let residuals = vec![0.0; b.columns];
         let stats = SolveStats { method: &NO_UNKNOWNS, columns: b.columns, residuals, ..Default::default() };
         Ok((b.clone(), stats))
     }
 
-    fn solve_and_judge(
-        &self,
-        b: &NodeFields,
-        progress: &dyn Progress,
-    ) -> Result<(NodeFields, SolveStats), SolveError> {
+    fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         self.solve(b, progress)
     }
 }

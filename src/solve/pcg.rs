@@ -3,7 +3,7 @@
 
 use super::error::SolveError;
 use super::residual::residuals;
-use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveStats, Solver};
+use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats, Solver};
 use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
@@ -78,15 +78,11 @@ struct Converged {
 }
 
 impl Factor for Pcg<'_> {
-    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError> {
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         self.converge(b, progress).map(|Converged { x, stats, .. }| (x, stats))
     }
 
-    fn solve_and_judge(
-        &self,
-        b: &NodeFields,
-        progress: &dyn Progress,
-    ) -> Result<(NodeFields, SolveStats), SolveError> {
+    fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         let Converged { x, r, mut spectrum, mut stats } = self.converge(b, progress)?;
         let started = Instant::now();
         let forward_error = self.energy_error(&x, b, &r, &mut spectrum);

@@ -103,17 +103,16 @@ pub trait LinearSolver: Send + Sync {
     ) -> Result<Box<dyn Factor + 'a>, SolveError>;
 }
 
+/// x of A x = b, and how it was found.
+pub type SolveResult = Result<(NodeFields, SolveStats), SolveError>;
+
 /// A matrix that is ready to be solved with.
 pub trait Factor {
     /// Solves A x = b for all columns; errors where a true residual stays too large.
-    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> Result<(NodeFields, SolveStats), SolveError>;
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
 
     /// [`Factor::solve`], and how exact the solution is: [`SolveStats::conditioning`].
-    fn solve_and_judge(
-        &self,
-        b: &NodeFields,
-        progress: &dyn Progress,
-    ) -> Result<(NodeFields, SolveStats), SolveError>;
+    fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
 }
 
 /// What a solver did, for the closing table and the .green file.

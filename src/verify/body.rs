@@ -12,8 +12,7 @@
 use super::problem::ProblemError;
 use super::quadrature;
 use super::solution::Solution;
-use crate::fem::Element;
-use crate::fem::{Lame, NodeFields, StiffnessMatrix};
+use crate::fem::{Element, Lame, NodeFields, StiffnessMatrix};
 use crate::mesh::{Block, TetMesh, block, quadratic};
 use crate::solve::{Silent, Solver};
 use nalgebra::Vector3;
@@ -189,8 +188,7 @@ fn kuhn(cells: [u32; 3]) -> Vec<[u32; 4]> {
 mod tests {
     use super::super::Solution;
     use super::*;
-    use crate::fem::Partition;
-    use crate::fem::{ELEMENTS, TET4};
+    use crate::fem::{ELEMENTS, Partition, TET4};
     use nalgebra::Matrix3;
     use std::f64::consts::FRAC_PI_2;
 

@@ -7,8 +7,7 @@
 use super::body::Body;
 use super::problem::{Problem, ProblemError};
 use super::solution::{Bound, Measure};
-use crate::fem::Element;
-use crate::fem::Lame;
+use crate::fem::{Element, Lame};
 use nalgebra::Vector3;
 
 pub const PLANE_STRESS: Problem = Problem {

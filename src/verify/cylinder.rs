@@ -13,10 +13,8 @@
 
 use super::body::Body;
 use super::problem::{POISSON, Problem, ProblemError};
-use super::solution::Exact;
-use super::solution::{Bound, Measure};
-use crate::fem::Element;
-use crate::fem::Lame;
+use super::solution::{Bound, Exact, Measure};
+use crate::fem::{Element, Lame};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 

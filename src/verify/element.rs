@@ -1,18 +1,13 @@
 //! What is known of the elements that are compared.
 
 use super::solution::Bound;
-use crate::fem::{Dilatation, Element};
+use crate::fem::Element;
 
 impl Element {
     /// Cells for a problem's `size`: that many of quadratic elements, twice as many of linear ones, so that both have
     /// about as many nodes.
     pub fn cells(&self, size: u32) -> u32 {
         2 * size / self.order
-    }
-
-    /// Whether it is the plain displacement element of its order, that any other program has too.
-    pub fn is_standard(&self) -> bool {
-        self.dilatation == Dilatation::Own
     }
 
     /// The least rates in L2 and in energy that theory promises where the solution is smooth, less 0.3: what a rate

@@ -184,8 +184,7 @@ fn symmetric(h: &Matrix3<f64>) -> Matrix3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::NodeFields;
-    use crate::fem::{ELEMENTS, TET10};
+    use crate::fem::{ELEMENTS, NodeFields, TET10};
     use crate::verify::Body;
 
     struct Shear;

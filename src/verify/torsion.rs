@@ -14,8 +14,7 @@
 use super::body::Body;
 use super::problem::{Problem, ProblemError};
 use super::solution::{Bound, Measure};
-use crate::fem::Element;
-use crate::fem::Lame;
+use crate::fem::{Element, Lame};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 

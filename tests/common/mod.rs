@@ -2,10 +2,16 @@
 #![allow(dead_code, reason = "each test file uses some of them")]
 
 use greenstage::deform::ControlPose;
+use greenstage::green::{Requirements, STIFFNESS};
+use greenstage::mesh::{Surface, TetMesh, quality::signed_volume};
 use greenstage::scene::Scene;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::LazyLock;
+
+/// What an effect needs that feels forces.
+pub static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
 /// The folder of independently computed cases beside the project, where there is one; else says that it skips.
 pub fn shared(what: &str) -> Option<PathBuf> {
@@ -40,6 +46,26 @@ nodes = {{ group = "xmin" }}
 grab = "fixed"
 "#
     ))
+}
+
+/// Sum of the tetrahedra, m³.
+pub fn tet_volume(mesh: &TetMesh) -> f64 {
+    (0..mesh.tets.len()).map(|tet| signed_volume(&mesh.corners(tet))).sum()
+}
+
+/// Each edge is run through once in each direction; returns V - E + F.
+pub fn euler_characteristic_of_closed(surface: &Surface) -> i64 {
+    let mut directed: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+    for &[a, b, c] in &surface.triangles {
+        for edge in [(a, b), (b, c), (c, a)] {
+            *directed.entry(edge).or_default() += 1;
+        }
+    }
+    for (&(a, b), &count) in &directed {
+        assert_eq!(count, 1, "edge {a}-{b} is run through {count} times");
+        assert!(directed.contains_key(&(b, a)), "edge {a}-{b} has one side only");
+    }
+    surface.nodes.len() as i64 - directed.len() as i64 / 2 + surface.triangles.len() as i64
 }
 
 /// A folder of its own for one test, emptied.
@@ -101,10 +127,14 @@ pub fn case_poses(folder: &Path) -> Vec<(String, BTreeMap<String, ControlPose>)>
     file.pose.into_iter().map(named).collect()
 }
 
+/// Runs the program in `folder`, and may fail.
+pub fn attempt(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_greenstage")).current_dir(folder).args(arguments).output().unwrap()
+}
+
 /// Runs the program in `folder`; what it said is in the panic if it failed.
 pub fn greenstage(folder: &Path, arguments: &[&str]) -> Output {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_greenstage")).current_dir(folder).args(arguments).output().unwrap();
+    let output = attempt(folder, arguments);
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "greenstage {arguments:?}: {}\n{said}", output.status);
     output

@@ -1,8 +1,6 @@
 //! What accuracy costs in time: the parts of the error, and the choice from them.
 
-use crate::common;
-
-use common::{case_poses, folder, scene, shared};
+use crate::common::{case_poses, folder, scene, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
 use greenstage::fem::{Element, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};

@@ -1,8 +1,6 @@
 //! The condition number and the bound on the forward error that stand in the .green file.
 
-use crate::common;
-
-use common::scene;
+use crate::common::scene;
 use greenstage::fem::{Lame, NodeFields, Partition};
 use greenstage::green::{self, AFFINE, FIELDS, Requirements, STIFFNESS, Solution};
 use greenstage::scene::Scene;

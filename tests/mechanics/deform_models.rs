@@ -1,8 +1,6 @@
 //! Deformation models against each other, against rigid motions and against static equilibrium at large rotations.
 
-use crate::common;
-
-use common::{block_scene, case_poses, csv_rows, folder, scene, shared};
+use crate::common::{block_scene, case_poses, csv_rows, folder, scene, shared};
 use greenstage::base::parts::PartWeights;
 use greenstage::deform::{
     BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, ModelEntry, local_turn,
@@ -305,9 +303,7 @@ fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
 /// 4.2. At a twist of 180° the mean rotation is not defined, and from rest `rotation` is `linear`.
 #[test]
 fn rotation_is_nearer_to_static_equilibrium_than_linear() {
-    let (Some(tube), Some(beam)) = (errors("tube_stvk"), errors("beam_stvk")) else {
-        return;
-    };
+    let (Some(tube), Some(beam)) = (errors("tube_stvk"), errors("beam_stvk")) else { return };
     let least = |pose: &str| match pose {
         "twist180" => 0.999,
         twist if twist.starts_with("twist") => 3.7,

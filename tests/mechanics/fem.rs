@@ -1,8 +1,6 @@
 //! The finite element method against closed forms: patch test, rigid motions, symmetry, published matrices.
 
-use crate::common;
-
-use common::{block_scene, shared};
+use crate::common::{self, block_scene, shared};
 use greenstage::fem::{Lame, NodeFields, Partition, StiffnessMatrix, TET4, TET4_ANP, TET10, tet4};
 use greenstage::green::{self, AFFINE, Requirements};
 use greenstage::mesh::{self, TetMesh, generate};
@@ -231,9 +229,7 @@ fn solutions_have_the_same_bits_on_every_thread_count() {
 /// The 12×12 matrices of two tetrahedra as NumPy and scikit-fem compute them.
 #[test]
 fn element_matrices_match_the_independent_ones() {
-    let Some(folder) = shared("cases/unit_tet") else {
-        return;
-    };
+    let Some(folder) = shared("cases/unit_tet") else { return };
     let general = [[0.1, -0.2, 0.3], [1.2, 0.1, -0.1], [0.2, 0.9, 0.2], [-0.1, 0.3, 1.4]];
     let unit = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for (file, nodes, young, poisson) in

@@ -1,10 +1,8 @@
 //! The .green file: what is written is what is read, and no damage passes.
 
-use crate::common;
-
-use common::{block_scene, folder, scene, some_pose};
+use crate::common::{self, HAPTICS, block_scene, folder, scene, some_pose};
 use greenstage::deform::Deformer;
-use greenstage::green::{self, AFFINE, FIELDS, GreenError, GreenFile, Requirements, STIFFNESS};
+use greenstage::green::{self, AFFINE, FIELDS, GreenError, GreenFile, Requirements};
 use greenstage::mesh;
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
@@ -13,9 +11,6 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::LazyLock;
-
-static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
 fn written(name: &str, requirements: &Requirements) -> (PathBuf, green::Precomputed) {
     let path = folder(name).join("block.green");

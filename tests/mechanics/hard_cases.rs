@@ -2,9 +2,7 @@
 //! solved to the stated accuracy, solved with a warning, or refused with the entity and the remedy. The table:
 //! `greenstage verify hard-cases`.
 
-use crate::common;
-
-use common::block_scene;
+use crate::common::block_scene;
 use greenstage::fem::{Lame, NodeFields};
 use greenstage::green::{self, Requirements, STIFFNESS};
 use greenstage::solve::Silent;

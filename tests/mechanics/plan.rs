@@ -1,10 +1,8 @@
 //! A body that asks for an accuracy or a budget, as the command line answers it.
 
-use crate::common;
-
-use common::folder;
+use crate::common::{attempt, folder};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 const SCENE: &str = r#"
 [body.bar]
@@ -21,11 +19,7 @@ grab = "dragger"
 
 fn precompute(folder: &Path, demand: &str, options: &[&str]) -> (Output, String) {
     std::fs::write(folder.join("bar.toml"), SCENE.replace("DEMAND", demand)).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .current_dir(folder)
-        .args([&["precompute", "bar.toml"], options].concat())
-        .output()
-        .unwrap();
+    let output = attempt(folder, &[&["precompute", "bar.toml"], options].concat());
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     (output, said)
 }

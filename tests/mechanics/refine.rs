@@ -1,8 +1,6 @@
 //! Uniform refinement: conforming meshes, exact volumes, bounded shapes, groups, and solutions that converge.
 
-use crate::common;
-
-use common::{block_scene, scene};
+use crate::common::{block_scene, euler_characteristic_of_closed, scene, tet_volume};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::mesh::isosurface_stuffing::tetrahedralise;
 use greenstage::mesh::quadratic::{least_jacobian, quadratic, straight};
@@ -34,22 +32,12 @@ fn refined_ring(times: u32) -> TetMesh {
     refine(tube(&ring).unwrap(), times, &|a, b| ring.curve(a, b)).unwrap()
 }
 
-fn tet_volume(mesh: &TetMesh) -> f64 {
-    (0..mesh.tets.len()).map(|tet| signed_volume(&mesh.corners(tet))).sum()
-}
-
 /// No hanging nodes: no face has more than two sides, every node belongs to a tetrahedron, and the surface is closed:
 /// a hanging node would leave faces on it that no triangle meets.
 fn assert_conforming(mesh: &TetMesh, euler: i64) {
     assert!(overlapping_faces(mesh).is_empty());
     assert_eq!(components(mesh).nodes, [(0..mesh.nodes.len() as u32).collect::<Vec<u32>>()]);
-    let surface = Surface::of(mesh);
-    let directed: BTreeSet<[u32; 2]> =
-        surface.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
-    assert_eq!(directed.len(), 3 * surface.triangles.len(), "each edge once in each direction");
-    assert!(directed.iter().all(|[a, b]| directed.contains(&[*b, *a])));
-    let counts = (surface.nodes.len(), directed.len() / 2, surface.triangles.len());
-    assert_eq!(counts.0 as i64 - counts.1 as i64 + counts.2 as i64, euler);
+    assert_eq!(euler_characteristic_of_closed(&Surface::of(mesh)), euler);
     assert!(mesh.tets.len() == mesh.regions.len() && mesh.nodes.len() == mesh.tags.len());
     assert_eq!(mesh.tags.iter().collect::<BTreeSet<_>>().len(), mesh.tags.len());
     assert!((0..mesh.tets.len()).all(|tet| signed_volume(&mesh.corners(tet)) > 0.0));

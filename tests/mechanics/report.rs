@@ -1,7 +1,6 @@
 //! The report of `accuracy`: its files are well formed, honest and safe, whatever was measured. All data are made up.
 
-use crate::report_common;
-
+use crate::report_common::made_up;
 use greenstage::report::{
     self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Spread, cheapest, ladder,
     pictures, summary,
@@ -10,7 +9,6 @@ use proptest::prelude::*;
 use quick_xml::escape::resolve_predefined_entity;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
-use report_common::made_up;
 use std::collections::BTreeMap;
 
 /// An element of a document: its name, and its attributes.

@@ -2,9 +2,7 @@
 //! own rate of convergence.
 
 mod cases;
-use crate::common;
-
-use common::{block_scene, folder, greenstage};
+use crate::common::{attempt, block_scene, folder, greenstage};
 use greenstage::deform::{ControlPose, ControlPoses, EquilibriumResult, Statics, StaticsError};
 use greenstage::fem::{self, Hyperelastic, LAWS, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
 use greenstage::mesh::{TetMesh, generate};
@@ -12,7 +10,6 @@ use greenstage::scene::Scene;
 use greenstage::solve::{Newton, Setback, Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::path::Path;
-use std::process::Command;
 
 fn law(name: &str) -> &'static Law {
     LAWS.iter().find(|law| law.name == name).unwrap()
@@ -348,11 +345,7 @@ fn a_pose_without_equilibrium_leaves_the_others_of_the_batch() {
     std::fs::write(place.join("two.toml"), TWO).unwrap();
     std::fs::write(place.join("poses.toml"), PRESSED).unwrap();
     let deform = |poses: &str, out: &str| {
-        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-            .current_dir(&place)
-            .args(["deform", "two.toml", "--poses", poses, "-o", out])
-            .output()
-            .unwrap();
+        let output = attempt(&place, &["deform", "two.toml", "--poses", poses, "-o", out]);
         (output.status.code(), [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()))
     };
     let (status, [told, said]) = deform("poses.toml", "out");
@@ -402,11 +395,7 @@ fn turns_near_half_a_turn_are_told_as_they_were_taken() {
             matrix(low)
         );
         std::fs::write(place.join("poses.toml"), pose).unwrap();
-        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-            .current_dir(&place)
-            .args(["deform", "two.toml", "--poses", "poses.toml", "-o", "out"])
-            .output()
-            .unwrap();
+        let output = attempt(&place, &["deform", "two.toml", "--poses", "poses.toml", "-o", "out"]);
         String::from_utf8(output.stderr).unwrap()
     };
     let told = said("far", 190.0, 0.0);
@@ -426,11 +415,7 @@ fn static_models_are_refused_on_line_before_anything_is_computed() {
     let place = folder("statics-online");
     std::fs::write(place.join("two.toml"), TWO).unwrap();
     for command in [&["view", "two.toml"][..], &["render", "two.toml", "-o", "out"], &["bench", "two.toml"]] {
-        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-            .current_dir(&place)
-            .args(command)
-            .output()
-            .unwrap();
+        let output = attempt(&place, command);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{command:?}: {said}");
         for words in ["body.hard.model", "`greenstage deform` alone", "model = \"rotation\" or \"linear\""] {

@@ -1,10 +1,7 @@
 //! `greenstage verify`: the fitted rates are those of theory, and misses are told.
 
-use crate::common;
-
-use common::folder;
+use crate::common::{self, folder};
 use greenstage::verify::{Bound, ConvergenceRow, Effort, Level, PROBLEMS, run};
-use std::process::Command;
 
 fn solve(name: &str, effort: Effort) -> Vec<ConvergenceRow> {
     run(PROBLEMS.iter().find(|problem| problem.name == name).unwrap(), effort).unwrap()
@@ -130,7 +127,7 @@ fn the_command_prints_tables_and_json() {
     assert!((tet10["reference"].as_f64().unwrap() - 0.140_577_014_955_154).abs() < 1e-14);
     assert!((tet10["levels"][1]["value"].as_f64().unwrap() - 0.1406).abs() < 1e-4);
 
-    let wrong = Command::new(env!("CARGO_BIN_EXE_greenstage")).args(["verify", "torsoin"]).output().unwrap();
+    let wrong = common::attempt(&folder, &["verify", "torsoin"]);
     assert_eq!(wrong.status.code(), Some(2));
     let error = String::from_utf8(wrong.stderr).unwrap();
     assert!(error.contains("did you mean \"torsion\"?"), "{error}");

@@ -1,6 +1,7 @@
 //! Isosurface stuffing: the dihedral angles that its authors prove, conforming meshes, volume and distance that
 //! converge, and what is refused.
 
+use crate::common::euler_characteristic_of_closed;
 use greenstage::mesh::isosurface_stuffing::core::{ALPHA_LONG, ALPHA_SHORT, stuff};
 use greenstage::mesh::isosurface_stuffing::lattice::Lattice;
 use greenstage::mesh::isosurface_stuffing::tetrahedralise;
@@ -141,16 +142,7 @@ fn fill(mut surface: TriangleSurface, cell: f64) -> (TetMesh, Vec<String>) {
 fn assert_conforming(mesh: &TetMesh) {
     assert!(quality::overlapping_faces(mesh).is_empty());
     assert!(mesh.tets.iter().enumerate().all(|(t, _)| quality::signed_volume(&mesh.corners(t)) > 0.0));
-    let boundary = Surface::of(mesh);
-    let mut edges: BTreeMap<(u32, u32), i32> = BTreeMap::new();
-    for [a, b, c] in &boundary.triangles {
-        for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
-            *edges.entry((from, to)).or_default() += 1;
-        }
-    }
-    for ((from, to), count) in &edges {
-        assert_eq!((*count, edges.get(&(*to, *from))), (1, Some(&1)), "edge {from} {to}");
-    }
+    euler_characteristic_of_closed(&Surface::of(mesh));
 }
 
 #[test]

@@ -1,14 +1,14 @@
-//! Every format that is read and written: small files of each variant, round trips, faults, and real files where
-//! they are at hand.
+//! Every format that is read and written: small files of each variant, round trips and faults.
 
 mod small;
 
-use greenstage::mesh::{Block, Loaded, TetMesh, block, formats::writers, load, parse, save};
+use crate::mesh_roundtrip::{any_block, bits};
+use greenstage::mesh::{Loaded, TetMesh, formats::writers, load, parse, save};
 use nalgebra::Vector3;
 use proptest::collection::vec;
 use proptest::prelude::*;
-use proptest::sample::{Index, select};
-use std::path::{Path, PathBuf};
+use proptest::sample::select;
+use std::path::Path;
 
 fn read(name: &str, bytes: &[u8]) -> Result<Loaded, String> {
     parse(Path::new(name), bytes).map_err(|error| error.to_string())
@@ -263,24 +263,12 @@ fn truncated_anywhere_is_refused_or_whole() {
     }
 }
 
+/// Names of groups differ by more than upper and lower case, as Abaqus wants it.
 fn any_mesh() -> impl Strategy<Value = TetMesh> {
-    let shape = (prop::array::uniform3(1u32..4), -90..90i32, vec(-0.1..0.1f64, 64 * 3));
-    let regions = vec(select(vec![0, 1, 2, 7, i32::MAX as u32]), 27 * 5);
-    let groups = prop::collection::btree_map("[a-zA-Zä_]{1,9} ?[0-9]", vec(any::<Index>(), 0..20), 0..4);
-    (shape, regions, groups, 1u64..99).prop_map(|((cells, exponent, shifts), regions, groups, first)| {
-        let mut mesh = block(&Block { size: cells.map(f64::from), cells }).expect("1 to 3 cells of size 1");
-        for (node, shift) in mesh.nodes.iter_mut().zip(shifts.chunks(3)) {
-            *node = (*node + Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
-        }
+    (any_block("[a-zA-Zä_]{1,9} ?[0-9]"), 1u64..99).prop_map(|(mut mesh, first)| {
         mesh.tags = (first..).step_by(3).take(mesh.nodes.len()).collect();
-        mesh.regions = regions.into_iter().take(mesh.tets.len()).collect();
-        mesh.groups.clear();
         let mut seen = std::collections::BTreeSet::new();
-        for (name, members) in groups.into_iter().filter(|(name, _)| seen.insert(name.to_uppercase())) {
-            let nodes: std::collections::BTreeSet<u32> =
-                members.iter().map(|index| index.index(mesh.nodes.len()) as u32).collect();
-            mesh.groups.insert(name, nodes.into_iter().collect());
-        }
+        mesh.groups.retain(|name, _| seen.insert(name.to_uppercase()));
         mesh
     })
 }
@@ -297,7 +285,6 @@ proptest! {
             let loaded = load(&path).map_err(|error| error.to_string());
             prop_assert!(loaded.is_ok(), "{}: {:?}", writer.name, loaded);
             let loaded = loaded.unwrap();
-            let bits = |mesh: &TetMesh| mesh.nodes.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
             prop_assert_eq!(bits(&loaded.mesh), bits(&mesh), "{}", writer.name);
             prop_assert_eq!(&loaded.mesh.tets, &mesh.tets, "{}", writer.name);
             prop_assert_eq!(&loaded.mesh.regions, &mesh.regions, "{}", writer.name);
@@ -320,122 +307,4 @@ proptest! {
         let text: String = bytes.iter().map(|byte| char::from(b' ' + byte % 90)).collect();
         let _ = read(&format!("m.{extension}"), text.as_bytes());
     }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
-
-    #[test]
-    fn mutated_files_do_not_panic(edits in vec((any::<Index>(), any::<u8>(), 0..4u8, 1..9usize), 1..6)) {
-        for (name, bytes) in small::all().into_iter().chain(small::quadratic()) {
-            let mut bytes = bytes;
-            for (index, byte, what, length) in &edits {
-                let at = index.index(bytes.len());
-                let end = (at + length).min(bytes.len());
-                match what {
-                    0 => bytes[at] = *byte,
-                    1 => bytes[at] = b"0123456789-.,* \n\"<>e"[usize::from(*byte) % 20],
-                    2 => { bytes.drain(at..end.min(bytes.len() - 1).max(at)); }
-                    _ => { let copy = bytes[at..end].to_vec(); bytes.splice(at..at, copy); }
-                }
-            }
-            let start = std::time::Instant::now();
-            let _ = read(&name, &bytes);
-            prop_assert!(start.elapsed().as_secs_f64() < 1.0, "{} hangs", name);
-        }
-    }
-
-    #[test]
-    fn mutated_tetgen_files_do_not_panic(edits in vec((any::<Index>(), any::<u8>()), 1..6), is_node in any::<bool>()) {
-        let folder = tempfile::tempdir().unwrap();
-        let mut files = [
-            b"5 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n".to_vec(),
-            b"2 4 1\n1 1 2 3 4 3\n2 2 3 4 5 7\n".to_vec(),
-        ];
-        for (index, byte) in edits {
-            let file = &mut files[usize::from(byte % 2 == 0)];
-            let at = index.index(file.len());
-            file[at] = b"0123456789-. \n#e"[usize::from(byte) % 16];
-        }
-        std::fs::write(folder.path().join("m.node"), &files[0]).unwrap();
-        std::fs::write(folder.path().join("m.ele"), &files[1]).unwrap();
-        let _ = load(&folder.path().join(if is_node { "m.node" } else { "m.ele" }));
-    }
-}
-
-/// Nodes and tetrahedra, or why the file is refused.
-type Expected = Result<(usize, usize), &'static str>;
-
-/// What the manifest says of each file.
-const REAL: &[(&str, Expected)] = &[
-    ("alien_12531.msh", Ok((12531, 48643))),
-    ("bar_3842.msh", Ok((3842, 14114))),
-    ("bar_886.msh", Ok((886, 2523))),
-    ("beam_vega_208.msh", Ok((208, 450))),
-    ("eng_elbow_1823.msh", Ok((1823, 8161))),
-    ("eng_wheelset_5457.msh", Ok((5457, 21934))),
-    ("mm_cubesphere_1337.msh", Ok((1337, 6797))),
-    ("mm_nestedcubes_138.msh", Ok((138, 520))),
-    ("mm_perfusion_3728.msh", Ok((3728, 18161))),
-    ("mm_plate_2101.msh", Ok((2101, 10440))),
-    ("octocat_6133.msh", Ok((6133, 21426))),
-    ("organ_liver_507.msh", Ok((507, 1493))),
-    ("shark_425.msh", Ok((425, 1070))),
-    ("sphere_183.msh", Ok((183, 593))),
-    ("raw/sofa_raptorTetra_8418.vtu", Ok((2993, 8418))),
-    ("raw/sofa_msh4_cube.msh", Ok((14, 24))),
-    ("raw/sofa_6_tetra_bad.msh", Ok((17, 6))),
-    ("raw/admm_box768.node", Ok((413, 1175))),
-    ("raw/admm_box768.ele", Ok((413, 1175))),
-    ("raw/polyfem_microstructure_P2.msh", Ok((1585, 6414))),
-    ("raw/fenris_cube_tet10_24.msh", Ok((14, 24))),
-    ("raw/sfepy_elbow2.mesh", Ok((1823, 8161))),
-    ("raw/sfepy_wheelset.vtk", Ok((5457, 21934))),
-    // The manifest has no counts for this one; these are of its $Elements, counted by another program.
-    ("raw/mfemdata_piece.asc.v40.msh", Ok((4072, 13676))),
-    ("raw/mfemdata_piece.asc.v41.msh", Ok((4067, 13370))),
-    ("raw/mfemdata_piece.bin.v41.msh", Ok((4067, 13370))),
-    ("raw/mfemdata_piece.bin.v22.msh", Ok((3915, 13179))),
-    ("raw/calculix_segment.inp", Err("no tetrahedra (C3D4, C3D10) among its elements: 96 of type C3D20")),
-];
-
-#[test]
-fn real_files_load_with_the_counts_of_their_manifest() {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
-    if !folder.exists() {
-        println!("SKIPPED: {} is not there", folder.display());
-        return;
-    }
-    println!(
-        "| file | outcome | nodes | tetrahedra | flipped | dropped nodes | notices |\n|---|---|---|---|---|---|---|"
-    );
-    for (file, expected) in REAL {
-        let found = load(&folder.join(file)).map_err(|error| error.to_string());
-        let starting = |notices: &[String], what: &str| {
-            let notice = notices.iter().find(|notice| notice.contains(what)).cloned().unwrap_or_default();
-            notice.split(' ').next().unwrap_or_default().to_owned()
-        };
-        match &found {
-            Ok(Loaded { mesh, notices }) => println!(
-                "| {file} | read | {} | {} | {} | {} | {} |",
-                mesh.nodes.len(),
-                mesh.tets.len(),
-                starting(notices, "have been flipped"),
-                starting(notices, "belong to no tetrahedron"),
-                notices.join("; ")
-            ),
-            Err(message) => {
-                println!("| {file} | refused | | | | | {} |", message.rsplit('/').next().unwrap())
-            }
-        }
-        match (found, expected) {
-            (Ok(loaded), Ok(counts)) => {
-                assert_eq!((loaded.mesh.nodes.len(), loaded.mesh.tets.len()), *counts, "{file}");
-            }
-            (Err(message), Err(reason)) => assert!(message.contains(reason), "{message}"),
-            (found, expected) => panic!("{file}: {found:?} instead of {expected:?}"),
-        }
-    }
-    let flips = load(&folder.join("raw/sfepy_elbow2.mesh")).unwrap().notices;
-    assert!(flips[0].starts_with("8161 of 8161 tetrahedra were oriented negatively"), "{flips:?}");
 }

@@ -1,11 +1,11 @@
 //! Generated meshes and their surfaces against closed forms.
 
-use greenstage::mesh::quality::{components, quality_report, signed_volume};
+use crate::common::{euler_characteristic_of_closed, tet_volume};
+use greenstage::mesh::quality::{components, quality_report};
 use greenstage::mesh::{Block, GenerateError, Surface, TetMesh, Tube, block, tube};
-use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
-fn demo_tube() -> Tube {
+pub fn demo_tube() -> Tube {
     Tube {
         inner_radius: 0.07,
         outer_radius: 0.1,
@@ -15,25 +15,6 @@ fn demo_tube() -> Tube {
         along: 62,
         control_length: 0.1,
     }
-}
-
-fn tet_volume(mesh: &TetMesh) -> f64 {
-    (0..mesh.tets.len()).map(|tet| signed_volume(&mesh.corners(tet))).sum()
-}
-
-/// Each edge is run through once in each direction; returns V - E + F.
-fn euler_characteristic_of_closed(surface: &Surface) -> i64 {
-    let mut directed: BTreeMap<(u32, u32), usize> = BTreeMap::new();
-    for &[a, b, c] in &surface.triangles {
-        for edge in [(a, b), (b, c), (c, a)] {
-            *directed.entry(edge).or_default() += 1;
-        }
-    }
-    for (&(a, b), &count) in &directed {
-        assert_eq!(count, 1, "edge {a}-{b} is run through {count} times");
-        assert!(directed.contains_key(&(b, a)), "edge {a}-{b} has one side only");
-    }
-    surface.nodes.len() as i64 - directed.len() as i64 / 2 + surface.triangles.len() as i64
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! What readers refuse, with file, line and reason; what they repair, with a notice.
 
-use greenstage::mesh::{Block, quality::signed_volume};
-use greenstage::mesh::{Encoding, Loaded, block, encode, load, parse};
+use greenstage::mesh::{Block, Encoding, Loaded, block, encode, load, parse, quality::signed_volume};
 use std::path::Path;
 
 fn read(text: &str) -> Result<Loaded, String> {
@@ -51,47 +50,43 @@ fn both_versions_say_the_same() {
 
 #[test]
 fn malformed_version_2_names_line_and_reason() {
-    refused(version_2("2.2 0", "2.2 2"), "m.msh:2: file type 2");
-    refused(version_2("2.2 0 8", "2.2 0"), "m.msh:2: expected version, file type and data size");
-    refused(version_2("3 7 \"soft\"", "3 7 soft"), "m.msh:6: expected `dimension number \"name\"`");
-    refused(version_2("3 7 \"soft\"", "4 7 \"soft\""), "m.msh:6: expected `dimension number \"name\"`");
-    refused(version_2("1\n3 7 \"soft\"", "2\n3 7 \"soft\"\n3 7 \"hard\""), "m.msh:7: physical group 7");
-    refused(version_2("1\n3 7 \"soft\"", "2\n3 7 \"soft\""), "m.msh:7: expected `dimension number");
-    refused(version_2("1 0 0\n", "1 0\n"), "m.msh:11: the line ends where a number is expected");
-    refused(version_2("1 0 0\n", "1 0 0 0\n"), "m.msh:11: the line should end before `0`");
-    refused(version_2("1 0 0\n", "1 O 0\n"), "m.msh:11: expected a number, found `O`");
-    refused(version_2("1 0 0\n", "1 0 nan\n"), "m.msh:11: node 2 has a coordinate that is no finite");
-    refused(version_2("1 0 0\n", "1 0 1e999\n"), "m.msh:11: node 2 has a coordinate that is no finite");
-    refused(version_2("\n2 1 0 0", "\n1 1 0 0"), "m.msh:11: node 1 is defined twice");
-    refused(version_2("\n2 1 0 0", "\n-2 1 0 0"), "m.msh:11: expected a count or tag, found `-2`");
-    refused(version_2("Nodes\n4", "Nodes\n5"), "m.msh:14: fewer entries than the section's count says");
-    refused(version_2("Nodes\n4", "Nodes\n3"), "m.msh:13: expected $EndNodes, found `4 0 0 1`");
-    refused(version_2("Nodes\n4", "Nodes\nx"), "m.msh:9: expected a count, found `x`");
-    refused(version_2("Elements\n2", "Elements\n1"), "m.msh:18: expected $EndElements");
-    refused(version_2("2 4 2 7 1 1 2 3 4", "2 4 2 7 1 1 2 3 9"), "m.msh:18: element 2 names node 9");
-    refused(version_2("2 11 1 1 2 3\n", "2 11 1 1 2 8\n"), "m.msh:17: element 1 names node 8");
-    refused(
-        version_2("2 4 2 7 1 1 2 3 4", "2 4 2 7 1 1 2 3 3"),
-        "m.msh:18: tetrahedron 2 names a node twice",
-    );
-    refused(version_2("2 4 2 7 1 1 2 3 4", "2 36 2 7 1 1 2 3 4"), "m.msh:18: element type 36 is not known");
-    refused(version_2("2 4 2 7 1 1 2 3 4", "2 4 1 7 1 1 2 3 4"), "m.msh:18: the line should end before `4`");
-    refused(
-        version_2("2\n1 2 2 11 1 1 2 3\n", "3\n1 2 2 11 1 1 2 3\n8 4 2 7 1 2 1 4 3\n"),
-        "m.msh:19: tetrahedron 2 has the same nodes [1, 2, 3, 4] as tetrahedron 8",
-    );
-    refused(
-        version_2("2\n1 2 2 11 1 1 2 3\n2 4 2 7 1 1 2 3 4\n", "0\n"),
-        "m.msh: the file holds no elements",
-    );
-    refused(
-        version_2("2\n1 2 2 11 1 1 2 3\n2 4 2 7 1 1 2 3 4\n", "1\n1 2 2 11 1 1 2 3\n"),
-        "m.msh: none of the file's 1",
-    );
-    refused(version_2("$EndElements\n", ""), "m.msh:19: the file ends before $EndElements");
-    refused(version_2("$EndElements", "$EndElement"), "m.msh:19: expected $EndElements, found `$EndElement`");
-    refused(version_2("$EndElements\n", "$EndElements\nrubbish"), "m.msh:20: expected a section ($Name)");
-    refused(version_2("$EndNodes", "$EndNodes\n$Nodes\n0\n$EndNodes"), "m.msh:15: a second section $Nodes");
+    for (from, to, expected) in [
+        ("2.2 0", "2.2 2", "m.msh:2: file type 2"),
+        ("2.2 0 8", "2.2 0", "m.msh:2: expected version, file type and data size"),
+        ("3 7 \"soft\"", "3 7 soft", "m.msh:6: expected `dimension number \"name\"`"),
+        ("3 7 \"soft\"", "4 7 \"soft\"", "m.msh:6: expected `dimension number \"name\"`"),
+        ("1\n3 7 \"soft\"", "2\n3 7 \"soft\"\n3 7 \"hard\"", "m.msh:7: physical group 7"),
+        ("1\n3 7 \"soft\"", "2\n3 7 \"soft\"", "m.msh:7: expected `dimension number"),
+        ("1 0 0\n", "1 0\n", "m.msh:11: the line ends where a number is expected"),
+        ("1 0 0\n", "1 0 0 0\n", "m.msh:11: the line should end before `0`"),
+        ("1 0 0\n", "1 O 0\n", "m.msh:11: expected a number, found `O`"),
+        ("1 0 0\n", "1 0 nan\n", "m.msh:11: node 2 has a coordinate that is no finite"),
+        ("1 0 0\n", "1 0 1e999\n", "m.msh:11: node 2 has a coordinate that is no finite"),
+        ("\n2 1 0 0", "\n1 1 0 0", "m.msh:11: node 1 is defined twice"),
+        ("\n2 1 0 0", "\n-2 1 0 0", "m.msh:11: expected a count or tag, found `-2`"),
+        ("Nodes\n4", "Nodes\n5", "m.msh:14: fewer entries than the section's count says"),
+        ("Nodes\n4", "Nodes\n3", "m.msh:13: expected $EndNodes, found `4 0 0 1`"),
+        ("Nodes\n4", "Nodes\nx", "m.msh:9: expected a count, found `x`"),
+        ("Elements\n2", "Elements\n1", "m.msh:18: expected $EndElements"),
+        ("2 4 2 7 1 1 2 3 4", "2 4 2 7 1 1 2 3 9", "m.msh:18: element 2 names node 9"),
+        ("2 11 1 1 2 3\n", "2 11 1 1 2 8\n", "m.msh:17: element 1 names node 8"),
+        ("2 4 2 7 1 1 2 3 4", "2 4 2 7 1 1 2 3 3", "m.msh:18: tetrahedron 2 names a node twice"),
+        ("2 4 2 7 1 1 2 3 4", "2 36 2 7 1 1 2 3 4", "m.msh:18: element type 36 is not known"),
+        ("2 4 2 7 1 1 2 3 4", "2 4 1 7 1 1 2 3 4", "m.msh:18: the line should end before `4`"),
+        (
+            "2\n1 2 2 11 1 1 2 3\n",
+            "3\n1 2 2 11 1 1 2 3\n8 4 2 7 1 2 1 4 3\n",
+            "m.msh:19: tetrahedron 2 has the same nodes [1, 2, 3, 4] as tetrahedron 8",
+        ),
+        ("2\n1 2 2 11 1 1 2 3\n2 4 2 7 1 1 2 3 4\n", "0\n", "m.msh: the file holds no elements"),
+        ("2\n1 2 2 11 1 1 2 3\n2 4 2 7 1 1 2 3 4\n", "1\n1 2 2 11 1 1 2 3\n", "m.msh: none of the file's 1"),
+        ("$EndElements\n", "", "m.msh:19: the file ends before $EndElements"),
+        ("$EndElements", "$EndElement", "m.msh:19: expected $EndElements, found `$EndElement`"),
+        ("$EndElements\n", "$EndElements\nrubbish", "m.msh:20: expected a section ($Name)"),
+        ("$EndNodes", "$EndNodes\n$Nodes\n0\n$EndNodes", "m.msh:15: a second section $Nodes"),
+    ] {
+        refused(version_2(from, to), expected);
+    }
     refused(
         version_2("1 0 0\n", "1e160 0 0\n")
             .and_then(|_| version_2("2 1 0 0\n3 0 1 0\n4 0 0 1", "2 1e160 0 0\n3 0 1e160 0\n4 0 0 1e160")),
@@ -101,27 +96,22 @@ fn malformed_version_2_names_line_and_reason() {
 
 #[test]
 fn malformed_version_4_names_line_and_reason() {
-    refused(version_4("0 0 1 1\n", "0 0 2 1\n"), "m.msh:11: entity 1 of dimension 2 is listed twice");
-    refused(
-        version_4("0 0 1 1\n", "0 0 1 2\n"),
-        "m.msh:12: fewer entries than the section's count says: `$EndEntities`",
-    );
-    refused(version_4("1 0 0 0 1 1 0 1 11 0", "1 0 0 0 1 1 0 9 11 0"), "m.msh:10: the line ends where");
-    refused(version_4("2 4 1 4", "2 5 1 4"), "m.msh:14: the section's head says 5 nodes, its blocks hold 4");
-    refused(
-        version_4("2 4 1 4", "3 4 1 4"),
-        "m.msh:25: fewer entries than the section's count says: `$EndNodes`",
-    );
-    refused(version_4("2 4 1 4", "1 3 1 4"), "m.msh:22: expected $EndNodes, found `3 1 0 1`");
-    refused(version_4("2 1 0 3\n1\n", "4 1 0 3\n1\n"), "m.msh:15: 4 is no dimension");
-    refused(version_4("2 1 0 3\n1\n", "2 1 2 3\n1\n"), "m.msh:15: parametric is 2");
-    refused(version_4("2 2 1 2", "2 3 1 2"), "m.msh:27: the section's head says 3 elements");
-    refused(
-        version_4("2 1 2 1\n", "2 1 4 1\n"),
-        "m.msh:28: elements of dimension 3 on an entity of dimension 2",
-    );
-    refused(version_4("2 1 2 1\n", "2 1 99 1\n"), "m.msh:28: element type 99 is not known");
-    refused(version_4("1 1 2 3\n", "1 1 2 5\n"), "m.msh:29: element 1 names node 5");
+    for (from, to, expected) in [
+        ("0 0 1 1\n", "0 0 2 1\n", "m.msh:11: entity 1 of dimension 2 is listed twice"),
+        ("0 0 1 1\n", "0 0 1 2\n", "m.msh:12: fewer entries than the section's count says: `$EndEntities`"),
+        ("1 0 0 0 1 1 0 1 11 0", "1 0 0 0 1 1 0 9 11 0", "m.msh:10: the line ends where"),
+        ("2 4 1 4", "2 5 1 4", "m.msh:14: the section's head says 5 nodes, its blocks hold 4"),
+        ("2 4 1 4", "3 4 1 4", "m.msh:25: fewer entries than the section's count says: `$EndNodes`"),
+        ("2 4 1 4", "1 3 1 4", "m.msh:22: expected $EndNodes, found `3 1 0 1`"),
+        ("2 1 0 3\n1\n", "4 1 0 3\n1\n", "m.msh:15: 4 is no dimension"),
+        ("2 1 0 3\n1\n", "2 1 2 3\n1\n", "m.msh:15: parametric is 2"),
+        ("2 2 1 2", "2 3 1 2", "m.msh:27: the section's head says 3 elements"),
+        ("2 1 2 1\n", "2 1 4 1\n", "m.msh:28: elements of dimension 3 on an entity of dimension 2"),
+        ("2 1 2 1\n", "2 1 99 1\n", "m.msh:28: element type 99 is not known"),
+        ("1 1 2 3\n", "1 1 2 5\n", "m.msh:29: element 1 names node 5"),
+    ] {
+        refused(version_4(from, to), expected);
+    }
 }
 
 #[test]

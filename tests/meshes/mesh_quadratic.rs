@@ -1,17 +1,12 @@
 //! Quadratic meshes: from files of 10-node tetrahedra, from corners alone, and as scenes ask for them.
 
-use crate::common;
-
-use common::{folder, shared};
-use greenstage::green::{self, Requirements, STIFFNESS};
+use crate::common::{HAPTICS, folder, shared};
+use greenstage::green::{self};
 use greenstage::mesh::{self, Order, Surface, TetMesh, generate, parse_as, quadratic};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use std::fmt::Write;
 use std::path::Path;
-use std::sync::LazyLock;
-
-static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
 
 fn linear() -> TetMesh {
     generate::block(&generate::Block { size: [2.0, 1.0, 1.0], cells: [4, 2, 2] }).unwrap()
@@ -153,9 +148,7 @@ fn folded_edges_are_refused_by_name() {
 
 #[test]
 fn real_files_of_ten_nodes() {
-    let Some(cube) = shared("meshes/raw/fenris_cube_tet10_24.msh") else {
-        return;
-    };
+    let Some(cube) = shared("meshes/raw/fenris_cube_tet10_24.msh") else { return };
     let loaded = mesh::load_quadratic(&cube).unwrap().mesh;
     assert_eq!((loaded.nodes.len(), loaded.tets.len(), loaded.mids.len()), (63, 24, 24));
     assert!((Surface::of(&loaded).volume(&loaded) - 1.0).abs() < 1e-12);

@@ -1,33 +1,41 @@
 //! What is written is read back, bit by bit; whatever is read, nothing panics.
 
-use greenstage::mesh::{Block, Encoding, Loaded, TetMesh, Tube, block, encode, load, parse, save, tube};
+use crate::mesh_geometry::demo_tube;
+use greenstage::mesh::{Block, Encoding, Loaded, TetMesh, block, encode, load, parse, save, tube};
 use proptest::collection::{btree_map, btree_set, vec};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// A block, its nodes moved a little and its size anything, with tags, regions, names and groups of all kinds.
-fn any_mesh() -> impl Strategy<Value = TetMesh> {
+/// A block, its nodes moved a little and its size anything, with regions, and groups whose names match `name`.
+pub fn any_block(name: &'static str) -> impl Strategy<Value = TetMesh> {
     let shape = (prop::array::uniform3(1u32..4), -90..90i32, vec(-0.1..0.1f64, 64 * 3));
-    let name = "[^\"\\p{Cc}]{0,12}";
-    let regions = (vec(select(vec![0, 1, 2, 7, i32::MAX as u32]), 27 * 5), btree_map(0u32..8, name, 0..4));
+    let regions = vec(select(vec![0, 1, 2, 7, i32::MAX as u32]), 27 * 5);
     let groups = btree_map(name, vec(any::<Index>(), 0..20), 0..4);
-    (shape, btree_set(0..=i32::MAX as u64, 64), regions, groups).prop_map(|(shape, tags, regions, groups)| {
-        let (cells, exponent, shifts) = shape;
+    (shape, regions, groups).prop_map(|((cells, exponent, shifts), regions, groups)| {
         let mut mesh = block(&Block { size: cells.map(f64::from), cells }).expect("1 to 3 cells of size 1");
         for (node, shift) in mesh.nodes.iter_mut().zip(shifts.chunks(3)) {
             *node = (*node + nalgebra::Vector3::from_column_slice(shift)) * 10f64.powi(exponent);
         }
-        mesh.tags = tags.into_iter().take(mesh.nodes.len()).collect();
-        mesh.regions = regions.0.into_iter().take(mesh.tets.len()).collect();
-        mesh.region_names = regions.1;
+        mesh.regions = regions.into_iter().take(mesh.tets.len()).collect();
         mesh.groups.clear();
         for (name, members) in groups {
             let nodes: BTreeSet<u32> =
                 members.iter().map(|index| index.index(mesh.nodes.len()) as u32).collect();
             mesh.groups.insert(name, nodes.into_iter().collect());
         }
+        mesh
+    })
+}
+
+/// With tags and names of regions too.
+fn any_mesh() -> impl Strategy<Value = TetMesh> {
+    const NAME: &str = "[^\"\\p{Cc}]{0,12}";
+    let names = btree_map(0u32..8, NAME, 0..4);
+    (any_block(NAME), btree_set(0..=i32::MAX as u64, 64), names).prop_map(|(mut mesh, tags, names)| {
+        mesh.tags = tags.into_iter().take(mesh.nodes.len()).collect();
+        mesh.region_names = names;
         // A named region is a group, too.
         for (region, name) in &mesh.region_names {
             let group = mesh.groups.entry(name.clone()).or_default();
@@ -45,7 +53,7 @@ fn read(bytes: &[u8]) -> Option<Loaded> {
 }
 
 /// Equality of f64 takes 0 for -0.
-fn bits(mesh: &TetMesh) -> Vec<u64> {
+pub fn bits(mesh: &TetMesh) -> Vec<u64> {
     mesh.nodes.iter().flatten().map(|x| x.to_bits()).collect()
 }
 
@@ -105,16 +113,7 @@ proptest! {
 
 #[test]
 fn a_tube_goes_through_a_file_of_each_encoding() {
-    let mesh = tube(&Tube {
-        inner_radius: 0.07,
-        outer_radius: 0.1,
-        length: 1.0,
-        radial: 3,
-        around: 40,
-        along: 62,
-        control_length: 0.1,
-    })
-    .unwrap();
+    let mesh = tube(&demo_tube()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     for encoding in ["msh22", "msh22-binary", "msh41", "msh41-binary"] {
         let path = folder.path().join(format!("{encoding}.MSH"));

@@ -18,69 +18,20 @@ impl Random {
     pub fn below(&mut self, end: usize) -> usize {
         (self.next() % end.max(1) as u64) as usize
     }
-
-    fn of<'a, T: ?Sized>(&mut self, choices: &[&'a T]) -> &'a T {
-        choices[self.below(choices.len())]
-    }
 }
 
-/// Words that a number, a name or a bracket may be replaced by.
-const WORDS: &[&str] = &[
-    "",
-    "0",
-    "-1",
-    "1",
-    "2",
-    "3",
-    "4",
-    "5",
-    "7",
-    "10",
-    "255",
-    "256",
-    "65536",
-    "2147483647",
-    "-2147483648",
-    "4294967295",
-    "4294967296",
-    "9223372036854775807",
-    "18446744073709551615",
-    "18446744073709551616",
-    "1000000000000000",
-    "0.5",
-    "-0.0",
-    "1e-320",
-    "1e30",
-    "1e160",
-    "1e308",
-    "1e309",
-    "-1e309",
-    "nan",
-    "inf",
-    "-inf",
-    "0x7f",
-    "1_000",
-    "true",
-    "\"\"",
-    "[]",
-    "[[[[",
-    "]]]]",
-    "{}",
-    "$",
-    "*",
-    "#",
-    "<",
-    ">",
-    "/>",
-    "&amp;",
-    "\\",
-    "\u{0}",
-    "\u{feff}",
-    "é",
-    "\r\n",
-    "name",
-    "x",
-];
+/// Words that a number, a name or a bracket may be replaced by, between bars; the first is empty.
+const WORDS: &str = concat!(
+    "|0|-1|1|2|3|4|5|7|10|255|256|65536|2147483647|-2147483648|4294967295|4294967296",
+    "|9223372036854775807|18446744073709551615|18446744073709551616|1000000000000000|0.5|-0.0|1e-320",
+    "|1e30|1e160|1e308|1e309|-1e309|nan|inf|-inf|0x7f|1_000|true|\"\"|[]|[[[[|]]]]|{}|$|*|#|<|>|/>",
+    "|&amp;|\\|\u{0}|\u{feff}|é|\r\n|name|x",
+);
+
+fn word(random: &mut Random) -> &'static str {
+    let words: Vec<&str> = WORDS.split('|').collect();
+    words[random.below(words.len())]
+}
 
 /// `bytes` with one to a dozen changes; parts may come from `other`, a file of the same kind.
 pub fn mutated(bytes: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
@@ -117,16 +68,8 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
         }
         // A number in binary.
         7 => {
-            let value = random.of(&[
-                &0u64,
-                &1,
-                &2,
-                &0x7fff_ffff,
-                &0xffff_ffff,
-                &(1 << 40),
-                &(u64::MAX >> 1),
-                &u64::MAX,
-            ]);
+            let values = [0, 1, 2, 0x7fff_ffff, 0xffff_ffff, 1 << 40, u64::MAX >> 1, u64::MAX];
+            let value = values[random.below(values.len())];
             let width = [1, 2, 4, 8][random.below(4)];
             let (little, big) = (value.to_le_bytes(), value.to_be_bytes());
             let number = if random.below(2) == 0 { &little[..width] } else { &big[8 - width..] };
@@ -134,7 +77,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
         }
         // A run of the same.
         8 => {
-            let part = random.of(WORDS).as_bytes().repeat(random.below(300));
+            let part = word(random).as_bytes().repeat(random.below(300));
             bytes.splice(at..at, part);
         }
         9 | 10 => {
@@ -158,7 +101,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
             let (first, last) = words[random.below(words.len())];
             let word = match random.below(3) {
                 0 => bytes[first..last].to_vec(),
-                _ => random.of(WORDS).as_bytes().to_vec(),
+                _ => word(random).as_bytes().to_vec(),
             };
             bytes.splice(from..to, word);
         }

@@ -3,13 +3,10 @@
 //!
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden` writes tests/golden/*.png anew; look at them then.
 
-use crate::common;
-use crate::render_common;
-
-use common::{coarse_demo, folder, greenstage};
+use crate::common::{coarse_demo, folder, greenstage};
+use crate::render_common::require_gpu;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{Rgb, RgbImage, imageops};
-use render_common::require_gpu;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -116,7 +113,7 @@ fn unfold(stage: &Unfolded, pictures: &Pictures) -> RgbImage {
     sheet
 }
 
-fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
+pub fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
     image_compare::rgb_hybrid_compare(a, b).unwrap().score
 }
 
@@ -128,30 +125,33 @@ fn swap_eyes(pictures: &Pictures) -> Pictures {
     pictures.iter().map(|(name, picture)| (other(name), picture.clone())).collect()
 }
 
-fn save(path: &Path, sheet: &RgbImage) {
+pub fn save(path: &Path, sheet: &RgbImage) {
     let file = std::fs::File::create(path).unwrap();
     let small = PngEncoder::new_with_quality(file, CompressionType::Best, FilterType::Adaptive);
     sheet.write_with_encoder(small).unwrap();
 }
 
-fn matches_its_golden_picture(stage: &Unfolded) {
-    if require_gpu().is_none() {
-        return;
+/// tests/golden/NAME.png, of the size of `now`, which it first becomes with `GREENSTAGE_BLESS=1`.
+pub fn golden_picture(name: &str, now: &RgbImage) -> RgbImage {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
+    if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
+        save(&path, now);
+        println!("wrote {}; look at it", path.display());
     }
+    let golden = image::open(&path).unwrap().to_rgb8();
+    assert_eq!(golden.dimensions(), now.dimensions(), "{name}");
+    golden
+}
+
+fn matches_its_golden_picture(stage: &Unfolded) {
+    let Some(_) = require_gpu() else { return };
     let name = stage.stage;
     let drawn = |what: &str, change: &dyn Fn(&Path), more: &[&str]| {
         pictures(&format!("golden-{name}-{what}"), name, stage.scale, change, more)
     };
     let now = drawn("now", &unchanged, &[]);
     let sheet = unfold(stage, &now);
-    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
-    if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
-        save(&golden, &sheet);
-        println!("wrote {}; look at it", golden.display());
-    }
-    let golden = image::open(&golden).unwrap().to_rgb8();
-    assert_eq!(golden.dimensions(), sheet.dimensions(), "{name}");
-
+    let golden = golden_picture(name, &sheet);
     let alike = likeness(&golden, &sheet);
     let jagged = likeness(&golden, &unfold(stage, &drawn("jagged", &unchanged, &["--samples", "1"])));
     let less = likeness(&golden, &unfold(stage, &drawn("less", &five_degrees_less, &[])));
@@ -236,9 +236,7 @@ fn parallax(left: &RgbImage, right: &RgbImage) -> i64 {
 /// crossed before the glass: further right for the left eye.
 #[test]
 fn parallax_has_the_sign_and_the_size_of_the_objects_distance_from_the_glass() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let stereo_desktop = |place: &Path| {
         let stage = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/stages/desktop.toml");
         let stage = std::fs::read_to_string(stage).unwrap();
@@ -281,9 +279,7 @@ fn column(picture: &RgbImage, x: u32) -> Vec<Rgb<u8>> {
 
 #[test]
 fn the_tube_passes_from_the_table_to_the_wall_without_a_break() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let drawn = pictures("seam-workbench", "workbench", 0.5, &unchanged, &[]);
     let lines = |eye: &str| {
         let (table, wall) = (&drawn[&format!("table-{eye}")], &drawn[&format!("wall-{eye}")]);
@@ -308,9 +304,7 @@ fn the_tube_passes_from_the_table_to_the_wall_without_a_break() {
 
 #[test]
 fn the_cyberstages_walls_and_floor_meet() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let drawn = pictures("seam-cyberstage", "cyberstage", 0.25, &unchanged, &[]);
     for eye in ["left", "right"] {
         let of = |screen: &str| &drawn[&format!("{screen}-{eye}")];

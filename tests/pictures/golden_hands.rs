@@ -3,12 +3,10 @@
 //!
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_hands` writes tests/golden/hands.png anew; look at it then.
 
-use crate::common;
-use crate::render_common;
-
-use common::{coarse_demo, folder, greenstage};
+use crate::common::{coarse_demo, folder, greenstage};
+use crate::golden::{golden_picture, likeness};
+use crate::render_common::require_gpu;
 use image::RgbImage;
-use render_common::require_gpu;
 use std::path::Path;
 
 /// Likeness as in tests/golden.rs.
@@ -51,24 +49,12 @@ fn picture(name: &str, clicks: u32) -> RgbImage {
     image::open(place.join("out/frame0001-monitor-centre.png")).unwrap().to_rgb8()
 }
 
-fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
-    image_compare::rgb_hybrid_compare(a, b).unwrap().score
-}
-
 /// The wrong picture: no mode, so that the tube follows the hand and the ray is straight.
 #[test]
 fn a_hand_that_pulls_along_an_axis_matches_its_golden_picture() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let (now, free) = (picture("now", 3), picture("free", 0));
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/hands.png");
-    if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
-        now.save(&path).unwrap();
-        println!("wrote {}; look at it", path.display());
-    }
-    let golden = image::open(&path).unwrap().to_rgb8();
-    assert_eq!(golden.dimensions(), now.dimensions());
+    let golden = golden_picture("hands", &now);
     let [alike, wrong] = [&now, &free].map(|picture| likeness(&golden, picture));
     println!("hands: {alike:.4}; the wrong one {wrong:.4}");
     if alike < LEAST {

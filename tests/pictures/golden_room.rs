@@ -3,38 +3,18 @@
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_room` writes tests/golden/room-*.png and pattern-*.png anew;
 //! look at them then.
 
-use crate::common;
-use crate::render_common;
-
-use common::{folder, greenstage};
+use crate::common::{folder, greenstage};
+use crate::golden::{golden_picture, likeness, save};
+use crate::render_common::require_gpu;
 use image::RgbImage;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use render_common::require_gpu;
 use std::path::Path;
 
 /// Likeness as in tests/golden.rs. A picture must be within this of its golden one, and at least three times nearer to
 /// it than a wrong picture is: letters and lines cover little, so wrong ones are alike too.
 const LEAST: f64 = 0.985;
 
-fn save(path: &Path, picture: &RgbImage) {
-    let file = std::fs::File::create(path).unwrap();
-    picture
-        .write_with_encoder(PngEncoder::new_with_quality(file, CompressionType::Best, FilterType::Adaptive))
-        .unwrap();
-}
-
-fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
-    image_compare::rgb_hybrid_compare(a, b).unwrap().score
-}
-
 fn compare(name: &str, now: &RgbImage, wrong: &RgbImage) {
-    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
-    if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
-        save(&golden, now);
-        println!("wrote {}; look at it", golden.display());
-    }
-    let golden = image::open(&golden).unwrap().to_rgb8();
-    assert_eq!(golden.dimensions(), now.dimensions(), "{name}");
+    let golden = golden_picture(name, now);
     let [alike, wrong] = [now, wrong].map(|picture| likeness(&golden, picture));
     println!("{name}: {alike:.4}; the wrong one {wrong:.4}");
     if alike < LEAST || 3.0 * (1.0 - alike) > 1.0 - wrong {
@@ -54,9 +34,7 @@ fn room(place: &Path, stage: &str, output: &str) -> RgbImage {
 
 /// The wrong picture: the viewer stands 20 cm further left.
 fn room_matches(stage: &str, viewer: &str, moved: &str) {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let place = folder(&format!("golden-room-{stage}"));
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/stages/{stage}.toml"));
     let text = std::fs::read_to_string(path).unwrap();
@@ -82,9 +60,7 @@ fn the_cyberstage_from_outside_matches_its_golden_picture() {
 /// The wrong picture: the other eye's.
 #[test]
 fn the_pattern_matches_its_golden_picture() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let place = folder("golden-pattern");
     greenstage(&place, &["pattern", "workbench", "-o", "out"]);
     let [left, right] = ["left", "right"]

@@ -2,13 +2,11 @@
 //!
 //! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_stereo` writes tests/golden/stereo/*.png anew; look at them then.
 
-use crate::common;
-use crate::render_common;
-
-use common::{coarse_demo, folder, greenstage};
+use crate::common::{coarse_demo, folder, greenstage};
+use crate::golden::{golden_picture, likeness};
+use crate::render_common::require_gpu;
 use greenstage::stage::Stereo;
 use image::RgbImage;
-use render_common::require_gpu;
 use std::path::{Path, PathBuf};
 
 /// A kind of stereo, and the size of its picture.
@@ -64,25 +62,9 @@ const KINDS: [Kind; 15] = [
 fn picture(place: &Path, stage: &str, stereo: Stereo, samples: &str) -> RgbImage {
     let output = format!("out-{stage}-{}-{samples}", stereo.name());
     let stage = format!("{stage}.toml");
-    greenstage(
-        place,
-        &[
-            "render",
-            "tube.toml",
-            "-o",
-            &output,
-            "--frames",
-            "3",
-            "--stage",
-            &stage,
-            "--scale",
-            "0.15",
-            "--samples",
-            samples,
-            "--stereo",
-            stereo.name(),
-        ],
-    );
+    let fixed = ["render", "tube.toml", "--frames", "3", "--scale", "0.15", "-o", &output];
+    let varied = ["--stage", &stage, "--samples", samples, "--stereo", stereo.name()];
+    greenstage(place, &[&fixed[..], &varied].concat());
     let found: Vec<PathBuf> =
         std::fs::read_dir(place.join(output)).unwrap().map(|e| e.unwrap().path()).collect();
     let halfway: Vec<_> = found
@@ -93,15 +75,9 @@ fn picture(place: &Path, stage: &str, stereo: Stereo, samples: &str) -> RgbImage
     image::open(halfway[0]).unwrap().to_rgb8()
 }
 
-fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
-    image_compare::rgb_hybrid_compare(a, b).unwrap().score
-}
-
 #[test]
 fn every_kind_of_stereo_matches_its_golden_picture() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let place = folder("golden-stereo");
     coarse_demo(&place);
     let stage = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/stages/desktop.toml");
@@ -112,18 +88,12 @@ fn every_kind_of_stereo_matches_its_golden_picture() {
     std::fs::write(place.join("own.toml"), &stage).unwrap();
     std::fs::write(place.join("swapped.toml"), stage.replace("[viewer]", "swap_eyes = true\n[viewer]"))
         .unwrap();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/stereo");
-    std::fs::create_dir_all(&folder).unwrap();
     let mut faults = Vec::new();
     for Kind { stereo, size } in KINDS {
         let name = stereo.name();
         let now = picture(&place, "own", stereo, "4");
         assert_eq!([now.width(), now.height()], size, "{name}");
-        let path = folder.join(format!("{name}.png"));
-        if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
-            now.save(&path).unwrap();
-        }
-        let golden = image::open(&path).unwrap().to_rgb8();
+        let golden = golden_picture(&format!("stereo/{name}"), &now);
         let alike = likeness(&golden, &now);
         let jagged = likeness(&golden, &picture(&place, "own", stereo, "1"));
         let swapped = likeness(&golden, &picture(&place, "swapped", stereo, "4"));

@@ -1,7 +1,6 @@
 //! The body deformed on the device against its twin on the CPU: all storages, several elements, whole and in chunks.
 
-use crate::render_common;
-
+use crate::render_common::{draw_full, off_axis, require_gpu};
 use greenstage::base::columns::{ColumnGroup, Storage, StoredColumns, half_to_single};
 use greenstage::base::parts::PartWeights;
 use greenstage::deform::{Superposition, move_parts, vertex_normals};
@@ -10,7 +9,6 @@ use greenstage::render::{
     BodyBuffers, BodyInstance, COLOR_FORMAT, FrameContents, Gpu, RenderError, Renderer,
 };
 use nalgebra::{Isometry3, Matrix4, Point3, Rotation3, Vector3};
-use render_common::{draw_full, off_axis, require_gpu};
 use std::f32::consts::TAU;
 
 /// An open tube of length 1 m about the origin, and a last vertex in no triangle.

@@ -1,14 +1,12 @@
 //! Both eyes in one pass against one after the other, and views that leave out what they cannot see.
 
-use crate::render_common;
-
+use crate::render_common::{bent_tube, black_room, off_axis, require_gpu, square};
 use greenstage::render::{
-    Attachments, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Grid, Lighting,
-    Offscreen, RenderError, Renderer, StylusShape, View, Viewport,
+    Attachments, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Grid, Offscreen,
+    RenderError, Renderer, StylusShape, View, Viewport,
 };
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Rotation3, Vector3};
-use render_common::{bent_tube, off_axis, require_gpu, square};
 
 const SIZE: [u32; 2] = [320, 256];
 
@@ -48,8 +46,7 @@ fn one_pass_for_both_eyes_draws_what_two_passes_draw() {
         [pen(Vector3::new(0.3, 1.2, 0.3), None), pen(Vector3::zeros(), Some(Point3::new(0.1, 1.0, 0.0)))];
     let mut contents = FrameContents { bodies: &bodies, ..Default::default() };
     if gpu.is_software {
-        contents.lighting =
-            Lighting { zenith: [0.0; 3], horizon: [0.0; 3], nadir: [0.0; 3], ..Lighting::default() };
+        contents.lighting = black_room();
     } else {
         contents.styli = &styli;
         contents.grid = Some(Grid::new(Point3::new(0.0, 0.78, 0.0), [1.6, 1.6], 0.1));

@@ -1,17 +1,11 @@
 //! What is drawn lands where the projection says, nearer before farther, the same in every arrangement of viewports.
 
-use crate::render_common;
+use crate::render_common::*;
 use greenstage::render::*;
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
-use render_common::*;
 
 const SIZE: [u32; 2] = [320, 256];
-
-/// Lighting that cannot hide anything: black room, one light.
-fn black_room() -> Lighting {
-    Lighting { zenith: [0.0; 3], horizon: [0.0; 3], nadir: [0.0; 3], ..Lighting::default() }
-}
 
 fn eyes() -> [View; 2] {
     [-0.032, 0.032]
@@ -93,8 +87,6 @@ fn ray_and_hit_point_land_on_their_projected_pixels() {
     }
 }
 
-/// A point in front of the screen is crossed: the left eye sees it farther right. Behind the screen it is the reverse,
-/// and in the screen both eyes see it at the same place.
 /// An arrow's slender head is lit as its shaft is, not as if it were seen from its tip: its sides lie at an angle of
 /// atan(2.6/8) = 18° to the axis, so from the side the middle of both faces the eye.
 #[test]
@@ -114,6 +106,8 @@ fn the_sides_of_a_stretched_cone_face_sideways() {
     assert!(shaft > 60.0 && (head / shaft - 1.0).abs() < 0.1, "shaft {shaft}, head {head}");
 }
 
+/// A point in front of the screen is crossed: the left eye sees it farther right. Behind the screen it is the reverse,
+/// and in the screen both eyes see it at the same place.
 #[test]
 fn parallax_has_the_sign_and_size_of_stereo() {
     let Some(gpu) = require_gpu() else { return };

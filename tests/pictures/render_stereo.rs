@@ -1,12 +1,11 @@
 //! Two eyes' pictures joined on the device are what their twin on the CPU makes of them, in every kind of stereo, at
 //! every place of the desktop; and tiles leave each other alone.
 
-use crate::render_common;
+use crate::render_common::*;
 use greenstage::render::window::Monitor;
 use greenstage::render::*;
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
-use render_common::*;
 
 const SIZE: [u32; 2] = [160, 98];
 
@@ -45,7 +44,7 @@ impl Studio {
     }
 
     fn draw(&mut self, size: [u32; 2], desktop: [i32; 2], tiles: &[Tile], paint: Option<Paint>) -> RgbaImage {
-        self.draw_on(&[], size, desktop, tiles, paint)
+        self.draw_on(&[], size, desktop, tiles, paint).unwrap()
     }
 
     fn draw_on(
@@ -55,7 +54,7 @@ impl Studio {
         desktop: [i32; 2],
         tiles: &[Tile],
         paint: Option<Paint>,
-    ) -> RgbaImage {
+    ) -> Result<RgbaImage, RenderError> {
         let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 1.0, 0.0));
         let bodies = [BodyInstance { buffers: &self.body, room_from_body }];
         let contents = FrameContents { bodies: &bodies, ..FrameContents::default() };
@@ -71,8 +70,8 @@ impl Studio {
             tiles,
             contents: &contents,
         };
-        self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint).unwrap();
-        image.read(&self.gpu).unwrap().0
+        self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint)?;
+        Ok(image.read(&self.gpu)?.0)
     }
 
     fn one(&mut self, size: [u32; 2], view: View) -> RgbaImage {
@@ -138,14 +137,14 @@ fn interlaced_rows_count_from_the_corner_of_their_panel() {
         ([1950, 140], [2000, 134]),
     ] {
         let tile = two(composite, [left, right], [0, 0, width, height]);
-        let joined = studio.draw_on(&desk, SIZE, at, &[tile], None);
+        let joined = studio.draw_on(&desk, SIZE, at, &[tile], None).unwrap();
         let on_panel = [at[0] - panel[0], at[1] - panel[1]];
         let (worst, _) =
             difference(&joined, &composite.compose([&pictures[0], &pictures[1]], SIZE, on_panel));
         assert!(worst <= 1, "at {at:?}, on the panel at {panel:?}: {worst}/255");
     }
-    let beyond =
-        studio.draw_on(&desk, SIZE, [0, -501], &[two(composite, [left, right], [0, 0, width, height])], None);
+    let tile = two(composite, [left, right], [0, 0, width, height]);
+    let beyond = studio.draw_on(&desk, SIZE, [0, -501], &[tile], None).unwrap();
     let (worst, _) = difference(&beyond, &composite.compose([&pictures[0], &pictures[1]], SIZE, [0, -501]));
     assert!(worst <= 1, "on no panel, by the desktop: {worst}/255");
 }
@@ -204,20 +203,8 @@ fn paint_comes_over_every_eyes_picture_before_they_are_joined() {
 #[test]
 fn a_tile_beyond_its_target_is_refused() {
     let Some(mut studio) = Studio::new() else { return };
-    let image = Readable::new(&studio.gpu, SIZE).unwrap();
     let show = Show::One(Viewport::full(SIZE, None)[0]);
     let tiles = [Tile { rect: [1, 0, SIZE[0], SIZE[1]], show }];
-    let mut canvas = Canvas::default();
-    let target = Target {
-        window: 0,
-        canvas: &mut canvas,
-        texture: &image.view,
-        size: SIZE,
-        desktop: [0, 0],
-        monitors: &[],
-        tiles: &tiles,
-        contents: &FrameContents::default(),
-    };
-    let result = studio.painter.draw(&studio.gpu, &mut studio.renderer, &mut [target], None);
+    let result = studio.draw_on(&[], SIZE, [0, 0], &tiles, None);
     assert!(result.unwrap_err().to_string().contains("[1, 0, 160, 98]"));
 }

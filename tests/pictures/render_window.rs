@@ -2,13 +2,11 @@
 //! on a display of its own. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --release --test
 //! pictures -- --ignored render_window
 
-use crate::display_common;
-use crate::render_common;
-use display_common::Display;
+use crate::display_common::Display;
+use crate::render_common::*;
 use greenstage::render::window::*;
 use greenstage::render::*;
 use nalgebra::{Matrix4, Point3, Vector3};
-use render_common::*;
 use std::io::Read;
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -82,9 +80,7 @@ impl WindowApp for TwoScreens {
 
 #[test]
 fn two_windows_of_one_process_draw_and_quit() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let Some(display) = Display::start([1024, 400]) else { return };
     let status = alone(&display, "render_window::opens_two_windows");
     assert!(status.success(), "{status}");
@@ -123,9 +119,7 @@ impl WindowApp for Ends {
 /// after a panic: not by an abort.
 #[test]
 fn a_frame_that_quits_or_panics_undrawn_ends_without_an_abort() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let Some(display) = Display::start([1024, 400]) else { return };
     for (name, expected) in [("quits_undrawn", 0), ("panics_undrawn", 101)] {
         let status = alone(&display, &format!("render_window::{name}"));

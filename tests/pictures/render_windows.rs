@@ -1,12 +1,9 @@
 //! `greenstage render --windows`: each window's picture as `view` presents it, against the pictures of single eyes.
 
-use crate::common;
-use crate::render_common;
-
-use common::{coarse_demo, folder, greenstage};
+use crate::common::{attempt, coarse_demo, folder, greenstage};
+use crate::render_common::require_gpu;
 use greenstage::render::Composite;
 use image::{RgbaImage, imageops};
-use render_common::require_gpu;
 use std::path::Path;
 
 /// Pictures by name of the bent body, the middle one of three frames.
@@ -40,9 +37,7 @@ fn different(a: &RgbaImage, b: &RgbaImage) -> usize {
 
 #[test]
 fn the_windows_of_a_two_sided_workbench_are_its_pictures() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let place = folder("render-windows-workbench");
     coarse_demo(&place);
     let eyes = pictures(&place, "workbench", &["--scale", "0.25"]);
@@ -60,9 +55,7 @@ fn the_windows_of_a_two_sided_workbench_are_its_pictures() {
 /// swapped: each is made of the eyes' own pictures.
 #[test]
 fn windows_of_a_stage_file_are_joined_cropped_and_swapped_as_they_are_presented() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let place = folder("render-windows-own");
     coarse_demo(&place);
     let bench = include_str!("../../configs/stages/workbench.toml");
@@ -94,10 +87,8 @@ fn windows_of_a_stage_file_are_joined_cropped_and_swapped_as_they_are_presented(
 
 #[test]
 fn a_kind_of_stereo_is_not_asked_of_windows_that_have_their_own() {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .args(["render", "none.toml", "-o", "out", "--windows", "--stereo", "rows"])
-        .output()
-        .unwrap();
+    let place = folder("render-windows-stereo");
+    let output = attempt(&place, &["render", "none.toml", "-o", "out", "--windows", "--stereo", "rows"]);
     assert_eq!(output.status.code(), Some(2));
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(said.contains("--windows") && said.contains("--stereo"), "{said}");

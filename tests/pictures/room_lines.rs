@@ -1,15 +1,11 @@
 //! Lines, quads and balls of the room view: as wide as asked for, in the right colour from either side, cut at the near
 //! plane, and no pipeline where there are none.
 
-use crate::render_common;
-
+use crate::render_common::{black_room, draw_full, off_axis, require_gpu};
 use greenstage::base::strips::{StripKind, Strips};
-use greenstage::render::{
-    Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Lighting, Line, Quad, Renderer, View,
-};
+use greenstage::render::{Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Line, Quad, Renderer, View};
 use image::RgbaImage;
 use nalgebra::{Point3, Vector3};
-use render_common::{draw_full, off_axis, require_gpu};
 
 const SIZE: [u32; 2] = [100, 80];
 
@@ -24,14 +20,8 @@ fn behind() -> View {
     View { clip_from_room: clip_from_room * turn, eye_in_room: Point3::new(0.0, 0.0, -2.0) }
 }
 
-/// No light and no background: what is drawn is what was asked for.
-fn dark() -> Lighting {
-    let black = [0.0; 3];
-    Lighting { zenith: black, horizon: black, nadir: black, ..Lighting::default() }
-}
-
 fn drawn(gpu: &Gpu, renderer: &mut Renderer, view: View, contents: &FrameContents) -> RgbaImage {
-    draw_full(gpu, renderer, SIZE, view, &FrameContents { lighting: dark(), ..*contents })
+    draw_full(gpu, renderer, SIZE, view, &FrameContents { lighting: black_room(), ..*contents })
 }
 
 const GREEN: [f32; 4] = [0.0, 1.0, 0.0, 1.0];

@@ -1,13 +1,10 @@
 //! Writing over pictures: nothing is made for an overlay that is never shown, what is drawn lies exactly on its pixels,
 //! and the test pattern shows what a display's installer looks for.
 
-use crate::common;
-use crate::render_common;
-
-use common::{folder, greenstage};
+use crate::common::{folder, greenstage};
+use crate::render_common::require_gpu;
 use greenstage::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
 use image::{Rgb, RgbImage};
-use render_common::require_gpu;
 
 /// A picture of 64 × 48 pixels, black, with what `paint` writes over it.
 fn written(gpu: &Gpu, overlay: &mut Overlay, paint: impl FnMut(&egui::Painter)) -> RgbImage {
@@ -66,9 +63,7 @@ const WHITE: Rgb<u8> = Rgb([255; 3]);
 
 #[test]
 fn the_pattern_has_a_border_of_one_pixel_and_blocks_of_single_pixels() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let [left, right] = pattern("pattern-workbench", "workbench", "wall");
     let (width, height) = left.dimensions();
     assert_eq!((width, height), (1280, 1024));
@@ -97,9 +92,7 @@ fn the_pattern_has_a_border_of_one_pixel_and_blocks_of_single_pixels() {
 /// Only the left eye's picture has red, on its left side; only the right eye's has cyan, on its right side.
 #[test]
 fn swapped_eyes_are_seen_at_once() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let [left, right] = pattern("pattern-cyberstage", "cyberstage", "front");
     let count = |picture: &RgbImage, red: bool| {
         let is = |pixel: &Rgb<u8>| {

@@ -1,14 +1,10 @@
 //! `greenstage view` under an X server of its own, without a window manager: windows stand where the stage file has
 //! them, and interlaced rows follow the desktop's parity when a window is moved.
 
-use crate::common;
-use crate::display_common;
-use crate::render_common;
-
-use common::{coarse_demo, folder};
-use display_common::{Display, Running, wait_for};
+use crate::common::{self, coarse_demo, folder};
+use crate::display_common::{Display, Running, wait_for};
+use crate::render_common::require_gpu;
 use image::RgbImage;
-use render_common::require_gpu;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -47,9 +43,7 @@ fn demo(name: &str) -> PathBuf {
 
 #[test]
 fn the_windows_of_the_workbench_and_the_cyberstage_stand_where_they_should() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let Some(display) = Display::start([2560, 2048]) else { return };
     let place = demo("windows-places");
     let own = "[[window]]\nname = \"top\"\nscreen = \"wall\"\nstereo = \"rows\"\nat = [700, 10]\nsize = [640, 512]\n\
@@ -117,9 +111,7 @@ fn is_right(rows: &[[bool; 2]], top: u32) -> bool {
 
 #[test]
 fn interlaced_rows_follow_the_desktop_when_the_window_is_moved() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let Some(display) = Display::start([640, 480]) else { return };
     let place = demo("windows-parity");
     let desktop = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/stages/desktop.toml");
@@ -183,9 +175,7 @@ fn viewed(place: &Path, display: &Display, arguments: &[&str]) -> (Option<i32>, 
 
 #[test]
 fn a_session_that_is_replayed_in_windows_ends_with_its_last_frame() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let Some(display) = Display::start([640, 480]) else { return };
     let place = recorded("windows-replay");
     let (status, said) = viewed(&place, &display, &["--replay", "session.jsonl"]);
@@ -196,9 +186,7 @@ fn a_session_that_is_replayed_in_windows_ends_with_its_last_frame() {
 /// The file of a recording goes away while windows are open: an error of a frame, with a message.
 #[test]
 fn an_error_inside_a_frame_ends_with_a_message_and_its_status() {
-    if require_gpu().is_none() {
-        return;
-    }
+    let Some(_) = require_gpu() else { return };
     let Some(display) = Display::start([640, 480]) else { return };
     let place = recorded("windows-error");
     let pipe = place.join("pipe.jsonl");

@@ -1,8 +1,9 @@
 //! What the render tests share: a device, views of a plain screen, and a bent tube to look at.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; a test may unwrap")]
 
-use greenstage::render::{BodyBuffers, FrameContents};
-use greenstage::render::{COLOR_FORMAT, Gpu, Offscreen, RenderError, Renderer, View, Viewport};
+use greenstage::render::{
+    BodyBuffers, COLOR_FORMAT, FrameContents, Gpu, Lighting, Offscreen, RenderError, Renderer, View, Viewport,
+};
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
 use std::f32::consts::{PI, TAU};
@@ -43,6 +44,11 @@ pub fn off_axis(center: Point3<f32>, [width, height]: [f32; 2], tilt: f32, eye: 
 pub fn pixel_of(view: &View, [width, height]: [u32; 2], point: Point3<f32>) -> [f32; 2] {
     let clip = view.clip_from_room * point.to_homogeneous();
     [(clip.x / clip.w * 0.5 + 0.5) * width as f32, (0.5 - clip.y / clip.w * 0.5) * height as f32]
+}
+
+/// Lighting that cannot hide anything: no background, so that what is drawn is what was asked for.
+pub fn black_room() -> Lighting {
+    Lighting { zenith: [0.0; 3], horizon: [0.0; 3], nadir: [0.0; 3], ..Lighting::default() }
 }
 
 pub struct Mesh {

@@ -12,7 +12,7 @@ use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
 use crate::base::output::Kind;
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -45,8 +45,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
             continue;
         }
         if !line.starts_with(b"*") {
-            let reason = format!("expected a keyword (*NAME), found `{}`", excerpt(line));
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, format!("expected a keyword (*NAME), found `{}`", excerpt(line)));
         }
         let keyword = Keyword::read(at, line, &mut deck.lines)?;
         match keyword.name.as_str() {
@@ -73,23 +72,22 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
                 skip_data(&mut deck.lines);
             }
             "INCLUDE" => {
-                let reason = "*INCLUDE is not followed: put the lines of that file in its place";
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, "*INCLUDE is not followed: put the lines of that file in its place");
             }
             "PART" | "INSTANCE" => {
                 if !once.insert(keyword.name.clone()) {
                     let reason = "a second part or instance: save the model without parts and assemblies";
-                    return Err(FormatFault::at(at, reason));
+                    return refuse(at, reason);
                 }
                 if data_line(&mut deck.lines).is_some() {
                     let reason = "an instance that is moved: save the model without parts and assemblies";
-                    return Err(FormatFault::at(at, reason));
+                    return refuse(at, reason);
                 }
             }
             "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM" => {
                 let reason =
                     format!("*{} makes or moves nodes and is not read: save a flat file", keyword.name);
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
             _ => skip_data(&mut deck.lines),
         }
@@ -126,10 +124,7 @@ impl Deck<'_> {
     /// Reads lines of number, x, y, z; omitted coordinates are 0.
     fn nodes(&mut self, keyword: &Keyword) -> Result<(), FormatFault> {
         if keyword.value("SYSTEM").is_some_and(|system| !system.eq_ignore_ascii_case("R")) {
-            return Err(FormatFault::at(
-                keyword.at,
-                "nodes in cylinder or sphere coordinates: save them as x, y, z",
-            ));
+            return refuse(keyword.at, "nodes in cylinder or sphere coordinates: save them as x, y, z");
         }
         while let Some((at, line)) = data_line(&mut self.lines) {
             let mut fields = fields(line);

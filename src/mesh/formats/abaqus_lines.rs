@@ -1,7 +1,7 @@
 //! The lines of an Abaqus deck: keywords with their parameters, and the data that follows them.
 
 use super::words::Words;
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 
 /// `*NAME, KEY=VALUE, KEY`, in upper case but for the values.
 pub struct Keyword {
@@ -30,7 +30,7 @@ impl Keyword {
         let keyword = Keyword { at, name, parameters };
         if matches!(keyword.name.as_str(), "NODE" | "ELEMENT" | "NSET" | "ELSET") && keyword.has("INPUT") {
             let reason = "INPUT= names another file, which is not followed: put its lines in its place";
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, reason);
         }
         Ok(keyword)
     }

@@ -9,7 +9,7 @@ use super::abaqus_lines::{Keyword, data_line, fields};
 use super::gmsh_scan::excerpt;
 use super::words::{Words, parsed};
 use crate::mesh::assemble::RawMesh;
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -45,10 +45,7 @@ impl Sets {
     /// The index of the set `name`, which is created where there is none.
     fn set(&mut self, name: &str, at: usize) -> Result<usize, FormatFault> {
         if self.list.len() > 1000 + self.bytes / 100 {
-            return Err(FormatFault::at(
-                at,
-                format!("more than {} sets in such a file", self.list.len() - 1),
-            ));
+            return refuse(at, format!("more than {} sets in such a file", self.list.len() - 1));
         }
         let next = self.list.len();
         let index = *self.by_name.entry(name.to_uppercase()).or_insert(next);
@@ -81,8 +78,7 @@ impl Sets {
                     found += 1;
                 }
                 if found < 2 || range[2] == 0 || fields(line).count() > 3 {
-                    let reason = format!("expected first, last and step, found `{}`", excerpt(line));
-                    return Err(FormatFault::at(at, reason));
+                    return refuse(at, format!("expected first, last and step, found `{}`", excerpt(line)));
                 }
                 self.list[index].ranges.push(range);
                 continue;
@@ -163,7 +159,7 @@ impl Sets {
         let tags = sorted(raw.elements.iter().map(|element| element.tag));
         if let Some(pair) = tags.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             let second = raw.elements[pair[1].1 as usize];
-            return Err(FormatFault::at(second.at, format!("element {} is defined twice", second.tag)));
+            return refuse(second.at, format!("element {} is defined twice", second.tag));
         }
         let sets = self.resolve(&tags, self.bytes / 4)?;
         let has_section = |set: &Set| self.sections.contains(&set.name.to_uppercase());

@@ -10,11 +10,15 @@ use super::gmsh2;
 use super::gmsh4::{self, Layout};
 use crate::base::output::Kind;
 use crate::mesh::assemble::RawMesh;
-use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::error::{FormatFault, MeshError, refuse};
 use crate::mesh::tet_mesh::TetMesh;
 use std::collections::BTreeSet;
 
-const MSH: &[(&str, Kind)] = &[("msh", Kind { name: "a Gmsh mesh", recognizes })];
+type Encode = fn(&TetMesh) -> Result<Encoded, MeshError>;
+
+const fn msh(name: &'static str, about: &'static str, encode: Encode) -> Writer {
+    Writer { name, about, files: &[("msh", Kind { name: "a Gmsh mesh", recognizes })], encode }
+}
 
 pub const FORMAT: Format = Format {
     name: "Gmsh 2.2, 4.0 and 4.1",
@@ -23,30 +27,10 @@ pub const FORMAT: Format = Format {
     others: |_| Vec::new(),
     read,
     writers: &[
-        Writer {
-            name: "msh41",
-            about: "Gmsh 4.1, text",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh41Text),
-        },
-        Writer {
-            name: "msh41-binary",
-            about: "Gmsh 4.1, binary",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh41Binary),
-        },
-        Writer {
-            name: "msh22",
-            about: "Gmsh 2.2, text",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh22Text),
-        },
-        Writer {
-            name: "msh22-binary",
-            about: "Gmsh 2.2, binary",
-            files: MSH,
-            encode: |mesh| encoded(mesh, Encoding::Gmsh22Binary),
-        },
+        msh("msh41", "Gmsh 4.1, text", |mesh| encoded(mesh, Encoding::Gmsh41Text)),
+        msh("msh41-binary", "Gmsh 4.1, binary", |mesh| encoded(mesh, Encoding::Gmsh41Binary)),
+        msh("msh22", "Gmsh 2.2, text", |mesh| encoded(mesh, Encoding::Gmsh22Text)),
+        msh("msh22-binary", "Gmsh 2.2, binary", |mesh| encoded(mesh, Encoding::Gmsh22Binary)),
     ],
 };
 
@@ -78,17 +62,15 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
         let at = scan.at();
         let Some(name) = scan.section()? else { break };
         match (name, version) {
-            ("NOD" | "ELM", _) => {
-                return Err(FormatFault::at(at, format!("Gmsh 1.0 is not read: {ADVICE}")));
-            }
+            ("NOD" | "ELM", _) => return refuse(at, format!("Gmsh 1.0 is not read: {ADVICE}")),
             ("MeshFormat", None) => version = Some(mesh_format(&mut scan)?),
             ("Nodes" | "Elements" | "Entities" | "PartitionedEntities" | "PhysicalNames", None) => {
-                return Err(FormatFault::at(at, format!("${name} stands before $MeshFormat")));
+                return refuse(at, format!("${name} stands before $MeshFormat"));
             }
             ("ParametricNodes", _) => {
                 let reason = "nodes with parametric coordinates are read in Gmsh 4.1 only: save with \
                               Mesh.SaveParametric = 0, or as 4.1";
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
             ("PhysicalNames", _) => physical_names(&mut scan, &mut raw)?,
             ("Nodes", Some(V2)) => gmsh2::nodes(&mut scan, &mut raw)?,
@@ -97,10 +79,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
             ("Elements", Some(V4(layout))) => gmsh4::elements(&mut scan, &mut raw, layout)?,
             ("Entities", Some(V4(layout))) => gmsh4::entities(&mut scan, &mut raw, layout)?,
             ("PartitionedEntities", Some(V4(Layout::Old))) => {
-                return Err(FormatFault::at(
-                    at,
-                    format!("a partitioned mesh of Gmsh 4.0 is not read: {ADVICE}"),
-                ));
+                return refuse(at, format!("a partitioned mesh of Gmsh 4.0 is not read: {ADVICE}"));
             }
             ("PartitionedEntities", Some(V4(Layout::New))) => {
                 gmsh4::partitioned_entities(&mut scan, &mut raw)?;
@@ -113,7 +92,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
         }
         scan.end_section(name)?;
         if !seen.insert(name) {
-            return Err(FormatFault::at(at, format!("a second section ${name}")));
+            return refuse(at, format!("a second section ${name}"));
         }
     }
     for name in ["MeshFormat", "Nodes", "Elements"] {
@@ -137,7 +116,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, FormatFault> {
     let &[version, file_type, data_size] = words.as_slice() else {
         let reason =
             format!("expected version, file type and data size, found `{}`", excerpt(line.as_bytes()));
-        return Err(FormatFault::at(at, reason));
+        return refuse(at, reason);
     };
     let version = match version {
         "2" | "2.0" | "2.1" | "2.2" => Version::V2,
@@ -146,7 +125,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, FormatFault> {
         other => {
             let reason =
                 format!("Gmsh {} is not read, only 2.2, 4.0 and 4.1: {ADVICE}", excerpt(other.as_bytes()));
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, reason);
         }
     };
     match file_type {
@@ -155,26 +134,20 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, FormatFault> {
         other => {
             let reason =
                 format!("file type {} is neither 0 (text) nor 1 (binary)", excerpt(other.as_bytes()));
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, reason);
         }
     }
     let size_bytes = match (version, data_size) {
         (Version::V2, "8") | (Version::V4(Layout::New), "4") => 4,
         (Version::V4(_), "8") => 8,
-        _ => {
-            let reason = format!("data size {} is not read", excerpt(data_size.as_bytes()));
-            return Err(FormatFault::at(at, reason));
-        }
+        _ => return refuse(at, format!("data size {} is not read", excerpt(data_size.as_bytes()))),
     };
     let at = scan.at();
     let big_endian = match scan.take()? {
         [1, 0, 0, 0] => false,
         [0, 0, 0, 1] => true,
         other => {
-            return Err(FormatFault::at(
-                at,
-                format!("expected the number 1 that tells the byte order, found {other:?}"),
-            ));
+            return refuse(at, format!("expected the number 1 that tells the byte order, found {other:?}"));
         }
     };
     scan.mode = Mode::Binary { big_endian, size_bytes };
@@ -193,7 +166,7 @@ fn physical_names(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFau
         })?;
         if let Some(other) = raw.names.insert(key, name.to_owned()) {
             let reason = format!("physical group {} of dimension {} is also named \"{other}\"", key.1, key.0);
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, reason);
         }
     }
     Ok(())

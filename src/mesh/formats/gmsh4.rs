@@ -5,7 +5,7 @@
 use super::gmsh_scan::Scanner;
 use super::gmsh_types::known_kind;
 use crate::mesh::assemble::{RawElement, RawMesh, RawNode};
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,10 +86,7 @@ fn entity_lists(
             }
             scan.end_line()?;
             if raw.physicals.insert((dimension, tag), physicals).is_some() {
-                return Err(FormatFault::at(
-                    at,
-                    format!("entity {tag} of dimension {dimension} is listed twice"),
-                ));
+                return refuse(at, format!("entity {tag} of dimension {dimension} is listed twice"));
             }
         }
     }
@@ -119,7 +116,7 @@ fn dimension(scan: &mut Scanner) -> Result<u8, FormatFault> {
     let (at, dimension) = (scan.at(), scan.int()?);
     match u8::try_from(dimension) {
         Ok(dimension @ 0..=3) => Ok(dimension),
-        _ => Err(FormatFault::at(at, format!("{dimension} is no dimension from 0 to 3"))),
+        _ => refuse(at, format!("{dimension} is no dimension from 0 to 3")),
     }
 }
 
@@ -128,7 +125,7 @@ fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), FormatF
     if said == found as u64 {
         return Ok(());
     }
-    Err(FormatFault::at(at, format!("the section's head says {said} {what}, its blocks hold {found}")))
+    refuse(at, format!("the section's head says {said} {what}, its blocks hold {found}"))
 }
 
 pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<(), FormatFault> {
@@ -140,9 +137,7 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result<()
         let parameters = match scan.int()? {
             0 => 0,
             1 => dimension,
-            other => {
-                return Err(FormatFault::at(at, format!("parametric is {other}, neither 0 nor 1")));
-            }
+            other => return refuse(at, format!("parametric is {other}, neither 0 nor 1")),
         };
         let count = scan.size()?;
         scan.end_line()?;
@@ -188,7 +183,7 @@ pub fn elements(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result
         if kind.dimension != dimension {
             let reason =
                 format!("elements of dimension {} on an entity of dimension {dimension}", kind.dimension);
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, reason);
         }
         let count = scan.size()?;
         scan.end_line()?;

@@ -3,7 +3,7 @@
 //! In: bytes. Out: sections, lines and numbers, or a [`FormatFault`] at the offset where something else stands. Nothing
 //! is allocated here, so that a forged count cannot cost memory.
 
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use std::str::FromStr;
 
 /// How numbers are written.
@@ -66,8 +66,7 @@ impl<'a> Scanner<'a> {
         let line = self.line();
         let name = line.strip_prefix(b"$").and_then(|name| std::str::from_utf8(name).ok());
         let Some(name) = name.filter(|name| !name.is_empty()) else {
-            let reason = format!("expected a section ($Name), found `{}`", excerpt(line));
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, format!("expected a section ($Name), found `{}`", excerpt(line)));
         };
         if self.mode == Mode::Text {
             self.skip_white();
@@ -82,8 +81,8 @@ impl<'a> Scanner<'a> {
         let line = self.line();
         match line.strip_prefix(b"$End") {
             Some(end) if end == name.as_bytes() => Ok(()),
-            _ if line.is_empty() => Err(FormatFault::at(at, format!("the file ends before $End{name}"))),
-            _ => Err(FormatFault::at(at, format!("expected $End{name}, found `{}`", excerpt(line)))),
+            _ if line.is_empty() => refuse(at, format!("the file ends before $End{name}")),
+            _ => refuse(at, format!("expected $End{name}, found `{}`", excerpt(line))),
         }
     }
 
@@ -93,7 +92,7 @@ impl<'a> Scanner<'a> {
         loop {
             let rest = self.rest();
             let Some(found) = rest.windows(end.len()).position(|window| window == end.as_bytes()) else {
-                return Err(FormatFault::at(start, format!("the section has no {end}")));
+                return refuse(start, format!("the section has no {end}"));
             };
             self.at += found;
             if self.line() == end.as_bytes() {
@@ -156,10 +155,7 @@ impl<'a> Scanner<'a> {
             self.skip_blanks();
             if !matches!(self.rest().first(), None | Some(b'\n')) {
                 let at = self.at;
-                return Err(FormatFault::at(
-                    at,
-                    format!("the line should end before `{}`", excerpt(self.line())),
-                ));
+                return refuse(at, format!("the line should end before `{}`", excerpt(self.line())));
             }
             self.skip_white();
         }
@@ -184,7 +180,7 @@ impl<'a> Scanner<'a> {
         if let Some(number) = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok()) {
             return Ok(number);
         }
-        Err(FormatFault::at(
+        refuse(
             at,
             match word {
                 [] if rest.is_empty() => "the file ends too early".to_owned(),
@@ -192,7 +188,7 @@ impl<'a> Scanner<'a> {
                 [b'$', ..] => format!("fewer entries than the section's count says: `{}`", excerpt(word)),
                 _ => format!("expected {what}, found `{}`", excerpt(word)),
             },
-        ))
+        )
     }
 }
 

@@ -10,7 +10,7 @@ use super::words::Words;
 use super::write::{check, lost, put};
 use crate::base::output::Kind;
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
-use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::error::{FormatFault, MeshError, refuse};
 use crate::mesh::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
@@ -51,7 +51,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
         other => {
             let found = excerpt(other.unwrap_or_default());
             let reason = format!("expected `MeshVersionFormatted`, found `{found}`: this is no Medit file");
-            return Err(FormatFault::at(0, reason));
+            return refuse(0, reason);
         }
     }
     loop {
@@ -60,14 +60,14 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
         let Some(keyword) = words.word() else { break };
         let name = excerpt(keyword);
         if !seen.insert(name.clone()) || seen.len() > 100 {
-            return Err(FormatFault::at(at, format!("a second section {name}, or the hundredth")));
+            return refuse(at, format!("a second section {name}, or the hundredth"));
         }
         match name.as_str() {
             "End" => break,
             "Dimension" => {
                 let dimension: u32 = words.number("a dimension")?;
                 if dimension != 3 {
-                    return Err(FormatFault::at(at, format!("a mesh in {dimension} dimensions, not 3")));
+                    return refuse(at, format!("a mesh in {dimension} dimensions, not 3"));
                 }
             }
             "Vertices" => vertices(&mut words, &mut raw, &mut has_references)?,
@@ -85,7 +85,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
             _ => {
                 let reason =
                     format!("expected a section, found `{}`: more entries than said?", excerpt(keyword));
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
         }
     }

@@ -9,7 +9,7 @@ use super::words::{Words, parsed};
 use super::write::{check, lost, put};
 use crate::base::output::Kind;
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
-use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::error::{FormatFault, MeshError, refuse};
 use crate::mesh::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
@@ -89,13 +89,12 @@ impl<'a> Line<'a> {
     /// The next line that is not empty. It must have `count` words, or any number where `count` is 0.
     fn next(words: &mut Words<'a>, count: usize) -> Result<Line<'a>, FormatFault> {
         let Some((at, line)) = words.full_line() else {
-            return Err(FormatFault::at(words.at, "the file ends before the entries that its head counts"));
+            return refuse(words.at, "the file ends before the entries that its head counts");
         };
         let split = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         let line = Line { at, words: split.take(1000).collect() };
         if count > 0 && line.words.len() != count {
-            let reason = format!("{count} numbers are expected here, found {}", line.words.len());
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, format!("{count} numbers are expected here, found {}", line.words.len()));
         }
         Ok(line)
     }
@@ -118,7 +117,7 @@ fn end(words: &mut Words) -> Result<(), FormatFault> {
         None => Ok(()),
         Some((at, line)) => {
             let reason = format!("more entries than the file's head says: `{}`", excerpt(line));
-            Err(FormatFault::at(at, reason))
+            refuse(at, reason)
         }
     }
 }
@@ -129,7 +128,7 @@ fn nodes(bytes: &[u8], raw: &mut RawMesh) -> Result<(), FormatFault> {
     let head = Line::next(&mut words, 0)?;
     let (count, dimension) = (head.count(0, 0)?, head.count(1, 3)?);
     if dimension != 3 {
-        return Err(FormatFault::at(head.at, format!("nodes in {dimension} dimensions, not 3")));
+        return refuse(head.at, format!("nodes in {dimension} dimensions, not 3"));
     }
     let (attributes, markers) = (head.columns(2)?, head.columns(3)?);
     let mut has_markers = false;
@@ -141,11 +140,10 @@ fn nodes(bytes: &[u8], raw: &mut RawMesh) -> Result<(), FormatFault> {
         let first = raw.nodes.first().map_or(tag, |node| node.tag);
         let expected = first.saturating_add(raw.nodes.len() as u64);
         if tag != expected || first > 1 {
-            let reason = format!("node {tag}: nodes are numbered in sequence from 0 or from 1");
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, format!("node {tag}: nodes are numbered in sequence from 0 or from 1"));
         }
         if !position.iter().all(|x| x.is_finite()) {
-            return Err(FormatFault::at(at, format!("node {tag} has a coordinate that is no finite number")));
+            return refuse(at, format!("node {tag} has a coordinate that is no finite number"));
         }
         has_markers |= markers > 0 && words[words.len() - 1] != b"0";
         raw.nodes.push(RawNode { tag, position, at });
@@ -164,9 +162,7 @@ fn elements(bytes: &[u8], raw: &mut RawMesh) -> Result<(), FormatFault> {
     let size = match size {
         4 => 4,
         10 => 10,
-        other => {
-            return Err(FormatFault::at(head.at, format!("tetrahedra of {other} nodes, neither 4 nor 10")));
-        }
+        other => return refuse(head.at, format!("tetrahedra of {other} nodes, neither 4 nor 10")),
     };
     let mut odd = 0;
     for _ in 0..count {

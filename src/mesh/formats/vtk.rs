@@ -9,7 +9,7 @@ use super::gmsh_scan::excerpt;
 use super::vtk_cells::{Cells, index, region_rank};
 use super::words::{Words, parsed};
 use crate::mesh::assemble::{RawMesh, RawNode};
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use crate::mesh::scalar::Scalar;
 use nalgebra::Vector3;
 
@@ -37,10 +37,7 @@ fn scalar(name: &str, at: usize) -> Result<Scalar, FormatFault> {
         "double" => Scalar::F64,
         other => {
             let name = excerpt(other.as_bytes());
-            return Err(FormatFault::at(
-                at,
-                format!("numbers of type `{name}` are not read: save without this array"),
-            ));
+            return refuse(at, format!("numbers of type `{name}` are not read: save without this array"));
         }
     })
 }
@@ -79,20 +76,14 @@ impl<'a> Reader<'a> {
         let version = String::from_utf8_lossy(version).trim().to_owned();
         let major = version.split('.').next().unwrap_or_default();
         if !matches!(major, "1" | "2" | "3" | "4" | "5") {
-            let reason = format!("expected `# vtk DataFile Version 1 to 5`, found `{}`", excerpt(head));
-            return Err(FormatFault::at(0, reason));
+            return refuse(0, format!("expected `# vtk DataFile Version 1 to 5`, found `{}`", excerpt(head)));
         }
         words.line();
         let (at, encoding) = words.full_line().unwrap_or((words.at, b""));
         let is_binary = match encoding.to_ascii_uppercase().as_slice() {
             b"ASCII" => false,
             b"BINARY" => true,
-            _ => {
-                return Err(FormatFault::at(
-                    at,
-                    format!("expected ASCII or BINARY, found `{}`", excerpt(encoding)),
-                ));
-            }
+            _ => return refuse(at, format!("expected ASCII or BINARY, found `{}`", excerpt(encoding))),
         };
         let (raw, cells) = (RawMesh::default(), Cells::default());
         Ok(Reader { words, is_binary, version, raw, cells, attributes: (false, 0) })
@@ -116,7 +107,7 @@ impl<'a> Reader<'a> {
                     "a dataset of type `{}`: only UNSTRUCTURED_GRID holds tetrahedra",
                     excerpt(found.as_bytes())
                 );
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
             "POINTS" if self.raw.nodes.is_empty() => self.points(at, count(1)?, kind(2)?)?,
             "CELLS" if self.cells.ends.is_empty() => {
@@ -135,9 +126,7 @@ impl<'a> Reader<'a> {
                 };
                 numbers(&mut self.words, self.is_binary, Scalar::I32, count(1)?, each)?;
             }
-            "POINTS" | "CELLS" | "CELL_TYPES" => {
-                return Err(FormatFault::at(at, format!("a second {keyword}")));
-            }
+            "POINTS" | "CELLS" | "CELL_TYPES" => return refuse(at, format!("a second {keyword}")),
             "CELL_DATA" => self.attributes = (true, count(1)?),
             "POINT_DATA" => self.attributes = (false, count(1)?),
             "FIELD" => self.field(count(2)?, of_cells)?,
@@ -165,7 +154,7 @@ impl<'a> Reader<'a> {
             "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => self.array(None, kind(2)?, times(1)?)?,
             _ => {
                 let reason = format!("expected a VTK section, found `{}`", excerpt(keyword.as_bytes()));
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
         }
         Ok(())
@@ -207,7 +196,7 @@ impl<'a> Reader<'a> {
         if cells.ends.len() as u64 != count || left > 0 {
             let reason =
                 format!("{count} cells of {size} numbers are said, {} cells found", cells.ends.len());
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, reason);
         }
         Ok(())
     }
@@ -221,7 +210,7 @@ impl<'a> Reader<'a> {
                 text.split_once(' ').filter(|(found, _)| found.eq_ignore_ascii_case(name))
             else {
                 let reason = format!("expected {name} and a type of numbers, found `{}`", excerpt(line));
-                return Err(FormatFault::at(line_at, reason));
+                return refuse(line_at, reason);
             };
             let (kind, cells) = (scalar(kind.trim(), line_at)?, &mut self.cells);
             let each = |at: usize, value: f64| {
@@ -236,7 +225,7 @@ impl<'a> Reader<'a> {
             numbers(&mut self.words, self.is_binary, kind, count, each)?;
         }
         if !self.cells.ends.is_empty() && self.cells.ends.remove(0) != 0 {
-            return Err(FormatFault::at(at, "the first of OFFSETS is not 0"));
+            return refuse(at, "the first of OFFSETS is not 0");
         }
         Ok(())
     }
@@ -254,7 +243,7 @@ impl<'a> Reader<'a> {
             let &[name, components, entries, kind] = words.as_slice() else {
                 let reason =
                     format!("expected name, components, entries and type, found `{}`", excerpt(line));
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             };
             let components: u64 = parsed(components.as_bytes(), at, "a count")?;
             let entries: u64 = parsed(entries.as_bytes(), at, "a count")?;
@@ -305,8 +294,7 @@ fn numbers(
     let size = kind.size();
     let length = usize::try_from(count).ok().and_then(|count| count.checked_mul(size));
     let Some(bytes) = length.and_then(|length| words.rest().get(..length)) else {
-        let reason = format!("the file ends before {count} numbers of {size} bytes");
-        return Err(FormatFault::at(words.at, reason));
+        return refuse(words.at, format!("the file ends before {count} numbers of {size} bytes"));
     };
     for number in bytes.chunks_exact(size) {
         let mut wide = [0; 8];

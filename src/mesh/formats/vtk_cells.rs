@@ -5,7 +5,7 @@
 //! nodes are in "The VTK User's Guide", chapter "VTK File Formats".
 
 use crate::mesh::assemble::{ElementShape, RawMesh};
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use std::collections::BTreeMap;
 
 /// Names of cell arrays that are taken for region numbers, most wanted first, in lower case.
@@ -47,7 +47,7 @@ pub fn index(value: f64, at: usize) -> Result<u32, FormatFault> {
     if value >= 0.0 && value < f64::from(u32::MAX) && value.fract() == 0.0 {
         return Ok(value as u32);
     }
-    Err(FormatFault::at(at, format!("{value} is no number of a point")))
+    refuse(at, format!("{value} is no number of a point"))
 }
 
 /// Dimension and points of the cell types that can be used or counted.
@@ -77,8 +77,7 @@ impl Cells {
     pub fn add_to(mut self, raw: &mut RawMesh, first_node: u64, first_cell: u64) -> Result<(), FormatFault> {
         let at = self.at.first().copied().unwrap_or(0);
         if self.types.len() != self.ends.len() {
-            let reason = format!("{} cells, but {} cell types", self.ends.len(), self.types.len());
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, format!("{} cells, but {} cell types", self.ends.len(), self.types.len()));
         }
         let numbers = self.region_numbers(raw);
         let mut left_out: BTreeMap<u8, usize> = BTreeMap::new();
@@ -90,7 +89,7 @@ impl Cells {
                     "cell {i} ends at entry {end} of the connectivity, which has {} and has been read to {start}",
                     self.connectivity.len()
                 );
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             };
             start = end;
             let number = numbers.as_ref().and_then(|numbers| numbers.get(i)).copied().unwrap_or(0);
@@ -99,8 +98,7 @@ impl Cells {
                 continue;
             };
             if nodes.len() != usize::from(size) {
-                let reason = format!("cell {i} of type {kind} has {} points, not {size}", nodes.len());
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, format!("cell {i} of type {kind} has {} points, not {size}", nodes.len()));
             }
             if dimension < 3 && number <= 0 {
                 *left_out.entry(kind).or_default() += 1;

@@ -12,7 +12,7 @@ use super::vtu_write;
 use super::write::{check, lost};
 use crate::base::output::Kind;
 use crate::mesh::assemble::{RawMesh, RawNode};
-use crate::mesh::error::{FormatFault, MeshError};
+use crate::mesh::error::{FormatFault, MeshError, refuse};
 use crate::mesh::tet_mesh::TetMesh;
 use nalgebra::Vector3;
 use quick_xml::events::{BytesStart, Event};
@@ -111,13 +111,13 @@ fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), FormatFault> {
                 }
             }
             Event::GeneralRef(_) if path.last().is_some_and(|name| name == WANTED) => {
-                return Err(FormatFault::at(at, "a reference (&…;) within an array of numbers"));
+                return refuse(at, "a reference (&…;) within an array of numbers");
             }
             Event::End(_) => {
                 path.pop();
             }
             Event::Eof => match path.last() {
-                Some(name) => return Err(FormatFault::at(at, format!("the file ends within <{name}>"))),
+                Some(name) => return refuse(at, format!("the file ends within <{name}>")),
                 None => break,
             },
             _ => {}
@@ -148,25 +148,22 @@ fn open<'a>(
     let name = String::from_utf8_lossy(tag.local_name().as_ref()).into_owned();
     let parent = path.last().map_or("", String::as_str);
     if path.len() > DEEPEST {
-        return Err(FormatFault::at(at, format!("more than {DEEPEST} elements within each other")));
+        return refuse(at, format!("more than {DEEPEST} elements within each other"));
     }
     match (parent, name.as_str()) {
         ("", "VTKFile") => {
             let kind = attribute(tag, "type", at)?.unwrap_or_default();
             if kind != "UnstructuredGrid" {
                 let kind = excerpt(kind.as_bytes());
-                return Err(FormatFault::at(
-                    at,
-                    format!("a file of type `{kind}`: only UnstructuredGrid holds tetrahedra"),
-                ));
+                let reason = format!("a file of type `{kind}`: only UnstructuredGrid holds tetrahedra");
+                return refuse(at, reason);
             }
             coding.big_endian = attribute(tag, "byte_order", at)?.as_deref() == Some("BigEndian");
             coding.wide = attribute(tag, "header_type", at)?.as_deref() == Some("UInt64");
             coding.compressor = attribute(tag, "compressor", at)?.filter(|name| !name.is_empty());
         }
         ("", other) => {
-            let reason = format!("expected <VTKFile>, found <{}>", excerpt(other.as_bytes()));
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, format!("expected <VTKFile>, found <{}>", excerpt(other.as_bytes())));
         }
         ("UnstructuredGrid", "Piece") => {
             let count = |key: &str| -> Result<u64, FormatFault> {
@@ -213,7 +210,7 @@ fn array<'a>(tag: &BytesStart, name: String, at: usize) -> Result<Array<'a>, For
         }
         other => {
             let reason = format!("format `{}` is none of ascii, binary, appended", excerpt(other.as_bytes()));
-            return Err(FormatFault::at(at, reason));
+            return refuse(at, reason);
         }
     };
     let kind = text("type")?;
@@ -226,9 +223,7 @@ fn array<'a>(tag: &BytesStart, name: String, at: usize) -> Result<Array<'a>, For
 fn attribute(tag: &BytesStart, key: &str, at: usize) -> Result<Option<String>, FormatFault> {
     let wrong = |error: &dyn std::fmt::Display| FormatFault::at(at, format!("attribute {key}: {error}"));
     let found = tag.try_get_attribute(key).map_err(|error| wrong(&error))?;
-    let Some(found) = found else {
-        return Ok(None);
-    };
+    let Some(found) = found else { return Ok(None) };
     let value = found.normalized_value(XmlVersion::Implicit1_0).map_err(|error| wrong(&error))?;
     Ok(Some(value.into_owned()))
 }
@@ -242,10 +237,7 @@ fn piece_cells(piece: &Piece, coding: &mut Coding, raw: &mut RawMesh) -> Result<
     let first = raw.nodes.len();
     let points = find("Points")?;
     if points.components != 3 {
-        return Err(FormatFault::at(
-            points.at,
-            format!("points have {} components, not 3", points.components),
-        ));
+        return refuse(points.at, format!("points have {} components, not 3", points.components));
     }
     let (mut position, mut axis) = (Vector3::zeros(), 0);
     coding.numbers(points, |at, value| {
@@ -295,5 +287,5 @@ fn compare(at: usize, what: &str, said: u64, found: usize) -> Result<(), FormatF
     if said == found as u64 {
         return Ok(());
     }
-    Err(FormatFault::at(at, format!("the piece's head says {said} {what}, the array holds {found}")))
+    refuse(at, format!("the piece's head says {said} {what}, the array holds {found}"))
 }

@@ -5,7 +5,7 @@
 //! blocks that are compressed separately; base64 restarts after the header of compressed data.
 
 use super::words::Words;
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use crate::mesh::scalar::Scalar;
 use std::io::{Cursor, Read};
 
@@ -33,7 +33,7 @@ impl<'a> Array<'a> {
         match &mut self.source {
             ArrayData::Text(there) | ArrayData::Base64(there) if there.is_empty() => *there = text,
             ArrayData::Appended(_) => return Ok(()),
-            _ => return Err(FormatFault::at(at, "a second text within one array")),
+            _ => return refuse(at, "a second text within one array"),
         }
         self.at = at;
         Ok(())
@@ -52,8 +52,7 @@ impl<'a> Array<'a> {
             "Float32" => Scalar::F32,
             "Float64" => Scalar::F64,
             other => {
-                let reason = format!("numbers of type `{}` are not read", other.escape_debug());
-                return Err(FormatFault::at(self.at, reason));
+                return refuse(self.at, format!("numbers of type `{}` are not read", other.escape_debug()));
             }
         })
     }
@@ -86,14 +85,14 @@ impl<'a> Coding<'a> {
         let rest = self.bytes.get(at..).unwrap_or_default();
         let white = rest.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
         let Some(data) = rest[white..].strip_prefix(b"_") else {
-            return Err(FormatFault::at(at, "appended data does not begin with `_`"));
+            return refuse(at, "appended data does not begin with `_`");
         };
         let is_base64 = match encoding.as_deref() {
             Some("raw") => false,
             None | Some("base64") => true,
             Some(other) => {
                 let reason = format!("appended data in `{}`, neither raw nor base64", other.escape_debug());
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
         };
         self.appended = Some((data, at + white + 1, is_base64));
@@ -124,7 +123,7 @@ impl<'a> Coding<'a> {
             ArrayData::Base64(text) => (array.at, Bytes { bytes: text, coded: Some(Vec::new()) }),
             ArrayData::Appended(offset) => {
                 let Some((data, start, is_base64)) = self.appended else {
-                    return Err(FormatFault::at(array.at, "the array is appended, but nothing is"));
+                    return refuse(array.at, "the array is appended, but nothing is");
                 };
                 let bytes = data.get(offset..).unwrap_or_default();
                 (start.saturating_add(offset), Bytes { bytes, coded: is_base64.then(Vec::new) })
@@ -146,12 +145,12 @@ impl<'a> Coding<'a> {
                     "data compressed by `{}` is not read: save with zlib, or without compression",
                     other.escape_debug()
                 );
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
         }
         match sink.filled {
             0 => Ok(()),
-            left => Err(FormatFault::at(at, format!("{left} bytes are left behind the last number"))),
+            left => refuse(at, format!("{left} bytes are left behind the last number")),
         }
     }
 
@@ -218,7 +217,7 @@ impl<'a> Coding<'a> {
             }
             if found != said {
                 let reason = format!("compressed block {i} holds {found} bytes, its header says {said}");
-                return Err(FormatFault::at(at, reason));
+                return refuse(at, reason);
             }
         }
         Ok(())

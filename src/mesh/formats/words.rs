@@ -4,7 +4,7 @@
 //! so that a forged count cannot cost memory.
 
 use super::gmsh_scan::excerpt;
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use std::str::FromStr;
 
 #[derive(Clone, Copy)]
@@ -50,7 +50,7 @@ impl<'a> Words<'a> {
         self.skip_white();
         let at = self.at;
         let Some(word) = self.word() else {
-            return Err(FormatFault::at(at, format!("the file ends where {what} is expected")));
+            return refuse(at, format!("the file ends where {what} is expected"));
         };
         parsed(word, at, what)
     }

@@ -103,9 +103,7 @@ impl Lattice {
                 let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
                 let mut next = here;
                 next[axis] += 2;
-                let Some(next) = self.vertex(next) else {
-                    continue;
-                };
+                let Some(next) = self.vertex(next) else { continue };
                 let centre = |[du, dv]: [i64; 2]| {
                     let mut at = here;
                     at[axis] += 1;

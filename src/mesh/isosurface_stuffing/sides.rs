@@ -14,9 +14,7 @@ const MINORITY: f64 = 0.05;
 /// Turns signs that the neighbours outvote, with a notice; refuses where too many contradict.
 pub fn agree(lattice: &Lattice, depth: &mut [f64]) -> Result<Option<String>, String> {
     let found = contradictions(lattice, depth);
-    let Some(at) = found.first() else {
-        return Ok(None);
-    };
+    let Some(at) = found.first() else { return Ok(None) };
     let place = format!("{} places, the first near ({:.6}, {:.6}, {:.6})", found.len(), at.x, at.y, at.z);
     let side = sides(lattice, depth);
     let mut votes = vec![[0u32; 2]; depth.len()];

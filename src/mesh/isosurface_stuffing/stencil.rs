@@ -34,9 +34,7 @@ pub fn fill(corners: &[Corner; 4], cut: impl Fn(usize, usize) -> usize, mut emit
             }
         }
         ([a, b], [o]) => {
-            let Some(z) = on.next() else {
-                return;
-            };
+            let Some(z) = on.next() else { return };
             let (ca, cb) = (cut(a, o), cut(b, o));
             let far = if from_first(a, b, o) { cb } else { ca };
             emit([z, a.vertex, b.vertex, far]);

@@ -5,7 +5,7 @@
 
 use super::raw::RawSurface;
 use super::words::{Word, lines, number, words};
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;
 
 pub fn read(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
@@ -35,9 +35,7 @@ fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), FormatF
     let line = line.split(|&byte| byte == b'#').next().unwrap_or(line);
     let end = at + line.len();
     let mut words = words(line, at);
-    let Some(keyword) = words.next() else {
-        return Ok(());
-    };
+    let Some(keyword) = words.next() else { return Ok(()) };
     match keyword.text {
         b"v" => {
             let mut next = || number(&mut words, end);
@@ -52,7 +50,7 @@ fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), FormatF
             raw.polygons.push((sides, at));
         }
         b"curv" | b"curv2" | b"surf" => {
-            return Err(FormatFault::at(at, "free-form curves and surfaces are not read: export triangles"));
+            return refuse(at, "free-form curves and surfaces are not read: export triangles");
         }
         _ => {}
     }

@@ -5,7 +5,7 @@
 
 use super::raw::RawSurface;
 use super::words::{lines, words};
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use crate::mesh::scalar::Scalar;
 use nalgebra::Vector3;
 
@@ -52,7 +52,7 @@ fn kind(name: &[u8], at: usize) -> Result<Scalar, FormatFault> {
         b"uint" | b"uint32" => Scalar::U32,
         b"float" | b"float32" => Scalar::F32,
         b"double" | b"float64" => Scalar::F64,
-        _ => return Err(FormatFault::at(at, "unknown kind of number in a property")),
+        _ => return refuse(at, "unknown kind of number in a property"),
     })
 }
 
@@ -65,18 +65,13 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), FormatFault> {
         let texts: Vec<&[u8]> = line_words.iter().map(|word| word.text).collect();
         match texts.as_slice() {
             [b"ply"] if number == 0 => {}
-            _ if number == 0 => return Err(FormatFault::at(at, "the first line of a PLY file is \"ply\"")),
+            _ if number == 0 => return refuse(at, "the first line of a PLY file is \"ply\""),
             [b"format", name, ..] => {
                 form = Some(match *name {
                     b"ascii" => Form::Text,
                     b"binary_little_endian" => Form::Little,
                     b"binary_big_endian" => Form::Big,
-                    _ => {
-                        return Err(FormatFault::at(
-                            at,
-                            "the format is ascii, binary_little_endian or binary_big_endian",
-                        ));
-                    }
+                    _ => return refuse(at, "the format is ascii, binary_little_endian or binary_big_endian"),
                 });
             }
             [b"element", name, _] => {
@@ -89,13 +84,13 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), FormatFault> {
                         (Some(self::kind(length, at)?), self::kind(item, at)?, name)
                     }
                     [item, name] => (None, self::kind(item, at)?, name),
-                    _ => return Err(FormatFault::at(at, "a property is \"property KIND NAME\" or a list")),
+                    _ => return refuse(at, "a property is \"property KIND NAME\" or a list"),
                 };
                 let element = elements
                     .last_mut()
                     .ok_or_else(|| FormatFault::at(at, "a property before any element"))?;
                 if element.properties.len() == MOST_PROPERTIES {
-                    return Err(FormatFault::at(at, format!("more than {MOST_PROPERTIES} properties")));
+                    return refuse(at, format!("more than {MOST_PROPERTIES} properties"));
                 }
                 element.properties.push(Property { name: name.to_vec(), length, kind });
             }
@@ -104,7 +99,7 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, usize), FormatFault> {
                 return Ok((form, elements, (at + line.len() + 1).min(bytes.len())));
             }
             [b"comment" | b"obj_info", ..] | [] => {}
-            _ => return Err(FormatFault::at(at, "not a line of a PLY header")),
+            _ => return refuse(at, "not a line of a PLY header"),
         }
     }
     Err(FormatFault::whole("the PLY header has no end_header"))
@@ -147,7 +142,7 @@ impl Data<'_> {
         if number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number) {
             Ok(number as u32)
         } else {
-            Err(FormatFault::at(at, format!("{number} is no {what}")))
+            refuse(at, format!("{number} is no {what}"))
         }
     }
 }

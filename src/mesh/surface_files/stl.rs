@@ -5,7 +5,7 @@
 
 use super::raw::RawSurface;
 use super::words::{number, words};
-use crate::mesh::error::FormatFault;
+use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;
 
 const HEADER: usize = 84;
@@ -66,10 +66,7 @@ fn text(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
             sides += 1;
         } else if is("endloop") {
             if sides != 3 {
-                return Err(FormatFault::at(
-                    word.at,
-                    format!("a facet has {sides} corners; three are needed"),
-                ));
+                return refuse(word.at, format!("a facet has {sides} corners; three are needed"));
             }
             raw.polygons.push((sides, word.at));
             (sides, after_loop) = (0, false);
@@ -79,7 +76,7 @@ fn text(bytes: &[u8]) -> Result<RawSurface, FormatFault> {
         closed = is("endsolid") || (closed && !is("facet"));
     }
     if sides != 0 || after_loop {
-        return Err(FormatFault::at(bytes.len(), "the file ends inside a facet: it is cut short"));
+        return refuse(bytes.len(), "the file ends inside a facet: it is cut short");
     }
     if !closed {
         raw.notices.push("the last \"endsolid\" is missing: the file may be cut short".into());

@@ -4,9 +4,7 @@
 use super::super::error::RenderError;
 
 /// Ok when windows can be expected to open.
-///
-/// # Errors
-/// [`RenderError::NoDisplay`] with the reason: no variable set, or nobody answers where it points.
+/// Errors: [`RenderError::NoDisplay`] with the reason: no variable set, or nobody answers where it points.
 #[cfg(all(unix, not(target_os = "macos")))]
 pub fn find_display() -> Result<(), RenderError> {
     let set = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());

@@ -5,8 +5,7 @@ use super::display::find_display;
 use std::panic::catch_unwind;
 use winit::event_loop::EventLoop;
 
-/// # Errors
-/// [`RenderError::NoDisplay`] where there is no display, or a library is missing that windows need.
+/// Errors: [`RenderError::NoDisplay`] where there is no display, or a library is missing that windows need.
 pub(super) fn event_loop() -> Result<EventLoop<()>, RenderError> {
     find_display()?;
     // winit panics when a library it loads at run time is missing; the user gets an error with the remedy instead.

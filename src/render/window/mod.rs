@@ -56,18 +56,14 @@ pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 /// The application behind the windows. Escape and closing any window quit without asking it.
 pub trait WindowApp {
     /// Called once, when the windows are open and the device is there to make buffers on.
-    ///
-    /// # Errors
-    /// Any error ends [`run`] with it.
+    /// Errors: any error ends [`run`] with it.
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError>;
 
     fn input(&mut self, input: Input);
 
     /// Called once per frame, when all input that came while waiting for the displays was passed on: ask trackers,
     /// update, upload, then [`Windows::draw`] once. What is asked here is in the picture that is shown next.
-    ///
-    /// # Errors
-    /// Any error ends [`run`] with it.
+    /// Errors: any error ends [`run`] with it.
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError>;
 }
 
@@ -98,9 +94,7 @@ impl Windows {
 
     /// Draws into each window's tiles what `contents` gives for it, and presents all windows together. A window that cannot be drawn just
     /// now (minimised, covered, being resized) is left out of this frame. `paint` draws over the eyes' pictures.
-    ///
-    /// # Errors
-    /// A tile outside its window, a number of windows that differs, or a device that failed.
+    /// Errors: a tile outside its window, a number of windows that differs, or a device that failed.
     pub fn draw<'c, T: AsRef<[Tile]>>(
         &mut self,
         tiles: &[T],
@@ -164,9 +158,7 @@ impl Windows {
 }
 
 /// Opens the windows and runs `app` until it quits, Escape is pressed or a window is closed.
-///
-/// # Errors
-/// [`RenderError::NoDisplay`] where windows cannot be opened, any error of the device, and what `app` returns.
+/// Errors: [`RenderError::NoDisplay`] where windows cannot be opened, any error of the device, and what `app` returns.
 pub fn run(
     specs: &[WindowSpec],
     options: WindowOptions,
@@ -250,9 +242,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
-        let Some(windows) = &mut self.windows else {
-            return;
-        };
+        let Some(windows) = &mut self.windows else { return };
         let Some(index) = windows.surfaces.iter().position(|surface| surface.window.id() == id) else {
             return;
         };
@@ -282,9 +272,7 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
-        let Some(windows) = &mut self.windows else {
-            return;
-        };
+        let Some(windows) = &mut self.windows else { return };
         if event_loop.exiting() {
             return;
         }

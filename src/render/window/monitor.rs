@@ -10,9 +10,7 @@ use winit::monitor::MonitorHandle;
 use winit::window::WindowId;
 
 /// The monitors of the running display. Makes the process' only event loop: no window can be opened afterwards.
-///
-/// # Errors
-/// [`RenderError::NoDisplay`] where there is none.
+/// Errors: [`RenderError::NoDisplay`] where there is none.
 pub fn monitors() -> Result<Vec<Monitor>, RenderError> {
     #[derive(Default)]
     struct Asker(Vec<Monitor>);
@@ -51,9 +49,7 @@ pub(super) fn holding(event_loop: &ActiveEventLoop, pixel: [i32; 2]) -> Option<M
 }
 
 /// Place and size that a window is opened with.
-///
-/// # Errors
-/// A sentence when its monitor is not there.
+/// Errors: a sentence when its monitor is not there.
 pub(super) fn place(
     event_loop: &ActiveEventLoop,
     spec: &WindowSpec,

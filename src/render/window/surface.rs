@@ -40,9 +40,8 @@ pub(super) struct SurfaceFrame {
 }
 
 /// An sRGB format that all windows can present, from what each offers.
-///
-/// # Errors
-/// The window that has none in common with those before it, and a sentence about it; window 0 where there are none.
+/// Errors: The window that has none in common with those before it, and a sentence about it; window 0 where there are
+/// none.
 pub(super) fn common_format(
     offered: &[Vec<TextureFormat>],
     device: &str,

@@ -135,9 +135,7 @@ fn linear(low: f64, high: f64) -> Vec<f64> {
     let rough = (high - low) / 5.0;
     let decade = rough.log10().floor() as i32;
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| decimal(m, decade)).find(|step| *step >= rough);
-    let Some(step) = step else {
-        return Vec::new();
-    };
+    let Some(step) = step else { return Vec::new() };
     let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
     (first..=last.min(first + 12)).map(|i| i as f64 * step).filter(|v| (low..=high).contains(v)).collect()
 }

@@ -60,7 +60,7 @@ impl Meshes {
     }
 
     /// The meshes that have the element's nodes, by refinement.
-    fn of(&self, element: &Element) -> &[TetMesh] {
+    pub fn of(&self, element: &Element) -> &[TetMesh] {
         if element.order == 1 { &self.linear } else { &self.ladder.levels }
     }
 
@@ -163,15 +163,4 @@ pub fn solved(
             return Ok(Candidate { refine: 0, element, solver, solution, offline_s });
         }
     }
-}
-
-/// The mesh of one element on one refinement, for the smooth problem.
-pub fn smooth_mesh(
-    meshes: &Meshes,
-    request: &Request<'_>,
-    element: &'static Element,
-    refine: u32,
-) -> Option<TetMesh> {
-    let refine = refine as usize;
-    meshes.affords(request, refine, element).then(|| meshes.of(element)[refine].clone())
 }

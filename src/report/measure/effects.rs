@@ -12,15 +12,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Costs of one body with the effects that a scene lists: time of the effects' own offline step, size of the file, and
-/// memory and time in the frame.
-struct Run {
-    offline_s: f64,
-    file_bytes: f64,
-    memory_bytes: f64,
-    frame_s: f64,
-}
-
 pub fn measure(
     scene: &Scene,
     body: &str,
@@ -38,19 +29,22 @@ pub fn measure(
             let mut without = scene.clone();
             without.body[body].effects.retain(|name| name != effect.name);
             let without = run(&without)?;
-            let more = |with: f64, without: f64| (with - without).max(0.0);
+            let [offline_s, file_bytes, memory_bytes, frame_s] =
+                std::array::from_fn(|cost| (as_listed[cost] - without[cost]).max(0.0));
             Ok(EffectCost {
                 effect: effect.name.into(),
                 listed,
-                offline_s: more(as_listed.offline_s, without.offline_s),
-                file_bytes: more(as_listed.file_bytes, without.file_bytes),
-                memory_bytes: more(as_listed.memory_bytes, without.memory_bytes),
-                frame_s: more(as_listed.frame_s, without.frame_s),
+                offline_s,
+                file_bytes,
+                memory_bytes,
+                frame_s,
             })
         })
         .collect()
 }
 
+/// Costs of one body with the effects that a scene lists: time of the effects' own offline step, s; size of the file,
+/// bytes; memory, bytes, and time in the frame, s.
 fn run(
     scene: &Scene,
     body: &str,
@@ -58,7 +52,7 @@ fn run(
     model: &str,
     poses: &ControlPoses,
     folder: &Path,
-) -> Result<Run, GreenError> {
+) -> Result<[f64; 4], GreenError> {
     let solution = green::solve(scene, body, &requirements, &Silent)?;
     let offline_s = solution.times.stiffness_s;
     let mut precomputed = Precomputed {
@@ -85,5 +79,5 @@ fn run(
     let started = Instant::now();
     let asked = (0..ROUNDS).filter(|_| std::hint::black_box(deformer.wrenches()).is_some()).count();
     let frame_s = if asked == 0 { 0.0 } else { started.elapsed().as_secs_f64() / f64::from(ROUNDS) };
-    Ok(Run { offline_s, file_bytes, memory_bytes: tensors as f64, frame_s })
+    Ok([offline_s, file_bytes, tensors as f64, frame_s])
 }

@@ -31,6 +31,7 @@ pub use request::{Limits, MeasureError, Request};
 use super::data::{Measurement, ModelError, Report, SCHEMA};
 use crate::base::machine;
 use crate::deform::{ControlPoses, Kind, find_model};
+use crate::fem::Element;
 use crate::mesh::TetMesh;
 use crate::solve::Progress;
 use candidates::Meshes;
@@ -73,11 +74,11 @@ fn settings_on(
 pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report, MeasureError> {
     let meshes = Meshes::new(request)?;
     let measured = settings_on(&meshes, request, progress)?;
-    let smooth = smooth::measure(
-        &|element, refine| candidates::smooth_mesh(&meshes, request, element, refine),
-        meshes.linear.len() as u32,
-        progress,
-    )?;
+    let mesh_of = |element: &'static Element, refine: u32| {
+        let mesh = meshes.of(element).get(refine as usize);
+        mesh.filter(|_| meshes.affords(request, refine as usize, element)).cloned()
+    };
+    let smooth = smooth::measure(&mesh_of, meshes.linear.len() as u32, progress)?;
     let body = &request.scene.body[request.body];
     let is_online = |name: &str| find_model(name).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
     let model = if is_online(&body.model) { &body.model } else { "linear" };

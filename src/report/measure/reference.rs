@@ -12,8 +12,7 @@ use crate::green;
 use crate::mesh::quality;
 use crate::report::data::ModelError;
 use crate::scene::Scene;
-use crate::solve::Progress;
-use crate::solve::Solver;
+use crate::solve::{Progress, Solver};
 use nalgebra::{Matrix3, Vector3};
 
 pub struct References<'a> {

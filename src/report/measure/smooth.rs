@@ -3,9 +3,7 @@
 //! The field of a point force beside the body (Kelvin's solution) is prescribed on its whole surface; inside the body the
 //! exact solution is known.
 
-use crate::fem::ELEMENTS;
-use crate::fem::Lame;
-use crate::fem::NodeFields;
+use crate::fem::{ELEMENTS, Lame, NodeFields};
 use crate::mesh::{Surface, TetMesh, quality};
 use crate::report::data::SmoothError;
 use crate::solve::Progress;

@@ -7,11 +7,7 @@ mod models;
 mod one_parameter;
 mod online;
 mod smooth;
-mod smooth_energy;
-mod smooth_l2;
-mod solver;
 mod split;
-mod storage;
 
 pub use entry::PlotEntry;
 
@@ -23,11 +19,11 @@ pub const PLOTS: [&PlotEntry; 8] = [
     &online::ONLINE,
     &split::SPLIT,
     &mesh::MESH,
-    &solver::SOLVER,
-    &storage::STORAGE,
+    &one_parameter::SOLVER,
+    &one_parameter::STORAGE,
     &models::MODELS,
-    &smooth_l2::SMOOTH_L2,
-    &smooth_energy::SMOOTH_ENERGY,
+    &smooth::SMOOTH_L2,
+    &smooth::SMOOTH_ENERGY,
 ];
 
 /// Every plot that the report has data for.

@@ -1,21 +1,56 @@
-//! What one parameter does on each mesh: a thin line a mesh, a colour and shape for each value of the parameter.
+//! What the solver and the storage do on each mesh: a thin line a mesh, a colour and shape for each value of the
+//! parameter.
 
 use super::common::distinct;
-use crate::report::cost_metric::CostMetric;
+use super::entry::PlotEntry;
+use crate::report::cost_metric::{self, CostMetric};
 use crate::report::data::{Measurement, Report};
 use crate::report::drawing::canvas::Picture;
 use crate::report::drawing::plot::{Plot, Point, Scale};
-use crate::report::parameters::Parameter;
+use crate::report::parameters::{self, Parameter};
 use crate::report::pareto;
 use crate::report::units::{relative, times};
 use std::cmp::Ordering;
 
-pub struct OneParameter {
-    pub parameter: Parameter,
-    pub metric: CostMetric,
-    pub title: &'static str,
+/// Offline time against the solver error.
+pub const SOLVER: PlotEntry = PlotEntry {
+    name: "solver",
+    heading: "Solver and tolerance",
+    reading: "Offline time against the error that the solver adds on the same mesh. It is small enough where it lies a \
+              decade below the discretisation error of that mesh.",
+    caption: |report| SOLVER_ALONE.caption(report),
+    picture: |report| SOLVER_ALONE.picture(report),
+    table: None,
+};
+/// Size of the file against the storage error.
+pub const STORAGE: PlotEntry = PlotEntry {
+    name: "storage",
+    heading: "Storage",
+    reading: "Size of the file against the error of rounding its columns. Hollow marks buy nothing on their mesh.",
+    caption: |report| STORAGE_ALONE.caption(report),
+    picture: |report| STORAGE_ALONE.picture(report),
+    table: None,
+};
+
+const SOLVER_ALONE: OneParameter = OneParameter {
+    parameter: parameters::SOLVER,
+    metric: cost_metric::OFFLINE,
+    title: "What the solver and its tolerance cost",
+    multiples: "Offline times as multiples of the fastest on the same mesh",
+};
+const STORAGE_ALONE: OneParameter = OneParameter {
+    parameter: parameters::STORAGE,
+    metric: cost_metric::FILE,
+    title: "What the storage of the columns costs",
+    multiples: "File sizes as multiples of the smallest on the same mesh",
+};
+
+struct OneParameter {
+    parameter: Parameter,
+    metric: CostMetric,
+    title: &'static str,
     /// How the caption opens: what the costs are multiples of.
-    pub multiples: &'static str,
+    multiples: &'static str,
 }
 
 impl OneParameter {
@@ -53,7 +88,7 @@ impl OneParameter {
         points
     }
 
-    pub fn picture(&self, report: &Report) -> Option<Picture> {
+    fn picture(&self, report: &Report) -> Option<Picture> {
         let values = self.values(&report.rows);
         let meshes = distinct(report.rows.iter().map(|row| row.setting.mesh()));
         let lines = meshes.iter().enumerate().map(|(i, mesh)| self.line(&report.rows, &values, i, mesh));
@@ -74,7 +109,7 @@ impl OneParameter {
     }
 
     /// For each value its largest error, and its cost as a multiple of the least on the same mesh.
-    pub fn caption(&self, report: &Report) -> String {
+    fn caption(&self, report: &Report) -> String {
         let rows = &report.rows;
         let least = |row: &Measurement| {
             let here = rows.iter().filter(|other| other.setting.mesh() == row.setting.mesh());

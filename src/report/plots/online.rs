@@ -7,10 +7,9 @@ use crate::report::data::{Measurement, Report};
 use crate::report::drawing::canvas::Picture;
 use crate::report::drawing::plot::{Plot, Point, Scale};
 use crate::report::parameters::PARAMETERS;
-use crate::report::pareto;
 use crate::report::recommendation::ladder;
-use crate::report::tables;
 use crate::report::units::{relative, seconds, times};
+use crate::report::{pareto, tables};
 
 pub const ONLINE: PlotEntry = PlotEntry {
     name: "online",

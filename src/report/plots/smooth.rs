@@ -1,26 +1,62 @@
-//! The smooth problem in one norm: error against h, with the fitted slopes, and the theory's as triangles.
+//! The smooth problem in the norms of L2 and of energy: error against h, with the fitted slopes, and the theory's as
+//! triangles.
 
 use super::common::{distinct, listed};
+use super::entry::PlotEntry;
 use crate::report::data::{Report, SmoothError};
 use crate::report::drawing::canvas::Picture;
 use crate::report::drawing::plot::{Plot, Point, Scale, Triangle};
 use crate::report::units::{Unit, digits, relative};
 
+pub const SMOOTH_L2: PlotEntry = PlotEntry {
+    name: "smooth-l2",
+    heading: "Smooth problem",
+    reading: "A smooth displacement whose exact solution is known, solved on the body's own mesh: the error must fall \
+              as the theory says, line parallel to triangle. Where it does not, the elements or the mesh are at \
+              fault, not the body's corners.",
+    caption: |report| L2.caption(report),
+    picture: |report| L2.picture(report),
+    table: None,
+};
+pub const SMOOTH_ENERGY: PlotEntry = PlotEntry {
+    name: "smooth-energy",
+    heading: "",
+    reading: "The same in the energy norm, which falls one order slower.",
+    caption: |report| ENERGY.caption(report),
+    picture: |report| ENERGY.picture(report),
+    table: None,
+};
+
+const L2: Norm = Norm {
+    title: "Smooth problem: L2 error against h",
+    label: "relative error in L2",
+    error: |row| row.l2,
+    rate: |row| row.l2_rate,
+    promised: |row| row.promised[0],
+};
+const ENERGY: Norm = Norm {
+    title: "Smooth problem: energy error against h",
+    label: "relative error in the energy norm",
+    error: |row| row.energy,
+    rate: |row| row.energy_rate,
+    promised: |row| row.promised[1],
+};
+
 /// Fitted slopes that fall short of the theory's by more than this are named.
 const SHORT: f64 = 0.2;
 
-pub struct Norm {
-    pub title: &'static str,
-    pub label: &'static str,
-    pub error: fn(&SmoothError) -> f64,
+struct Norm {
+    title: &'static str,
+    label: &'static str,
+    error: fn(&SmoothError) -> f64,
     /// The fitted slope.
-    pub rate: fn(&SmoothError) -> Option<f64>,
+    rate: fn(&SmoothError) -> Option<f64>,
     /// The slope that the theory promises.
-    pub promised: fn(&SmoothError) -> f64,
+    promised: fn(&SmoothError) -> f64,
 }
 
 impl Norm {
-    pub fn picture(&self, report: &Report) -> Option<Picture> {
+    fn picture(&self, report: &Report) -> Option<Picture> {
         let rows = &report.smooth;
         let elements = distinct(rows.iter().map(|row| &row.element));
         let name = |element: &&String| {
@@ -73,7 +109,7 @@ impl Norm {
         distinct(rows.iter().filter(drawn).map(self.promised)).into_iter().filter_map(triangle).collect()
     }
 
-    pub fn caption(&self, report: &Report) -> String {
+    fn caption(&self, report: &Report) -> String {
         let sentence = |element: &String| {
             let row = report.smooth.iter().find(|row| row.element == *element)?;
             let (promised, slope) = ((self.promised)(row), (self.rate)(row)?);

@@ -203,6 +203,11 @@ pub fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.reduce(|most, value| if value > most || value.is_nan() { value } else { most }).unwrap_or(f64::NAN)
 }
 
+/// The solver's worst relative residual.
+pub fn residual(solution: &Solution) -> Result<f64, GreenError> {
+    Ok(solution.stats.worst_residual())
+}
+
 /// Relative difference of two handle stiffnesses.
 pub fn stiffness_difference(a: &Solution, b: &Solution) -> f64 {
     match (a.stiffness(), b.stiffness()) {
