@@ -22,8 +22,9 @@ use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
 
 /// What is drawn, in this order: what is opaque first, so that the background costs only where it shows, and what is
-/// blended last. One file each, beside the shader of the same name.
-const PASSES: [fn() -> Box<dyn DrawPass>; 6] = [
+/// blended last. To add a pass: write `shaders/X.wgsl`, list its parts in `shader.rs`, implement [`DrawPass`] in
+/// `src/render/X.rs` with a `mod` line in `mod.rs`, and add a line here.
+const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<BodyPass>::default(),
     || Box::<SolidPass>::default(),
     || Box::<BackgroundPass>::default(),
