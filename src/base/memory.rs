@@ -1,7 +1,7 @@
-//! The end where memory that nobody could know the need of is not to be had: one sentence and exit status 1.
+//! Ends the program with one sentence and status 1 when an allocation fails.
 //!
-//! Rust aborts where an allocation fails that cannot be refused. The allocator remembers that, so that the abort's
-//! signal can be told from another and answered. What can be refused (`try_reserve`) is refused as ever.
+//! Rust aborts when an ordinary allocation fails. The allocator remembers the failed request, so that the handler can tell
+//! this abort from any other and say why. An allocation that may fail (`try_reserve`) returns its error as ever.
 
 use libc::{SIGABRT, c_int};
 use std::alloc::{GlobalAlloc, Layout, System};

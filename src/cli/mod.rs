@@ -1,4 +1,5 @@
-//! The command line: one file per subcommand, each with its arguments and one run function.
+//! The command line: one file per subcommand, each with its arguments and one run function, and the helpers that they
+//! share.
 //!
 //! Exit status: 0 done, 1 the work failed, 2 the request or its files
 //! are wrong. Results go to standard output, notices and progress to standard error.

@@ -1,5 +1,5 @@
-//! What the graphics device does of a frame's work: deform the bodies, draw both eyes in one pass. Asked for, or chosen
-//! by measuring on the body itself when the program starts.
+//! Options of drawing: whether bodies deform on the CPU or the GPU (measured at the start unless asked), and whether both
+//! eyes are drawn in one pass.
 
 use crate::base::failure::Failure;
 use crate::base::statistics::median;

@@ -127,7 +127,7 @@ impl Targets {
         self.renderer.counts
     }
 
-    /// Draws the world into all targets with one upload and one submission, and waits for the device.
+    /// Draws the world into all targets and waits for the device.
     pub fn draw(&mut self, world: &mut World) -> Result<DrawTimes, RenderError> {
         let upload_s = self.bodies.upload(&self.gpu, world)?;
         let tiles: Vec<Vec<Tile>> = self

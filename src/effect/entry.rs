@@ -1,4 +1,4 @@
-//! What an effect says of itself.
+//! One entry of the list of effects: name, required column families, own tensors.
 
 use crate::green::{FAMILIES, Family, GreenError, Requirements, Solution, Tensor};
 

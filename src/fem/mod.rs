@@ -39,5 +39,5 @@ pub use stvk::STVK;
 pub use tet4::TET4;
 pub use tet10::TET10;
 
-/// The laws of large strain; a new one is one file and one line here.
+/// The laws of large strain. A new one is a file with its `mod` and `pub use` lines above, and an entry here.
 pub const LAWS: &[&Law] = &[&STVK, &NEO_HOOKEAN, &COROTATIONAL];

@@ -1,5 +1,5 @@
-//! What every drawing pass is: a file of its own beside the shader of the same name, which takes its part of a frame,
-//! makes its pipelines when there is first something for it to draw, and draws it once per view.
+//! A drawing pass: `src/render/X.rs` with the shader `shaders/X.wgsl`. It takes its part of a frame, makes its pipelines
+//! when it first has something to draw, and draws it once per view.
 
 use super::bounds::Bounds;
 use super::error::RenderError;

@@ -1,5 +1,6 @@
-//! The rigid solids of a frame: pen, ray and hit point of each stylus, arrows. In come [`StylusShape`]s and [`Arrow`]s,
-//! out go instances of four procedural surfaces of revolution that are made and uploaded once.
+//! The rigid solids of a frame: pen, ray and hit point of each stylus, arrows, balls. In come [`StylusShape`]s, [`Arrow`]s
+//! and [`Ball`](super::frame::Ball)s, out go instances of four procedural surfaces of revolution that are made and
+//! uploaded once.
 
 use super::bounds::Bounds;
 use super::error::RenderError;

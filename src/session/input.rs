@@ -1,7 +1,8 @@
-//! Who moves head and styli: a recording before trackers, trackers before a script, a script before mouse and keyboard.
+//! Decides who moves head and styli: a recording, a script, trackers, or mouse and keyboard.
 //!
 //! In: a stage's trackers, a script, and what a person does with mouse and keyboard. Out: one [`TrackerState`] a frame.
-//! A script leads until a tracker speaks or a person presses a button or a key; then it is over.
+//! A recording leads alone. A script leads until a tracker has been seen or a person presses a button or key; the script
+//! is then removed for good. After that trackers lead, and mouse and keyboard move what they do not.
 
 use super::recording::Replay;
 use super::trackers;
@@ -11,7 +12,7 @@ use crate::track::device::now_s;
 use crate::track::tracker_set::TrackerReport;
 use crate::track::{Mouse, Script, TrackerSet, TrackerState};
 
-/// What may move a world, in the order of precedence.
+/// All that may move a world; [`InputSource::leader`] tells which of it does.
 #[derive(Default)]
 pub struct InputSource {
     pub replay: Option<Replay>,
@@ -39,12 +40,12 @@ pub enum Leader {
 /// Pause between two rounds of a script, each of which starts at rest, s.
 const PAUSE_S: f64 = 1.0;
 
-/// What becomes of a world before a state is applied to it.
+/// What a script's end or new round asks of the world before the frame's state is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// The script is over: what it held is let go.
+    /// The script is over: the hands let go of what it held.
     LetGo,
-    /// The script begins anew.
+    /// The script begins a new round: bodies go back to rest.
     Reset,
 }
 
@@ -80,8 +81,8 @@ impl InputSource {
         self.script.take().map(|_| Change::LetGo)
     }
 
-    /// Head and styli at `time_s` since the start, and what has to be done with the world before: trackers where they
-    /// speak, and for what they do not tell the script, or else mouse and keyboard.
+    /// Head and styli at `time_s` since the start, and what has to be done with the world before they are applied.
+    /// Trackers give the sensors that they see; the script, or else mouse and keyboard, gives the rest.
     pub fn state(&mut self, stage: &Stage, time_s: f64) -> (TrackerState, Vec<Change>) {
         let mut changes = Vec::new();
         let step_s = (time_s - self.last_s).max(0.0);

@@ -1,4 +1,4 @@
-//! Which force the longest arrow of a body stands for.
+//! The force that the longest arrow stands for, per control element.
 
 use crate::deform::Deformer;
 use crate::effect::any_requires;

@@ -1,7 +1,8 @@
 //! All that moves in one frame: bodies at their places, hands, the graph of fields that joins them.
 //!
 //! In: a [`Scene`](crate::scene::Scene), its .green file ([`prepare`] finds or makes it), a stage, and what the trackers
-//! say. Out: a [`World`] that [`World::step`] moves on by one frame. It knows no window and no device.
+//! say. Out: a [`World`] that [`World::step`] moves on by one frame. It has no window and no
+//! graphics device; it uses only [`render`](crate::render)'s plain data.
 
 pub mod actions;
 pub mod body;

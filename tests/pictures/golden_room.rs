@@ -12,7 +12,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use render_common::require_gpu;
 use std::path::Path;
 
-/// Likeness as in tests/golden.rs. A picture must be within this of its golden one, and at least three times nearer to
+/// Likeness as in tests/pictures/golden.rs. A picture must be within this of its golden one, and at least three times nearer to
 /// it than a wrong picture is: letters and lines cover little, so wrong ones are alike too.
 const LEAST: f64 = 0.985;
 

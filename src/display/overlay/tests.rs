@@ -104,7 +104,7 @@ fn picture(gpu: &Gpu, readings: &Readings) -> RgbImage {
     image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
 }
 
-/// As in tests/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
+/// As in tests/pictures/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
 #[test]
 fn the_overlay_matches_its_golden_picture_and_leaves_the_middle_free() {
     let gpu = match Gpu::headless() {
