@@ -1,4 +1,4 @@
-//! One thing found wrong, or worth knowing, in what the user gave: a mesh, a scene, a stage, a solution.
+//! A diagnostic: one error, warning or note about a mesh, a scene, a stage or a solution.
 
 use super::table::count;
 

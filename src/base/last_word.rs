@@ -1,4 +1,4 @@
-//! The last word on a connection: what its peer is told if the program dies, prepared while all is well.
+//! The last message on a connection: what its peer is told if the program dies, prepared beforehand.
 //!
 //! In: a connection and the message that leaves its peer safe, as bytes. Out: nothing, until the program is ended by a
 //! signal that is not asked for (a fault, an abort, a limit), or [`speak`] is called: then every message is sent and

@@ -1,8 +1,8 @@
-//! What this process may have of the machine: memory that is left to it, and threads.
+//! The memory and the threads that this process may use.
 //!
 //! Memory is bounded by the machine, by every control group around the process (versions 1 and 2; what their file
-//! caches hold is given back) and by `ulimit -v` and `-d`. The need of a step is compared with it before the step, for
-//! a process above a limit is ended without a word.
+//! caches hold is given back) and by `ulimit -v` and `-d`. The need of a step is compared with it before the step,
+//! because the system kills a process above a limit without a message.
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! Lines to people, on standard error. One that cannot be written, on a full disk or a closed pipe, is lost; the work
-//! that it speaks of is not.
+//! Writes lines for people to standard error. A line that cannot be written, because a disk is full or a pipe is closed, is
+//! lost; the work goes on.
 
 use super::text::plain;
 use std::fmt::Arguments;

@@ -1,4 +1,4 @@
-//! How long work reports its progress.
+//! The interface by which long work reports its progress.
 
 /// Receives the progress of long work: the command line draws bars, tests ignore it.
 pub trait Progress: Sync {

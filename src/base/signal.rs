@@ -1,9 +1,9 @@
-//! Requests to end the program (Ctrl-C, SIGTERM, SIGHUP): what must not be left behind is settled first, then the
-//! program ends as the signal ends one.
+//! Answers requests to end the program (Ctrl-C, SIGTERM, SIGHUP): first it cleans up what must not be left behind, then the
+//! program ends as the signal would have ended it.
 //!
-//! In: acts of whoever would leave something, such as a device that pushes or a file half written. One thread waits for
-//! the signals, and all others block them. No handler ever runs, so neither does the one that METIS installs for
-//! SIGTERM while it orders: it would jump out of the ordering, or out of whatever another thread was doing.
+//! In: clean-up functions, registered by code that would leave something behind, such as a pushing device or a half-written
+//! file. One thread waits for the signals, and all others block them. No signal handler ever runs, so neither does the one
+//! that METIS installs for SIGTERM while it orders; that one would jump out of whatever a thread was doing.
 
 use libc::{SIG_BLOCK, SIG_IGN, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, c_int, sigset_t};
 use std::io;

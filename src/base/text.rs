@@ -1,5 +1,5 @@
-//! Text of files, devices and other machines as it may be shown: nothing in it moves a terminal's cursor, changes its
-//! colours, or turns the words beside it around.
+//! Makes text from files, devices and other machines safe to show: it cannot move a terminal's cursor, change its colours,
+//! or reverse the words beside it.
 //!
 //! In: any text. Out: the same with control characters and marks of direction written as JSON writes them (`\u001b`), so
 //! that JSON stays JSON; what is left may also stand in XML 1.0.

@@ -1,4 +1,4 @@
-//! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
+//! `greenstage bench`: measures the frame rate of stereo pairs, and where a frame's time goes.
 
 use super::parsers;
 use super::print::print;
@@ -24,7 +24,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Frame rate, and where a frame's time goes; offline and online
+/// Measure the frame rate and where a frame's time goes, offline and online
 ///
 /// Runs the offline stage anew, the two online loops at the paper's 10,000 nodes beside the memory bandwidth
 /// measured in the same run, and the scene's script offscreen on a stage;
@@ -34,7 +34,7 @@ pub struct Args {
     /// Scene file (TOML)
     #[arg(required_unless_present = "sizes")]
     pub scene: Option<PathBuf>,
-    /// Instead of a scene: made-up bodies of so many surface nodes, deformed on the CPU and on the device
+    /// Measure generated bodies of so many surface nodes instead of a scene, deformed on the CPU and on the device
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme"])]
     pub sizes: Vec<usize>,
     /// How the columns of --sizes are stored: f32, f16 or int16
@@ -49,10 +49,10 @@ pub struct Args {
     /// Frames to draw for each figure
     #[arg(long, default_value_t = 24, value_parser = parsers::frames)]
     pub frames: usize,
-    /// The force loop's ticks too, where no body lists the effect haptics
+    /// Measure the force loop's ticks even if no body lists the effect haptics
     #[arg(long)]
     pub haptics: bool,
-    /// Results as JSON
+    /// Print the results as JSON
     #[arg(long)]
     pub json: bool,
     /// Write the tables between the marks of this Markdown file

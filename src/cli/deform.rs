@@ -1,4 +1,4 @@
-//! `greenstage deform`: poses in, displacements and forces out.
+//! `greenstage deform`: computes displacements and forces for a list of poses.
 
 use super::print::print;
 use crate::base::failure::Failure;
@@ -9,7 +9,7 @@ use crate::scene::Scene;
 use crate::world::prepare;
 use std::path::PathBuf;
 
-/// Batch: poses in, displacements and forces out
+/// Compute displacements and forces for a list of poses
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.

@@ -1,5 +1,5 @@
-//! Settings chosen for a scene's bodies by [`tuning`](crate::tuning), with the files, poses and progress of the command
-//! line.
+//! Lets [`tuning`](crate::tuning) choose the settings of a scene's bodies, with the files, poses and progress bars of the
+//! command line.
 
 use super::accuracy::scripted_or_random;
 use crate::base::bars::Bars;

@@ -1,4 +1,4 @@
-//! `greenstage track --serve`: what the trackers of a stage say, or a script in their place, passed on by VRPN.
+//! `greenstage track --serve`: passes the poses of a stage's trackers, or of a script, on by VRPN.
 //!
 //! In: the newest states of a rig's sources, or of a script. Out: a VRPN server, one device for every tracker.
 
@@ -36,7 +36,7 @@ pub fn place(text: &str) -> Result<SocketAddr, String> {
 }
 
 impl Service {
-    /// Listens, and says how a client names each device.
+    /// Listens, and tells how a client names each device.
     pub fn open<'a>(
         place: SocketAddr,
         devices: impl IntoIterator<Item = &'a str>,

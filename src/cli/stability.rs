@@ -14,7 +14,7 @@ use std::path::Path;
 /// Asks for this instead of problems.
 pub const NAME: &str = "haptics";
 
-/// What is tried: name, measures, hand.
+/// The settings: name, safety measures, hand.
 const SETTINGS: [(&str, Measures, Hand); 5] = [
     ("plain force, nobody holds the handle", Measures::NONE, Hand::NONE),
     ("plain force, a hand holds the handle", Measures::NONE, Hand::FINGERS),
@@ -66,7 +66,7 @@ pub fn run_all(json: bool, readme: Option<&Path>) -> Result<(), Failure> {
 /// A hand and what it is called.
 type Named = (&'static str, Hand);
 
-/// What is tried with delay and jitter.
+/// The settings with delay and jitter.
 const DELAYED: [(&str, Measures, &[Named]); 2] = [
     (
         "With delay and jitter, their part in the bound left out, nobody holds the handle",
@@ -84,7 +84,7 @@ fn device(rate_hz: f64) -> Haptic {
     Haptic { rate_hz, ..Haptic::simulated("table") }
 }
 
-/// Rounding, and what is at once eaten.
+/// Energy below this is rounding, or is dissipated at once, J.
 const NOTHING_J: f64 = 1e-9;
 
 /// A row for each stiffness, a column for each rate: how it ended, and what the loop generated.
@@ -196,7 +196,7 @@ fn judge(
     let is_below = |value: &serde_json::Value, most: f64| value.as_f64().is_some_and(|value| value < most);
     if !delayed.all(|run| is_below(&run["swing_m"], REST_M) && is_below(&run["made_j"], NOTHING_J)) {
         return Err(Failure::Work(anyhow::anyhow!(
-            "a loop with delay or jitter does not come to rest, or makes energy"
+            "a loop with delay or jitter does not come to rest, or generates energy"
         )));
     }
     match (is_kept, is_theory) {

@@ -1,4 +1,4 @@
-//! `greenstage track`: what every sensor, button and valuator of a stage says, live.
+//! `greenstage track`: shows live what every sensor, button and valuator of a stage reports.
 
 use super::parsers;
 use super::print::{print, print_over};
@@ -17,7 +17,7 @@ use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// What the trackers of a stage say, live: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
+/// Show live what the trackers of a stage report: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
 ///
 /// On a terminal the table stays in its place; into a file or a pipe it is written anew each time. Ctrl+C ends it. The
 /// columns: `greenstage manual tracking`.
@@ -32,13 +32,13 @@ pub struct Args {
     /// Seconds from one table to the next
     #[arg(long, default_value_t = 0.5, value_parser = parsers::positive)]
     pub interval: f64,
-    /// Listen for --seconds (else 1), then tell once
+    /// Listen for --seconds (default: 1), then print the table once
     #[arg(long)]
     pub once: bool,
-    /// Poses as the trackers say them, before calibration, filter and prediction
+    /// Show poses as the trackers report them, before calibration, filter and prediction
     #[arg(long)]
     pub raw: bool,
-    /// One JSON object a line, for machines
+    /// Print one JSON object per line
     #[arg(long)]
     pub json: bool,
     /// Serve the trackers by VRPN, each as a device of its name; without a value at 127.0.0.1:3883, for this machine
@@ -48,7 +48,7 @@ pub struct Args {
     /// Serve a script in place of trackers, as the device Tracker0: bend, or a .toml file
     #[arg(long, requires = "serve")]
     pub script: Option<String>,
-    /// Readings a second of the script
+    /// Readings of the script per second
     #[arg(long, default_value_t = 120.0, value_parser = parsers::positive)]
     pub rate: f64,
 }

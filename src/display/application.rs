@@ -1,4 +1,4 @@
-//! The window application: a session moved on once a frame, and drawn into windows.
+//! The window application: moves a session on once a frame, and draws it into windows.
 //!
 //! In: a [`Session`], and what its windows show ([`Shows`]): the screens of the stage, or the stage as a model from outside.
 //! Out: pictures of all windows, presented together, until a window is closed, the time is over, or a recording ends.
@@ -97,7 +97,7 @@ struct Application {
     started: Instant,
     last: Instant,
     frames: u32,
-    /// What ended it before its time.
+    /// The error that ended it early.
     failure: Option<Failure>,
 }
 

@@ -103,7 +103,7 @@ impl Choice {
             Why::Asked => format!("deforms {place}, as asked for"),
             Why::Software => format!("deforms {place}, since the graphics device is software"),
             Why::TooLarge => {
-                format!("deforms {place}, since it is more than the graphics device binds at once")
+                format!("deforms {place}, since it is larger than the graphics device can bind at once")
             }
             Why::Measured { cpu_s, device_s } => {
                 format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))

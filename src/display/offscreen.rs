@@ -1,4 +1,4 @@
-//! A world in offscreen pictures: one per screen and eye, per screen with both eyes joined, or per window.
+//! Draws a world into offscreen pictures: one per screen and eye, per screen with both eyes joined, or per window.
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
@@ -21,7 +21,7 @@ pub struct Targets {
     painter: TilePainter,
     pub bodies: GpuBodies,
     pictures: Vec<OneTarget>,
-    /// Those of the stage file, where the pictures are of its windows.
+    /// The windows of the stage file, if the pictures show its windows.
     monitors: Vec<Monitor>,
     swapped: bool,
     /// Shown on the screen that the viewer looks at, where it is asked for.
@@ -33,7 +33,7 @@ pub struct Targets {
 pub enum Pictures {
     /// One per screen and eye.
     Eyes,
-    /// One per screen, both eyes joined so.
+    /// One per screen, with both eyes joined by this kind of stereo.
     Joined(Stereo),
     /// One per window, as it would be presented.
     Windows,
@@ -122,7 +122,7 @@ impl Targets {
         self.pictures.len()
     }
 
-    /// What the last frame drew and left out.
+    /// How many shapes the last frame drew and left out.
     pub fn draw_counts(&self) -> DrawCounts {
         self.renderer.counts
     }

@@ -18,13 +18,13 @@ pub struct ScreenWindows {
     pub overlays: Overlays,
     layout: Vec<Window>,
     scale: f64,
-    /// Of each window, now.
+    /// Size of each window now.
     sizes: Vec<[u32; 2]>,
-    /// Each eye is shown what the other should see.
+    /// Whether each eye is shown what the other should see.
     swapped: bool,
-    /// The test pattern alone, instead of the scene.
+    /// Whether the test pattern is shown instead of the scene.
     pattern_alone: bool,
-    /// Of the frame before, for the overlay.
+    /// Times of the frame before, for the overlay.
     times: FrameTimes,
 }
 
@@ -45,13 +45,14 @@ impl ScreenWindows {
         }
     }
 
-    /// With the overlay on the screen that the viewer looks at.
+    /// Shows the overlay on the screen that the viewer looks at.
     pub fn with_overlay(mut self, stage: &Stage) -> ScreenWindows {
         self.overlays.panels[stage.faced_screen()] = true;
         self
     }
 
-    /// The test pattern on every screen; only F2 (the stage from outside) and F4 (eyes swapped) act.
+    /// Shows the test pattern on every screen; of the function keys only F2 (the stage from outside) and F4 (swap the eyes)
+    /// act.
     pub fn of_pattern(stage: &Stage, scale: f64) -> ScreenWindows {
         let mut screens = ScreenWindows::new(stage, Some(scale));
         (screens.overlays.pattern, screens.pattern_alone) = (true, true);

@@ -1,4 +1,4 @@
-//! A session: a world, who moves it, the force devices that are felt, and the file that it is recorded in.
+//! A session: a world, the input that moves it, its force devices, and the file into which it is recorded.
 
 use super::haptic::HapticSession;
 use super::input::{Change, InputSource, Leader};
@@ -13,18 +13,18 @@ use crate::track::{Mouse, MouseInput, Script};
 use crate::world::World;
 use std::sync::Arc;
 
-/// A world that is moved on.
+/// A world, and all that moves or records it.
 pub struct Session {
     pub world: World,
     pub input: InputSource,
-    /// Loops of force devices, where the stage has some and a body asks for them.
+    /// The loops of force devices, if the stage has some and a body asks for forces.
     pub haptics: Option<HapticSession>,
     pub recorder: Option<Recorder>,
-    /// Of a scene; a stage alone has none.
+    /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
 }
 
-/// How far a session has come.
+/// Whether a session goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     Running,
@@ -40,7 +40,7 @@ impl Session {
         Session { world, input, haptics: None, recorder: None, file: None }
     }
 
-    /// Mouse and keyboard move what nothing else does.
+    /// Lets mouse and keyboard move what nothing else moves.
     pub fn attach_mouse(&mut self) {
         self.input.mouse = Some(Mouse::new(self.world.stage.clone()));
     }
@@ -60,7 +60,7 @@ impl Session {
     }
 
     /// Moves the world on to `time_s` since the start: through all frames of a recording up to then, or by one frame of
-    /// whoever leads.
+    /// the input that leads.
     pub fn advance(&mut self, time_s: f64) -> Result<Progress, Failure> {
         if self.input.leader() == Leader::Recording {
             return self.replay_until(time_s);
@@ -142,14 +142,14 @@ impl Session {
         }
     }
 
-    /// A person takes over from the script, where one leads; what it held is let go.
+    /// Lets a person take over from the script, if one leads; the hands let go of what it held.
     pub fn take_over(&mut self) {
         if let Some(change) = self.input.take_over() {
             self.apply(change);
         }
     }
 
-    /// How the session ended: the force loops, the replay, the recording. A replay that came to other states is a failure.
+    /// Reports on the replay and the recording. A replay that came to other states than were recorded is a failure.
     pub fn report(&mut self) -> Result<String, Failure> {
         let recorded = self.recorder.as_mut().map_or(Ok(String::new()), Recorder::report)?;
         let replayed = self.input.replay.as_ref().map_or(Ok(String::new()), Replay::report)?;

@@ -1,8 +1,8 @@
 //! The force loops of a session: one for each device of the stage, if a body lists an effect that gives forces.
 //!
-//! A real device is a tracker of the stage, and its loop that tracker's source; a simulated one moves its stylus before a
-//! frame. After the frame the loop is told what the stylus holds. Where no body asks for it, or the stage has no
-//! device, there is no [`HapticSession`], no loop and no call in the frame.
+//! A real device is a tracker of the stage, and its force loop is that tracker's source; a simulated device moves its stylus
+//! before a frame. After the frame the loop is told what the stylus holds. If no body asks for forces, or the stage has no
+//! device, there is no [`HapticSession`], and a frame makes no call here.
 
 use super::interrupt;
 use crate::base::failure::Failure;
@@ -26,14 +26,14 @@ pub struct HapticSession {
     links: Vec<Link>,
 }
 
-/// What a force device and its loop do now.
+/// The state of a force device and its loop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HapticReading {
     pub name: String,
     pub felt: LoopState,
     pub clockwork: LoopTiming,
     pub max_force_n: f64,
-    /// Its stylus holds something that is felt.
+    /// Whether its stylus holds something that gives a force.
     pub holds: bool,
 }
 
@@ -41,9 +41,9 @@ pub struct HapticReading {
 struct Link {
     haptic: Haptic,
     running: Loop,
-    /// Number of its stylus.
+    /// Index of its stylus.
     stylus: usize,
-    /// Numbers in the world of the bodies that it can feel.
+    /// Indices in the world of the bodies that give it forces.
     bodies: Vec<usize>,
     hold: Option<Hold>,
     grips: u64,
@@ -52,7 +52,7 @@ struct Link {
     told: Told,
 }
 
-/// What was said of a device, once each, and since when it says nothing.
+/// Which warnings about a device were given, each once, and when it last reported a pose.
 struct Told {
     stiff: bool,
     slow: bool,
@@ -62,10 +62,10 @@ struct Told {
     heard: Instant,
 }
 
-/// Poses that are older than this when their forces act are told of, s; and again when they are twice as old as was told.
+/// A warning tells when poses are older than this while their forces act, s; another one when they are twice as old.
 const LATE_S: f64 = 1.5e-3;
 
-/// A device that says nothing for so long is told of.
+/// A warning tells when a device reports nothing for so long.
 const SILENT: Duration = Duration::from_secs(2);
 
 #[derive(Clone, Copy)]
@@ -129,12 +129,12 @@ impl HapticSession {
         Ok(Some(HapticSession { links }))
     }
 
-    /// What the device of this name measures, as a tracker's source; once.
+    /// The poses of the device of this name, as a tracker's source. It can be taken once.
     pub fn source(&mut self, name: &str) -> Option<HapticSource> {
         self.links.iter_mut().find(|link| link.haptic.name == name)?.running.source()
     }
 
-    /// A frame of the world, which its force devices take part in.
+    /// Moves the world on by one frame, in which the force devices take part.
     pub fn step(&mut self, world: &mut World, clock_s: f64, state: &mut TrackerState) {
         self.move_styli(state);
         world.step_at(clock_s, state);
@@ -179,7 +179,7 @@ impl HapticSession {
         self.links.iter_mut().map(of).collect()
     }
 
-    /// How the loops did, a line for each.
+    /// Ticks, delays and faults of each loop, for the user.
     pub fn summary(&mut self) -> String {
         let line = |link: &mut Link| {
             let Report { state: felt, timing: clock, malformed } = *link.running.report();
@@ -192,7 +192,7 @@ impl HapticSession {
             let LoopFaults { lost, absurd, jumps, backward, unattended, undefined } = felt.faults;
             let faults = [
                 (lost, "without news of the device"),
-                (absurd, "with a pose that cannot be"),
+                (absurd, "with an impossible pose"),
                 (jumps, "with a jump"),
                 (backward, "with an older reading"),
                 (unattended, "without news of the frame"),
@@ -293,7 +293,7 @@ impl Link {
         Some(Hold { place, way })
     }
 
-    /// Says once each that a device is silent, that it reports slowly or late, and that a body is too stiff to be felt as it is.
+    /// Warns, once each, when a device is silent, reports slowly or late, or when a body is too stiff to be felt as it is.
     fn warn(&mut self, world: &World, held: Option<&Held>) {
         let felt = self.running.report().state;
         let Haptic { name, rate_hz, damping, .. } = &self.haptic;
@@ -302,7 +302,7 @@ impl Link {
         } else if !self.told.silent && self.told.heard.elapsed() > SILENT {
             self.told.silent = true;
             notice!(
-                "warning: haptic {name}: {} has not said where it is for {} s: is it on, its service running, its address right?",
+                "warning: haptic {name}: {} has reported no pose for {} s: check that it is on, that its service runs, and that its address is right",
                 self.running.device,
                 SILENT.as_secs()
             );

@@ -1,4 +1,4 @@
-//! The trackers of a session: opened once, joined with what mouse or script say.
+//! Starts the trackers of a session, and joins their states with those of mouse or script.
 
 use super::haptic::{self, HapticSession};
 use crate::base::failure::Failure;
@@ -7,7 +7,8 @@ use crate::stage::Stage;
 use crate::track::device::{Source, now_s};
 use crate::track::{TrackerSet, TrackerState, open};
 
-/// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
+/// Starts the trackers of a stage; `None` where it names none. A force device reports
+/// through its force loop, if that runs.
 pub fn start(stage: &Stage, mut loops: Option<&mut HapticSession>) -> Result<Option<TrackerSet>, Failure> {
     TrackerSet::start(&stage.tracking, |name, kind| {
         let device = stage.haptics.iter().find(|haptic| haptic.tracker() == name);
@@ -21,7 +22,8 @@ pub fn start(stage: &Stage, mut loops: Option<&mut HapticSession>) -> Result<Opt
     })
 }
 
-/// Head and styli as they are tracked; what is not tracked now comes from `other`, behind them.
+/// Head and styli as they are tracked. A head that is not tracked comes from `other`; so do the styli, behind the tracked
+/// ones, while no stylus is tracked.
 pub fn merge(rig: &mut TrackerSet, other: TrackerState) -> TrackerState {
     let mut state = rig.state(now_s());
     state.head = state.head.or(other.head);

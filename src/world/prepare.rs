@@ -1,4 +1,4 @@
-//! A scene made ready for the online stage: its .green file found fresh or made, its models and effects known.
+//! Makes a scene ready for the online stage: checks its models and effects, and finds or makes its .green file.
 
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;

@@ -1,8 +1,8 @@
 //! Temporary files beside the results, and those that killed runs left behind.
 //!
-//! `.greenstage-XXXXXX.part` is a file, `.greenstage-XXXXXX.scratch` a folder of files that nobody wants for long. The
-//! process that makes one holds a lock on it, which the system releases however the process ends. What bears such a
-//! name, is not locked and was not touched for a minute is removed, by the next run that writes into the folder.
+//! `.greenstage-XXXXXX.part` is a file, `.greenstage-XXXXXX.scratch` a folder of files for one run. The
+//! process that makes one holds a lock on it, which the system releases however the process ends. The next
+//! run that writes into the folder removes everything of such a name that is not locked and was not changed for a minute.
 
 use std::collections::BTreeSet;
 use std::fs::{DirEntry, File, Permissions};

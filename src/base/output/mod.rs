@@ -1,4 +1,4 @@
-//! Every file that the program writes: there whole or not at all, and never in the place of a file of another kind.
+//! Writes files so that each is there whole or not at all, and never overwrites a file of another kind.
 //!
 //! In: a path, the [`Kind`] of the file, and what makes its bytes. Out: a temporary file beside the place, flushed and
 //! synced, then renamed, and the folder synced (POSIX rename(2) is atomic within a file system). The file keeps the
@@ -6,8 +6,8 @@
 //! descriptors are written to and never replaced.
 //!
 //! An existing file is overwritten only where it is empty or its first bytes are those of the kind being written.
-//! [`try_path`] says all of this before the work; [`stage`] and [`Staged::put`] write several files of which all or none
-//! are there; [`stream`] is for what grows for a long time.
+//! [`try_path`] checks all of this before the work; [`stage`] and [`Staged::put`] write several files of which all or none
+//! are there; [`stream`] writes a file that grows for a long time.
 
 mod leftovers;
 mod place;

@@ -1,4 +1,4 @@
-//! Where the bytes for a path go: a file at the end of all symbolic links, or what is written to as it is.
+//! Finds where the bytes for a path go: into a file at the end of all symbolic links, or into a device or pipe.
 
 use std::fs::{File, Permissions};
 use std::io::{Error, ErrorKind, Result};

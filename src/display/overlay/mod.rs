@@ -1,4 +1,4 @@
-//! The overlay in a picture: where a frame's time goes, how fresh the trackers are, what bends how far, what is wrong.
+//! The overlay in a picture: where a frame's time goes, how fresh the trackers are, how far bodies are bent, warnings.
 //!
 //! In: a world and the steps of its last frames, as plain [`Readings`] and [`History`]. Out: two columns of small
 //! aligned letters at the left and right edge and a strip at the bottom ([`Panel`]); the middle stays free.

@@ -1,11 +1,11 @@
-//! How long the steps of the last frames took.
+//! The times that the steps of the last frames took.
 
 use std::collections::VecDeque;
 
 /// Steps of a frame in their order, as the overlay names them.
 pub const STEPS: [&str; 8] =
     ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
-/// Which of [`STEPS`] waits for the images of the frame after.
+/// Index in [`STEPS`] of the step that waits for the images of the next frame.
 pub const ACQUIRE: usize = 6;
 /// Frames that are kept.
 pub(super) const FRAMES: usize = 120;
@@ -21,7 +21,7 @@ pub struct History {
 pub struct FrameTimes {
     /// As [`STEPS`], s.
     pub steps: [f64; 8],
-    /// From this frame to the next, what no step tells included, s.
+    /// From this frame to the next, with the time that no step accounts for, s.
     pub whole_s: f64,
 }
 
