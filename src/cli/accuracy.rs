@@ -74,10 +74,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         None => scene.body.keys().next().cloned().unwrap_or_default(),
     };
-    let needs = |scene: &Scene| -> Requirements {
-        prepare::needs(scene, &name, &scene.body[&name]).unwrap_or_default()
+    let requirements = |scene: &Scene| -> Requirements {
+        prepare::requirements(scene, &name, &scene.body[&name]).unwrap_or_default()
     };
-    prepare::needs(&scene, &name, &scene.body[&name])?;
+    prepare::requirements(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
     let request = Request {
@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         },
         largest_key: "--largest".into(),
         quick: args.quick,
-        needs_of: &needs,
+        requirements_of: &requirements,
         command: command(args),
         scratch: scratch.path(),
     };

@@ -234,7 +234,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &scene.body {
         let needs = match prepare::law(&scene, name, body)? {
             Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
-            None if prepare::needs(&scene, name, body)?.has(STIFFNESS) => "; needs the handle stiffness",
+            None if prepare::requirements(&scene, name, body)?.has(STIFFNESS) => {
+                "; needs the handle stiffness"
+            }
             None => "",
         };
         let loaded = scene.load_mesh(name, body)?;

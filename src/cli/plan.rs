@@ -25,7 +25,7 @@ fn with_planner(
     choose: impl FnOnce(&Planner<'_, Failure>) -> Result<Scene, Failure>,
 ) -> Result<Scene, Failure> {
     choose(&Planner {
-        needs: &|scene, name| prepare::needs(scene, name, &scene.body[name]),
+        requirements: &|scene, name| prepare::requirements(scene, name, &scene.body[name]),
         file: &green_file,
         poses: &|scene, name| scripted_or_random(scene, name, None, true),
         progress: &|name| Box::new(Bars::new(name, quiet)),

@@ -104,7 +104,7 @@ pub fn outlook(scene: &Scene) -> Result<Outlook, Failure> {
     for (name, body) in &scene.body {
         let is_static = prepare::law(scene, name, body)?.is_some();
         outlook.needs_green |= !is_static;
-        outlook.has_forces |= is_static || prepare::needs(scene, name, body)?.has(STIFFNESS);
+        outlook.has_forces |= is_static || prepare::requirements(scene, name, body)?.has(STIFFNESS);
     }
     Ok(outlook)
 }
@@ -159,7 +159,7 @@ fn volume_results(
             format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
         )));
     }
-    let solution = green::solve(scene, name, &prepare::needs(scene, name, body)?, &Silent)?;
+    let solution = green::solve(scene, name, &prepare::requirements(scene, name, body)?, &Silent)?;
     for notice in &solution.notices {
         notice!("{notice}");
     }
