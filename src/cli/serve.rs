@@ -1,6 +1,6 @@
 //! `greenstage track --serve`: passes the poses of a stage's trackers, or of a script, on by VRPN.
 //!
-//! In: the newest states of a rig's sources, or of a script. Out: a VRPN server, one device for every tracker.
+//! In: the newest states of the trackers' sources, or of a script. Out: a VRPN server, one device for every tracker.
 
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
@@ -54,10 +54,10 @@ impl Service {
         Ok(Service { server, told: ServerCounters::default() })
     }
 
-    /// Passes on what is new in a rig whose trackers were named, in their order, to [`open`](Service::open). What there
-    /// is to say about clients comes back.
-    pub fn pass_on(&mut self, rig: &mut TrackerSet) -> Vec<String> {
-        for (device, (_, state)) in rig.devices().enumerate() {
+    /// Passes on the news of trackers, whose names were given to [`open`](Service::open) in their order. Returns notices about
+    /// clients.
+    pub fn pass_on(&mut self, trackers: &mut TrackerSet) -> Vec<String> {
+        for (device, (_, state)) in trackers.devices().enumerate() {
             self.server.publish(device, state);
         }
         self.tick()

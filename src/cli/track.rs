@@ -62,8 +62,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let stage = crate::track::find_stage(stage.unwrap_or("workbench")).map_err(Failure::request)?;
         return serve::script(place, script, stage, args.rate, args.seconds);
     }
-    let mut rig = rig(stage.unwrap_or_default())?;
-    let names: Vec<String> = rig.devices().map(|(name, _)| name.to_owned()).collect();
+    let mut trackers = start_trackers(stage.unwrap_or_default())?;
+    let names: Vec<String> = trackers.devices().map(|(name, _)| name.to_owned()).collect();
     let service = args.serve.map(|place| Service::open(place, names.iter().map(String::as_str)));
     let mut service = service.transpose()?;
     let step_s = if service.is_some() { serve::STEP_S } else { STEP_S };
@@ -73,9 +73,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let in_place = !args.json && !args.once && std::io::stdout().is_terminal();
     let mut next_s = started_s + interval_s;
     let mut height = 0;
-    watch(&mut rig, step_s, limit_s, |rig, now_s, is_last| {
-        let served = service.iter_mut().flat_map(|service| service.pass_on(rig)).collect::<Vec<_>>();
-        for notice in rig.take_notices().into_iter().chain(served) {
+    watch(&mut trackers, step_s, limit_s, |trackers, now_s, is_last| {
+        let served = service.iter_mut().flat_map(|service| service.pass_on(trackers)).collect::<Vec<_>>();
+        for notice in trackers.take_notices().into_iter().chain(served) {
             notice!("note: {notice}");
             // What was said stands above the table.
             height = 0;
@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             return Ok(());
         }
         next_s = now_s + interval_s;
-        let reports = rig.report(now_s);
+        let reports = trackers.report(now_s);
         if args.json {
             return print(&format!("{}\n", json(&reports, now_s - started_s)));
         }
@@ -95,8 +95,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     })
 }
 
-/// The running trackers of a stage.
-pub fn rig(stage: &str) -> Result<TrackerSet, Failure> {
+/// Starts the trackers of a stage.
+fn start_trackers(stage: &str) -> Result<TrackerSet, Failure> {
     let stage = crate::track::find_stage(stage).map_err(Failure::request)?;
     trackers::start(&stage, None)?.ok_or_else(|| {
         Failure::wrong(format!(
@@ -106,10 +106,10 @@ pub fn rig(stage: &str) -> Result<TrackerSet, Failure> {
     })
 }
 
-/// Asks the rig every `step_s` seconds, for `limit_s` or for ever: `each` gets the rig, the time, and whether it is the
-/// last one. Whoever passes poses on does it there, by [`TrackerSet::devices`] or [`TrackerSet::state`].
+/// Reads the trackers every `step_s` seconds, for `limit_s` or for ever. `each` gets the trackers, the time, and whether this
+/// is the last call; it can pass poses on by [`TrackerSet::devices`] or [`TrackerSet::state`].
 pub fn watch(
-    rig: &mut TrackerSet,
+    trackers: &mut TrackerSet,
     step_s: f64,
     limit_s: Option<f64>,
     mut each: impl FnMut(&mut TrackerSet, f64, bool) -> Result<(), Failure>,
@@ -118,8 +118,8 @@ pub fn watch(
     loop {
         let time_s = now_s();
         let is_last = limit_s.is_some_and(|limit_s| time_s - started_s >= limit_s);
-        rig.state(time_s);
-        each(rig, time_s, is_last)?;
+        trackers.state(time_s);
+        each(trackers, time_s, is_last)?;
         if is_last {
             return Ok(());
         }

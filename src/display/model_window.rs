@@ -141,10 +141,10 @@ sensor = \"wand\"
         let text = BUILT_IN[0].1.replacen("[viewer]", "[viewer]\nhead = \"head\"", 1) + TRACKING;
         let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
         let puppet = FakeSource::default();
-        let rig = TrackerSet::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
+        let trackers = TrackerSet::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
         let viewer = stage.viewer.room_from_head;
         let mut session = Session::new(World::of_stage(stage).unwrap(), None);
-        session.input.trackers = Some(rig);
+        session.input.trackers = Some(trackers);
         let drawn = |session: &mut Session| {
             session.advance(0.0).unwrap();
             let camera = Camera::of(&session.world.stage);

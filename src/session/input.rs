@@ -54,7 +54,7 @@ impl InputSource {
         match self {
             InputSource { replay: Some(_), .. } => Leader::Recording,
             InputSource { script: Some(_), .. } => Leader::Script,
-            InputSource { trackers: Some(rig), .. } if rig.is_speaking() => Leader::Trackers,
+            InputSource { trackers: Some(trackers), .. } if trackers.is_speaking() => Leader::Trackers,
             InputSource { mouse: Some(_), .. } => Leader::Mouse,
             _ => Leader::Nobody,
         }
@@ -87,8 +87,8 @@ impl InputSource {
         let mut changes = Vec::new();
         let step_s = (time_s - self.last_s).max(0.0);
         self.last_s = time_s;
-        if let (Some(rig), Some(mouse)) = (&mut self.trackers, &mut self.mouse) {
-            mouse.tracked_head = rig.state(now_s()).head.map(|head| head.cast());
+        if let (Some(trackers), Some(mouse)) = (&mut self.trackers, &mut self.mouse) {
+            mouse.tracked_head = trackers.state(now_s()).head.map(|head| head.cast());
         }
         let mut state = match (&self.script, &mut self.mouse) {
             (Some(script), _) => {
@@ -105,12 +105,12 @@ impl InputSource {
             }
             (None, None) => TrackerState { time_s, ..TrackerState::default() },
         };
-        if let Some(rig) = &mut self.trackers {
-            state = trackers::merge(rig, state);
-            for told in rig.take_notices() {
+        if let Some(trackers) = &mut self.trackers {
+            state = trackers::merge(trackers, state);
+            for told in trackers.take_notices() {
                 notice!("note: {told}");
             }
-            if rig.is_speaking() {
+            if trackers.is_speaking() {
                 changes.extend(self.take_over());
             }
         }
@@ -119,6 +119,6 @@ impl InputSource {
 
     /// What the trackers say of all their sensors.
     pub fn tracker_reports(&mut self) -> Vec<TrackerReport> {
-        self.trackers.as_mut().map(|rig| rig.report(now_s())).unwrap_or_default()
+        self.trackers.as_mut().map(|trackers| trackers.report(now_s())).unwrap_or_default()
     }
 }

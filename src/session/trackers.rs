@@ -24,10 +24,10 @@ pub fn start(stage: &Stage, mut loops: Option<&mut HapticSession>) -> Result<Opt
 
 /// Head and styli as they are tracked. A head that is not tracked comes from `other`; so do the styli, behind the tracked
 /// ones, while no stylus is tracked.
-pub fn merge(rig: &mut TrackerSet, other: TrackerState) -> TrackerState {
-    let mut state = rig.state(now_s());
+pub fn merge(trackers: &mut TrackerSet, other: TrackerState) -> TrackerState {
+    let mut state = trackers.state(now_s());
     state.head = state.head.or(other.head);
-    if !rig.is_pointing() {
+    if !trackers.is_pointing() {
         state.styli.extend(other.styli);
     }
     TrackerState { time_s: other.time_s, ..state }

@@ -48,7 +48,7 @@ fn play(
     let file = format!("{text}{}", KEYS.replace("id = 0\n", &format!("id = 0\n{keys}\n")));
     let tracking = Stage::parse(&file, Path::new("bench.toml")).unwrap().tracking;
     let puppet = FakeSource::default();
-    let mut rig = TrackerSet::with_sources(&tracking, vec![Box::new(puppet.clone())], 0.0);
+    let mut trackers = TrackerSet::with_sources(&tracking, vec![Box::new(puppet.clone())], 0.0);
     let mut frames: Vec<Frame> = Vec::new();
     for i in 0..FRAMES {
         let time_s = i as f64 / 60.0;
@@ -64,7 +64,7 @@ fn play(
             device.link = Link::Up;
             device.take_button(0, i >= PRESS, None);
         });
-        world.step(&rig.state(time_s));
+        world.step(&trackers.state(time_s));
         frames.push(check(&world, frames.last()));
     }
     frames
