@@ -54,7 +54,7 @@ impl InputSource {
         match self {
             InputSource { replay: Some(_), .. } => Leader::Recording,
             InputSource { script: Some(_), .. } => Leader::Script,
-            InputSource { trackers: Some(trackers), .. } if trackers.is_speaking() => Leader::Trackers,
+            InputSource { trackers: Some(trackers), .. } if trackers.has_spoken() => Leader::Trackers,
             InputSource { mouse: Some(_), .. } => Leader::Mouse,
             _ => Leader::Nobody,
         }
@@ -110,7 +110,7 @@ impl InputSource {
             for told in trackers.take_notices() {
                 notice!("note: {told}");
             }
-            if trackers.is_speaking() {
+            if trackers.has_spoken() {
                 changes.extend(self.take_over());
             }
         }
