@@ -42,7 +42,7 @@ fn demo(stage: Stage) -> World {
 }
 
 struct Lab {
-    puppet: FakeSource,
+    source: FakeSource,
     trackers: TrackerSet,
     tracker_from_room: Isometry3<f64>,
     body_from_sensor: Isometry3<f64>,
@@ -54,7 +54,7 @@ impl Lab {
         let sensor = self.tracker_from_room * room_from_stylus.cast::<f64>() * self.body_from_sensor;
         let deadline_s = now_s() + 30.0;
         loop {
-            self.puppet.change(|state| {
+            self.source.change(|state| {
                 state.take_pose(7, sensor, None, 1.0);
                 state.take_button(2, pressed, None);
             });
@@ -84,8 +84,8 @@ impl Lab {
     }
 }
 
-fn serve(place: SocketAddr, puppet: &FakeSource) -> crate::track::vrpn::Serving {
-    Server::bind(place, ["Wand"]).unwrap().spawn(vec![Box::new(puppet.clone())]).unwrap()
+fn serve(place: SocketAddr, source: &FakeSource) -> crate::track::vrpn::Serving {
+    Server::bind(place, ["Wand"]).unwrap().spawn(vec![Box::new(source.clone())]).unwrap()
 }
 
 fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
@@ -98,8 +98,8 @@ fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
 
 #[test]
 fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
-    let puppet = FakeSource::default();
-    let serving = serve((Ipv4Addr::LOCALHOST, 0).into(), &puppet);
+    let source = FakeSource::default();
+    let serving = serve((Ipv4Addr::LOCALHOST, 0).into(), &source);
     let place = serving.place;
     let text = crate::stage::BUILT_IN[0].1.to_owned() + &TRACKING.replace("PORT", &place.port().to_string());
     let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
@@ -110,7 +110,7 @@ fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
     let frame = stage.tracking.trackers["lab"].frame.room_from_tracker;
     assert_eq!(frame.scaling(), 1.0);
     let mut lab = Lab {
-        puppet: puppet.clone(),
+        source: source.clone(),
         trackers,
         tracker_from_room: frame.isometry.inverse(),
         body_from_sensor: stage.tracking.sensors["wand"].sensor_from_body.inverse(),
@@ -142,7 +142,7 @@ fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
         world.step(&state);
     }
     assert_eq!(world.bodies[0].deformer.poses, bent);
-    let _serving = serve(place, &puppet);
+    let _serving = serve(place, &source);
     wait("the server is found again", || lab.link() == Link::Up);
     lab.show(&mut world, &last, false);
     lab.settle();
