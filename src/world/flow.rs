@@ -57,7 +57,7 @@ pub struct BodyFields {
     pub place: Field<BodyPlace>,
     /// One per control element. That of a fixed element can be set from outside.
     pub poses: Vec<Field<ControlPose>>,
-    pub surface: Field<Surface>,
+    pub surface: Field<SurfaceVersion>,
 }
 
 /// The head's pose as the tracker reports it, if it does.
@@ -86,7 +86,7 @@ pub struct BodyPlace(#[serde(with = "crate::field::numbers")] pub Similarity3<f6
 /// How often a surface was deformed, which tells one version of it from another; the deformer holds its vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Surface(pub u64);
+pub struct SurfaceVersion(pub u64);
 
 impl Value for Tracked {
     const TYPE: &'static str = "tracked pose";
@@ -104,7 +104,7 @@ impl Value for BodyPlace {
     const TYPE: &'static str = "place";
 }
 
-impl Value for Surface {
+impl Value for SurfaceVersion {
     const TYPE: &'static str = "surface";
 }
 
@@ -179,7 +179,7 @@ fn body_fields(
     let place = graph.field(format!("body.{name}.place"), BodyPlace(Similarity3::identity()))?;
     let coefficients =
         graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
-    let surface = graph.field(format!("body.{name}.surface"), Surface(0))?;
+    let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
     let mut taken = Vec::new();
     graph.compute(
         coefficients,
@@ -200,7 +200,7 @@ fn body_fields(
         (body.moved, body.deformations) = (true, body.deformations + 1);
         body.times.deform_s = body.deformer.times.deform_s;
         body.times.normals_s = body.deformer.times.normals_s;
-        Surface(body.deformations)
+        SurfaceVersion(body.deformations)
     })?;
     Ok(BodyFields { place, poses, surface })
 }
