@@ -7,7 +7,7 @@ use super::error::RenderError;
 use super::frame::{Arrow, FrameContents, StylusShape};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
+use super::pass::{Blending, DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, ViewDraw};
 use super::shader;
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -73,7 +73,7 @@ impl DrawPass for SolidPass {
             return Ok(());
         }
         let (label, parts, buffers) = (self.name(), &shader::SOLID, &vertex_layout());
-        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, surface: Surface::Opaque });
+        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
         if self.meshes.is_none() {
             self.meshes = Some(SolidMeshes::new(gpu)?);
         }

@@ -6,7 +6,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, Surface, ViewDraw};
+use super::pass::{Blending, DrawCounts, DrawPass, EyePipelines, MadeFor, Recipe, ViewDraw};
 use std::borrow::Cow;
 use std::marker::PhantomData;
 use wgpu::BufferUsages;
@@ -58,7 +58,7 @@ impl<S: Strip> DrawPass for StripPass<S> {
             attributes: S::ATTRIBUTES,
         })];
         let recipe =
-            Recipe { label: S::NAME, parts: S::SHADER, buffers: &buffers, surface: Surface::Translucent };
+            Recipe { label: S::NAME, parts: S::SHADER, buffers: &buffers, blending: Blending::Translucent };
         self.pipelines.complete(gpu, kinds, &recipe);
         let bytes: &[u8] = bytemuck::cast_slice(&strips);
         let buffer = match self.buffer.take() {
