@@ -111,7 +111,7 @@ impl ScreenWindows {
         let is_wanted = self.overlays.wants_reports();
         let reports = if is_wanted { session.input.tracker_reports() } else { Vec::new() };
         let haptics = session.haptics.as_mut().filter(|_| self.overlays.has_panel());
-        let felt = haptics.map(HapticSession::readings).unwrap_or_default();
+        let haptics = haptics.map(HapticSession::readings).unwrap_or_default();
         let world = &session.world;
         let stage_frame = StageFrame {
             stage: &world.stage,
@@ -128,7 +128,7 @@ impl ScreenWindows {
             source: source.to_owned(),
             warnings: world.warnings.clone(),
             sensors: SensorReading::of(&reports),
-            felt,
+            haptics,
             ..Readings::of(world)
         };
         let instances = bodies.instances(world);

@@ -192,7 +192,7 @@ impl Panel<'_> {
             rows.push(words(format!("{:<14}{:>9}{:>9}", "sensor", "rate", "age"), QUIET));
             rows.extend(readings.sensors.iter().map(sensor_row));
         }
-        for haptic in &readings.felt {
+        for haptic in &readings.haptics {
             rows.push(Row::Gap);
             rows.extend(haptic_rows(haptic));
         }

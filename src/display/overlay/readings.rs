@@ -22,7 +22,7 @@ pub struct Readings {
     pub source: String,
     pub sensors: Vec<SensorReading>,
     /// Force devices, if the stage has some and a body gives forces.
-    pub felt: Vec<HapticReading>,
+    pub haptics: Vec<HapticReading>,
     /// How held elements move.
     pub mode: String,
     pub hands: Vec<HandReading>,

@@ -37,51 +37,54 @@ fn hand_row(hand: &HandReading) -> Row {
 
 /// Rows for a force device: its state and force, the timing of its loop, and whether the force was softened.
 pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
-    let HapticReading { felt, clockwork, .. } = haptic;
-    let (state, ink) = match () {
-        () if felt.room_from_handle.is_none() => ("no device", BAD),
-        () if felt.gain >= 1.0 => ("felt", GOOD),
-        () if felt.gain > 0.0 => ("fading in", FAIR),
+    let HapticReading { state, timing, .. } = haptic;
+    let (word, ink) = match () {
+        () if state.room_from_handle.is_none() => ("no device", BAD),
+        () if state.gain >= 1.0 => ("felt", GOOD),
+        () if state.gain > 0.0 => ("fading in", FAIR),
         () if haptic.holds => ("no force", BAD),
         () => ("nothing held", QUIET),
     };
-    let limited = if felt.limited { "  at its limit" } else { "" };
+    let limited = if state.limited { "  at its limit" } else { "" };
     let (passive, passive_ink) =
-        if felt.observer.energy < 0.0 { ("brakes", FAIR) } else { ("passive", GOOD) };
+        if state.observer.energy < 0.0 { ("brakes", FAIR) } else { ("passive", GOOD) };
     let mut rows = vec![
-        Row::Words(vec![(format!("haptic {:<14}", clipped(&haptic.name, 14)), INK), (state.into(), ink)]),
+        Row::Words(vec![(format!("haptic {:<14}", clipped(&haptic.name, 14)), INK), (word.into(), ink)]),
         Row::Words(vec![
             ("force".into(), QUIET),
-            (fixed(felt.push.force.norm(), 8, 2), INK),
+            (fixed(state.push.force.norm(), 8, 2), INK),
             (format!(" N of {:.1}", haptic.max_force_n), QUIET),
             (limited.into(), FAIR),
         ]),
         Row::Words(vec![
             ("rate ".into(), QUIET),
-            (format!("{:>8.0}", clockwork.rate_hz), INK),
+            (format!("{:>8.0}", timing.rate_hz), INK),
             (" Hz  late ".into(), QUIET),
-            (clockwork.late.to_string(), INK),
+            (timing.late.to_string(), INK),
             ("  out ".into(), QUIET),
-            (clockwork.missed.to_string(), INK),
+            (timing.missed.to_string(), INK),
         ]),
         Row::Words(vec![
             ("work p50 ".into(), QUIET),
-            (seconds(clockwork.work_p50_s), INK),
+            (seconds(timing.work_p50_s), INK),
             ("  p99 ".into(), QUIET),
-            (seconds(clockwork.work_p99_s), INK),
+            (seconds(timing.work_p99_s), INK),
         ]),
         Row::Words(vec![
             (format!("{passive:<8}"), passive_ink),
             ("braked ".into(), QUIET),
-            (format!("{:.3}", 1e3 * felt.observer.braked), INK),
+            (format!("{:.3}", 1e3 * state.observer.braked), INK),
             (" mJ in all".into(), QUIET),
         ]),
     ];
-    if felt.gain > 0.0 && felt.age_s > felt.spacing_s {
-        rows.push(words(format!("late by {:.1} ms: bears {:.0} N/m", 1e3 * felt.age_s, felt.bearable), FAIR));
+    if state.gain > 0.0 && state.age_s > state.spacing_s {
+        rows.push(words(
+            format!("late by {:.1} ms: bears {:.0} N/m", 1e3 * state.age_s, state.bearable),
+            FAIR,
+        ));
     }
-    if felt.gain > 0.0 && felt.stiffer > 1.0 {
-        rows.push(words(format!("softened: {:.1} times too stiff for it", felt.stiffer), FAIR));
+    if state.gain > 0.0 && state.stiffer > 1.0 {
+        rows.push(words(format!("softened: {:.1} times too stiff for it", state.stiffer), FAIR));
     }
     rows
 }

@@ -35,9 +35,9 @@ fn readings(turn: f64) -> Readings {
             sensor("wand", 0.31, Signal::Held { age_s: 0.31 }),
             sensor("other", 62.0, Signal::Lost { age_s: 62.0 }),
         ],
-        felt: vec![HapticReading {
+        haptics: vec![HapticReading {
             name: "pen".into(),
-            felt: LoopState {
+            state: LoopState {
                 room_from_handle: Some(nalgebra::Isometry3::identity()),
                 push: Push { force: Vector3::new(0.0, -3.0, 1.0) * turn, torque: Vector3::zeros() },
                 gain: 1.0,
@@ -45,7 +45,7 @@ fn readings(turn: f64) -> Readings {
                 stiffer: 3.25,
                 ..LoopState::default()
             },
-            clockwork: LoopTiming {
+            timing: LoopTiming {
                 ticks: 61_234,
                 rate_hz: 999.8,
                 late: 12,
