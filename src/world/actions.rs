@@ -229,10 +229,10 @@ impl World {
     }
 
     fn change_hands(&mut self, change: impl FnOnce(&mut Hands)) {
-        let mut grasp = self.graph.get(self.fields.hands).clone();
-        change(&mut grasp.hands);
-        grasp.asked = Asked::default();
-        self.graph.restore(self.fields.hands, grasp);
+        let mut hands = self.graph.get(self.fields.hands).clone();
+        change(&mut hands.hands);
+        hands.asked = Asked::default();
+        self.graph.restore(self.fields.hands, hands);
     }
 
     fn pose(&self, target: usize) -> ControlPose {

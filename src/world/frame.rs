@@ -8,7 +8,7 @@ use super::body;
 use super::edit_state::EditState;
 use super::flow::{self, Bodies, BodyPlace, Fields, Tracked};
 use super::force::{self, HeldForce};
-use super::hand::{self, Held};
+use super::hand::{self, HeldPlace};
 use super::highlight::Highlight;
 use super::prepare;
 use super::times::StepTimes;
@@ -196,7 +196,7 @@ impl World {
                     self.forces.extend(force);
                     self.arrows.extend(shown);
                 }
-                Held { grip, place }
+                HeldPlace { grip, place }
             });
             let hit = hit.filter(|_| held.is_none());
             let target = hit.and_then(|hit| self.fields.targets.get(hit.target));

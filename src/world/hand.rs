@@ -34,7 +34,7 @@ pub fn pick(
 
 /// What a hand holds, and where the place that it grabbed is now.
 #[derive(Clone, Copy)]
-pub struct Held<'a> {
+pub struct HeldPlace<'a> {
     pub grip: &'a Grip,
     pub place: Point3<f64>,
 }
@@ -45,7 +45,7 @@ pub fn shape(
     stylus: &StylusState,
     room_from_stylus: Isometry3<f64>,
     hit: Option<&Hit>,
-    held: Option<Held<'_>>,
+    held: Option<HeldPlace<'_>>,
     workspace: &Workspace,
 ) -> StylusShape {
     let end = held.map(|held| held.place).or(hit.map(|hit| hit.point_in_room.cast()));
