@@ -2,7 +2,7 @@
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
-use super::overlay::{FrameTimes, History, Panel, Readings};
+use super::overlay::{FrameSteps, History, Panel, Readings};
 use super::window_layout;
 use crate::render::window::Monitor;
 use crate::render::{
@@ -189,7 +189,7 @@ impl Targets {
         if let Some((_, history)) = &mut self.panel {
             let StepTimes { interact_s, deform_s, normals_s } = world.times;
             let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
-            history.push(FrameTimes { steps, whole_s: steps.iter().sum() });
+            history.push(FrameSteps { steps, whole_s: steps.iter().sum() });
         }
         Ok(DrawTimes { upload_s, encode_s, draw_s })
     }

@@ -1,7 +1,7 @@
 //! The windows of a stage: what each eye sees on each screen, overlays, and mouse and keyboard.
 
 use super::bodies::contents;
-use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
+use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
 use super::window_frame::WindowFrame;
 use super::window_layout;
@@ -25,7 +25,7 @@ pub struct ScreenWindows {
     /// Whether the test pattern is shown instead of the scene.
     pattern_alone: bool,
     /// Times of the frame before, for the overlay.
-    times: FrameTimes,
+    times: FrameSteps,
 }
 
 impl ScreenWindows {
@@ -41,7 +41,7 @@ impl ScreenWindows {
             layout,
             swapped: stage.swap_eyes,
             pattern_alone: false,
-            times: FrameTimes::default(),
+            times: FrameSteps::default(),
         }
     }
 
@@ -105,7 +105,7 @@ impl ScreenWindows {
         let StepTimes { interact_s, deform_s, normals_s } = session.world.times;
         if self.overlays.has_panel() {
             self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
-            self.overlays.history.push(FrameTimes { whole_s: *step_s, ..self.times });
+            self.overlays.history.push(FrameSteps { whole_s: *step_s, ..self.times });
         }
         let upload_s = bodies.upload(&windows.gpu, &mut session.world)?;
         let is_wanted = self.overlays.wants_reports();

@@ -11,7 +11,7 @@ mod times;
 
 pub use panel::Panel;
 pub use readings::{BodyReading, ControlReading, HandDoes, HandReading, Readings, SensorReading, TurnLimits};
-pub use times::{ACQUIRE, FrameTimes, History, STEPS};
+pub use times::{ACQUIRE, FrameSteps, History, STEPS};
 
 #[cfg(test)]
 mod tests;

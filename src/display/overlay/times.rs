@@ -14,11 +14,11 @@ pub(super) const FRAMES: usize = 120;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
     /// Newest last.
-    pub frames: VecDeque<FrameTimes>,
+    pub frames: VecDeque<FrameSteps>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FrameTimes {
+pub struct FrameSteps {
     /// As [`STEPS`], s.
     pub steps: [f64; 8],
     /// From this frame to the next, with the time that no step accounts for, s.
@@ -26,14 +26,14 @@ pub struct FrameTimes {
 }
 
 impl History {
-    pub fn push(&mut self, times: FrameTimes) {
+    pub fn push(&mut self, times: FrameSteps) {
         if self.frames.len() == FRAMES {
             self.frames.pop_front();
         }
         self.frames.push_back(times);
     }
 
-    pub(super) fn mean(&self, of: impl Fn(&FrameTimes) -> f64) -> f64 {
+    pub(super) fn mean(&self, of: impl Fn(&FrameSteps) -> f64) -> f64 {
         // A sum of nothing is -0.
         self.frames.iter().map(of).fold(0.0, std::ops::Add::add) / self.frames.len().max(1) as f64
     }
