@@ -12,7 +12,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::render::Gpu;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
-use crate::session::{Progress, Session};
+use crate::session::{Session, SessionProgress};
 use std::time::Instant;
 
 /// What the windows show.
@@ -122,8 +122,8 @@ impl WindowApp for Application {
             self.options.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
         }
         match self.session.advance(self.started.elapsed().as_secs_f64()) {
-            Ok(Progress::Running) => {}
-            Ok(Progress::Ended) => return Ok(Flow::Quit),
+            Ok(SessionProgress::Running) => {}
+            Ok(SessionProgress::Ended) => return Ok(Flow::Quit),
             Err(failure) => {
                 self.failure = Some(failure);
                 return Ok(Flow::Quit);

@@ -1,7 +1,7 @@
 //! A session: a world, the input that moves it, its force devices, and the file into which it is recorded.
 
 use super::haptic::HapticSession;
-use super::input::{Change, InputSource, Leader};
+use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
@@ -26,7 +26,7 @@ pub struct Session {
 
 /// Whether a session goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
+pub enum SessionProgress {
     Running,
     /// The recording has no more frames.
     Ended,
@@ -61,7 +61,7 @@ impl Session {
 
     /// Moves the world on to `time_s` since the start: through all frames of a recording up to then, or by one frame of
     /// the input that leads.
-    pub fn advance(&mut self, time_s: f64) -> Result<Progress, Failure> {
+    pub fn advance(&mut self, time_s: f64) -> Result<SessionProgress, Failure> {
         if self.input.leader() == Leader::Recording {
             return self.replay_until(time_s);
         }
@@ -81,26 +81,26 @@ impl Session {
         if let Some(mouse) = &mut self.input.mouse {
             mouse.hit_distance_m = self.world.hit_distance_m();
         }
-        Ok(Progress::Running)
+        Ok(SessionProgress::Running)
     }
 
-    fn apply(&mut self, change: Change) {
+    fn apply(&mut self, change: ScriptChange) {
         self.world.act(match change {
-            Change::LetGo => Action::LetGo,
-            Change::Reset => Action::Reset,
+            ScriptChange::LetGo => Action::LetGo,
+            ScriptChange::Reset => Action::Reset,
         });
     }
 
     /// Plays all frames of the recording up to `time_s` after its first.
-    fn replay_until(&mut self, time_s: f64) -> Result<Progress, Failure> {
-        let Some(replay) = &mut self.input.replay else { return Ok(Progress::Ended) };
+    fn replay_until(&mut self, time_s: f64) -> Result<SessionProgress, Failure> {
+        let Some(replay) = &mut self.input.replay else { return Ok(SessionProgress::Ended) };
         while let Some(frame_s) = replay.next_time_s()? {
             if frame_s > time_s {
-                return Ok(Progress::Running);
+                return Ok(SessionProgress::Running);
             }
             replay.play_next(&mut self.world, Some(time_s))?;
         }
-        Ok(Progress::Ended)
+        Ok(SessionProgress::Ended)
     }
 
     /// Plays the next frame of the recording; false at its end.

@@ -42,7 +42,7 @@ const PAUSE_S: f64 = 1.0;
 
 /// What a script's end or new round asks of the world before the frame's state is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Change {
+pub enum ScriptChange {
     /// The script is over: the hands let go of what it held.
     LetGo,
     /// The script begins a new round: bodies go back to rest.
@@ -74,16 +74,16 @@ impl InputSource {
     }
 
     /// A person takes over from the script, where one leads.
-    pub fn take_over(&mut self) -> Option<Change> {
+    pub fn take_over(&mut self) -> Option<ScriptChange> {
         if self.leader() != Leader::Script {
             return None;
         }
-        self.script.take().map(|_| Change::LetGo)
+        self.script.take().map(|_| ScriptChange::LetGo)
     }
 
     /// Head and styli at `time_s` since the start, and what has to be done with the world before they are applied.
     /// Trackers give the sensors that they see; the script, or else mouse and keyboard, gives the rest.
-    pub fn state(&mut self, stage: &Stage, time_s: f64) -> (TrackerState, Vec<Change>) {
+    pub fn state(&mut self, stage: &Stage, time_s: f64) -> (TrackerState, Vec<ScriptChange>) {
         let mut changes = Vec::new();
         let step_s = (time_s - self.last_s).max(0.0);
         self.last_s = time_s;
@@ -95,7 +95,7 @@ impl InputSource {
                 let round_s = script.duration_s + PAUSE_S;
                 let round = (time_s / round_s) as u32;
                 if std::mem::replace(&mut self.round, round) != round {
-                    changes.push(Change::Reset);
+                    changes.push(ScriptChange::Reset);
                 }
                 script.sample(stage, time_s % round_s)
             }

@@ -15,7 +15,7 @@ pub mod playback;
 pub mod recording;
 pub mod trackers;
 
-pub use advance::{Progress, Session};
+pub use advance::{Session, SessionProgress};
 pub use haptic::HapticSession;
 pub use input::{InputSource, Leader};
 pub use open::Request;
