@@ -5,7 +5,7 @@ use super::text::plain;
 use std::fmt::Arguments;
 use std::io::Write;
 
-/// Writes a line to standard error, nothing in it able to steer the terminal ([`plain`]).
+/// Writes a line to standard error, without anything that could control the terminal ([`plain`]).
 pub fn say(line: Arguments<'_>) {
     // In one piece, so that lines of several threads do not mix.
     let _ = std::io::stderr().lock().write_all(format!("{}\n", plain(line)).as_bytes());

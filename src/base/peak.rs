@@ -18,7 +18,7 @@ impl Default for Peak {
 }
 
 impl Peak {
-    /// Takes a number at a time in s; what is no number is passed over.
+    /// Takes a number at a time in s; NaN is ignored.
     pub fn take(&mut self, value: f64, now_s: f64) {
         if !value.is_finite() {
             return;

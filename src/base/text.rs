@@ -6,7 +6,7 @@
 
 use std::fmt::Display;
 
-/// Text of several lines: line ends and tabs stay.
+/// Makes a text of several lines safe to show; line ends and tabs stay.
 pub fn plain(text: impl Display) -> String {
     let text = text.to_string();
     if text.chars().all(|c| is_shown(c) || c == '\n' || c == '\t') {
@@ -19,7 +19,7 @@ pub fn plain(text: impl Display) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// A name: on one line, whatever it holds.
+/// Makes a name safe to show, on one line whatever it holds.
 pub fn one_line(text: impl Display) -> String {
     let mut shown = String::new();
     for c in text.to_string().chars() {

@@ -204,7 +204,7 @@ struct Loop {
     time_s: f64,
     /// Columns read, bytes; 0 where none are.
     bytes: f64,
-    /// Time in which as many threads read the same bytes and do nothing else, in turn with the loop.
+    /// Time in which as many threads read the same bytes and do nothing else, measured in turn with the loop.
     reading_s: f64,
 }
 
@@ -219,7 +219,7 @@ impl Loop {
         Loop { name, time_s, bytes: size_of_val(words) as f64, reading_s }
     }
 
-    /// What the loop reaches of the speed of reading alone.
+    /// The share of the speed of reading alone that the loop reaches.
     fn share(&self) -> String {
         match self.reading_s / self.time_s {
             _ if self.bytes == 0.0 => String::new(),
@@ -295,8 +295,8 @@ fn repeat(mut work: impl FnMut()) -> f64 {
     time
 }
 
-/// Median times of calls, over half a second for each, s. They take turns, so that what disturbs the machine disturbs
-/// them alike; a turn is a few calls, the first of which is not counted: each finds in the caches what it left itself.
+/// Median times of calls, over half a second for each, s. The calls take turns, so that disturbances of the machine affect
+/// them alike. A turn is a few calls, the first of which is not counted, so that each finds its own data in the caches.
 fn in_turn<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
     let began = Instant::now();
     let mut times = [const { Vec::new() }; N];

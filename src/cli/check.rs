@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     check_stage::verdict(&findings, &args.scene)
 }
 
-/// What one effect adds to one body's file and memory; `greenstage accuracy` measures its times too.
+/// The bytes that one effect adds to one body's file and memory; `greenstage accuracy` measures its times too.
 #[derive(serde::Serialize)]
 struct Cost {
     body: String,

@@ -14,12 +14,12 @@ use std::time::Duration;
 
 /// Where `--serve` listens unless told otherwise: this machine alone can reach it.
 pub const DEFAULT_PLACE: &str = "127.0.0.1:3883";
-/// How often sources and clients are looked at while serving, s.
+/// How often sources and clients are polled while serving, s.
 pub const STEP_S: f64 = 0.001;
 /// The device of a script.
 const SCRIPT_DEVICE: &str = "Tracker0";
 
-/// A running server, and what was told of its clients.
+/// A running server, and the notices that were given about its clients.
 pub struct Service {
     server: Server,
     told: ServerCounters,

@@ -128,7 +128,8 @@ fn boundaries() -> (Table, Vec<serde_json::Value>) {
     (table, found)
 }
 
-/// A row for each way of reporting and hand, a column for each body: how far the handle still moves, and what was made.
+/// A row for each way of reporting and hand, a column for each body: how far the handle still moves, and the energy that the
+/// loop generated.
 fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value>) {
     let heading = ["reports", "delay", "jitter", "hand", "bears, N/m"].map(str::to_owned);
     let moduli = MODULI.map(|young| format!("{young:.0e} Pa"));
@@ -166,7 +167,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
 /// Moved by less than this in the last second it is at rest, m: a sensor resolves no less.
 const REST_M: f64 = 2e-3 * START_M;
 
-/// One digit, for a limit cycle does not repeat itself.
+/// One digit, because a limit cycle does not repeat exactly.
 fn settled_cell(settled: &Settled) -> String {
     let round = |value: f64| {
         let power = 10f64.powf(value.log10().floor());
@@ -178,7 +179,7 @@ fn settled_cell(settled: &Settled) -> String {
     format!("{swing}, {made}")
 }
 
-/// With all measures nothing may be unstable or make energy, and the plain boundary must be the theory's.
+/// With all measures no loop may be unstable or generate energy, and without them the boundary must be that of theory.
 fn judge(
     all: &[serde_json::Value],
     boundaries: &[serde_json::Value],

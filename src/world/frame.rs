@@ -2,7 +2,7 @@
 //!
 //! In: a scene, its .green file, a stage, and a [`TrackerState`] per frame. Out: deformed bodies at their places,
 //! styli with their rays, and one view per screen and eye. Everything that moves is a field of one graph
-//! ([`flow`](super::flow)), which is evaluated once a frame.
+//! ([`flow`]), which is evaluated once a frame.
 
 use super::body;
 use super::edit_state::EditState;
