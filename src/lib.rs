@@ -18,7 +18,7 @@
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
 //! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
-//! | [`session`] | what drives a world and what becomes of it: input sources, recording, haptic sessions; [`session::Session::advance`] |
+//! | [`session`] | what moves a world, and the recording of it: input sources, recordings, force devices; [`session::Session::advance`] |
 //! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |

@@ -1,4 +1,4 @@
-//! Hands that feel what they hold: by a simulated device, by VRPN and by Haply's service over the loopback device.
+//! Hands that feel what they hold: through a simulated device, VRPN, and Haply's service, over the loopback interface.
 
 use super::*;
 use crate::effect::haptics::grasp::device_from_handle;
