@@ -116,10 +116,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let resists = scene.body.values().any(|body| any_requires(&body.effects, STIFFNESS));
     let ticks = match resists || args.haptics {
-        true => beside_frames(
-            Session::open(&Request { stage: args.stage.as_deref(), ..Request::of(&scene) })?,
-            args.device,
-        )?,
+        true => {
+            let mut session = open()?;
+            // The script moves it, as often as there is time for.
+            session.input.replay = None;
+            beside_frames(session, args.device)?
+        }
         false => Vec::new(),
     };
     let mut tables =
@@ -144,8 +146,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 fn beside_frames(mut session: Session, device: device::Args) -> Result<Vec<bench_haptics::Row>, Failure> {
     let mut targets = Targets::new(&mut session.world, Pictures::Eyes, 1, 1.0, device)?;
     let started = Instant::now();
+    let duration_s = session.input.script.as_ref().map(|script| script.duration_s);
     bench_haptics::measure(|| {
-        session.advance(started.elapsed().as_secs_f64())?;
+        if let Some(duration_s) = duration_s {
+            session.advance(started.elapsed().as_secs_f64() % duration_s)?;
+        }
         targets.draw(&mut session.world)?;
         Ok(())
     })

@@ -46,9 +46,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         poses.iter().map(|pose| batch::ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;
     if set.missed.is_empty() || !set.results.is_empty() {
-        for path in files.write(&set)? {
-            print(&format!("{}\n", path.display()))?;
-        }
+        files.write(&set, |path| print(&format!("{}\n", path.display())))?;
         print(&tables)?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }

@@ -89,7 +89,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     try_outputs(&request, Some(&pictures))?;
     let scene = super::plan::settled(scene.clone(), false, false)?;
     let mut session = Session::open(&Request { scene: &scene, ..request })?;
-    print(&pictures.draw(&mut session)?)
+    print(&pictures.draw(&mut session)?)?;
+    print(&session.report()?)
 }
 
 /// Whether everything that `render` and `view` write can be written, before anything is solved.

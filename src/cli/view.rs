@@ -122,7 +122,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
         let moves = session.input.script.is_some() || args.replay.is_some();
         let pictures = PictureRequest { frames: if moves { OFFSCREEN } else { 1 }, ..pictures };
-        return print(&pictures.draw(&mut session)?);
+        print(&pictures.draw(&mut session)?)?;
+        return print(&session.report()?);
     }
     // A recording has its own head and hands.
     if args.replay.is_none() {

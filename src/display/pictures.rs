@@ -47,8 +47,8 @@ impl PictureRequest {
         Ok(pictures.try_for_each(|path| output::may_replace(&path, &PNG, inputs))?)
     }
 
-    /// Draws all frames into the folder, with a contact sheet of first, middle and last; tells what was written, how long
-    /// it took, and how a replay went.
+    /// Draws all frames into the folder, with a contact sheet of first, middle and last; tells what was written and how long
+    /// it took.
     pub fn draw(&self, session: &mut Session) -> Result<String, Failure> {
         let folder = &self.folder;
         output::make_folder(folder)?;
@@ -100,7 +100,7 @@ impl PictureRequest {
             seconds(mechanics_s / self.frames as f64),
             path.display()
         );
-        Ok(drawn + &session.report()?)
+        Ok(drawn)
     }
 }
 

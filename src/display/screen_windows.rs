@@ -34,10 +34,11 @@ impl ScreenWindows {
     pub fn new(stage: &Stage, scale: Option<f64>) -> ScreenWindows {
         let layout = stage.layout();
         let is_usual = stage.windows.is_empty();
+        let scale = scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 });
         ScreenWindows {
             overlays: Overlays::new(stage, &layout),
-            scale: scale.unwrap_or(if is_usual && layout.len() > 1 { 0.5 } else { 1.0 }),
-            sizes: vec![[0, 0]; layout.len()],
+            scale,
+            sizes: layout.iter().map(|window| window_layout::scaled(window.size, scale)).collect(),
             layout,
             swapped: stage.swap_eyes,
             pattern_alone: false,

@@ -21,12 +21,13 @@ impl Files {
         let is_named = stem.file_name().is_some() && !output.as_os_str().as_encoded_bytes().ends_with(b"/");
         let is_special = std::fs::metadata(output).is_ok_and(|found| !found.is_file() && !found.is_dir());
         if !is_named || is_special {
-            let suffixes: Vec<String> =
+            let mut files: Vec<String> =
                 EXPORTERS.iter().map(|exporter| format!("OUT{}", exporter.suffix)).collect();
+            let last = files.pop().unwrap_or_default();
             return Err(Failure::wrong(format!(
-                "{}: {} are written: OUT names files in a folder, as out/part",
+                "{}: {} and {last} are written: OUT names files in a folder, as out/part",
                 output.display(),
-                suffixes.join(", ")
+                files.join(", ")
             )));
         }
         Ok(Files { stem })
@@ -48,8 +49,13 @@ impl Files {
         Ok(())
     }
 
-    /// Writes the files, removes those of an earlier run that this run has no results for, and returns the paths written.
-    pub fn write(&self, set: &ResultSet) -> Result<Vec<PathBuf>, Failure> {
+    /// Writes the files, and removes those of an earlier run that this run has no results for. `tell` is called with the path
+    /// of each file once it is there.
+    pub fn write(
+        &self,
+        set: &ResultSet,
+        mut tell: impl FnMut(&Path) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         let (mut staged, mut old) = (Vec::new(), Vec::new());
         for exporter in EXPORTERS {
             let path = self.path(exporter.suffix);
@@ -60,10 +66,9 @@ impl Files {
             let contents = (exporter.write)(set);
             staged.push((output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?, path));
         }
-        let mut written = Vec::new();
         for (staged, path) in staged {
             staged.put()?;
-            written.push(path);
+            tell(&path)?;
         }
         for old in old {
             std::fs::remove_file(&old)
@@ -71,6 +76,6 @@ impl Files {
                 .map_err(Failure::Request)?;
             notice!("note: {} was of an earlier run that had forces, and is removed", old.display());
         }
-        Ok(written)
+        Ok(())
     }
 }

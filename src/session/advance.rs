@@ -15,10 +15,11 @@ use std::sync::Arc;
 
 /// A world, and all that moves or records it.
 pub struct Session {
+    /// Loops of force devices, where the stage has some and a body asks for them. First, so that it is dropped first: no
+    /// device pushes while trackers are waited for.
+    pub haptics: Option<HapticSession>,
     pub world: World,
     pub input: InputSource,
-    /// The loops of force devices, if the stage has some and a body asks for forces.
-    pub haptics: Option<HapticSession>,
     pub recorder: Option<Recorder>,
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
@@ -37,7 +38,7 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
-        Session { world, input, haptics: None, recorder: None, file: None }
+        Session { haptics: None, world, input, recorder: None, file: None }
     }
 
     /// Lets mouse and keyboard move what nothing else moves.

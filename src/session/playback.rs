@@ -78,12 +78,13 @@ impl Playback {
 /// Plays the script or the recording without windows and devices: every frame's state against the recorded one, and
 /// what the mechanics took, in words.
 pub fn check(session: &mut Session) -> Result<String, Failure> {
-    let frames = match Source::of(session)? {
+    let source = Source::of(session)?;
+    let frames = match source {
         Source::Rest => 1,
         Source::Script { .. } => SCRIPT_STEPS,
         Source::Recording { length } => length as usize,
     };
-    let mut playback = Playback::new(session, frames)?;
+    let mut playback = Playback { source, frames: frames.max(1), done: 0 };
     let mut times = Vec::new();
     for frame in 0..frames {
         times.push(playback.step_to(session, frame)?.total_s());
