@@ -1,4 +1,4 @@
-// The stylus, its ray and its hit point: small rigid solids, one instance each, lit or glowing.
+// Styli, their rays and hit points, arrows and balls: small rigid solids, one instance each, lit or glowing.
 
 struct Varyings {
     @builtin(position) clip: vec4<f32>,

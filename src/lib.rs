@@ -1,19 +1,24 @@
 //! Real-time elastic bodies in virtual environments: finite elements and precomputed Green's functions.
 //!
+//! "The paper" is I. Nikitin, L. Nikitina, P. Frolov, G. Goebbels, M. Göbel, S. Klimenko and G. M. Nielson, "Real-time
+//! simulation of elastic objects in Virtual Environments using finite element method and precomputed Green's functions",
+//! Eurographics Workshop on Virtual Environments, 2002.
+//!
 //! Two stages meet in one file:
 //!
 //! ```text
 //! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → columns → tube.green
-//! online    tube.green → Body;  Tracker → PickRay → Hands → control poses → BodyState → Surface → Stage (screen × eye) → Renderer
+//! online    tube.green → Deformer in a PlacedBody
+//!           TrackerSet → TrackerState → PickRay → Hands → control poses → BodyState → positions, normals → Stage (screen × eye) → Renderer
 //! ```
 //!
 //! Each room imports only from rooms that stand below it in this table, and no two files import each other.
 //!
 //! | room | what it holds |
 //! |---|---|
-//! | [`cli`] | one file per subcommand: its arguments, one call, the printed result |
+//! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
 //! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
-//! | [`session`] | what drives a world and what becomes of it: input sources, recording, haptic sessions; [`session::Session::advance`] |
+//! | [`session`] | what moves a world, and the recording of it: input sources, recordings, force devices; [`session::Session::advance`] |
 //! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
@@ -35,6 +40,22 @@
 //! | [`config`] | strict TOML: every error names file, line and the nearest known key |
 //! | [`manual`] | the manual's chapters in Markdown |
 //! | [`base`] | plain data and services that several rooms share |
+//!
+//! The way of a tracker's packet to a pixel:
+//!
+//! ```text
+//! track     udp::run → Parser::parse → DeviceState::take_pose → StatePublisher::publish_changed   (a thread per tracker)
+//! display   Application::frame                                                                    (once a frame)
+//! session     Session::advance → InputSource::state → trackers::merge → TrackerSet::state (Follower)
+//! world         World::step_at → Graph::evaluate:
+//!                 pick, Hands::step, PlacedBody::admit
+//! deform          Deformer::take → DeformationModel::state
+//!                 Deformer::deform → Superposition::update, move_parts, vertex_normals
+//! display     ScreenWindows::draw → window_layout::tiles → World::view → Screen::view
+//!               GpuBodies::upload
+//!               Overlays::draw → Windows::draw
+//! render          TilePainter::draw → Renderer::draw, each of PASSES → TilePainter::join → present
+//! ```
 //!
 //! Conventions: SI units, radians, right-handed, Y up in the stage; transforms are named `a_from_b`;
 //! offline arithmetic is f64, online f32.

@@ -1,4 +1,4 @@
-//! A scene made ready for the online stage: its .green file found fresh or made, its models and effects known.
+//! Makes a scene ready for the online stage: checks its models and effects, and finds or makes its .green file.
 
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;
@@ -28,7 +28,7 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
 
 /// What must be precomputed for the model and the effects of a body. Errors name an unknown one, and refuse a model that
 /// has no part in the .green file.
-pub fn needs(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
+pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
     if law(scene, name, body)?.is_some() {
         return Err(wrong(scene, name, "model", not_online(&body.model)));
     }
@@ -106,7 +106,7 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
         other => other?,
     };
     for (name, body) in &scene.body {
-        match file.check_belongs(scene, name, &needs(scene, name, body)?) {
+        match file.check_belongs(scene, name, &requirements(scene, name, body)?) {
             Err(stale @ GreenError::Stale { .. }) => return Ok(Err(stale)),
             other => other?,
         }
@@ -128,8 +128,8 @@ pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failur
         .body
         .iter()
         .map(|(name, body)| {
-            let needs = needs(scene, name, body)?;
-            let mut precomputed = green::precompute(scene, name, &needs, &Bars::new(name, quiet))?;
+            let requirements = requirements(scene, name, body)?;
+            let mut precomputed = green::precompute(scene, name, &requirements, &Bars::new(name, quiet))?;
             effect::add_sections(effects(body), &mut precomputed)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
@@ -145,7 +145,7 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
         return Ok(Arc::new(fresh(scene, path)??));
     }
     for (name, body) in &scene.body {
-        needs(scene, name, body)?;
+        requirements(scene, name, body)?;
     }
     let path = green_path(scene);
     unpack_shipped(&path)?;

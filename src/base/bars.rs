@@ -33,7 +33,7 @@ impl Bars {
 }
 
 impl Drop for Bars {
-    /// Work that failed leaves no bar behind.
+    /// Removes the bar of work that failed.
     fn drop(&mut self) {
         self.with_step(|current| {
             if let Some(step) = current.take() {

@@ -1,4 +1,4 @@
-//! Columns of displacements as they are stored: in single precision, or in half the bytes with an error that is known.
+//! Stores columns of displacements in single precision, or in half the bytes with a known error.
 //!
 //! In: f64 columns, or stored numbers wherever they lie. Out: [`StoredColumns`], which own their numbers and know their
 //! errors, and [`ColumnGroup`], a view of them that the .green file, the sum on the CPU and the renderer share.

@@ -1,6 +1,6 @@
 //! Cells of comma-separated values (RFC 4180).
 
-/// The cell as it stands in a line: in quotes where it holds a comma, a quote or the end of a line.
+/// The cell as it is written: in quotes if it holds a comma, a quote or the end of a line.
 pub fn quoted(cell: &str) -> String {
     if cell.contains([',', '"', '\r', '\n']) {
         format!("\"{}\"", cell.replace('"', "\"\""))

@@ -1,8 +1,8 @@
-//! One thing found wrong, or worth knowing, in what the user gave: a mesh, a scene, a stage, a solution.
+//! A diagnostic: one error, warning or note about a mesh, a scene, a stage or a solution.
 
 use super::table::count;
 
-/// How bad it is; the most severe first.
+/// The severity of a diagnostic, the most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -24,7 +24,7 @@ impl std::fmt::Display for Severity {
     }
 }
 
-/// What is wrong, how severe it is, and where.
+/// What is wrong, how severe it is, and where it is.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Diagnostic {
     pub severity: Severity,

@@ -1,17 +1,17 @@
 //! Disjoint sets of the numbers 0..n, joined pair by pair.
 
-/// The smallest number of a set is its root.
+/// Each set is represented by its smallest number.
 pub struct DisjointSets {
     parent: Vec<u32>,
 }
 
 impl DisjointSets {
-    /// Every number alone.
+    /// Every number in a set of its own.
     pub fn new(count: usize) -> DisjointSets {
         DisjointSets { parent: (0..count as u32).collect() }
     }
 
-    /// The smallest number of the set of `of`.
+    /// The smallest number of the set that holds `of`.
     pub fn root(&mut self, mut of: u32) -> u32 {
         while self.parent[of as usize] != of {
             let above = self.parent[self.parent[of as usize] as usize];

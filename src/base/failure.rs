@@ -1,4 +1,4 @@
-//! How a command fails: whose fault it is, and the chain of reasons.
+//! The failure of a command: whether the request or the work is at fault, and the chain of reasons.
 
 use super::output::OutputError;
 use std::fmt;

@@ -4,10 +4,11 @@ use super::machine;
 use std::io;
 use std::path::Path;
 
-/// Bytes of memory for one of a file while it becomes a mesh: 4.7 at most of tetrahedra in any format.
+/// Bytes of memory per byte of a file while it is read into a mesh: at most 4.7 for tetrahedra in any format.
 const MEMORY: f64 = 5.0;
 
-/// The bytes of a regular file. Refused unread: what has no end (a device, a pipe), and what does not fit into memory.
+/// The bytes of a regular file. Devices and pipes, which may have no end, and files that do not fit into memory are refused
+/// before they are read.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let bytes = regular(path)?;
     machine::expect(format!("reading its {bytes} bytes"), MEMORY * bytes as f64)
@@ -15,7 +16,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     std::fs::read(path)
 }
 
-/// Errors where `path` is no regular file; its size. To be asked before it is opened: opening a pipe waits.
+/// The size of a regular file; an error if `path` is none. Ask this before opening it, because opening a pipe waits.
 pub fn regular(path: &Path) -> io::Result<u64> {
     let found = std::fs::metadata(path)?;
     if found.is_dir() {

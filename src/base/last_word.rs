@@ -1,11 +1,10 @@
-//! The last word on a connection: what its peer is told if the program dies, prepared while all is well.
+//! The last message on a connection: what its peer is told if the program dies, prepared beforehand.
 //!
-//! In: a connection and the message that leaves its peer safe, as bytes. Out: nothing, until the program is ended by a
-//! signal that is not asked for (a fault, an abort, a limit), or [`speak`] is called: then every message is sent and
-//! its connection closed for sending, so that no thread that still runs can send anything after it; whoever sends
-//! otherwise does it by [`LastWord::before`], so that nothing comes between the two either. The handler calls only what
-//! POSIX lists as async-signal-safe. What ends a process without a signal that can be caught (SIGKILL, a power cut) ends
-//! it without a last word.
+//! In: a connection and the message that leaves its peer safe, as bytes. Out: nothing, until a signal that nobody asked for
+//! (a fault, an abort, a limit) ends the program, or [`speak`] is called. Then every message is sent and its connection closed
+//! for sending, so that no running thread can send anything after it. All other sending goes through [`LastWord::before`], so
+//! that a last message never interrupts it. The handler calls only functions that POSIX lists as async-signal-safe. SIGKILL
+//! and a power cut end the program without a last message.
 
 use libc::{c_int, c_void, siginfo_t};
 use std::io::{Error, Result};
@@ -15,20 +14,20 @@ use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
 use std::sync::{Once, OnceLock};
 
-/// A longer message is refused, bytes.
+/// The longest message, bytes.
 const LONGEST: usize = 512;
-/// So many connections have a last word at once.
+/// At most so many connections have a last message at once.
 const MOST: usize = 16;
-/// In place of a socket.
+/// Stands for no socket.
 const FREE: i32 = -1;
 const TAKEN: i32 = -2;
-/// How often, and for how long each time, the peer is given time to read before the process is gone, ms: 0.2 s in all.
+/// How often, and for how many ms each time, the process waits for the peer to read before it ends: 0.2 s in all.
 const ROUNDS: usize = 40;
 const ROUND_MS: c_int = 5;
-/// How long another thread has to finish what it is sending, ms. It may be the one that died.
+/// How long another thread has to finish what it is sending, ms. It may be the thread that died.
 const SENDING_MS: usize = 20;
 
-/// What ends a process unless it is caught. The requests to end (SIGTERM, SIGINT, SIGHUP) are answered in order elsewhere.
+/// Signals that end a process unless they are caught. [`super::signal`] answers the requests to end (SIGTERM, SIGINT, SIGHUP).
 const FATAL: [c_int; 15] = [
     libc::SIGABRT,
     libc::SIGBUS,
@@ -47,7 +46,7 @@ const FATAL: [c_int; 15] = [
     libc::SIGUSR2,
 ];
 
-/// What would stop the process where it stands, its peers not told: Ctrl-Z, and a terminal that it may not use.
+/// Signals that would stop the process without its peers being told: Ctrl-Z, and a terminal that it may not use.
 const STOPPING: [c_int; 3] = [libc::SIGTSTP, libc::SIGTTIN, libc::SIGTTOU];
 
 struct Slot {
@@ -70,10 +69,10 @@ static SLOTS: [Slot; MOST] = [const {
 /// The slots are being read for the last time: no socket of theirs is closed any more, lest its number be another's.
 static SPEAKING: AtomicBool = AtomicBool::new(false);
 
-/// What was done at each of [`FATAL`] before.
+/// The previous action for each signal of [`FATAL`].
 static BEFORE: OnceLock<[libc::sigaction; FATAL.len()]> = OnceLock::new();
 
-/// A connection's last word; dropped, it is forgotten, and said where a panic drops it.
+/// A connection's last message. Dropping it discards the message, except in a panic, which sends it.
 pub struct LastWord {
     slot: &'static Slot,
     /// Its own handle of the socket: the number stays this connection's.
@@ -129,7 +128,7 @@ impl Drop for LastWord {
     }
 }
 
-/// Says every last word now, and gives the peers a moment to read it: for an end that does not wait for the threads.
+/// Sends every last message now, and gives the peers a moment to read it; for an end that does not wait for the threads.
 pub fn speak() {
     SPEAKING.store(true, SeqCst);
     SLOTS.iter().for_each(Slot::speak);
@@ -185,8 +184,8 @@ impl Slot {
     }
 }
 
-/// From the first call on those signals that would end the process at once have the last words said first, and those that
-/// would stop it are ignored.
+/// From the first call on, signals that would end the process at once first send the last messages, and those that would
+/// stop it are ignored.
 fn catch_fatal_signals() {
     static CAUGHT: Once = Once::new();
     CAUGHT.call_once(|| {
@@ -220,7 +219,7 @@ fn catch_fatal_signals() {
     });
 }
 
-/// Says the last words, and lets the signal do what it would have done without.
+/// Sends the last messages, and then lets the signal do what it would have done without this handler.
 extern "C" fn die(signal: c_int, info: *mut siginfo_t, _: *mut c_void) {
     speak();
     if signal == libc::SIGABRT {

@@ -1,21 +1,21 @@
-//! What this process may have of the machine: memory that is left to it, and threads.
+//! The memory and the threads that this process may use.
 //!
 //! Memory is bounded by the machine, by every control group around the process (versions 1 and 2; what their file
-//! caches hold is given back) and by `ulimit -v` and `-d`. The need of a step is compared with it before the step, for
-//! a process above a limit is ended without a word.
+//! caches hold is given back) and by `ulimit -v` and `-d`. The need of a step is compared with it before the step,
+//! because the system kills a process above a limit without a message.
 
 use std::path::Path;
 
 /// More threads than this are refused, unless the machine has as many processors.
 const MOST_THREADS: usize = 1024;
 
-/// What estimates of need leave out: a part of them, and bytes for the rest of the program.
+/// Allowance for what estimates of need leave out: a share of them, and bytes for the rest of the program.
 const SPARE: [f64; 2] = [0.1, 16e6];
 
 const LIMITS: &str = "/proc/self/limits";
 const ADDRESSES: &str = "Max address space";
 
-/// Something needs more memory than is left: what, how much, and what is left by whom.
+/// Something needs more memory than is left: what needs it, how much, how much is left, and which limit leaves it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct TooLarge(Box<str>);
@@ -31,13 +31,13 @@ fn size(bytes: f64) -> String {
     if bytes < 1e9 { format!("{:.0} MB", bytes / 1e6) } else { format!("{:.1} GB", bytes / 1e9) }
 }
 
-/// Errors where `need` bytes more than the process has now, and a tenth of them and 16 MB to spare, are not to be had, as
-/// far as the system tells.
+/// Returns an error if the process cannot get `need` more bytes, with a tenth of them and 16 MB to spare, as far as the
+/// system tells.
 pub fn expect(what: impl Into<String>, need: f64) -> Result<(), TooLarge> {
     expect_mapped(what, need, 0.0)
 }
 
-/// [`expect`] where another `mapped` bytes are allocated and hardly used: they count for limits on addresses alone.
+/// [`expect`] with another `mapped` bytes that are allocated and hardly used: only limits on addresses count them.
 pub fn expect_mapped(what: impl Into<String>, need: f64, mapped: f64) -> Result<(), TooLarge> {
     let need = need + SPARE[0] * need + SPARE[1];
     let refused = |(left, bound): (f64, Bound)| {
@@ -52,7 +52,7 @@ pub fn expect_mapped(what: impl Into<String>, need: f64, mapped: f64) -> Result<
     Err(TooLarge::new(&what, need, left, bound.name))
 }
 
-/// The error where the system refused `need` bytes although there seemed to be as many.
+/// The error if the system refused `need` bytes although so many seemed to be left.
 pub fn refused(what: impl Into<String>, need: f64) -> TooLarge {
     let least = bounds().into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
     let (left, bound) = least.map_or((0.0, "the system"), |(left, bound)| (left, bound.name));
@@ -60,14 +60,14 @@ pub fn refused(what: impl Into<String>, need: f64) -> TooLarge {
     TooLarge::new(&what, need, left, bound)
 }
 
-/// What bounds the memory of a process.
+/// A limit on the memory of a process.
 struct Bound {
     name: &'static str,
-    /// Whether addresses count, rather than the memory behind them.
+    /// Whether it limits addresses, rather than the memory behind them.
     counts_mapped: bool,
 }
 
-/// Bytes that this process may still take by each of its bounds.
+/// Bytes that each limit leaves to this process.
 fn bounds() -> Vec<(f64, Bound)> {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let status = read("/proc/self/status");
@@ -121,7 +121,7 @@ fn of_machine(meminfo: &str) -> Option<f64> {
     Some(kilobytes(meminfo, "MemAvailable:")? + kilobytes(meminfo, "SwapFree:").unwrap_or(0.0))
 }
 
-/// The least that a control group of the process, or one around it, leaves.
+/// The fewest bytes that any control group around the process leaves.
 fn of_groups(own: &str, root: &Path) -> Option<f64> {
     let groups = own.lines().filter_map(|line| {
         let mut parts = line.splitn(3, ':').skip(1);
@@ -163,7 +163,7 @@ fn limit(limits: &str, name: &str) -> Option<f64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Why there are no threads to work with.
+/// Why the working threads cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadsError {
     #[error(
@@ -198,7 +198,7 @@ pub fn start_threads() -> Result<(), ThreadsError> {
     }
 }
 
-/// The processor's name; its instruction set where the system does not tell.
+/// The processor's name, or its instruction set if the system does not tell the name.
 pub fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));

@@ -1,18 +1,18 @@
-//! The end where memory that nobody could know the need of is not to be had: one sentence and exit status 1.
+//! Ends the program with one sentence and status 1 when an allocation fails.
 //!
-//! Rust aborts where an allocation fails that cannot be refused. The allocator remembers that, so that the abort's
-//! signal can be told from another and answered. What can be refused (`try_reserve`) is refused as ever.
+//! Rust aborts when an ordinary allocation fails. The allocator remembers the failed request, so that the handler can tell
+//! this abort from any other and say why. An allocation that may fail (`try_reserve`) returns its error as ever.
 
 use libc::{SIGABRT, c_int};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::io::Write;
 
-/// The system's allocator, which remembers the last request of a thread if that was refused.
+/// The system's allocator, which remembers a thread's last request if the system refused it.
 pub struct Watched;
 
 thread_local! {
-    /// Bytes of the last request that was refused; 0 where none was.
+    /// Bytes of the last refused request; 0 if none was refused.
     static REFUSED: Cell<usize> = const { Cell::new(0) };
 }
 
@@ -46,8 +46,8 @@ unsafe impl GlobalAlloc for Watched {
     }
 }
 
-/// From now on an allocation that fails ends the program with a sentence and status 1, where [`Watched`] is its
-/// allocator. Where addresses are limited, all threads share one arena, for another would reserve 64 MB of them.
+/// From this call on, an allocation that fails ends the program with a sentence and status 1, if [`Watched`] is its
+/// allocator. If addresses are limited, all threads share one arena, because each further one would reserve 64 MB of them.
 pub fn end_in_order() {
     #[cfg(target_env = "gnu")]
     if super::machine::addresses_are_limited() {
@@ -64,7 +64,8 @@ extern "C" fn on_abort(_signal: c_int) {
     conclude();
 }
 
-/// Where an allocation of this thread was refused, says so and ends the program. Calls only what a handler of signals may.
+/// If an allocation of this thread was refused, writes the sentence and ends the program. It calls only functions that are
+/// allowed in a signal handler.
 pub fn conclude() {
     let bytes = REFUSED.get();
     if bytes == 0 {

@@ -1,6 +1,6 @@
 //! Plain data and services that several rooms share: atomic files, facts of the machine, text for a terminal.
 //!
-//! Imports no other room of ours.
+//! It imports no other room.
 
 pub mod bars;
 pub mod columns;

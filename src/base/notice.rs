@@ -1,11 +1,11 @@
-//! Lines to people, on standard error. One that cannot be written, on a full disk or a closed pipe, is lost; the work
-//! that it speaks of is not.
+//! Writes lines for people to standard error. A line that cannot be written, because a disk is full or a pipe is closed, is
+//! lost; the work goes on.
 
 use super::text::plain;
 use std::fmt::Arguments;
 use std::io::Write;
 
-/// Writes a line to standard error, nothing in it able to steer the terminal ([`plain`]).
+/// Writes a line to standard error, without anything that could control the terminal ([`plain`]).
 pub fn say(line: Arguments<'_>) {
     // In one piece, so that lines of several threads do not mix.
     let _ = std::io::stderr().lock().write_all(format!("{}\n", plain(line)).as_bytes());

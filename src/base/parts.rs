@@ -56,14 +56,14 @@ impl PartWeights {
         for (node, row) in rows.iter().enumerate() {
             if let Some((part, _)) = row.iter().find(|(part, _)| *part as usize >= parts) {
                 return Err(format!(
-                    "node {node} names part {part}, the body has {parts} parts, 0 the first"
+                    "node {node} names part {part}, but the body has {parts} parts, counted from 0"
                 ));
             }
             let sum = row.iter().fold(0.0, |sum, (_, weight)| sum + weight);
             let is_one = (sum - 1.0).abs() <= OFF;
             if !is_one || row.iter().any(|(_, weight)| *weight < 0.0) {
                 return Err(format!(
-                    "the weights of node {node} are {row:?} with the sum {sum}: none may be negative, and their sum is 1"
+                    "the weights of node {node} are {row:?} with the sum {sum}: none may be negative, and their sum must be 1"
                 ));
             }
             let share = |&(part, weight): &(u32, f64)| PartShare { part, weight: (weight / sum) as f32 };
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(weights.of(1)[1], PartShare { part: 1, weight: 0.75 });
         assert_eq!(weights.of(2), [PartShare { part: 1, weight: 1.0 }]);
         for (row, expected) in [
-            (vec![(2, 1.0)], "node 0 names part 2, the body has 2 parts"),
+            (vec![(2, 1.0)], "node 0 names part 2, but the body has 2 parts"),
             (vec![(0, 0.5)], "with the sum 0.5"),
             (vec![(0, 1.5), (1, -0.5)], "none may be negative"),
             (vec![], "with the sum 0"),

@@ -1,10 +1,10 @@
-//! The greatest of late: rises at once with what it is told, and falls slowly towards it.
+//! A running maximum that rises at once and decays slowly.
 
-/// Time constant with which it falls, s: several hundred readings of a slow device, so that what comes seldom is
-/// not forgotten before it comes again.
+/// Time constant of the decay, s: several hundred readings of a slow device, so that a rare peak is not forgotten before
+/// the next one comes.
 pub const MEMORY_S: f64 = 5.0;
 
-/// Numbers with the time at which they came, in; the greatest of late, out. Begins with the first number.
+/// Takes numbers with the times at which they came, and holds their recent maximum. It begins with the first number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
     pub value: f64,
@@ -18,7 +18,7 @@ impl Default for Peak {
 }
 
 impl Peak {
-    /// Takes a number at a time in s; what is no number is passed over.
+    /// Takes a number at a time in s; NaN is ignored.
     pub fn take(&mut self, value: f64, now_s: f64) {
         if !value.is_finite() {
             return;

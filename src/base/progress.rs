@@ -1,8 +1,8 @@
-//! How long work reports its progress.
+//! The interface by which long work reports its progress.
 
 /// Receives the progress of long work: the command line draws bars, tests ignore it.
 pub trait Progress: Sync {
-    /// A step begins; `units` of work, 0 where it cannot be known.
+    /// A step begins with so many units of work; 0 if the number is not known.
     fn begin(&self, step: &str, units: u64);
     fn advance(&self, units: u64);
     fn end(&self);

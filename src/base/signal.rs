@@ -1,9 +1,9 @@
-//! Requests to end the program (Ctrl-C, SIGTERM, SIGHUP): what must not be left behind is settled first, then the
-//! program ends as the signal ends one.
+//! Answers requests to end the program (Ctrl-C, SIGTERM, SIGHUP): first it cleans up what must not be left behind, then the
+//! program ends as the signal would have ended it.
 //!
-//! In: acts of whoever would leave something, such as a device that pushes or a file half written. One thread waits for
-//! the signals, and all others block them. No handler ever runs, so neither does the one that METIS installs for
-//! SIGTERM while it orders: it would jump out of the ordering, or out of whatever another thread was doing.
+//! In: clean-up functions, registered by code that would leave something behind, such as a pushing device or a half-written
+//! file. One thread waits for the signals, and all others block them. No signal handler ever runs, so neither does the one
+//! that METIS installs for SIGTERM while it orders; that one would jump out of whatever a thread was doing.
 
 use libc::{SIG_BLOCK, SIG_IGN, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, c_int, sigset_t};
 use std::io;
@@ -15,22 +15,23 @@ const ENDING: [(c_int, &str); 3] = [(SIGINT, "SIGINT"), (SIGTERM, "SIGTERM"), (S
 
 type Act = Box<dyn FnOnce() -> Option<String> + Send>;
 
-/// The acts with the numbers of their [`OnEnd`], and the number that comes next.
+/// The clean-up functions with the numbers of their [`OnEnd`], and the next number.
 static ACTS: Mutex<(u64, Vec<(u64, Act)>)> = Mutex::new((0, Vec::new()));
 
 fn acts() -> MutexGuard<'static, (u64, Vec<(u64, Act)>)> {
     ACTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// An act that is done if the program is told to end; dropping this takes it back.
+/// A clean-up function that runs if a signal ends the program; dropping this unregisters it.
 #[derive(Debug)]
 #[must_use = "dropping it takes the act back"]
 pub struct OnEnd {
     number: u64,
 }
 
-/// Registers what is to be done before the program ends at a signal: the newest first, one after the other, while
-/// nobody can register or take back another. The sentence it returns is told on standard error. It must end soon.
+/// Registers a clean-up function that runs before a signal ends the program. The newest runs first, one after the other, and
+/// meanwhile none can be registered or unregistered. The sentence that it returns is written to standard error. It must
+/// return soon.
 pub fn on_end(act: impl FnOnce() -> Option<String> + Send + 'static) -> OnEnd {
     let mut acts = acts();
     let number = acts.0;
@@ -40,12 +41,12 @@ pub fn on_end(act: impl FnOnce() -> Option<String> + Send + 'static) -> OnEnd {
 }
 
 impl OnEnd {
-    /// The act stays for as long as the program runs.
+    /// Keeps the function registered for as long as the program runs.
     pub fn keep(self) {
         std::mem::forget(self);
     }
 
-    /// Does `last`, after which the act is not needed any more, and takes the act back; a signal meanwhile waits.
+    /// Runs `last`, after which the function is no longer needed, and unregisters it; a signal meanwhile waits.
     pub fn settle<T>(self, last: impl FnOnce() -> T) -> T {
         let mut acts = acts();
         let result = last();
@@ -62,11 +63,11 @@ impl Drop for OnEnd {
     }
 }
 
-/// Blocks the signals in this thread and in all that it starts from now on, and starts the one that waits for them. To be
-/// called before there are other threads. A signal that is ignored, as `nohup` has it, stays so.
+/// Blocks the signals in this thread and in all that it starts from now on, and starts the thread that waits for them. Call it
+/// before there are other threads. A signal that is ignored, as under `nohup`, stays ignored.
 ///
-/// A second signal ends the program at once. A file that grows beyond its limit (`ulimit -f`) is an error of whoever
-/// writes it, as a full disk is, and no signal.
+/// A second signal ends the program at once. A file that grows beyond its limit (`ulimit -f`) is an error for the code
+/// that writes it, as a full disk is, and no signal.
 pub fn watch() -> io::Result<()> {
     // SAFETY: takes numbers alone, and sets no handler.
     unsafe { libc::signal(libc::SIGXFSZ, SIG_IGN) };
@@ -104,7 +105,7 @@ fn wait(set: &sigset_t) {
     end_by(first);
 }
 
-/// Ends the program as the signal ends one that does not care for it.
+/// Ends the program as the signal ends one without a handler.
 fn end_by(signal: c_int) {
     // Where the acts were not all done.
     super::last_word::speak();

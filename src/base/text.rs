@@ -1,12 +1,12 @@
-//! Text of files, devices and other machines as it may be shown: nothing in it moves a terminal's cursor, changes its
-//! colours, or turns the words beside it around.
+//! Makes text from files, devices and other machines safe to show: it cannot move a terminal's cursor, change its colours,
+//! or reverse the words beside it.
 //!
 //! In: any text. Out: the same with control characters and marks of direction written as JSON writes them (`\u001b`), so
 //! that JSON stays JSON; what is left may also stand in XML 1.0.
 
 use std::fmt::Display;
 
-/// Text of several lines: line ends and tabs stay.
+/// Makes a text of several lines safe to show; line ends and tabs stay.
 pub fn plain(text: impl Display) -> String {
     let text = text.to_string();
     if text.chars().all(|c| is_shown(c) || c == '\n' || c == '\t') {
@@ -19,7 +19,7 @@ pub fn plain(text: impl Display) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// A name: on one line, whatever it holds.
+/// Makes a name safe to show, on one line whatever it holds.
 pub fn one_line(text: impl Display) -> String {
     let mut shown = String::new();
     for c in text.to_string().chars() {

@@ -1,4 +1,4 @@
-//! `greenstage accuracy`: what accuracy costs in time.
+//! `greenstage accuracy`: measures what accuracy costs in time.
 
 use super::parsers;
 use super::print::print;
@@ -19,11 +19,11 @@ use crate::world::World;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What accuracy costs in time: every parameter's errors and costs as a page, plots, CSV and JSON
+/// Measure what accuracy costs in time: every parameter's errors and costs as a page, plots, CSV and JSON
 ///
 /// Computes the scene's body with every element, mesh refinement, solver tolerance, storage precision and deformation
 /// model, measures what each costs offline and in the frame, and compares all with nonlinear statics and a finer mesh,
-/// over the poses of the scene's script, of a pose file, or seeded random ones. DIR/index.html explains itself.
+/// over the poses of the scene's script, of a pose file, or seeded random ones. DIR/index.html explains the figures.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -31,7 +31,7 @@ pub struct Args {
     /// Folder for the report; overwrites the files of an older report, and nothing else
     #[arg(short, long)]
     pub output: PathBuf,
-    /// Which body; default: the scene's first
+    /// The body to measure; default: the scene's first
     #[arg(long)]
     pub body: Option<String>,
     /// Pose file (TOML), as `deform` reads it; default: the scene's script, without one random poses
@@ -40,7 +40,7 @@ pub struct Args {
     /// Seed of random poses, which are then taken even if the scene has a script
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Under a minute for ten thousand nodes: fewer poses, no refinement, one time each
+    /// Take fewer poses, no refinement and one timing each: under a minute for ten thousand nodes
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
@@ -49,7 +49,7 @@ pub struct Args {
     /// A Markdown file whose lines between `<!-- accuracy: begin -->` and `<!-- accuracy: end -->` become a table
     #[arg(long)]
     pub readme: Option<PathBuf>,
-    /// No progress bars
+    /// Show no progress bars
     #[arg(long)]
     pub quiet: bool,
 }
@@ -75,10 +75,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         None => scene.body.keys().next().cloned().unwrap_or_default(),
     };
-    let needs = |scene: &Scene| -> Requirements {
-        prepare::needs(scene, &name, &scene.body[&name]).unwrap_or_default()
+    let requirements = |scene: &Scene| -> Requirements {
+        prepare::requirements(scene, &name, &scene.body[&name]).unwrap_or_default()
     };
-    prepare::needs(&scene, &name, &scene.body[&name])?;
+    prepare::requirements(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
     let request = Request {
@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         },
         largest_key: "--largest".into(),
         quick: args.quick,
-        needs_of: &needs,
+        requirements_of: &requirements,
         command: command(args),
         scratch: scratch.path(),
     };

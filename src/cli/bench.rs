@@ -1,4 +1,4 @@
-//! `greenstage bench`: frames per second of stereo pairs, and where a frame's time goes.
+//! `greenstage bench`: measures the frame rate of stereo pairs, and where a frame's time goes.
 
 use super::parsers;
 use super::print::print;
@@ -25,7 +25,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Frame rate, and where a frame's time goes; offline and online
+/// Measure the frame rate and where a frame's time goes, offline and online
 ///
 /// Runs the offline stage anew, the two online loops at the paper's 10,000 nodes beside the memory bandwidth
 /// measured in the same run, and the scene's script offscreen on a stage;
@@ -35,7 +35,7 @@ pub struct Args {
     /// Scene file (TOML)
     #[arg(required_unless_present = "sizes")]
     pub scene: Option<PathBuf>,
-    /// Instead of a scene: made-up bodies of so many surface nodes, deformed on the CPU and on the device
+    /// Measure generated bodies of so many surface nodes instead of a scene, deformed on the CPU and on the device
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme"])]
     pub sizes: Vec<usize>,
     /// How the columns of --sizes are stored: f32, f16 or int16
@@ -50,10 +50,10 @@ pub struct Args {
     /// Frames to draw for each figure
     #[arg(long, default_value_t = 24, value_parser = parsers::frames)]
     pub frames: usize,
-    /// The force loop's ticks too, where no body lists the effect haptics
+    /// Measure the force loop's ticks even if no body lists the effect haptics
     #[arg(long)]
     pub haptics: bool,
-    /// Results as JSON
+    /// Print the results as JSON
     #[arg(long)]
     pub json: bool,
     /// Write the tables between the marks of this Markdown file
@@ -210,7 +210,7 @@ struct Loop {
     time_s: f64,
     /// Columns read, bytes; 0 where none are.
     bytes: f64,
-    /// Time in which as many threads read the same bytes and do nothing else, in turn with the loop.
+    /// Time in which as many threads read the same bytes and do nothing else, measured in turn with the loop.
     reading_s: f64,
 }
 
@@ -225,7 +225,7 @@ impl Loop {
         Loop { name, time_s, bytes: size_of_val(words) as f64, reading_s }
     }
 
-    /// What the loop reaches of the speed of reading alone.
+    /// The share of the speed of reading alone that the loop reaches.
     fn share(&self) -> String {
         match self.reading_s / self.time_s {
             _ if self.bytes == 0.0 => String::new(),
@@ -301,8 +301,8 @@ fn repeat(mut work: impl FnMut()) -> f64 {
     time
 }
 
-/// Median times of calls, over half a second for each, s. They take turns, so that what disturbs the machine disturbs
-/// them alike; a turn is a few calls, the first of which is not counted: each finds in the caches what it left itself.
+/// Median times of calls, over half a second for each, s. The calls take turns, so that disturbances of the machine affect
+/// them alike. A turn is a few calls, the first of which is not counted, so that each finds its own data in the caches.
 fn in_turn<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
     let began = Instant::now();
     let mut times = [const { Vec::new() }; N];

@@ -1,4 +1,5 @@
-//! The table "haptic tick" of `greenstage bench`: work of one tick of the force loop, alone and beside the renderer.
+//! The table "haptic tick" of `greenstage bench`: measures the work of one tick of the force loop, alone and while the
+//! renderer draws.
 
 use crate::base::failure::Failure;
 use crate::base::statistics::{median, quantile};
@@ -20,14 +21,14 @@ const TICKS: u32 = 20_000;
 /// Ticks between two frames, as the loop hears of them.
 const FRAME: u32 = 16;
 
-/// What one body costs, s: half of the ticks, and 99 % of them, take no longer.
+/// Time of a tick for one body, s: half of the ticks, and 99 % of them, take no longer.
 #[derive(serde::Serialize)]
 pub struct Row {
     elements: usize,
     model: &'static str,
     work_p50_s: f64,
     work_p99_s: f64,
-    /// Taking a frame's news, beside a tick.
+    /// Taking over what a frame of the display tells the loop, beside a tick.
     take_p50_s: f64,
     take_p99_s: f64,
     busy_p50_s: f64,
@@ -94,8 +95,8 @@ pub fn table(rows: &[Row]) -> (String, Table) {
     ("Haptic tick at 1 kHz".to_owned(), table)
 }
 
-/// Where the handle is: it moves by centimetres and turns by half a radian, so that the coupling is made anew some twenty
-/// times a second.
+/// The pose of the handle: it moves by centimetres and turns by half a radian, so that the coupling is computed anew some
+/// twenty times a second.
 fn handle(time_s: f64) -> Isometry3<f64> {
     let phase = 6.0 * time_s;
     let motion = Vector3::new(phase.sin(), phase.cos() - 1.0, (2.0 * phase).sin());

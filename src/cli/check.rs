@@ -1,4 +1,4 @@
-//! `greenstage check`: all that can be found wrong with a scene, without solving.
+//! `greenstage check`: lists all that can be found wrong with a scene, without solving it.
 
 use super::print::print;
 use super::{check_stage, inspect};
@@ -13,17 +13,17 @@ use crate::scene::{Body, Scene};
 use crate::session::open;
 use std::path::PathBuf;
 
-/// All that can be found wrong with a scene, without solving it, or with a stage
+/// List all that can be found wrong with a scene, without solving it, or with a stage
 ///
-/// One line each, the most severe first: errors (it is refused), warnings (it is solved or shown, but may not be what
-/// was meant), notes (what was repaired, what is worth knowing). Exit status 2 where there is an error. `precompute`
+/// Prints one line for each finding, the most severe first: errors (it is refused), warnings (it is solved or shown, but may
+/// not be what was meant), notes (what was repaired, what is worth knowing). The exit status is 2 if there is an error. `precompute`
 /// runs a scene's checks first. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
 /// monitors of the running display (without one, of the file's `monitor` tables).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene or stage file (TOML), or the name of a built-in stage
     pub scene: PathBuf,
-    /// As JSON, for machines
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     check_stage::verdict(&findings, &args.scene)
 }
 
-/// What one effect adds to one body's file and memory; `greenstage accuracy` measures its times too.
+/// The bytes that one effect adds to one body's file and memory; `greenstage accuracy` measures its times too.
 #[derive(serde::Serialize)]
 struct Cost {
     body: String,

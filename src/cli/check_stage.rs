@@ -1,4 +1,4 @@
-//! `greenstage check STAGE`: all that can be found wrong with a stage, at once.
+//! `greenstage check STAGE`: lists all that can be found wrong with a stage.
 
 use super::print::print;
 use crate::base::diagnostic::{Diagnostic, Severity, number, tally};

@@ -1,4 +1,4 @@
-//! `greenstage convert`: a mesh from one format to another.
+//! `greenstage convert`: converts a mesh from one format to another.
 
 use super::print::print;
 use crate::base::failure::Failure;
@@ -18,14 +18,14 @@ Gmsh and Abaqus files keep regions, their names and node groups; the others only
 regions. What is left out or lost is told, a line each. Read are all formats that scenes read:
 `greenstage manual meshes`.";
 
-/// A tetrahedral mesh from one file format to another
+/// Convert a tetrahedral mesh from one file format to another
 ///
 /// The formats follow from the extensions. Negatively oriented tetrahedra are flipped, nodes of no tetrahedron are
-/// dropped, and of higher orders only the corners are kept, as wherever a mesh is read.
+/// dropped, and elements of higher order keep only their corners, as wherever a mesh is read.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// What to read
+    /// Mesh to read
     #[arg(value_name = "IN")]
     pub input: PathBuf,
     /// Where to write, whole or not at all; overwrites a mesh of that format, and nothing else

@@ -1,4 +1,4 @@
-//! `greenstage deform`: poses in, displacements and forces out.
+//! `greenstage deform`: computes displacements and forces for a list of poses.
 
 use super::print::print;
 use crate::base::failure::Failure;
@@ -9,12 +9,12 @@ use crate::prepare;
 use crate::scene::Scene;
 use std::path::PathBuf;
 
-/// Batch: poses in, displacements and forces out
+/// Compute displacements and forces for a list of poses
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
-/// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the deformed surface, one displacement
-/// field a pose), and OUT.forces.csv where the scene lists the effect haptics: all of them whole, or none. They overwrite
+/// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement
+/// field per pose), and OUT.forces.csv where the scene lists the effect haptics: all of them whole, or none. They overwrite
 /// those of an earlier `deform`, and nothing else. A body of a model of large strain (stvk, neo_hookean, corotational) is
 /// solved anew for every pose, over all nodes, with its forces; a pose in which it has no equilibrium is named, the
 /// others are written, and the status is 1.
@@ -55,9 +55,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// Whether everything can be written, before anything is solved.
 fn try_outputs(args: &Args, files: &Files, scene: &Scene) -> Result<(), Failure> {
     let inputs = prepare::inputs_and(scene, [Some(args.poses.as_path()), args.green.as_deref()]);
-    let (has_forces, has_columns) = batch::requirements(scene)?;
-    files.try_all(&inputs, has_forces)?;
-    if has_columns && !args.all_nodes { prepare::try_green(scene, args.green.as_deref()) } else { Ok(()) }
+    let outlook = batch::outlook(scene)?;
+    files.try_all(&inputs, outlook.has_forces)?;
+    if outlook.needs_green && !args.all_nodes {
+        prepare::try_green(scene, args.green.as_deref())
+    } else {
+        Ok(())
+    }
 }
 
 /// Which poses have no equilibrium, and why.

@@ -1,4 +1,4 @@
-//! `greenstage inspect`: what is in a mesh, .green, scene or stage file.
+//! `greenstage inspect`: shows what is in a mesh, .green, scene or stage file.
 
 use super::plan;
 use super::print::print;
@@ -14,15 +14,15 @@ use crate::world::flow;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// What is in a mesh, surface, .green, scene or stage file, or in a built-in stage
+/// Show what is in a mesh, surface, .green, scene or stage file, or in a built-in stage
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file, its kind found by its name and content; or the name of a built-in stage
+    /// The file, whose kind is recognised by its name and content; or the name of a built-in stage
     pub file: PathBuf,
-    /// As JSON, for machines
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
-    /// The data flow of a scene, from tracker to surface: text, or dot for Graphviz
+    /// Print the data flow of a scene, from tracker to surface: text, or dot for Graphviz
     #[arg(long, value_enum, num_args = 0..=1, default_missing_value = "text", conflicts_with = "json")]
     pub graph: Option<GraphFormat>,
 }
@@ -234,7 +234,9 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &scene.body {
         let needs = match prepare::law(&scene, name, body)? {
             Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
-            None if prepare::needs(&scene, name, body)?.has(STIFFNESS) => "; needs the handle stiffness",
+            None if prepare::requirements(&scene, name, body)?.has(STIFFNESS) => {
+                "; needs the handle stiffness"
+            }
             None => "",
         };
         let loaded = scene.load_mesh(name, body)?;

@@ -1,4 +1,4 @@
-//! `greenstage manual`: the manual's chapters, as they stand in `src/manual`.
+//! `greenstage manual`: prints the manual's chapters, which stand in `src/manual`.
 
 use super::print::print;
 use crate::base::failure::Failure;
@@ -6,10 +6,10 @@ use crate::base::table::Table;
 use crate::config::unknown_name;
 use crate::manual::CHAPTERS;
 
-/// The manual: how to use it, install it on a display, and what its figures mean
+/// Print the manual: how to use greenstage, install it on a display, and read its figures
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Chapter to print; without one, all are listed
+    /// Chapter to print; without one, the chapters are listed
     pub chapter: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Tables between the marks of a Markdown file: the lines `<!-- NAME: begin -->` and `<!-- NAME: end -->`.
+//! Writes tables between the marks of a Markdown file: the lines `<!-- NAME: begin -->` and `<!-- NAME: end -->`.
 
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind};

@@ -1,7 +1,8 @@
-//! The command line: one file per subcommand, each with its arguments and one run function.
+//! The command line: one file per subcommand, each with its arguments and one run function, and the helpers that they
+//! share.
 //!
-//! Exit status: 0 done, 1 the work failed, 2 the request or its files
-//! are wrong. Results go to standard output, notices and progress to standard error.
+//! The exit status is 0 if all is done, 1 if the work failed, and 2 if the request or its files are wrong. Results go to
+//! standard output, notices and progress to standard error.
 
 mod accuracy;
 mod bench;
@@ -43,7 +44,7 @@ A first tour:
   greenstage manual                                   the manual's chapters
 
 Exit status: 0 done; 1 the work failed; 2 the request or its files are wrong.
-GREENSTAGE_LOG=info tells more of the graphics device.";
+GREENSTAGE_LOG=info logs more about the graphics device.";
 
 /// Grab, bend and twist elastic finite element bodies in stereo, by precomputed Green's functions.
 #[derive(Debug, Parser)]

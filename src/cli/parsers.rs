@@ -1,4 +1,4 @@
-//! Values of options that several subcommands have.
+//! Parses the values of options that several subcommands share.
 
 use crate::scene::Storage;
 
@@ -6,7 +6,7 @@ pub fn samples(text: &str) -> Result<u32, String> {
     match text {
         "1" => Ok(1),
         "4" => Ok(4),
-        _ => Err("samples a pixel are 1 or 4".into()),
+        _ => Err("samples per pixel are 1 or 4".into()),
     }
 }
 

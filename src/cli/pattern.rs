@@ -1,4 +1,4 @@
-//! `greenstage pattern`: the test pattern on every screen of a stage, for installing a display.
+//! `greenstage pattern`: shows the test pattern on every screen of a stage, for installing a display.
 
 use super::parsers;
 use super::print::print;
@@ -15,9 +15,9 @@ use crate::stage::{Eye, Stage};
 use crate::world::World;
 use std::path::{Path, PathBuf};
 
-/// Test pattern on every screen of a stage: grid and rulers in centimetres, border, corners, eyes
+/// Show a test pattern on every screen of a stage: grid and rulers in centimetres, border, corners, eyes
 ///
-/// `greenstage manual stages` tells what each part of the pattern shows.
+/// `greenstage manual stages` explains each part of the pattern.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file

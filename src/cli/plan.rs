@@ -1,5 +1,5 @@
-//! Settings chosen for a scene's bodies by [`tuning`](crate::tuning), with the files, poses and progress of the command
-//! line.
+//! Lets [`tuning`](crate::tuning) choose the settings of a scene's bodies, with the files, poses and progress bars of the
+//! command line.
 
 use super::accuracy::scripted_or_random;
 use crate::base::bars::Bars;
@@ -25,7 +25,7 @@ fn with_planner(
     choose: impl FnOnce(&Planner<'_, Failure>) -> Result<Scene, Failure>,
 ) -> Result<Scene, Failure> {
     choose(&Planner {
-        needs: &|scene, name| prepare::needs(scene, name, &scene.body[name]),
+        requirements: &|scene, name| prepare::requirements(scene, name, &scene.body[name]),
         file: &green_file,
         poses: &|scene, name| scripted_or_random(scene, name, None, true),
         progress: &|name| Box::new(Bars::new(name, quiet)),

@@ -10,10 +10,10 @@ use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
+/// Run the offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
 ///
-/// Does nothing where the file is there and still belongs to the scene (same mesh, materials, control elements,
-/// solver, needs of model and effects, program version). Prints what each step took. A file is overwritten where it is a
+/// Does nothing if the file is there and still belongs to the scene (same mesh, materials, control elements, solver,
+/// requirements of model and effects, program version). Prints the time of each step. A file is overwritten where it is a
 /// .green file or empty; any other, and what the scene reads, never is, not with --force either.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -25,7 +25,7 @@ pub struct Args {
     /// Compute even if the file is fresh or damaged
     #[arg(long)]
     pub force: bool,
-    /// No progress while it works; the closing table is printed all the same
+    /// Show no progress; the closing table is still printed
     #[arg(short, long)]
     pub quiet: bool,
 }
@@ -124,13 +124,9 @@ pub fn report(body: &Precomputed) -> Table {
     }
     let rigid = solution.rigid;
     let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {
-        format!(", its forces by {shift:.1e} of one element's, a turn's by {turn:.1e}")
+        format!("; error of its forces {shift:.1e}, of those of a turn {turn:.1e}, relative to one element's")
     });
-    row(
-        "rigid motion",
-        0.0,
-        format!("a shift of all control elements is off by {:.1e}{forces}", rigid.shift),
-    );
+    row("rigid motion", 0.0, format!("error of a shift of all control elements {:.1e}{forces}", rigid.shift));
     row(
         "all",
         solution.offline_s(),

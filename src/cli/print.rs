@@ -1,11 +1,11 @@
-//! Results on standard output.
+//! Prints results on standard output.
 
 use crate::base::failure::Failure;
 use crate::base::text::plain;
 use std::io::{ErrorKind, Write};
 
-/// Writes a result to standard output, nothing in it able to steer the terminal ([`plain`]). A reader that has gone, as
-/// after `| head`, is no error.
+/// Writes a result to standard output, without anything that could control the terminal ([`plain`]). It is no error if the
+/// reader has gone, as after `| head`.
 pub fn print(text: &str) -> Result<(), Failure> {
     print_over(0, text)
 }

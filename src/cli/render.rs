@@ -12,7 +12,7 @@ use crate::session::{Request, Session, recording};
 use crate::stage::Stereo;
 use std::path::{Path, PathBuf};
 
-/// Offscreen PNGs of the scripted scene: every frame, screen and eye, and a contact sheet
+/// Render the scripted scene into PNG files: every frame, screen and eye, and a contact sheet
 ///
 /// Head and stylus follow the scene's script (or --script), or a session that was recorded (--replay); without one
 /// everything stands at rest.
@@ -32,7 +32,7 @@ pub struct Args {
     /// Key frames for head and stylus: bend, or a script file; default: the scene's
     #[arg(long)]
     pub script: Option<PathBuf>,
-    /// A session recorded by --record: its poses and buttons instead of a script's, on its stage
+    /// Replay a session that --record wrote, on its stage, instead of a script
     #[arg(long, conflicts_with_all = ["script", "record"])]
     pub replay: Option<PathBuf>,
     /// Write every step of the mechanics into this file, for --replay; overwrites a recording, and nothing else
@@ -41,7 +41,7 @@ pub struct Args {
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
-    /// Samples a pixel, 1 or 4
+    /// Samples per pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
     /// Size of the pictures against the screens' own pixels, 0.01 to 4
@@ -55,7 +55,7 @@ pub struct Args {
     /// crops and stereo
     #[arg(long, conflicts_with = "stereo")]
     pub windows: bool,
-    /// With the overlay on the screen that the viewer looks at
+    /// Draw the overlay on the screen that the viewer looks at
     #[arg(long)]
     pub overlay: bool,
     #[command(flatten)]

@@ -1,6 +1,6 @@
-//! `greenstage track --serve`: what the trackers of a stage say, or a script in their place, passed on by VRPN.
+//! `greenstage track --serve`: passes the poses of a stage's trackers, or of a script, on by VRPN.
 //!
-//! In: the newest states of a rig's sources, or of a script. Out: a VRPN server, one device for every tracker.
+//! In: the newest states of the trackers' sources, or of a script. Out: a VRPN server, one device for every tracker.
 
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
@@ -14,12 +14,12 @@ use std::time::Duration;
 
 /// Where `--serve` listens unless told otherwise: this machine alone can reach it.
 pub const DEFAULT_PLACE: &str = "127.0.0.1:3883";
-/// How often sources and clients are looked at while serving, s.
+/// How often sources and clients are polled while serving, s.
 pub const STEP_S: f64 = 0.001;
 /// The device of a script.
 const SCRIPT_DEVICE: &str = "Tracker0";
 
-/// A running server, and what was told of its clients.
+/// A running server, and the notices that were given about its clients.
 pub struct Service {
     server: Server,
     told: ServerCounters,
@@ -36,7 +36,7 @@ pub fn place(text: &str) -> Result<SocketAddr, String> {
 }
 
 impl Service {
-    /// Listens, and says how a client names each device.
+    /// Listens, and tells how a client names each device.
     pub fn open<'a>(
         place: SocketAddr,
         devices: impl IntoIterator<Item = &'a str>,
@@ -54,10 +54,10 @@ impl Service {
         Ok(Service { server, told: ServerCounters::default() })
     }
 
-    /// Passes on what is new in a rig whose trackers were named, in their order, to [`open`](Service::open). What there
-    /// is to say about clients comes back.
-    pub fn pass_on(&mut self, rig: &mut TrackerSet) -> Vec<String> {
-        for (device, (_, state)) in rig.devices().enumerate() {
+    /// Passes on the news of trackers, whose names were given to [`open`](Service::open) in their order. Returns notices about
+    /// clients.
+    pub fn pass_on(&mut self, trackers: &mut TrackerSet) -> Vec<String> {
+        for (device, (_, state)) in trackers.devices().enumerate() {
             self.server.publish(device, state);
         }
         self.tick()

@@ -1,7 +1,7 @@
-//! `greenstage bench --sizes`: frames by the size of the model, with bodies deformed on the CPU and on the device.
+//! `greenstage bench --sizes`: measures frames by the size of the model, with bodies deformed on the CPU and on the device.
 //!
-//! A made-up tube of so many surface nodes with 24 columns, drawn for both eyes on every screen of a stage: no offline
-//! stage is needed, and every size fits. All coefficients change in every frame.
+//! Each body is a generated tube of so many surface nodes with 24 columns, drawn for both eyes on every screen of a stage. It
+//! needs no offline stage. All coefficients change in every frame.
 
 use super::print::print;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
@@ -80,7 +80,7 @@ struct Parts {
 struct Row {
     nodes: usize,
     on_device: bool,
-    /// Medians, each of its own.
+    /// The median of each part.
     parts: Parts,
     /// Median of the sum.
     frame_s: f64,

@@ -14,7 +14,7 @@ use std::path::Path;
 /// Asks for this instead of problems.
 pub const NAME: &str = "haptics";
 
-/// What is tried: name, measures, hand.
+/// The settings: name, safety measures, hand.
 const SETTINGS: [(&str, Measures, Hand); 5] = [
     ("plain force, nobody holds the handle", Measures::NONE, Hand::NONE),
     ("plain force, a hand holds the handle", Measures::NONE, Hand::FINGERS),
@@ -66,7 +66,7 @@ pub fn run_all(json: bool, readme: Option<&Path>) -> Result<(), Failure> {
 /// A hand and what it is called.
 type Named = (&'static str, Hand);
 
-/// What is tried with delay and jitter.
+/// The settings with delay and jitter.
 const DELAYED: [(&str, Measures, &[Named]); 2] = [
     (
         "With delay and jitter, their part in the bound left out, nobody holds the handle",
@@ -84,7 +84,7 @@ fn device(rate_hz: f64) -> Haptic {
     Haptic { rate_hz, ..Haptic::simulated("table") }
 }
 
-/// Rounding, and what is at once eaten.
+/// Energy below this is rounding, or is dissipated at once, J.
 const NOTHING_J: f64 = 1e-9;
 
 /// A row for each stiffness, a column for each rate: how it ended, and what the loop generated.
@@ -128,7 +128,8 @@ fn boundaries() -> (Table, Vec<serde_json::Value>) {
     (table, found)
 }
 
-/// A row for each way of reporting and hand, a column for each body: how far the handle still moves, and what was made.
+/// A row for each way of reporting and hand, a column for each body: how far the handle still moves, and the energy that the
+/// loop generated.
 fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value>) {
     let heading = ["reports", "delay", "jitter", "hand", "bears, N/m"].map(str::to_owned);
     let moduli = MODULI.map(|young| format!("{young:.0e} Pa"));
@@ -166,7 +167,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
 /// Moved by less than this in the last second it is at rest, m: a sensor resolves no less.
 const REST_M: f64 = 2e-3 * START_M;
 
-/// One digit, for a limit cycle does not repeat itself.
+/// One digit, because a limit cycle does not repeat exactly.
 fn settled_cell(settled: &Settled) -> String {
     let round = |value: f64| {
         let power = 10f64.powf(value.log10().floor());
@@ -178,7 +179,7 @@ fn settled_cell(settled: &Settled) -> String {
     format!("{swing}, {made}")
 }
 
-/// With all measures nothing may be unstable or make energy, and the plain boundary must be the theory's.
+/// With all measures no loop may be unstable or generate energy, and without them the boundary must be that of theory.
 fn judge(
     all: &[serde_json::Value],
     boundaries: &[serde_json::Value],
@@ -196,7 +197,7 @@ fn judge(
     let is_below = |value: &serde_json::Value, most: f64| value.as_f64().is_some_and(|value| value < most);
     if !delayed.all(|run| is_below(&run["swing_m"], REST_M) && is_below(&run["made_j"], NOTHING_J)) {
         return Err(Failure::Work(anyhow::anyhow!(
-            "a loop with delay or jitter does not come to rest, or makes energy"
+            "a loop with delay or jitter does not come to rest, or generates energy"
         )));
     }
     match (is_kept, is_theory) {

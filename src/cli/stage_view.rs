@@ -1,4 +1,4 @@
-//! `greenstage stage-view`: the room from outside, in a window of its own or as a picture.
+//! `greenstage stage-view`: shows the room from outside, in a window of its own or as a picture.
 
 use super::parsers;
 use super::print::print;
@@ -15,10 +15,11 @@ use crate::session::{Request, Session};
 use crate::world::World;
 use std::path::PathBuf;
 
-/// The room from outside: screens, eyes and what they see, head, stylus, bodies, trackers
+/// Show the room from outside: screens, eyes and what they see, head, stylus, bodies, trackers
 ///
-/// In a window the stage's trackers move head and styli, and every sensor that they speak of is shown where the
-/// calibration puts it; until one of them speaks, the scene's script does. Dragging turns, the wheel zooms, Escape or closing it quits.
+/// In a window the stage's trackers move head and styli, and every sensor that they report is shown where the
+/// calibration puts it; until a sensor is tracked, the scene's script moves them. Dragging turns the view, the wheel
+/// zooms, and Escape or closing the window quits.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML), or a stage: a built-in one (workbench, cyberstage, cave6, …), or a stage file
@@ -35,7 +36,7 @@ pub struct Args {
     /// Width and height of the picture or the window: 1280x960
     #[arg(long, value_parser = size, default_value = "1280x960")]
     pub size: [u32; 2],
-    /// Moment of the scene's script in the picture, s
+    /// Time in the scene's script that the picture shows, s
     #[arg(long, default_value_t = 0.0)]
     pub time: f64,
     /// Close the window after so many seconds
@@ -44,7 +45,7 @@ pub struct Args {
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
-    /// Samples a pixel, 1 or 4
+    /// Samples per pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
 }
@@ -100,7 +101,7 @@ fn open(args: &Args) -> Result<Session, Failure> {
     let is_scene = path.extension().is_some_and(|e| e == "toml") && !super::inspect::is_stage(path)?;
     if !is_scene {
         if let Some(stage) = &args.stage {
-            let text = format!("{} is a stage itself: leave --stage {stage} away", path.display());
+            let text = format!("{} is a stage itself: leave out --stage {stage}", path.display());
             return Err(Failure::wrong(text));
         }
         let stage = crate::track::find_stage(&path.display().to_string()).map_err(Failure::request)?;

@@ -1,4 +1,4 @@
-//! `greenstage track`: what every sensor, button and valuator of a stage says, live.
+//! `greenstage track`: shows live what every sensor, button and valuator of a stage reports.
 
 use super::parsers;
 use super::print::{print, print_over};
@@ -17,7 +17,7 @@ use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// What the trackers of a stage say, live: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
+/// Show live what the trackers of a stage report: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
 ///
 /// On a terminal the table stays in its place; into a file or a pipe it is written anew each time. Ctrl+C ends it. The
 /// columns: `greenstage manual tracking`.
@@ -32,13 +32,13 @@ pub struct Args {
     /// Seconds from one table to the next
     #[arg(long, default_value_t = 0.5, value_parser = parsers::positive)]
     pub interval: f64,
-    /// Listen for --seconds (else 1), then tell once
+    /// Listen for --seconds (default: 1), then print the table once
     #[arg(long)]
     pub once: bool,
-    /// Poses as the trackers say them, before calibration, filter and prediction
+    /// Show poses as the trackers report them, before calibration, filter and prediction
     #[arg(long)]
     pub raw: bool,
-    /// One JSON object a line, for machines
+    /// Print one JSON object per line
     #[arg(long)]
     pub json: bool,
     /// Serve the trackers by VRPN, each as a device of its name; without a value at 127.0.0.1:3883, for this machine
@@ -48,7 +48,7 @@ pub struct Args {
     /// Serve a script in place of trackers, as the device Tracker0: bend, or a .toml file
     #[arg(long, requires = "serve")]
     pub script: Option<String>,
-    /// Readings a second of the script
+    /// Readings of the script per second
     #[arg(long, default_value_t = 120.0, value_parser = parsers::positive)]
     pub rate: f64,
 }
@@ -62,8 +62,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let stage = crate::track::find_stage(stage.unwrap_or("workbench")).map_err(Failure::request)?;
         return serve::script(place, script, stage, args.rate, args.seconds);
     }
-    let mut rig = rig(stage.unwrap_or_default())?;
-    let names: Vec<String> = rig.devices().map(|(name, _)| name.to_owned()).collect();
+    let mut trackers = start_trackers(stage.unwrap_or_default())?;
+    let names: Vec<String> = trackers.devices().map(|(name, _)| name.to_owned()).collect();
     let service = args.serve.map(|place| Service::open(place, names.iter().map(String::as_str)));
     let mut service = service.transpose()?;
     let step_s = if service.is_some() { serve::STEP_S } else { STEP_S };
@@ -73,9 +73,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let in_place = !args.json && !args.once && std::io::stdout().is_terminal();
     let mut next_s = started_s + interval_s;
     let mut height = 0;
-    watch(&mut rig, step_s, limit_s, |rig, now_s, is_last| {
-        let served = service.iter_mut().flat_map(|service| service.pass_on(rig)).collect::<Vec<_>>();
-        for notice in rig.take_notices().into_iter().chain(served) {
+    watch(&mut trackers, step_s, limit_s, |trackers, now_s, is_last| {
+        let served = service.iter_mut().flat_map(|service| service.pass_on(trackers)).collect::<Vec<_>>();
+        for notice in trackers.take_notices().into_iter().chain(served) {
             notice!("note: {notice}");
             // What was said stands above the table.
             height = 0;
@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             return Ok(());
         }
         next_s = now_s + interval_s;
-        let reports = rig.report(now_s);
+        let reports = trackers.report(now_s);
         if args.json {
             return print(&format!("{}\n", json(&reports, now_s - started_s)));
         }
@@ -95,8 +95,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     })
 }
 
-/// The running trackers of a stage.
-pub fn rig(stage: &str) -> Result<TrackerSet, Failure> {
+/// Starts the trackers of a stage.
+fn start_trackers(stage: &str) -> Result<TrackerSet, Failure> {
     let stage = crate::track::find_stage(stage).map_err(Failure::request)?;
     trackers::start(&stage, &mut [])?.ok_or_else(|| {
         Failure::wrong(format!(
@@ -106,10 +106,10 @@ pub fn rig(stage: &str) -> Result<TrackerSet, Failure> {
     })
 }
 
-/// Asks the rig every `step_s` seconds, for `limit_s` or for ever: `each` gets the rig, the time, and whether it is the
-/// last one. Whoever passes poses on does it there, by [`TrackerSet::devices`] or [`TrackerSet::state`].
+/// Reads the trackers every `step_s` seconds, for `limit_s` or for ever. `each` gets the trackers, the time, and whether this
+/// is the last call; it can pass poses on by [`TrackerSet::devices`] or [`TrackerSet::state`].
 pub fn watch(
-    rig: &mut TrackerSet,
+    trackers: &mut TrackerSet,
     step_s: f64,
     limit_s: Option<f64>,
     mut each: impl FnMut(&mut TrackerSet, f64, bool) -> Result<(), Failure>,
@@ -118,8 +118,8 @@ pub fn watch(
     loop {
         let time_s = now_s();
         let is_last = limit_s.is_some_and(|limit_s| time_s - started_s >= limit_s);
-        rig.state(time_s);
-        each(rig, time_s, is_last)?;
+        trackers.state(time_s);
+        each(trackers, time_s, is_last)?;
         if is_last {
             return Ok(());
         }

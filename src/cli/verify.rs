@@ -1,4 +1,4 @@
-//! `greenstage verify`: how near the elements come to published and analytic answers, and how fast.
+//! `greenstage verify`: compares the elements with published and analytic answers, and fits their rates of convergence.
 
 use super::marks;
 use super::print::print;
@@ -11,21 +11,22 @@ use crate::verify::{self, ConvergenceRow, Effort, PROBLEMS, Problem};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Every element against published and analytic answers, with fitted rates of convergence
+/// Compare every element with published and analytic answers, with fitted rates of convergence
 ///
-/// Each problem is solved on a sequence of refined meshes. Exit status 1 where an element misses what theory promises it.
+/// Each problem is solved on a sequence of refined meshes. The exit status is 1 if an element is less accurate than theory
+/// promises.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Problems to solve, without one all; or `hard-cases`, bodies on which a solver can go wrong in silence; or `haptics`,
-    /// the stability of the force in the hand
+    /// Problems to solve; default: all. Or `hard-cases`: bodies for which a solver can silently be wrong. Or `haptics`: the
+    /// stability of the force in the hand
     pub problems: Vec<String>,
-    /// One more, finer mesh of each: some minutes
+    /// Solve each problem on one more, finer mesh; this takes some minutes
     #[arg(long, conflicts_with = "coarse")]
     pub fine: bool,
-    /// One mesh less of each: seconds
+    /// Solve each problem on one mesh fewer; this takes seconds
     #[arg(long)]
     pub coarse: bool,
-    /// Results as JSON
+    /// Print the results as JSON
     #[arg(long)]
     pub json: bool,
     /// Write the tables between the marks of this Markdown file
@@ -116,7 +117,7 @@ fn hard_cases(args: &Args) -> Result<(), Failure> {
     }
     let (count, all) = (missed.len(), rows.len());
     Err(Failure::Work(anyhow::anyhow!(
-        "{count} of {all} hard cases are not what they must be: {}",
+        "{count} of {all} hard cases did not end as they must: {}",
         missed.join("; ")
     )))
 }

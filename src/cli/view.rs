@@ -14,10 +14,11 @@ use crate::scene::Scene;
 use crate::session::{Request, Session, keys, playback};
 use std::path::PathBuf;
 
-/// Online stage in windows, or offscreen where there is no display
+/// Show the scene and let you bend it, in windows; render it offscreen where there is no display
 ///
-/// The stage's trackers move head and styli; until one of them speaks, the scene's script does, where it has one, until
-/// you press a mouse button or a key; then mouse and keyboard do (`greenstage manual view` lists the bindings). Escape or closing a window quits.
+/// The scene's script moves head and styli, if it has one, until a tracker is seen or you press a mouse button or a key.
+/// After that the stage's trackers move them, and mouse and keyboard move what the trackers do not (`greenstage manual
+/// view` lists the bindings). Escape or closing a window quits.
 #[derive(Debug, clap::Args)]
 #[command(after_help = keys::bindings())]
 pub struct Args {
@@ -32,17 +33,17 @@ pub struct Args {
     /// Write the session into this file, for --replay; overwrites a recording, and nothing else
     #[arg(long)]
     pub record: Option<PathBuf>,
-    /// A session recorded by --record: its poses, buttons and commands instead of yours, on its stage
+    /// Replay a session that --record wrote: its poses, buttons and commands, on its stage
     #[arg(long, conflicts_with_all = ["script", "record"])]
     pub replay: Option<PathBuf>,
-    /// No window and no graphics device: plays the recording, or the script, as fast as it goes; status 1 where a frame
-    /// comes to another state than was recorded
+    /// Play the recording, or the script, as fast as possible without a window or a graphics device; the status is 1 if a
+    /// frame comes to another state than was recorded
     #[arg(long)]
     pub check: bool,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
-    /// Samples a pixel, 1 or 4
+    /// Samples per pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
     /// Size of the windows against the screens' own pixels; default: 1 for a single window and where the stage file has

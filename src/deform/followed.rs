@@ -1,9 +1,10 @@
 //! Turns followed from pose to pose, through whole turns.
 //!
-//! In: the matrices of a control element one after another. Out: by how much it has turned since rest. A matrix tells a
-//! turn but for multiples of 360°, its quaternion q = (cos φ/2, a sin φ/2) with the sign that continues the one before but
-//! for multiples of 720°, and φ = 2 atan2(q·a, w) + 720° k is the one nearest to the last. Where sin φ/2 is small, near
-//! whole turns, q says little of the axis a, and the last one is kept: φ is then the twist about it.
+//! In: the matrices of a control element one after another. Out: by how much it has turned since rest. A matrix determines
+//! the angle φ of a turn up to multiples of 360°. Its quaternion q = (cos φ/2, a sin φ/2), with the sign that continues the
+//! quaternion before it, determines φ up to multiples of 720°. Of the angles φ = 2 atan2(q·a, w) + 720° k the one nearest to
+//! the last angle is taken. Near whole turns sin φ/2 is small and q says little of the axis a: there the last axis is kept,
+//! and φ is the twist about it.
 
 use super::pose::ControlPose;
 use super::rotation::continued;

@@ -21,7 +21,6 @@ mod rotation;
 mod screw;
 mod statics;
 mod superposition;
-mod surface_displacements;
 mod turn;
 
 pub use deformer::{Deformer, FrameTimes};
@@ -38,5 +37,4 @@ pub use rotation::{Rotation, is_mean_defined, mean_rotation, unwrapped};
 pub use screw::Screw;
 pub use statics::{EquilibriumResult, Statics, StaticsError};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
-pub use surface_displacements::SurfaceDisplacements;
 pub use turn::local_turn;

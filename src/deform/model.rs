@@ -24,6 +24,7 @@ pub trait DeformationModel: Send {
 }
 
 /// One entry of the list of models.
+#[derive(Clone, Copy)]
 pub struct ModelEntry {
     pub name: &'static str,
     pub summary: &'static str,
@@ -48,6 +49,7 @@ pub enum Frame {
 }
 
 /// How a model is evaluated.
+#[derive(Clone, Copy)]
 pub enum Kind {
     /// In every frame, from the columns of the .green file: makes the model for a body with control origins o_e and
     /// surface node counts of its control elements.

@@ -4,15 +4,16 @@ use super::model::ModelEntry;
 use super::{linear, rotation, statics};
 use crate::fem::LAWS;
 
-/// All models: those of the precomputed columns, each one file and one line here, then one for each of [`LAWS`].
+/// The models of the precomputed columns. A new one is a file with an entry, a `mod` line, and a line here.
+const ONLINE: &[ModelEntry] = &[linear::ENTRY, rotation::ENTRY];
+
+/// All models: those of the precomputed columns, then one for each of [`LAWS`].
 pub const MODELS: &[ModelEntry] = &{
-    const ONLINE: usize = 2;
-    let mut models = [linear::ENTRY; ONLINE + LAWS.len()];
-    models[1] = rotation::ENTRY;
-    let mut law = 0;
-    while law < LAWS.len() {
-        models[ONLINE + law] = statics::entry(LAWS[law]);
-        law += 1;
+    let mut models = [linear::ENTRY; ONLINE.len() + LAWS.len()];
+    let mut i = 0;
+    while i < models.len() {
+        models[i] = if i < ONLINE.len() { ONLINE[i] } else { statics::entry(LAWS[i - ONLINE.len()]) };
+        i += 1;
     }
     models
 };

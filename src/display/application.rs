@@ -1,4 +1,4 @@
-//! The window application: a session moved on once a frame, and drawn into windows.
+//! The window application: moves a session on once a frame, and draws it into windows.
 //!
 //! In: a [`Session`], and what its windows show ([`Shows`]): the screens of the stage, or the stage as a model from outside.
 //! Out: pictures of all windows, presented together, until a window is closed, the time is over, or a recording ends.
@@ -12,7 +12,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::render::Gpu;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
-use crate::session::{Progress, Session};
+use crate::session::{Session, SessionProgress};
 use std::time::Instant;
 
 /// What the windows show.
@@ -97,7 +97,7 @@ struct Application {
     started: Instant,
     last: Instant,
     frames: u32,
-    /// What ended it before its time.
+    /// The error that ended it early.
     failure: Option<Failure>,
 }
 
@@ -122,8 +122,8 @@ impl WindowApp for Application {
             self.options.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
         }
         match self.session.advance(self.started.elapsed().as_secs_f64()) {
-            Ok(Progress::Running) => {}
-            Ok(Progress::Ended) => return Ok(Flow::Quit),
+            Ok(SessionProgress::Running) => {}
+            Ok(SessionProgress::Ended) => return Ok(Flow::Quit),
             Err(failure) => {
                 self.failure = Some(failure);
                 return Ok(Flow::Quit);

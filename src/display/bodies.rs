@@ -1,4 +1,5 @@
-//! The bodies of a world on a graphics device: buffers per body, uploaded once a frame, drawn for every screen and eye.
+//! The bodies of a world on a graphics device: buffers for each body, uploaded once a frame and drawn for every screen and
+//! eye.
 
 use super::device::{self, Choice};
 use crate::base::notice::notice;

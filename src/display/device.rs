@@ -1,5 +1,5 @@
-//! What the graphics device does of a frame's work: deform the bodies, draw both eyes in one pass. Asked for, or chosen
-//! by measuring on the body itself when the program starts.
+//! Options of drawing: whether bodies deform on the CPU or the GPU (measured at the start unless asked), and whether both
+//! eyes are drawn in one pass.
 
 use crate::base::failure::Failure;
 use crate::base::statistics::median;
@@ -103,7 +103,7 @@ impl Choice {
             Why::Asked => format!("deforms {place}, as asked for"),
             Why::Software => format!("deforms {place}, since the graphics device is software"),
             Why::TooLarge => {
-                format!("deforms {place}, since it is more than the graphics device binds at once")
+                format!("deforms {place}, since it is larger than the graphics device can bind at once")
             }
             Why::Measured { cpu_s, device_s } => {
                 format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))

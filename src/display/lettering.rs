@@ -1,4 +1,4 @@
-//! Writing for overlays, patterns and the room view: one way to put a few words on a plate.
+//! Writes a few words on a plate, for overlays, patterns and the room view.
 
 use egui::{Align, Align2, Color32, FontId, Galley, Painter, Pos2, Rect, vec2};
 use std::sync::Arc;

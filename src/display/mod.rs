@@ -1,8 +1,8 @@
-//! A session on screens or in images.
+//! Shows a session on screens or in images.
 //!
-//! In: a [`Session`](crate::session::Session) and a stage. Out: windows ([`application`]) or PNG files ([`pictures`]), each
-//! screen and eye drawn off-axis by [`render`](crate::render), with what a lab engineer calls up over them
-//! ([`overlays`]): times and readings, the stage from outside, the test pattern.
+//! In: a [`Session`](crate::session::Session) and a stage. Out: windows ([`application`]) or PNG files ([`pictures`]), in
+//! which [`render`](crate::render) draws each screen and eye off-axis. A lab engineer can call up [`overlays`] in them:
+//! times and readings, the stage from outside, the test pattern. The crate's first page lists the functions of a frame.
 
 pub mod application;
 pub mod bodies;

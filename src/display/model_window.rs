@@ -1,4 +1,4 @@
-//! The stage as a model in a window of its own, or in a picture: dragging turns it, the wheel zooms.
+//! Shows the stage as a model in a window of its own, or in a picture; dragging turns it, the wheel zooms.
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
@@ -101,26 +101,12 @@ pub fn picture(
 mod tests {
     use super::*;
     use crate::stage::BUILT_IN;
-    use crate::track::device::{DeviceState, Source, now_s};
+    use crate::track::FakeSource;
+    use crate::track::device::now_s;
     use crate::track::tracker_set::TrackerSet;
     use crate::world::World;
     use nalgebra::{Isometry3, Point3};
     use std::path::Path;
-    use std::sync::{Arc, Mutex};
-
-    #[derive(Clone, Default)]
-    struct FakeSource(Arc<Mutex<DeviceState>>, DeviceState);
-
-    impl Source for FakeSource {
-        fn describe(&self) -> String {
-            "puppet".into()
-        }
-
-        fn latest(&mut self) -> &DeviceState {
-            self.1 = self.0.lock().unwrap().clone();
-            &self.1
-        }
-    }
 
     const TRACKING: &str = "
 [tracker.lab]
@@ -140,11 +126,11 @@ sensor = \"wand\"
     fn an_installer_sees_head_stylus_and_every_sensor_where_the_calibration_puts_them() {
         let text = BUILT_IN[0].1.replacen("[viewer]", "[viewer]\nhead = \"head\"", 1) + TRACKING;
         let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
-        let puppet = FakeSource::default();
-        let rig = TrackerSet::with_sources(&stage.tracking, vec![Box::new(puppet.clone())], now_s());
+        let source = FakeSource::default();
+        let trackers = TrackerSet::with_sources(&stage.tracking, vec![Box::new(source.clone())], now_s());
         let viewer = stage.viewer.room_from_head;
         let mut session = Session::new(World::of_stage(stage).unwrap(), None);
-        session.input.trackers = Some(rig);
+        session.input.trackers = Some(trackers);
         let drawn = |session: &mut Session| {
             session.advance(0.0).unwrap();
             let camera = Camera::of(&session.world.stage);
@@ -161,7 +147,7 @@ sensor = \"wand\"
         assert_eq!(eyes, 2);
         for (sensor, place) in [(0, [0.2, 0.6, 1.2]), (1, [0.3, 0.2, 0.5]), (7, [1.0, 0.0, 0.0])] {
             let [x, y, z] = place;
-            puppet.0.lock().unwrap().take_pose(sensor, Isometry3::translation(x, y, z), None, 1.0);
+            source.change(|device| device.take_pose(sensor, Isometry3::translation(x, y, z), None, 1.0));
         }
         let (styli, head, wand, seventh, _) = drawn(&mut session);
         let off = |found: Option<Point3<f64>>, x: f64, y: f64, z: f64| {

@@ -1,8 +1,8 @@
-//! A world in offscreen pictures: one per screen and eye, per screen with both eyes joined, or per window.
+//! Draws a world into offscreen pictures: one per screen and eye, per screen with both eyes joined, or per window.
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
-use super::overlay::{FrameTimes, History, Panel, Readings};
+use super::overlay::{FrameSteps, History, Panel, Readings};
 use super::window_layout;
 use crate::render::window::Monitor;
 use crate::render::{
@@ -21,7 +21,7 @@ pub struct Targets {
     painter: TilePainter,
     pub bodies: GpuBodies,
     pictures: Vec<OneTarget>,
-    /// Those of the stage file, where the pictures are of its windows.
+    /// The windows of the stage file, if the pictures show its windows.
     monitors: Vec<Monitor>,
     swapped: bool,
     /// Shown on the screen that the viewer looks at, where it is asked for.
@@ -33,7 +33,7 @@ pub struct Targets {
 pub enum Pictures {
     /// One per screen and eye.
     Eyes,
-    /// One per screen, both eyes joined so.
+    /// One per screen, with both eyes joined by this kind of stereo.
     Joined(Stereo),
     /// One per window, as it would be presented.
     Windows,
@@ -122,12 +122,12 @@ impl Targets {
         self.pictures.len()
     }
 
-    /// What the last frame drew and left out.
+    /// How many shapes the last frame drew and left out.
     pub fn draw_counts(&self) -> DrawCounts {
         self.renderer.counts
     }
 
-    /// Draws the world into all targets with one upload and one submission, and waits for the device.
+    /// Draws the world into all targets and waits for the device.
     pub fn draw(&mut self, world: &mut World) -> Result<DrawTimes, RenderError> {
         let upload_s = self.bodies.upload(&self.gpu, world)?;
         let tiles: Vec<Vec<Tile>> = self
@@ -189,7 +189,7 @@ impl Targets {
         if let Some((_, history)) = &mut self.panel {
             let StepTimes { interact_s, deform_s, normals_s } = world.times;
             let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
-            history.push(FrameTimes { steps, whole_s: steps.iter().sum() });
+            history.push(FrameSteps { steps, whole_s: steps.iter().sum() });
         }
         Ok(DrawTimes { upload_s, encode_s, draw_s })
     }

@@ -1,8 +1,8 @@
 //! What a lab engineer calls up over the pictures of a stage: overlay (F1), room from outside (F2), test pattern (F3).
 //!
-//! In: keys, and the frame as it would be drawn. Out: the frame with the overlays in it. An overlay lies on the glass, the same
-//! for both eyes, drawn before eyes are joined, so that it can be read in every kind of stereo. What is not called up
-//! costs nothing.
+//! In: keys, and the frame as it would be drawn. Out: the frame with the overlays in it. An overlay has no depth: it is the
+//! same for both eyes, and is drawn before they are joined, so that it can be read in every kind of stereo. An overlay that
+//! is not called up costs nothing.
 
 use super::overlay::{History, Panel, Readings};
 use super::pattern::Pattern;

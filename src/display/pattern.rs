@@ -1,8 +1,9 @@
 //! The test pattern of one screen for one eye, painted in pixels.
 //!
-//! In: a screen with its corners in the room, and the rectangle of pixels that shows it, or a part of it. Out: a grid of square cells in
-//! centimetres, a border of one pixel at the very edge, rulers, a circle, labels, and blocks of single pixels. What must
-//! be exact to the pixel is a rectangle with whole coordinates, which no edge smoothing touches.
+//! In: a screen with its corners in the room, and the rectangle of pixels that shows it, or a part of it. Out: a grid of
+//! square cells in centimetres, a border of one pixel at the very edge, rulers, a circle, labels, and blocks of single
+//! pixels. Everything that must be exact to the pixel is a rectangle with whole coordinates, which anti-aliasing does not
+//! change.
 
 use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, write};
 use crate::stage::{Eye, Screen};
@@ -24,7 +25,7 @@ const MOST_CELLS: f64 = 18.0;
 /// Whether the pixel in this column and row of the picture is white.
 type IsWhite = fn(i32, i32) -> bool;
 
-/// One screen's pattern on its way onto the pixels.
+/// Paints the pattern of one screen.
 pub struct Pattern<'a> {
     pub painter: &'a Painter,
     /// Whole pixels.
@@ -236,7 +237,7 @@ impl Pattern<'_> {
         }
     }
 
-    /// Each eye's picture has its own mark, on its own side, in its own shape and colour; the other one's is left open.
+    /// Each eye's picture has a filled mark on its own side, in its own shape and colour, and the outline of the other's.
     fn eye_marks(&self) {
         let (unit, center) = (self.unit(), self.rect.center());
         let radius = 6.0 * unit;

@@ -1,4 +1,4 @@
-//! A session as PNG files: every picture of every frame, and a contact sheet.
+//! Writes a session as PNG files: every picture of every frame, and a contact sheet.
 
 use super::device;
 use super::offscreen::{DrawTimes, Pictures, Targets};
@@ -28,7 +28,7 @@ pub struct PictureRequest {
     /// Frames, evenly over the script or the recording; 1 or more.
     pub frames: usize,
     pub pictures: Pictures,
-    /// Samples a pixel, 1 or 4.
+    /// Samples per pixel, 1 or 4.
     pub samples: u32,
     /// Size against the screens' own pixels.
     pub scale: f64,

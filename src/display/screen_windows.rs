@@ -1,7 +1,7 @@
 //! The windows of a stage: what each eye sees on each screen, overlays, and mouse and keyboard.
 
 use super::bodies::contents;
-use super::overlay::{ACQUIRE, FrameTimes, Readings, SensorReading};
+use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
 use super::window_frame::WindowFrame;
 use super::window_layout;
@@ -18,14 +18,14 @@ pub struct ScreenWindows {
     pub overlays: Overlays,
     layout: Vec<Window>,
     scale: f64,
-    /// Of each window, now.
+    /// Size of each window now.
     sizes: Vec<[u32; 2]>,
-    /// Each eye is shown what the other should see.
+    /// Whether each eye is shown what the other should see.
     swapped: bool,
-    /// The test pattern alone, instead of the scene.
+    /// Whether the test pattern is shown instead of the scene.
     pattern_alone: bool,
-    /// Of the frame before, for the overlay.
-    times: FrameTimes,
+    /// Times of the frame before, for the overlay.
+    times: FrameSteps,
 }
 
 impl ScreenWindows {
@@ -42,17 +42,18 @@ impl ScreenWindows {
             layout,
             swapped: stage.swap_eyes,
             pattern_alone: false,
-            times: FrameTimes::default(),
+            times: FrameSteps::default(),
         }
     }
 
-    /// With the overlay on the screen that the viewer looks at.
+    /// Shows the overlay on the screen that the viewer looks at.
     pub fn with_overlay(mut self, stage: &Stage) -> ScreenWindows {
         self.overlays.panels[stage.faced_screen()] = true;
         self
     }
 
-    /// The test pattern on every screen; only F2 (the stage from outside) and F4 (eyes swapped) act.
+    /// Shows the test pattern on every screen; of the function keys only F2 (the stage from outside) and F4 (swap the eyes)
+    /// act.
     pub fn of_pattern(stage: &Stage, scale: f64) -> ScreenWindows {
         let mut screens = ScreenWindows::new(stage, Some(scale));
         (screens.overlays.pattern, screens.pattern_alone) = (true, true);
@@ -105,7 +106,7 @@ impl ScreenWindows {
         let StepTimes { interact_s, deform_s, normals_s } = session.world.times;
         if self.overlays.has_panel() {
             self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
-            self.overlays.history.push(FrameTimes { whole_s: *step_s, ..self.times });
+            self.overlays.history.push(FrameSteps { whole_s: *step_s, ..self.times });
         }
         let upload_s = bodies.upload(&windows.gpu, &mut session.world)?;
         let is_wanted = self.overlays.wants_reports();

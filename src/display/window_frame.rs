@@ -1,4 +1,4 @@
-//! One frame on its way into the windows.
+//! The parts that drawing one frame into windows needs.
 
 use super::bodies::GpuBodies;
 use crate::render::window::Windows;

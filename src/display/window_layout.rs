@@ -1,4 +1,4 @@
-//! A stage's windows made ready to be drawn: tiles with what each eye sees, and what the cursor points at.
+//! Lays out the windows of a stage: the tiles with the view of each eye, and the screen under the cursor.
 
 use crate::render::window::{MonitorChoice, WindowSpec};
 use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport};
@@ -56,7 +56,7 @@ pub fn tiles(world: &mut World, window: &Window, size: [u32; 2], swapped: bool) 
     shown(window, size, &mut |tile, eye_size, eye| viewport(world, tile, eye_size, seen(tile, eye, swapped)))
 }
 
-/// A window that shows both eyes the same instead: `view` of a width to height as it is on the screen, or nothing.
+/// The same for a window that shows both eyes one picture: `view` makes it for a ratio of width to height, or nothing.
 pub fn flat_tiles(
     stage: &Stage,
     window: &Window,
@@ -98,7 +98,7 @@ fn shown(
 /// The part of a screen that an eye's picture shows.
 pub struct Part {
     pub screen: usize,
-    /// To whom it is shown.
+    /// The eye to which it is shown.
     pub eye: Eye,
     /// Pixels of the picture's texture.
     pub rect: Rect,
@@ -122,8 +122,7 @@ pub fn part(
     Some(Part { screen: tile.screen, eye: seen(tile, eye, swapped), rect, visible })
 }
 
-/// Whose picture stands where `eye`'s does by the tile's kind of stereo: swapped by all windows and by the tile, it is
-/// where it was.
+/// The eye whose picture stands in `eye`'s place. If the tile and all windows swap the eyes, both are where they were.
 fn seen(tile: &stage::Tile, eye: Eye, swapped: bool) -> Eye {
     if swapped != tile.swap_eyes { eye.other() } else { eye }
 }

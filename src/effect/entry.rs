@@ -1,4 +1,4 @@
-//! What an effect says of itself.
+//! One entry of the list of effects: name, required column families, own tensors.
 
 use super::running::RunningEffect;
 use crate::base::failure::Failure;
@@ -46,8 +46,8 @@ impl EffectEntry {
     /// Bytes that it adds to a body of so many control elements, in the file and in memory, beside columns and its own
     /// section.
     pub fn bytes(&self, control_elements: usize) -> usize {
-        let needs = |family: &Family| self.requirements.iter().any(|own| own.name == family.name);
-        let entries = FAMILIES.iter().filter(|entry| needs(&entry.family));
+        let is_required = |family: &Family| self.requirements.iter().any(|own| own.name == family.name);
+        let entries = FAMILIES.iter().filter(|entry| is_required(&entry.family));
         entries.map(|entry| (entry.fixed_bytes)(control_elements)).sum()
     }
 }

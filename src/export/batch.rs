@@ -1,4 +1,5 @@
-//! Bodies in a list of poses: by superposition from the .green file, over all nodes, or solved anew for every pose.
+//! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
+//! solving anew for every pose.
 
 use super::result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet};
 use super::statics;
@@ -88,15 +89,24 @@ pub fn solve(
     Ok((set, tables))
 }
 
-/// Whether there will be forces, and whether the .green file is needed, before anything is solved.
-pub fn requirements(scene: &Scene) -> Result<(bool, bool), Failure> {
-    let (mut has_forces, mut has_columns) = (false, false);
+/// What a run will read and give, known before anything is solved.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Outlook {
+    /// Some body's results will have forces.
+    pub has_forces: bool,
+    /// Some body is shown from the .green file.
+    pub needs_green: bool,
+}
+
+/// What a run of the scene will read and give.
+pub fn outlook(scene: &Scene) -> Result<Outlook, Failure> {
+    let mut outlook = Outlook::default();
     for (name, body) in &scene.body {
         let is_static = prepare::law(scene, name, body)?.is_some();
-        has_columns |= !is_static;
-        has_forces |= is_static || prepare::needs(scene, name, body)?.has(STIFFNESS);
+        outlook.needs_green |= !is_static;
+        outlook.has_forces |= is_static || prepare::requirements(scene, name, body)?.has(STIFFNESS);
     }
-    Ok((has_forces, has_columns))
+    Ok(outlook)
 }
 
 /// Whether the body's model is linear in the matrices of the poses, not in their turns.
@@ -149,7 +159,7 @@ fn volume_results(
             format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
         )));
     }
-    let solution = green::solve(scene, name, &prepare::needs(scene, name, body)?, &Silent)?;
+    let solution = green::solve(scene, name, &prepare::requirements(scene, name, body)?, &Silent)?;
     for notice in &solution.notices {
         notice!("{notice}");
     }

@@ -2,6 +2,7 @@
 
 use super::exporter::Exporter;
 use super::result_set::ResultSet;
+use crate::base::csv::quoted;
 use crate::base::output::Kind;
 use crate::deform::Wrench;
 use std::fmt::Write;
@@ -56,24 +57,4 @@ fn forces(set: &ResultSet) -> Vec<u8> {
         }
     }
     text.into_bytes()
-}
-
-/// A name as a cell of a CSV file (RFC 4180).
-fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", name.replace('"', "\"\""))
-    } else {
-        name.to_owned()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_with_commas_and_quotes_stay_one_cell() {
-        assert_eq!(quoted("bend 30"), "bend 30");
-        assert_eq!(quoted("a,b \"c\""), "\"a,b \"\"c\"\"\"");
-    }
 }

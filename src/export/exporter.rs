@@ -1,15 +1,15 @@
-//! What an exporter is: a kind of file that a result set is written into.
+//! An exporter: one kind of file into which a result set is written.
 
 use super::result_set::ResultSet;
 use crate::base::output::Kind;
 
 /// One kind of file.
 pub struct Exporter {
-    /// What follows the name that the user gives, as `.csv`.
+    /// Is appended to the name that the user gives, as `.csv`.
     pub suffix: &'static str,
-    /// How an earlier file of this exporter is told from others, which are never overwritten.
+    /// Recognises an earlier file of this exporter; files of other kinds are never overwritten.
     pub kind: Kind,
-    /// Written where there are forces alone.
+    /// Its file is only written if the results have forces.
     pub needs_forces: bool,
     pub write: fn(&ResultSet) -> Vec<u8>,
 }

@@ -1,7 +1,7 @@
-//! All exporters. One more is a file of its own and a line here.
+//! The list of all exporters.
 
 use super::exporter::Exporter;
 use super::{csv, vtu};
 
-/// In the order in which they are written and told.
-pub const EXPORTERS: &[Exporter] = &[csv::DISPLACEMENTS, csv::FORCES, vtu::SURFACE];
+/// In the order in which their files are written and named.
+pub const EXPORTERS: &[Exporter] = &[csv::DISPLACEMENTS, csv::FORCES, vtu::BODIES];

@@ -1,4 +1,4 @@
-//! The files that a result set is written into, all of them whole or none.
+//! The files into which a result set is written: either all of them, each whole, or none.
 
 use super::exporters::EXPORTERS;
 use super::result_set::ResultSet;
@@ -8,13 +8,13 @@ use crate::base::output;
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 
-/// Files of one name, of which each exporter adds its suffix.
+/// Files that share one name, to which each exporter appends its suffix.
 pub struct Files {
     stem: PathBuf,
 }
 
 impl Files {
-    /// Those of OUT, or OUT.csv.
+    /// From the user's OUT, or OUT.csv.
     pub fn of(output: &Path) -> Result<Files, Failure> {
         let is_csv = output.extension().is_some_and(|extension| extension == "csv");
         let stem = if is_csv { output.with_extension("") } else { output.to_owned() };
@@ -39,7 +39,7 @@ impl Files {
         PathBuf::from(name)
     }
 
-    /// Makes the folder and looks whether everything can be written there, before anything is solved.
+    /// Makes the folder and checks that everything can be written there, before anything is solved.
     pub fn try_all(&self, inputs: &[PathBuf], has_forces: bool) -> Result<(), Failure> {
         for exporter in EXPORTERS.iter().filter(|exporter| has_forces || !exporter.needs_forces) {
             let path = self.path(exporter.suffix);
@@ -49,7 +49,8 @@ impl Files {
         Ok(())
     }
 
-    /// Writes the files, each told to `tell` once it is there, and removes those of an earlier run that have no successor.
+    /// Writes the files, and removes those of an earlier run that this run has no results for. `tell` is called with the path
+    /// of each file once it is there.
     pub fn write(
         &self,
         set: &ResultSet,
@@ -73,7 +74,7 @@ impl Files {
             std::fs::remove_file(&old)
                 .with_context(|| old.display().to_string())
                 .map_err(Failure::Request)?;
-            notice!("note: {} was of an earlier run with haptics and is removed", old.display());
+            notice!("note: {} was of an earlier run that had forces, and is removed", old.display());
         }
         Ok(())
     }

@@ -2,6 +2,9 @@
 //!
 //! In: a scene and poses. Out: a [`ResultSet`] ([`batch`] makes it, by superposition or by solving anew), and the files
 //! that [`EXPORTERS`] write of it.
+//!
+//! To add a format: write a file with an [`Exporter`], declare it below as `pub mod`, add it to [`EXPORTERS`], and name its
+//! file in the chapter `deform` of the manual.
 
 pub mod batch;
 pub mod csv;

@@ -1,4 +1,4 @@
-//! A VTU file for ParaView: the deformed bodies at rest, and a displacement field for every pose.
+//! A VTU file for ParaView: the bodies at rest, and a displacement field for every pose.
 
 use super::exporter::Exporter;
 use super::result_set::ResultSet;
@@ -7,8 +7,8 @@ use crate::base::text::one_line;
 use crate::mesh::formats::vtu_write::{self, Cell, Piece};
 use nalgebra::Vector3;
 
-/// The surface of bodies that are shown online, all tetrahedra of others.
-pub const SURFACE: Exporter = Exporter {
+/// The surface of each body that is shown online, and all tetrahedra of the others.
+pub const BODIES: Exporter = Exporter {
     suffix: ".vtu",
     // A mesh in this format, as `convert` writes it, has no displacements.
     kind: Kind {
@@ -19,10 +19,10 @@ pub const SURFACE: Exporter = Exporter {
         },
     },
     needs_forces: false,
-    write: surface,
+    write: bodies,
 };
 
-fn surface(set: &ResultSet) -> Vec<u8> {
+fn bodies(set: &ResultSet) -> Vec<u8> {
     vtu_write::encode(&pieces(set))
 }
 
@@ -85,7 +85,7 @@ mod tests {
             wrenches: None,
         });
         let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
-        let text = String::from_utf8(surface(&set)).unwrap();
+        let text = String::from_utf8(bodies(&set)).unwrap();
         assert!(!text.contains(['\u{1b}', '\u{0}', '\u{202e}', '\u{ffff}']));
         let mut reader = quick_xml::Reader::from_str(&text);
         let mut names = Vec::new();

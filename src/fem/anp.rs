@@ -18,7 +18,7 @@ use super::assembly::{ElementSet, Elements};
 use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
-use super::material::Lame;
+use super::lame::Lame;
 use super::tet4;
 use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};

@@ -12,7 +12,7 @@
 //! (S - I)² + 2 (S - I) = FᵀF - I = H + Hᵀ + HᵀH.
 
 use super::hyperelastic::{Law, Tangent};
-use super::material::Lame;
+use super::lame::Lame;
 use super::polar::Polar;
 use nalgebra::{Matrix3, Vector3};
 

@@ -6,7 +6,7 @@
 use super::assembly::{AssemblyError, ElementSet, assemble_elements};
 use super::energy::mutual_energies;
 use super::fields::NodeFields;
-use super::material::Lame;
+use super::lame::Lame;
 use super::stiffness::StiffnessMatrix;
 use crate::mesh::TetMesh;
 use nalgebra::DMatrix;

@@ -11,7 +11,7 @@
 
 use super::assembly::{Elements, assemble_elements};
 use super::fields::NodeFields;
-use super::material::Lame;
+use super::lame::Lame;
 use super::stiffness::StiffnessMatrix;
 use super::tet4::Geometry;
 use nalgebra::{Matrix3, SMatrix, Vector3};

@@ -12,7 +12,7 @@ mod elements;
 mod energy;
 mod fields;
 mod hyperelastic;
-mod material;
+mod lame;
 mod neo_hookean;
 mod partition;
 mod polar;
@@ -30,7 +30,7 @@ pub use elements::{ELEMENTS, find_element};
 pub use energy::{Strains, mutual_energies};
 pub use fields::NodeFields;
 pub use hyperelastic::{Hyperelastic, Law, Tangent};
-pub use material::Lame;
+pub use lame::Lame;
 pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
 pub use polar::{Polar, nearest_turn};
@@ -39,5 +39,5 @@ pub use stvk::STVK;
 pub use tet4::TET4;
 pub use tet10::TET10;
 
-/// The laws of large strain; a new one is one file and one line here.
+/// The laws of large strain. A new one is a file with its `mod` and `pub use` lines above, and an entry here.
 pub const LAWS: &[&Law] = &[&STVK, &NEO_HOOKEAN, &COROTATIONAL];

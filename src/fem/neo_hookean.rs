@@ -9,7 +9,7 @@
 //! collapse to a point.) It stiffens under compression, where [`super::STVK`] gives way.
 
 use super::hyperelastic::{Law, Tangent};
-use super::material::Lame;
+use super::lame::Lame;
 use nalgebra::Matrix3;
 
 pub const NEO_HOOKEAN: Law = Law {

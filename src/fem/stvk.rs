@@ -9,7 +9,7 @@
 //! bar gives way at 1/√3 of its length, and nothing resists an element that turns inside out.
 
 use super::hyperelastic::{Law, Tangent};
-use super::material::Lame;
+use super::lame::Lame;
 use nalgebra::Matrix3;
 
 pub const STVK: Law = Law {

@@ -11,7 +11,7 @@ use super::assembly::{AssemblyError, ElementSet, Elements};
 use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
-use super::material::Lame;
+use super::lame::Lame;
 use super::quadrature::{CURVED, Rule, STRAIGHT};
 use super::tet4;
 use crate::mesh::diagnostics::FLAT;

@@ -8,7 +8,7 @@ use super::assembly::{AssemblyError, ElementSet, Elements};
 use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
-use super::material::Lame;
+use super::lame::Lame;
 use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};

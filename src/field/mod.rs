@@ -1,9 +1,8 @@
 //! The paper's fields: typed values, connected into a data-flow graph that is evaluated once a frame.
 //!
 //! In: values set from outside (what trackers say). Out: values that functions make of them, each at most once a
-//! frame, in the order of their dependencies, and only where an input differs from what it was. Avango's
-//! `fieldHasChanged` is the mark that a changed field leaves on those that depend on it; its `evaluate` is
-//! [`Graph::evaluate`] (the paper, "Avango" and "Implementation in Avango").
+//! frame, in the order of their dependencies, and only where an input differs from what it was. The graph plays the part
+//! of Avango's marks of changed fields and of its evaluation loop (the paper, "Avango" and "Implementation in Avango").
 //!
 //! ```
 //! use greenstage::field::Graph;

@@ -47,7 +47,7 @@ pub struct BodyMeta {
     pub surface_triangles: usize,
     pub controls: Vec<ControlMeta>,
     pub accuracy: Accuracy,
-    /// What was measured to choose the body's knobs, where the scene asks for an accuracy or a budget.
+    /// What was measured to choose the body's settings, where the scene asks for an accuracy or a budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plan: Option<serde_json::Value>,
 }

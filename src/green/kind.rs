@@ -1,4 +1,4 @@
-//! By what a .green file and its packed form are known: their first bytes.
+//! Recognises .green files and packed ones by their first bytes.
 
 use crate::base::output::Kind;
 use std::io::Read;

@@ -1,4 +1,4 @@
-//! What must come out of the columns without knowing anything: a rigid motion of all control elements.
+//! Checks the solved columns with rigid motions, whose exact answer is known.
 //!
 //! In: the fields of all control elements over the mesh, and S. Out: how far the columns of a shift, summed over all
 //! control elements, are from 1 in every node (a partition of unity), and how far S is from answering rigid motions

@@ -64,7 +64,7 @@ pub struct Precomputed {
     pub storage: Storage,
     pub fingerprint: String,
     pub requirements: Requirements,
-    /// What its knobs were chosen from; kept in the file.
+    /// What its settings were chosen from; kept in the file.
     pub plan: Option<serde_json::Value>,
     pub solution: Solution,
     /// Tensors of effects that own some, by `EFFECT/TENSOR`.

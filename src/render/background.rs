@@ -3,7 +3,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
+use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::shader;
 
 #[derive(Default)]
@@ -15,8 +15,8 @@ impl DrawPass for BackgroundPass {
     }
 
     fn upload(&mut self, gpu: &Gpu, kinds: &[MadeFor<'_>], _: &FrameContents<'_>) -> Result<(), RenderError> {
-        let (parts, surface) = (&shader::BACKGROUND, Surface::Background);
-        self.0.complete(gpu, kinds, &Recipe { label: self.name(), parts, buffers: &[], surface });
+        let (parts, blending) = (&shader::BACKGROUND, Blending::Background);
+        self.0.complete(gpu, kinds, &Recipe { label: self.name(), parts, buffers: &[], blending });
         Ok(())
     }
 

@@ -4,7 +4,7 @@ use super::error::RenderError;
 use super::frame::{BodyInstance, FrameContents};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
-use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
+use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::shader;
 use std::ops::Range;
 
@@ -41,7 +41,7 @@ impl DrawPass for BodyPass {
             return Ok(());
         }
         let (label, parts, buffers) = (self.name(), &shader::BODY, &vertex_layout());
-        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, surface: Surface::Opaque });
+        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
         let of_body = |body: &BodyInstance<'_>| Instance {
             room_from_shape: body.room_from_body.into(),
             color: [0.0; 4],

@@ -7,9 +7,9 @@
 //! The way of a frame: [`BodyBuffers::upload`] or [`BodyBuffers::deform`] → [`FrameContents`] → [`Renderer::draw`] of
 //! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a
 //! window shows both eyes, [`TilePainter`] draws a picture for each, on which an [`Overlay`] may write, and joins them
-//! ([`Composite`]). One pass, one shader of the same name under `shaders/`: body, solid (stylus, ray, hit point),
-//! background, grid, composite; and for bodies that the device deforms itself: deform, parts (of bodies of
-//! several), normals; and on their first use: quads, lines.
+//! ([`Composite`]). Each pass is `src/render/X.rs` with `shaders/X.wgsl`: body, solid (styli, rays, hit points, arrows,
+//! balls), background, grid, quads, lines, composite; and for bodies that the device deforms itself: deform, parts (for
+//! bodies of several parts), normals. Every pass makes its pipelines when it first has something to draw.
 
 mod background;
 mod body;

@@ -1,5 +1,5 @@
-//! What every drawing pass is: a file of its own beside the shader of the same name, which takes its part of a frame,
-//! makes its pipelines when there is first something for it to draw, and draws it once per view.
+//! A drawing pass: `src/render/X.rs` with the shader `shaders/X.wgsl`. It takes its part of a frame, makes its pipelines
+//! when it first has something to draw, and draws it once per view.
 
 use super::bounds::Bounds;
 use super::error::RenderError;
@@ -119,7 +119,7 @@ pub(super) fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
 
 /// How a pass meets the pixels that are there: nearer wins, only where nothing is, or blended over what is farther.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Surface {
+pub(super) enum Blending {
     Opaque,
     Background,
     Translucent,
@@ -131,7 +131,7 @@ pub(super) struct Recipe<'a> {
     /// Its shader, as `shader` lists it.
     pub(super) parts: &'a [&'a str],
     pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
-    pub(super) surface: Surface,
+    pub(super) blending: Blending,
 }
 
 /// For what pictures a pipeline is made.
@@ -146,17 +146,17 @@ pub(super) struct MadeFor<'a> {
 fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, recipe: &Recipe<'_>) -> wgpu::RenderPipeline {
     let &MadeFor { layout, format, samples, both_eyes } = made_for;
     let module = shader::module(&gpu.device, recipe.label, &shader::drawing(recipe.parts, both_eyes));
-    let topology = match recipe.surface {
-        Surface::Translucent => wgpu::PrimitiveTopology::TriangleStrip,
-        Surface::Opaque | Surface::Background => wgpu::PrimitiveTopology::TriangleList,
+    let topology = match recipe.blending {
+        Blending::Translucent => wgpu::PrimitiveTopology::TriangleStrip,
+        Blending::Opaque | Blending::Background => wgpu::PrimitiveTopology::TriangleList,
     };
     // Depth is reversed: nearer is greater, and infinity, where the background lies, is the cleared 0.
-    let depth_compare = match recipe.surface {
-        Surface::Background => wgpu::CompareFunction::Equal,
-        Surface::Opaque | Surface::Translucent => wgpu::CompareFunction::Greater,
+    let depth_compare = match recipe.blending {
+        Blending::Background => wgpu::CompareFunction::Equal,
+        Blending::Opaque | Blending::Translucent => wgpu::CompareFunction::Greater,
     };
     let blend =
-        (recipe.surface == Surface::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+        (recipe.blending == Blending::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(recipe.label),
         layout: Some(layout),
@@ -169,7 +169,7 @@ fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, recipe: &Recipe<'_>) -> wgpu::Ren
         primitive: wgpu::PrimitiveState { topology, ..Default::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
-            depth_write_enabled: Some(recipe.surface == Surface::Opaque),
+            depth_write_enabled: Some(recipe.blending == Blending::Opaque),
             depth_compare: Some(depth_compare),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),

@@ -1,12 +1,13 @@
-//! The rigid solids of a frame: pen, ray and hit point of each stylus, arrows. In come [`StylusShape`]s and [`Arrow`]s,
-//! out go instances of four procedural surfaces of revolution that are made and uploaded once.
+//! The rigid solids of a frame: pen, ray and hit point of each stylus, arrows, balls. In come [`StylusShape`]s, [`Arrow`]s
+//! and [`Ball`](super::frame::Ball)s, out go instances of four procedural surfaces of revolution that are made and
+//! uploaded once.
 
 use super::bounds::Bounds;
 use super::error::RenderError;
 use super::frame::{Arrow, FrameContents, StylusShape};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
-use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
+use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::shader;
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -72,7 +73,7 @@ impl DrawPass for SolidPass {
             return Ok(());
         }
         let (label, parts, buffers) = (self.name(), &shader::SOLID, &vertex_layout());
-        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, surface: Surface::Opaque });
+        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
         if self.meshes.is_none() {
             self.meshes = Some(SolidMeshes::new(gpu)?);
         }

@@ -6,7 +6,7 @@
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::pass::{DrawPass, DrawTo, EyePipelines, MadeFor, Recipe, Surface};
+use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use std::borrow::Cow;
 use std::marker::PhantomData;
 
@@ -97,8 +97,8 @@ impl StripBuffer {
             step_mode: wgpu::VertexStepMode::Instance,
             attributes: shape.attributes,
         })];
-        let surface = Surface::Translucent;
-        let recipe = Recipe { label: shape.name, parts: shape.parts, buffers: &buffers, surface };
+        let blending = Blending::Translucent;
+        let recipe = Recipe { label: shape.name, parts: shape.parts, buffers: &buffers, blending };
         self.pipelines.complete(gpu, kinds, &recipe);
         let room = (u64::from(self.count.next_power_of_two()) * shape.stride) as usize;
         gpu.write_vertices(&mut self.buffer, shape.name, bytes, room)

@@ -1,6 +1,6 @@
-//! A session: a world, who moves it, the force devices that are felt, and the file that it is recorded in.
+//! A session: a world, the input that moves it, its force devices, and the file into which it is recorded.
 
-use super::input::{Change, InputSource, Leader};
+use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
@@ -13,7 +13,7 @@ use crate::track::{Mouse, MouseInput, Script};
 use crate::world::World;
 use std::sync::Arc;
 
-/// A world that is moved on.
+/// A world, and all that moves or records it.
 pub struct Session {
     /// What the effects of the scene's bodies run. First, so that it is dropped first: no device pushes while trackers
     /// are waited for.
@@ -21,13 +21,13 @@ pub struct Session {
     pub world: World,
     pub input: InputSource,
     pub recorder: Option<Recorder>,
-    /// Of a scene; a stage alone has none.
+    /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
 }
 
-/// How far a session has come.
+/// Whether a session goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
+pub enum SessionProgress {
     Running,
     /// The recording has no more frames.
     Ended,
@@ -41,7 +41,7 @@ impl Session {
         Session { effects: Vec::new(), world, input, recorder: None, file: None }
     }
 
-    /// Mouse and keyboard move what nothing else does.
+    /// Lets mouse and keyboard move what nothing else moves.
     pub fn attach_mouse(&mut self) {
         self.input.mouse = Some(Mouse::new(self.world.stage.clone()));
     }
@@ -61,8 +61,8 @@ impl Session {
     }
 
     /// Moves the world on to `time_s` since the start: through all frames of a recording up to then, or by one frame of
-    /// whoever leads.
-    pub fn advance(&mut self, time_s: f64) -> Result<Progress, Failure> {
+    /// the input that leads.
+    pub fn advance(&mut self, time_s: f64) -> Result<SessionProgress, Failure> {
         if self.input.leader() == Leader::Recording {
             return self.replay_until(time_s);
         }
@@ -79,27 +79,27 @@ impl Session {
         if let Some(mouse) = &mut self.input.mouse {
             mouse.hit_distance_m = self.world.hit_distance_m();
         }
-        Ok(Progress::Running)
+        Ok(SessionProgress::Running)
     }
 
-    fn apply(&mut self, change: Change) {
+    fn apply(&mut self, change: ScriptChange) {
         self.world.act(match change {
-            Change::LetGo => Action::LetGo,
-            Change::Reset => Action::Reset,
+            ScriptChange::LetGo => Action::LetGo,
+            ScriptChange::Reset => Action::Reset,
         });
     }
 
     /// Plays all frames of the recording up to `time_s` after its first.
-    fn replay_until(&mut self, time_s: f64) -> Result<Progress, Failure> {
-        let Some(replay) = &mut self.input.replay else { return Ok(Progress::Ended) };
+    fn replay_until(&mut self, time_s: f64) -> Result<SessionProgress, Failure> {
+        let Some(replay) = &mut self.input.replay else { return Ok(SessionProgress::Ended) };
         while let Some(frame_s) = replay.next_time_s()? {
             if frame_s > time_s {
-                return Ok(Progress::Running);
+                return Ok(SessionProgress::Running);
             }
             replay.play_next(&mut self.world, Some(time_s))?;
             self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
         }
-        Ok(Progress::Ended)
+        Ok(SessionProgress::Ended)
     }
 
     /// Plays the next frame of the recording; false at its end.
@@ -141,14 +141,14 @@ impl Session {
         }
     }
 
-    /// A person takes over from the script, where one leads; what it held is let go.
+    /// Lets a person take over from the script, if one leads; the hands let go of what it held.
     pub fn take_over(&mut self) {
         if let Some(change) = self.input.take_over() {
             self.apply(change);
         }
     }
 
-    /// How the session ended: the force loops, the replay, the recording. A replay that came to other states is a failure.
+    /// Reports on the replay and the recording. A replay that came to other states than were recorded is a failure.
     pub fn report(&mut self) -> Result<String, Failure> {
         let recorded = self.recorder.as_mut().map_or(Ok(String::new()), Recorder::report)?;
         let replayed = self.input.replay.as_ref().map_or(Ok(String::new()), Replay::report)?;

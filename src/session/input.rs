@@ -1,7 +1,8 @@
-//! Who moves head and styli: a recording before trackers, trackers before a script, a script before mouse and keyboard.
+//! Decides who moves head and styli: a recording, a script, trackers, or mouse and keyboard.
 //!
 //! In: a stage's trackers, a script, and what a person does with mouse and keyboard. Out: one [`TrackerState`] a frame.
-//! A script leads until a tracker speaks or a person presses a button or a key; then it is over.
+//! A recording leads alone. A script leads until a tracker has been seen or a person presses a button or key; the script
+//! is then removed for good. After that trackers lead, and mouse and keyboard move what they do not.
 
 use super::recording::Replay;
 use super::trackers;
@@ -11,7 +12,7 @@ use crate::track::device::now_s;
 use crate::track::tracker_set::TrackerReport;
 use crate::track::{Mouse, Script, TrackerSet, TrackerState};
 
-/// What may move a world, in the order of precedence.
+/// All that may move a world; [`InputSource::leader`] tells which of it does.
 #[derive(Default)]
 pub struct InputSource {
     pub replay: Option<Replay>,
@@ -39,12 +40,12 @@ pub enum Leader {
 /// Pause between two rounds of a script, each of which starts at rest, s.
 const PAUSE_S: f64 = 1.0;
 
-/// What becomes of a world before a state is applied to it.
+/// What a script's end or new round asks of the world before the frame's state is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Change {
-    /// The script is over: what it held is let go.
+pub enum ScriptChange {
+    /// The script is over: the hands let go of what it held.
     LetGo,
-    /// The script begins anew.
+    /// The script begins a new round: bodies go back to rest.
     Reset,
 }
 
@@ -53,7 +54,7 @@ impl InputSource {
         match self {
             InputSource { replay: Some(_), .. } => Leader::Recording,
             InputSource { script: Some(_), .. } => Leader::Script,
-            InputSource { trackers: Some(rig), .. } if rig.is_speaking() => Leader::Trackers,
+            InputSource { trackers: Some(trackers), .. } if trackers.has_spoken() => Leader::Trackers,
             InputSource { mouse: Some(_), .. } => Leader::Mouse,
             _ => Leader::Nobody,
         }
@@ -73,28 +74,28 @@ impl InputSource {
     }
 
     /// A person takes over from the script, where one leads.
-    pub fn take_over(&mut self) -> Option<Change> {
+    pub fn take_over(&mut self) -> Option<ScriptChange> {
         if self.leader() != Leader::Script {
             return None;
         }
-        self.script.take().map(|_| Change::LetGo)
+        self.script.take().map(|_| ScriptChange::LetGo)
     }
 
-    /// Head and styli at `time_s` since the start, and what has to be done with the world before: trackers where they
-    /// speak, and for what they do not tell the script, or else mouse and keyboard.
-    pub fn state(&mut self, stage: &Stage, time_s: f64) -> (TrackerState, Vec<Change>) {
+    /// Head and styli at `time_s` since the start, and what has to be done with the world before they are applied.
+    /// Trackers give the sensors that they see; the script, or else mouse and keyboard, gives the rest.
+    pub fn state(&mut self, stage: &Stage, time_s: f64) -> (TrackerState, Vec<ScriptChange>) {
         let mut changes = Vec::new();
         let step_s = (time_s - self.last_s).max(0.0);
         self.last_s = time_s;
-        if let (Some(rig), Some(mouse)) = (&mut self.trackers, &mut self.mouse) {
-            mouse.tracked_head = rig.state(now_s()).head.map(|head| head.cast());
+        if let (Some(trackers), Some(mouse)) = (&mut self.trackers, &mut self.mouse) {
+            mouse.tracked_head = trackers.state(now_s()).head.map(|head| head.cast());
         }
         let mut state = match (&self.script, &mut self.mouse) {
             (Some(script), _) => {
                 let round_s = script.duration_s + PAUSE_S;
                 let round = (time_s / round_s) as u32;
                 if std::mem::replace(&mut self.round, round) != round {
-                    changes.push(Change::Reset);
+                    changes.push(ScriptChange::Reset);
                 }
                 script.sample(stage, time_s % round_s)
             }
@@ -104,12 +105,12 @@ impl InputSource {
             }
             (None, None) => TrackerState { time_s, ..TrackerState::default() },
         };
-        if let Some(rig) = &mut self.trackers {
-            state = trackers::merge(rig, state);
-            for told in rig.take_notices() {
+        if let Some(trackers) = &mut self.trackers {
+            state = trackers::merge(trackers, state);
+            for told in trackers.take_notices() {
                 notice!("note: {told}");
             }
-            if rig.is_speaking() {
+            if trackers.has_spoken() {
                 changes.extend(self.take_over());
             }
         }
@@ -118,6 +119,6 @@ impl InputSource {
 
     /// What the trackers say of all their sensors.
     pub fn tracker_reports(&mut self) -> Vec<TrackerReport> {
-        self.trackers.as_mut().map(|rig| rig.report(now_s())).unwrap_or_default()
+        self.trackers.as_mut().map(|trackers| trackers.report(now_s())).unwrap_or_default()
     }
 }

@@ -1,16 +1,16 @@
-//! Keys and wheel of a window as commands to the world.
+//! Turns keys and the wheel of a window into commands to the world.
 
 use crate::interact::{Action, Axis, Freedom, Mode};
 use crate::render::window::Key;
 use crate::track::mouse::BINDINGS;
 use crate::world::World;
 
-/// The scene grows by this factor a line of the wheel.
+/// One line of the wheel scales the scene by this factor.
 const SCALE_PER_LINE: f64 = 1.1;
-/// More lines at once are a fault of the device.
+/// The wheel counts at most so many lines at once; a device that reports more is faulty.
 const MOST_LINES: f64 = 20.0;
 
-/// What a key commands when it is pressed, with or without Ctrl; `None` for one that commands nothing.
+/// The command of a key when it is pressed, with or without Ctrl, if it has one.
 pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
     let only = |freedom| Action::SetMode(Mode { freedom, axis: None });
     let along = |axis| Action::SetMode(world.mode().along(axis));
@@ -32,7 +32,7 @@ pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
     })
 }
 
-/// What so many lines of the wheel command with Ctrl and nothing in the hand.
+/// The command of so many lines of the wheel, with Ctrl and nothing in the hand.
 pub fn scale(lines: f64) -> Action {
     let lines = if lines.is_finite() { lines.clamp(-MOST_LINES, MOST_LINES) } else { 0.0 };
     Action::ScaleScene(SCALE_PER_LINE.powf(lines))
@@ -44,7 +44,7 @@ pub fn bindings() -> String {
     format!("Mouse and keyboard:\n{}", rows.join("\n"))
 }
 
-/// What [`crate::track::Mouse`] calls a key, where it knows it; a letter is written into `typed`.
+/// The name by which [`crate::track::Mouse`] knows a key, if it does; a letter is written into `typed`.
 pub fn name(key: Key, typed: &mut [u8; 4]) -> Option<&str> {
     Some(match key {
         Key::Char(c) => c.encode_utf8(typed),

@@ -1,7 +1,7 @@
-//! Lines that are written by a thread of their own: who makes them does not wait for a disk.
+//! Writes lines on a thread of its own, so that the frame that makes them does not wait for a disk.
 //!
-//! In: lines, as bytes. Out: each is handed to the system at once, in their order. Where more wait than the queue holds,
-//! who makes them waits: nothing is left out.
+//! In: lines, as bytes. Out: each is handed to the system at once, in their order. When the queue is full, the caller
+//! waits, so that no line is left out.
 
 use crate::base::notice::notice;
 use std::io::{Error, Result, Write};
@@ -31,13 +31,13 @@ impl Lines {
         Ok(Lines { queue: Some(queue), writer: Some(writer) })
     }
 
-    /// The error is that of an earlier line.
+    /// Queues a line; an error is that of an earlier line.
     pub fn queue(&mut self, line: Vec<u8>) -> Result<()> {
         match &self.queue {
             Some(queue) if queue.send(line).is_ok() => Ok(()),
             _ => {
                 self.finish()?;
-                Err(Error::other("it was ended already"))
+                Err(Error::other("the writer has already ended"))
             }
         }
     }

@@ -1,4 +1,4 @@
-//! A session opened from what was asked for: scene, stage, script, .green file, recordings.
+//! Opens a session from the options of a command: scene, stage, script, .green file, recordings.
 
 use super::advance::Session;
 use super::recording::{Origin, Recorder, Replay};
@@ -11,7 +11,7 @@ use crate::track::Script;
 use crate::world::World;
 use std::path::Path;
 
-/// What a session is opened with; what is not named is the scene's.
+/// The options with which a session is opened; what they leave out is taken from the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
     pub scene: &'a Scene,
@@ -22,7 +22,7 @@ pub struct Request<'a> {
     pub green: Option<&'a Path>,
     /// A session that moves everything, on its own stage unless another is named.
     pub replay: Option<&'a Path>,
-    /// Where every step is written down.
+    /// The recording into which every frame is written.
     pub record: Option<&'a Path>,
 }
 

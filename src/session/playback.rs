@@ -1,4 +1,4 @@
-//! A session played in a number of pictures, where nobody moves it by hand: a script, a recording, or nothing.
+//! Plays a session as a number of pictures, moved by a script, a recording, or nothing.
 
 use super::advance::Session;
 use super::input::Leader;
@@ -18,7 +18,7 @@ pub struct Playback {
 
 #[derive(Clone, Copy)]
 enum Source {
-    /// Nothing moves.
+    /// Nothing moves the session.
     Rest,
     Script {
         duration_s: f64,

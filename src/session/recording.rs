@@ -1,4 +1,4 @@
-//! A session as a file: what the trackers said and what was commanded, frame by frame, and the state that came of it.
+//! A session as a file: for every frame the trackers' poses, the commands, and the hash of the resulting state.
 //!
 //! Lines of JSON: a header (scene, stage, program), the state of all fields at the start ([`crate::field::Graph::write`]),
 //! then a line a frame. It grows under its own name ([`output::stream`]), and a thread hands each line to the system at
@@ -39,9 +39,9 @@ struct Header {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
-    /// From 0.
+    /// Counted from 0.
     pub frame: u64,
-    /// Carried out before the frame.
+    /// Commands that are carried out before the frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actions: Vec<Action>,
     pub state: TrackerState,
@@ -49,7 +49,7 @@ pub struct Frame {
     pub hash: String,
 }
 
-/// What a recording must fit.
+/// The scene, stage and program for which a recording was made.
 pub struct Origin<'a> {
     pub scene: &'a Scene,
     pub file: &'a GreenFile,
@@ -86,7 +86,7 @@ pub fn try_path(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
     Ok(output::try_path(path, &KIND, inputs)?)
 }
 
-/// Writes a session down.
+/// Writes a session into a recording.
 pub struct Recorder {
     path: PathBuf,
     lines: Lines,
@@ -116,7 +116,7 @@ impl Recorder {
         queued.map_err(|error| self.failed(&error))
     }
 
-    /// Ends it; what is said of it, once everything is written.
+    /// Ends the recording; once everything is written, returns the sentence for the user.
     pub fn report(&mut self) -> Result<String, Failure> {
         self.lines.finish().map_err(|error| self.failed(&error))?;
         Ok(format!("{} frames recorded in {}\n", self.frames, self.path.display()))
@@ -157,16 +157,16 @@ fn line(value: &impl Serialize) -> Result<Vec<u8>, Failure> {
     Ok(text)
 }
 
-/// Reads a session, and compares what comes of it with what came of it then.
+/// Replays a session, and compares its states with those that were recorded.
 pub struct Replay {
     path: PathBuf,
     input: BufReader<File>,
     line: u64,
     header: Header,
-    /// Read, and played.
+    /// Frames played so far.
     frames: u64,
     played: u64,
-    /// Read and not yet played.
+    /// A frame that was read and is not yet played.
     next: Option<Frame>,
     /// The tracker's time at the first frame, s.
     first_s: Option<f64>,
@@ -243,7 +243,7 @@ impl Replay {
         Err(self.wrong(&fault))
     }
 
-    /// How many whole frames there are from here to the end; one that was cut off is told.
+    /// How many whole frames there are from here to the end; a note tells if the last one was cut off.
     pub fn length(&self) -> Result<u64, Failure> {
         let (frames, is_cut) = self.left()?;
         if is_cut {
@@ -271,11 +271,11 @@ impl Replay {
     fn tell_cut(&self, frame: u64) {
         let path = self.path.display();
         notice!(
-            "note: {path}: it ends in the middle of frame {frame}, which is left out: the program was stopped"
+            "note: {path}: it ends in the middle of frame {frame}, which is left out, because the program was stopped"
         );
     }
 
-    /// The next frame; `None` at the end. One that was cut off in the middle is the end, and is told.
+    /// The next frame; `None` at the end. A frame that was cut off in the middle is the end, and a note tells so.
     fn next_frame(&mut self) -> Result<Option<Frame>, Failure> {
         self.line += 1;
         let text = match read_line(&mut self.input, self.line) {
@@ -306,7 +306,7 @@ impl Replay {
         Ok(self.next.as_ref().map(|frame| frame.state.time_s - *first_s.get_or_insert(frame.state.time_s)))
     }
 
-    /// Lets `world` go through the next frame, and compares its state; false at the end. `clock_s` is the time since the
+    /// Plays the next frame in `world`, and compares its state with the recorded one; false at the end. `clock_s` is the time since the
     /// start, where it is not the recorded one.
     pub fn play_next(&mut self, world: &mut World, clock_s: Option<f64>) -> Result<bool, Failure> {
         self.next_time_s()?;
@@ -327,7 +327,7 @@ impl Replay {
         Failure::wrong(format!("{}: {fault}", self.path.display()))
     }
 
-    /// How it went; the work failed where a state differed, or where no frame was played.
+    /// The result for the user; a failure if a state differed or no frame was played.
     pub fn report(&self) -> Result<String, Failure> {
         let path = self.path.display();
         let total = self.frames + self.left()?.0;

@@ -1,4 +1,4 @@
-//! The trackers of a session: opened once, joined with what mouse or script say.
+//! Starts the trackers of a session, and joins their states with those of mouse or script.
 
 use crate::base::failure::Failure;
 use crate::effect::RunningEffect;
@@ -21,11 +21,12 @@ pub fn start(stage: &Stage, effects: &mut [Box<dyn RunningEffect>]) -> Result<Op
     })
 }
 
-/// Head and styli as they are tracked; what is not tracked now comes from `other`, behind them.
-pub fn merge(rig: &mut TrackerSet, other: TrackerState) -> TrackerState {
-    let mut state = rig.state(now_s());
+/// Head and styli as they are tracked. A head that is not tracked comes from `other`; so do the styli, behind the tracked
+/// ones, while no stylus is tracked.
+pub fn merge(trackers: &mut TrackerSet, other: TrackerState) -> TrackerState {
+    let mut state = trackers.state(now_s());
     state.head = state.head.or(other.head);
-    if !rig.is_pointing() {
+    if !trackers.is_pointing() {
         state.styli.extend(other.styli);
     }
     TrackerState { time_s: other.time_s, ..state }

@@ -6,6 +6,9 @@
 //! ```text
 //! packets → one of SOURCES → DeviceState → TrackerSet (calibration, filter, prediction) → TrackerState
 //! ```
+//!
+//! [`Mouse`] and [`Script`] make a [`TrackerState`] themselves; `session::trackers::merge` joins it with that of the
+//! [`TrackerSet`].
 
 pub mod device;
 pub mod dtrack;

@@ -1,4 +1,5 @@
-//! What a kind of tracker says of itself: its keys in a stage's `[tracker.NAME]` table, and how these are read.
+//! One entry of the list of sources: the keys in a stage's `[tracker.NAME]` table, how they are checked, and how the source
+//! is opened.
 
 use super::device::Source;
 use super::open_error::OpenError;

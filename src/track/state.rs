@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, UnitQuaternion};
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrackerState {
-    /// `None`: the head is not tracked, and is where the stage places it.
+    /// `None`: the head is not tracked. It then stays where it was last tracked, and before that where the stage places it.
     #[serde(with = "crate::field::numbers::option")]
     pub head: Option<Isometry3<f32>>,
     /// A source always gives the same styli in the same order.

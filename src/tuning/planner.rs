@@ -50,7 +50,7 @@ pub type NamedPoses = (Vec<(String, ControlPoses)>, String);
 /// What the planner asks of the program around it; `E` is the program's own error.
 pub struct Planner<'a, E> {
     /// What the model and the effects of a body need.
-    pub needs: &'a dyn Fn(&Scene, &str) -> Result<Requirements, E>,
+    pub requirements: &'a dyn Fn(&Scene, &str) -> Result<Requirements, E>,
     /// The scene's .green file, where it has one.
     pub file: &'a dyn Fn(&Scene) -> Result<Option<GreenFile>, E>,
     /// The poses that a body is measured in.
@@ -113,9 +113,9 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
             (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
         }
         for (name, demand) in demands {
-            let needs = (self.needs)(&plain, &name)?;
+            let requirements = (self.requirements)(&plain, &name)?;
             let largest = demand.largest().unwrap_or(LARGEST);
-            let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, &needs)?);
+            let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, &requirements)?);
             let Some(table) = source(&plain, &name, key, &demand)? else { continue };
             let choice = choose(&table.rows, &demand).ok_or_else(|| {
                 TuningError::Unmet(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
@@ -168,7 +168,7 @@ impl<E: From<TuningError> + From<GreenError>> Planner<'_, E> {
             limits: Limits { largest: demand.largest().unwrap_or(LARGEST), refinements: 1, rounds: 60 },
             largest_key: format!("body.{name}.{}.largest", demand.key()),
             quick: true,
-            needs_of: &|scene| (self.needs)(scene, name).unwrap_or_default(),
+            requirements_of: &|scene| (self.requirements)(scene, name).unwrap_or_default(),
             command: String::new(),
             scratch: scratch.path(),
         };

@@ -1,7 +1,7 @@
-//! What commands do to a world: undo and redo, the way back to rest, navigation, bodies set aside.
+//! Carries out commands on a world: undo and redo, the way back to rest, navigation, bodies set aside.
 //!
-//! In: [`Action`]s, and what the hands asked for in a frame. Out: poses and places, given to the graph between frames.
-//! Times are those of the tracker's states, so that a replay does the same.
+//! In: [`Action`]s, and what the hands asked for in a frame. Out: poses and places, which are set in the graph between
+//! frames. All times are those of the tracker's states, so that a replay does the same.
 
 use super::body::PlacedBody;
 use super::edit_state::{Change, EditState, Posed, REST};
@@ -16,12 +16,12 @@ use nalgebra::Similarity3;
 use std::collections::BTreeSet;
 
 impl World {
-    /// Writes the state of all fields, from which a new world of the same scene and stage goes on as this one. What
-    /// lies beside them has no place there: an error says what is not at rest.
+    /// Writes the state of all fields, from which a new world of the same scene and stage can go on. State that is not in
+    /// fields cannot be written: if some of it is not at rest, an error names it.
     pub fn write(&self, out: &mut impl std::io::Write) -> Result<(), Failure> {
         if let Some(what) = self.edit.is_unsaved() {
             return Err(Failure::wrong(format!(
-                "the state cannot be written: {what}, which a stream does not hold"
+                "the state cannot be written, because {what}, and a recording does not store that"
             )));
         }
         self.graph.write(out).map_err(Failure::work)
@@ -65,7 +65,7 @@ impl World {
         self.graph.get(self.fields.hands).hands.mode
     }
 
-    /// The stylus that does what the keys say: one that aims from the eye, as the mouse does, else the first that is seen.
+    /// The stylus to which keys refer: one that aims from the eye, as the mouse does, else the first that is tracked.
     pub fn cursor(&self) -> Option<usize> {
         let seen = |i: usize| {
             let stylus = self.graph.get(self.fields.styli[i].stylus).as_ref()?;
@@ -74,7 +74,7 @@ impl World {
         (0..self.fields.styli.len()).filter_map(seen).min().map(|(_, i)| i)
     }
 
-    /// How much can be undone, and how much done again.
+    /// How many changes can be undone, and how many redone.
     pub fn undo_depth(&self) -> [usize; 2] {
         self.edit.history.depth()
     }
@@ -125,7 +125,7 @@ impl World {
         self.evaluate();
     }
 
-    /// Before the graph's frame: elements on their way to rest go a step.
+    /// Moves elements that are on their way to rest by one step, before the graph is evaluated.
     pub(super) fn ease(&mut self, time_s: f64) {
         let Some((ease, from)) = self.edit.easing.take() else { return };
         let share = ease.share(time_s);
@@ -139,7 +139,7 @@ impl World {
         self.edit.easing = (share < 1.0).then_some((ease, from));
     }
 
-    /// After the graph's frame: grabs that ended become history, the scene goes where it was carried.
+    /// After the graph was evaluated: enters grabs that ended into the history, and moves the scene where it was carried.
     pub(super) fn follow_hands(&mut self, time_s: f64) {
         let HandState { hands, asked } = self.graph.get(self.fields.hands);
         let mut held = hands.held();
@@ -164,7 +164,7 @@ impl World {
         self.place_bodies(time_s);
     }
 
-    /// Puts every body where navigation and the places aside have it; what is held goes along.
+    /// Moves every body to its place after navigation and setting aside; what a hand holds moves along.
     fn place_bodies(&mut self, time_s: f64) {
         let Workspace { centre, radius_m } = self.stage.workspace;
         let mut moved = false;
@@ -207,14 +207,14 @@ impl World {
         self.edit.asides[b].toggle(time_s, &self.bodies[b].room_from_body);
     }
 
-    /// Everything held is let go, and its way becomes history; what was on its way to rest stays where it is.
+    /// Lets go of everything and enters it into the history; elements on their way to rest stay where they are.
     fn release(&mut self) {
         self.finish_grabs(&BTreeSet::new());
         self.change_hands(|hands| hands.let_go(|_| true));
         self.edit.easing = None;
     }
 
-    /// Grabs of what is not in `held` any more become an entry of the history each.
+    /// Enters each grab that is no longer in `held` into the history.
     fn finish_grabs(&mut self, held: &BTreeSet<usize>) {
         for target in std::mem::take(&mut self.edit.held) {
             if held.contains(&target) {
@@ -229,10 +229,10 @@ impl World {
     }
 
     fn change_hands(&mut self, change: impl FnOnce(&mut Hands)) {
-        let mut grasp = self.graph.get(self.fields.hands).clone();
-        change(&mut grasp.hands);
-        grasp.asked = Asked::default();
-        self.graph.restore(self.fields.hands, grasp);
+        let mut hands = self.graph.get(self.fields.hands).clone();
+        change(&mut hands.hands);
+        hands.asked = Asked::default();
+        self.graph.restore(self.fields.hands, hands);
     }
 
     fn pose(&self, target: usize) -> ControlPose {
@@ -245,7 +245,7 @@ impl World {
         Posed { pose: self.pose(target), turn: self.bodies[b].deformer.turn(c) }
     }
 
-    /// Gives control elements poses that the program chose; no limit of a hand applies.
+    /// Sets poses of control elements that the program chose; the limits of a hand's motion do not apply.
     fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
         for (target, posed) in targets {
             let (b, c) = self.fields.targets[target];

@@ -1,4 +1,4 @@
-//! A body at its place in the room: its deformer, what of it can be taken, how it is coloured.
+//! A body at its place in the room: its deformer, which of its control elements a hand can take, and its colours.
 
 use super::force_scale::ForceScale;
 use super::highlight::Highlight;
@@ -19,11 +19,11 @@ pub struct PlacedBody {
     pub deformer: Deformer,
     /// Where it is shown now.
     pub room_from_body: Similarity3<f64>,
-    /// Where it is as long as nobody navigates.
+    /// Where it stands before anybody navigates.
     pub home: Similarity3<f64>,
     /// Middle and radius of a ball about it at rest, in its frame.
     pub ball: (Point3<f64>, f64),
-    /// Per control element: can it be taken, what of it can be hit, and what its colour tells now.
+    /// Per control element: whether a hand can take it, which part of it a ray can hit, and its highlight now.
     pub controls: Vec<PlacedControl>,
     /// Names of its model and its effects, as in the scene.
     pub model: String,
@@ -32,11 +32,11 @@ pub struct PlacedBody {
     pub force_scale: Option<ForceScale>,
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
-    /// That it was left has been said.
+    /// Whether a warning has told that the range was left.
     range_left: bool,
     /// How near a ray must pass a node of a control element that it misses, m in the room.
     passing_m: f64,
-    /// Deformed, or coloured anew, since it was last uploaded.
+    /// Whether it was deformed, or coloured anew, since it was last uploaded.
     pub moved: bool,
     pub recolour: bool,
     /// How often it was deformed, and what that took in this frame.
@@ -99,7 +99,7 @@ impl PlacedBody {
         self.room_from_body * self.deformer.body_from_surface()
     }
 
-    /// Control element `c` as a thing to be hit; `near`: where a ray passes within a hand's aim.
+    /// Control element `c` as a target for picking; `near` widens it to balls about its nodes, for rays that narrowly miss.
     pub fn pick_target(&self, c: usize, near: bool) -> PickTarget<'_> {
         let control = &self.controls[c];
         PickTarget {
@@ -130,7 +130,7 @@ impl PlacedBody {
         Some(ControlPose { translation, matrix })
     }
 
-    /// The whole surface as a thing to be hit; `shape` is [`PlacedBody::whole_shape`], `positions` are those of
+    /// The whole surface as a target for picking; `shape` is [`PlacedBody::whole_shape`], `positions` are those of
     /// the deformer.
     pub fn whole<'a>(&self, shape: &'a PickShape, positions: &'a [[f32; 3]]) -> PickTarget<'a> {
         PickTarget {
@@ -141,7 +141,7 @@ impl PlacedBody {
         }
     }
 
-    /// All triangles, made when asked for.
+    /// All triangles, made when they are first asked for.
     pub fn whole_shape(&self) -> PickShape {
         PickShape { triangles: self.deformer.triangles().to_vec(), points: Vec::new() }
     }
@@ -156,22 +156,22 @@ impl PlacedBody {
         admitted
     }
 
-    /// Says once where a planned body leaves what was measured of it.
+    /// Warns once when a planned body turns farther than its error was measured for.
     pub(super) fn check_range(&mut self) {
         let left = |range: &f64| !self.range_left && self.deformer.largest_turn() > *range;
         if let Some(range) = self.range.filter(left) {
             self.range_left = true;
             let (body, degrees) = (&self.deformer.body, range.to_degrees());
             let warning = format!(
-                "body.{body}: control elements turn by more than {degrees:.0}° against each other, for which the \
-                 accuracy asked for was not measured"
+                "body.{body}: control elements turn by more than {degrees:.0}° against each other; the accuracy \
+                 that the scene asks for was measured only up to there"
             );
             self.warnings.push(warning);
         }
     }
 
-    /// sRGB and mark per vertex: a quiet blue body, grey elements that are fixed, orange ones that can be taken,
-    /// brighter under the ray and green in the hand.
+    /// sRGB and mark per vertex: the body is blue, fixed control elements are grey, and those that can be taken orange,
+    /// brighter while a ray points at them and green while a hand holds them.
     pub fn colours(&self) -> Vec<[u8; 4]> {
         let mut colours = vec![[96, 142, 186, 0]; self.deformer.node_count()];
         for (c, control) in self.controls.iter().enumerate() {

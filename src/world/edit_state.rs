@@ -1,11 +1,11 @@
-//! Selection, undo history and navigation of a session: what lasts from one grab to the next.
+//! What lasts from one grab to the next: undo history, navigation, bodies set aside, and the way back to rest.
 
 use crate::deform::{ControlPose, FollowedTurn};
 use crate::interact::{Aside, Ease, History, Navigation};
 use crate::stage::Workspace;
 use std::collections::BTreeSet;
 
-/// Selection, undo history and navigation of a session.
+/// Undo history, navigation, bodies set aside, and the way back to rest.
 pub struct EditState {
     pub navigation: Navigation,
     pub asides: Vec<Aside>,
@@ -45,7 +45,7 @@ impl EditState {
             held: BTreeSet::new(),
         }
     }
-    /// What of it is not at rest, and so would be lost in a stream of the graph's fields.
+    /// Names something that is not at rest, and that a stream of the graph's fields would therefore lose.
     pub(super) fn is_unsaved(&self) -> Option<&'static str> {
         match self {
             EditState { navigation, .. } if !navigation.is_at_rest() => {

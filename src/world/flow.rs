@@ -10,7 +10,7 @@
 //! | `hit.right` | hit | `stylus.right`, `hands.previous`, every `place`, every `surface.previous`: the body as it was seen |
 //! | `hands` | hands | `tracker.time`, every `stylus` and `hit`, `hands.previous`, every `pose.previous` |
 //! | `body.B.control.C.pose` | control pose | `hands`, `pose.previous` |
-//! | `body.B.coefficients` | coefficients | every `pose` of the body: the paper's `fieldHasChanged` |
+//! | `body.B.coefficients` | coefficients | every `pose` of the body: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
 //! | `body.B.surface` | surface | `coefficients`: the paper's `evaluate` |
 //!
 //! The functions act on the bodies (their deformers) and on nothing else outside the graph.
@@ -33,7 +33,7 @@ pub type Bodies = Vec<PlacedBody>;
 
 /// The fields of a world by what they are.
 pub struct Fields {
-    /// Of the styli that the stage knows.
+    /// Names of the styli that the stage knows.
     names: Vec<String>,
     pub tracked_head: Field<Tracked>,
     pub time: Field<f64>,
@@ -41,11 +41,12 @@ pub struct Fields {
     pub styli: Vec<StylusFields>,
     pub hands: Field<HandState>,
     pub bodies: Vec<BodyFields>,
-    /// Control elements that can be taken, as (body, control element): what a hit and a dragger number.
+    /// Control elements that can be taken, as (body, control element): what the targets of hits and
+    /// hands number.
     pub targets: Vec<(usize, usize)>,
 }
 
-/// One stylus, and what it points at with nothing in the hand.
+/// One stylus, and what it points at while it holds nothing.
 #[derive(Clone, Copy)]
 pub struct StylusFields {
     pub stylus: Field<Option<StylusState>>,
@@ -54,12 +55,12 @@ pub struct StylusFields {
 
 pub struct BodyFields {
     pub place: Field<BodyPlace>,
-    /// Per control element. That of a fixed one can be set.
+    /// One per control element. That of a fixed element can be set from outside.
     pub poses: Vec<Field<ControlPose>>,
-    pub surface: Field<Surface>,
+    pub surface: Field<SurfaceVersion>,
 }
 
-/// A head as the tracker has it, where it has one.
+/// The head's pose as the tracker reports it, if it does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Tracked(#[serde(with = "crate::field::numbers::option")] pub Option<Isometry3<f32>>);
@@ -82,10 +83,10 @@ pub struct HandState {
 #[serde(transparent)]
 pub struct BodyPlace(#[serde(with = "crate::field::numbers")] pub Similarity3<f64>);
 
-/// A deformed surface by how often it was deformed; its vertices are the deformer's.
+/// How often a surface was deformed, which tells one version of it from another; the deformer holds its vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Surface(pub u64);
+pub struct SurfaceVersion(pub u64);
 
 impl Value for Tracked {
     const TYPE: &'static str = "tracked pose";
@@ -103,7 +104,7 @@ impl Value for BodyPlace {
     const TYPE: &'static str = "place";
 }
 
-impl Value for Surface {
+impl Value for SurfaceVersion {
     const TYPE: &'static str = "surface";
 }
 
@@ -123,8 +124,8 @@ impl Value for BodyState {
     const TYPE: &'static str = "coefficients";
 }
 
-/// The graph of the bodies of a scene on a stage, with a head that stands where the viewer's does as long as none is tracked, and
-/// one stylus.
+/// The graph of the bodies of a scene on a stage, with one stylus. The head stands where it was last tracked; before it is
+/// tracked for the first time, where the stage's viewer stands.
 pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bodies>, Fields), FieldError> {
     let (head, radius_m) = (stage.viewer.room_from_head, stage.workspace.radius_m);
     let mut graph = Graph::default();
@@ -178,7 +179,7 @@ fn body_fields(
     let place = graph.field(format!("body.{name}.place"), BodyPlace(Similarity3::identity()))?;
     let coefficients =
         graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
-    let surface = graph.field(format!("body.{name}.surface"), Surface(0))?;
+    let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
     let mut taken = Vec::new();
     graph.compute(
         coefficients,
@@ -199,13 +200,14 @@ fn body_fields(
         (body.moved, body.deformations) = (true, body.deformations + 1);
         body.times.deform_s = body.deformer.times.deform_s;
         body.times.normals_s = body.deformer.times.normals_s;
-        Surface(body.deformations)
+        SurfaceVersion(body.deformations)
     })?;
     Ok(BodyFields { place, poses, surface })
 }
 
 impl Fields {
-    /// As the stage names it; one that it does not know, such as the mouse's beside tracked ones, by its number.
+    /// The stage's name of a stylus. One that the stage does not name, such as the mouse's beside tracked ones, is called by
+    /// its number.
     pub fn stylus_name(&self, number: usize) -> String {
         let by_number = || {
             let mut name = (number + 1).to_string();
@@ -217,7 +219,7 @@ impl Fields {
         self.names.get(number).cloned().unwrap_or_else(by_number)
     }
 
-    /// One more stylus, at which the hands look from now on.
+    /// Adds a stylus and connects it with the hands.
     pub fn add_stylus(&mut self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
         let number = self.styli.len();
         let name = self.stylus_name(number);
@@ -243,7 +245,7 @@ impl Fields {
         self.connect_hands(graph)
     }
 
-    /// The hands take hold of what their styli point at.
+    /// Connects the hands, which take hold of what their styli point at.
     fn connect_hands(&self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
         let last = graph.previous(self.hands)?;
         graph.disconnect(self.hands);
@@ -279,7 +281,7 @@ impl Fields {
         )
     }
 
-    /// A control element goes where hands carry it, as far as a body can follow; else it stays.
+    /// Connects the pose of a control element: it goes where hands carry it, as far as a body can follow, or stays.
     fn connect_pose(&self, graph: &mut Graph<Bodies>, target: usize) -> Result<(), FieldError> {
         let (b, c) = self.targets[target];
         let pose = self.bodies[b].poses[c];

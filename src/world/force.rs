@@ -24,7 +24,7 @@ pub struct HeldForce {
     pub full_n: f64,
 }
 
-/// The force on control element `c` of body number `b`: what S c says that the hand must apply, reversed.
+/// The force on control element `c` of body number `b`: the negative of the force S c that the hand must apply.
 pub fn held_force(b: usize, body: &PlacedBody, c: usize) -> Option<HeldForce> {
     let full_n = *body.force_scale.as_ref()?.full_n.get(c)?;
     let (wrenches, _) = body.deformer.wrenches()?;

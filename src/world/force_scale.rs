@@ -1,12 +1,12 @@
-//! Which force the longest arrow of a body stands for.
+//! The force that the longest arrow stands for, per control element.
 
 use crate::green::FIELDS;
 use nalgebra::{DMatrix, Matrix3};
 
-/// A control element carried by this part of its body's radius along its softest direction pulls at full scale.
+/// An element that is carried by this part of the body's radius along its softest direction shows the longest arrow.
 const FULL_AT: f64 = 0.25;
 
-/// What the longest arrow stands for.
+/// The force of the longest arrow.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ForceScale {
     /// N, per control element.

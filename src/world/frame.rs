@@ -1,14 +1,14 @@
-//! The world in one frame, from what the trackers say to what is drawn: hands, control poses, deformed bodies, eyes.
+//! One frame of the world, from the trackers' poses to what is drawn: hands, control poses, deformed bodies, eyes.
 //!
 //! In: a scene, its .green file, a stage, and a [`TrackerState`] per frame. Out: deformed bodies at their places,
 //! styli with their rays, and one view per screen and eye. Everything that moves is a field of one graph
-//! ([`flow`](super::flow)), which is evaluated once a frame.
+//! ([`flow`]), which is evaluated once a frame.
 
 use super::body;
 use super::edit_state::EditState;
 use super::flow::{self, Bodies, BodyPlace, Fields, Tracked};
 use super::force::{self, HeldForce};
-use super::hand::{self, Held};
+use super::hand::{self, HeldPlace};
 use super::highlight::Highlight;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
@@ -28,8 +28,11 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A ray or a view nearer to the eye than this is cut off, m.
+/// What is nearer to the eye than this is not drawn, m.
 const NEAR_M: f64 = 0.05;
+
+/// At most so many styli are followed; further ones are ignored.
+const MOST_STYLI: usize = 16;
 
 /// All that moves.
 pub struct World {
@@ -38,24 +41,24 @@ pub struct World {
     pub room_from_head: Isometry3<f64>,
     /// What each stylus looks like in this frame.
     pub styli: Vec<StylusShape>,
-    /// What held elements pull with, and how it is shown; of bodies whose scene wants it.
+    /// The forces of held elements, and the arrows that show them, for bodies that list an effect with forces.
     pub forces: Vec<HeldForce>,
     pub arrows: Vec<Arrow>,
     /// What effects draw with shaders of their own.
     pub strips: Vec<Strips>,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
-    /// What is wrong, each told once; with the time since the start at which it was, s.
+    /// Warnings, each told once, with the time since the start at which it was told, s.
     pub warnings: Vec<(f64, String)>,
     /// Time since the start of the session, s; a script's own time begins anew with every round.
     clock_s: f64,
     pub graph: Graph<Bodies>,
     pub fields: Fields,
     pub edit: EditState,
-    /// What was commanded before this frame, and what has been since.
+    /// Commands that came before this frame, and those that have come since.
     pub actions: Vec<Action>,
     pub(super) pending: Vec<Action>,
-    /// Why a screen is black: what was told already.
+    /// The reasons for black screens that were told already.
     told: BTreeSet<String>,
 }
 
@@ -100,9 +103,22 @@ impl World {
         world
     }
 
-    /// Moves everything to what the trackers say: one evaluation of the graph.
+    /// Moves everything to where the trackers say it is, by one evaluation of the graph.
     pub fn step(&mut self, state: &TrackerState) -> StepTimes {
         self.step_at(state.time_s, state)
+    }
+
+    pub fn styli_count(&self) -> usize {
+        self.fields.styli.len()
+    }
+
+    /// Makes fields for so many styli.
+    pub fn have_styli(&mut self, count: usize) {
+        while self.fields.styli.len() < count.min(MOST_STYLI) {
+            if let Err(error) = self.fields.add_stylus(&mut self.graph) {
+                unreachable!("the names of styli are their own: {error}");
+            }
+        }
     }
 
     /// The same at another time since the start of the session than the tracker's, s.
@@ -152,7 +168,7 @@ impl World {
         self.show_hands();
     }
 
-    /// Tells it once, and the overlay.
+    /// Tells a warning once, on standard error and in the overlay.
     pub fn warn(&mut self, warning: String) {
         if self.warnings.iter().all(|(_, told)| *told != warning) {
             notice!("note: {warning}");
@@ -187,7 +203,7 @@ impl World {
                     self.forces.extend(force);
                     self.arrows.extend(shown);
                 }
-                Held { grip, place }
+                HeldPlace { grip, place }
             });
             let hit = hit.filter(|_| held.is_none());
             let target = hit.and_then(|hit| self.fields.targets.get(hit.target));
@@ -212,7 +228,7 @@ impl World {
         Some((hit - eye).norm())
     }
 
-    /// The view of every screen for `eye`; `None` where that screen stays black. Why is said once.
+    /// What `eye` sees on one screen; `None` where it stays black. The reason is told once.
     pub fn view(&mut self, screen: usize, eye: Eye) -> Option<View> {
         let place = self.stage.viewer.eye_in_room(&self.room_from_head, eye);
         match self.stage.screens[screen].view(&place, NEAR_M) {

@@ -1,4 +1,4 @@
-//! One hand: what it points at or touches, and how its stylus is drawn.
+//! One hand: the control element that it points at or touches, and the shape in which its stylus is drawn.
 
 use super::body::PlacedBody;
 use crate::interact::{Grip, Hit, PickRay, PickTarget, bend, pick as pick_nearest, reach};
@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Point3, Translation3};
 /// How near the tip of a stylus must be to take what it touches, as part of the workspace's radius.
 const REACH: f64 = 0.06;
 
-/// What the tip touches, else what the ray hits, else what it passes within a hand's aim: the end of a tube is hard to
+/// What the tip touches, else what the ray hits, else what the ray narrowly misses, because the end of a tube is hard to
 /// hit from the side. A ray from the eye has no tip that touches; a stylus that is lost points at nothing.
 pub fn pick(
     stylus: &StylusState,
@@ -34,19 +34,18 @@ pub fn pick(
 
 /// What a hand holds, and where the place that it grabbed is now.
 #[derive(Clone, Copy)]
-pub struct Held<'a> {
+pub struct HeldPlace<'a> {
     pub grip: &'a Grip,
     pub place: Point3<f64>,
 }
 
-/// How a stylus is drawn, its ray bent where the hand carries the place that it grabbed elsewhere than that place is. One
-/// that starts at the eye would be seen end-on: its pen is drawn as held in the right hand instead, pointing at the same
-/// place.
+/// The shape of a stylus. Its ray is bent where the grabbed place does not follow the hand. A ray that starts at the eye
+/// would be seen end-on: its pen is drawn as if held in the right hand, pointing at the same place.
 pub fn shape(
     stylus: &StylusState,
     room_from_stylus: Isometry3<f64>,
     hit: Option<&Hit>,
-    held: Option<Held<'_>>,
+    held: Option<HeldPlace<'_>>,
     workspace: &Workspace,
 ) -> StylusShape {
     let end = held.map(|held| held.place).or(hit.map(|hit| hit.point_in_room.cast()));

@@ -1,6 +1,6 @@
-//! How a control element is coloured for what a hand has to do with it.
+//! Whether a hand points at a control element, holds it, or neither.
 
-/// What a hand has to do with a control element now.
+/// Decides the colour of a control element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Highlight {
     Idle,

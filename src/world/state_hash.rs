@@ -1,14 +1,11 @@
-//! The state of a world as a number, and the styli that it knows.
+//! The state of a world as a hash in hexadecimal digits, by which a replay is compared with its recording.
 
 use super::frame::World;
 
-/// A tracker's state with more styli is followed in so many.
-const MOST_STYLI: usize = 16;
-
 impl World {
     /// blake3 over the bits of all that a frame makes: the head's pose, and per body its place, control poses,
-    /// coefficients, and the blake3 of its deformed positions, which is made where they changed. The same for the same
-    /// session, whatever the number of threads.
+    /// coefficients, and the blake3 of its deformed positions, which is only computed anew where they changed. It is the
+    /// same for the same session, whatever the number of threads.
     pub fn state_hash(&mut self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mut numbers = |numbers: &mut dyn Iterator<Item = &f64>| {
@@ -41,18 +38,5 @@ impl World {
             hasher.update(hash.as_bytes());
         }
         hasher.finalize().to_hex().to_string()
-    }
-
-    pub fn styli_count(&self) -> usize {
-        self.fields.styli.len()
-    }
-
-    /// Makes fields for so many styli.
-    pub fn have_styli(&mut self, count: usize) {
-        while self.fields.styli.len() < count.min(MOST_STYLI) {
-            if let Err(error) = self.fields.add_stylus(&mut self.graph) {
-                unreachable!("the names of styli are their own: {error}");
-            }
-        }
     }
 }

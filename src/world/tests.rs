@@ -1,4 +1,4 @@
-//! The frame from stylus to control pose, without pictures.
+//! A frame from stylus to control pose, without pictures.
 
 use super::*;
 use crate::deform::ControlPose;

@@ -1,4 +1,4 @@
-//! How long the mechanics of a frame took.
+//! The time that the mechanics of a frame took.
 
 /// Time of the mechanics of one frame, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -67,7 +67,7 @@ fn request<'a>(
         limits: Limits { largest: 20_000.0, refinements, rounds: 3 },
         largest_key: "--largest".into(),
         quick: true,
-        needs_of: &|_| Requirements::of(&[STIFFNESS]),
+        requirements_of: &|_| Requirements::of(&[STIFFNESS]),
         command: String::new(),
         scratch,
     }
@@ -322,7 +322,7 @@ fn effects_that_are_not_listed_cost_nothing() {
         let poses = poses(scene, &[0.1]);
         let request = Request {
             limits: Limits { largest: 5_000.0, refinements: 0, rounds: 1 },
-            needs_of: &|scene: &Scene| {
+            requirements_of: &|scene: &Scene| {
                 let is_listed = !scene.body["b"].effects.is_empty();
                 Requirements::of(if is_listed { &[STIFFNESS] } else { &[AFFINE] })
             },

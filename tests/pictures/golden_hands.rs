@@ -9,7 +9,7 @@ use crate::render_common::require_gpu;
 use image::RgbImage;
 use std::path::Path;
 
-/// Likeness as in tests/golden.rs.
+/// Likeness as in tests/pictures/golden.rs.
 const LEAST: f64 = 0.985;
 
 /// Three clicks of the second button go to the mode along and about the body's x; then the right hand pulls along x and

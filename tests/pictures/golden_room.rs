@@ -9,7 +9,7 @@ use crate::render_common::require_gpu;
 use image::RgbImage;
 use std::path::Path;
 
-/// Likeness as in tests/golden.rs. A picture must be within this of its golden one, and at least three times nearer to
+/// Likeness as in tests/pictures/golden.rs. A picture must be within this of its golden one, and at least three times nearer to
 /// it than a wrong picture is: letters and lines cover little, so wrong ones are alike too.
 const LEAST: f64 = 0.985;
 

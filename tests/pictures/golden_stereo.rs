@@ -15,7 +15,7 @@ struct Kind {
     size: [u32; 2],
 }
 
-/// Likeness as in tests/golden.rs, of a monitor of 192 × 120 pixels with the tube bent by 30°. For rows, columns and
+/// Likeness as in tests/pictures/golden.rs, of a monitor of 192 × 120 pixels with the tube bent by 30°. For rows, columns and
 /// checkerboard swapped eyes are the same as a parity that is off by one.
 ///
 /// | kind | one sample a pixel | eyes swapped |

@@ -1,8 +1,8 @@
 //! Temporary files beside the results, and those that killed runs left behind.
 //!
-//! `.greenstage-XXXXXX.part` is a file, `.greenstage-XXXXXX.scratch` a folder of files that nobody wants for long. The
-//! process that makes one holds a lock on it, which the system releases however the process ends. What bears such a
-//! name, is not locked and was not touched for a minute is removed, by the next run that writes into the folder.
+//! `.greenstage-XXXXXX.part` is a file, `.greenstage-XXXXXX.scratch` a folder of files for one run. The
+//! process that makes one holds a lock on it, which the system releases however the process ends. The next
+//! run that writes into the folder removes everything of such a name that is not locked and was not changed for a minute.
 
 use std::collections::BTreeSet;
 use std::fs::{DirEntry, File, Permissions};
@@ -17,7 +17,7 @@ const PREFIX: &str = ".greenstage-";
 const FILE: &str = ".part";
 const FOLDER: &str = ".scratch";
 const RANDOM: usize = 6;
-/// A file that is being made has no lock yet.
+/// A file younger than this may not have its lock yet.
 const MADE_WITHIN: Duration = Duration::from_secs(60);
 
 /// A temporary file in `folder`, with the permissions that a new file has.
@@ -55,7 +55,8 @@ impl Scratch {
     }
 }
 
-/// A file system without locks is left unswept: there nobody can lock a leftover either.
+/// Locks a temporary file. On a file system without locks nothing is removed, because nothing tells a leftover from a file in
+/// use there.
 fn hold(file: &File) {
     if let Err(error) = file.try_lock() {
         tracing::debug!("a temporary file is not locked: {error}");

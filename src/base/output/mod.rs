@@ -1,4 +1,4 @@
-//! Every file that the program writes: there whole or not at all, and never in the place of a file of another kind.
+//! Writes files so that each is there whole or not at all, and never overwrites a file of another kind.
 //!
 //! In: a path, the [`Kind`] of the file, and what makes its bytes. Out: a temporary file beside the place, flushed and
 //! synced, then renamed, and the folder synced (POSIX rename(2) is atomic within a file system). The file keeps the
@@ -6,8 +6,8 @@
 //! descriptors are written to and never replaced.
 //!
 //! An existing file is overwritten only where it is empty or its first bytes are those of the kind being written.
-//! [`try_path`] says all of this before the work; [`stage`] and [`Staged::put`] write several files of which all or none
-//! are there; [`stream`] is for what grows for a long time.
+//! [`try_path`] checks all of this before the work; [`stage`] and [`Staged::put`] write several files of which all or none
+//! are there; [`stream`] writes a file that grows for a long time.
 
 mod leftovers;
 mod place;
@@ -22,16 +22,16 @@ use std::io::{BufWriter, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// What a file is, for whoever may overwrite it.
+/// A kind of file, by which code decides whether it may overwrite one.
 #[derive(Debug)]
 pub struct Kind {
     /// With its article: "a .green file".
     pub name: &'static str,
-    /// Whether these are the first bytes of such a file, at most [`HEAD`]; never asked of an empty one.
+    /// Whether these are the first bytes of such a file, at most [`HEAD`]. It is never called for an empty file.
     pub recognizes: fn(&[u8]) -> bool,
 }
 
-/// So many bytes of a file tell what it is.
+/// So many bytes from the start of a file are read to recognise its kind.
 pub const HEAD: u64 = 16 * 1024;
 
 /// Why a file is not written, or could not be.
@@ -79,7 +79,7 @@ impl OutputError {
 }
 
 /// Whether a file of that kind can be written at `path`, without writing it: its folder is there and takes files, what
-/// stands there may be overwritten, and is none of the files that the run reads. Commands ask before they work.
+/// stands there may be overwritten, and is none of the files that the run reads. Commands call this before they work.
 pub fn try_path(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<(), OutputError> {
     let Place::File(target) = look(path, kind, inputs)? else { return Ok(()) };
     let closed = |source| OutputError::of_place(path, source);
@@ -144,7 +144,7 @@ fn look(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<Place, OutputErr
     Err(OutputError::Foreign { path: path.to_owned(), kind: kind.name, begins })
 }
 
-/// A whole file that is not yet in its place; dropped, it never was.
+/// A whole file that is not yet in its place; dropping it removes it.
 #[derive(Debug)]
 pub struct Staged {
     /// As the user names it.
@@ -184,7 +184,7 @@ pub fn stage(
 }
 
 impl Staged {
-    /// Where the bytes are now, for who wants to look at them once more.
+    /// The path of the bytes now, for checking them before they are put in place.
     pub fn now_at(&self) -> &Path {
         self.file.path()
     }
@@ -217,7 +217,7 @@ impl Staged {
     }
 }
 
-/// [`stage`] and [`Staged::put`] of one file.
+/// Writes one file by [`stage`] and [`Staged::put`].
 pub fn write(
     path: &Path,
     kind: &Kind,
@@ -253,7 +253,7 @@ impl Write for Stream {
         self.0.write(bytes)
     }
 
-    /// To the disk, where it is one.
+    /// Syncs the file to the disk, if it is on one.
     fn flush(&mut self) -> std::io::Result<()> {
         sync(&self.0)
     }

@@ -1,4 +1,4 @@
-//! Where the bytes for a path go: a file at the end of all symbolic links, or what is written to as it is.
+//! Finds where the bytes for a path go: into a file at the end of all symbolic links, or into a device or pipe.
 
 use std::fs::{File, Permissions};
 use std::io::{Error, ErrorKind, Result};
@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug)]
 pub enum Place {
-    /// A file or nothing yet: replaced.
+    /// A file, or nothing yet; the file is replaced.
     File(PathBuf),
-    /// A device, a pipe, a socket, or an open descriptor (`/dev/stdout`): written to.
+    /// A device, a pipe, a socket, or an open descriptor (`/dev/stdout`); the bytes are written to it.
     Stream(PathBuf),
 }
 
-/// Linux follows as many.
+/// So many symbolic links are followed, as Linux does.
 const LINKS: usize = 40;
 
 impl Place {
@@ -54,7 +54,7 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether both are there and are one file, under whatever names.
+/// Whether both paths exist and lead to one file.
 pub fn is_same(a: &Path, b: &Path) -> bool {
     let identity = |path| std::fs::metadata(path).map(|found| (found.dev(), found.ino()));
     matches!((identity(a), identity(b)), (Ok(a), Ok(b)) if a == b)
@@ -74,7 +74,7 @@ pub fn keep_attributes(old: &Path, new: &File) -> Result<()> {
     new.set_permissions(Permissions::from_mode(found.mode() & kept))
 }
 
-/// Standard output and error, under whatever name, go on where they are: what else is printed stands before and behind.
+/// Standard output and error, under any name, are written to from where they stand, among everything else that is printed.
 pub fn open_stream(path: &Path) -> Result<File> {
     let is_own = is_descriptor(path) && folder_of(path).canonicalize()? == Path::new(OWN).canonicalize()?;
     let descriptor = match path.file_name().and_then(|name| name.to_str()) {

@@ -1,4 +1,4 @@
-//! Whole or not at all; of its own kind; through links; into pipes; leftovers.
+//! Files are written whole or not at all, only over files of their kind, through links and into pipes; leftovers go.
 
 use super::*;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};

@@ -1,8 +1,8 @@
-//! How fast the machine reads: the limit that the superposition is compared with.
+//! Measures how fast the machine reads memory: the limit with which the superposition is compared.
 //!
 //! In: the columns as words. Out: their exclusive or, so that no word can be left out. Four streams at a time, as the
-//! superposition reads four columns, in vectors as wide as the processor has: a loop for the least common instruction set
-//! reads the cache at half its speed, and the superposition then seemed faster than its limit.
+//! superposition reads four columns, in vectors as wide as the processor has: a loop for the smallest common instruction set
+//! reads the cache at half its speed, and would make the superposition seem faster than its limit.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! What `bench` of a scene tells beside times: where bodies deform, by which measure, and what was drawn.
+//! What `bench` of a scene reports beside times: where bodies deform, why there, and how much was drawn.
 
 use super::*;
 use device::Choice;

@@ -1,4 +1,4 @@
-//! A stylus that comes by VRPN bends the tube: server, client, rig and world together, over the loopback device.
+//! A stylus that comes by VRPN bends the tube: server, client, trackers and world together, over the loopback interface.
 
 use super::*;
 use crate::deform::ControlPose;
@@ -42,23 +42,23 @@ fn demo(stage: Stage) -> World {
 }
 
 struct Lab {
-    puppet: FakeSource,
-    rig: TrackerSet,
+    source: FakeSource,
+    trackers: TrackerSet,
     tracker_from_room: Isometry3<f64>,
     body_from_sensor: Isometry3<f64>,
 }
 
 impl Lab {
-    /// Has the wand's sensor say where it is when the stylus is there, until rig and world have it; what they got.
+    /// Puts the wand's sensor where it is when the stylus is there, until trackers and world have it; returns what they got.
     fn show(&mut self, world: &mut World, room_from_stylus: &Isometry3<f32>, pressed: bool) -> StylusState {
         let sensor = self.tracker_from_room * room_from_stylus.cast::<f64>() * self.body_from_sensor;
         let deadline_s = now_s() + 30.0;
         loop {
-            self.puppet.change(|state| {
+            self.source.change(|state| {
                 state.take_pose(7, sensor, None, 1.0);
                 state.take_button(2, pressed, None);
             });
-            let state = self.rig.state(now_s());
+            let state = self.trackers.state(now_s());
             let stylus = state.styli[0];
             let off = stylus.room_from_stylus.to_homogeneous() - room_from_stylus.to_homogeneous();
             if off.amax() < 1e-6 && stylus.pressed == pressed && stylus.signal == Signal::Live {
@@ -74,18 +74,18 @@ impl Lab {
     fn settle(&mut self) {
         let until_s = now_s() + 0.2;
         while now_s() < until_s {
-            self.rig.state(now_s());
+            self.trackers.state(now_s());
             std::thread::sleep(Duration::from_millis(5));
         }
     }
 
     fn link(&mut self) -> Link {
-        self.rig.devices().next().unwrap().1.link.clone()
+        self.trackers.devices().next().unwrap().1.link.clone()
     }
 }
 
-fn serve(place: SocketAddr, puppet: &FakeSource) -> crate::track::vrpn::Serving {
-    Server::bind(place, ["Wand"]).unwrap().spawn(vec![Box::new(puppet.clone())]).unwrap()
+fn serve(place: SocketAddr, source: &FakeSource) -> crate::track::vrpn::Serving {
+    Server::bind(place, ["Wand"]).unwrap().spawn(vec![Box::new(source.clone())]).unwrap()
 }
 
 fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
@@ -98,20 +98,20 @@ fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
 
 #[test]
 fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
-    let puppet = FakeSource::default();
-    let serving = serve((Ipv4Addr::LOCALHOST, 0).into(), &puppet);
+    let source = FakeSource::default();
+    let serving = serve((Ipv4Addr::LOCALHOST, 0).into(), &source);
     let place = serving.place;
     let text = crate::stage::BUILT_IN[0].1.to_owned() + &TRACKING.replace("PORT", &place.port().to_string());
     let stage = Stage::parse(&text, Path::new("lab.toml")).unwrap();
     let address = Address { device: "Wand".into(), host: "127.0.0.1".into(), port: place.port(), udp: true };
     let timing = Timing { first_retry_s: 0.05, longest_retry_s: 0.2, ..Timing::default() };
     let client = Client::with_timing(address, Transport::Tcp, timing);
-    let rig = TrackerSet::with_sources(&stage.tracking, vec![Box::new(client)], now_s());
+    let trackers = TrackerSet::with_sources(&stage.tracking, vec![Box::new(client)], now_s());
     let frame = stage.tracking.trackers["lab"].frame.room_from_tracker;
     assert_eq!(frame.scaling(), 1.0);
     let mut lab = Lab {
-        puppet: puppet.clone(),
-        rig,
+        source: source.clone(),
+        trackers,
         tracker_from_room: frame.isometry.inverse(),
         body_from_sensor: stage.tracking.sensors["wand"].sensor_from_body.inverse(),
     };
@@ -137,12 +137,12 @@ fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
     wait("the server is missed", || matches!(lab.link(), Link::Down(_)));
     let bent = world.bodies[0].deformer.poses.clone();
     for _ in 0..5 {
-        let state = lab.rig.state(now_s());
+        let state = lab.trackers.state(now_s());
         assert!(!state.styli[0].pressed);
         world.step(&state);
     }
     assert_eq!(world.bodies[0].deformer.poses, bent);
-    let _serving = serve(place, &puppet);
+    let _serving = serve(place, &source);
     wait("the server is found again", || lab.link() == Link::Up);
     lab.show(&mut world, &last, false);
     lab.settle();

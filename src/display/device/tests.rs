@@ -1,4 +1,4 @@
-//! Where bodies deform: what is decided by which times, and that measuring leaves a body as it was.
+//! Where bodies deform: the choice by measured times, and that measuring leaves a body as it was.
 
 use super::*;
 use crate::display::bodies::GpuBodies;

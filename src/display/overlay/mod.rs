@@ -1,4 +1,4 @@
-//! The overlay in a picture: where a frame's time goes, how fresh the trackers are, what bends how far, what is wrong.
+//! The overlay in a picture: where a frame's time goes, how fresh the trackers are, how far bodies are bent, warnings.
 //!
 //! In: a world and the steps of its last frames, as plain [`Readings`] and [`History`]. Out: two columns of small
 //! aligned letters at the left and right edge and a strip at the bottom ([`Panel`]); the middle stays free.
@@ -11,7 +11,7 @@ mod times;
 
 pub use panel::Panel;
 pub use readings::{BodyReading, ControlReading, HandDoes, HandReading, Readings, SensorReading, TurnLimits};
-pub use times::{ACQUIRE, FrameTimes, History, STEPS};
+pub use times::{ACQUIRE, FrameSteps, History, STEPS};
 
 #[cfg(test)]
 mod tests;

@@ -1,4 +1,4 @@
-//! The overlay painted: rows of letters of one width on dark translucent plates.
+//! Paints the overlay: rows in a font of one width on dark translucent plates.
 
 use super::readings::{BodyReading, ControlReading, Readings, SensorReading};
 use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
@@ -10,7 +10,7 @@ use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
 use std::f64::consts::PI;
 
 const RULE: Color32 = Color32::from_rgb(54, 62, 74);
-/// Of [`STEPS`], and of what no step tells.
+/// Colours of [`STEPS`], and of the time that no step accounts for.
 const COLOURS: [Color32; 9] = [
     Color32::from_rgb(198, 120, 221),
     Color32::from_rgb(97, 175, 239),
@@ -259,7 +259,7 @@ fn body_rows(body: &BodyReading) -> Vec<Row> {
     rows
 }
 
-/// How far the body is bent, against how far its model is good.
+/// How far the body is bent, compared with the turn up to which its model is good.
 fn gauge_rows(body: &BodyReading) -> Vec<Row> {
     let (turn, limits) = (body.turn, body.limits);
     let (ink, verdict) = match turn {

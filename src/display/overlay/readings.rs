@@ -1,4 +1,4 @@
-//! What the overlay says beside times, read off a world as plain values.
+//! The readings of the overlay beside times: plain values that are taken from a world.
 
 use crate::deform::{ControlPose, Wrench, find_model, local_turn};
 use crate::effect::haptics::HapticReading;
@@ -8,17 +8,17 @@ use crate::world::flow::StylusFields;
 use crate::world::{Highlight, PlacedBody, World};
 use std::f64::consts::PI;
 
-/// Triangles of a body whose turns are looked at.
+/// So many triangles of a body are sampled for their turns.
 const PIECES: usize = 256;
 
-/// What the overlay says beside times.
+/// The readings that the overlay shows beside times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Readings {
     pub stage: String,
     pub device: String,
     /// Where bodies are deformed.
     pub deformation: String,
-    /// Who moves head and styli where no tracker does.
+    /// The input that moves head and styli where no tracker does.
     pub source: String,
     pub sensors: Vec<SensorReading>,
     /// Where the stage has force devices and a body is felt.
@@ -26,10 +26,10 @@ pub struct Readings {
     /// How held elements move.
     pub mode: String,
     pub hands: Vec<HandReading>,
-    /// How much can be undone, and how much done again.
+    /// How many changes can be undone, and how many redone.
     pub undo: [usize; 2],
     pub bodies: Vec<BodyReading>,
-    /// When, in seconds since the start, and what; newest last.
+    /// Warnings with the time since the start, s; newest last.
     pub warnings: Vec<(f64, String)>,
 }
 
@@ -66,7 +66,7 @@ pub struct BodyReading {
     /// As its limits have it, rad.
     pub turn: f64,
     pub limits: TurnLimits,
-    /// Strain energy, J, where the handle stiffness is there.
+    /// Strain energy, J, if the handle stiffness was precomputed.
     pub energy: Option<f64>,
 }
 
@@ -121,7 +121,7 @@ impl SensorReading {
 }
 
 impl Readings {
-    /// All that a world tells; device and trackers are for others to add.
+    /// The readings that a world gives; the caller adds those of device and trackers.
     pub fn of(world: &World) -> Self {
         let bodies = world.bodies.iter().map(body_reading).collect();
         Self {

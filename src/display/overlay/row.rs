@@ -1,4 +1,4 @@
-//! A row of the overlay's columns: words in their colours, bars or a gauge, in letters of one width.
+//! A row of an overlay column: coloured words, bars or a gauge, in a font of one width.
 
 use egui::Color32;
 
@@ -41,7 +41,7 @@ pub(super) fn words(text: impl Into<String>, ink: Color32) -> Row {
     Row::Words(vec![(text.into(), ink)])
 }
 
-/// A number in so many letters; where it does not fit, in powers of ten. No minus before zero.
+/// A number in so many letters; if it does not fit, as a power of ten. A zero has no minus sign.
 pub(super) fn fixed(value: f64, letters: usize, digits: usize) -> String {
     let text = format!("{value:>letters$.digits$}");
     let is_zero = text.chars().all(|c| matches!(c, ' ' | '-' | '0' | '.'));

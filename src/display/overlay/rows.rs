@@ -1,4 +1,4 @@
-//! Rows of the overlay's left column: what hands do, and how force devices do.
+//! Rows of the overlay's left column: hands, and force devices.
 
 use super::readings::{HandDoes, HandReading, Readings};
 use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
@@ -6,7 +6,7 @@ use crate::base::table::seconds;
 use crate::display::lettering::{INK, QUIET};
 use crate::effect::haptics::HapticReading;
 
-/// How held elements move, what each hand does, how much can be undone.
+/// Rows for the mode of motion, for each hand, and for what can be undone.
 pub fn hand_rows(readings: &Readings) -> Vec<Row> {
     let [undo, redo] = readings.undo;
     let mut rows = vec![
@@ -35,7 +35,7 @@ fn hand_row(hand: &HandReading) -> Row {
     Row::Words(vec![(name, INK), (what.to_owned(), what_ink), (target, ink)])
 }
 
-/// A force device: is it felt, how hard, how the loop keeps time, and whether it had to be tamed.
+/// Rows for a force device: its state and force, the timing of its loop, and whether the force was softened.
 pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
     let HapticReading { state, timing, .. } = haptic;
     let (word, ink) = match () {

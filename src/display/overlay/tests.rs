@@ -87,7 +87,7 @@ fn history() -> History {
     for k in 0..90 {
         let ms = |mean: f64| 1e-3 * mean * (1.0 + 0.3 * f64::from(k % 7));
         let steps = [0.02, 0.05, 0.4, 0.3, 0.2, 1.5, 0.1, 4.0].map(ms);
-        history.push(FrameTimes { steps, whole_s: steps.iter().sum::<f64>() * 1.1 });
+        history.push(FrameSteps { steps, whole_s: steps.iter().sum::<f64>() * 1.1 });
     }
     history
 }
@@ -104,7 +104,7 @@ fn picture(gpu: &Gpu, readings: &Readings) -> RgbImage {
     image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
 }
 
-/// As in tests/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
+/// As in tests/pictures/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
 #[test]
 fn the_overlay_matches_its_golden_picture_and_leaves_the_middle_free() {
     let gpu = match Gpu::headless() {
@@ -137,7 +137,7 @@ fn the_overlay_matches_its_golden_picture_and_leaves_the_middle_free() {
 fn the_history_keeps_the_last_120_frames() {
     let mut history = History::default();
     for k in 0..500 {
-        history.push(FrameTimes { whole_s: f64::from(k), ..FrameTimes::default() });
+        history.push(FrameSteps { whole_s: f64::from(k), ..FrameSteps::default() });
     }
     assert_eq!((history.frames.len(), history.worst_s()), (120, 499.0));
     assert_eq!(history.mean(|frame| frame.whole_s), 439.5);

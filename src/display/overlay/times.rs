@@ -1,11 +1,11 @@
-//! How long the steps of the last frames took.
+//! The times that the steps of the last frames took.
 
 use std::collections::VecDeque;
 
 /// Steps of a frame in their order, as the overlay names them.
 pub const STEPS: [&str; 8] =
     ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
-/// Which of [`STEPS`] waits for the images of the frame after.
+/// Index in [`STEPS`] of the step that waits for the images of the next frame.
 pub const ACQUIRE: usize = 6;
 /// Frames that are kept.
 pub(super) const FRAMES: usize = 120;
@@ -14,26 +14,26 @@ pub(super) const FRAMES: usize = 120;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
     /// Newest last.
-    pub frames: VecDeque<FrameTimes>,
+    pub frames: VecDeque<FrameSteps>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FrameTimes {
+pub struct FrameSteps {
     /// As [`STEPS`], s.
     pub steps: [f64; 8],
-    /// From this frame to the next, what no step tells included, s.
+    /// From this frame to the next, with the time that no step accounts for, s.
     pub whole_s: f64,
 }
 
 impl History {
-    pub fn push(&mut self, times: FrameTimes) {
+    pub fn push(&mut self, times: FrameSteps) {
         if self.frames.len() == FRAMES {
             self.frames.pop_front();
         }
         self.frames.push_back(times);
     }
 
-    pub(super) fn mean(&self, of: impl Fn(&FrameTimes) -> f64) -> f64 {
+    pub(super) fn mean(&self, of: impl Fn(&FrameSteps) -> f64) -> f64 {
         // A sum of nothing is -0.
         self.frames.iter().map(of).fold(0.0, std::ops::Add::add) / self.frames.len().max(1) as f64
     }

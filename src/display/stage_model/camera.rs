@@ -1,4 +1,4 @@
-//! An eye outside that goes round a point: an ordinary view, through a screen that floats in the room.
+//! The outside camera: an eye that orbits a point, and its view through a screen that floats in the room.
 
 use super::extent::{ball_about, outline};
 use crate::render::View;
@@ -7,7 +7,7 @@ use crate::stage::{Screen, Stage, rotation_towards};
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// An eye outside, which goes round a point.
+/// An eye outside the stage, which orbits a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     pub target: Point3<f64>,
@@ -45,7 +45,7 @@ impl Camera {
         camera
     }
 
-    /// The same target from another place; a place on the target itself looks from its side.
+    /// Looks at the same target from another place; from a place on the target itself, from its side.
     pub fn from(stage: &Stage, place: Point3<f64>) -> Self {
         let camera = Self::of(stage);
         let away = place - camera.target;
@@ -69,7 +69,7 @@ impl Camera {
         }
     }
 
-    /// Nearer for positive `notches` of a wheel, 10 % each.
+    /// Comes nearer by 10 % for each positive notch of the wheel.
     pub fn zoom(&mut self, notches: f64) {
         if notches.is_finite() {
             self.distance_m = (self.distance_m * 0.9f64.powf(notches.clamp(-50.0, 50.0))).clamp(0.05, 500.0);

@@ -1,4 +1,4 @@
-//! What of a stage a camera outside has to have in its picture.
+//! The points that the outside camera must keep in view.
 
 use crate::stage::{Screen, Stage};
 use nalgebra::{Point3, Vector3};

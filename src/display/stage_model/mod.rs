@@ -1,4 +1,5 @@
-//! The stage as a model, seen from outside: [`StageModel`] holds what is drawn, a [`Camera`] looks at it.
+//! The stage as a model, seen from outside: [`StageModel`] holds the lines, quads, balls and labels, a [`Camera`] looks at
+//! them.
 
 mod camera;
 mod extent;

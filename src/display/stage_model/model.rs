@@ -1,7 +1,7 @@
-//! The room seen from outside: screens, eyes and what they see of the screens, head, workspace and trackers.
+//! The room seen from outside: screens, eyes with their lines of sight to the screens, head, workspace and trackers.
 //!
-//! In: a stage and where the head is now. Out: lines, quads and balls in the room, and names to be written beside them.
-//! Bodies and styli are drawn by those who have them; a [`Camera`](super::Camera) looks at it.
+//! In: a stage and where the head is now. Out: lines, quads and balls in the room, and the names to be written beside
+//! them. The caller adds bodies and styli; a [`Camera`](super::Camera) looks at the whole.
 
 use super::extent::{ball_about, corners, outline};
 use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, write};
@@ -79,7 +79,7 @@ impl StageModel {
         room
     }
 
-    /// Every sensor that was ever heard of, at its place, by the stage's name or its number.
+    /// Adds every sensor that ever reported a pose, at its place, with the stage's name for it or its number.
     pub fn add_sensors(&mut self, reports: &[TrackerReport]) {
         for (tracker, sensor) in reports.iter().flat_map(|r| r.sensors.iter().map(move |s| (&r.name, s))) {
             let Some(room_from_sensor) = sensor.in_room else { continue };

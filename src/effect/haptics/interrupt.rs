@@ -1,7 +1,8 @@
-//! Ctrl-C, or another request to end, while a force device is open: no force first, then the end.
+//! Ends the program safely on Ctrl-C, or another request to end, while a force device is open: first the force, then the
+//! program.
 //!
-//! Such a signal ends a process where it stands, and a device may push with the last force for as long as it is told
-//! nothing. What ends it without being asked for (a fault, an abort) is seen to by [`last_word`].
+//! Such a signal would end the process at once, and the device might go on pushing with the last force that it was told.
+//! Ends that nobody asked for (a fault, an abort) are handled by [`last_word`].
 
 use super::thread::stop_all;
 use crate::base::last_word;
@@ -9,10 +10,10 @@ use crate::base::signal::on_end;
 use std::sync::Once;
 use std::time::Duration;
 
-/// A loop ends within a tick, and its device's connection within this.
+/// A loop ends within one tick, and the connection of its device within this time.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// From the first call on such a signal leaves no force.
+/// From the first call on, the devices are told to push no more before such a signal ends the program.
 pub fn end_without_force() {
     static ASKED: Once = Once::new();
     let stop = || {

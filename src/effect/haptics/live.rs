@@ -1,8 +1,8 @@
 //! The force loops of a session: one for each device of the stage, if a body lists an effect that gives forces.
 //!
-//! A real device is a tracker of the stage, and its loop that tracker's source; a simulated one moves its stylus before a
-//! frame. After the frame the loop is told what the stylus holds. Where no body asks for it, or the stage has no
-//! device, there is no [`HapticSession`], no loop and no call in the frame.
+//! A real device is a tracker of the stage, and its force loop is that tracker's source; a simulated device moves its stylus
+//! before a frame. After the frame the loop is told what the stylus holds. If no body asks for forces, or the stage has no
+//! device, there is no [`HapticSession`], and a frame makes no call here.
 
 use super::super::entry::{EffectEntry, Listed};
 use super::super::running::RunningEffect;
@@ -36,9 +36,9 @@ pub struct HapticSession {
 struct Link {
     haptic: Haptic,
     running: Loop,
-    /// Number of its stylus.
+    /// Index of its stylus.
     stylus: usize,
-    /// Numbers in the world of the bodies that it can feel.
+    /// Indices in the world of the bodies that give it forces.
     bodies: Vec<usize>,
     hold: Option<Hold>,
     grips: u64,
@@ -47,7 +47,7 @@ struct Link {
     told: Told,
 }
 
-/// What was said of a device, once each, and since when it says nothing.
+/// Which warnings about a device were given, each once, and when it last reported a pose.
 struct Told {
     stiff: bool,
     slow: bool,
@@ -57,10 +57,10 @@ struct Told {
     heard: Instant,
 }
 
-/// Poses that are older than this when their forces act are told of, s; and again when they are twice as old as was told.
+/// A warning tells when poses are older than this while their forces act, s; another one when they are twice as old.
 const LATE_S: f64 = 1.5e-3;
 
-/// A device that says nothing for so long is told of.
+/// A warning tells when a device reports nothing for so long.
 const SILENT: Duration = Duration::from_secs(2);
 
 #[derive(Clone, Copy)]
@@ -145,8 +145,8 @@ impl HapticSession {
     /// Puts simulated devices in the place of their styli.
     fn move_styli(&mut self, state: &mut TrackerState) {
         for link in self.links.iter_mut().filter(|link| link.haptic.device == HapticDevice::Simulated) {
-            let felt = link.running.report().state;
-            link.drag_along(&felt, state);
+            let loop_state = link.running.report().state;
+            link.drag_along(&loop_state, state);
         }
     }
 
@@ -196,17 +196,17 @@ impl RunningEffect for HapticSession {
 
     fn summary(&mut self) -> String {
         let line = |link: &mut Link| {
-            let Report { state: felt, timing: clock, malformed } = *link.running.report();
-            let [p50, p99, late] = [clock.work_p50_s, clock.work_p99_s, clock.late_p99_s].map(seconds);
+            let Report { state, timing, malformed } = *link.running.report();
+            let [p50, p99, late] = [timing.work_p50_s, timing.work_p99_s, timing.late_p99_s].map(seconds);
             let name = &link.haptic.name;
             let told = format!(
                 "haptic {name}: {} ticks, {} late, {} left out; work p50 {p50}, p99 {p99}; late by p99 {late}\n",
-                clock.ticks, clock.late, clock.missed
+                timing.ticks, timing.late, timing.missed
             );
-            let LoopFaults { lost, absurd, jumps, backward, unattended, undefined } = felt.faults;
+            let LoopFaults { lost, absurd, jumps, backward, unattended, undefined } = state.faults;
             let faults = [
                 (lost, "without news of the device"),
-                (absurd, "with a pose that cannot be"),
+                (absurd, "with an impossible pose"),
                 (jumps, "with a jump"),
                 (backward, "with an older reading"),
                 (unattended, "without news of the frame"),
@@ -246,14 +246,14 @@ pub fn open(haptic: &Haptic) -> Result<Box<dyn Device>, Failure> {
 
 impl Link {
     /// The stylus of a simulated device goes where its mass is; the tracker's or the mouse's is the hand that pulls it.
-    fn drag_along(&mut self, felt: &LoopState, state: &mut TrackerState) {
+    fn drag_along(&mut self, loop_state: &LoopState, state: &mut TrackerState) {
         let Some(stylus) = state.styli.get_mut(self.stylus) else {
             self.room_from_hand = None;
             return;
         };
         let was_pulled = self.room_from_hand.is_some();
         self.room_from_hand = usable(&stylus.room_from_stylus).or(self.room_from_hand);
-        if let Some(pose) = felt.room_from_handle.filter(|_| was_pulled) {
+        if let Some(pose) = loop_state.room_from_handle.filter(|_| was_pulled) {
             stylus.room_from_stylus = pose.cast();
         }
     }
@@ -307,50 +307,50 @@ impl Link {
         Some(Hold { place, way })
     }
 
-    /// Says once each that a device is silent, that it reports slowly or late, and that a body is too stiff to be felt as it is.
+    /// Warns, once each, when a device is silent, reports slowly or late, or when a body is too stiff to be felt as it is.
     fn warn(&mut self, world: &World, held: Option<&Held>) {
-        let felt = self.running.report().state;
+        let state = self.running.report().state;
         let Haptic { name, rate_hz, damping, .. } = &self.haptic;
-        if felt.room_from_handle.is_some() {
+        if state.room_from_handle.is_some() {
             self.told.heard = Instant::now();
         } else if !self.told.silent && self.told.heard.elapsed() > SILENT {
             self.told.silent = true;
             notice!(
-                "warning: haptic {name}: {} has not said where it is for {} s: is it on, its service running, its address right?",
+                "warning: haptic {name}: {} has reported no pose for {} s: check that it is on, that its service runs, and that its address is right",
                 self.running.device,
                 SILENT.as_secs()
             );
         }
-        if felt.gain <= 0.0 {
+        if state.gain <= 0.0 {
             return;
         }
-        if !self.told.slow && felt.spacing_s * rate_hz > 2.0 {
+        if !self.told.slow && state.spacing_s * rate_hz > 2.0 {
             self.told.slow = true;
             notice!(
                 "warning: haptic {name}: it reports {:.0} times a second, the loop runs at {rate_hz} Hz: no more than {:.0} N/m can \
                  be felt (`greenstage manual haptics`)",
-                1.0 / felt.spacing_s,
-                felt.bearable
+                1.0 / state.spacing_s,
+                state.bearable
             );
         }
-        if felt.age_s > self.told.age_s {
-            self.told.age_s = 2.0 * felt.age_s;
+        if state.age_s > self.told.age_s {
+            self.told.age_s = 2.0 * state.age_s;
             notice!(
                 "warning: haptic {name}: a pose is up to {:.1} ms old when the force from it acts: no more than {:.0} N/m can be \
                  felt (`greenstage manual haptics`)",
-                1e3 * felt.age_s,
-                felt.bearable
+                1e3 * state.age_s,
+                state.bearable
             );
         }
-        let Some(held) = held.filter(|_| !self.told.stiff && felt.stiffer > 1.0) else { return };
+        let Some(held) = held.filter(|_| !self.told.stiff && state.stiffer > 1.0) else { return };
         self.told.stiff = true;
         notice!(
             "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears with {damping} N·s/m of friction, a report \
              every {:.1} ms and poses {:.1} ms old; in those directions it is felt that much softer (`greenstage manual haptics`)",
             world.bodies[self.bodies[held.body]].deformer.body,
-            felt.stiffer.ceil(),
-            1e3 * felt.spacing_s,
-            1e3 * felt.age_s,
+            state.stiffer.ceil(),
+            1e3 * state.spacing_s,
+            1e3 * state.age_s,
         );
     }
 }

@@ -15,12 +15,12 @@ use std::time::Instant;
 pub fn measure(
     scene: &Scene,
     body: &str,
-    needs_of: &dyn Fn(&Scene) -> Requirements,
+    requirements_of: &dyn Fn(&Scene) -> Requirements,
     model: &str,
     poses: &ControlPoses,
     folder: &Path,
 ) -> Result<Vec<EffectCost>, GreenError> {
-    let run = |scene: &Scene| run(scene, body, needs_of(scene), model, poses, folder);
+    let run = |scene: &Scene| run(scene, body, requirements_of(scene), model, poses, folder);
     let as_listed = run(scene)?;
     EFFECTS
         .iter()

@@ -237,7 +237,7 @@ fn written(
     candidate: &Candidate,
     storage: Storage,
 ) -> Result<(Arc<GreenFile>, Cost), MeasureError> {
-    let needs = (request.needs_of)(request.scene);
+    let requirements = (request.requirements_of)(request.scene);
     let name = format!(
         "{}-{}-{}-{}.green",
         candidate.refine,
@@ -250,7 +250,7 @@ fn written(
         name: request.body.to_owned(),
         fingerprint: String::new(),
         storage,
-        requirements: needs,
+        requirements,
         plan: None,
         solution: candidate.solution.clone(),
         sections: BTreeMap::new(),

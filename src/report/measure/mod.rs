@@ -85,7 +85,7 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
     let effects = effects::measure(
         request.scene,
         request.body,
-        request.needs_of,
+        request.requirements_of,
         model,
         &measured.poses[0].1,
         request.scratch,

@@ -29,7 +29,7 @@ pub struct Request<'a> {
     pub largest_key: String,
     pub quick: bool,
     /// What the body's model and effects need.
-    pub needs_of: &'a dyn Fn(&Scene) -> Requirements,
+    pub requirements_of: &'a dyn Fn(&Scene) -> Requirements,
     /// The command that measures this again.
     pub command: String,
     /// A folder for temporary files.

@@ -96,8 +96,8 @@ struct ScreenFile {
 }
 
 impl Stage {
-    /// The built-in stage of this name, or the stage in a file: anything that ends in `.toml` is a path. The keys of its
-    /// trackers' sources are checked by `track::checked`.
+    /// The built-in stage of this name, or the stage in a file: anything that ends in `.toml` is a path. The keys of the
+    /// trackers' sources are not checked here, because `stage` does not know the sources: `track::checked` checks them.
     pub fn find(name_or_path: &str) -> Result<Self, StageError> {
         let (text, path) = text_of(name_or_path)?;
         Self::parse(&text, &path)

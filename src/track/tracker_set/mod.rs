@@ -173,7 +173,7 @@ impl TrackerSet {
     }
 
     /// Whether any sensor was ever tracked.
-    pub fn is_speaking(&self) -> bool {
+    pub fn has_spoken(&self) -> bool {
         self.sensors.iter().any(|followed| followed.pose.is_some())
     }
 

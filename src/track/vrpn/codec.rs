@@ -8,7 +8,7 @@
 //! `length` counts header and payload without the padding. Each side of a TCP connection first sends a cookie of
 //! 24 bytes. No length that a peer states is ever allocated: a stream has one buffer of fixed size.
 //!
-//! Verified against the recorded stream of a vrpn_server 07.38 (tests/vrpn.rs).
+//! Verified against the recorded stream of a vrpn_server 07.38 (tests/devices/vrpn.rs).
 
 use super::address::LONGEST_NAME;
 use std::time::{SystemTime, UNIX_EPOCH};

@@ -4,11 +4,11 @@ use super::case::{Asked, CaseRow, CaseRows, Must, Outcome, base, largest};
 use crate::base::columns::ColumnGroup;
 use crate::deform::{
     CATCH_UP, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseLimiter, STRETCH,
-    Superposition, SurfaceDisplacements, find_model,
+    Superposition, find_model,
 };
 use crate::fem::nearest_turn;
 use crate::green::{FIELDS, Solution};
-use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Vector3};
 
 pub(super) fn rows() -> CaseRows {
     let mut rows = turns()?;
@@ -29,6 +29,20 @@ fn row(number: u32, case: impl Into<String>, must: Must, fault: Option<PoseFault
         measured: must.measured,
         error: Some(error),
         bound: Some(must.bound),
+    }
+}
+
+/// Displacements of the surface nodes: the point X of the body comes to
+/// x = body_from_surface · (X + u), both about the body's centre.
+struct SurfaceDisplacements {
+    u: Vec<[f32; 3]>,
+    /// Rigid motion that the model took out of the poses; the identity for `linear`.
+    body_from_surface: Isometry3<f64>,
+}
+
+impl SurfaceDisplacements {
+    fn zeros(nodes: usize) -> SurfaceDisplacements {
+        SurfaceDisplacements { u: vec![[0.0; 3]; nodes], body_from_surface: Isometry3::identity() }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Hands at a block both of whose ends can be taken: what each command and each button does to poses and places.
+//! What each command and each button does to poses and places, on a block both ends of which can be taken.
 
 use super::*;
 use crate::green::{self, GreenFile};

@@ -1,5 +1,5 @@
-//! A body that the graphics device deforms, of which the CPU keeps the nodes of control elements alone: whoever reads its
-//! surface reads the same as of one that the CPU deforms.
+//! A body that the graphics device deforms, for which the CPU only keeps the nodes of control elements: reading its surface
+//! gives the same as for a body that the CPU deforms.
 
 use super::*;
 

@@ -47,15 +47,15 @@ fn play(
     let text = crate::stage::BUILT_IN[0].1;
     let file = format!("{text}{}", KEYS.replace("id = 0\n", &format!("id = 0\n{keys}\n")));
     let tracking = Stage::parse(&file, Path::new("bench.toml")).unwrap().tracking;
-    let puppet = FakeSource::default();
-    let mut rig = TrackerSet::with_sources(&tracking, vec![Box::new(puppet.clone())], 0.0);
+    let source = FakeSource::default();
+    let mut trackers = TrackerSet::with_sources(&tracking, vec![Box::new(source.clone())], 0.0);
     let mut frames: Vec<Frame> = Vec::new();
     for i in 0..FRAMES {
         let time_s = i as f64 / 60.0;
         let y = 0.2 * (2.0 * time_s).sin();
         let hand: Isometry3<f64> =
             state(&world, [1.5, y, 0.1], [0.0, y, 0.1], false).styli[0].room_from_stylus.cast();
-        puppet.change(|device| {
+        source.change(|device| {
             if when.contains(&i) {
                 fault(time_s, &hand, device);
             } else {
@@ -64,7 +64,7 @@ fn play(
             device.link = Link::Up;
             device.take_button(0, i >= PRESS, None);
         });
-        world.step(&rig.state(time_s));
+        world.step(&trackers.state(time_s));
         frames.push(check(&world, frames.last()));
     }
     frames

@@ -1,5 +1,5 @@
-//! However a program ends while a device pushes, the last force that the device is told is none: a process of its own is
-//! ended in each way, and its device, a server of ours, notes what it is told.
+//! However a program ends while a device pushes, the last force that it sends to the device is zero. Each test ends a child
+//! process in one way; its device is a server of the test, which notes every force.
 
 use super::*;
 use crate::base::signal;

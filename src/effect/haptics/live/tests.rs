@@ -1,4 +1,4 @@
-//! Hands that feel what they hold: by a simulated device, by VRPN and by Haply's service over the loopback device.
+//! Hands that feel what they hold: through a simulated device, VRPN, and Haply's service, over the loopback interface.
 
 use super::*;
 use crate::effect;
@@ -131,7 +131,7 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
     );
     let (scene, file, mut world) = session("\"haptics\"", &table);
     let mut effects = effect::start(&scene, &file, &world).unwrap();
-    let mut rig = trackers::start(&world.stage, &mut effects).unwrap().unwrap();
+    let mut trackers = trackers::start(&world.stage, &mut effects).unwrap().unwrap();
     assert_eq!(world.fields.stylus_name(0), "pen");
     let (haptic, workspace) = (world.stage.haptics[0].clone(), world.stage.workspace);
     let place = |x: f64, y: f64| workspace.centre + Vector3::new(x, y, 0.1) * workspace.radius_m;
@@ -144,7 +144,8 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             let stylus = Isometry3::from_parts(Translation3::from(place(1.5, y).coords), rotation);
             let handle = device_from_handle(&haptic, &(stylus * haptic.sensor_from_body.inverse()));
             *phantom.said.lock().unwrap() = (handle, pressed);
-            let mut state = trackers::merge(&mut rig, TrackerState { time_s: now_s(), ..Default::default() });
+            let mut state =
+                trackers::merge(&mut trackers, TrackerState { time_s: now_s(), ..Default::default() });
             effects[0].before_frame(&mut state);
             world.step(&state);
             effects[0].after_frame(&mut world);
@@ -211,10 +212,10 @@ fn a_haply_device_is_a_stylus_without_a_loop() {
          room_from_device = {{ position = [0.0, 0.9, 0.4] }}\n"
     );
     let stage = Stage::parse(&format!("{}\n{table}", BUILT_IN[0].1), Path::new("stage.toml")).unwrap();
-    let mut rig = trackers::start(&stage, &mut []).unwrap().unwrap();
+    let mut trackers = trackers::start(&stage, &mut []).unwrap().unwrap();
     let deadline = Instant::now() + Duration::from_secs(30);
     let stylus = loop {
-        let stylus = rig.state(now_s()).styli[0];
+        let stylus = trackers.state(now_s()).styli[0];
         if stylus.pressed {
             break stylus;
         }
@@ -223,10 +224,10 @@ fn a_haply_device_is_a_stylus_without_a_loop() {
     };
     let off = stylus.room_from_stylus.translation.vector - Vector3::new(0.0, 1.0, 0.45);
     assert!(off.norm() < 1e-6, "{stylus:?}");
-    let report = rig.report(now_s()).remove(0);
+    let report = trackers.report(now_s()).remove(0);
     assert_eq!(report.sensors[0].name.as_deref(), Some("haptic.right"));
     assert!(report.sensors[0].rate_hz > 0.0 && report.link == Line::Up, "{report:?}");
-    drop(rig);
+    drop(trackers);
     let forces = server.join().unwrap();
     assert!(!forces.is_empty() && forces.iter().all(|force| *force == 0.0), "{forces:?}");
 }

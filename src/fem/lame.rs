@@ -1,4 +1,4 @@
-//! Isotropic linear elasticity: σ = λ tr(ε) I + 2μ ε.
+//! Isotropic linear elasticity: σ = λ tr(ε) I + 2μ ε. Laws of large strain: [`super::LAWS`].
 
 /// Lamé's constants, Pa.
 #[derive(Clone, Copy, Debug, PartialEq)]
