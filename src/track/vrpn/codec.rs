@@ -24,7 +24,6 @@ pub const DATAGRAM_BYTES: usize = 1472;
 pub const SENDER_DESCRIPTION: i32 = -1;
 pub const TYPE_DESCRIPTION: i32 = -2;
 pub const UDP_DESCRIPTION: i32 = -3;
-pub const LOG_DESCRIPTION: i32 = -4;
 pub const DISCONNECT: i32 = -5;
 
 const MAGIC: &[u8; 11] = b"vrpn: ver. ";

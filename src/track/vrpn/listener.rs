@@ -56,7 +56,8 @@ impl PeerKinds {
 
     /// The type that the peer means; `None` if it is of no use here or was never described.
     pub fn kind(&self, id: i32) -> Option<MessageKind> {
-        MessageKind::ALL.into_iter().find(|kind| self.0[*kind as usize] == Some(id))
+        let (kind, _) = MessageKind::ALL.into_iter().find(|(kind, _)| self.0[*kind as usize] == Some(id))?;
+        Some(kind)
     }
 }
 

@@ -3,7 +3,7 @@
 use greenstage::track::FakeSource;
 use greenstage::track::device::now_s;
 use greenstage::track::vrpn::codec::{self, Framer, Header};
-use greenstage::track::vrpn::payload::Payload;
+use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use greenstage::track::vrpn::{Address, Client, Server, ServerCounters, Serving, Timing, Transport};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -73,8 +73,8 @@ impl Peer {
     pub fn introduce(&mut self, name: &str) {
         self.stream.write_all(&codec::cookie()).unwrap();
         self.describe(codec::SENDER_DESCRIPTION, 0, name);
-        for kind in greenstage::track::vrpn::payload::MessageKind::ALL {
-            self.describe(codec::TYPE_DESCRIPTION, kind as i32, kind.name());
+        for (kind, name) in MessageKind::ALL {
+            self.describe(codec::TYPE_DESCRIPTION, kind as i32, name);
         }
     }
 
