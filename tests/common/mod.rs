@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file uses some of them")]
 
 use greenstage::deform::ControlPose;
+use greenstage::mesh::{self, generate};
 use greenstage::scene::Scene;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,10 +24,9 @@ pub fn scene(text: &str) -> Scene {
     Scene::parse(text, &path).unwrap()
 }
 
-/// A cube of side 1 about the origin, held at two faces.
-pub fn block_scene(cells: [u32; 3], extra: &str) -> Scene {
-    let [i, j, k] = cells;
-    scene(&format!(
+/// A scene's text: a cube of side 1 about the origin, held at two faces.
+pub fn block_text([i, j, k]: [u32; 3], extra: &str) -> String {
+    format!(
         r#"
 [body.block]
 generate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [{i}, {j}, {k}] }} }}
@@ -39,7 +39,11 @@ grab = "dragger"
 nodes = {{ group = "xmin" }}
 grab = "fixed"
 "#
-    ))
+    )
+}
+
+pub fn block_scene(cells: [u32; 3], extra: &str) -> Scene {
+    scene(&block_text(cells, extra))
 }
 
 /// A folder of its own for one test, emptied.
@@ -101,11 +105,32 @@ pub fn case_poses(folder: &Path) -> Vec<(String, BTreeMap<String, ControlPose>)>
     file.pose.into_iter().map(named).collect()
 }
 
+/// A folder with the mesh `block.msh` of 3 × 2 × 2 cells, a scene and poses.
+pub fn project(name: &str, encoding: Option<&str>, scene: &str, poses: &str) -> PathBuf {
+    let folder = folder(name);
+    let block = generate::block(&generate::Block { size: [1.0; 3], cells: [3, 2, 2] }).unwrap();
+    mesh::save(&folder.join("block.msh"), &block, encoding).unwrap();
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    std::fs::write(folder.join("poses.toml"), poses).unwrap();
+    folder
+}
+
+/// The program with these arguments, to be run in `folder`.
+pub fn program(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_greenstage"));
+    command.current_dir(folder).args(arguments);
+    command
+}
+
+/// What the program wrote to one of its streams.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
 /// Runs the program in `folder`; what it said is in the panic if it failed.
 pub fn greenstage(folder: &Path, arguments: &[&str]) -> Output {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_greenstage")).current_dir(folder).args(arguments).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
+    let output = program(folder, arguments).output().unwrap();
+    let said = text(&output.stderr);
     assert!(output.status.success(), "greenstage {arguments:?}: {}\n{said}", output.status);
     output
 }

@@ -105,7 +105,7 @@ fn stylus_and_tube_stay_within_the_pictures_of_every_stage() {
             for (point, &eye) in tube
                 .iter()
                 .chain([&stylus])
-                .flat_map(|point| stage.eyes().iter().map(move |eye| (point, eye)))
+                .flat_map(|point| stage.stereo.eyes().iter().map(move |eye| (point, eye)))
             {
                 let eye = stage.viewer.eye_in_room(&head, eye);
                 let is_on = |point: Point3<f64>, screen: &Screen| {

@@ -3,6 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+/// The rooms that the world and all above it may use.
+const BELOW_WORLD: &str = "deform effect interact green scene mesh fem solve stage track field render config";
+
 /// Imports go only to the right; tests and documentation links keep to it as well. Every room may use `base`.
 const IMPORTS: &[(&str, &[&str])] = &[
     ("base", &[]),
@@ -23,43 +26,17 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "deform", "effect", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("tuning", &["report", "deform", "green", "scene", "fem", "solve", "config"]),
-    (
-        "world",
-        &[
-            "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track",
-            "field", "render", "config",
-        ],
-    ),
-    (
-        "export",
-        &[
-            "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
-            "track", "field", "render", "config",
-        ],
-    ),
-    (
-        "session",
-        &[
-            "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
-            "track", "field", "render", "config",
-        ],
-    ),
-    (
-        "display",
-        &[
-            "session", "world", "deform", "effect", "interact", "green", "scene", "mesh", "fem", "solve",
-            "stage", "track", "field", "render", "config",
-        ],
-    ),
-    (
-        "cli",
-        &[
-            "display", "session", "export", "world", "report", "tuning", "verify", "manual", "deform",
-            "effect", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field",
-            "render", "config",
-        ],
-    ),
+    ("world", &[BELOW_WORLD]),
+    ("export", &["world", BELOW_WORLD]),
+    ("session", &["world", BELOW_WORLD]),
+    ("display", &["session", "world", BELOW_WORLD]),
+    ("cli", &["display", "session", "export", "world", "report", "tuning", "verify", "manual", BELOW_WORLD]),
 ];
+
+/// The rooms of a row, in which [`BELOW_WORLD`] stands for several.
+fn rooms_of(row: &'static [&'static str]) -> impl Iterator<Item = &'static str> {
+    row.iter().flat_map(|rooms| rooms.split(' '))
+}
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -219,7 +196,7 @@ fn modules_import_only_what_the_house_allows() {
         };
         let imports: BTreeSet<&str> = named.iter().filter_map(|path| Some(path.first()?.as_str())).collect();
         for import in imports {
-            if import != room && import != "base" && !allowed.contains(&import) {
+            if import != room && import != "base" && !rooms_of(allowed).any(|known| known == import) {
                 faults.push(format!("{file}: {room} must not import {import}"));
             }
         }
@@ -291,8 +268,8 @@ fn no_two_files_import_each_other() {
 #[test]
 fn the_table_of_imports_has_no_circle() {
     for (row, (module, allowed)) in IMPORTS.iter().enumerate() {
-        for import in *allowed {
-            let at = IMPORTS.iter().position(|(name, _)| name == import);
+        for import in rooms_of(allowed) {
+            let at = IMPORTS.iter().position(|(name, _)| *name == import);
             assert!(at.is_some_and(|at| at < row), "{module} ← {import}");
         }
     }

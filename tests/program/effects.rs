@@ -3,7 +3,7 @@
 
 use crate::common;
 
-use common::{coarse_demo, folder, greenstage};
+use common::{coarse_demo, folder, greenstage, text};
 use greenstage::deform::Deformer;
 use greenstage::effect::EFFECTS;
 use greenstage::green::GreenFile;
@@ -28,7 +28,7 @@ fn tube(name: &str, effects: &str) -> PathBuf {
 
 fn said(place: &Path, arguments: &[&str]) -> (String, String) {
     let output = greenstage(place, arguments);
-    (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    (text(&output.stdout), text(&output.stderr))
 }
 
 /// Bytes of every tensor in the file, and of all together.

@@ -31,7 +31,7 @@ fn the_built_in_stages_have_the_dimensions_they_claim() {
     let slope = screens("workbench-one-sided")[0].axes()[1].y.asin().to_degrees();
     assert!((slope - 20.0).abs() < 1e-9, "{slope}");
     assert_eq!(Stage::find("desktop").unwrap().stereo, Stereo::Mono);
-    assert_eq!(Stage::find("desktop").unwrap().eyes(), [Eye::Centre]);
+    assert_eq!(Stage::find("desktop").unwrap().stereo.eyes(), [Eye::Centre]);
 }
 
 #[test]
