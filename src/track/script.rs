@@ -209,7 +209,7 @@ impl Script {
     }
 
     fn styli_on(&self, stage: &Stage) -> Vec<(&str, &[StylusKey])> {
-        let known = stage.stylus_names();
+        let known = stage.tracking.stylus_names();
         let place = |name: &str| known.iter().position(|known| *known == name).unwrap_or(known.len());
         let mut styli: Vec<(&str, &[StylusKey])> =
             self.styli.iter().map(|(name, keys)| (name.as_str(), keys.as_slice())).collect();

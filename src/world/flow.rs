@@ -137,7 +137,7 @@ pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bo
     })?;
     let hands = HandState { hands: Hands::new(radius_m), asked: Asked::default() };
     let mut fields = Fields {
-        names: stage.stylus_names().into_iter().map(str::to_owned).collect(),
+        names: stage.tracking.stylus_names().into_iter().map(str::to_owned).collect(),
         tracked_head,
         time,
         head: room_from_head,

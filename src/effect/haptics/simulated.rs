@@ -40,9 +40,6 @@ impl Hand {
     /// Nobody holds it.
     pub const NONE: Hand =
         Hand { mass: 0.0, stiffness: 0.0, damping: 0.0, rotational_stiffness: 0.0, rotational_damping: 0.0 };
-}
-
-impl Hand {
     /// Two fingertips that barely touch it.
     pub const LIGHT: Hand = Hand {
         mass: 0.02,

@@ -253,11 +253,11 @@ mod tests {
         let tip = room * tracking.sensors["haptic.right"].sensor_from_body;
         assert!((room.translation.vector - Vector3::new(0.0, 0.9, 0.2)).norm() < 1e-12, "{room}");
         assert!((tip.translation.vector - Vector3::new(-0.1, 0.9, 0.2)).norm() < 1e-12, "{tip}");
-        assert_eq!(stage.stylus_names(), ["pen"]);
+        assert_eq!(stage.tracking.stylus_names(), ["pen"]);
         assert!(stage.to_string().contains("tracker haptic.right: force device, haply localhost"), "{stage}");
         let simulated = stage_of("device = \"simulated\"").unwrap();
         assert_eq!(simulated.tracking, Tracking::default());
-        assert_eq!(simulated.stylus_names(), ["right", "left"]);
+        assert_eq!(simulated.tracking.stylus_names(), ["right", "left"]);
         let twice =
             format!("{real}\n[haptic.other]\ndevice = \"haply://h\"\nmax_force = 5\nstylus = \"pen\"");
         let error = stage_of(&twice).unwrap_err();

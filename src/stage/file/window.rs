@@ -98,10 +98,7 @@ fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Resu
     file.at.map_or(Ok(()), check_place)?;
     for (i, tile) in tiles.iter().enumerate() {
         let [x, y, w, h] = tile.rect;
-        let fits = |start: u32, length: u32, limit: u32| {
-            length > 0 && u64::from(start) + u64::from(length) <= u64::from(limit)
-        };
-        if !(fits(x, w, width) && fits(y, h, height)) {
+        if !is_within(tile.rect, size) {
             return Err(format!(
                 "tile {} has {w} × {h} pixels at ({x}, {y}), which is not within the window's {width} × {height}",
                 i + 1
@@ -136,11 +133,8 @@ fn tile(
              tiles, or a kind of stereo that holds both"
         ));
     }
-    let crop @ [x, y, w, h] = crop.unwrap_or([0, 0, width, height]);
-    let is_within = |start: u32, length: u32, limit: u32| {
-        length > 0 && u64::from(start) + u64::from(length) <= u64::from(limit)
-    };
-    if !(is_within(x, w, width) && is_within(y, h, height)) {
+    let crop @ [.., w, h] = crop.unwrap_or([0, 0, width, height]);
+    if !is_within(crop, pixels) {
         return Err(format!(
             "crop {crop:?} (x, y, width, height) is not within the {width} × {height} pixels of screen `{name}`"
         ));
@@ -170,6 +164,13 @@ fn check_place(at @ [x, y]: [i32; 2]) -> Result<(), String> {
         true => Ok(()),
         false => Err(format!("it stands at ({x}, {y}): both must be between {low} and {high}")),
     }
+}
+
+/// Whether a rectangle (x, y, width, height) has pixels, all of them within this width and height.
+fn is_within(rect: [u32; 4], limits: [u32; 2]) -> bool {
+    (0..2).all(|axis| {
+        rect[axis + 2] > 0 && u64::from(rect[axis]) + u64::from(rect[axis + 2]) <= u64::from(limits[axis])
+    })
 }
 
 /// Whether two rectangles (x, y, width, height) share a pixel.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::stage::tracking::{Axis, ButtonId, LostPolicy, OneEuro, TrackerFrame};
-use crate::stage::{BUILT_IN, Survey};
+use crate::stage::{BUILT_IN, Survey, survey};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use std::path::Path;
 
@@ -214,7 +214,7 @@ fn every_fault_of_tracking_is_told_and_none_that_follows_from_another() {
                 tracker = \"a\"\nid = 1\npredict = 5\n[stylus.right]\nsensor = \"wand\"\n[stylus.left]\n\
                 sensor = \"hand\"\n";
     let text = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + keys;
-    let survey = Stage::survey_text(&text, Path::new("bench.toml")).unwrap();
+    let survey = survey(&text, Path::new("bench.toml")).unwrap();
     let Survey { stage, tracking, faults } = survey;
     let told: Vec<String> =
         source_faults(&tracking).chain(faults).map(|located| located.fault.to_string()).collect();
