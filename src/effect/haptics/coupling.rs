@@ -15,11 +15,6 @@ use nalgebra::{Isometry3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector
 /// The derivative of the held element's twelve coefficients by the handle's motion (v, ω), m and rad of the device.
 pub type Jacobian = SMatrix<f64, 12, 6>;
 
-/// The stiffness at the handle, 6 × 6 in N/m, N and N·m: Jᵀ S J of the held element's block of S.
-pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, jacobian: &Jacobian) -> Matrix6<f64> {
-    jacobian.transpose() * block * jacobian
-}
-
 /// The device's limits; 0 N·m for one without torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {

@@ -4,7 +4,7 @@
 //! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass. Its [`Reports`] may
 //! be rare, late and irregular, like those of a device on a network.
 
-use super::device::{Device, Push, Reading, SampleInfo};
+use super::device::{Device, Push, Reading};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
@@ -168,14 +168,7 @@ impl Simulated {
     /// The current pose, arriving now.
     fn now(&self, arrived_s: f64) -> Reading {
         let Simulated { device_from_handle, buttons, tracked, .. } = *self;
-        Reading {
-            device_from_handle,
-            buttons,
-            arrived_s,
-            measured_s: None,
-            tracked,
-            info: SampleInfo::default(),
-        }
+        Reading { buttons, tracked, ..Reading::at(device_from_handle, arrived_s) }
     }
 
     /// Simulates up to `now_s` and sends poses meanwhile; returns the newest that has arrived.
