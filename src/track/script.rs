@@ -349,12 +349,8 @@ impl PoseFile<'_> {
             }
             (Some(target), None, None) => self.vector("target", target)? - position.coords,
             (None, Some(direction), None) => self.vector("direction", direction)?,
-            (None, None, _) => {
-                return Err(KeyFrameFault::LoneRoll { who: self.who.to_owned() });
-            }
-            _ => {
-                return Err(KeyFrameFault::SeveralOrientations { who: self.who.to_owned() });
-            }
+            (None, None, _) => return Err(KeyFrameFault::LoneRoll { who: self.who.to_owned() }),
+            _ => return Err(KeyFrameFault::SeveralOrientations { who: self.who.to_owned() }),
         };
         let roll = self.number("roll", self.roll.unwrap_or(0.0))?;
         match rotation_towards(&direction, roll) {

@@ -99,19 +99,15 @@ fn axes_are_straightened_to_the_nearest_rotation_half_turns_too() {
 #[test]
 fn unknown_names_are_answered_with_the_nearest() {
     let error = refusal("tracker = \"art\"\nid", "tracker = \"arts\"\nid", "[sensor.wand]");
-    assert!(
-        error.contains("sensor `wand`: unknown tracker \"arts\"") && error.contains("mean \"art\"?"),
-        "{error}"
-    );
+    assert!(error.contains("sensor `wand`: unknown tracker \"arts\""), "{error}");
+    assert!(error.contains("mean \"art\"?"), "{error}");
     let error = refusal("sensor = \"wand\"", "sensor = \"wond\"", "[stylus.right]");
     assert!(error.contains("unknown sensor \"wond\"") && error.contains("mean \"wand\"?"), "{error}");
     let error = refusal("tracker = \"pad\"", "tracker = \"pat\"", "[stylus.right]");
     assert!(error.contains("mean \"pad\"?"), "{error}");
     let error = parse(KEYS, "head = \"haed\"").unwrap_err();
-    assert!(
-        error.contains("the viewer's head: unknown sensor \"haed\"") && error.contains("\"head\"?"),
-        "{error}"
-    );
+    assert!(error.contains("the viewer's head: unknown sensor \"haed\""), "{error}");
+    assert!(error.contains("\"head\"?"), "{error}");
     let error = parse("[sensor.a]\ntracker = \"b\"\nid = 0\nfiltre = {}\n", "").unwrap_err();
     assert!(error.contains("did you mean `filter`?"), "{error}");
 }
