@@ -77,9 +77,7 @@ fn explain(message: &str) -> String {
     }
     let mut quoted = message.split('`').skip(1).step_by(2);
     let is_unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
-    let Some(unknown) = quoted.next().filter(|_| is_unknown) else {
-        return message.to_owned();
-    };
+    let Some(unknown) = quoted.next().filter(|_| is_unknown) else { return message.to_owned() };
     match nearest(unknown, quoted) {
         Some(known) => format!("{message}; did you mean `{known}`?"),
         None => message.to_owned(),

@@ -46,6 +46,14 @@ pub fn block_scene(cells: [u32; 3], extra: &str) -> Scene {
     scene(&block_text(cells, extra))
 }
 
+/// The text with some of its characters replaced by others.
+pub fn damaged(text: &str, from: &proptest::sample::Index, length: usize, filling: &str) -> String {
+    let text: Vec<char> = text.chars().collect();
+    let start = from.index(text.len());
+    let end = (start + length).min(text.len());
+    text[..start].iter().copied().chain(filling.chars()).chain(text[end..].iter().copied()).collect()
+}
+
 /// A folder of its own for one test, emptied.
 pub fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);

@@ -1,6 +1,7 @@
 //! DTrack's lines of text.
 
 use super::{everything_is_finite, near, port, wait};
+use crate::common::damaged;
 use greenstage::track::device::{DeviceState, Link};
 use greenstage::track::dtrack::Dtrack;
 use greenstage::track::udp::{LARGEST, Parser, listen};
@@ -228,10 +229,8 @@ fn a_port_that_is_taken_is_an_error_with_the_remedy() {
     let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
     let at = taken.local_addr().unwrap();
     let error = listen("art", "dtrack", at.into(), Dtrack::default()).err().unwrap().to_string();
-    assert!(
-        error.contains("tracker `art`: cannot listen on") && error.contains("another program"),
-        "{error}"
-    );
+    assert!(error.contains("tracker `art`: cannot listen on"), "{error}");
+    assert!(error.contains("another program"), "{error}");
 }
 
 proptest! {
@@ -248,10 +247,7 @@ proptest! {
     fn no_damaged_frame_panics(
         from in any::<prop::sample::Index>(), length in 0..30usize, filling in "[\\[\\] 0-9.e+na-]{0,12}",
     ) {
-        let text = frame(1);
-        let start = from.index(text.len());
-        let end = (start + length).min(text.len());
-        let damaged = format!("{}{filling}{}", &text[..start], &text[end..]);
+        let damaged = damaged(&frame(1), &from, length, &filling);
         let mut state = DeviceState::default();
         Dtrack::default().parse(damaged.as_bytes(), &mut state);
         prop_assert!(everything_is_finite(&state), "{damaged}");
