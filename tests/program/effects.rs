@@ -60,21 +60,14 @@ fn without_haptics_there_is_no_stiffness_step_and_no_section_of_the_file() {
 }
 
 #[test]
-fn without_haptics_deform_writes_no_forces() {
+fn without_haptics_neither_deform_nor_the_deformer_tells_forces() {
     for (effects, forces) in [("", false), (r#""haptics""#, true)] {
         let place = tube(&format!("effects-deform-{forces}"), effects);
         let (told, _) = said(&place, &["deform", "tube.toml", "--poses", "poses.toml", "-o", "out"]);
         assert!(place.join("out.csv").exists());
         assert_eq!(place.join("out.forces.csv").exists(), forces);
         assert_eq!(told.contains("out.forces.csv"), forces, "{told}");
-    }
-}
 
-#[test]
-fn without_haptics_the_deformer_holds_no_stiffness_and_gives_no_forces() {
-    for (effects, forces) in [("", false), (r#""haptics""#, true)] {
-        let place = tube(&format!("effects-deformer-{forces}"), effects);
-        greenstage(&place, &["precompute", "--quiet", "tube.toml"]);
         let file = Arc::new(GreenFile::open(&place.join("tube.green")).unwrap());
         let mut deformer = Deformer::new(file, "tube", "rotation").unwrap();
         assert_eq!(deformer.wrenches().is_some(), forces);
@@ -100,20 +93,19 @@ fn another_list_of_effects_makes_the_file_anew() {
     }
 }
 
-/// The frame speaks of no effect, except in one file of its own, which it enters only for a body whose scene lists one
-/// (`forces_are_told_only_of_bodies_whose_scene_wants_them` holds it to that).
+/// The frame speaks of no effect, except in the files that prepare a body and that tell its force; it asks for a force
+/// only of a body whose scene lists one (`forces_are_told_only_of_bodies_whose_scene_wants_them` holds it to that).
 #[test]
 fn the_frame_calls_no_effect_that_is_not_listed() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = vec![source.join("cli/picture.rs"), source.join("cli/view.rs")];
-    for folder in ["cli/world", "render"] {
-        files.extend(std::fs::read_dir(source.join(folder)).unwrap().map(|entry| entry.unwrap().path()));
-    }
-    let own = source.join("cli/world/force.rs");
-    let asked_for = ".force_scale.is_some()";
+    let own = ["prepare.rs", "force.rs", "force_scale.rs"].map(|name| source.join("world").join(name));
     let (mut read, mut entered) = (0, 0);
-    for file in files.iter().filter(|path| path.is_file() && **path != own) {
-        let text = std::fs::read_to_string(file).unwrap();
+    for entry in ["world", "render"].iter().flat_map(|room| std::fs::read_dir(source.join(room)).unwrap()) {
+        let file = entry.unwrap().path();
+        if !file.is_file() || own.contains(&file) {
+            continue;
+        }
+        let text = std::fs::read_to_string(&file).unwrap();
         read += 1;
         for name in EFFECTS.iter().map(|effect| effect.name).chain(["wrenches", "effect::"]) {
             assert!(!text.contains(name), "{} speaks of {name}", file.display());
@@ -121,8 +113,12 @@ fn the_frame_calls_no_effect_that_is_not_listed() {
         for (at, _) in text.match_indices("force::held_force(") {
             entered += 1;
             let before = &text[at.saturating_sub(120)..at];
-            assert!(before.contains(asked_for), "{} does not ask whether it is listed", file.display());
+            let is_asked = before.contains(".force_scale.is_some()");
+            assert!(is_asked, "{} does not ask whether it is listed", file.display());
         }
     }
-    assert!(own.is_file() && entered == 1 && read > 12, "{read} files, entered {entered} times");
+    assert!(
+        own.iter().all(|file| file.is_file()) && entered == 1 && read > 12,
+        "{read} files, {entered} calls"
+    );
 }
