@@ -5,7 +5,6 @@ use crate::green::{FAMILIES, Family, GreenError, Requirements, Solution, Tensor}
 /// Makes the tensors of an effect's own section from the solution of a body, each with its name.
 pub type Precompute = fn(&Solution) -> Result<Vec<(String, Tensor)>, GreenError>;
 
-/// One entry of the list of effects.
 pub struct EffectEntry {
     pub name: &'static str,
     pub summary: &'static str,

@@ -50,7 +50,6 @@ impl Verdict {
     }
 }
 
-/// One run.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Run {
     pub stiffness: f64,

@@ -5,7 +5,7 @@
 //! zero within [`FADE_S`]. A tick takes no lock and allocates nothing.
 
 use super::acting::{Acting, Given};
-use super::coupling::{Coupling, CouplingState, Limits};
+use super::coupling::{Coupling, CouplingState};
 use super::delay::Delay;
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
@@ -427,8 +427,7 @@ impl Control {
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, period_s, age_s);
         let damping = [haptic.damping, haptic.rotational_damping];
-        let limits = Limits { force: haptic.max_force_n, torque: haptic.max_torque_nm };
-        let limits = self.measures.limits.then_some(limits);
+        let limits = self.measures.limits.then_some([haptic.max_force_n, haptic.max_torque_nm]);
         let bound = if self.measures.coupling { bearable } else { f64::INFINITY };
         self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bound, limits);
         (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * haptic.damping);
