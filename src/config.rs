@@ -28,12 +28,10 @@ pub enum ConfigError {
 /// A larger file is refused unread: parsing takes up to 200 times its memory.
 const LARGEST: u64 = 16 << 20;
 
-/// Reads and parses the TOML file at `path`.
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
     parse(&read(path)?, path)
 }
 
-/// The text of the TOML file at `path`.
 pub fn read(path: &Path) -> Result<String, ConfigError> {
     let failed = |source| ConfigError::Read { path: path.to_owned(), source };
     let mut text = String::new();

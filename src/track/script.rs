@@ -71,7 +71,6 @@ struct StylusKey {
 /// The built-in scripts, by name.
 pub const BUILT_IN: [(&str, &str); 1] = [("bend", include_str!("../../configs/scripts/bend.toml"))];
 
-/// Why a script was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ScriptError {
     #[error(transparent)]

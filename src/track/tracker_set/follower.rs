@@ -22,7 +22,6 @@ const CONFIRM_S: f64 = 0.1;
 /// The pose glides from where it was held to where it is within this time, s.
 const BRIDGE_S: f64 = 0.2;
 
-/// The state of one sensor.
 #[derive(Clone, Debug)]
 pub struct Follower {
     pub sensor: Sensor,

@@ -7,7 +7,6 @@ use crate::track::state::Signal;
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
 
-/// One tracker with all its channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackerReport {
     pub name: String,
@@ -45,7 +44,6 @@ pub struct SensorReport {
     pub faults: SensorFaults,
 }
 
-/// A button or a valuator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelReport<T> {
     pub id: i32,

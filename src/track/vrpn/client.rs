@@ -78,7 +78,6 @@ impl Default for Timing {
     }
 }
 
-/// A device of a VRPN server.
 pub struct Client {
     address: Address,
     output: Output<DeviceState>,

@@ -124,7 +124,6 @@ impl Header {
     }
 }
 
-/// Appends a message.
 pub fn encode(header: &Header, payload: &[u8], out: &mut Vec<u8>) {
     debug_assert!(payload.len() <= MOST_PAYLOAD);
     let Header { seconds, microseconds, sender, kind, sequence } = *header;

@@ -1,7 +1,7 @@
 //! What the tests of client and server share: servers and clients that a test controls, and a patient wait.
 
 use greenstage::track::FakeSource;
-use greenstage::track::device::now_s;
+use greenstage::track::device::{Link, Source, now_s};
 use greenstage::track::vrpn::codec::{self, Framer, Header};
 use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use greenstage::track::vrpn::{Address, Client, Server, ServerCounters, Serving, Timing, Transport};
@@ -40,6 +40,17 @@ pub fn serve(place: SocketAddr, source: &FakeSource) -> Serving {
 pub fn listen(place: SocketAddr, udp: bool, transport: Transport) -> Client {
     let address = Address { device: "Wand".into(), host: place.ip().to_string(), port: place.port(), udp };
     Client::with_timing(address, transport, SOON)
+}
+
+/// A client, and the server that the test plays for it; it has heard of the device.
+pub fn played(udp: bool) -> (TcpListener, Client, Peer) {
+    let listener = TcpListener::bind(ANY).unwrap();
+    let mut client = listen(listener.local_addr().unwrap(), udp, Transport::Tcp);
+    let mut peer = Peer::accept(&listener);
+    peer.hear_cookie();
+    peer.greet("Wand");
+    wait("the device is known", || client.latest().link == Link::Up);
+    (listener, client, peer)
 }
 
 pub fn counters_reach(serving: &Serving, what: &str, is_so: impl Fn(&ServerCounters) -> bool) {
