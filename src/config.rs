@@ -28,12 +28,10 @@ pub enum ConfigError {
 /// A larger file is refused unread: parsing takes up to 200 times its memory.
 const LARGEST: u64 = 16 << 20;
 
-/// Reads and parses the TOML file at `path`.
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
     parse(&read(path)?, path)
 }
 
-/// The text of the TOML file at `path`.
 pub fn read(path: &Path) -> Result<String, ConfigError> {
     let failed = |source| ConfigError::Read { path: path.to_owned(), source };
     let mut text = String::new();
@@ -77,9 +75,7 @@ fn explain(message: &str) -> String {
     }
     let mut quoted = message.split('`').skip(1).step_by(2);
     let is_unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
-    let Some(unknown) = quoted.next().filter(|_| is_unknown) else {
-        return message.to_owned();
-    };
+    let Some(unknown) = quoted.next().filter(|_| is_unknown) else { return message.to_owned() };
     match nearest(unknown, quoted) {
         Some(known) => format!("{message}; did you mean `{known}`?"),
         None => message.to_owned(),

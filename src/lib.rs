@@ -1,8 +1,7 @@
 //! Real-time elastic bodies in virtual environments: finite elements and precomputed Green's functions.
 //!
 //! "The paper" is I. Nikitin, L. Nikitina, P. Frolov, G. Goebbels, M. Göbel, S. Klimenko and G. M. Nielson, "Real-time
-//! simulation of elastic objects in Virtual Environments using finite element method and precomputed Green's functions",
-//! Eurographics Workshop on Virtual Environments, 2002.
+//! simulation of elastic objects in Virtual Environments using finite element method and precomputed Green's functions".
 //!
 //! Two stages meet in one file:
 //!

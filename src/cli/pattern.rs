@@ -51,7 +51,7 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
     output::make_folder(folder)?;
     let path = |screen: &str, eye: Eye| folder.join(format!("{screen}-{}.png", eye.name()));
     for screen in &stage.screens {
-        for &eye in stage.eyes() {
+        for &eye in stage.stereo.eyes() {
             output::try_path(&path(&screen.name, eye), &PNG, &[PathBuf::from(named)])?;
         }
     }
@@ -61,7 +61,7 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
     let mut count = 0;
     for screen in &stage.screens {
         let target = Offscreen::new(&gpu, &renderer, screen.pixels)?;
-        for &eye in stage.eyes() {
+        for &eye in stage.stereo.eyes() {
             renderer.draw(
                 &gpu,
                 &[target.picture(&Viewport::full(screen.pixels, None))],

@@ -28,17 +28,14 @@ enum Takes {
     Table,
 }
 
-impl<V> Watched<V> {
-    fn new(visitor: V, takes: Takes) -> Watched<V> {
-        Watched { visitor, takes }
-    }
-}
-
 macro_rules! forward {
-    ($($method:ident)*) => {
-        $(fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, D::Error> {
-            self.0.$method(Watched::new(visitor, Takes::Anything))
+    ($($method:ident($($argument:ident: $kind:ty),*) $takes:expr;)*) => {
+        $(fn $method<V: Visitor<'de>>(self, $($argument: $kind,)* visitor: V) -> Result<V::Value, D::Error> {
+            self.0.$method($($argument,)* Watched { visitor, takes: $takes })
         })*
+    };
+    ($($method:ident)*) => {
+        forward! { $($method() Takes::Anything;)* }
     };
 }
 
@@ -52,52 +49,13 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
         deserialize_byte_buf deserialize_option deserialize_unit deserialize_seq deserialize_map
         deserialize_identifier deserialize_ignored_any
     }
-
-    fn deserialize_unit_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_unit_struct(name, Watched::new(visitor, Takes::Anything))
-    }
-
-    fn deserialize_newtype_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_newtype_struct(name, Watched::new(visitor, Takes::Anything))
-    }
-
-    fn deserialize_tuple<V: Visitor<'de>>(self, length: usize, visitor: V) -> Result<V::Value, D::Error> {
-        self.0.deserialize_tuple(length, Watched::new(visitor, Takes::Length(length)))
-    }
-
-    fn deserialize_tuple_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        length: usize,
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_tuple_struct(name, length, Watched::new(visitor, Takes::Length(length)))
-    }
-
-    fn deserialize_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        fields: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_struct(name, fields, Watched::new(visitor, Takes::Table))
-    }
-
-    fn deserialize_enum<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        variants: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_enum(name, variants, Watched::new(visitor, Takes::Anything))
+    forward! {
+        deserialize_unit_struct(name: &'static str) Takes::Anything;
+        deserialize_newtype_struct(name: &'static str) Takes::Anything;
+        deserialize_tuple(length: usize) Takes::Length(length);
+        deserialize_tuple_struct(name: &'static str, length: usize) Takes::Length(length);
+        deserialize_struct(name: &'static str, fields: &'static [&'static str]) Takes::Table;
+        deserialize_enum(name: &'static str, variants: &'static [&'static str]) Takes::Anything;
     }
 
     fn is_human_readable(&self) -> bool {
@@ -106,9 +64,9 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
 }
 
 macro_rules! hand_on {
-    ($($method:ident($value:ty))*) => {
-        $(fn $method<E: Error>(self, value: $value) -> Result<V::Value, E> {
-            self.visitor.$method(value)
+    ($($method:ident($($value:ident: $kind:ty)?))*) => {
+        $(fn $method<E: Error>(self $(, $value: $kind)?) -> Result<V::Value, E> {
+            self.visitor.$method($($value)?)
         })*
     };
 }
@@ -121,18 +79,11 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for Watched<V> {
     }
 
     hand_on! {
-        visit_bool(bool) visit_i8(i8) visit_i16(i16) visit_i32(i32) visit_i64(i64) visit_i128(i128)
-        visit_u8(u8) visit_u16(u16) visit_u32(u32) visit_u64(u64) visit_u128(u128) visit_f32(f32) visit_f64(f64)
-        visit_char(char) visit_str(&str) visit_borrowed_str(&'de str) visit_string(String)
-        visit_bytes(&[u8]) visit_borrowed_bytes(&'de [u8]) visit_byte_buf(Vec<u8>)
-    }
-
-    fn visit_none<E: Error>(self) -> Result<V::Value, E> {
-        self.visitor.visit_none()
-    }
-
-    fn visit_unit<E: Error>(self) -> Result<V::Value, E> {
-        self.visitor.visit_unit()
+        visit_none() visit_unit() visit_bool(x: bool) visit_i8(x: i8) visit_i16(x: i16) visit_i32(x: i32)
+        visit_i64(x: i64) visit_i128(x: i128) visit_u8(x: u8) visit_u16(x: u16) visit_u32(x: u32)
+        visit_u64(x: u64) visit_u128(x: u128) visit_f32(x: f32) visit_f64(x: f64) visit_char(x: char)
+        visit_str(x: &str) visit_borrowed_str(x: &'de str) visit_string(x: String) visit_bytes(x: &[u8])
+        visit_borrowed_bytes(x: &'de [u8]) visit_byte_buf(x: Vec<u8>)
     }
 
     fn visit_some<D: Deserializer<'de>>(self, value: D) -> Result<V::Value, D::Error> {
@@ -227,7 +178,7 @@ impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for Strict<A> {
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, length: usize, visitor: V) -> Result<V::Value, A::Error> {
-        self.0.tuple_variant(length, Watched::new(visitor, Takes::Length(length)))
+        self.0.tuple_variant(length, Watched { visitor, takes: Takes::Length(length) })
     }
 
     fn struct_variant<V: Visitor<'de>>(
@@ -235,7 +186,7 @@ impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for Strict<A> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, A::Error> {
-        self.0.struct_variant(fields, Watched::new(visitor, Takes::Table))
+        self.0.struct_variant(fields, Watched { visitor, takes: Takes::Table })
     }
 }
 

@@ -272,12 +272,8 @@ impl<C: 'static> Graph<C> {
                 }
             }
         }
-        order.retain(|&number| !self.inputs(number).is_empty() || self.is_constant(number));
+        let is_made = |number: usize| self.nodes[number].from.as_ref().is_some_and(|from| !from.is_delay);
+        order.retain(|&number| is_made(number));
         order
-    }
-
-    /// Made by a function of nothing.
-    fn is_constant(&self, number: usize) -> bool {
-        self.nodes[number].from.as_ref().is_some_and(|from| !from.is_delay)
     }
 }

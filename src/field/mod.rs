@@ -39,4 +39,5 @@ pub use graph::Graph;
 pub use input::{Each, Input};
 pub use listing::Entry;
 pub use stream::{LONGEST_LINE, StreamError, VERSION, read_line};
+pub(crate) use value::value_types;
 pub use value::{Field, Value};

@@ -11,21 +11,17 @@ pub trait Value: Clone + PartialEq + Serialize + DeserializeOwned + 'static {
     const TYPE: &'static str;
 }
 
-impl Value for f64 {
-    const TYPE: &'static str = "number";
+/// Types that fields can hold, with what listings and streams call them; [`Value`] must be in scope.
+macro_rules! value_types {
+    ($($type:ty => $name:literal),* $(,)?) => {
+        $(impl Value for $type {
+            const TYPE: &'static str = $name;
+        })*
+    };
 }
+pub(crate) use value_types;
 
-impl Value for u64 {
-    const TYPE: &'static str = "count";
-}
-
-impl Value for bool {
-    const TYPE: &'static str = "switch";
-}
-
-impl Value for String {
-    const TYPE: &'static str = "text";
-}
+value_types!(f64 => "number", u64 => "count", bool => "switch", String => "text");
 
 /// A field of one graph: its number in it. Only that graph may be asked for it; another one panics or answers with
 /// a field of its own.

@@ -147,14 +147,9 @@ mod tests {
         assert!(
             (same.scaling() - 1.0).abs() < 1e-15 && (same.isometry.rotation.angle() - 0.25).abs() < 1e-12
         );
-        let swapped = carry(
-            &[
-                hand([-0.2, 0.0, 0.0], Isometry3::translation(0.4, 0.0, 0.0)),
-                hand([0.2, 0.0, 0.0], Isometry3::translation(-0.4, 0.0, 0.0)),
-            ],
-            None,
-        )
-        .unwrap();
+        let to = |x: f64| Isometry3::translation(x, 0.0, 0.0);
+        let hands = [hand([-0.2, 0.0, 0.0], to(0.4)), hand([0.2, 0.0, 0.0], to(-0.4))];
+        let swapped = carry(&hands, None).unwrap();
         assert!((swapped * Point3::new(-0.2, 0.0, 0.0) - Point3::new(0.2, 0.0, 0.0)).norm() < 1e-12);
     }
 

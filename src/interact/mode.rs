@@ -9,6 +9,7 @@
 //! | translate | moved, not turned (Cartesian) | slides along it (prismatic) |
 //! | rotate | turned about its origin (spherical) | twists about it (revolute) |
 
+pub use crate::stage::tracking::Axis;
 use nalgebra::{Matrix3, Matrix4, Point3, Similarity3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -26,14 +27,6 @@ pub enum Freedom {
     Free,
     Translate,
     Rotate,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Axis {
-    X,
-    Y,
-    Z,
 }
 
 /// Whose axis: the body's is fixed, the element's own turns with the element.

@@ -94,7 +94,7 @@ impl Navigation {
         self.hands.clear();
     }
 
-    /// Puts the scene back at once.
+    /// Whether the scene is at its own place, and nothing moves it.
     pub fn is_at_rest(&self) -> bool {
         self.room_from_scene == Similarity3::identity() && self.reset.is_none() && self.hands.is_empty()
     }

@@ -26,17 +26,11 @@ pub fn text_of(name_or_path: &str) -> Result<(Cow<'static, str>, PathBuf), Stage
     }
     match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
         Some((name, text)) => Ok(((*text).into(), format!("configs/stages/{name}.toml").into())),
-        None => Err(unknown(name_or_path)),
-    }
-}
-
-/// The error for a name that is not a built-in stage.
-fn unknown(name: &str) -> StageError {
-    let names = BUILT_IN.map(|(name, _)| name);
-    StageError::Unknown {
-        name: name.to_owned(),
-        nearest: config::nearest(name, names),
-        known: names.map(|name| format!("`{name}`")).join(", "),
+        None => {
+            let (name, names) = (name_or_path.to_owned(), BUILT_IN.map(|(name, _)| name));
+            let known = names.map(|name| format!("`{name}`")).join(", ");
+            Err(StageError::Unknown { nearest: config::nearest(&name, names), name, known })
+        }
     }
 }
 

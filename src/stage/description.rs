@@ -4,7 +4,7 @@ use super::haptic::Haptic;
 use super::screen::Screen;
 use super::stereo::Stereo;
 use super::tracking::Tracking;
-use super::viewer::{Eye, Viewer};
+use super::viewer::Viewer;
 use super::window::{Monitor, Window};
 use super::workspace::{Grid, Workspace};
 use nalgebra::Vector3;
@@ -47,16 +47,6 @@ impl Stage {
         let turned = |screen: &Screen| -screen.axes()[2].dot(&forward);
         let best = |(_, a): &(usize, &Screen), (_, b): &(usize, &Screen)| turned(a).total_cmp(&turned(b));
         self.screens.iter().enumerate().max_by(best).map_or(0, |(index, _)| index)
-    }
-
-    /// Names of the styli in the order of the trackers' state; if none is tracked, the names of the two hands.
-    pub fn stylus_names(&self) -> Vec<&str> {
-        self.tracking.stylus_names()
-    }
-
-    /// The eyes for which each screen is drawn, in the order of drawing.
-    pub fn eyes(&self) -> &'static [Eye] {
-        self.stereo.eyes()
     }
 }
 

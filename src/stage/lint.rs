@@ -48,7 +48,7 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     found
 }
 
-fn push(found: &mut Vec<Diagnostic>, severity: Severity, place: impl Into<String>, message: String) {
+fn push(found: &mut Vec<Diagnostic>, severity: Severity, place: &str, message: impl Into<String>) {
     found.push(Diagnostic::new(severity, place, message));
 }
 
@@ -58,18 +58,14 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     let ratio = width_m / height_m;
     if (ratio - 1.0).abs() > PIXEL_RATIO {
         let [w, h] = screen.pixels;
-        push(
-            found,
-            Severity::Warning,
-            &entity,
-            format!(
-                "pixels are {:.3} × {:.3} mm ({ratio:.3} times as wide as high): {w} × {h} square ones on this width \
-                 would be {:.4} m high; right where the projector really stretches them, else measure again",
-                width_m * 1e3,
-                height_m * 1e3,
-                screen.width_m() * f64::from(h) / f64::from(w)
-            ),
+        let message = format!(
+            "pixels are {:.3} × {:.3} mm ({ratio:.3} times as wide as high): {w} × {h} square ones on this width \
+             would be {:.4} m high; right where the projector really stretches them, else measure again",
+            width_m * 1e3,
+            height_m * 1e3,
+            screen.width_m() * f64::from(h) / f64::from(w)
         );
+        push(found, Severity::Warning, &entity, message);
     }
     let across = screen.lower_right - screen.lower_left;
     let upward = screen.upper_left - screen.lower_left;
@@ -77,24 +73,17 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     // The loader refuses what is worse.
     if off_m > SKEW_M && off_m <= MAX_SKEW * upward.norm() {
         let advice = "the projection takes the lower edge and the height as they are";
-        push(
-            found,
-            Severity::Note,
-            &entity,
-            format!("upper_left is {:.1} mm off a rectangle: {advice}", off_m * 1e3),
-        );
+        let message = format!("upper_left is {:.1} mm off a rectangle: {advice}", off_m * 1e3);
+        push(found, Severity::Note, &entity, message);
     }
     let eye = Point3::from(stage.viewer.room_from_head.translation.vector);
     let distance_m = screen.distance_m(&eye);
     let away = screen.point([0.0, 0.0]) - eye;
     let angle = (distance_m / away.norm()).clamp(-1.0, 1.0).asin();
     if distance_m > MIN_EYE_DISTANCE_M && angle < GRAZING {
-        push(
-            found,
-            Severity::Warning,
-            &entity,
-            format!("the viewer sees it under {:.1}° to its plane: next to nothing", angle.to_degrees()),
-        );
+        let message =
+            format!("the viewer sees it under {:.1}° to its plane: next to nothing", angle.to_degrees());
+        push(found, Severity::Warning, &entity, message);
     }
 }
 
@@ -153,28 +142,20 @@ fn twice(stage: &Stage, overlap: &Overlap) -> Diagnostic {
 fn viewer(stage: &Stage, found: &mut Vec<Diagnostic>) {
     let ipd_m = stage.viewer.ipd_m;
     if ipd_m > 0.0 && !USUAL_IPD_M.contains(&ipd_m) && IPD_M.contains(&ipd_m) {
-        push(
-            found,
-            Severity::Note,
-            "viewer.ipd",
-            format!(
-                "eyes {:.1} mm apart are rare: nine of ten people have {:.0} to {:.0} mm",
-                ipd_m * 1e3,
-                USUAL_IPD_M.start() * 1e3,
-                USUAL_IPD_M.end() * 1e3
-            ),
+        let message = format!(
+            "eyes {:.1} mm apart are rare: nine of ten people have {:.0} to {:.0} mm",
+            ipd_m * 1e3,
+            USUAL_IPD_M.start() * 1e3,
+            USUAL_IPD_M.end() * 1e3
         );
+        push(found, Severity::Note, "viewer.ipd", message);
     }
     let eye = Point3::from(stage.viewer.room_from_head.translation.vector);
     let to_glass = stage.screens.iter().map(|screen| (screen.point([0.0, 0.0]) - eye).norm());
     let nearest_m = to_glass.fold(f64::INFINITY, f64::min);
     if nearest_m > 10.0 {
-        push(
-            found,
-            Severity::Warning,
-            "viewer.position",
-            format!("the nearest screen is {nearest_m:.1} m away: are all numbers metres?"),
-        );
+        let message = format!("the nearest screen is {nearest_m:.1} m away: are all numbers metres?");
+        push(found, Severity::Warning, "viewer.position", message);
     }
     let centre = stage.workspace.centre;
     let is_shown = |screen: &Screen| {
@@ -185,27 +166,20 @@ fn viewer(stage: &Stage, found: &mut Vec<Diagnostic>) {
     };
     if !stage.screens.iter().any(is_shown) {
         let place = format!("({:.3}, {:.3}, {:.3})", centre.x, centre.y, centre.z);
-        push(
-            found,
-            Severity::Warning,
-            "workspace.centre",
-            format!("{place} is on no screen as the viewer stands: bodies placed there may not be seen"),
-        );
+        let message =
+            format!("{place} is on no screen as the viewer stands: bodies placed there may not be seen");
+        push(found, Severity::Warning, "workspace.centre", message);
     }
     if stage.tracking.head.is_none() {
-        push(
-            found,
-            Severity::Note,
-            "viewer.head",
-            "no sensor: the head stays where the file has it, unless the keyboard moves it".to_owned(),
-        );
+        let message = "no sensor: the head stays where the file has it, unless the keyboard moves it";
+        push(found, Severity::Note, "viewer.head", message);
     }
 }
 
 /// Checks the eyes' tiles: both eyes or neither, and the left eye's left of the right eye's or above it.
 fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
     if stage.swap_eyes {
-        push(found, Severity::Note, "swap_eyes", "each eye is shown what the other should see".to_owned());
+        push(found, Severity::Note, "swap_eyes", "each eye is shown what the other should see");
     }
     let layout = stage.layout();
     let mut orders: Vec<(String, bool)> = Vec::new();
@@ -214,18 +188,14 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
         let mine: Vec<_> = tiles.filter(|(_, tile)| tile.screen == index).collect();
         let entity = format!("screen.{}", screen.name);
         if mine.is_empty() {
-            push(found, Severity::Warning, &entity, "no window shows it".to_owned());
+            push(found, Severity::Warning, &entity, "no window shows it");
             continue;
         }
         let sees = |eye: Eye| mine.iter().any(|(_, tile)| tile.stereo.eyes().contains(&eye));
         for (eye, other) in [(Eye::Left, Eye::Right), (Eye::Right, Eye::Left)] {
             if sees(eye) && !sees(other) {
-                push(
-                    found,
-                    Severity::Warning,
-                    &entity,
-                    format!("its windows show it to the {} eye alone", eye.name()),
-                );
+                let message = format!("its windows show it to the {} eye alone", eye.name());
+                push(found, Severity::Warning, &entity, message);
             }
         }
         let place = |kind: Stereo| {
@@ -245,19 +215,11 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
     }
     if let Some((screen, _)) = orders.iter().find(|(_, is_left_first)| !is_left_first) {
         let others = orders.iter().filter(|(_, is_left_first)| *is_left_first).count();
-        push(
-            found,
-            Severity::Warning,
-            format!("screen.{screen}"),
-            format!(
-                "the left eye's window stands right of the right eye's{}: are the eyes swapped?",
-                if others > 0 {
-                    format!(", unlike those of {others} other screen(s)")
-                } else {
-                    String::new()
-                }
-            ),
+        let message = format!(
+            "the left eye's window stands right of the right eye's{}: are the eyes swapped?",
+            if others > 0 { format!(", unlike those of {others} other screen(s)") } else { String::new() }
         );
+        push(found, Severity::Warning, &format!("screen.{screen}"), message);
     }
 }
 
@@ -275,12 +237,8 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
         let entity = format!("window.{}", window.name);
         if let (Some(id), None) = (&window.monitor, place) {
             let names: Vec<String> = monitors.iter().map(|monitor| format!("`{}`", monitor.name)).collect();
-            push(
-                found,
-                Severity::Error,
-                &entity,
-                format!("there is no monitor {id}; there are {}", names.join(", ")),
-            );
+            let message = format!("there is no monitor {id}; there are {}", names.join(", "));
+            push(found, Severity::Error, &entity, message);
         }
         let Some((at, size)) = *place else { continue };
         let area = i64::from(size[0]) * i64::from(size[1]);
@@ -288,25 +246,17 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
         if hidden > 0 {
             let severity = if hidden == area { Severity::Error } else { Severity::Warning };
             let share = 100.0 * hidden as f64 / area as f64;
-            push(
-                found,
-                severity,
-                &entity,
-                format!(
-                    "{share:.0} % of its {} × {} pixels at ({}, {}) lie on no monitor",
-                    size[0], size[1], at[0], at[1]
-                ),
+            let message = format!(
+                "{share:.0} % of its {} × {} pixels at ({}, {}) lie on no monitor",
+                size[0], size[1], at[0], at[1]
             );
+            push(found, severity, &entity, message);
         }
         for (other, place) in &places[..i] {
             let shared = place.map_or(0, |(other_at, other_size)| common(at, size, other_at, other_size));
             if shared > 0 {
-                push(
-                    found,
-                    Severity::Warning,
-                    &entity,
-                    format!("{shared} of its pixels lie under or over window `{}`", other.name),
-                );
+                let message = format!("{shared} of its pixels lie under or over window `{}`", other.name);
+                push(found, Severity::Warning, &entity, message);
             }
         }
     }
@@ -318,24 +268,17 @@ fn tile_lints(stage: &Stage, window: &Window, tile: &super::window::Tile, found:
     let [.., width, height] = tile.rect;
     let wanted = tile.stereo.window_size([tile.crop[2], tile.crop[3]]);
     if !window.fills && [width, height] != wanted {
-        push(
-            found,
-            Severity::Note,
-            &entity,
-            format!(
-                "screen {} is drawn with {width} × {height} pixels; its own are {} × {} in this kind of stereo",
-                screen.name, wanted[0], wanted[1]
-            ),
+        let message = format!(
+            "screen {} is drawn with {width} × {height} pixels; its own are {} × {} in this kind of stereo",
+            screen.name, wanted[0], wanted[1]
         );
+        push(found, Severity::Note, &entity, message);
     }
     let packed = [[1920, 2205], [1280, 1470]];
     if tile.stereo == Stereo::FramePacking && !packed.contains(&[width, height]) {
-        push(
-            found,
-            Severity::Warning,
-            &entity,
-            format!("frame packing takes 1920 × 2205 or 1280 × 1470 pixels, not {width} × {height}"),
-        );
+        let message =
+            format!("frame packing takes 1920 × 2205 or 1280 × 1470 pixels, not {width} × {height}");
+        push(found, Severity::Warning, &entity, message);
     }
 }
 

@@ -24,7 +24,7 @@ mod workspace;
 pub use built_in::BUILT_IN;
 pub use description::Stage;
 pub use error::{Located, StageError, StageFault};
-pub use file::Survey;
+pub use file::{Survey, survey};
 pub use haptic::{GripButton, Haptic, HapticDevice};
 pub use lint::lint;
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};

@@ -4,7 +4,7 @@
 //! onto that screen. From R. Kooima, "Generalized Perspective Projection" (2008), with reversed depth and no
 //! far plane.
 
-use nalgebra::{Matrix4, Point3, Vector3};
+use nalgebra::{Matrix4, Point3, Vector3, matrix};
 
 /// An eye closer than this to a screen's plane gets no picture, m: the projection would magnify f32's rounding beyond a
 /// pixel, and the glass fills the whole field of view anyway.
@@ -113,12 +113,12 @@ impl Screen {
     /// when the head comes close, and at least d/1000. With reversed floating-point depth this costs no precision.
     pub fn frustum(&self, eye: &Point3<f64>, near_limit_m: f64) -> Result<Frustum, Unseen> {
         let screen = || self.name.clone();
-        let [right, up, normal] = self.axes();
+        let [right, up, _] = self.axes();
         let in_room = |coordinate: &f64| coordinate.abs() <= ROOM_LIMIT_M;
         if !eye.iter().all(in_room) {
             return Err(Unseen::Lost { screen: screen(), eye: eye.coords.into() });
         }
-        let distance_m = (eye - self.lower_left).dot(&normal);
+        let distance_m = self.distance_m(eye);
         if distance_m <= 0.0 {
             return Err(Unseen::Behind { screen: screen(), distance_m });
         }
@@ -142,24 +142,11 @@ impl Screen {
     pub fn view(&self, eye: &Point3<f64>, near_limit_m: f64) -> Result<EyeView, Unseen> {
         let frustum = self.frustum(eye, near_limit_m)?;
         let [right, up, normal] = self.axes();
-        let screen_from_room = Matrix4::new(
-            right.x,
-            right.y,
-            right.z,
-            -right.dot(&eye.coords), //
-            up.x,
-            up.y,
-            up.z,
-            -up.dot(&eye.coords), //
-            normal.x,
-            normal.y,
-            normal.z,
-            -normal.dot(&eye.coords), //
-            0.0,
-            0.0,
-            0.0,
-            1.0,
-        );
+        let screen_from_room = matrix![
+            right.x, right.y, right.z, -right.dot(&eye.coords);
+            up.x, up.y, up.z, -up.dot(&eye.coords);
+            normal.x, normal.y, normal.z, -normal.dot(&eye.coords);
+            0.0, 0.0, 0.0, 1.0];
         Ok(EyeView {
             clip_from_room: (frustum.projection() * screen_from_room).cast(),
             eye_in_room: eye.cast(),
@@ -172,24 +159,11 @@ impl Frustum {
     /// Perspective projection with reversed depth and an infinite far plane, for a clip space of depth 0..1.
     pub fn projection(&self) -> Matrix4<f64> {
         let Frustum { left: l, right: r, bottom: b, top: t, near: n } = *self;
-        Matrix4::new(
-            2.0 * n / (r - l),
-            0.0,
-            (r + l) / (r - l),
-            0.0, //
-            0.0,
-            2.0 * n / (t - b),
-            (t + b) / (t - b),
-            0.0, //
-            0.0,
-            0.0,
-            0.0,
-            n, //
-            0.0,
-            0.0,
-            -1.0,
-            0.0,
-        )
+        matrix![
+            2.0 * n / (r - l), 0.0, (r + l) / (r - l), 0.0;
+            0.0, 2.0 * n / (t - b), (t + b) / (t - b), 0.0;
+            0.0, 0.0, 0.0, n;
+            0.0, 0.0, -1.0, 0.0]
     }
 }
 
@@ -217,15 +191,9 @@ mod tests {
     fn cyberstage_front_wall_has_the_reference_frustum() {
         let eye = Point3::new(0.4, 1.7, 0.2);
         let frustum = front().frustum(&eye, 0.1).unwrap();
-        let expected =
-            Frustum { left: -0.1117647, right: 0.0647059, bottom: -0.1, top: 0.0411765, near: 0.1 };
-        for (got, want) in [
-            (frustum.left, expected.left),
-            (frustum.right, expected.right),
-            (frustum.bottom, expected.bottom),
-            (frustum.top, expected.top),
-            (frustum.near, expected.near),
-        ] {
+        let Frustum { left, right, bottom, top, near } = frustum;
+        let expected = [-0.1117647, 0.0647059, -0.1, 0.0411765, 0.1];
+        for (got, want) in [left, right, bottom, top, near].into_iter().zip(expected) {
             assert!((got - want).abs() < 1e-7, "{got} is not {want}");
         }
         let depth_at_wall = project(&front().view(&eye, 0.1).unwrap(), Point3::new(0.3, 0.7, -1.5))[2];

@@ -149,12 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn the_built_in_stages_meet_as_often_as_they_should() {
-        let count = |name: &str| Stage::find(name).unwrap().seams().len();
-        let counts =
-            ["workbench", "cyberstage", "cave3", "cave6", "powerwall", "lbench", "desktop"].map(count);
-        assert_eq!(counts, [1, 5, 3, 12, 4, 1, 0]);
-        assert_eq!(count("workbench-one-sided"), 0);
+    fn the_cyberstage_has_no_gaps() {
         assert!(Stage::find("cyberstage").unwrap().seams().iter().all(|seam| seam.widest_m() == 0.0));
     }
 

@@ -63,9 +63,7 @@ pub struct Dtrack {
 
 impl Parser for Dtrack {
     fn parse(&mut self, datagram: &[u8], state: &mut DeviceState) -> bool {
-        let Ok(text) = std::str::from_utf8(datagram) else {
-            return false;
-        };
+        let Ok(text) = std::str::from_utf8(datagram) else { return false };
         let lines = || text.split(['\r', '\n', '\0']).filter_map(|line| line.trim().split_once(' '));
         let first = |name: &str| lines().find(|(key, _)| *key == name).map(|(_, rest)| rest);
         if let Some(frame) = first("fr").and_then(|rest| rest.trim().parse::<i64>().ok()) {

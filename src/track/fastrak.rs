@@ -149,12 +149,8 @@ fn record(line: &[u8], state: &mut DeviceState) -> Option<()> {
         return None;
     }
     let place = Translation3::from(Vector3::new(x, y, z) * METRES);
-    state.take_pose(
-        station,
-        Isometry3::from_parts(place, UnitQuaternion::new_normalize(rotation)),
-        None,
-        1.0,
-    );
+    let pose = Isometry3::from_parts(place, UnitQuaternion::new_normalize(rotation));
+    state.take_pose(station, pose, None, 1.0);
     state.take_button(station, switch == 1.0, None);
     Some(())
 }

@@ -1,5 +1,6 @@
-//! Where a source listens for datagrams.
+//! Where a source listens for datagrams, and whether a read found none in time.
 
+use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
 
 /// An address to listen on, and the network on which a multicast group is joined.
@@ -38,6 +39,11 @@ impl Listen {
         }
         Ok(Listen { at, interface })
     }
+}
+
+/// Whether the error only says that nothing came in time.
+pub fn is_only_late(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
 impl From<SocketAddr> for Listen {

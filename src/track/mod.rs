@@ -36,7 +36,7 @@ mod worker;
 pub use device::{DeviceState, Source};
 pub use fake_source::FakeSource;
 pub use flow::Flow;
-pub use listen::Listen;
+pub use listen::{Listen, is_only_late};
 pub use mouse::{Mouse, MouseInput};
 pub use open_error::OpenError;
 pub use script::{Script, ScriptError};

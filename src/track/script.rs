@@ -71,7 +71,6 @@ struct StylusKey {
 /// The built-in scripts, by name.
 pub const BUILT_IN: [(&str, &str); 1] = [("bend", include_str!("../../configs/scripts/bend.toml"))];
 
-/// Why a script was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ScriptError {
     #[error(transparent)]
@@ -209,7 +208,7 @@ impl Script {
     }
 
     fn styli_on(&self, stage: &Stage) -> Vec<(&str, &[StylusKey])> {
-        let known = stage.stylus_names();
+        let known = stage.tracking.stylus_names();
         let place = |name: &str| known.iter().position(|known| *known == name).unwrap_or(known.len());
         let mut styli: Vec<(&str, &[StylusKey])> =
             self.styli.iter().map(|(name, keys)| (name.as_str(), keys.as_slice())).collect();
@@ -349,12 +348,8 @@ impl PoseFile<'_> {
             }
             (Some(target), None, None) => self.vector("target", target)? - position.coords,
             (None, Some(direction), None) => self.vector("direction", direction)?,
-            (None, None, _) => {
-                return Err(KeyFrameFault::LoneRoll { who: self.who.to_owned() });
-            }
-            _ => {
-                return Err(KeyFrameFault::SeveralOrientations { who: self.who.to_owned() });
-            }
+            (None, None, _) => return Err(KeyFrameFault::LoneRoll { who: self.who.to_owned() }),
+            _ => return Err(KeyFrameFault::SeveralOrientations { who: self.who.to_owned() }),
         };
         let roll = self.number("roll", self.roll.unwrap_or(0.0))?;
         match rotation_towards(&direction, roll) {

@@ -11,7 +11,6 @@ use crate::stage::Stage;
 pub struct ScriptSource {
     pub script: Script,
     pub stage: Stage,
-    /// Readings per second.
     pub rate_hz: f64,
     name: String,
     state: DeviceState,

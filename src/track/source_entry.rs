@@ -8,7 +8,6 @@ use serde::de::DeserializeOwned;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-/// One entry of the list of sources.
 pub struct SourceEntry {
     /// The key that makes a table one of this kind.
     pub key: &'static str,

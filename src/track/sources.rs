@@ -14,7 +14,6 @@ use crate::stage::{Located, Stage, StageError, StageFault};
 pub const SOURCES: &[SourceEntry] =
     &[vrpn::client::SOURCE, dtrack::SOURCE, osc::SOURCE, fastrak::SOURCE, gamepad::SOURCE];
 
-/// Opens the source of the tracker of this name.
 pub fn open(tracker: &str, source: &TrackerSource) -> Result<Box<dyn Source>, OpenError> {
     match source {
         TrackerSource::Table(table) => {

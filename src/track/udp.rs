@@ -4,12 +4,12 @@
 //! the time, and lengths stated in a datagram are never trusted.
 
 use super::device::{DeviceState, Link, now_s};
-use super::listen::Listen;
+use super::listen::{Listen, is_only_late};
 use super::open_error::OpenError;
 use super::rate_limiter::{PUBLISH_S, RateLimiter};
 use super::source_entry::{ExclusiveUse, SourceSettings};
 use super::worker::{Publisher, Worker};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::Duration;
 
 /// Longer datagrams are malformed, bytes. DTrack's frame of 40 bodies has 8,000.
@@ -31,13 +31,7 @@ pub fn settings(kind: &'static str, place: Listen, parser: impl Parser) -> Sourc
 }
 
 /// A tracker is quiet, and then gone, after these times without a datagram that could be read, s.
-#[derive(Clone, Copy)]
-struct Silence {
-    quiet_s: f64,
-    gone_s: f64,
-}
-
-const SILENCE: Silence = Silence { quiet_s: 2.0, gone_s: 10.0 };
+const SILENCE_S: [f64; 2] = [2.0, 10.0];
 
 /// Listens on an address (port 0: any free one, which [`Source::describe`](super::Source::describe) tells), or joins a
 /// multicast group and listens to that alone.
@@ -48,31 +42,23 @@ pub fn listen(tracker: &str, kind: &str, place: Listen, parser: impl Parser) -> 
     join(&socket, place).map_err(|source| OpenError::Join { tracker: tracker.to_owned(), place, source })?;
     socket.set_read_timeout(Some(WAKE)).map_err(failed)?;
     let description = format!("{kind} on {}", socket.local_addr().map_err(failed)?);
-    Worker::spawn(description, move |publisher| run(&socket, parser, publisher, SILENCE))
+    Worker::spawn(description, move |publisher| run(&socket, parser, publisher, SILENCE_S))
         .map_err(|source| OpenError::Thread { tracker: tracker.to_owned(), source })
 }
 
 /// Joins the multicast group, if the address is that of one.
 fn join(socket: &UdpSocket, Listen { at, interface }: Listen) -> std::io::Result<()> {
-    match at.ip() {
-        IpAddr::V4(group) if group.is_multicast() => {
-            socket.join_multicast_v4(&group, &interface.unwrap_or(Ipv4Addr::UNSPECIFIED))
+    match at {
+        SocketAddr::V4(at) if at.ip().is_multicast() => {
+            socket.join_multicast_v4(at.ip(), &interface.unwrap_or(Ipv4Addr::UNSPECIFIED))
         }
-        IpAddr::V6(group) if group.is_multicast() => socket.join_multicast_v6(&group, scope(at)),
+        // The interface is the number that follows `%`; 0 leaves the choice to the system.
+        SocketAddr::V6(at) if at.ip().is_multicast() => socket.join_multicast_v6(at.ip(), at.scope_id()),
         _ => Ok(()),
     }
 }
 
-/// The interface number that follows `%` in an IPv6 address; 0 leaves the choice to the system.
-fn scope(at: SocketAddr) -> u32 {
-    match at {
-        SocketAddr::V6(at) => at.scope_id(),
-        SocketAddr::V4(_) => 0,
-    }
-}
-
-fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, silence: Silence) {
-    use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, silence_s: [f64; 2]) {
     let mut datagram = vec![0; LARGEST + 1];
     let (mut heard_s, mut limiter, mut is_waiting) = (None, RateLimiter::default(), false);
     while !publisher.is_stopped() {
@@ -89,13 +75,13 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
                     publisher.state.counters.malformed += 1;
                 }
             }
-            Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => {}
+            Err(error) if is_only_late(&error) => {}
             // For example an interface that went down: keep the socket, and do not spin on a lasting error.
             Err(_) => {
                 publisher.pause(0.05);
             }
         }
-        silence.judge(&mut publisher, heard_s.map_or(0.0, |heard_s| began_s - heard_s));
+        judge(&mut publisher, heard_s.map_or(0.0, |heard_s| began_s - heard_s), silence_s);
         let waited = std::mem::replace(&mut is_waiting, publisher.publish_changed(is_news));
         if waited != is_waiting {
             let wake = if is_waiting { Duration::from_secs_f64(PUBLISH_S) } else { WAKE };
@@ -108,15 +94,13 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
     }
 }
 
-impl Silence {
-    /// Nothing that could be read has come for `silent_s`.
-    fn judge(&self, publisher: &mut Publisher, silent_s: f64) {
-        if silent_s > self.gone_s {
-            publisher.down(format!("no packet that could be read for {} s", self.gone_s));
-        } else if silent_s > self.quiet_s && publisher.state.link == Link::Up {
-            publisher.state.link = Link::Quiet;
-            publisher.publish();
-        }
+/// Nothing that could be read has come for `silent_s`.
+fn judge(publisher: &mut Publisher, silent_s: f64, [quiet_s, gone_s]: [f64; 2]) {
+    if silent_s > gone_s {
+        publisher.down(format!("no packet that could be read for {gone_s} s"));
+    } else if silent_s > quiet_s && publisher.state.link == Link::Up {
+        publisher.state.link = Link::Quiet;
+        publisher.publish();
     }
 }
 
@@ -139,9 +123,9 @@ mod tests {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.set_read_timeout(Some(WAKE)).unwrap();
         let (at, sender) = (socket.local_addr().unwrap(), UdpSocket::bind("127.0.0.1:0").unwrap());
-        let silence = Silence { quiet_s: 0.1, gone_s: 0.4 };
+        let silence_s = [0.1, 0.4];
         let mut worker =
-            Worker::spawn("ones".into(), move |publisher| run(&socket, Ones, publisher, silence)).unwrap();
+            Worker::spawn("ones".into(), move |publisher| run(&socket, Ones, publisher, silence_s)).unwrap();
         let mut seen = vec![Link::Waiting];
         let deadline_s = now_s() + 20.0;
         sender.send_to(b"1", at).unwrap();
@@ -178,9 +162,7 @@ mod tests {
         // A group cannot be joined on a network that this machine is not on.
         let elsewhere = Listen { interface: Some(Ipv4Addr::new(192, 0, 2, 77)), ..place };
         let error = listen("art", "ones", elsewhere, Ones).err().unwrap().to_string();
-        assert!(
-            error.contains("multicast group 239.255.77.3:0 by 192.0.2.77") && error.contains("`interface`"),
-            "{error}"
-        );
+        assert!(error.contains("multicast group 239.255.77.3:0 by 192.0.2.77"), "{error}");
+        assert!(error.contains("`interface`"), "{error}");
     }
 }

@@ -28,12 +28,9 @@ pub struct Publisher {
     stop: Arc<AtomicBool>,
 }
 
-/// How long to wait before the next attempt: 0.25 s, then twice as long each time, up to 5 s.
-#[derive(Clone, Copy, Debug)]
-struct Backoff {
-    next_s: f64,
-}
-
+/// The wait before the next attempt, which is twice as long each time, and the longest one, s.
+const FIRST_WAIT_S: f64 = 0.25;
+const LONGEST_WAIT_S: f64 = 5.0;
 /// How often a waiting thread checks whether it must stop, s.
 const SLICE_S: f64 = 0.05;
 
@@ -58,17 +55,18 @@ impl Worker {
         mut session: impl FnMut(&mut Publisher) -> String + Send + 'static,
     ) -> std::io::Result<Worker> {
         Worker::spawn(description, move |mut publisher| {
-            let mut backoff = Backoff::default();
+            let mut wait_s = FIRST_WAIT_S;
             loop {
                 let before = publisher.state.counters.messages;
                 let why = session(&mut publisher);
                 if publisher.state.counters.messages > before {
-                    backoff = Backoff::default();
+                    wait_s = FIRST_WAIT_S;
                 }
                 publisher.down(why);
-                if !backoff.wait(&publisher) {
+                if !publisher.pause(wait_s) {
                     return;
                 }
+                wait_s = (2.0 * wait_s).min(LONGEST_WAIT_S);
                 publisher.state.counters.reconnects += 1;
             }
         })
@@ -134,21 +132,6 @@ impl Publisher {
             left_s -= SLICE_S;
         }
         !self.is_stopped()
-    }
-}
-
-impl Default for Backoff {
-    fn default() -> Backoff {
-        Backoff { next_s: 0.25 }
-    }
-}
-
-impl Backoff {
-    /// Waits before the next attempt; false if the source was stopped meanwhile.
-    fn wait(&mut self, publisher: &Publisher) -> bool {
-        let wait_s = self.next_s;
-        self.next_s = (2.0 * wait_s).min(5.0);
-        publisher.pause(wait_s)
     }
 }
 

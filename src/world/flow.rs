@@ -18,7 +18,7 @@
 use super::body::PlacedBody;
 use super::hand;
 use crate::deform::{BodyState, ControlPose};
-use crate::field::{Each, Field, FieldError, Graph, Value};
+use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
 use crate::interact::{Asked, Element, Hands, Hit};
 use crate::scene::{Body, Grab};
@@ -88,40 +88,16 @@ pub struct BodyPlace(#[serde(with = "crate::field::numbers")] pub Similarity3<f6
 #[serde(transparent)]
 pub struct SurfaceVersion(pub u64);
 
-impl Value for Tracked {
-    const TYPE: &'static str = "tracked pose";
-}
-
-impl Value for Pose {
-    const TYPE: &'static str = "pose";
-}
-
-impl Value for HandState {
-    const TYPE: &'static str = "hands";
-}
-
-impl Value for BodyPlace {
-    const TYPE: &'static str = "place";
-}
-
-impl Value for SurfaceVersion {
-    const TYPE: &'static str = "surface";
-}
-
-impl Value for Option<StylusState> {
-    const TYPE: &'static str = "stylus";
-}
-
-impl Value for Option<Hit> {
-    const TYPE: &'static str = "hit";
-}
-
-impl Value for ControlPose {
-    const TYPE: &'static str = "control pose";
-}
-
-impl Value for BodyState {
-    const TYPE: &'static str = "coefficients";
+value_types! {
+    Tracked => "tracked pose",
+    Pose => "pose",
+    HandState => "hands",
+    BodyPlace => "place",
+    SurfaceVersion => "surface",
+    Option<StylusState> => "stylus",
+    Option<Hit> => "hit",
+    ControlPose => "control pose",
+    BodyState => "coefficients",
 }
 
 /// The graph of the bodies of a scene on a stage, with one stylus. The head stands where it was last tracked; before it is
@@ -138,7 +114,7 @@ pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bo
     })?;
     let hands = HandState { hands: Hands::new(radius_m), asked: Asked::default() };
     let mut fields = Fields {
-        names: stage.stylus_names().into_iter().map(str::to_owned).collect(),
+        names: stage.tracking.stylus_names().into_iter().map(str::to_owned).collect(),
         tracked_head,
         time,
         head: room_from_head,

@@ -3,7 +3,7 @@
 
 use greenstage::deform::ControlPose;
 use greenstage::green::{Requirements, STIFFNESS};
-use greenstage::mesh::{Surface, TetMesh, quality::signed_volume};
+use greenstage::mesh::{self, Surface, TetMesh, generate, quality::signed_volume};
 use greenstage::scene::Scene;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,10 +29,9 @@ pub fn scene(text: &str) -> Scene {
     Scene::parse(text, &path).unwrap()
 }
 
-/// A cube of side 1 about the origin, held at two faces.
-pub fn block_scene(cells: [u32; 3], extra: &str) -> Scene {
-    let [i, j, k] = cells;
-    scene(&format!(
+/// A scene's text: a cube of side 1 about the origin, held at two faces.
+pub fn block_text([i, j, k]: [u32; 3], extra: &str) -> String {
+    format!(
         r#"
 [body.block]
 generate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [{i}, {j}, {k}] }} }}
@@ -45,7 +44,19 @@ grab = "dragger"
 nodes = {{ group = "xmin" }}
 grab = "fixed"
 "#
-    ))
+    )
+}
+
+pub fn block_scene(cells: [u32; 3], extra: &str) -> Scene {
+    scene(&block_text(cells, extra))
+}
+
+/// The text with some of its characters replaced by others.
+pub fn damaged(text: &str, from: &proptest::sample::Index, length: usize, filling: &str) -> String {
+    let text: Vec<char> = text.chars().collect();
+    let start = from.index(text.len());
+    let end = (start + length).min(text.len());
+    text[..start].iter().copied().chain(filling.chars()).chain(text[end..].iter().copied()).collect()
 }
 
 /// Sum of the tetrahedra, m³.
@@ -127,15 +138,37 @@ pub fn case_poses(folder: &Path) -> Vec<(String, BTreeMap<String, ControlPose>)>
     file.pose.into_iter().map(named).collect()
 }
 
+/// A folder with the mesh `block.msh` of 3 × 2 × 2 cells, a scene and poses.
+pub fn project(name: &str, encoding: Option<&str>, scene: &str, poses: &str) -> PathBuf {
+    let folder = folder(name);
+    let block = generate::block(&generate::Block { size: [1.0; 3], cells: [3, 2, 2] }).unwrap();
+    mesh::save(&folder.join("block.msh"), &block, encoding).unwrap();
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    std::fs::write(folder.join("poses.toml"), poses).unwrap();
+    folder
+}
+
+/// The program with these arguments, to be run in `folder`.
+pub fn program(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_greenstage"));
+    command.current_dir(folder).args(arguments);
+    command
+}
+
+/// What the program wrote to one of its streams.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
 /// Runs the program in `folder`, and may fail.
 pub fn attempt(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_greenstage")).current_dir(folder).args(arguments).output().unwrap()
+    program(folder, arguments).output().unwrap()
 }
 
 /// Runs the program in `folder`; what it said is in the panic if it failed.
 pub fn greenstage(folder: &Path, arguments: &[&str]) -> Output {
     let output = attempt(folder, arguments);
-    let said = String::from_utf8_lossy(&output.stderr);
+    let said = text(&output.stderr);
     assert!(output.status.success(), "greenstage {arguments:?}: {}\n{said}", output.status);
     output
 }

@@ -1,9 +1,11 @@
 //! The graph of fields: its order, once a frame, only where something changed, circles refused, feedback of the
 //! last frame; random graphs against a naive evaluator.
 
+use crate::common::{program, text};
 use greenstage::field::{Each, Field, FieldError, Graph};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Names of the functions that ran, in their order.
 type Ran = Vec<&'static str>;
@@ -396,14 +398,9 @@ proptest! {
 #[test]
 fn inspect_prints_the_graph_of_a_scene_without_solving_it() {
     let inspect = |arguments: &[&str]| {
-        let output = std::process::Command::new(env!("CARGO_BIN_EXE_greenstage"))
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .arg("inspect")
-            .args(arguments)
-            .output()
-            .unwrap();
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        (output.status.code(), text(output.stdout), text(output.stderr))
+        let arguments = [&["inspect"], arguments].concat();
+        let output = program(Path::new(env!("CARGO_MANIFEST_DIR")), &arguments).output().unwrap();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
     };
     let (status, text, _) = inspect(&["configs/scenes/tube.toml", "--graph"]);
     assert_eq!(status, Some(0));

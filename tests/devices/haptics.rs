@@ -115,14 +115,14 @@ impl Bench {
     }
 
     /// One tick with the reading changed by `lie`.
-    fn tick_with(&mut self, lie: impl FnOnce(Option<Reading>) -> Option<Reading>) -> Push {
+    fn tick_with(&mut self, lie: impl FnOnce(Reading) -> Option<Reading>) -> Push {
         // A frame, a hundred times a second.
         let last_s = self.time_s;
         self.time_s += self.control.haptic.period_s();
         if (self.time_s * 100.0).floor() > (last_s * 100.0).floor() {
             self.control.take(&self.grasp);
         }
-        let reading = lie(self.device.read(self.time_s));
+        let reading = self.device.read(self.time_s).and_then(lie);
         let push = self.control.tick(reading.as_ref(), self.time_s);
         self.device.push(&push, self.time_s);
         push
@@ -130,7 +130,7 @@ impl Bench {
 
     fn run(&mut self, seconds: f64) -> Vec<Push> {
         let ticks = (seconds * self.control.haptic.rate_hz).round() as usize;
-        (0..ticks).map(|_| self.tick_with(|reading| reading)).collect()
+        (0..ticks).map(|_| self.tick_with(Some)).collect()
     }
 }
 
@@ -203,22 +203,17 @@ fn limits_hold_whatever_the_body_wants() {
 /// Each fault lasts; the force is gone in the stated time without a step, stays gone, and comes back by a ramp.
 #[test]
 fn whatever_the_device_says_the_force_goes_to_zero_and_comes_back_slowly() {
-    type Lie = fn(Option<Reading>) -> Option<Reading>;
-    let lies: [(&str, Lie); 6] = [
-        ("gone", |_| None),
-        ("not tracked", |r| r.map(|r| Reading { tracked: false, ..r })),
-        ("stale", |r| r.map(|r| Reading { arrived_s: 1.2, ..r })),
-        ("not a number", |r| {
-            r.map(|r| Reading { device_from_handle: Isometry3::translation(f64::NAN, 0.0, 0.0), ..r })
-        }),
-        ("out of the world", |r| {
-            r.map(|r| Reading { device_from_handle: Isometry3::translation(0.0, 1e30, 0.0), ..r })
-        }),
-        ("no rotation", |r| {
-            let none = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(0.0, 0.0, 0.0, 0.0));
-            let pose = Isometry3::from_parts(Translation3::identity(), none);
-            r.map(|r| Reading { device_from_handle: pose, ..r })
-        }),
+    let at = |device_from_handle, r| Some(Reading { device_from_handle, ..r });
+    let none = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(0.0, 0.0, 0.0, 0.0));
+    let unturned = Isometry3::from_parts(Translation3::identity(), none);
+    type Lie<'a> = &'a dyn Fn(Reading) -> Option<Reading>;
+    let lies: [(&str, Lie<'_>); 6] = [
+        ("gone", &|_| None),
+        ("not tracked", &|r| Some(Reading { tracked: false, ..r })),
+        ("stale", &|r| Some(Reading { arrived_s: 1.2, ..r })),
+        ("not a number", &|r| at(Isometry3::translation(f64::NAN, 0.0, 0.0), r)),
+        ("out of the world", &|r| at(Isometry3::translation(0.0, 1e30, 0.0), r)),
+        ("no rotation", &|r| at(unturned, r)),
     ];
     for (what, lie) in lies {
         let mut bench = Bench::new(Haptic::simulated("right"), "rotation");
@@ -245,11 +240,9 @@ fn a_jump_by_half_a_turn_fades_and_ramps_instead_of_kicking() {
     bench.run(1.0);
     let before = bench.control.state;
     let half = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
-    let flip = |r: Option<Reading>| {
-        r.map(|mut r| {
-            r.device_from_handle.rotation = half * r.device_from_handle.rotation;
-            r
-        })
+    let flip = |mut r: Reading| {
+        r.device_from_handle.rotation = half * r.device_from_handle.rotation;
+        Some(r)
     };
     let mut pushes = vec![before.push];
     pushes.extend((0..30).map(|_| bench.tick_with(flip)));
@@ -269,13 +262,9 @@ fn a_clock_that_goes_back_is_not_followed() {
     bench.run(1.0);
     let before = bench.control.state.push;
     // A packet from the past among good ones: far away, and a tenth of a second old.
-    let push = bench.tick_with(|r| {
-        r.map(|r| Reading {
-            device_from_handle: Isometry3::translation(1.0, 0.0, 0.0),
-            arrived_s: r.arrived_s - 0.1,
-            ..r
-        })
-    });
+    let far = Isometry3::translation(1.0, 0.0, 0.0);
+    let push =
+        bench.tick_with(|r| Some(Reading { device_from_handle: far, arrived_s: r.arrived_s - 0.1, ..r }));
     assert_eq!(bench.control.state.faults.backward, 1);
     assert!((push.force - before.force).norm() < 0.02 * before.force.norm(), "{push:?} {before:?}");
     assert_eq!(bench.control.state.gain, 1.0);

@@ -1,17 +1,15 @@
 //! Force devices over the loopback device: servers of our own that a loop feels, that vanish and that lie.
 
-use greenstage::effect::haptics::{Device, Haply, Push, Reading, VrpnDevice};
+use crate::common::{program, text};
+use greenstage::effect::haptics::{Device, Haply, Push, Reading};
 use greenstage::manual::CHAPTERS;
 use greenstage::stage::{BUILT_IN, GripButton, Haptic, Stage};
 use greenstage::track::device::now_s;
-use greenstage::track::vrpn::codec::{self, Framer, Header};
-use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use nalgebra::Vector3;
-use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::Command;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tungstenite::{Message, WebSocket};
 
@@ -48,6 +46,38 @@ fn hear<T: std::fmt::Debug>(heard: &Receiver<T>, what: &str, wanted: impl Fn(&T)
     panic!("{what}: not heard");
 }
 
+/// Pushes until the service was told this force.
+fn push_until(device: &mut dyn Device, push: &Push, heard: &Receiver<f64>) {
+    let started = Instant::now();
+    while !heard.try_iter().any(|force| force == push.force.x) {
+        assert!(started.elapsed() < PATIENCE);
+        device.push(push, now_s());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// A device, and the thread that plays its service.
+fn served(serve: impl FnOnce(TcpListener) + Send + 'static) -> (Haply, JoinHandle<()>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap().to_string();
+    let server = std::thread::spawn(move || serve(listener));
+    (Haply::open(&place, BUTTONS).unwrap(), server)
+}
+
+fn accept(listener: &TcpListener) -> WebSocket<TcpStream> {
+    let (stream, _) = listener.accept().unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    tungstenite::accept(stream).unwrap()
+}
+
+/// The x of the force in a command to the arm `id`.
+fn force_of(command: &str, id: &str, key: &str) -> f64 {
+    let value: serde_json::Value = serde_json::from_str(command).unwrap();
+    let arm = &value["inverse3"][0];
+    assert_eq!(arm["device_id"], id);
+    arm["commands"]["set_cursor_force"][key]["x"].as_f64().unwrap()
+}
+
 fn state(x: f64) -> String {
     format!(
         r#"{{ "inverse3": [{{ "device_id": "0A1B", "state": {{ "cursor_position": {{ "x": {x}, "y": 0.1, "z": 0.0 }} }} }}],
@@ -73,10 +103,7 @@ fn serve_haply(listener: TcpListener, first: Vec<String>, forces: Sender<f64>, r
 fn converse(socket: &mut WebSocket<TcpStream>, forces: &Sender<f64>) {
     for i in 0..100 {
         let Ok(Message::Text(text)) = socket.read() else { return };
-        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
-        assert_eq!(value["inverse3"][0]["device_id"], "0A1B");
-        let force = &value["inverse3"][0]["commands"]["set_cursor_force"]["values"];
-        let _ = forces.send(force["x"].as_f64().unwrap());
+        let _ = forces.send(force_of(&text, "0A1B", "values"));
         std::thread::sleep(Duration::from_millis(1));
         if socket.send(Message::text(state(0.001 * f64::from(i)))).is_err() {
             return;
@@ -87,13 +114,10 @@ fn converse(socket: &mut WebSocket<TcpStream>, forces: &Sender<f64>) {
 /// A service that talks nonsense first, vanishes after a hundred states and returns.
 #[test]
 fn a_haply_service_is_felt_vanishes_and_returns() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let place = listener.local_addr().unwrap().to_string();
     let (forces, heard) = channel();
     let nonsense = ["nonsense", "{\"inverse3\": 7}", "{}"].map(str::to_owned);
     let first = nonsense.into_iter().chain([state(0.5)]).collect();
-    let server = std::thread::spawn(move || serve_haply(listener, first, forces, 2));
-    let mut device = Haply::open(&place, BUTTONS).unwrap();
+    let (mut device, server) = served(move |listener| serve_haply(listener, first, forces, 2));
     let push = Push { force: Vector3::new(1.25, 0.0, 0.0), torque: Vector3::x() };
     let reading = wait(&mut device, &push, "the first state", |reading| reading.is_some()).unwrap();
     assert_eq!((reading.buttons, reading.tracked), ([true, false], true));
@@ -110,31 +134,21 @@ fn a_haply_service_is_felt_vanishes_and_returns() {
 /// A loop that says nothing more stops the force: its last command is not repeated.
 #[test]
 fn a_silent_loop_sends_no_force() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let place = listener.local_addr().unwrap().to_string();
     let (forces, heard) = channel();
-    let server = std::thread::spawn(move || {
-        let (stream, _) = listener.accept().unwrap();
-        let mut socket = tungstenite::accept(stream).unwrap();
+    let (mut device, server) = served(move |listener| {
+        let mut socket = accept(&listener);
         socket.send(Message::text(state(0.0))).unwrap();
         while let Ok(Message::Text(text)) = socket.read() {
-            let value: serde_json::Value = serde_json::from_str(&text).unwrap();
-            let force = value["inverse3"][0]["commands"]["set_cursor_force"]["values"]["x"].as_f64().unwrap();
+            let force = force_of(&text, "0A1B", "values");
             std::thread::sleep(Duration::from_millis(2));
             if forces.send(force).is_err() || socket.send(Message::text(state(0.0))).is_err() {
                 break;
             }
         }
     });
-    let mut device = Haply::open(&place, BUTTONS).unwrap();
     let push = Push { force: Vector3::new(2.0, 0.0, 0.0), torque: Vector3::zeros() };
     wait(&mut device, &push, "a state", |reading| reading.is_some());
-    let started = Instant::now();
-    while !heard.try_iter().any(|force| force == 2.0) {
-        assert!(started.elapsed() < PATIENCE);
-        device.push(&push, now_s());
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    push_until(&mut device, &push, &heard);
     hear(&heard, "no force after silence", |force| *force == 0.0);
     drop(device);
     drop(heard);
@@ -145,13 +159,9 @@ fn a_silent_loop_sends_no_force() {
 /// arm is plugged in, which gets its force under `vector`.
 #[test]
 fn a_service_without_an_arm_is_asked_until_there_is_one() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let place = listener.local_addr().unwrap().to_string();
     let (forces, heard) = channel();
-    let server = std::thread::spawn(move || {
-        let (stream, _) = listener.accept().unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        let mut socket = tungstenite::accept(stream).unwrap();
+    let (mut device, server) = served(move |listener| {
+        let mut socket = accept(&listener);
         let without = r#"{ "session_id": 3, "inverse3": [], "verse_grip": [], "wireless_verse_grip": [] }"#;
         socket.send(Message::text(without)).unwrap();
         for _ in 0..6 {
@@ -166,26 +176,17 @@ fn a_service_without_an_arm_is_asked_until_there_is_one() {
         let _asked = socket.read().unwrap();
         socket.send(Message::text(plugged)).unwrap();
         while let Ok(Message::Text(text)) = socket.read() {
-            let value: serde_json::Value = serde_json::from_str(&text).unwrap();
-            let arm = &value["inverse3"][0];
-            assert_eq!(arm["device_id"], "049D");
-            let _ = forces.send(arm["commands"]["set_cursor_force"]["vector"]["x"].as_f64().unwrap());
+            let _ = forces.send(force_of(&text, "049D", "vector"));
             std::thread::sleep(Duration::from_millis(1));
             if socket.send(Message::text(plugged)).is_err() {
                 return;
             }
         }
     });
-    let mut device = Haply::open(&place, BUTTONS).unwrap();
     let push = Push { force: Vector3::new(1.5, 0.0, 0.0), torque: Vector3::zeros() };
     let reading = wait(&mut device, &push, "an arm", |reading| reading.is_some()).unwrap();
     assert_eq!(reading.buttons, [true, false], "the only button of a grip on a wire");
-    let started = Instant::now();
-    while !heard.try_iter().any(|force| force == 1.5) {
-        assert!(started.elapsed() < PATIENCE);
-        device.push(&push, now_s());
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    push_until(&mut device, &push, &heard);
     drop(device);
     assert_eq!(heard.iter().last(), Some(0.0));
     server.join().unwrap();
@@ -194,12 +195,8 @@ fn a_service_without_an_arm_is_asked_until_there_is_one() {
 /// A service that only answers, and says something that cannot be read once in a while, is answered all the same.
 #[test]
 fn a_malformed_state_is_answered() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let place = listener.local_addr().unwrap().to_string();
-    let server = std::thread::spawn(move || {
-        let (stream, _) = listener.accept().unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        let mut socket = tungstenite::accept(stream).unwrap();
+    let (mut device, server) = served(|listener| {
+        let mut socket = accept(&listener);
         for said in [state(0.0), "nonsense".into(), "{}".into(), "{\"inverse3\": 7}".into(), state(0.0)] {
             socket.send(Message::text(said)).unwrap();
             assert!(matches!(socket.read(), Ok(Message::Text(_))));
@@ -207,7 +204,6 @@ fn a_malformed_state_is_answered() {
         // A service that ends takes its readings with it.
         while socket.send(Message::text(state(0.0))).is_ok() && socket.read().is_ok() {}
     });
-    let mut device = Haply::open(&place, BUTTONS).unwrap();
     let started = Instant::now();
     while device.malformed() < 2 {
         assert!(started.elapsed() < PATIENCE, "{} malformed", device.malformed());
@@ -215,82 +211,6 @@ fn a_malformed_state_is_answered() {
     }
     wait(&mut device, &Push::NONE, "a state", |reading| reading.is_some());
     assert_eq!(device.malformed(), 2);
-    drop(device);
-    server.join().unwrap();
-}
-
-/// A VRPN server with one force device: poses out, force fields in.
-fn serve_vrpn(listener: &TcpListener, fields: &Sender<[f32; 3]>) -> std::io::Result<()> {
-    let (mut stream, _) = listener.accept()?;
-    stream.set_read_timeout(Some(Duration::from_millis(5)))?;
-    stream.write_all(&codec::cookie())?;
-    let mut bytes = Vec::new();
-    let described = |id: i32, kind: i32, name: &str, bytes: &mut Vec<u8>| {
-        codec::encode(&Header::now(id, kind), &codec::encode_name(name), bytes);
-    };
-    described(0, codec::SENDER_DESCRIPTION, "Phantom0", &mut bytes);
-    for (id, kind) in
-        [MessageKind::PosQuat, MessageKind::ButtonChange, MessageKind::Pong].into_iter().enumerate()
-    {
-        described(id as i32, codec::TYPE_DESCRIPTION, kind.name(), &mut bytes);
-    }
-    stream.write_all(&bytes)?;
-    let (mut framer, mut known, mut has_cookie) = (Framer::default(), Vec::new(), false);
-    for i in 0u32.. {
-        let mut bytes = Vec::new();
-        let pose = Payload::Pose {
-            sensor: 0,
-            position: [0.01 * f64::from(i % 7), 0.2, 0.0],
-            quaternion: [0.0, 0.0, 0.0, 1.0],
-        };
-        codec::encode(&Header::now(0, 0), &pose.encode(), &mut bytes);
-        let button = Payload::ButtonChange { button: 0, state: 1 };
-        codec::encode(&Header::now(0, 1), &button.encode(), &mut bytes);
-        stream.write_all(&bytes)?;
-        let space = framer.space();
-        match stream.read(space) {
-            Ok(0) => return Ok(()),
-            Ok(count) => framer.wrote(count),
-            Err(error)
-                if matches!(error.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut) => {}
-            Err(error) => return Err(error),
-        }
-        has_cookie = has_cookie || framer.cookie().is_some();
-        while has_cookie && let Ok(Some(message)) = framer.message() {
-            let header = message.header;
-            if header.kind == codec::TYPE_DESCRIPTION {
-                known.push((header.sender, codec::decode_name(message.payload).unwrap().to_owned()));
-            }
-            let name = known.iter().find(|(id, _)| *id == header.kind).map(|(_, name)| name.as_str());
-            if name == Some(MessageKind::ForceField.name())
-                && let Ok(Payload::ForceField(field)) =
-                    Payload::decode(MessageKind::ForceField, message.payload)
-            {
-                let _ = fields.send(field.force);
-            }
-        }
-    }
-    Ok(())
-}
-
-#[test]
-fn a_vrpn_force_device_is_read_and_pushed() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let name = format!("tcp://{}/Phantom0", listener.local_addr().unwrap());
-    let (fields, heard) = channel();
-    let server = std::thread::spawn(move || {
-        let _ = serve_vrpn(&listener, &fields);
-    });
-    let mut device = VrpnDevice::open(&name).unwrap();
-    let push = Push { force: Vector3::new(0.0, -1.5, 0.5), torque: Vector3::zeros() };
-    let reading = wait(&mut device, &push, "a pose with its button", |reading| {
-        reading.is_some_and(|reading| reading.buttons == [true, false] && reading.tracked)
-    });
-    assert_eq!(reading.unwrap().device_from_handle.translation.vector.y, 0.2);
-    device.push(&push, now_s());
-    hear(&heard, "the field", |force| *force == [0.0, -1.5, 0.5]);
-    device.push(&Push::NONE, now_s());
-    hear(&heard, "the end of it", |force| *force == [0.0; 3]);
     drop(device);
     server.join().unwrap();
 }
@@ -313,12 +233,9 @@ fn the_tables_in_the_manual_are_those_of_verify_haptics() {
     let manual = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/manual/haptics.md");
     let copy = Path::new(env!("CARGO_TARGET_TMPDIR")).join("haptics.md");
     std::fs::copy(&manual, &copy).unwrap();
-    let said = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .args(["verify", "haptics", "--readme"])
-        .arg(&copy)
-        .output()
-        .unwrap();
-    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    let place = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let said = program(place, &["verify", "haptics", "--readme"]).arg(&copy).output().unwrap();
+    assert!(said.status.success(), "{}", text(&said.stderr));
     let [told, printed] = [&manual, &copy].map(|path| std::fs::read_to_string(path).unwrap());
     assert!(
         told == printed,

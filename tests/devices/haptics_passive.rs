@@ -5,8 +5,7 @@ use greenstage::deform::{ControlPose, ControlRest};
 use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Measures, Push, Reading, Reports,
-    SampleInfo, Simulated,
+    Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Measures, Push, Reading, Reports, Simulated,
 };
 use greenstage::stage::{Haptic, HapticDevice};
 use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
@@ -63,15 +62,9 @@ impl TestLoop {
     }
 
     fn reading(&self, place: Vector3<f64>) -> Reading {
+        let pose = Isometry3::from_parts(Translation3::from(place), UnitQuaternion::identity());
         let arrived_s = self.now_s() + self.control.haptic.period_s();
-        Reading {
-            device_from_handle: Isometry3::from_parts(Translation3::from(place), UnitQuaternion::identity()),
-            buttons: [true, false],
-            arrived_s,
-            measured_s: None,
-            tracked: true,
-            info: SampleInfo::default(),
-        }
+        Reading { buttons: [true, false], ..Reading::at(pose, arrived_s) }
     }
 
     /// From one place to another in so many ticks.

@@ -1,6 +1,7 @@
 //! The scripted bend on every stage: stylus → ray → hit → hands → pose of the control element, against the
 //! analytic arc; and what becomes of damaged scripts.
 
+use crate::common::damaged;
 use greenstage::interact::{
     Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
@@ -105,7 +106,7 @@ fn stylus_and_tube_stay_within_the_pictures_of_every_stage() {
             for (point, &eye) in tube
                 .iter()
                 .chain([&stylus])
-                .flat_map(|point| stage.eyes().iter().map(move |eye| (point, eye)))
+                .flat_map(|point| stage.stereo.eyes().iter().map(move |eye| (point, eye)))
             {
                 let eye = stage.viewer.eye_in_room(&head, eye);
                 let is_on = |point: Point3<f64>, screen: &Screen| {
@@ -127,9 +128,7 @@ fn stylus_and_tube_stay_within_the_pictures_of_every_stage() {
 
 fn parse_and_use(text: &str) {
     let stage = Stage::find("workbench").expect("built in");
-    let Ok(script) = Script::parse(text, Path::new("any.toml")) else {
-        return;
-    };
+    let Ok(script) = Script::parse(text, Path::new("any.toml")) else { return };
     for part in [-1.0, 0.0, 0.1, 0.35, 0.5, 0.77, 1.0, 2.0, f64::NAN] {
         let state = script.sample(&stage, part * script.duration_s);
         let poses = state.styli.iter().map(|stylus| stylus.room_from_stylus).chain(state.head);
@@ -154,12 +153,7 @@ proptest! {
         length in 0..80usize,
         filling in "[\\[\\]{}=\"., \n0-9a-z-]{0,20}",
     ) {
-        let text: Vec<char> = BEND.chars().collect();
-        let start = from.index(text.len());
-        let end = (start + length).min(text.len());
-        let damaged: String =
-            text[..start].iter().copied().chain(filling.chars()).chain(text[end..].iter().copied()).collect();
-        parse_and_use(&damaged);
+        parse_and_use(&damaged(BEND, &from, length, &filling));
     }
 
     #[test]

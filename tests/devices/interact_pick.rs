@@ -83,10 +83,8 @@ fn rays_that_are_not_finite_hit_nothing() {
     let still = PickRay { origin_in_room: Point3::new(0.5, 0.5, 1.0), direction_in_room: Vector3::zeros() };
     assert_eq!(pick(&still, &targets), None);
     let pose = Isometry3::translation(0.0, f32::NAN, 0.0);
-    assert_eq!(
-        PickRay::from_stylus(&StylusState { room_from_stylus: pose, pressed: true, ..Default::default() }),
-        None
-    );
+    let stylus = StylusState { room_from_stylus: pose, pressed: true, ..Default::default() };
+    assert_eq!(PickRay::from_stylus(&stylus), None);
 }
 
 #[test]
@@ -110,9 +108,8 @@ fn a_body_that_is_turned_scaled_and_moved_is_hit_where_it_is_shown() {
 fn a_stylus_aims_along_its_negative_z() {
     let turn = UnitQuaternion::from_euler_angles(0.0, std::f32::consts::FRAC_PI_2, 0.0);
     let pose = Isometry3::from_parts(nalgebra::Translation3::new(1.0, 2.0, 3.0), turn);
-    let ray =
-        PickRay::from_stylus(&StylusState { room_from_stylus: pose, pressed: false, ..Default::default() })
-            .unwrap();
+    let stylus = StylusState { room_from_stylus: pose, ..Default::default() };
+    let ray = PickRay::from_stylus(&stylus).unwrap();
     assert_eq!(ray.origin_in_room, Point3::new(1.0, 2.0, 3.0));
     assert!((ray.direction_in_room + Vector3::x()).norm() < 1e-6);
 }

@@ -26,6 +26,11 @@ fn near(pose: &Isometry3<f64>, expected: &Isometry3<f64>, tolerance: f64) -> boo
         && pose.rotation.angle_to(&expected.rotation) < tolerance
 }
 
+/// The numbers of the buttons that are pressed.
+pub fn pressed(state: &DeviceState) -> Vec<i32> {
+    state.buttons.iter().filter(|(_, button)| button.value).map(|(number, _)| *number).collect()
+}
+
 /// The port of `dtrack on 127.0.0.1:40000`.
 fn port(source: &dyn Source) -> u16 {
     source.describe().rsplit_once(':').unwrap().1.parse().unwrap()

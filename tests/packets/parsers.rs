@@ -67,10 +67,9 @@ fn channels(state: &DeviceState) -> usize {
 fn payloads() -> Vec<Payload> {
     let quaternion = [0.0, 0.6, 0.0, 0.8];
     let rate = Rate { sensor: 1, vector: [0.1, 0.2, 0.3], quaternion, dt: 0.01 };
-    let pose = |sensor| Payload::Pose { sensor, position: [1.0, -2.0, 0.5], quaternion };
     vec![
-        pose(0),
-        pose(3),
+        pose_of(0),
+        pose_of(3),
         Payload::Velocity(rate),
         Payload::Acceleration(rate),
         Payload::ButtonChange { button: 2, state: 1 },
@@ -90,9 +89,9 @@ fn descriptions() -> Vec<u8> {
     let mut bytes = Vec::new();
     codec::encode(&Header::default(), &codec::encode_name("Wand"), &mut bytes);
     bytes[16..20].copy_from_slice(&codec::SENDER_DESCRIPTION.to_be_bytes());
-    for kind in MessageKind::ALL {
+    for (kind, name) in MessageKind::ALL {
         let header = Header { sender: kind as i32, kind: codec::TYPE_DESCRIPTION, ..Header::default() };
-        codec::encode(&header, &codec::encode_name(kind.name()), &mut bytes);
+        codec::encode(&header, &codec::encode_name(name), &mut bytes);
     }
     bytes
 }

@@ -3,6 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+/// The rooms that the world and all above it may use.
+const BELOW_WORLD: &str = "deform interact green scene mesh fem solve stage track field render config";
+
 /// Imports go only to the right; tests and documentation links keep to it as well. Every room may use `base`.
 const IMPORTS: &[(&str, &[&str])] = &[
     ("base", &[]),
@@ -19,54 +22,22 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("green", &["scene", "mesh", "fem", "solve", "config"]),
     ("deform", &["field", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("interact", &["mesh", "field", "track", "stage", "config"]),
-    (
-        "world",
-        &[
-            "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track", "field",
-            "render", "config",
-        ],
-    ),
-    (
-        "effect",
-        &[
-            "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track",
-            "field", "render", "config",
-        ],
-    ),
+    ("world", &[BELOW_WORLD]),
+    ("effect", &["world", BELOW_WORLD]),
     ("prepare", &["effect", "deform", "green", "scene", "mesh", "fem", "config"]),
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "effect", "deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("tuning", &["report", "deform", "green", "scene", "fem", "solve", "config"]),
-    (
-        "export",
-        &[
-            "prepare", "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage",
-            "track", "field", "render", "config",
-        ],
-    ),
-    (
-        "session",
-        &[
-            "prepare", "effect", "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve",
-            "stage", "track", "field", "render", "config",
-        ],
-    ),
-    (
-        "display",
-        &[
-            "session", "effect", "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve",
-            "stage", "track", "field", "render", "config",
-        ],
-    ),
-    (
-        "cli",
-        &[
-            "display", "session", "export", "tuning", "report", "verify", "manual", "prepare", "effect",
-            "world", "deform", "interact", "green", "scene", "mesh", "fem", "solve", "stage", "track",
-            "field", "render", "config",
-        ],
-    ),
+    ("export", &["prepare world", BELOW_WORLD]),
+    ("session", &["prepare effect world", BELOW_WORLD]),
+    ("display", &["session effect world", BELOW_WORLD]),
+    ("cli", &["display session export tuning report verify manual prepare effect world", BELOW_WORLD]),
 ];
+
+/// The rooms of a row, in which [`BELOW_WORLD`] stands for several.
+fn rooms_of(row: &'static [&'static str]) -> impl Iterator<Item = &'static str> {
+    row.iter().flat_map(|rooms| rooms.split(' '))
+}
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -226,7 +197,7 @@ fn modules_import_only_what_the_house_allows() {
         };
         let imports: BTreeSet<&str> = named.iter().filter_map(|path| Some(path.first()?.as_str())).collect();
         for import in imports {
-            if import != room && import != "base" && !allowed.contains(&import) {
+            if import != room && import != "base" && !rooms_of(allowed).any(|known| known == import) {
                 faults.push(format!("{file}: {room} must not import {import}"));
             }
         }
@@ -298,8 +269,8 @@ fn no_two_files_import_each_other() {
 #[test]
 fn the_table_of_imports_has_no_circle() {
     for (row, (module, allowed)) in IMPORTS.iter().enumerate() {
-        for import in *allowed {
-            let at = IMPORTS.iter().position(|(name, _)| name == import);
+        for import in rooms_of(allowed) {
+            let at = IMPORTS.iter().position(|(name, _)| *name == import);
             assert!(at.is_some_and(|at| at < row), "{module} ← {import}");
         }
     }

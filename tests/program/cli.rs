@@ -4,11 +4,11 @@ mod cases;
 mod limits;
 use crate::common;
 
-use common::{csv_rows, folder};
+use common::{csv_rows, greenstage as succeed, program, text};
 use greenstage::mesh::{self, TetMesh, generate};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 const SCENE: &str = r#"
 stage = "desktop"
@@ -35,35 +35,20 @@ control.high = { translation = [0.1, 0.0, 0.0] }
 const DEFORM: [&str; 6] = ["deform", "scene.toml", "--poses", "poses.toml", "-o", "out"];
 
 fn greenstage(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_greenstage")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
+    program(folder, arguments).output().unwrap()
 }
 
 fn block() -> TetMesh {
     generate::block(&generate::Block { size: [1.0; 3], cells: [3, 2, 2] }).unwrap()
 }
 
-/// A folder with a scene, its mesh and poses.
 fn project(name: &str) -> PathBuf {
-    let folder = folder(name);
-    mesh::save(&folder.join("block.msh"), &block(), Some("msh22")).unwrap();
-    std::fs::write(folder.join("scene.toml"), SCENE).unwrap();
-    std::fs::write(folder.join("poses.toml"), POSES).unwrap();
-    folder
+    common::project(name, Some("msh22"), SCENE, POSES)
 }
 
 /// By pose and node, or pose and control element.
 fn table(path: &Path) -> Vec<(String, Vec<f64>)> {
     csv_rows(path, 2)
-}
-
-fn succeed(folder: &Path, arguments: &[&str]) -> Output {
-    let output = greenstage(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
-    output
 }
 
 /// Expects exit status 2 and all of `expected` in the message.
@@ -173,11 +158,8 @@ fn a_green_file_of_another_scene_is_refused_though_it_bears_this_ones_fingerprin
     std::fs::write(&path, safetensors::serialize(container.tensors(), Some(metadata)).unwrap()).unwrap();
     let render = ["render", "scene.toml", "--stage", "desktop", "--frames", "1", "-o", "out"];
     for command in [&DEFORM[..], &render[..]] {
-        let output = greenstage(&folder, command);
-        let told = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(told.contains("bodies.block.controls is [\"low\", \"high\"]"), "{told}");
-        assert!(told.contains("greenstage precompute --force"), "{told}");
+        let told = ["bodies.block.controls is [\"low\", \"high\"]", "greenstage precompute --force"];
+        refuse(&folder, command, &told);
     }
 }
 
@@ -194,36 +176,22 @@ fn convert_says_what_is_lost_and_inspect_what_is_wrong() {
         let output = succeed(&folder, &["convert", "block.msh", out]);
         let told = text(&output.stderr);
         assert!(told.starts_with(lost) && (told.is_empty() == lost.is_empty()), "{out}: {told}");
-        assert!(
-            text(&output.stdout).starts_with("block.msh: 36 nodes, 60 tetrahedra"),
-            "{}",
-            text(&output.stdout)
-        );
+        let made = text(&output.stdout);
+        assert!(made.starts_with("block.msh: 36 nodes, 60 tetrahedra"), "{made}");
         let shown = text(&succeed(&folder, &["inspect", out]).stdout);
-        assert!(
-            shown.contains("36 nodes, 60 tetrahedra") && shown.contains("nothing wrong is found"),
-            "{shown}"
-        );
+        let is_sound = shown.contains("36 nodes, 60 tetrahedra") && shown.contains("nothing wrong is found");
+        assert!(is_sound, "{shown}");
     }
     assert!(folder.join("a.ele").exists());
-    assert!(
-        std::fs::read_dir(&folder)
-            .unwrap()
-            .all(|entry| { !entry.unwrap().file_name().to_string_lossy().starts_with(".mesh-") })
-    );
+    let mut names = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name());
+    assert!(names.all(|name| !name.to_string_lossy().starts_with(".mesh-")));
     succeed(&folder, &["convert", "a.inp", "b.msh", "--encoding", "msh22"]);
     let text_of = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     assert_eq!(text_of("b.msh"), text_of("block.msh"));
-    refuse(
-        &folder,
-        &["convert", "block.msh", "a.stl"],
-        &["a.stl: cannot be written; known are msh41 (.msh)"],
-    );
-    refuse(
-        &folder,
-        &["convert", "block.msh", "a.vtu", "--encoding", "msh22"],
-        &["cannot be written as msh22"],
-    );
+    let known = "a.stl: cannot be written; known are msh41 (.msh)";
+    refuse(&folder, &["convert", "block.msh", "a.stl"], &[known]);
+    let other = ["convert", "block.msh", "a.vtu", "--encoding", "msh22"];
+    refuse(&folder, &other, &["cannot be written as msh22"]);
     refuse(&folder, &["convert", "no.msh", "a.vtu"], &["no.msh: cannot be read"]);
 
     let mut twice = block();
@@ -433,10 +401,8 @@ fn absurd_numbers_are_refused_or_harmless() {
                 Some(0) => {
                     let rows = table(&folder.join("out.csv"));
                     assert!(rows.iter().all(|(_, u)| u.iter().all(|u| u.is_finite())), "{to}");
-                    assert!(
-                        rows.iter().any(|(key, u)| key.starts_with("pull") && u[0] > 0.05),
-                        "{to}: nothing moves"
-                    );
+                    let is_pulled = rows.iter().any(|(key, u)| key.starts_with("pull") && u[0] > 0.05);
+                    assert!(is_pulled, "{to}: nothing moves");
                 }
                 Some(2) => {
                     refused += 1;
@@ -470,10 +436,8 @@ fn check_lists_everything_without_solving() {
 #[test]
 fn stage_and_script_mistakes_are_refused() {
     let folder = project("cli-stages");
-    let render = |stage: &str| ["render", "scene.toml", "--stage", stage, "-o", "out"].map(str::to_owned);
     let with = |stage: &str, expected: &[&str]| {
-        let arguments = render(stage);
-        refuse(&folder, &arguments.each_ref().map(String::as_str), expected);
+        refuse(&folder, &["render", "scene.toml", "--stage", stage, "-o", "out"], expected);
     };
     with("workbensh", &["workbensh", "did you mean `workbench`?"]);
     with("none.toml", &["none.toml"]);

@@ -3,7 +3,7 @@
 
 use crate::common;
 
-use common::{coarse_demo, folder, greenstage};
+use common::{coarse_demo, folder, greenstage, text};
 use greenstage::deform::Deformer;
 use greenstage::effect::EFFECTS;
 use greenstage::green::GreenFile;
@@ -28,7 +28,7 @@ fn tube(name: &str, effects: &str) -> PathBuf {
 
 fn said(place: &Path, arguments: &[&str]) -> (String, String) {
     let output = greenstage(place, arguments);
-    (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    (text(&output.stdout), text(&output.stderr))
 }
 
 /// Bytes of every tensor in the file, and of all together.
@@ -60,21 +60,14 @@ fn without_haptics_there_is_no_stiffness_step_and_no_section_of_the_file() {
 }
 
 #[test]
-fn without_haptics_deform_writes_no_forces() {
+fn without_haptics_neither_deform_nor_the_deformer_tells_forces() {
     for (effects, forces) in [("", false), (r#""haptics""#, true)] {
         let place = tube(&format!("effects-deform-{forces}"), effects);
         let (told, _) = said(&place, &["deform", "tube.toml", "--poses", "poses.toml", "-o", "out"]);
         assert!(place.join("out.csv").exists());
         assert_eq!(place.join("out.forces.csv").exists(), forces);
         assert_eq!(told.contains("out.forces.csv"), forces, "{told}");
-    }
-}
 
-#[test]
-fn without_haptics_the_deformer_holds_no_stiffness_and_gives_no_forces() {
-    for (effects, forces) in [("", false), (r#""haptics""#, true)] {
-        let place = tube(&format!("effects-deformer-{forces}"), effects);
-        greenstage(&place, &["precompute", "--quiet", "tube.toml"]);
         let file = Arc::new(GreenFile::open(&place.join("tube.green")).unwrap());
         let mut deformer = Deformer::new(file, "tube", "rotation").unwrap();
         assert_eq!(deformer.wrenches().is_some(), forces);
@@ -100,8 +93,8 @@ fn another_list_of_effects_makes_the_file_anew() {
     }
 }
 
-/// The frame speaks of no effect, except in one file of its own, which it enters only for a body whose scene lists one
-/// (`forces_are_told_only_of_bodies_whose_scene_wants_them` holds it to that).
+/// The frame speaks of no effect, except in the files that prepare a body and that tell its force; it asks for a force
+/// only of a body whose scene lists one (`forces_are_told_only_of_bodies_whose_scene_wants_them` holds it to that).
 #[test]
 fn the_frame_calls_no_effect_that_is_not_listed() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -112,7 +105,6 @@ fn the_frame_calls_no_effect_that_is_not_listed() {
     }
     // Of these, the first is entered in the frame, the others before it.
     let own = ["force", "force_scale"].map(|name| source.join(format!("world/{name}.rs")));
-    let asked_for = ".force_scale.is_some()";
     let (mut read, mut entered) = (0, 0);
     for file in files.iter().filter(|path| path.is_file() && !own.contains(path)) {
         let text = std::fs::read_to_string(file).unwrap();
@@ -123,7 +115,8 @@ fn the_frame_calls_no_effect_that_is_not_listed() {
         for (at, _) in text.match_indices("force::held_force(") {
             entered += 1;
             let before = &text[at.saturating_sub(120)..at];
-            assert!(before.contains(asked_for), "{} does not ask whether it is listed", file.display());
+            let is_asked = before.contains(".force_scale.is_some()");
+            assert!(is_asked, "{} does not ask whether it is listed", file.display());
         }
     }
     assert!(

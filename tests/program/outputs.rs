@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use common::folder;
+use common::{folder, program, text};
 use greenstage::green;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,29 +23,16 @@ const PULL: &str = "[[pose]]\nname = \"pull\"\ncontrol.high = { translation = [0
 const DEFORM: [&str; 6] = ["deform", "scene.toml", "--poses", "poses.toml", "-o", "out"];
 const RECORD: [&str; 5] = ["view", "scene.toml", "--check", "--record", "session.jsonl"];
 
-/// A folder with a scene, its mesh and poses.
 fn project(name: &str) -> PathBuf {
-    let folder = folder(name);
-    let block = greenstage::mesh::generate::Block { size: [1.0; 3], cells: [3, 2, 2] };
-    let mesh = greenstage::mesh::generate::block(&block).unwrap();
-    greenstage::mesh::save(&folder.join("block.msh"), &mesh, None).unwrap();
-    std::fs::write(folder.join("scene.toml"), SCENE).unwrap();
-    std::fs::write(folder.join("poses.toml"), PULL).unwrap();
-    folder
+    common::project(name, None, SCENE, PULL)
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .current_dir(folder)
-        .env_remove("DISPLAY")
-        .env_remove("WAYLAND_DISPLAY")
-        .args(arguments)
-        .output()
-        .unwrap()
+    program(folder, arguments).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output().unwrap()
 }
 
 fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+    text(&output.stderr)
 }
 
 fn succeed(folder: &Path, arguments: &[&str]) -> String {
@@ -143,8 +130,7 @@ fn a_recording_does_not_overwrite_the_scene() {
     succeed(&folder, &RECORD);
     succeed(&folder, &RECORD);
     refuse(&folder, &onto("scene.green"), "is not a recording");
-    let session = ["view", "scene.toml", "--check", "--replay", "session.jsonl"];
-    succeed(&folder, &session);
+    succeed(&folder, &["view", "scene.toml", "--check", "--replay", "session.jsonl"]);
 }
 
 #[test]
@@ -210,11 +196,8 @@ fn convert_overwrites_meshes_of_the_format_but_not_what_it_reads() {
     refuse(&folder, &["convert", "a.node", "a.ele"], "this run reads that file");
     refuse(&folder, &["convert", "block.msh", "no/a.msh"], "the folder no is not there");
     std::fs::write(folder.join("b.ele"), "mine\n").unwrap();
-    refuse(
-        &folder,
-        &["convert", "block.msh", "b.node"],
-        "b.ele: what stands there is not a TetGen .ele file",
-    );
+    let stands = "b.ele: what stands there is not a TetGen .ele file";
+    refuse(&folder, &["convert", "block.msh", "b.node"], stands);
     std::fs::write(folder.join("b.inp"), "mine\n").unwrap();
     refuse(&folder, &["convert", "block.msh", "b.inp"], "is not an Abaqus mesh");
 }
@@ -251,13 +234,7 @@ fn standard_output_is_written_to() {
     let to_output = ["pack", "scene.green", "-o", "/proc/self/fd/1"];
     assert!(run(&folder, &to_output).stdout.starts_with(&packed), "into a pipe");
     let file = std::fs::File::create(folder.join("file")).unwrap();
-    let status = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .current_dir(&folder)
-        .args(to_output)
-        .stdout(Stdio::from(file))
-        .status()
-        .unwrap();
-    assert!(status.success());
+    assert!(program(&folder, &to_output).stdout(Stdio::from(file)).status().unwrap().success());
     assert!(std::fs::read(folder.join("file")).unwrap().starts_with(&packed), "into an open file");
 }
 

@@ -4,19 +4,14 @@
 use crate::common;
 use crate::render_common;
 
-use common::{coarse_demo, folder, greenstage};
+use common::{coarse_demo, folder, greenstage, program, text};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// The program in `folder`, with so many threads.
 fn run(folder: &Path, threads: usize, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .current_dir(folder)
-        .env("RAYON_NUM_THREADS", threads.to_string())
-        .args(arguments)
-        .output()
-        .unwrap()
+    program(folder, arguments).env("RAYON_NUM_THREADS", threads.to_string()).output().unwrap()
 }
 
 const CHECK: [&str; 5] = ["view", "tube.toml", "--check", "--replay", "session.jsonl"];
@@ -24,7 +19,6 @@ const CHECK: [&str; 5] = ["view", "tube.toml", "--check", "--replay", "session.j
 /// Status, standard output and standard error of a replay of `session.jsonl`.
 fn check(folder: &Path) -> (i32, String, String) {
     let output = run(folder, 2, &CHECK);
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
 }
 
@@ -43,7 +37,7 @@ fn what_cannot_be_recorded_leaves_an_older_recording_alone() {
     for command in [["view", "tube.toml", "--check"], ["render", "tube.toml", "-oout"]] {
         let arguments = [&command[..], &["--record", "session.jsonl", "--deform", "gpu"]].concat();
         let output = run(&folder, 2, &arguments);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let said = text(&output.stderr);
         assert!(output.status.code() == Some(2) && said.contains("leave --deform out"), "{said}");
     }
     let text = std::fs::read_to_string(folder.join("session.jsonl")).unwrap();
@@ -65,19 +59,19 @@ fn a_session_comes_to_the_same_state_in_every_frame_with_any_number_of_threads()
     for threads in [1, 2] {
         let file = format!("session{threads}.jsonl");
         let output = run(&folder, threads, &["view", "tube.toml", "--check", "--record", &file]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "{}", text(&output.stderr));
     }
     let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
     assert_eq!(read("session1.jsonl"), read("session2.jsonl"), "two recordings of one script, byte for byte");
-    let text = read("session1.jsonl");
-    let hashes: BTreeSet<&str> = text.lines().filter_map(|line| line.split("\"hash\":").nth(1)).collect();
+    let session = read("session1.jsonl");
+    let hashes: BTreeSet<&str> = session.lines().filter_map(|line| line.split("\"hash\":").nth(1)).collect();
     assert!(hashes.len() > 150, "the tube moves: {} states of 240 frames", hashes.len());
     for threads in [1, 2] {
         for _ in 0..2 {
             let arguments = ["view", "tube.toml", "--check", "--replay", "session1.jsonl"];
             let output = run(&folder, threads, &arguments);
-            let said = String::from_utf8_lossy(&output.stdout).into_owned();
-            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            let said = text(&output.stdout);
+            assert!(output.status.success(), "{}", text(&output.stderr));
             assert!(said.contains("session1.jsonl: 240 frames, every one in the recorded state"), "{said}");
         }
     }
@@ -100,12 +94,10 @@ fn a_session_of_another_scene_stage_or_program_is_refused() {
     }
     std::fs::write(folder.join("tube.toml"), scene).unwrap();
     let other_stage = run(&folder, 1, &[&CHECK[..], &["--stage", "cyberstage"]].concat());
-    let said = String::from_utf8_lossy(&other_stage.stderr).into_owned();
+    let said = text(&other_stage.stderr);
     assert_eq!(other_stage.status.code(), Some(2));
-    assert!(
-        said.contains("it was recorded on the stage workbench, not on cyberstage: leave out --stage"),
-        "{said}"
-    );
+    let refusal = "it was recorded on the stage workbench, not on cyberstage: leave out --stage";
+    assert!(said.contains(refusal), "{said}");
 
     let mut other = lines.clone();
     other[0] = lines[0].replace(env!("CARGO_PKG_VERSION"), "0.0.7");
@@ -132,7 +124,7 @@ fn a_session_on_a_stage_file_is_replayed_from_another_folder() {
     greenstage(&folder.join("lab"), &record);
     let replay = |from: &str, scene: &str, session: &str| {
         let output = run(&folder.join(from), 2, &["view", scene, "--check", "--replay", session]);
-        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+        (output.status.code(), text(&output.stderr))
     };
     assert_eq!(replay("lab/else", "../tube.toml", "../sessions/a.jsonl").0, Some(0));
     std::fs::rename(folder.join("lab"), folder.join("moved")).unwrap();
@@ -141,10 +133,8 @@ fn a_session_on_a_stage_file_is_replayed_from_another_folder() {
     std::fs::rename(folder.join("moved/stages"), folder.join("moved/else/stages")).unwrap();
     let (status, said) = replay("moved", "tube.toml", "sessions/a.jsonl");
     assert_eq!(status, Some(2), "{said}");
-    assert!(
-        said.contains("is not at sessions/../stages/bench.toml") && said.contains("by --stage"),
-        "{said}"
-    );
+    assert!(said.contains("is not at sessions/../stages/bench.toml"), "{said}");
+    assert!(said.contains("by --stage"), "{said}");
 }
 
 #[test]
@@ -164,7 +154,7 @@ fn a_window_may_be_elsewhere_at_the_replay_but_not_the_workspace() {
         assert!(stage.contains(from), "{from}");
         write(&stage.replace(from, to));
         let output = replay();
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(status), "{to}: {said}");
         assert!(status == 0 || said.contains("the stage bench.toml has changed"), "{said}");
     }
@@ -175,10 +165,8 @@ fn a_recording_without_frames_is_no_success() {
     let (folder, lines) = recorded("replay-empty");
     write(&folder, &lines[..lines.len() - 240]);
     let (status, _, said) = check(&folder);
-    assert!(
-        status == 1 && said.contains("session.jsonl: none of its 0 frames was played"),
-        "{status}: {said}"
-    );
+    assert!(status == 1, "{status}: {said}");
+    assert!(said.contains("session.jsonl: none of its 0 frames was played"), "{status}: {said}");
 }
 
 #[test]
@@ -197,10 +185,8 @@ fn a_cut_session_is_replayed_up_to_the_cut() {
         assert!(noted.contains("it ends in the middle of frame 239, which is left out"), "{noted}");
     }
     let (status, said, noted) = cut(before_last);
-    assert!(
-        status == 0 && said.contains("239 frames, every one") && !noted.contains("middle"),
-        "{said}{noted}"
-    );
+    assert!(status == 0 && said.contains("239 frames, every one"), "{said}{noted}");
+    assert!(!noted.contains("middle"), "{said}{noted}");
     for (bytes, told) in
         [(0, "line 1: not a recording"), (40, "line 1"), (lines[0].len() + 30, "line 2: the stream ends")]
     {
@@ -222,12 +208,9 @@ fn a_changed_session_is_told_by_its_first_frame() {
     write(&folder, &changed);
     let (status, _, said) = check(&folder);
     assert_eq!(status, 1, "{said}");
-    assert!(
-        said.contains(
-            "of 240 frames are in another state than was recorded, the first of them frame 100 at 1.67"
-        ),
-        "{said}"
-    );
+    let first_fault =
+        "of 240 frames are in another state than was recorded, the first of them frame 100 at 1.67";
+    assert!(said.contains(first_fault), "{said}");
 
     for (text, told) in [
         (lines[first + 101].clone(), "frame 101 stands where 100 should"),
@@ -289,10 +272,7 @@ fn pictures_follow_a_session() {
     let render = |from: &[&str], out: &str| {
         let arguments = ["render", "tube.toml", "--frames", "3", "--scale", "0.1", "-o", out];
         let output = greenstage(&folder, &[&arguments, from].concat());
-        (
-            String::from_utf8_lossy(&output.stdout).into_owned(),
-            std::fs::read(folder.join(out).join("contact-sheet.png")).unwrap(),
-        )
+        (text(&output.stdout), std::fs::read(folder.join(out).join("contact-sheet.png")).unwrap())
     };
     let (said, replayed) = render(&["--replay", "session.jsonl"], "replayed");
     assert!(said.contains("240 frames, every one in the recorded state"), "{said}");
@@ -304,7 +284,7 @@ fn pictures_follow_a_session() {
     assert!(replayed.dimensions() == scripted.dimensions() && part < 0.02, "{part} of the pixels differ");
     let one =
         ["render", "tube.toml", "--frames", "1", "--scale", "0.05", "-o", "one", "--replay", "session.jsonl"];
-    let said = String::from_utf8_lossy(&greenstage(&folder, &one).stdout).into_owned();
+    let said = text(&greenstage(&folder, &one).stdout);
     assert!(
         said.contains("240 frames, every one in the recorded state"),
         "one picture is of the end: {said}"
@@ -314,22 +294,8 @@ fn pictures_follow_a_session() {
     let last = changed.len() - 1;
     changed[last] = changed[last].replace("\"hash\":\"", "\"hash\":\"0");
     write(&folder, &changed);
-    let output = run(
-        &folder,
-        2,
-        &[
-            "render",
-            "tube.toml",
-            "--frames",
-            "2",
-            "--scale",
-            "0.05",
-            "-o",
-            "other",
-            "--replay",
-            "session.jsonl",
-        ],
-    );
-    assert_eq!(output.status.code(), Some(1));
+    let [.., replay, session] = one;
+    let other = ["render", "tube.toml", "--frames", "2", "--scale", "0.05", "-o", "other", replay, session];
+    assert_eq!(run(&folder, 2, &other).status.code(), Some(1));
     assert!(folder.join("other/contact-sheet.png").exists());
 }

@@ -2,21 +2,14 @@
 
 use crate::common;
 
-use common::folder;
+use common::{folder, program, text};
 use greenstage::stage::BUILT_IN;
-use std::process::Command;
 
 /// Exit status and what was said, without a display.
 fn check(arguments: &[&str], place: &std::path::Path) -> (i32, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .current_dir(place)
-        .arg("check")
-        .args(arguments)
-        .env_remove("DISPLAY")
-        .env_remove("WAYLAND_DISPLAY")
-        .output()
-        .unwrap();
-    (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap())
+    let mut check = program(place, &[&["check"], arguments].concat());
+    let output = check.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output().unwrap();
+    (output.status.code().unwrap(), text(&output.stdout))
 }
 
 #[test]
@@ -71,12 +64,8 @@ fn all_that_is_wrong_with_a_stage_is_told_at_once() {
 fn a_misspelt_stage_is_answered_with_the_nearest() {
     let place = folder("check-misspelt");
     for command in ["check", "inspect"] {
-        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-            .current_dir(&place)
-            .args([command, "worbench"])
-            .output()
-            .unwrap();
-        let said = String::from_utf8(output.stderr).unwrap();
+        let output = program(&place, &[command, "worbench"]).output().unwrap();
+        let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2));
         assert!(
             said.contains("no stage is named `worbench`; did you mean `workbench`?"),
@@ -92,12 +81,7 @@ fn faults_of_tracking_are_told_as_a_stage_s() {
     let tracking =
         "[tracker.lab]\nvrpn = \"Tracker0@127.0.0.1\"\n[sensor.head]\ntracker = \"labb\"\nid = 0\n";
     std::fs::write(place.join("part.toml"), tracking).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .current_dir(&place)
-        .args(["check", "part.toml"])
-        .output()
-        .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
+    let said = text(&program(&place, &["check", "part.toml"]).output().unwrap().stderr);
     assert!(said.contains("part.toml:1:1: missing field `name`"), "{said}");
     let whole = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + tracking;
     std::fs::write(place.join("whole.toml"), whole).unwrap();

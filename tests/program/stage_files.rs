@@ -1,5 +1,6 @@
 //! Stage files: the four built in, and what becomes of damaged ones.
 
+use crate::common::damaged;
 use greenstage::stage::{BUILT_IN, Eye, Stage, Stereo};
 use proptest::prelude::*;
 use std::path::Path;
@@ -13,25 +14,16 @@ fn the_built_in_stages_have_the_dimensions_they_claim() {
         for screen in &stage.screens {
             let [width_m, height_m] = screen.pixel_size_m();
             let is_square = (width_m / height_m - 1.0).abs() < 2e-3;
-            assert_eq!(
-                is_square,
-                (name, screen.name.as_str()) != ("cyberstage", "floor"),
-                "{name}, {}",
-                screen.name
-            );
+            let is_wide = (name, screen.name.as_str()) == ("cyberstage", "floor");
+            assert_eq!(is_square, !is_wide, "{name}, {}", screen.name);
         }
     }
     let screens = |name: &str| Stage::find(name).unwrap().screens;
-    assert_eq!(screens("workbench").len(), 2);
-    assert_eq!(
-        screens("cyberstage").iter().map(|s| s.name.as_str()).collect::<Vec<_>>(),
-        ["left", "front", "right", "floor"]
-    );
     assert!(screens("cyberstage").iter().all(|screen| screen.pixels == [1280, 1024]));
     let slope = screens("workbench-one-sided")[0].axes()[1].y.asin().to_degrees();
     assert!((slope - 20.0).abs() < 1e-9, "{slope}");
     assert_eq!(Stage::find("desktop").unwrap().stereo, Stereo::Mono);
-    assert_eq!(Stage::find("desktop").unwrap().eyes(), [Eye::Centre]);
+    assert_eq!(Stage::find("desktop").unwrap().stereo.eyes(), [Eye::Centre]);
 }
 
 #[test]
@@ -45,9 +37,7 @@ fn a_path_is_loaded_from_disk_even_if_it_is_named_like_a_built_in() {
 
 /// Whatever is accepted can be projected on: every eye of the viewer sees every screen through finite numbers.
 fn parse_and_use(text: &str) {
-    let Ok(stage) = Stage::parse(text, Path::new("any.toml")) else {
-        return;
-    };
+    let Ok(stage) = Stage::parse(text, Path::new("any.toml")) else { return };
     assert!(!stage.to_string().is_empty());
     for screen in &stage.screens {
         let head = stage.viewer.room_from_head;
@@ -87,12 +77,7 @@ proptest! {
         length in 0..60usize,
         filling in "[\\[\\]=\"., \n0-9a-z-]{0,20}",
     ) {
-        let text: Vec<char> = BUILT_IN[which].1.chars().collect();
-        let start = from.index(text.len());
-        let end = (start + length).min(text.len());
-        let damaged: String =
-            text[..start].iter().copied().chain(filling.chars()).chain(text[end..].iter().copied()).collect();
-        parse_and_use(&damaged);
+        parse_and_use(&damaged(BUILT_IN[which].1, &from, length, &filling));
     }
 
     #[test]

@@ -174,7 +174,7 @@ impl StageModel {
 
     /// From each eye to the corners of each screen that it sees.
     fn add_sights(&mut self, stage: &Stage, room_from_head: &Isometry3<f64>) {
-        for &eye in stage.eyes() {
+        for &eye in stage.stereo.eyes() {
             let place = stage.viewer.eye_in_room(room_from_head, eye);
             let mut colour = linear(eye_ink(eye));
             colour[3] = 0.5;

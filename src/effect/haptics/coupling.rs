@@ -15,20 +15,6 @@ use nalgebra::{Isometry3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector
 /// The derivative of the held element's twelve coefficients by the handle's motion (v, ω), m and rad of the device.
 pub type Jacobian = SMatrix<f64, 12, 6>;
 
-/// The stiffness at the handle, 6 × 6 in N/m, N and N·m: Jᵀ S J of the held element's block of S.
-pub fn handle_stiffness(block: &SMatrix<f64, 12, 12>, jacobian: &Jacobian) -> Matrix6<f64> {
-    jacobian.transpose() * block * jacobian
-}
-
-/// The device's limits; 0 N·m for one without torque.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// N.
-    pub force: f64,
-    /// N·m.
-    pub torque: f64,
-}
-
 /// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ reduces
 /// every λ greater than k, the stiffness that friction bears, to k.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,13 +84,14 @@ const ARM_M: f64 = 0.1;
 const SOFTEST: f64 = 1e-6;
 
 impl Coupling {
-    /// `damping` is b and b_r, `bearable` the largest stiffness per unit of friction, 1/s.
+    /// `damping` is b and b_r, `bearable` the largest stiffness per unit of friction, 1/s. `limits` are those of the device,
+    /// N and N·m; 0 N·m for one without torque.
     pub fn new(
         stiffness: &Matrix6<f64>,
         damping: [f64; 2],
         has_torque: bool,
         bearable: f64,
-        limits: Option<Limits>,
+        limits: Option<[f64; 2]>,
     ) -> Coupling {
         let root = Vector6::from_fn(|k, _| damping[k / 3].max(1e-9).sqrt());
         let counted = if has_torque { 6 } else { 3 };
@@ -122,7 +109,7 @@ impl Coupling {
         let compliance = inside(&|l| if l > k { 1.0 / k - 1.0 / l } else { 0.0 });
         let step = inside(&|l| if l > k { k / l } else { 1.0 });
         let per = |limit: f64| if limit > 0.0 { 1.0 / limit } else { 0.0 };
-        let [force, torque] = limits.map_or([0.0; 2], |limits| [per(limits.force), per(limits.torque)]);
+        let [force, torque] = limits.map_or([0.0; 2], |limits| limits.map(per));
         Coupling {
             stiffness: Matrix6::from_fn(part),
             compliance: Matrix6::from_fn(|i, j| compliance[(i, j)] / (root[i] * root[j])),
@@ -245,8 +232,7 @@ mod tests {
         let stiffness =
             Matrix6::from_fn(|i, j| (root * root.transpose())[(i, j)] * per_torque[i] * per_torque[j]);
         let stiffness = stiffness * 100.0;
-        let limits = Limits { force: 3.0, torque: 0.2 };
-        let mut coupling = Coupling::new(&stiffness, [1.0, 2e-3], true, 800.0, Some(limits));
+        let mut coupling = Coupling::new(&stiffness, [1.0, 2e-3], true, 800.0, Some([3.0, 0.2]));
         assert!(coupling.stiffer > 1.0);
         // V = ½ hᵀ K h; one step is the answer once it is near.
         let mut at = |x: &Vector6<f64>| {

@@ -112,19 +112,11 @@ impl Clock {
 
 #[cfg(test)]
 mod tests {
-    use super::super::device::SampleInfo;
     use super::*;
     use nalgebra::Isometry3;
 
     fn reading(arrived_s: f64, measured_s: Option<f64>) -> Reading {
-        Reading {
-            device_from_handle: Isometry3::identity(),
-            buttons: [false; 2],
-            arrived_s,
-            measured_s,
-            tracked: true,
-            info: SampleInfo::default(),
-        }
+        Reading { measured_s, ..Reading::at(Isometry3::identity(), arrived_s) }
     }
 
     /// Ticks of a kilohertz, which see the newest of `poses` (measured, arrived) that has come.

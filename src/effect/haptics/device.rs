@@ -28,6 +28,12 @@ pub struct SampleInfo {
 }
 
 impl Reading {
+    /// A tracked pose without buttons, stamp and statistics.
+    pub fn at(device_from_handle: Isometry3<f64>, arrived_s: f64) -> Reading {
+        let (buttons, info) = ([false; 2], SampleInfo::default());
+        Reading { device_from_handle, buttons, arrived_s, measured_s: None, tracked: true, info }
+    }
+
     /// Whether it is older than `other` by either clock.
     pub fn is_before(&self, other: &Reading) -> bool {
         let is_measured_before =

@@ -13,6 +13,7 @@ use crate::base::last_word::LastWord;
 use crate::base::peak::Peak;
 use crate::stage::GripButton;
 use crate::track::device::{DeviceState, Stamp, now_s};
+use crate::track::is_only_late;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::de::IgnoredAny;
 use std::collections::{BTreeMap, BTreeSet};
@@ -210,12 +211,7 @@ impl Link {
                     }
                 }
                 Ok(_) => {}
-                Err(Error::Io(error))
-                    if matches!(
-                        error.kind(),
-                        std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut
-                    ) =>
-                {
+                Err(Error::Io(error)) if is_only_late(&error) => {
                     if now_s() - heard_s > SILENT_S {
                         return format!("silent for {SILENT_S} s");
                     }
@@ -379,11 +375,8 @@ struct Xyzw {
 /// Reads a message of the service. Other keys are ignored, because every version adds some.
 pub fn parse(text: &str, arrived_s: f64, buttons: [GripButton; 2]) -> Result<State, String> {
     let said: Said = serde_json::from_str(text).map_err(|error| error.to_string())?;
-    let is_new = said.session_id.is_some()
-        || said
-            .inverse3
-            .iter()
-            .any(|arm| arm.state.as_ref().is_some_and(|state| state.control_mode.is_some()));
+    let has_mode = |arm: &Arm| arm.state.as_ref().is_some_and(|state| state.control_mode.is_some());
+    let is_new = said.session_id.is_some() || said.inverse3.iter().any(has_mode);
     let key = if is_new { ForceKey::Vector } else { ForceKey::Values };
     let Some(arm) = said.inverse3.into_iter().next() else {
         return Ok(State { id: None, key, reading: None });
@@ -409,13 +402,9 @@ pub fn parse(text: &str, arrived_s: f64, buttons: [GripButton; 2]) -> Result<Sta
     };
     let buttons = buttons.map(is_pressed);
     let place = arm.state.and_then(|state| state.cursor_position);
-    let reading = place.map(|Xyz { x, y, z }| Reading {
-        device_from_handle: Isometry3::from_parts(Translation3::new(x, y, z), rotation),
-        buttons,
-        arrived_s,
-        measured_s: None,
-        tracked: true,
-        info: SampleInfo::default(),
+    let reading = place.map(|Xyz { x, y, z }| {
+        let pose = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
+        Reading { buttons, ..Reading::at(pose, arrived_s) }
     });
     Ok(State { id: Some(arm.device_id), key, reading })
 }
@@ -449,10 +438,8 @@ mod tests {
     fn a_state_message_is_read() {
         let state = parse(STATE, 7.0, USUAL).unwrap();
         let reading = state.reading.unwrap();
-        assert_eq!(
-            (state.id.as_deref(), reading.buttons, reading.arrived_s),
-            (Some("0A1B"), [true, false], 7.0)
-        );
+        assert_eq!((state.id.as_deref(), reading.buttons), (Some("0A1B"), [true, false]));
+        assert_eq!(reading.arrived_s, 7.0);
         assert_eq!(reading.device_from_handle.translation.vector, Vector3::new(0.01, -0.12, 0.2));
         assert!((reading.device_from_handle.rotation.angle() - 2.0 * 0.8f64.acos()).abs() < 1e-12);
         let nothing = State { id: None, key: ForceKey::Values, reading: None };

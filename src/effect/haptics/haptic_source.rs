@@ -95,12 +95,9 @@ mod tests {
         let mut source = HapticSource::alone(Box::new(FakeDevice(said.clone())));
         assert_eq!(source.latest().link, Link::Waiting);
         let reading = |count: u64, pressed: bool| Reading {
-            device_from_handle: Isometry3::translation(0.1 * count as f64, 0.0, 0.0),
             buttons: [pressed, false],
-            arrived_s: 0.001 * count as f64,
-            measured_s: None,
-            tracked: true,
             info: SampleInfo { count, ..SampleInfo::default() },
+            ..Reading::at(Isometry3::translation(0.1 * count as f64, 0.0, 0.0), 0.001 * count as f64)
         };
         for (count, pressed) in [(1, false), (2, true)] {
             *said.lock().unwrap() = Some(reading(count, pressed));

@@ -225,7 +225,7 @@ impl RunningEffect for HapticSession {
 }
 
 fn stylus_number(haptic: &Haptic, stage: &Stage) -> Result<usize, Failure> {
-    let known = stage.stylus_names();
+    let known = stage.tracking.stylus_names();
     known.iter().position(|name| *name == haptic.stylus).ok_or_else(|| {
         let message = crate::config::unknown_name("stylus", &haptic.stylus, known.iter().copied());
         Failure::wrong(format!("haptic.{}.stylus: {message}", haptic.name))

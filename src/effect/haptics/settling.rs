@@ -7,7 +7,7 @@
 
 use super::device::Device;
 use super::simulated::{Hand, Reports, Simulated};
-use super::stability::{START_M, spring};
+use super::stability::{START_M, spring, tick_with};
 use super::tick::{LoopState, Measures};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -85,18 +85,13 @@ pub fn settle(
             device.velocity = [Vector3::zeros(); 2];
             (device.push_work, device.eaten, held_j) = (0.0, 0.0, control.state.stored_energy);
         } else {
-            device.hand(&Isometry3::from_parts(
-                Translation3::from(gesture(now_s - HELD_S)),
-                device.device_from_handle.rotation,
-            ));
+            let hand = Translation3::from(gesture(now_s - HELD_S));
+            device.hand(&Isometry3::from_parts(hand, device.device_from_handle.rotation));
         }
         if tick % frame == 0 {
             control.take(&grasp);
         }
-        let reading = device.read(now_s);
-        control.latency_s = device.latency_s();
-        let push = control.tick(reading.as_ref(), now_s);
-        device.push(&push, now_s);
+        tick_with(&mut control, &mut device, now_s);
         settled.made_j = settled.made_j.max(device.push_work - device.eaten - held_j);
         if now_s > HELD_S + FREE_S - 1.0 {
             settled.swing_m = settled.swing_m.max(device.device_from_handle.translation.vector.norm());

@@ -4,7 +4,7 @@
 //! at most `STEP_S` under the constant force of the loop, as motors hold it; m contains the hand's own mass. Its [`Reports`] may
 //! be rare, late and irregular, like those of a device on a network.
 
-use super::device::{Device, Push, Reading, SampleInfo};
+use super::device::{Device, Push, Reading};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
@@ -40,9 +40,6 @@ impl Hand {
     /// Nobody holds it.
     pub const NONE: Hand =
         Hand { mass: 0.0, stiffness: 0.0, damping: 0.0, rotational_stiffness: 0.0, rotational_damping: 0.0 };
-}
-
-impl Hand {
     /// Two fingertips that barely touch it.
     pub const LIGHT: Hand = Hand {
         mass: 0.02,
@@ -98,9 +95,7 @@ pub struct Simulated {
     next_s: Option<f64>,
     script: Option<Script>,
     target: Isometry3<f64>,
-    mass: f64,
-    inertia: f64,
-    damping: [f64; 2],
+    haptic: Haptic,
     push: Push,
     time_s: Option<f64>,
     has_hand: bool,
@@ -125,16 +120,13 @@ impl Simulated {
             next_s: None,
             script: None,
             target: Isometry3::identity(),
-            mass: haptic.mass,
-            inertia: haptic.inertia,
-            damping: [haptic.damping, haptic.rotational_damping],
+            haptic: haptic.clone(),
             push: Push::NONE,
             time_s: None,
             has_hand: false,
         }
     }
 
-    /// With a hand that follows a script.
     pub fn scripted(haptic: &Haptic, hand: Hand, script: Script) -> Simulated {
         let pose = script(0.0);
         Simulated {
@@ -149,8 +141,8 @@ impl Simulated {
     pub fn energy(&self) -> f64 {
         let [v, w] = &self.velocity;
         let off = self.device_from_handle.translation.vector - self.target.translation.vector;
-        0.5 * ((self.mass + self.hand.mass) * v.norm_squared()
-            + self.inertia * w.norm_squared()
+        0.5 * ((self.haptic.mass + self.hand.mass) * v.norm_squared()
+            + self.haptic.inertia * w.norm_squared()
             + self.hand.stiffness * off.norm_squared())
     }
 
@@ -171,14 +163,7 @@ impl Simulated {
     /// The current pose, arriving now.
     fn now(&self, arrived_s: f64) -> Reading {
         let Simulated { device_from_handle, buttons, tracked, .. } = *self;
-        Reading {
-            device_from_handle,
-            buttons,
-            arrived_s,
-            measured_s: None,
-            tracked,
-            info: SampleInfo::default(),
-        }
+        Reading { buttons, tracked, ..Reading::at(device_from_handle, arrived_s) }
     }
 
     /// Simulates up to `now_s` and sends poses meanwhile; returns the newest that has arrived.
@@ -205,8 +190,8 @@ impl Simulated {
 
     fn step(&mut self, h: f64) {
         let hand = self.hand;
-        let (mass, target) = (self.mass + hand.mass, self.target.translation.vector);
-        let (b, push) = (self.damping[0], self.push.force);
+        let (mass, target) = (self.haptic.mass + hand.mass, self.target.translation.vector);
+        let (b, push) = (self.haptic.damping, self.push.force);
         let pull = |x: &Vector3<f64>, v: &Vector3<f64>| (target - x) * hand.stiffness - v * hand.damping;
         let acceleration = |x: &Vector3<f64>, v: &Vector3<f64>| (push + pull(x, v) - v * b) / mass;
         let (x, v) = (self.device_from_handle.translation.vector, self.velocity[0]);
@@ -226,10 +211,11 @@ impl Simulated {
         let off = (self.target.rotation * rotation.inverse()).scaled_axis();
         let w = self.velocity[1];
         let turn = off * hand.rotational_stiffness - w * hand.rotational_damping;
-        let w = w + (self.push.torque + turn - w * self.damping[1]) * (h / self.inertia);
+        let w =
+            w + (self.push.torque + turn - w * self.haptic.rotational_damping) * (h / self.haptic.inertia);
         self.hand_work += turn.dot(&w) * h;
         self.push_work += self.push.torque.dot(&w) * h;
-        self.eaten += self.damping[1] * w.norm_squared() * h;
+        self.eaten += self.haptic.rotational_damping * w.norm_squared() * h;
         self.velocity[1] = w;
         let mut rotation = UnitQuaternion::from_scaled_axis(w * h) * rotation;
         rotation.renormalize();

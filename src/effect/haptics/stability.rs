@@ -50,7 +50,6 @@ impl Verdict {
     }
 }
 
-/// One run.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Run {
     pub stiffness: f64,
@@ -67,15 +66,8 @@ pub struct Run {
 /// Releases the handle of `haptic` in `hand` on a spring, with the `measures`.
 pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> Run {
     let Some((mut control, grasp)) = spring(haptic, stiffness) else {
-        let (verdict, nan) = (Verdict::Diverges, f64::NAN);
-        return Run {
-            stiffness,
-            rate_hz: haptic.rate_hz,
-            verdict,
-            swing_m: nan,
-            generated_j: nan,
-            stiffer: nan,
-        };
+        let (rate_hz, verdict, nan) = (haptic.rate_hz, Verdict::Diverges, f64::NAN);
+        return Run { stiffness, rate_hz, verdict, swing_m: nan, generated_j: nan, stiffer: nan };
     };
     control.measures = measures;
     let mut device = Simulated::new(haptic, hand);
@@ -93,9 +85,7 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
         if tick % frame == 0 {
             control.take(&grasp);
         }
-        let reading = device.read(now_s);
-        let push = control.tick(reading.as_ref(), now_s);
-        device.push(&push, now_s);
+        tick_with(&mut control, &mut device, now_s);
         let away = device.device_from_handle.translation.vector.norm();
         if away.is_nan() || away >= 100.0 * START_M {
             swings_m = [START_M, f64::INFINITY];
@@ -116,6 +106,14 @@ pub fn run(haptic: &Haptic, hand: Hand, stiffness: f64, measures: Measures) -> R
     let state = control.state;
     let generated_j = state.observer.deepest;
     Run { stiffness, rate_hz: haptic.rate_hz, verdict, swing_m, generated_j, stiffer: state.stiffer }
+}
+
+/// One tick of the loop on a simulated device.
+pub(super) fn tick_with(control: &mut Control, device: &mut Simulated, now_s: f64) {
+    let reading = device.read(now_s);
+    control.latency_s = device.latency_s();
+    let push = control.tick(reading.as_ref(), now_s);
+    device.push(&push, now_s);
 }
 
 /// The least stiffness that is not stable, N/m, to 1 %. The search goes upwards from 50 N/m in steps of 5 %, because some

@@ -90,7 +90,6 @@ pub struct Loop {
 }
 
 impl Loop {
-    /// Starts the thread.
     pub fn start(control: Control, device: Box<dyn Device>) -> std::io::Result<Loop> {
         let (grasp, newest) = triple_buffer(&Grasp::default());
         let (told, report) = triple_buffer(&Report::default());
@@ -117,7 +116,6 @@ impl Loop {
         Some(HapticSource::of_loop(self.device.clone(), self.readings.take()?))
     }
 
-    /// The newest report.
     pub fn report(&mut self) -> &Report {
         self.report.read()
     }

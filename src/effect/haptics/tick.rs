@@ -5,7 +5,7 @@
 //! zero within [`FADE_S`]. A tick takes no lock and allocates nothing.
 
 use super::acting::{Acting, Given};
-use super::coupling::{Coupling, CouplingState, Limits, handle_stiffness};
+use super::coupling::{Coupling, CouplingState};
 use super::delay::Delay;
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
@@ -421,13 +421,13 @@ impl Control {
         self.stored = None;
         let reach = held.reach(&room_from_handle(haptic, handle), &body.origin())?;
         let jacobian = held.jacobian(haptic, &reach, &body.mean())?;
-        let stiffness = handle_stiffness(&body.held_block(), &jacobian) * held.energy_scale(haptic);
+        // At the handle, in N/m, N and N·m.
+        let stiffness = jacobian.transpose() * body.held_block() * jacobian * held.energy_scale(haptic);
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, period_s, age_s);
         let damping = [haptic.damping, haptic.rotational_damping];
-        let limits = Limits { force: haptic.max_force_n, torque: haptic.max_torque_nm };
-        let limits = self.measures.limits.then_some(limits);
+        let limits = self.measures.limits.then_some([haptic.max_force_n, haptic.max_torque_nm]);
         let bound = if self.measures.coupling { bearable } else { f64::INFINITY };
         self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bound, limits);
         (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * haptic.damping);

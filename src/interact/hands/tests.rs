@@ -23,8 +23,17 @@ fn rest() -> Matrix4<f64> {
         * Matrix4::new_nonuniform_scaling(&Vector3::new(1.0, 2.0, 0.5))
 }
 
+fn element(_: usize) -> Option<Element> {
+    Some(Element { room_from_body: Similarity3::identity(), room_from_element: rest() })
+}
+
 fn pose(t: f32) -> Isometry3<f32> {
     Isometry3::new(Vector3::new(t.sin(), 0.3 * t, 1.0), Vector3::new(0.2, t.cos(), -t))
+}
+
+/// A pressed stylus at this height above the element, and its second button.
+fn at(z: f32, second: bool) -> StylusState {
+    StylusState { second, ..stylus(Isometry3::translation(0.1, 0.2, z), true) }
 }
 
 /// Hands over one element that really follows.
@@ -43,10 +52,8 @@ impl Bench {
         self.time_s += 0.1;
         let hits = vec![hit(3, [0.6, 1.1, -0.2]); styli.len()];
         let element = Element { room_from_body: Similarity3::identity(), room_from_element: self.element };
-        let asked =
-            self.hands.step(&styli.iter().copied().map(Some).collect::<Vec<_>>(), self.time_s, &hits, |_| {
-                Some(element)
-            });
+        let styli: Vec<_> = styli.iter().copied().map(Some).collect();
+        let asked = self.hands.step(&styli, self.time_s, &hits, |_| Some(element));
         for drag in &asked.drags {
             assert_eq!(drag.target, 3);
             self.element = drag.room_from_element;
@@ -73,14 +80,11 @@ fn the_element_follows_rigidly_and_keeps_its_scale() {
 #[test]
 fn a_press_beside_everything_grabs_nothing_until_the_next_press() {
     let mut hands = Hands::new(0.5);
-    let element = |_| Some(Element { room_from_body: Similarity3::identity(), room_from_element: rest() });
     let mut drags =
         |pressed, hit| hands.step(&[Some(stylus(pose(0.0), pressed))], 0.0, &[hit], element).drags.len();
     let there = hit(3, [0.0; 3]);
-    assert_eq!(
-        [drags(true, None), drags(true, there), drags(false, there), drags(true, there)],
-        [0, 0, 0, 1]
-    );
+    let steps = [(true, None), (true, there), (false, there), (true, there)];
+    assert_eq!(steps.map(|(pressed, hit)| drags(pressed, hit)), [0, 0, 0, 1]);
 }
 
 #[test]
@@ -153,7 +157,6 @@ fn no_change_of_mode_or_of_hands_makes_the_element_jump() {
 fn two_hands_on_one_element_scale_it_and_a_third_is_refused() {
     let mut hands = Hands::new(0.5);
     let at = |x: f32| Isometry3::translation(x, 1.0, 0.5);
-    let element = |_| Some(Element { room_from_body: Similarity3::identity(), room_from_element: rest() });
     let hits = [hit(3, [0.4, 1.0, -0.2]), hit(3, [0.6, 1.0, -0.2]), hit(3, [0.5, 1.0, -0.2])];
     let three = |a, b, c| [a, b, c].map(|x| Some(stylus(at(x), true)));
     hands.step(&three(0.4, 0.6, 0.5), 0.0, &hits, element);
@@ -170,7 +173,6 @@ fn two_hands_on_one_element_scale_it_and_a_third_is_refused() {
 #[test]
 fn the_second_button_scales_by_the_push_along_the_ray_and_does_not_move() {
     let mut bench = Bench::new();
-    let at = |z: f32, second| StylusState { second, ..stylus(Isometry3::translation(0.1, 0.2, z), true) };
     bench.step(&[at(1.0, false)]);
     bench.step(&[at(1.0, true)]);
     for _ in 0..5 {
@@ -190,7 +192,6 @@ fn the_second_button_scales_by_the_push_along_the_ray_and_does_not_move() {
 #[test]
 fn a_click_of_the_second_button_goes_to_the_next_mode_and_scales_nothing() {
     let mut bench = Bench::new();
-    let at = |z: f32, second| StylusState { second, ..stylus(Isometry3::translation(0.1, 0.2, z), true) };
     bench.step(&[at(1.0, false)]);
     bench.step(&[at(1.0, true)]);
     bench.step(&[at(0.99, true)]);
@@ -206,7 +207,6 @@ fn a_click_of_the_second_button_goes_to_the_next_mode_and_scales_nothing() {
 #[test]
 fn with_nothing_in_the_hand_the_second_button_navigates_and_two_presses_are_told() {
     let mut hands = Hands::new(0.5);
-    let element = |_| Some(Element { room_from_body: Similarity3::identity(), room_from_element: rest() });
     let mut step = |time_s: f64, pressed, second, hit| {
         let state = StylusState { second, ..stylus(pose(0.0), pressed) };
         hands.step(&[Some(state)], time_s, &[hit], element)

@@ -43,18 +43,9 @@ pub fn check(name: &str, file: &HapticFile) -> Result<Haptic, StageFault> {
     let device = device(&file.device).map_err(fault)?;
     let usual = Haptic::simulated(name);
     let is_simulated = device == HapticDevice::Simulated;
-    let max_force = match file.max_force {
-        None if !is_simulated => {
-            let message = "max_force is missing: give what the device can push with for long, N".to_owned();
-            return Err(fault(message));
-        }
-        max_force => max_force.unwrap_or(usual.max_force_n),
-    };
-    let range = |key: &str, value: f64, unit: &str, min: f64, max: f64| {
-        let message = || format!("{key} is {value}: it must be a number{unit} between {min} and {max}");
-        if (min..=max).contains(&value) { Ok(value) } else { Err(fault(message())) }
-    };
-    let mount = |key: &str, mount: &MountFile| isometry(&format!("{key} of haptic `{name}`"), mount);
+    if file.max_force.is_none() && !is_simulated {
+        return Err(fault("max_force is missing: give what the device can push with for long, N".to_owned()));
+    }
     // Neither VRPN nor the Inverse3 has torque.
     let torque = file.max_torque.unwrap_or(if is_simulated { usual.max_torque_nm } else { 0.0 });
     if torque > 0.0 && !is_simulated {
@@ -63,37 +54,38 @@ pub fn check(name: &str, file: &HapticFile) -> Result<Haptic, StageFault> {
             file.device
         )));
     }
-    let haptic = Haptic {
-        name: name.to_owned(),
-        buttons: buttons(file, &device).map_err(fault)?,
-        device,
-        stylus: file.stylus.clone().unwrap_or_else(|| name.to_owned()),
-        rate_hz: range("rate", file.rate.unwrap_or(usual.rate_hz), " of Hz", 100.0, 20_000.0)?,
-        max_force_n: range("max_force", max_force, " of N", 0.1, 100.0)?,
-        max_torque_nm: range("max_torque", torque, " of N·m", 0.0, 10.0)?,
-        force: range("force", file.force.unwrap_or(usual.force), "", 1e-6, 1e6)?,
-        motion: range("motion", file.motion.unwrap_or(usual.motion), "", 1e-3, 1e3)?,
-        damping: range("damping", file.damping.unwrap_or(usual.damping), " of N·s/m", 1e-3, 1e3)?,
-        rotational_damping: range(
+    let stylus = file.stylus.clone().unwrap_or_else(|| name.to_owned());
+    let mut haptic = Haptic { buttons: buttons(file, &device).map_err(fault)?, device, stylus, ..usual };
+    for (key, number, given, unit, min, max) in [
+        ("rate", &mut haptic.rate_hz, file.rate, " of Hz", 100.0, 20_000.0),
+        ("max_force", &mut haptic.max_force_n, file.max_force, " of N", 0.1, 100.0),
+        ("max_torque", &mut haptic.max_torque_nm, Some(torque), " of N·m", 0.0, 10.0),
+        ("force", &mut haptic.force, file.force, "", 1e-6, 1e6),
+        ("motion", &mut haptic.motion, file.motion, "", 1e-3, 1e3),
+        ("damping", &mut haptic.damping, file.damping, " of N·s/m", 1e-3, 1e3),
+        (
             "rotational_damping",
-            file.rotational_damping.unwrap_or(usual.rotational_damping),
+            &mut haptic.rotational_damping,
+            file.rotational_damping,
             " of N·m·s/rad",
             1e-6,
             10.0,
-        )?,
-        mass: range("mass", file.mass.unwrap_or(usual.mass), " of kg", 1e-3, 10.0)?,
-        inertia: range("inertia", file.inertia.unwrap_or(usual.inertia), " of kg·m²", 1e-7, 1.0)?,
-        virtual_damping: range(
-            "virtual_damping",
-            file.virtual_damping.unwrap_or(0.0),
-            " of N·s/m",
-            0.0,
-            1e3,
-        )?,
-        latency_s: range("latency", file.latency.unwrap_or(0.0), " of s", 0.0, MOST_LATENCY_S)?,
-        room_from_device: mount("room_from_device", &file.room_from_device)?,
-        sensor_from_body: mount("sensor_from_body", &file.sensor_from_body)?,
-    };
+        ),
+        ("mass", &mut haptic.mass, file.mass, " of kg", 1e-3, 10.0),
+        ("inertia", &mut haptic.inertia, file.inertia, " of kg·m²", 1e-7, 1.0),
+        ("virtual_damping", &mut haptic.virtual_damping, file.virtual_damping, " of N·s/m", 0.0, 1e3),
+        ("latency", &mut haptic.latency_s, file.latency, " of s", 0.0, MOST_LATENCY_S),
+    ] {
+        *number = given.unwrap_or(*number);
+        if !(min..=max).contains(number) {
+            return Err(fault(format!(
+                "{key} is {number}: it must be a number{unit} between {min} and {max}"
+            )));
+        }
+    }
+    let mount = |key: &str, mount: &MountFile| isometry(&format!("{key} of haptic `{name}`"), mount);
+    haptic.room_from_device = mount("room_from_device", &file.room_from_device)?;
+    haptic.sensor_from_body = mount("sensor_from_body", &file.sensor_from_body)?;
     if haptic.virtual_damping >= haptic.damping {
         return Err(fault(format!(
             "virtual_damping {} is not below the device's own damping {}: nothing would be left for the body",
@@ -253,11 +245,11 @@ mod tests {
         let tip = room * tracking.sensors["haptic.right"].sensor_from_body;
         assert!((room.translation.vector - Vector3::new(0.0, 0.9, 0.2)).norm() < 1e-12, "{room}");
         assert!((tip.translation.vector - Vector3::new(-0.1, 0.9, 0.2)).norm() < 1e-12, "{tip}");
-        assert_eq!(stage.stylus_names(), ["pen"]);
+        assert_eq!(stage.tracking.stylus_names(), ["pen"]);
         assert!(stage.to_string().contains("tracker haptic.right: force device, haply localhost"), "{stage}");
         let simulated = stage_of("device = \"simulated\"").unwrap();
         assert_eq!(simulated.tracking, Tracking::default());
-        assert_eq!(simulated.stylus_names(), ["right", "left"]);
+        assert_eq!(simulated.tracking.stylus_names(), ["right", "left"]);
         let twice =
             format!("{real}\n[haptic.other]\ndevice = \"haply://h\"\nmax_force = 5\nstylus = \"pen\"");
         let error = stage_of(&twice).unwrap_err();
@@ -271,10 +263,8 @@ mod tests {
     fn a_stylus_that_is_not_there_or_has_a_device_is_refused() {
         let simulated = "device = \"simulated\"";
         let error = stage(&format!("{simulated}\nstylus = \"rihgt\"")).unwrap_err();
-        assert!(
-            error.contains("haptic `right`: ") && error.contains("rihgt") && error.contains("right"),
-            "{error}"
-        );
+        assert!(error.contains("haptic `right`: ") && error.contains("rihgt"), "{error}");
+        assert!(error.contains("right"), "{error}");
         let twice = format!("{simulated}\n[haptic.other]\n{simulated}\nstylus = \"right\"");
         let error = stage(&twice).unwrap_err();
         assert!(

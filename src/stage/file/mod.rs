@@ -109,15 +109,9 @@ impl Stage {
     /// [`StageError::File`] and [`StageError::Unknown`], if there is no stage file that can be read.
     pub fn survey(name_or_path: &str) -> Result<Survey, StageError> {
         let (text, path) = text_of(name_or_path)?;
-        Self::survey_text(&text, &path)
+        survey(&text, &path)
     }
 
-    /// The same for the text of a stage file; `path` is only named in errors.
-    pub fn survey_text(text: &str, path: &Path) -> Result<Survey, StageError> {
-        survey(text, path)
-    }
-
-    /// Reads and checks a stage file.
     pub fn load(path: &Path) -> Result<Self, StageError> {
         let text = config::read(path)?;
         Self::parse(&text, path)
@@ -163,8 +157,8 @@ impl FaultList<'_> {
     }
 }
 
-/// Reads the whole file and continues after a fault.
-fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
+/// Reads the whole text of a stage file and continues after a fault; `path` is only named in errors.
+pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     let file: StageFile = config::parse(text, path)?;
     let mut faults = FaultList { text, found: Vec::new() };
     faults.keep(0, check_name("stage", &file.name));

@@ -41,10 +41,8 @@ fn an_upside_down_mirrored_screen_is_told_from_one_that_is_left_to_right() {
     let text = text.replace(WALL_LEFT, "lower_left = [-0.80, 2.18, 0.00]");
     let text = text.replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.80, 2.18, 0.00]");
     let error = Stage::parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
-    assert!(
-        error.contains("`wall` is mirrored") && error.contains("Swap lower_left with upper_left"),
-        "{error}"
-    );
+    assert!(error.contains("`wall` is mirrored"), "{error}");
+    assert!(error.contains("Swap lower_left with upper_left"), "{error}");
     assert!(error.contains("upper_left = [-0.8000, 2.1800, 0.0000]"), "{error}");
 }
 

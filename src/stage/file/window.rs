@@ -72,11 +72,11 @@ fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Resu
             .screen
             .as_deref()
             .ok_or("which screen does it show? Give `screen`, or [[window.tile]] tables")?;
-        let mut tile = tile(screens, screen, file.stereo, usual, file.crop, file.overscan)?;
-        let size = file.size.unwrap_or(tile.stereo.window_size([tile.crop[2], tile.crop[3]]));
-        tile.rect = [0, 0, size[0], size[1]];
-        tile.swap_eyes = file.swap_eyes;
-        vec![tile]
+        let WindowFile { stereo, swap_eyes, crop, overscan, .. } = file;
+        let whole = TileFile { screen: screen.to_owned(), rect: [0; 4], stereo, swap_eyes, crop, overscan };
+        let tile = tile(screens, &whole, usual)?;
+        let [width, height] = file.size.unwrap_or(tile.stereo.window_size([tile.crop[2], tile.crop[3]]));
+        vec![Tile { rect: [0, 0, width, height], ..tile }]
     } else {
         if file.screen.is_some() || file.crop.is_some() || file.overscan.is_some() {
             return Err(
@@ -84,9 +84,8 @@ fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Resu
             );
         }
         let of = |part: &TileFile| {
-            let rect = part.rect;
-            let made = tile(screens, &part.screen, part.stereo, usual, part.crop, part.overscan)?;
-            Ok(Tile { rect, swap_eyes: part.swap_eyes != file.swap_eyes, ..made })
+            let made = tile(screens, part, usual)?;
+            Ok(Tile { swap_eyes: part.swap_eyes != file.swap_eyes, ..made })
         };
         file.tiles.iter().map(of).collect::<Result<Vec<_>, String>>()?
     };
@@ -98,10 +97,7 @@ fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Resu
     file.at.map_or(Ok(()), check_place)?;
     for (i, tile) in tiles.iter().enumerate() {
         let [x, y, w, h] = tile.rect;
-        let fits = |start: u32, length: u32, limit: u32| {
-            length > 0 && u64::from(start) + u64::from(length) <= u64::from(limit)
-        };
-        if !(fits(x, w, width) && fits(y, h, height)) {
+        if !is_within(tile.rect, size) {
             return Err(format!(
                 "tile {} has {w} × {h} pixels at ({x}, {y}), which is not within the window's {width} × {height}",
                 i + 1
@@ -115,18 +111,13 @@ fn read(file: WindowFile, name: &str, screens: &[Screen], usual: Stereo) -> Resu
     Ok(Window { name: name.to_owned(), monitor, at, size, fills, border, tiles })
 }
 
-fn tile(
-    screens: &[Screen],
-    name: &str,
-    stereo: Option<Stereo>,
-    usual: Stereo,
-    crop: Option<[u32; 4]>,
-    overscan: Option<[u32; 4]>,
-) -> Result<Tile, String> {
+fn tile(screens: &[Screen], file: &TileFile, usual: Stereo) -> Result<Tile, String> {
+    let TileFile { screen: name, rect, stereo, swap_eyes, crop, overscan } = file;
+    let (rect, swap_eyes) = (*rect, *swap_eyes);
     let names = screens.iter().map(|screen| screen.name.as_str());
     let screen = screens
         .iter()
-        .position(|screen| screen.name == name)
+        .position(|screen| screen.name == *name)
         .ok_or_else(|| config::unknown_name("screen", name, names))?;
     let pixels @ [width, height] = screens[screen].pixels;
     let stereo = stereo.unwrap_or(usual);
@@ -136,17 +127,14 @@ fn tile(
              tiles, or a kind of stereo that holds both"
         ));
     }
-    let crop @ [x, y, w, h] = crop.unwrap_or([0, 0, width, height]);
-    let is_within = |start: u32, length: u32, limit: u32| {
-        length > 0 && u64::from(start) + u64::from(length) <= u64::from(limit)
-    };
-    if !(is_within(x, w, width) && is_within(y, h, height)) {
+    let crop @ [.., w, h] = crop.unwrap_or([0, 0, width, height]);
+    if !is_within(crop, pixels) {
         return Err(format!(
             "crop {crop:?} (x, y, width, height) is not within the {width} × {height} pixels of screen `{name}`"
         ));
     }
     let overscan = overscan.unwrap_or([0; 4]);
-    let tile = Tile { rect: [0, 0, w, h], screen, stereo, swap_eyes: false, crop, overscan };
+    let tile = Tile { rect, screen, stereo, swap_eyes, crop, overscan };
     if tile.visible(&screens[screen], [w, h]).is_none() {
         return Err(format!(
             "overscan {overscan:?} (left, right, top, bottom) hides all that is shown of the {} × {} pixels of screen \
@@ -170,6 +158,13 @@ fn check_place(at @ [x, y]: [i32; 2]) -> Result<(), String> {
         true => Ok(()),
         false => Err(format!("it stands at ({x}, {y}): both must be between {low} and {high}")),
     }
+}
+
+/// Whether a rectangle (x, y, width, height) has pixels, all of them within this width and height.
+fn is_within(rect: [u32; 4], limits: [u32; 2]) -> bool {
+    (0..2).all(|axis| {
+        rect[axis + 2] > 0 && u64::from(rect[axis]) + u64::from(rect[axis + 2]) <= u64::from(limits[axis])
+    })
 }
 
 /// Whether two rectangles (x, y, width, height) share a pixel.

@@ -4,15 +4,34 @@ use super::*;
 use crate::stage::BUILT_IN;
 use std::path::Path;
 
-/// What is found about a built-in stage with a piece of its text replaced and more at its end; `error: entity: text`.
-fn found(name: &str, from: &str, to: &str, more: &str, monitors: &[Monitor]) -> Vec<String> {
-    let text = BUILT_IN.iter().find(|(known, _)| *known == name).unwrap().1;
-    assert!(text.contains(from), "`{from}` is not in the file");
-    let text = format!("{}\n{more}", text.replacen(from, to, 1));
-    let stage = Stage::parse(&text, Path::new("bench.toml")).unwrap();
+/// What is found about the text of a stage on these monitors; `error: entity: text`.
+fn found_on(monitors: &[Monitor], text: &str) -> Vec<String> {
+    let stage = Stage::parse(text, Path::new("bench.toml")).unwrap();
     let line =
         |lint: Diagnostic| format!("{:?}: {}: {}", lint.severity, lint.place, lint.message).to_lowercase();
     lint(&stage, monitors).into_iter().map(line).collect()
+}
+
+/// The text of a built-in stage with more at its end.
+fn with(name: &str, more: &str) -> String {
+    let text = BUILT_IN.iter().find(|(known, _)| *known == name).unwrap().1;
+    format!("{text}\n{more}")
+}
+
+fn found(name: &str) -> Vec<String> {
+    found_on(&[], &with(name, ""))
+}
+
+/// What is found about the workbench with a piece of its text replaced.
+fn changed(from: &str, to: &str) -> Vec<String> {
+    let text = with("workbench", "");
+    assert!(text.contains(from), "`{from}` is not in the file");
+    found_on(&[], &text.replacen(from, to, 1))
+}
+
+/// What is found about the workbench with more at its end.
+fn more(monitors: &[Monitor], more: &str) -> Vec<String> {
+    found_on(monitors, &with("workbench", more))
 }
 
 fn has(found: &[String], parts: &[&str]) {
@@ -29,48 +48,37 @@ fn worse_than_notes(found: &[String]) -> Vec<&String> {
 #[test]
 fn a_right_stage_has_no_more_than_notes() {
     for name in ["workbench", "workbench-one-sided", "desktop", "cave3", "cave6", "laptop"] {
-        let found = found(name, "ipd", "ipd", "", &[]);
+        let found = found(name);
         assert!(worse_than_notes(&found).is_empty(), "{name}: {found:#?}");
         has(&found, &["note: viewer.head", "no sensor"]);
     }
-    has(
-        &found("workbench", "ipd", "ipd", "", &[]),
-        &["upper edge of table and lower edge of wall meet within 0.0 mm"],
-    );
+    has(&found("workbench"), &["upper edge of table and lower edge of wall meet within 0.0 mm"]);
 }
 
 #[test]
 fn gaps_overlaps_and_ends_are_told_in_millimetres() {
-    has(&found("lbench", "ipd", "ipd", "", &[]), &["warning: seam.front-table", "leave a gap of 14.1 mm"]);
-    let bezels = found("powerwall", "ipd", "ipd", "", &[]);
+    has(&found("lbench"), &["warning: seam.front-table", "leave a gap of 14.1 mm"]);
+    let bezels = found("powerwall");
     assert_eq!(bezels.iter().filter(|line| line.contains("leave a gap of 3.5 mm")).count(), 4, "{bezels:#?}");
-    let off =
-        found("workbench", "lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.805, 0.90, 0.00]", "", &[]);
+    let off = changed("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.805, 0.90, 0.00]");
     has(&off, &["warning: seam.table-wall", "their ends are 0.0 and 5.0 mm off along it"]);
 }
 
 #[test]
 fn pixels_that_are_not_square_and_corners_that_are_off_are_told() {
-    has(
-        &found("cyberstage", "ipd", "ipd", "", &[]),
-        &["warning: screen.floor", "2.344 × 2.930 mm (0.800 times", "2.4000 m high"],
-    );
-    let skew =
-        found("workbench", "upper_left = [-0.80, 2.18, 0.00]", "upper_left = [-0.799, 2.18, 0.00]", "", &[]);
+    has(&found("cyberstage"), &["warning: screen.floor", "2.344 × 2.930 mm (0.800 times", "2.4000 m high"]);
+    let skew = changed("upper_left = [-0.80, 2.18, 0.00]", "upper_left = [-0.799, 2.18, 0.00]");
     has(&skew, &["note: screen.wall", "1.0 mm off a rectangle"]);
 }
 
 #[test]
 fn viewers_are_judged() {
-    has(
-        &found("workbench", "ipd = 0.064", "ipd = 0.050", "", &[]),
-        &["note: viewer.ipd", "50.0 mm apart are rare"],
-    );
-    let low = found("workbench", "position = [0.0, 1.70, 1.50]", "position = [0.0, 0.93, 1.70]", "", &[]);
+    has(&changed("ipd = 0.064", "ipd = 0.050"), &["note: viewer.ipd", "50.0 mm apart are rare"]);
+    let low = changed("position = [0.0, 1.70, 1.50]", "position = [0.0, 0.93, 1.70]");
     has(&low, &["warning: screen.table", "under 1.6° to its plane"]);
-    let far = found("workbench", "position = [0.0, 1.70, 1.50]", "position = [0.0, 17.0, 15.0]", "", &[]);
+    let far = changed("position = [0.0, 1.70, 1.50]", "position = [0.0, 17.0, 15.0]");
     has(&far, &["warning: viewer.position", "are all numbers metres?"]);
-    let aside = found("workbench", "centre = [0.0, 1.15, 0.55]", "centre = [0.0, 1.15, 3.0]", "", &[]);
+    let aside = changed("centre = [0.0, 1.15, 0.55]", "centre = [0.0, 1.15, 3.0]");
     has(&aside, &["warning: workspace.centre", "on no screen"]);
 }
 
@@ -91,7 +99,7 @@ fn monitors(count: i32) -> Vec<Monitor> {
 
 #[test]
 fn a_place_that_two_screens_show_is_told_in_millimetres() {
-    let with = |more: &str| found("desktop", "ipd", "ipd", more, &[]);
+    let with = |more: &str| found_on(&[], &with("desktop", more));
     let stage = Stage::find("desktop").unwrap();
     let screen = &stage.screens[0];
     let beside = |by_m: f64| {
@@ -115,7 +123,7 @@ fn pixels_on_mirrored_monitors_count_once() {
     let mut monitors = monitors(1);
     monitors.push(Monitor { name: "clone".into(), ..monitors[0].clone() });
     let half = "[[window]]\nscreen = \"wall\"\nstereo = \"mono\"\nat = [640, 0]\n";
-    let found = found("workbench", "ipd", "ipd", half, &monitors);
+    let found = more(&monitors, half);
     has(
         &found,
         &["warning: window.window 1", "50 % of its 1280 × 1024 pixels at (640, 0) lie on no monitor"],
@@ -127,33 +135,29 @@ fn eyes_swapped_between_monitors_are_told() {
     let of = |eye: &str, monitor: usize| {
         format!("[[window]]\nname = \"{eye}\"\nscreen = \"wall\"\nstereo = \"{eye}\"\nmonitor = {monitor}\n")
     };
-    let judged = |left, right| {
-        found("workbench", "ipd", "ipd", &(of("left", left) + &of("right", right)), &monitors(2))
-    };
+    let judged = |left, right| more(&monitors(2), &(of("left", left) + &of("right", right)));
     has(&judged(1, 0), &["warning: screen.wall", "right of the right eye's"]);
     assert!(!judged(0, 1).iter().any(|line| line.contains("right of the right eye's")));
 }
 
 #[test]
 fn swapped_and_missing_eyes_are_told() {
-    let right =
-        found("workbench", "ipd", "ipd", &pairs([[0, 0], [1280, 0], [0, 1024], [1280, 1024]]), &monitors(2));
+    let right = more(&monitors(2), &pairs([[0, 0], [1280, 0], [0, 1024], [1280, 1024]]));
     assert!(worse_than_notes(&right).is_empty(), "{right:#?}");
-    let swapped =
-        found("workbench", "ipd", "ipd", &pairs([[0, 0], [1280, 0], [1280, 1024], [0, 1024]]), &monitors(2));
+    let swapped = more(&monitors(2), &pairs([[0, 0], [1280, 0], [1280, 1024], [0, 1024]]));
     has(&swapped, &["warning: screen.table", "right of the right eye's, unlike those of 1 other"]);
     let one = "[[window]]\nscreen = \"wall\"\nstereo = \"left\"\n";
-    let missing = found("workbench", "ipd", "ipd", one, &[]);
+    let missing = more(&[], one);
     has(&missing, &["warning: screen.table", "no window shows it"]);
     has(&missing, &["warning: screen.wall", "to the left eye alone"]);
-    let swap = found("workbench", "[viewer]", "swap_eyes = true\n[viewer]", "", &[]);
+    let swap = changed("[viewer]", "swap_eyes = true\n[viewer]");
     has(&swap, &["note: swap_eyes"]);
 }
 
 #[test]
 fn windows_off_the_monitors_or_over_each_other_are_told() {
     let places = [[0, 0], [1280, 0], [0, 1024], [1280, 1024]];
-    let found_on = |places, monitors: &[Monitor]| found("workbench", "ipd", "ipd", &pairs(places), monitors);
+    let found_on = |places, monitors: &[Monitor]| more(monitors, &pairs(places));
     let off = found_on(places, &monitors(1));
     has(
         &off,
@@ -164,17 +168,14 @@ fn windows_off_the_monitors_or_over_each_other_are_told() {
     let partly = found_on([[-128, 0], [1280, 0], [0, 1024], [1280, 1024]], &monitors(2));
     has(&partly, &["warning: window.wall left", "10 %"]);
     let absent = "[[window]]\nscreen = \"wall\"\nstereo = \"rows\"\nmonitor = \"HDMI-7\"\n";
-    let absent = found("workbench", "ipd", "ipd", absent, &monitors(2));
+    let absent = more(&monitors(2), absent);
     has(&absent, &["error: window.window 1", "no monitor `hdmi-7`; there are `dp-0`, `dp-1`"]);
 }
 
 #[test]
 fn tiles_of_other_sizes_than_their_screens_are_told() {
     let woven = "[[window]]\nscreen = \"wall\"\nstereo = \"rows\"\nat = [0, 0]\nsize = [640, 512]\n";
-    has(&found("workbench", "ipd", "ipd", woven, &[]), &["note: window.window 1", "its own are 1280 × 1024"]);
+    has(&more(&[], woven), &["note: window.window 1", "its own are 1280 × 1024"]);
     let packed = "[[window]]\nscreen = \"wall\"\nstereo = \"frame_packing\"\nat = [0, 0]\n";
-    has(
-        &found("workbench", "ipd", "ipd", packed, &[]),
-        &["frame packing takes 1920 × 2205", "not 1280 × 2091"],
-    );
+    has(&more(&[], packed), &["frame packing takes 1920 × 2205", "not 1280 × 2091"]);
 }

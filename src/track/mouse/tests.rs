@@ -18,6 +18,15 @@ const PRESS: MouseInput = MouseInput::Button { button: Button::Left, pressed: tr
 const RELEASE: MouseInput = MouseInput::Button { button: Button::Left, pressed: false };
 const PRESS_RIGHT: MouseInput = MouseInput::Button { button: Button::Right, pressed: true };
 
+/// A mouse that has grabbed what it points at, the stylus then, and the place of what it holds.
+fn grabbing(distance_m: f64) -> (Mouse, Isometry3<f64>, Point3<f64>) {
+    let mut mouse = mouse();
+    mouse.hit_distance_m = Some(distance_m);
+    mouse.handle(PRESS);
+    let before = stylus(&mouse);
+    (mouse, before, before * Point3::new(0.0, 0.0, -distance_m))
+}
+
 /// Where the thing that was grabbed at `point` is carried by a stylus that moved from `before` to now.
 fn carried(mouse: &Mouse, before: &Isometry3<f64>, point: &Point3<f64>) -> Point3<f64> {
     stylus(mouse) * (before.inverse() * point)
@@ -50,11 +59,7 @@ fn the_ray_starts_at_the_eye_where_a_tracker_has_the_head() {
 
 #[test]
 fn what_is_grabbed_stays_under_the_cursor_and_parallel_to_the_screen() {
-    let mut mouse = mouse();
-    mouse.hit_distance_m = Some(0.7);
-    mouse.handle(PRESS);
-    let before = stylus(&mouse);
-    let point = before * Point3::new(0.0, 0.0, -0.7);
+    let (mut mouse, before, point) = grabbing(0.7);
     for x in 0..=10 {
         mouse.handle(cursor(0.06 * f64::from(x), 0.02 * f64::from(x)));
     }
@@ -71,11 +76,7 @@ fn what_is_grabbed_stays_under_the_cursor_and_parallel_to_the_screen() {
 
 #[test]
 fn the_wheel_carries_along_the_line_of_sight() {
-    let mut mouse = mouse();
-    mouse.hit_distance_m = Some(0.5);
-    mouse.handle(PRESS);
-    let before = stylus(&mouse);
-    let point = before * Point3::new(0.0, 0.0, -0.5);
+    let (mut mouse, before, point) = grabbing(0.5);
     mouse.handle(MouseInput::Wheel { notches: 2.0 });
     let now = carried(&mouse, &before, &point);
     let eye = Point3::new(0.0, 0.06, 0.60);
@@ -86,11 +87,7 @@ fn the_wheel_carries_along_the_line_of_sight() {
 #[test]
 fn turning_leaves_the_grab_point_where_it_is() {
     for hold in [PRESS_RIGHT, MouseInput::Key { name: "Control", pressed: true }] {
-        let mut mouse = mouse();
-        mouse.hit_distance_m = Some(0.5);
-        mouse.handle(PRESS);
-        let before = stylus(&mouse);
-        let point = before * Point3::new(0.0, 0.0, -0.5);
+        let (mut mouse, before, point) = grabbing(0.5);
         mouse.handle(hold);
         mouse.handle(cursor(0.5, 0.0));
         assert!((carried(&mouse, &before, &point) - point).norm() < 1e-6);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::stage::tracking::{Axis, ButtonId, LostPolicy, OneEuro, TrackerFrame};
-use crate::stage::{BUILT_IN, Survey};
+use crate::stage::{BUILT_IN, Survey, survey};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use std::path::Path;
 
@@ -99,19 +99,15 @@ fn axes_are_straightened_to_the_nearest_rotation_half_turns_too() {
 #[test]
 fn unknown_names_are_answered_with_the_nearest() {
     let error = refusal("tracker = \"art\"\nid", "tracker = \"arts\"\nid", "[sensor.wand]");
-    assert!(
-        error.contains("sensor `wand`: unknown tracker \"arts\"") && error.contains("mean \"art\"?"),
-        "{error}"
-    );
+    assert!(error.contains("sensor `wand`: unknown tracker \"arts\""), "{error}");
+    assert!(error.contains("mean \"art\"?"), "{error}");
     let error = refusal("sensor = \"wand\"", "sensor = \"wond\"", "[stylus.right]");
     assert!(error.contains("unknown sensor \"wond\"") && error.contains("mean \"wand\"?"), "{error}");
     let error = refusal("tracker = \"pad\"", "tracker = \"pat\"", "[stylus.right]");
     assert!(error.contains("mean \"pad\"?"), "{error}");
     let error = parse(KEYS, "head = \"haed\"").unwrap_err();
-    assert!(
-        error.contains("the viewer's head: unknown sensor \"haed\"") && error.contains("\"head\"?"),
-        "{error}"
-    );
+    assert!(error.contains("the viewer's head: unknown sensor \"haed\""), "{error}");
+    assert!(error.contains("\"head\"?"), "{error}");
     let error = parse("[sensor.a]\ntracker = \"b\"\nid = 0\nfiltre = {}\n", "").unwrap_err();
     assert!(error.contains("did you mean `filter`?"), "{error}");
 }
@@ -214,7 +210,7 @@ fn every_fault_of_tracking_is_told_and_none_that_follows_from_another() {
                 tracker = \"a\"\nid = 1\npredict = 5\n[stylus.right]\nsensor = \"wand\"\n[stylus.left]\n\
                 sensor = \"hand\"\n";
     let text = BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"") + keys;
-    let survey = Stage::survey_text(&text, Path::new("bench.toml")).unwrap();
+    let survey = survey(&text, Path::new("bench.toml")).unwrap();
     let Survey { stage, tracking, faults } = survey;
     let told: Vec<String> =
         source_faults(&tracking).chain(faults).map(|located| located.fault.to_string()).collect();

@@ -29,9 +29,7 @@ pub struct DeviceClock {
 impl DeviceClock {
     /// When it was measured, s of our clock; never after its arrival.
     pub fn time_s(&mut self, arrived_s: f64, measured_s: Option<f64>) -> f64 {
-        let Some(measured_s) = measured_s else {
-            return arrived_s;
-        };
+        let Some(measured_s) = measured_s else { return arrived_s };
         let behind_s = arrived_s - measured_s;
         if !behind_s.is_finite() {
             self.faults += 1;

@@ -22,7 +22,6 @@ const CONFIRM_S: f64 = 0.1;
 /// The pose glides from where it was held to where it is within this time, s.
 const BRIDGE_S: f64 = 0.2;
 
-/// The state of one sensor.
 #[derive(Clone, Debug)]
 pub struct Follower {
     pub sensor: Sensor,
@@ -111,12 +110,9 @@ impl Follower {
     /// Takes the newest reading, if it is a new one. Gaps are those of the device: a caller that looks rarely misses
     /// readings, but that counts as no gap.
     pub fn take(&mut self, reading: &Reading<Isometry3<f64>>) {
-        let is_same = (reading.count, reading.arrived_s) == self.taken;
-        self.taken = (reading.count, reading.arrived_s);
-        if is_same {
-            return;
-        }
-        if reading.quality <= 0.0 || !reading.arrived_s.is_finite() {
+        let now = (reading.count, reading.arrived_s);
+        let is_same = std::mem::replace(&mut self.taken, now) == now;
+        if is_same || reading.quality <= 0.0 || !reading.arrived_s.is_finite() {
             return;
         }
         let Some(pose) = in_room(self.frame.room_from_sensor(&reading.value)) else {
@@ -126,9 +122,7 @@ impl Follower {
         let time_s = self.clock.time_s(reading.arrived_s, reading.measured_s);
         self.faults.clock = self.clock.faults;
         let now = Believed { pose, time_s, arrived_s: reading.arrived_s };
-        let Some(last) = self.raw else {
-            return self.begin(now, now.arrived_s);
-        };
+        let Some(last) = self.raw else { return self.begin(now, now.arrived_s) };
         let gap_s = now.arrived_s - reading.before.map_or(last.arrived_s, |(_, before_s)| before_s);
         if self.was_held || gap_s > self.sensor.lost.after_s {
             return self.begin(now, now.arrived_s);
@@ -162,9 +156,7 @@ impl Follower {
     pub fn pose(&mut self, now_s: f64) -> (Option<Isometry3<f64>>, Option<Event>) {
         self.settle(now_s);
         let event = self.age(now_s);
-        let Some(motion) = &self.motion else {
-            return (None, event);
-        };
+        let Some(motion) = &self.motion else { return (None, event) };
         let held_s = match self.signal {
             Signal::Live => 0.0,
             Signal::Held { age_s } | Signal::Lost { age_s } => age_s - self.sensor.lost.after_s,
@@ -236,16 +228,9 @@ impl Follower {
             Signal::Live
         };
         self.was_held |= seen.is_some() && self.signal != Signal::Live;
+        self.faults.drop_outs += u64::from(before == Signal::Live && self.signal != Signal::Live);
         match (before, self.signal) {
-            (Signal::Live, Signal::Held { .. }) => {
-                self.faults.drop_outs += 1;
-                None
-            }
-            (Signal::Live, Signal::Lost { age_s }) => {
-                self.faults.drop_outs += 1;
-                Some(Event::Lost { age_s })
-            }
-            (Signal::Held { .. }, Signal::Lost { age_s }) => Some(Event::Lost { age_s }),
+            (Signal::Live | Signal::Held { .. }, Signal::Lost { age_s }) => Some(Event::Lost { age_s }),
             // Never tracked: reported once it is overdue.
             (Signal::Lost { age_s: earlier_s }, Signal::Lost { age_s })
                 if seen.is_none() && earlier_s <= policy.warn_s && age_s > policy.warn_s =>

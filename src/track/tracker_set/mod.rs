@@ -227,16 +227,8 @@ impl TrackerSet {
                 link: state.link.clone(),
                 counters: state.counters,
                 sensors,
-                buttons: state
-                    .buttons
-                    .iter()
-                    .map(|(id, reading)| report::channel(*id, reading, now_s))
-                    .collect(),
-                valuators: state
-                    .valuators
-                    .iter()
-                    .map(|(id, reading)| report::channel(*id, reading, now_s))
-                    .collect(),
+                buttons: report::channels(&state.buttons, now_s),
+                valuators: report::channels(&state.valuators, now_s),
             });
         }
         reports

@@ -47,9 +47,7 @@ impl Motion {
     /// The pose at `time_s`, at most `FARTHEST_S` after the last one and never before it. `part` is the fraction of the
     /// prediction that is applied: 1 for all of it, 0 for the last pose itself.
     pub fn at(&self, time_s: f64, part: f64) -> Isometry3<f64> {
-        let Some([along, turning]) = self.speeds else {
-            return self.pose;
-        };
+        let Some([along, turning]) = self.speeds else { return self.pose };
         let ahead_s = (time_s - self.time_s).clamp(0.0, FARTHEST_S) * part;
         let place = self.pose.translation.vector + along * ahead_s;
         let turn = UnitQuaternion::from_scaled_axis(turning * ahead_s);

@@ -5,8 +5,8 @@ use crate::stage::tracking::LostPolicy;
 use crate::track::device::{Counters, Link, Reading};
 use crate::track::state::Signal;
 use nalgebra::Isometry3;
+use std::collections::BTreeMap;
 
-/// One tracker with all its channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackerReport {
     pub name: String,
@@ -44,7 +44,6 @@ pub struct SensorReport {
     pub faults: SensorFaults,
 }
 
-/// A button or a valuator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelReport<T> {
     pub id: i32,
@@ -81,12 +80,13 @@ pub fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) ->
     }
 }
 
-/// The report on a button or a valuator.
-pub fn channel<T: Copy>(id: i32, reading: &Reading<T>, now_s: f64) -> ChannelReport<T> {
-    ChannelReport {
+/// The reports on all buttons, or on all valuators.
+pub fn channels<T: Copy>(readings: &BTreeMap<i32, Reading<T>>, now_s: f64) -> Vec<ChannelReport<T>> {
+    let report = |(&id, &Reading { value, arrived_s, count, .. }): (&i32, &Reading<T>)| ChannelReport {
         id,
-        value: reading.value,
-        age_s: (now_s - reading.arrived_s).max(0.0),
-        count: reading.count,
-    }
+        value,
+        age_s: (now_s - arrived_s).max(0.0),
+        count,
+    };
+    readings.iter().map(report).collect()
 }

@@ -9,6 +9,7 @@ use super::connection::{Control, SPOKEN, message};
 use super::force::ForceSender;
 use super::payload::Payload;
 use crate::track::device::{DeviceState, Link, Source, now_s};
+use crate::track::listen::is_only_late;
 use crate::track::rate_limiter::{PUBLISH_S, RateLimiter};
 use crate::track::source_entry::{SourceEntry, SourceSettings, keys};
 use std::io::{ErrorKind, Read, Write};
@@ -77,7 +78,6 @@ impl Default for Timing {
     }
 }
 
-/// A device of a VRPN server.
 pub struct Client {
     address: Address,
     output: Output<DeviceState>,
@@ -393,11 +393,6 @@ fn receive(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String>
         Err(error) if is_only_late(&error) => Ok(0),
         Err(error) => Err(error.to_string()),
     }
-}
-
-/// Whether the error only says that nothing came in time.
-fn is_only_late(error: &std::io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
 /// How long to wait for data: not long if a changed state still waits to be published.

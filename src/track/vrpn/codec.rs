@@ -24,7 +24,6 @@ pub const DATAGRAM_BYTES: usize = 1472;
 pub const SENDER_DESCRIPTION: i32 = -1;
 pub const TYPE_DESCRIPTION: i32 = -2;
 pub const UDP_DESCRIPTION: i32 = -3;
-pub const LOG_DESCRIPTION: i32 = -4;
 pub const DISCONNECT: i32 = -5;
 
 const MAGIC: &[u8; 11] = b"vrpn: ver. ";
@@ -125,7 +124,6 @@ impl Header {
     }
 }
 
-/// Appends a message.
 pub fn encode(header: &Header, payload: &[u8], out: &mut Vec<u8>) {
     debug_assert!(payload.len() <= MOST_PAYLOAD);
     let Header { seconds, microseconds, sender, kind, sequence } = *header;

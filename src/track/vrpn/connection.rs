@@ -102,17 +102,14 @@ impl Hearing {
         self.publisher.publish(&self.listener.state);
     }
 
-    /// [`StatePublisher::publish_changed`].
     pub fn publish_changed(&mut self, has_changed: bool) -> bool {
         self.publisher.publish_changed(&self.listener.state, has_changed)
     }
 
-    /// [`StatePublisher::set_link`].
     pub fn set_link(&mut self, link: Link) {
         self.publisher.set_link(&mut self.listener.state, link);
     }
 
-    /// [`StatePublisher::throttle`].
     pub fn throttle(&mut self, limiter: &mut RateLimiter, began_s: f64) -> Option<Duration> {
         self.publisher.throttle(&mut self.listener.state, limiter, began_s)
     }

@@ -56,7 +56,8 @@ impl PeerKinds {
 
     /// The type that the peer means; `None` if it is of no use here or was never described.
     pub fn kind(&self, id: i32) -> Option<MessageKind> {
-        MessageKind::ALL.into_iter().find(|kind| self.0[*kind as usize] == Some(id))
+        let (kind, _) = MessageKind::ALL.into_iter().find(|(kind, _)| self.0[*kind as usize] == Some(id))?;
+        Some(kind)
     }
 }
 
@@ -285,10 +286,8 @@ mod tests {
         assert!(listener.pings(now_s()));
         let after_s = answer(&mut listener).unwrap();
         assert!(after_s <= longest_s && after_s > 0.9 * longest_s, "{longest_s} {after_s}");
-        assert!(
-            listener.pings(now_s() - 1.0) && listener.pings(now_s()),
-            "one that is lost is not waited for"
-        );
+        assert!(listener.pings(now_s() - 1.0), "one that is lost is not waited for");
+        assert!(listener.pings(now_s()), "one that is lost is not waited for");
         listener.connected();
         assert!(listener.pings(now_s()));
     }

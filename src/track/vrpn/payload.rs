@@ -36,41 +36,28 @@ pub enum MessageKind {
 }
 
 impl MessageKind {
-    pub const ALL: [MessageKind; 12] = [
-        MessageKind::PosQuat,
-        MessageKind::Velocity,
-        MessageKind::Acceleration,
-        MessageKind::ButtonChange,
-        MessageKind::ButtonStates,
-        MessageKind::AnalogChannel,
-        MessageKind::Ping,
-        MessageKind::Pong,
-        MessageKind::Force,
-        MessageKind::ContactPoint,
-        MessageKind::ForceError,
-        MessageKind::ForceField,
+    /// All types in the order of the enum, with their names on the wire.
+    pub const ALL: [(MessageKind, &str); 12] = [
+        (MessageKind::PosQuat, "vrpn_Tracker Pos_Quat"),
+        (MessageKind::Velocity, "vrpn_Tracker Velocity"),
+        (MessageKind::Acceleration, "vrpn_Tracker Acceleration"),
+        (MessageKind::ButtonChange, "vrpn_Button Change"),
+        (MessageKind::ButtonStates, "vrpn_Button States"),
+        (MessageKind::AnalogChannel, "vrpn_Analog Channel"),
+        (MessageKind::Ping, "vrpn_Base ping_message"),
+        (MessageKind::Pong, "vrpn_Base pong_message"),
+        (MessageKind::Force, "vrpn_ForceDevice Force"),
+        (MessageKind::ContactPoint, "vrpn_ForceDevice SCP"),
+        (MessageKind::ForceError, "vrpn_ForceDevice Force_Error"),
+        (MessageKind::ForceField, "vrpn_ForceDevice Force_Field"),
     ];
 
-    /// The type's name on the wire.
     pub fn name(self) -> &'static str {
-        match self {
-            MessageKind::PosQuat => "vrpn_Tracker Pos_Quat",
-            MessageKind::Velocity => "vrpn_Tracker Velocity",
-            MessageKind::Acceleration => "vrpn_Tracker Acceleration",
-            MessageKind::ButtonChange => "vrpn_Button Change",
-            MessageKind::ButtonStates => "vrpn_Button States",
-            MessageKind::AnalogChannel => "vrpn_Analog Channel",
-            MessageKind::Ping => "vrpn_Base ping_message",
-            MessageKind::Pong => "vrpn_Base pong_message",
-            MessageKind::Force => "vrpn_ForceDevice Force",
-            MessageKind::ContactPoint => "vrpn_ForceDevice SCP",
-            MessageKind::ForceError => "vrpn_ForceDevice Force_Error",
-            MessageKind::ForceField => "vrpn_ForceDevice Force_Field",
-        }
+        MessageKind::ALL[self as usize].1
     }
 
     pub fn named(name: &str) -> Option<MessageKind> {
-        MessageKind::ALL.into_iter().find(|kind| kind.name() == name)
+        MessageKind::ALL.into_iter().find(|(_, known)| *known == name).map(|(kind, _)| kind)
     }
 }
 

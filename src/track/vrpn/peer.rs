@@ -161,7 +161,6 @@ impl Protocol {
     }
 }
 
-/// A client and its connection.
 pub struct Peer {
     pub ip: IpAddr,
     pub protocol: Protocol,

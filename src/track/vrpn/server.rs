@@ -52,7 +52,6 @@ pub struct Server {
     pub counters: ServerCounters,
     /// The address on which it listens.
     pub place: SocketAddr,
-    /// The devices' names.
     pub names: Vec<String>,
     listener: TcpListener,
     lobs: UdpSocket,

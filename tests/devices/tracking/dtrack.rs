@@ -1,6 +1,7 @@
 //! DTrack's lines of text.
 
-use super::{everything_is_finite, near, port, wait};
+use super::{everything_is_finite, near, port, pressed, wait};
+use crate::common::damaged;
 use greenstage::track::device::{DeviceState, Link};
 use greenstage::track::dtrack::Dtrack;
 use greenstage::track::udp::{LARGEST, Parser, listen};
@@ -65,9 +66,7 @@ fn every_kind_of_line_gives_its_poses() {
     assert_eq!(state.sensors.keys().copied().collect::<Vec<_>>(), [0, 4, 7, 1001, 2003]);
     assert_eq!((sensor(0).quality, sensor(4).quality), (1.0, 0.0), "body 4 is not tracked");
     assert_eq!(sensor(0).measured_s, Some(1000.25));
-    let pressed: Vec<i32> =
-        state.buttons.iter().filter(|(_, button)| button.value).map(|(number, _)| *number).collect();
-    assert_eq!((pressed, state.buttons.len()), (vec![32, 34], 6), "bits 0 and 2 of flystick 1");
+    assert_eq!((pressed(&state), state.buttons.len()), (vec![32, 34], 6), "bits 0 and 2 of flystick 1");
     assert_eq!((state.valuators[&16].value, state.valuators[&17].value), (0.5, -1.0));
     assert_eq!((state.counters.malformed, state.counters.dropped), (0, 1), "marker 5000 has no channel");
 }
@@ -158,9 +157,7 @@ fn a_frame_written_by_hand_is_understood() {
     assert!((matrix(1) - b).amax() < 1e-12, "{}", matrix(1));
     assert_eq!(state.sensors[&1000].value, Isometry3::translation(0.01, 0.02, 0.03));
     assert!(is_of_day(&state, 39596.024831));
-    let pressed: Vec<i32> =
-        state.buttons.iter().filter(|(_, b)| b.value).map(|(number, _)| *number).collect();
-    assert_eq!((state.buttons.len(), pressed), (8, vec![0, 2, 5]));
+    assert_eq!((state.buttons.len(), pressed(&state)), (8, vec![0, 2, 5]));
     assert_eq!((state.valuators[&0].value, state.valuators[&1].value), (0.25, -1.0));
     assert_eq!((state.counters.malformed, state.counters.dropped), (0, 0));
 }
@@ -228,10 +225,8 @@ fn a_port_that_is_taken_is_an_error_with_the_remedy() {
     let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
     let at = taken.local_addr().unwrap();
     let error = listen("art", "dtrack", at.into(), Dtrack::default()).err().unwrap().to_string();
-    assert!(
-        error.contains("tracker `art`: cannot listen on") && error.contains("another program"),
-        "{error}"
-    );
+    assert!(error.contains("tracker `art`: cannot listen on"), "{error}");
+    assert!(error.contains("another program"), "{error}");
 }
 
 proptest! {
@@ -248,10 +243,7 @@ proptest! {
     fn no_damaged_frame_panics(
         from in any::<prop::sample::Index>(), length in 0..30usize, filling in "[\\[\\] 0-9.e+na-]{0,12}",
     ) {
-        let text = frame(1);
-        let start = from.index(text.len());
-        let end = (start + length).min(text.len());
-        let damaged = format!("{}{filling}{}", &text[..start], &text[end..]);
+        let damaged = damaged(&frame(1), &from, length, &filling);
         let mut state = DeviceState::default();
         Dtrack::default().parse(damaged.as_bytes(), &mut state);
         prop_assert!(everything_is_finite(&state), "{damaged}");

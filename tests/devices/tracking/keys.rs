@@ -1,5 +1,6 @@
 //! The tracking keys of a stage file, damaged.
 
+use crate::common::damaged;
 use greenstage::stage::{BUILT_IN, Stage};
 use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
@@ -63,9 +64,7 @@ proptest! {
     fn no_damaged_keys_panic(
         from in any::<prop::sample::Index>(), length in 0..40usize, filling in "[\\[\\]=\"., \n0-9a-z@:/-]{0,20}",
     ) {
-        let start = from.index(KEYS.len());
-        let end = (start + length).min(KEYS.len());
-        parse_and_use(&format!("{}{filling}{}", &KEYS[..start], &KEYS[end..]));
+        parse_and_use(&damaged(KEYS, &from, length, &filling));
     }
 
     #[test]

@@ -231,7 +231,7 @@ proptest! {
         }
         prop_assert!(count <= bytes.len() / codec::HEADER_BYTES);
         prop_assert!(!framer.space().is_empty());
-        for kind in MessageKind::ALL {
+        for (kind, _) in MessageKind::ALL {
             if let Ok(payload) = Payload::decode(kind, &bytes) {
                 prop_assert_eq!(payload.encode().len(), bytes.len());
             }

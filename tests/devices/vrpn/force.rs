@@ -1,7 +1,7 @@
 //! A force device over the loopback device: what it is told to push with, and that it is told to stop.
 
 use super::lab::{ANY, Peer, wait};
-use greenstage::effect::haptics::{Device, Push, VrpnDevice};
+use greenstage::effect::haptics::{Device, Push, Reading, VrpnDevice};
 use greenstage::track::device::now_s;
 use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use greenstage::track::vrpn::{ForceField, codec};
@@ -24,22 +24,32 @@ fn field(peer: &mut Peer, number: &mut Option<i32>) -> Option<ForceField> {
     }
 }
 
+/// A force device, and the server that the test plays for it.
+fn device() -> (VrpnDevice, Peer) {
+    let listener = TcpListener::bind(ANY).unwrap();
+    let device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
+    let mut peer = Peer::accept(&listener);
+    peer.hear_cookie();
+    (device, peer)
+}
+
 #[test]
-fn a_device_that_is_dropped_under_force_is_told_to_stop() {
+fn a_device_is_read_and_pushed_and_told_to_stop_when_it_is_dropped_under_force() {
     for round in 0..10 {
-        let listener = TcpListener::bind(ANY).unwrap();
-        let mut device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
-        let mut peer = Peer::accept(&listener);
-        peer.hear_cookie();
+        let (mut device, mut peer) = device();
         peer.greet("Wand");
-        let pose = Payload::Pose { sensor: 0, position: [0.1, 0.2, 0.3], quaternion: [0.0, 0.0, 0.0, 1.0] };
-        assert!(peer.say(&pose));
-        wait("the device is there", || device.read(now_s()).is_some());
-        let push = Push { force: Vector3::new(0.0, 3.0, 0.0), torque: Vector3::zeros() };
+        assert!(peer.say(&pose()) && peer.say(&Payload::ButtonChange { button: 0, state: 1 }));
+        let is_pressed = |reading: Reading| reading.tracked && reading.buttons == [true, false];
+        wait("the device is there", || device.read(now_s()).is_some_and(is_pressed));
+        let place = device.read(now_s()).unwrap().device_from_handle.translation.vector;
+        assert_eq!(place, Vector3::new(0.1, 0.2, 0.3));
+        let push = Push { force: Vector3::new(0.0, 3.0, -0.5), torque: Vector3::zeros() };
         let mut number = None;
         device.push(&push, now_s());
         let told = field(&mut peer, &mut number).unwrap();
-        assert_eq!((told.force, told.origin), ([0.0, 3.0, 0.0], [0.1, 0.2, 0.3]), "round {round}");
+        assert_eq!((told.force, told.origin), ([0.0, 3.0, -0.5], [0.1, 0.2, 0.3]), "round {round}");
+        device.push(&Push::NONE, now_s());
+        assert_eq!(field(&mut peer, &mut number).unwrap().force, [0.0; 3], "round {round}");
         device.push(&push.scaled(2.0), now_s());
         drop(device);
         let last = std::iter::from_fn(|| field(&mut peer, &mut number)).last();
@@ -50,10 +60,7 @@ fn a_device_that_is_dropped_under_force_is_told_to_stop() {
 /// A loop that hangs says nothing more; its connection does not repeat its last word.
 #[test]
 fn a_force_that_is_not_said_again_is_taken_back() {
-    let listener = TcpListener::bind(ANY).unwrap();
-    let mut device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
-    let mut peer = Peer::accept(&listener);
-    peer.hear_cookie();
+    let (mut device, mut peer) = device();
     peer.greet("Wand");
     wait("the device is there", || device.read(now_s()).is_some() || !peer.say(&pose()));
     device.push(&Push { force: Vector3::new(0.0, 3.0, 0.0), torque: Vector3::zeros() }, now_s());
@@ -66,10 +73,7 @@ fn a_force_that_is_not_said_again_is_taken_back() {
 /// server and a millisecond are feared.
 #[test]
 fn the_way_of_a_force_is_measured() {
-    let listener = TcpListener::bind(ANY).unwrap();
-    let mut device = VrpnDevice::open(&format!("Wand@{}", listener.local_addr().unwrap())).unwrap();
-    let mut peer = Peer::accept(&listener);
-    peer.hear_cookie();
+    let (mut device, mut peer) = device();
     peer.introduce("Wand");
     assert!(peer.say(&pose()));
     wait("the device is there", || device.read(now_s()).is_some());

@@ -1,9 +1,9 @@
 //! What the tests of client and server share: servers and clients that a test controls, and a patient wait.
 
 use greenstage::track::FakeSource;
-use greenstage::track::device::now_s;
+use greenstage::track::device::{Link, Source, now_s};
 use greenstage::track::vrpn::codec::{self, Framer, Header};
-use greenstage::track::vrpn::payload::Payload;
+use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use greenstage::track::vrpn::{Address, Client, Server, ServerCounters, Serving, Timing, Transport};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -42,6 +42,17 @@ pub fn listen(place: SocketAddr, udp: bool, transport: Transport) -> Client {
     Client::with_timing(address, transport, SOON)
 }
 
+/// A client, and the server that the test plays for it; it has heard of the device.
+pub fn played(udp: bool) -> (TcpListener, Client, Peer) {
+    let listener = TcpListener::bind(ANY).unwrap();
+    let mut client = listen(listener.local_addr().unwrap(), udp, Transport::Tcp);
+    let mut peer = Peer::accept(&listener);
+    peer.hear_cookie();
+    peer.greet("Wand");
+    wait("the device is known", || client.latest().link == Link::Up);
+    (listener, client, peer)
+}
+
 pub fn counters_reach(serving: &Serving, what: &str, is_so: impl Fn(&ServerCounters) -> bool) {
     wait(what, || is_so(&serving.counters()));
 }
@@ -73,8 +84,8 @@ impl Peer {
     pub fn introduce(&mut self, name: &str) {
         self.stream.write_all(&codec::cookie()).unwrap();
         self.describe(codec::SENDER_DESCRIPTION, 0, name);
-        for kind in greenstage::track::vrpn::payload::MessageKind::ALL {
-            self.describe(codec::TYPE_DESCRIPTION, kind as i32, kind.name());
+        for (kind, name) in MessageKind::ALL {
+            self.describe(codec::TYPE_DESCRIPTION, kind as i32, name);
         }
     }
 

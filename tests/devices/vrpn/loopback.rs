@@ -1,6 +1,6 @@
 //! Our client and our server talk to each other: by TCP and by lob, poses by TCP and by UDP, through deaths and floods.
 
-use super::lab::{ANY, Peer, bytes_of, counters_reach, listen, serve, wait};
+use super::lab::{ANY, Peer, bytes_of, counters_reach, listen, played, serve, wait};
 use greenstage::track::FakeSource;
 use greenstage::track::device::{Link, Source};
 use greenstage::track::vrpn::payload::{ForceField, MessageKind, Payload};
@@ -246,11 +246,7 @@ fn a_peer_that_is_no_server_of_ours_is_told_and_asked_again() {
 
 #[test]
 fn silence_is_a_warning_and_then_the_end() {
-    let listener = TcpListener::bind(ANY).unwrap();
-    let mut client = listen(listener.local_addr().unwrap(), true, Transport::Tcp);
-    let mut peer = Peer::accept(&listener);
-    peer.greet("Wand");
-    wait("the device is known", || client.latest().link == Link::Up);
+    let (listener, mut client, mut peer) = played(true);
     wait("the silence is noted", || client.latest().link == Link::Quiet);
     assert!(peer.say(&Payload::Pong));
     wait("one word ends it", || client.latest().link == Link::Up);
@@ -285,10 +281,7 @@ fn silence_is_a_warning_and_then_the_end() {
 /// state does not grow.
 #[test]
 fn a_flood_costs_counters_and_nothing_else() {
-    let listener = TcpListener::bind(ANY).unwrap();
-    let mut client = listen(listener.local_addr().unwrap(), true, Transport::Tcp);
-    let mut peer = Peer::accept(&listener);
-    peer.greet("Wand");
+    let (listener, mut client, mut peer) = played(true);
     let say = |sensor: i32, x: f64| {
         bytes_of(&Payload::Pose { sensor, position: [x, 0.0, 0.0], quaternion: [0.0, 0.0, 0.0, 1.0] })
     };
@@ -325,11 +318,7 @@ fn a_flood_costs_counters_and_nothing_else() {
 
 #[test]
 fn datagrams_of_strangers_are_dropped() {
-    let listener = TcpListener::bind(ANY).unwrap();
-    let mut client = listen(listener.local_addr().unwrap(), true, Transport::Tcp);
-    let mut peer = Peer::accept(&listener);
-    peer.hear_cookie();
-    peer.greet("Wand");
+    let (_listener, mut client, mut peer) = played(true);
     let port = loop {
         let (sender, kind, payload) = peer.hear().unwrap();
         if kind == codec::UDP_DESCRIPTION {
@@ -337,7 +326,6 @@ fn datagrams_of_strangers_are_dropped() {
             break sender as u16;
         }
     };
-    wait("the device is known", || client.latest().link == Link::Up);
     let pose = bytes_of(&Payload::Pose { sensor: 5, position: [1.0; 3], quaternion: [0.0, 0.0, 0.0, 1.0] });
     let stranger = UdpSocket::bind(("127.0.0.2", 0)).unwrap();
     wait("the stranger is counted", || {
@@ -360,12 +348,7 @@ fn datagrams_of_strangers_are_dropped() {
 
 #[test]
 fn a_force_device_is_told_how_to_push_and_tells_what_it_does() {
-    let listener = TcpListener::bind(ANY).unwrap();
-    let mut client = listen(listener.local_addr().unwrap(), false, Transport::Tcp);
-    let mut peer = Peer::accept(&listener);
-    peer.hear_cookie();
-    peer.greet("Wand");
-    wait("the device is known", || client.latest().link == Link::Up);
+    let (_listener, client, mut peer) = played(false);
     let sender = client.force_sender();
     let field = ForceField {
         origin: [0.1, 0.2, 0.3],

@@ -1,6 +1,7 @@
 //! A stream that a vrpn_server 07.38 sent: its messages, poses, rates and buttons are the known ones.
 
 use crate::common::shared;
+use crate::tracking::pressed;
 use greenstage::track::vrpn::codec::{self, Framer};
 use greenstage::track::vrpn::listener::Listener;
 use greenstage::track::vrpn::payload::{MessageKind, Payload, Rate};
@@ -120,9 +121,7 @@ fn the_optical_tracker_stands_where_it_stood() {
     assert_eq!((sensor.count, state.sensors[&2].count), (1446, 1446));
     // The clock is the tracker's own.
     assert!((sensor.measured_s.unwrap() - 1_795_172_823.168).abs() < 2e-6);
-    let pressed: Vec<i32> =
-        state.buttons.iter().filter(|(_, b)| b.value).map(|(button, _)| *button).collect();
-    assert_eq!((state.buttons.len(), pressed), (8, vec![0, 2]));
+    assert_eq!((state.buttons.len(), pressed(state)), (8, vec![0, 2]));
 }
 
 #[test]

@@ -12,9 +12,7 @@ fn cases_agree_with_the_independent_solutions() {
     for (case, mesh) in
         [("tube", "mesh.msh"), ("tube", "mesh41.msh"), ("block2", "mesh.msh"), ("block2", "mesh41.msh")]
     {
-        let Some(source) = shared(&format!("cases/{case}")) else {
-            return;
-        };
+        let Some(source) = shared(&format!("cases/{case}")) else { return };
         let folder = folder(&format!("cli-case-{case}-{mesh}"));
         for entry in std::fs::read_dir(&source).unwrap() {
             let entry = entry.unwrap();

@@ -1,6 +1,7 @@
 //! What the system does to the program: signals, a full disk behind its streams, too little memory, files without end.
 
-use super::{folder, greenstage, project, refuse, text};
+use super::{greenstage, project, refuse};
+use crate::common::{block_text, folder, program, text};
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -13,20 +14,7 @@ use std::time::{Duration, Instant};
 /// A block of `cells`³ cells, without a mesh file.
 fn block(name: &str, cells: u32) -> std::path::PathBuf {
     let folder = folder(name);
-    let scene = format!(
-        r#"
-[body.block]
-generate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [{cells}, {cells}, {cells}] }} }}
-material = {{ young = 1.0e3, poisson = 0.3 }}
-[body.block.control.high]
-nodes = {{ group = "xmax" }}
-grab = "dragger"
-[body.block.control.low]
-nodes = {{ group = "xmin" }}
-grab = "fixed"
-"#
-    );
-    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    std::fs::write(folder.join("scene.toml"), block_text([cells; 3], "")).unwrap();
     folder
 }
 
@@ -36,13 +24,8 @@ fn a_request_to_end_is_obeyed_whatever_is_computed() {
     let folder = block("cli-ended", 24);
     let mut orderings = 0;
     for kill in 0..10 {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-            .args(["precompute", "scene.toml"])
-            .current_dir(&folder)
-            .stderr(Stdio::piped())
-            .stdout(Stdio::null())
-            .spawn()
-            .unwrap();
+        let mut precompute = program(&folder, &["precompute", "scene.toml"]);
+        let mut child = precompute.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
         let mut told = BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();
         while !line.contains("assembly") {
@@ -67,26 +50,15 @@ fn a_request_to_end_is_obeyed_whatever_is_computed() {
 fn what_cannot_be_said_costs_no_work() {
     let folder = project("cli-mute");
     let full = || File::options().write(true).open("/dev/full").unwrap();
-    let mut precompute = Command::new(env!("CARGO_BIN_EXE_greenstage"));
-    precompute.args(["precompute", "scene.toml"]).current_dir(&folder);
+    let mut precompute = program(&folder, &["precompute", "scene.toml"]);
     assert!(precompute.stderr(full()).stdout(Stdio::null()).status().unwrap().success());
     assert!(folder.join("scene.green").exists());
-    let failed = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .args(["inspect", "scene.green"])
-        .current_dir(&folder)
-        .stdout(full())
-        .output()
-        .unwrap();
+    let failed = program(&folder, &["inspect", "scene.green"]).stdout(full()).output().unwrap();
     assert_eq!(failed.status.code(), Some(1));
     assert!(text(&failed.stderr).contains("No space left"), "{}", text(&failed.stderr));
-    let wrong = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .args(["inspect", "missing.green"])
-        .current_dir(&folder)
-        .env("GREENSTAGE_LOG", "trace")
-        .stderr(full())
-        .status()
-        .unwrap();
-    assert_eq!(wrong.code(), Some(2), "and no panic");
+    let mut wrong = program(&folder, &["inspect", "missing.green"]);
+    let status = wrong.env("GREENSTAGE_LOG", "trace").stderr(full()).status().unwrap();
+    assert_eq!(status.code(), Some(2), "and no panic");
 }
 
 #[test]
@@ -97,11 +69,7 @@ fn a_name_that_is_no_text_is_shown_in_json() {
     let scene = OsStr::from_bytes(b"s\xff.toml");
     std::fs::copy(folder.join("scene.toml"), folder.join(scene)).unwrap();
     for (command, file) in [("inspect", name), ("inspect", scene), ("check", scene)] {
-        let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-            .args([OsStr::new(command), file, OsStr::new("--json")])
-            .current_dir(&folder)
-            .output()
-            .unwrap();
+        let output = program(&folder, &[command, "--json"]).arg(file).output().unwrap();
         assert!(output.status.success(), "{}", text(&output.stderr));
         assert!(serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap().is_object());
         assert!(text(&output.stdout).contains('\u{fffd}'));
@@ -111,12 +79,8 @@ fn a_name_that_is_no_text_is_shown_in_json() {
 #[test]
 fn a_hundred_thousand_threads_are_refused() {
     let folder = project("cli-threads");
-    let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .args(["precompute", "scene.toml"])
-        .current_dir(&folder)
-        .env("RAYON_NUM_THREADS", "100000")
-        .output()
-        .unwrap();
+    let mut precompute = program(&folder, &["precompute", "scene.toml"]);
+    let output = precompute.env("RAYON_NUM_THREADS", "100000").output().unwrap();
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("RAYON_NUM_THREADS asks for 100000 threads"), "{message}");
@@ -173,13 +137,8 @@ fn files_without_end_are_no_meshes() {
 
 /// [`refuse`] of a program that may hang.
 fn refuse_in_time(folder: &Path, arguments: &[&str], expected: &str) {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_greenstage"))
-        .args(arguments)
-        .current_dir(folder)
-        .stderr(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut command = program(folder, arguments);
+    let mut child = command.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let started = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait().unwrap() {
