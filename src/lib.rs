@@ -17,13 +17,13 @@
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
 //! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
-//! | [`session`] | what moves a world, and the recording of it: input sources, recordings, force devices; [`session::Session::advance`] |
+//! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
 //! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
 //! | [`prepare`] | a scene made ready: what its models and effects require, its .green file found fresh or made |
-//! | [`effect`] | opt-in effects: what no scene lists costs nothing |
+//! | [`effect`] | opt-in effects, with what they precompute, add to a world, draw and run; what no scene lists costs nothing |
 //! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |

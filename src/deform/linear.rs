@@ -2,7 +2,7 @@
 //!
 //! Exact for the linear theory of elasticity, which holds for small rotations of the control elements.
 
-use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry};
+use super::model::{BodyState, ControlRest, DeformationModel, Energy, Frame, Kind, ModelEntry};
 use super::pose::ControlPose;
 use crate::green::AFFINE;
 use nalgebra::Isometry3;
@@ -12,6 +12,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     summary: "the paper's main method: exact in the linear theory, right for small rotations",
     requirements: &[AFFINE],
     frame: Frame::Rest,
+    energy: Some(Energy::OfPoses),
     // Measured on bodies held at one end, against St. Venant-Kirchhoff statics on the same mesh; the error grows with the
     // square of the angle.
     turn_limits_deg: [10.0, 30.0],

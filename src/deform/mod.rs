@@ -28,7 +28,7 @@ pub use followed::FollowedTurn;
 pub use force::{Wrench, wrenches};
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use linear::Linear;
-pub use model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry};
+pub use model::{BodyState, ControlRest, DeformationModel, Energy, Frame, Kind, ModelEntry};
 pub use models::{MODELS, find_model, not_online};
 pub use normals::vertex_normals;
 pub use parts::move_parts;

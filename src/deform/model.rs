@@ -31,6 +31,8 @@ pub struct ModelEntry {
     /// Column families that must be precomputed for it.
     pub requirements: &'static [Family],
     pub frame: Frame,
+    /// What the force loop computes the energy from; a model without one cannot be felt.
+    pub energy: Option<Energy>,
     /// Largest turns of a piece of the surface, in degrees, up to which it is good and up to which it is fair: off by about
     /// 0.2 % and 2 % of the body's length.
     pub turn_limits_deg: [f64; 2],
@@ -46,6 +48,15 @@ pub enum Frame {
     MeanMotion,
     /// In that of the body at rest, solved for large rotations.
     Solved,
+}
+
+/// The strain energy ½ cᵀ S c of a model, by the coefficients c that it is taken of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Energy {
+    /// Those of the poses.
+    OfPoses,
+    /// Those of the poses seen from the frame that follows the mean rotation R̄.
+    OfMeanFrame,
 }
 
 /// How a model is evaluated.

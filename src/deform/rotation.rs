@@ -5,7 +5,7 @@
 //! the element's share of all held nodes; R̄ = polar(A). Then x = R̄ (X + u(c̄)) + t̄ for the poses
 //! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
 
-use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry};
+use super::model::{BodyState, ControlRest, DeformationModel, Energy, Frame, Kind, ModelEntry};
 use super::pose::ControlPose;
 use crate::fem::Polar;
 use crate::green::AFFINE;
@@ -16,6 +16,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
     requirements: &[AFFINE],
     frame: Frame::MeanMotion,
+    energy: Some(Energy::OfMeanFrame),
     // As for `linear`; the mean of both ends' turns is taken out, and half of it is left either way.
     turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|controls: &[ControlRest]| {

@@ -19,7 +19,15 @@ use nalgebra::{Matrix3, Vector3};
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
     let (requirements, turn_limits_deg) = (&[], [180.0; 2]);
     let (frame, kind) = (Frame::Solved, Kind::Static(law));
-    ModelEntry { name: law.name, summary: law.summary, requirements, frame, turn_limits_deg, kind }
+    ModelEntry {
+        name: law.name,
+        summary: law.summary,
+        requirements,
+        frame,
+        energy: None,
+        turn_limits_deg,
+        kind,
+    }
 }
 
 /// No load step turns a control element by more, rad, …

@@ -1,4 +1,4 @@
-//! A session: a world, the input that moves it, its force devices, and the file into which it is recorded.
+//! A session: a world, the input that moves it, the effects that take part in it, and the file into which it is recorded.
 
 use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;

@@ -1,8 +1,8 @@
-//! A session: the input that moves a world, the recording of it, and its force devices.
+//! A session: the input that moves a world, the effects that take part in it, and the recording of it.
 //!
 //! In: a scene, a stage, and whoever moves head and styli: a recording, a script, trackers, or mouse and keyboard
-//! ([`InputSource::leader`] decides). Out: a [`Session`] whose world [`Session::advance`] moves on, the forces of haptic
-//! devices, and a file that plays the session again.
+//! ([`InputSource::leader`] decides). Out: a [`Session`] whose world [`Session::advance`] moves on, what its effects do, and
+//! a file that plays the session again.
 
 pub mod advance;
 pub mod input;

@@ -63,6 +63,7 @@ const TWO_PARTS: ModelEntry = ModelEntry {
     summary: "a test's own",
     requirements: &[AFFINE],
     frame: Frame::MeanMotion,
+    energy: None,
     turn_limits_deg: [0.0; 2],
     kind: Kind::Online(|_| Box::new(TwoParts)),
 };

@@ -6,7 +6,7 @@
 //! followed by Newton's iteration from its last value, and its part in the gradient is included; otherwise a hand could
 //! gain energy on a closed path. f64; nothing is allocated after [`Elastic::new`].
 
-use crate::deform::{ControlPose, ControlRest, Frame, Wrench, find_model, is_mean_defined};
+use crate::deform::{ControlPose, ControlRest, Energy, MODELS, Wrench, find_model, is_mean_defined};
 use crate::green::FIELDS;
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 
@@ -50,7 +50,7 @@ pub struct Response {
 }
 
 impl Elastic {
-    /// `stiffness` is S, 12E × 12E; `model` is `linear` or `rotation`.
+    /// `stiffness` is S, 12E × 12E; `model` has an [`Energy`].
     pub fn new(model: &str, stiffness: &DMatrix<f64>, controls: &[ControlRest]) -> Result<Elastic, String> {
         let count = controls.len();
         if stiffness.shape() != (FIELDS * count, FIELDS * count) || count == 0 {
@@ -58,13 +58,13 @@ impl Elastic {
             return Err(format!("S has {rows} × {columns} numbers, {count} control elements need 12 a side"));
         }
         let origins: Vec<Vector3<f64>> = controls.iter().map(|control| control.origin).collect();
-        let (weights, arms) = match find_model(model).map(|entry| entry.frame) {
-            Ok(Frame::Rest) => (Vec::new(), Vec::new()),
-            Ok(Frame::MeanMotion) => shares(controls),
-            Ok(Frame::Solved) | Err(_) => {
-                return Err(format!(
-                    "no force is known of the model \"{model}\", but of linear and rotation"
-                ));
+        let (weights, arms) = match find_model(model)?.energy {
+            Some(Energy::OfPoses) => (Vec::new(), Vec::new()),
+            Some(Energy::OfMeanFrame) => shares(controls),
+            None => {
+                let known = MODELS.iter().filter(|entry| entry.energy.is_some()).map(|entry| entry.name);
+                let known = known.collect::<Vec<_>>().join(" and ");
+                return Err(format!("no force is known of the model \"{model}\", but of {known}"));
             }
         };
         Ok(Elastic {
