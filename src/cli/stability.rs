@@ -3,7 +3,7 @@
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::Table;
-use crate::effect::haptics::settling::{MODULI, REPORTS, Settled, settle, still};
+use crate::effect::haptics::settling::{MODULI, REPORTS, SettlingResult, settle, still};
 use crate::effect::haptics::stability::{RATES_HZ, Run, START_M, STIFFNESSES, boundary, run};
 use crate::effect::haptics::{Hand, Measures, Reports};
 use crate::stage::Haptic;
@@ -152,7 +152,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
         ];
         let cells = row.iter().map(|settled| settled.as_ref().map_or("none".to_owned(), settled_cell));
         table.rows.push(head.into_iter().chain(cells).collect());
-        for (young, Settled { swing_m, speed, made_j, state: felt }) in
+        for (young, SettlingResult { swing_m, speed, made_j, state: felt }) in
             MODULI.iter().zip(&row).filter_map(|(young, settled)| Some((young, (*settled)?)))
         {
             found.push(json!({
@@ -168,7 +168,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
 const REST_M: f64 = 2e-3 * START_M;
 
 /// One digit, because a limit cycle does not repeat exactly.
-fn settled_cell(settled: &Settled) -> String {
+fn settled_cell(settled: &SettlingResult) -> String {
     let round = |value: f64| {
         let power = 10f64.powf(value.log10().floor());
         format!("{}", (value / power).round() * power)

@@ -34,7 +34,7 @@ pub const REPORTS: [Reports; 5] = [
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settled {
+pub struct SettlingResult {
     /// Largest distance from rest in the last second, m.
     pub swing_m: f64,
     /// Greatest speed in the last second, m/s.
@@ -67,7 +67,7 @@ pub fn settle(
     young: f64,
     (hand, gesture): (Hand, Gesture),
     measures: Measures,
-) -> Option<Settled> {
+) -> Option<SettlingResult> {
     let (mut control, grasp) = spring(haptic, young * BLOCK_M)?;
     control.measures = measures;
     let mut device = Simulated::new(haptic, hand);
@@ -76,7 +76,7 @@ pub fn settle(
     let period_s = haptic.period_s();
     let frame = (FRAME_S / period_s).ceil() as u64;
     let mut held_j = 0.0;
-    let mut settled = Settled { swing_m: 0.0, speed: 0.0, made_j: 0.0, state: control.state };
+    let mut settled = SettlingResult { swing_m: 0.0, speed: 0.0, made_j: 0.0, state: control.state };
     for tick in 0..((HELD_S + FREE_S) / period_s) as u64 {
         let now_s = tick as f64 * period_s;
         let place = &mut device.device_from_handle.translation.vector;
@@ -98,5 +98,5 @@ pub fn settle(
             settled.speed = settled.speed.max(device.velocity[0].norm());
         }
     }
-    Some(Settled { state: control.state, ..settled })
+    Some(SettlingResult { state: control.state, ..settled })
 }
