@@ -172,7 +172,7 @@ mod tests {
             let ends = Arc::new(AtomicBool::new(false));
             let seen = ends.clone();
             let thread = std::thread::spawn(move || {
-                let mut count = 0_u64;
+                let mut count = 1_u64;
                 while !seen.load(Ordering::Acquire) {
                     count += 1;
                     std::thread::yield_now();

@@ -1,6 +1,7 @@
 //! What each command and each button does to poses and places, on a block both ends of which can be taken.
 
 use super::*;
+use crate::effect::{self, EFFECTS};
 use crate::green::{self, GreenFile};
 use crate::interact::{Axis, Freedom};
 use crate::prepare;
@@ -37,7 +38,9 @@ grab = "dragger"
     green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::remove_dir_all(&folder).unwrap();
-    World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap()
+    let mut world = World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap();
+    effect::attach(EFFECTS, &scene, &file, &mut world).unwrap();
+    world
 }
 
 const LEFT: usize = 0;
