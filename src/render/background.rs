@@ -6,6 +6,7 @@ use super::gpu::Gpu;
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::shader;
 
+pub(super) const SHADER: [&str; 2] = [shader::VIEW, include_str!("../../shaders/background.wgsl")];
 #[derive(Default)]
 pub(super) struct BackgroundPass(EyePipelines);
 
@@ -14,8 +15,12 @@ impl DrawPass for BackgroundPass {
         "background"
     }
 
+    fn shader(&self) -> &'static [&'static str] {
+        &SHADER
+    }
+
     fn upload(&mut self, gpu: &Gpu, kinds: &[MadeFor<'_>], _: &FrameContents<'_>) -> Result<(), RenderError> {
-        let (parts, blending) = (&shader::BACKGROUND, Blending::Background);
+        let (parts, blending) = (self.shader(), Blending::Background);
         self.0.complete(gpu, kinds, &Recipe { label: self.name(), parts, buffers: &[], blending });
         Ok(())
     }

@@ -12,6 +12,7 @@ const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float
 const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
 const COLOR: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Unorm8x4];
 
+pub(super) const SHADER: [&str; 3] = [shader::VIEW, shader::LIGHT, include_str!("../../shaders/body.wgsl")];
 /// Vertex buffers in the order they are bound.
 fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 4] {
     let per_vertex = |array_stride, attributes| {
@@ -31,6 +32,10 @@ impl DrawPass for BodyPass {
         "body"
     }
 
+    fn shader(&self) -> &'static [&'static str] {
+        &SHADER
+    }
+
     fn upload(
         &mut self,
         gpu: &Gpu,
@@ -40,7 +45,7 @@ impl DrawPass for BodyPass {
         if contents.bodies.is_empty() {
             return Ok(());
         }
-        let (label, parts, buffers) = (self.name(), &shader::BODY, &vertex_layout());
+        let (label, parts, buffers) = (self.name(), self.shader(), &vertex_layout());
         self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
         let of_body = |body: &BodyInstance<'_>| Instance {
             room_from_shape: body.room_from_body.into(),

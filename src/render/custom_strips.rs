@@ -19,6 +19,10 @@ impl DrawPass for CustomStripsPass {
         "custom strips"
     }
 
+    fn shader(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     fn upload(
         &mut self,
         gpu: &Gpu,

@@ -19,7 +19,7 @@ pub(super) struct Floor {
 
 impl Strip for Floor {
     const NAME: &'static str = "grid";
-    const SHADER: &'static [&'static str] = &shader::GRID;
+    const SHADER: &'static [&'static str] = &[shader::VIEW, include_str!("../../shaders/grid.wgsl")];
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
         0 => Float32x3, 1 => Float32x2, 2 => Float32, 3 => Float32, 4 => Float32x3];
 

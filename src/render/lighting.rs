@@ -73,12 +73,11 @@ impl LightingUniform {
 #[cfg(test)]
 mod tests {
     use super::super::layout::assert_layout;
-    use super::super::shader;
     use super::*;
 
     #[test]
     fn the_lighting_lies_as_the_shaders_read_it() {
-        let source = shader::BODY.concat();
+        let source = crate::render::body::SHADER.concat();
         assert_layout!(source, "Lighting", LightingUniform:
             to_key, key, to_fill, fill, sky, ground, zenith, horizon, nadir);
     }

@@ -18,6 +18,9 @@ pub(super) trait DrawPass {
     /// Its shader's name.
     fn name(&self) -> &'static str;
 
+    /// The parts of its WGSL source in their order; none where its users bring their own.
+    fn shader(&self) -> &'static [&'static str];
+
     /// Takes this frame's part, to be drawn in pictures of these kinds. Without anything to draw it makes nothing.
     fn upload(
         &mut self,

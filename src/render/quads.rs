@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 impl Strip for Quad {
     const NAME: &'static str = "quads";
-    const SHADER: &'static [&'static str] = &shader::QUADS;
+    const SHADER: &'static [&'static str] = &[shader::VIEW, include_str!("../../shaders/quads.wgsl")];
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
         0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x4, 4 => Float32x4];
 

@@ -24,7 +24,7 @@ use wgpu::BufferUsages;
 
 /// What is drawn, in this order: what is opaque first, so that the background costs only where it shows, and what is
 /// blended last. One file each, beside the shader of the same name.
-const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
+pub(super) const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<BodyPass>::default(),
     || Box::<SolidPass>::default(),
     || Box::<BackgroundPass>::default(),

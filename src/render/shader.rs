@@ -1,4 +1,5 @@
-//! WGSL sources: each pass is an ordered list of shared parts and its own file, joined as text.
+//! WGSL sources: each pass is an ordered list of shared parts and its own file, joined as text. A drawing pass lists its
+//! parts in its own file ([`DrawPass::shader`](super::pass::DrawPass::shader)).
 
 /// How the entry points of a drawing pass learn which eye they draw.
 const EYE: &str = "    @builtin(view_index) eye: u32,\n";
@@ -10,15 +11,9 @@ pub(super) fn drawing(parts: &[&str], both_eyes: bool) -> String {
 }
 
 pub(super) const VIEW: &str = include_str!("../../shaders/common/view.wgsl");
-const LIGHT: &str = include_str!("../../shaders/common/light.wgsl");
+pub(super) const LIGHT: &str = include_str!("../../shaders/common/light.wgsl");
 
-pub(super) const BODY: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/body.wgsl")];
-pub(super) const SOLID: [&str; 3] = [VIEW, LIGHT, include_str!("../../shaders/solid.wgsl")];
-pub(super) const BACKGROUND: [&str; 2] = [VIEW, include_str!("../../shaders/background.wgsl")];
-pub(super) const GRID: [&str; 2] = [VIEW, include_str!("../../shaders/grid.wgsl")];
 pub(super) const COMPOSITE: [&str; 1] = [include_str!("../../shaders/composite.wgsl")];
-pub(super) const QUADS: [&str; 2] = [VIEW, include_str!("../../shaders/quads.wgsl")];
-pub(super) const LINES: [&str; 2] = [VIEW, include_str!("../../shaders/lines.wgsl")];
 
 const CHUNK: &str = include_str!("../../shaders/common/chunk.wgsl");
 const SUM: &str = include_str!("../../shaders/deform.wgsl");
@@ -59,14 +54,10 @@ mod tests {
     fn every_shader_is_valid() {
         use naga::ShaderStage::{Compute, Fragment, Vertex};
         use naga::valid::Capabilities;
-        for (name, parts) in [
-            ("body", &BODY[..]),
-            ("solid", &SOLID),
-            ("background", &BACKGROUND),
-            ("grid", &GRID),
-            ("quads", &QUADS),
-            ("lines", &LINES),
-        ] {
+        for pass in
+            crate::render::renderer::PASSES.iter().map(|new| new()).filter(|pass| !pass.shader().is_empty())
+        {
+            let (name, parts) = (pass.name(), pass.shader());
             let expected = [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())];
             let one = drawing(parts, false);
             assert_eq!(stages(name, &one, Capabilities::empty()), expected, "{name}.wgsl");

@@ -14,6 +14,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;
 use wgpu::BufferUsages;
 
+pub(super) const SHADER: [&str; 3] = [shader::VIEW, shader::LIGHT, include_str!("../../shaders/solid.wgsl")];
 /// Segments around the axis; at 48 pixels of diameter a chord stays within 0.1 pixel of its arc.
 const SEGMENTS: u32 = 32;
 const RAY_RADIUS: f32 = 0.010;
@@ -61,6 +62,10 @@ impl DrawPass for SolidPass {
         "solid"
     }
 
+    fn shader(&self) -> &'static [&'static str] {
+        &SHADER
+    }
+
     fn upload(
         &mut self,
         gpu: &Gpu,
@@ -72,7 +77,7 @@ impl DrawPass for SolidPass {
         if self.instances.list.is_empty() {
             return Ok(());
         }
-        let (label, parts, buffers) = (self.name(), &shader::SOLID, &vertex_layout());
+        let (label, parts, buffers) = (self.name(), self.shader(), &vertex_layout());
         self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
         if self.meshes.is_none() {
             self.meshes = Some(SolidMeshes::new(gpu)?);

@@ -38,6 +38,10 @@ impl<S: Strip> DrawPass for StripPass<S> {
         S::NAME
     }
 
+    fn shader(&self) -> &'static [&'static str] {
+        S::SHADER
+    }
+
     fn upload(
         &mut self,
         gpu: &Gpu,

@@ -74,12 +74,11 @@ impl ViewUniform {
 #[cfg(test)]
 mod tests {
     use super::super::layout::assert_layout;
-    use super::super::shader;
     use super::*;
 
     #[test]
     fn a_view_lies_as_the_shaders_read_it() {
-        let source = shader::BODY.concat();
+        let source = crate::render::body::SHADER.concat();
         assert_layout!(source, "View", ViewUniform:
             clip_from_room, direction_from_ndc, eye_in_room, front_sign, size_px);
     }
