@@ -20,6 +20,7 @@ use place::{Place, folder_of};
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use tempfile::NamedTempFile;
 
 /// A kind of file, by which code decides whether it may overwrite one.
@@ -132,7 +133,7 @@ fn look(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<Place, OutputErr
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(place),
         file => file.map_err(closed)?,
     };
-    if matches!(file.try_lock_shared(), Err(std::fs::TryLockError::WouldBlock)) {
+    if is_locked(&file) {
         return Err(OutputError::Busy { path: path.to_owned() });
     }
     let head = head(file).map_err(closed)?;
@@ -142,6 +143,18 @@ fn look(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<Place, OutputErr
     let line = head.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let begins = String::from_utf8_lossy(&line[..line.len().min(40)]).escape_debug().to_string();
     Err(OutputError::Foreign { path: path.to_owned(), kind: kind.name, begins })
+}
+
+/// Whether another run holds the lock of a file. A process that is just being started holds for a moment what its parent
+/// had open, so a lock counts only when it lasts.
+fn is_locked(file: &File) -> bool {
+    const TRIES: u32 = 10;
+    (0..TRIES).all(|again| {
+        if again > 0 {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        matches!(file.try_lock_shared(), Err(std::fs::TryLockError::WouldBlock))
+    })
 }
 
 /// A whole file that is not yet in its place; dropping it removes it.
