@@ -17,8 +17,8 @@
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
 //! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
-//! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
 //! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
+//! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |

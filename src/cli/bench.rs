@@ -19,6 +19,7 @@ use crate::render::DrawCounts;
 use crate::scene::{Scene, Storage};
 use crate::session::{Playback, Request, Session};
 use crate::stage::Stage;
+use crate::tuning;
 use crate::world::StepTimes;
 use serde_json::{Value, json};
 use std::hint::black_box;
@@ -82,7 +83,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(scene)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
     prepare::try_green(&scene, None)?;
-    let scene = super::plan::settled(scene, false, false)?;
+    let scene = tuning::settle(scene, false, false)?;
     let (stage, replay) = (args.stage.as_deref(), args.replay.as_deref());
     let open = || Session::open(&Request { stage, replay, ..Request::of(&scene) });
     let stage = open()?.world.stage;

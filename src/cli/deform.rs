@@ -7,6 +7,7 @@ use crate::export::batch::{self, Asked};
 use crate::export::{Files, ResultSet};
 use crate::prepare;
 use crate::scene::Scene;
+use crate::tuning;
 use std::path::PathBuf;
 
 /// Compute displacements and forces for a list of poses
@@ -41,7 +42,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let poses = pose_file::load(&args.poses)?;
     let files = Files::of(&args.output)?;
     try_outputs(args, &files, &scene)?;
-    let scene = super::plan::settled(scene, false, false)?;
+    let scene = tuning::settle(scene, false, false)?;
     let asked: Vec<Asked> =
         poses.iter().map(|pose| batch::ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;

@@ -1,6 +1,5 @@
 //! `greenstage inspect`: shows what is in a mesh, .green, scene or stage file.
 
-use super::plan;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
@@ -10,6 +9,7 @@ use crate::prepare;
 use crate::scene::Scene;
 use crate::session::open;
 use crate::stage::Stage;
+use crate::tuning;
 use crate::world::flow;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -256,7 +256,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         }
     }
     let path = prepare::green_path(&scene);
-    let online = prepare::online_part(&plan::known(scene.clone())?)?;
+    let online = prepare::online_part(&tuning::settle_from_file(scene.clone())?)?;
     let state = match prepare::fresh(&online, &path)? {
         _ if online.body.is_empty() => "is not needed",
         Ok(_) => "is fresh",
@@ -272,7 +272,7 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
     if path.extension().is_none_or(|extension| extension != "toml") || is_stage(path)? {
         return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
     }
-    let scene = prepare::online_part(&plan::known(Scene::load(path)?)?)?;
+    let scene = prepare::online_part(&tuning::settle_from_file(Scene::load(path)?)?)?;
     let stage = open::stage(&scene, None)?;
     let (graph, _) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
     print(&match format {

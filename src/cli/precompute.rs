@@ -7,6 +7,7 @@ use crate::base::table::{Table, bytes, seconds};
 use crate::green::{self, Precomputed};
 use crate::prepare;
 use crate::scene::Scene;
+use crate::tuning;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -37,7 +38,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let will_compute = args.force || !path.exists();
     let ask = if will_compute { try_path } else { output::may_replace };
     ask(&path, &green::GREEN, &inputs)?;
-    let settled = super::plan::settled(scene, args.quiet, args.force)?;
+    let settled = tuning::settle(scene, args.quiet, args.force)?;
     let scene = prepare::online_part(&settled)?;
     if scene.body.is_empty() {
         let path = args.scene.display();

@@ -2,15 +2,16 @@
 
 use super::parsers;
 use super::print::print;
+use super::session_args::SessionArgs;
 use crate::base::failure::Failure;
 use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
-use crate::prepare;
 use crate::scene::Scene;
-use crate::session::{Request, Session, recording};
+use crate::session::Session;
 use crate::stage::Stereo;
-use std::path::{Path, PathBuf};
+use crate::tuning;
+use std::path::PathBuf;
 
 /// Render the scripted scene into PNG files: every frame, screen and eye, and a contact sheet
 ///
@@ -18,29 +19,14 @@ use std::path::{Path, PathBuf};
 /// everything stands at rest.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML)
-    pub scene: PathBuf,
-    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
-    #[arg(long)]
-    pub stage: Option<String>,
+    #[command(flatten)]
+    pub session: SessionArgs,
     /// Folder for the pictures; overwrites PNG files of these names, and nothing else
     #[arg(short, long)]
     pub output: PathBuf,
     /// Frames, evenly over the script or the recording
     #[arg(long, default_value_t = 20, value_parser = parsers::frames)]
     pub frames: usize,
-    /// Key frames for head and stylus: bend, or a script file; default: the scene's
-    #[arg(long)]
-    pub script: Option<PathBuf>,
-    /// Replay a session that --record wrote, on its stage, instead of a script
-    #[arg(long, conflicts_with_all = ["script", "record"])]
-    pub replay: Option<PathBuf>,
-    /// Write every step of the mechanics into this file, for --replay; overwrites a recording, and nothing else
-    #[arg(long)]
-    pub record: Option<PathBuf>,
-    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
-    #[arg(long)]
-    pub green: Option<PathBuf>,
     /// Samples per pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
@@ -63,8 +49,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    args.device.for_session(args.replay.is_some() || args.record.is_some())?;
-    let scene = Scene::load(&args.scene)?;
+    args.device.for_session(args.session.is_recorded())?;
+    let scene = Scene::load(&args.session.scene)?;
     let pictures = PictureRequest {
         folder: args.output.clone(),
         frames: args.frames,
@@ -78,28 +64,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         overlay: args.overlay,
         device: args.device,
     };
-    let request = Request {
-        scene: &scene,
-        stage: args.stage.as_deref(),
-        script: args.script.as_deref(),
-        green: args.green.as_deref(),
-        replay: args.replay.as_deref(),
-        record: args.record.as_deref(),
-    };
-    try_outputs(&request, Some(&pictures))?;
-    let scene = super::plan::settled(scene.clone(), false, false)?;
-    let mut session = Session::open(&Request { scene: &scene, ..request })?;
+    args.session.try_outputs(&scene, Some(&pictures))?;
+    let scene = tuning::settle(scene, false, false)?;
+    let mut session = Session::open(&args.session.request(&scene))?;
     print(&pictures.draw(&mut session)?)?;
     print(&session.report()?)
-}
-
-/// Whether everything that `render` and `view` write can be written, before anything is solved.
-pub fn try_outputs(request: &Request<'_>, pictures: Option<&PictureRequest>) -> Result<(), Failure> {
-    let named = [request.stage.map(Path::new), request.script, request.replay, request.green];
-    let inputs = prepare::inputs_and(request.scene, named);
-    if let Some(path) = request.record {
-        recording::try_path(path, &inputs)?;
-    }
-    pictures.map_or(Ok(()), |pictures| pictures.try_folder(&inputs))?;
-    prepare::try_green(request.scene, request.green)
 }

@@ -12,6 +12,7 @@ use crate::display::stage_model::Camera;
 use crate::prepare;
 use crate::scene::Scene;
 use crate::session::{Request, Session};
+use crate::tuning;
 use crate::world::World;
 use std::path::PathBuf;
 
@@ -109,7 +110,7 @@ fn open(args: &Args) -> Result<Session, Failure> {
     }
     let scene = Scene::load(path)?;
     prepare::try_green(&scene, args.green.as_deref())?;
-    let scene = super::plan::settled(scene, false, false)?;
+    let scene = tuning::settle(scene, false, false)?;
     Session::open(&Request {
         stage: args.stage.as_deref(),
         green: args.green.as_deref(),

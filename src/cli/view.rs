@@ -2,7 +2,7 @@
 
 use super::parsers;
 use super::print::print;
-use super::render;
+use super::session_args::SessionArgs;
 use crate::base::failure::Failure;
 use crate::display::application::{self, Finished, Options, Shows};
 use crate::display::device;
@@ -11,7 +11,8 @@ use crate::display::pictures::PictureRequest;
 use crate::display::screen_windows::ScreenWindows;
 use crate::render::window;
 use crate::scene::Scene;
-use crate::session::{Request, Session, keys, playback};
+use crate::session::{Session, keys, playback};
+use crate::tuning;
 use std::path::PathBuf;
 
 /// Show the scene and let you bend it, in windows; render it offscreen where there is no display
@@ -22,27 +23,12 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(after_help = keys::bindings())]
 pub struct Args {
-    /// Scene file (TOML)
-    pub scene: PathBuf,
-    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
-    #[arg(long)]
-    pub stage: Option<String>,
-    /// Key frames for head and stylus; default: the scene's
-    #[arg(long)]
-    pub script: Option<PathBuf>,
-    /// Write the session into this file, for --replay; overwrites a recording, and nothing else
-    #[arg(long)]
-    pub record: Option<PathBuf>,
-    /// Replay a session that --record wrote: its poses, buttons and commands, on its stage
-    #[arg(long, conflicts_with_all = ["script", "record"])]
-    pub replay: Option<PathBuf>,
+    #[command(flatten)]
+    pub session: SessionArgs,
     /// Play the recording, or the script, as fast as possible without a window or a graphics device; the status is 1 if a
     /// frame comes to another state than was recorded
     #[arg(long)]
     pub check: bool,
-    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
-    #[arg(long)]
-    pub green: Option<PathBuf>,
     /// Samples per pixel, 1 or 4
     #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
     pub samples: u32,
@@ -70,13 +56,8 @@ impl Args {
     /// The demo: everything at its default.
     pub fn demo(scene: PathBuf) -> Args {
         Args {
-            scene,
-            stage: None,
-            script: None,
-            record: None,
-            replay: None,
+            session: SessionArgs::of(scene),
             check: false,
-            green: None,
             samples: 4,
             scale: None,
             no_vsync: false,
@@ -92,17 +73,9 @@ impl Args {
 const OFFSCREEN: usize = 20;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let device = args.device.for_session(args.record.is_some() || args.replay.is_some())?;
+    let device = args.device.for_session(args.session.is_recorded())?;
     let display = window::find_display();
-    let scene = Scene::load(&args.scene)?;
-    let request = Request {
-        scene: &scene,
-        stage: args.stage.as_deref(),
-        script: args.script.as_deref(),
-        green: args.green.as_deref(),
-        replay: args.replay.as_deref(),
-        record: args.record.as_deref(),
-    };
+    let scene = Scene::load(&args.session.scene)?;
     let pictures = PictureRequest {
         folder: args.offscreen.clone(),
         frames: OFFSCREEN,
@@ -112,21 +85,22 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         overlay: args.overlay,
         device: args.device,
     };
-    render::try_outputs(&request, Some(&pictures).filter(|_| display.is_err() && !args.check))?;
-    let scene = super::plan::settled(scene.clone(), false, false)?;
-    let mut session = Session::open(&Request { scene: &scene, ..request })?;
+    let shown = Some(&pictures).filter(|_| display.is_err() && !args.check);
+    args.session.try_outputs(&scene, shown)?;
+    let scene = tuning::settle(scene, false, false)?;
+    let mut session = Session::open(&args.session.request(&scene))?;
     if args.check {
         return print(&playback::check(&mut session)?);
     }
     if let Err(reason) = display {
         print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
-        let moves = session.input.script.is_some() || args.replay.is_some();
+        let moves = session.input.script.is_some() || args.session.replay.is_some();
         let pictures = PictureRequest { frames: if moves { OFFSCREEN } else { 1 }, ..pictures };
         print(&pictures.draw(&mut session)?)?;
         return print(&session.report()?);
     }
     // A recording has its own head and hands.
-    if args.replay.is_none() {
+    if args.session.replay.is_none() {
         print(&format!("{}\n", keys::bindings()))?;
         session.attach_mouse();
         session.start_effects(&scene)?;

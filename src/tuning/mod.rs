@@ -5,6 +5,7 @@
 
 mod choice;
 mod planner;
+pub mod poses;
 
 pub use choice::{Choice, choose, miss, time};
-pub use planner::{Planner, TuningError};
+pub use planner::{settle, settle_from_file};

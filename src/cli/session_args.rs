@@ -1,0 +1,64 @@
+//! What `view` and `render` have in common: the session that they open, and what they look at before anything is solved.
+
+use crate::base::failure::Failure;
+use crate::display::pictures::PictureRequest;
+use crate::prepare;
+use crate::scene::Scene;
+use crate::session::{Request, recording};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct SessionArgs {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
+    #[arg(long)]
+    pub stage: Option<String>,
+    /// Key frames for head and stylus: bend, or a script file; default: the scene's
+    #[arg(long)]
+    pub script: Option<PathBuf>,
+    /// Write the session into this file, for --replay; overwrites a recording, and nothing else
+    #[arg(long)]
+    pub record: Option<PathBuf>,
+    /// Replay a session that --record wrote: its poses, buttons and commands, on its stage
+    #[arg(long, conflicts_with_all = ["script", "record"])]
+    pub replay: Option<PathBuf>,
+    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
+    #[arg(long)]
+    pub green: Option<PathBuf>,
+}
+
+impl SessionArgs {
+    /// Of a scene with everything at its default.
+    pub fn of(scene: PathBuf) -> SessionArgs {
+        SessionArgs { scene, stage: None, script: None, record: None, replay: None, green: None }
+    }
+
+    /// Whether the session's states are compared, so that its bodies deform on the CPU.
+    pub fn is_recorded(&self) -> bool {
+        self.record.is_some() || self.replay.is_some()
+    }
+
+    pub fn request<'a>(&'a self, scene: &'a Scene) -> Request<'a> {
+        Request {
+            scene,
+            stage: self.stage.as_deref(),
+            script: self.script.as_deref(),
+            green: self.green.as_deref(),
+            replay: self.replay.as_deref(),
+            record: self.record.as_deref(),
+        }
+    }
+
+    /// Whether everything can be written, before anything is solved.
+    pub fn try_outputs(&self, scene: &Scene, pictures: Option<&PictureRequest>) -> Result<(), Failure> {
+        let stage = self.stage.as_deref().map(Path::new);
+        let named = [stage, self.script.as_deref(), self.replay.as_deref(), self.green.as_deref()];
+        let inputs = prepare::inputs_and(scene, named);
+        if let Some(path) = &self.record {
+            recording::try_path(path, &inputs)?;
+        }
+        pictures.map_or(Ok(()), |pictures| pictures.try_folder(&inputs))?;
+        prepare::try_green(scene, self.green.as_deref())
+    }
+}
