@@ -83,6 +83,8 @@ pub enum Why {
     Software,
     /// The columns are more than the graphics device binds at once.
     TooLarge,
+    /// The model computes displacements that are no sum of columns.
+    Model,
     /// Time of one deformation on the CPU, its upload included, and on the device, s.
     Measured {
         cpu_s: f64,
@@ -105,6 +107,7 @@ impl Choice {
             Why::TooLarge => {
                 format!("deforms {place}, since it is larger than the graphics device can bind at once")
             }
+            Why::Model => format!("deforms {place}, where its model computes the shape"),
             Why::Measured { cpu_s, device_s } => {
                 format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))
             }
@@ -167,6 +170,7 @@ pub fn buffers(
     let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.triangles(), &body.colours());
     let fixed = |on_device, why| Choice { on_device, why };
     let (mut buffers, choice) = match asked {
+        _ if body.deformer.has_field() => (plain(body)?, fixed(false, Why::Model)),
         DeformOn::Cpu => (plain(body)?, fixed(false, Why::Asked)),
         DeformOn::Auto if gpu.is_software => (plain(body)?, fixed(false, Why::Software)),
         DeformOn::Gpu => (with_columns(gpu, body)?, fixed(true, Why::Asked)),
