@@ -126,6 +126,7 @@ impl Choice {
             Why::Asked => format!("deforms on {place}, as asked for"),
             Why::Software => format!("deforms on {place}: the device is software"),
             Why::TooLarge => format!("deforms on {place}: too large for device"),
+            Why::Model => format!("deforms on {place}: by its model"),
             Why::Measured { cpu_s, device_s } => match self.on_device {
                 true => format!("deforms on device {} ms, CPU {} ms", ms(device_s), ms(cpu_s)),
                 false => format!("deforms on CPU {} ms, device {} ms", ms(cpu_s), ms(device_s)),
@@ -139,6 +140,7 @@ impl Choice {
             Why::Asked => json!({ "on": on, "why": "asked" }),
             Why::Software => json!({ "on": on, "why": "software" }),
             Why::TooLarge => json!({ "on": on, "why": "too large" }),
+            Why::Model => json!({ "on": on, "why": "model" }),
             Why::Measured { cpu_s, device_s } => {
                 json!({ "on": on, "why": "measured", "cpu_s": cpu_s, "device_s": device_s })
             }
