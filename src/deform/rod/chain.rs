@@ -1,0 +1,403 @@
+//! A geometrically exact rod (Simo-Reissner) of n two-node elements between two clamps.
+//!
+//! In: its section stiffness C, its segment at rest, and two frames that hold its ends. Out: the frames of all sections
+//! in equilibrium, the energy, and the wrenches on the clamps.
+//!
+//! ```text
+//! V = Σ ½ (h - h₀)ᵀ C/ℓ (h - h₀)    h = log(g_i⁻¹ g_i+1), constant strain along each segment
+//! ```
+//!
+//! Helicoidal elements (Sonneville, Cardona and Brüls, CMAME 268, 2014): no locking, no change under rigid motions, and
+//! arcs, twists and helices are exact. Newton's iteration with the exact Hessian, which is block tridiagonal (6 × 6);
+//! where it is not positive definite, it is shifted until it is, and a state that is stationary but not stable is left
+//! along its mode.
+
+use super::screws::{Tangent, exp, log, parts};
+use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
+
+/// No step of a clamp turns it by more (rad), or moves it by more than this part of the rod's length.
+const CLAMP_TURN: f64 = std::f64::consts::FRAC_PI_4;
+const CLAMP_MOVE: f64 = 0.25;
+/// No iteration turns a section by more, rad, or moves it by more than this part of the length.
+const SECTION_TURN: f64 = 0.7;
+const SECTION_MOVE: f64 = 0.25;
+/// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is
+/// the last one. As it converges quadratically, forces are then right to about the square of its root.
+const CONVERGED: f64 = 1e-10;
+/// Iterations for one pose of the clamps.
+const MOST_ITERATIONS: usize = 300;
+
+type Factor = Cholesky<f64, Const<6>>;
+
+/// How the rod stands between its clamps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// J.
+    pub energy: f64,
+    /// ∂V by a motion g exp(η) of the first and the last frame: force and torque in that frame's own axes.
+    pub wrenches: [Vector6<f64>; 2],
+    pub iterations: usize,
+    /// It was left for this state because it was not stable: the rod buckled.
+    pub buckled: bool,
+}
+
+/// A rod and the state in which it was last held.
+#[derive(Clone)]
+pub struct Chain {
+    /// C/ℓ, N/m and N·m of a segment.
+    stiffness: Matrix6<f64>,
+    /// h₀.
+    rest: Vector6<f64>,
+    length: f64,
+    /// Frames of the n + 1 sections.
+    pub frames: Vec<Isometry3<f64>>,
+    trial: Vec<Isometry3<f64>>,
+    kept: Vec<Isometry3<f64>>,
+    /// ∂V by the motion of each section, and the blocks (i, i) and (i, i + 1) of its derivative.
+    gradient: Vec<Vector6<f64>>,
+    diagonal: Vec<Matrix6<f64>>,
+    beside: Vec<Matrix6<f64>>,
+    /// Of the inner sections: the factors of the pivots, and pivot⁻¹ times the block beside.
+    pivots: Vec<Factor>,
+    upper: Vec<Matrix6<f64>>,
+    step: Vec<Vector6<f64>>,
+    /// What the shift is measured in: a weight of each of the six motions of a section.
+    weight: Vector6<f64>,
+}
+
+impl Chain {
+    /// A rod at rest, from `first` on, of `segments` (2 at least) whose ends are a screw `rest` apart; `section`: C, in N
+    /// and N·m² (and N·m off the diagonal).
+    pub fn new(section: &Matrix6<f64>, rest: Vector6<f64>, segments: usize, first: Isometry3<f64>) -> Chain {
+        let piece = parts(&rest).0.norm();
+        let length = piece * segments as f64;
+        let bending = (section[(3, 3)] + section[(4, 4)] + section[(5, 5)]) / 3.0;
+        let turning = bending / (length * segments as f64);
+        let moving = turning / (length * length);
+        let mut chain = Chain {
+            stiffness: section / piece,
+            rest,
+            length,
+            frames: vec![first; segments + 1],
+            trial: Vec::new(),
+            kept: Vec::new(),
+            gradient: vec![Vector6::zeros(); segments + 1],
+            diagonal: vec![Matrix6::zeros(); segments + 1],
+            beside: vec![Matrix6::zeros(); segments],
+            pivots: Vec::with_capacity(segments),
+            upper: Vec::with_capacity(segments),
+            step: vec![Vector6::zeros(); segments + 1],
+            weight: Vector6::new(moving, moving, moving, turning, turning, turning),
+        };
+        chain.reset(first);
+        chain.trial.clone_from(&chain.frames);
+        chain.kept.clone_from(&chain.frames);
+        chain
+    }
+
+    pub fn segments(&self) -> usize {
+        self.frames.len() - 1
+    }
+
+    /// Back to rest, from `first` on.
+    pub fn reset(&mut self, first: Isometry3<f64>) {
+        let piece = exp(&self.rest);
+        self.frames[0] = first;
+        for i in 1..self.frames.len() {
+            self.frames[i] = self.frames[i - 1] * piece;
+        }
+    }
+
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// h of segment `i`.
+    pub fn screw(&self, i: usize) -> Vector6<f64> {
+        log(&self.frames[i].inv_mul(&self.frames[i + 1]))
+    }
+
+    /// h - h₀ of segment `i`, and the wrench C/ℓ (h - h₀) that it transmits, on its helix's pole.
+    pub fn strain(&self, i: usize) -> (Vector6<f64>, Vector6<f64>) {
+        let strain = self.screw(i) - self.rest;
+        (strain, self.stiffness * strain)
+    }
+
+    /// The frame in the middle of segment `i`.
+    pub fn middle(&self, i: usize) -> Isometry3<f64> {
+        self.frames[i] * exp(&(self.screw(i) * 0.5))
+    }
+
+    /// Equilibrium with the clamps at `ends`, the way there from the present state continued in steps. The signs of the
+    /// quaternions tell turns up to 360°. `None`, and the state as it was, where none is found.
+    pub fn hold(&mut self, ends: &[Isometry3<f64>; 2]) -> Option<Standing> {
+        self.kept.clone_from_slice(&self.frames);
+        let standing = self.approach(ends);
+        if standing.is_none() {
+            self.frames.clone_from_slice(&self.kept);
+        }
+        standing
+    }
+
+    fn approach(&mut self, ends: &[Isometry3<f64>; 2]) -> Option<Standing> {
+        // The motion of the first clamp is given to the whole rod, which does not feel it.
+        let carried = ends[0] * self.frames[0].inverse();
+        for frame in &mut self.frames {
+            *frame = carried * *frame;
+            frame.rotation.renormalize_fast();
+        }
+        let last = self.segments();
+        let from = self.frames[last];
+        let turn = parts(&log(&from.inv_mul(&ends[1]))).1.norm();
+        let distance = (ends[1].translation.vector - from.translation.vector).norm();
+        if !(turn.is_finite() && distance.is_finite()) {
+            return None;
+        }
+        let steps = (turn / CLAMP_TURN).max(distance / (CLAMP_MOVE * self.length)).ceil().clamp(1.0, 64.0);
+        let (mut iterations, mut buckled) = (0, false);
+        let mut energy = 0.0;
+        for step in 1..=steps as usize {
+            let goal = between(&ends[0], &from, &ends[1], step as f64 / steps);
+            let eta = log(&self.frames[last].inv_mul(&goal));
+            energy = self.settle(eta, &mut iterations, &mut buckled)?;
+            self.frames[last] = goal;
+        }
+        self.slopes();
+        let wrenches = [self.gradient[0], self.gradient[last]];
+        wrenches.iter().all(|w| w.iter().all(|x| x.is_finite())).then_some(Standing {
+            energy,
+            wrenches,
+            iterations,
+            buckled,
+        })
+    }
+
+    /// Moves the last frame by `eta` and the others to equilibrium; returns the energy.
+    fn settle(&mut self, eta: Vector6<f64>, iterations: &mut usize, buckled: &mut bool) -> Option<f64> {
+        let last = self.segments();
+        let mut moving = eta.amax() > 0.0;
+        let mut energy = self.assemble();
+        loop {
+            *iterations += 1;
+            if *iterations > MOST_ITERATIONS || !energy.is_finite() {
+                return None;
+            }
+            let shift = self.factor()?;
+            self.step[last] = if moving { eta } else { Vector6::zeros() };
+            self.solve();
+            let gain: f64 = -(1..last).map(|i| self.gradient[i].dot(&self.step[i])).sum::<f64>();
+            self.limit_step();
+            if moving {
+                // The tangent's answer to the clamp's motion: the energy may rise.
+                self.try_step(1.0);
+                self.frames.clone_from_slice(&self.trial);
+                moving = false;
+                energy = self.assemble();
+                continue;
+            }
+            let is_last = gain <= CONVERGED * energy.max(self.least_energy());
+            if is_last && shift > 0.0 {
+                self.leave_along_mode(energy)?;
+                *buckled = true;
+            } else if !self.descend(energy, gain, is_last) {
+                return None;
+            }
+            if is_last && shift == 0.0 {
+                return Some(self.energy_of(&self.frames));
+            }
+            energy = self.assemble();
+        }
+    }
+
+    /// An energy that counts as none: that of a bend by 1e-4 rad.
+    fn least_energy(&self) -> f64 {
+        1e-8 * self.weight[3] * self.segments() as f64
+    }
+
+    /// Goes along the step as far as the energy falls.
+    fn descend(&mut self, energy: f64, gain: f64, is_last: bool) -> bool {
+        let mut share = 1.0;
+        for _ in 0..30 {
+            self.try_step(share);
+            // Rounding alone decides about the last steps.
+            let falls = is_last || self.energy_of(&self.trial) <= energy - 1e-4 * share * gain;
+            if falls {
+                self.frames.clone_from_slice(&self.trial);
+                return true;
+            }
+            share *= 0.5;
+        }
+        false
+    }
+
+    /// Steps off a state that is stationary but not stable, along the mode that lowers the energy most.
+    fn leave_along_mode(&mut self, energy: f64) -> Option<()> {
+        let last = self.segments();
+        // Inverse iteration with the shifted Hessian, from a start that is in no symmetry's way.
+        for i in 1..last {
+            self.step[i] = Vector6::from_fn(|k, _| (1.7 * i as f64 + 0.9 * k as f64).sin() + 0.3);
+        }
+        for _ in 0..20 {
+            for i in 1..last {
+                self.step[i].component_mul_assign(&-self.weight);
+            }
+            std::mem::swap(&mut self.step, &mut self.gradient);
+            self.step[last] = Vector6::zeros();
+            self.solve();
+            let size = self.step[1..last].iter().map(Vector6::amax).fold(0.0, f64::max);
+            self.step[1..last].iter_mut().for_each(|step| *step /= size);
+        }
+        let turn = self.step[1..last].iter().map(|s| parts(s).1.norm()).fold(0.0, f64::max);
+        let mut share = 0.1 / turn;
+        for _ in 0..12 {
+            for sign in [1.0, -1.0] {
+                self.try_step(sign * share);
+                if self.energy_of(&self.trial) < energy {
+                    self.frames.clone_from_slice(&self.trial);
+                    return Some(());
+                }
+            }
+            share *= 0.5;
+        }
+        None
+    }
+
+    /// Shortens the step of the inner sections where it is beyond what one iteration may do.
+    fn limit_step(&mut self) {
+        let last = self.segments();
+        let mut excess: f64 = 1.0;
+        for step in &self.step[1..last] {
+            let (v, turn) = parts(step);
+            excess = excess.max(turn.norm() / SECTION_TURN).max(v.norm() / (SECTION_MOVE * self.length));
+        }
+        self.step[1..last].iter_mut().for_each(|step| *step /= excess);
+    }
+
+    /// The state after this share of the step, as the trial.
+    fn try_step(&mut self, share: f64) {
+        for i in 0..self.frames.len() {
+            self.trial[i] = self.frames[i];
+            if i > 0 {
+                self.trial[i] *= exp(&(self.step[i] * share));
+                self.trial[i].rotation.renormalize_fast();
+            }
+        }
+        let last = self.segments();
+        if self.step[last] == Vector6::zeros() {
+            self.trial[last] = self.frames[last];
+        }
+    }
+
+    fn energy_of(&self, frames: &[Isometry3<f64>]) -> f64 {
+        let segment = |pair: &[Isometry3<f64>]| {
+            let strain = log(&pair[0].inv_mul(&pair[1])) - self.rest;
+            0.5 * strain.dot(&(self.stiffness * strain))
+        };
+        frames.windows(2).map(segment).sum()
+    }
+
+    /// The gradient alone.
+    fn slopes(&mut self) {
+        self.gradient.fill(Vector6::zeros());
+        for i in 0..self.segments() {
+            let h = self.screw(i);
+            let (tangent, wrench) = (Tangent::of(&h), self.stiffness * (h - self.rest));
+            self.gradient[i] += tangent.first.tr_mul(&wrench);
+            self.gradient[i + 1] += tangent.last.tr_mul(&wrench);
+        }
+    }
+
+    /// Energy, gradient and Hessian.
+    fn assemble(&mut self) -> f64 {
+        self.gradient.fill(Vector6::zeros());
+        self.diagonal.fill(Matrix6::zeros());
+        let mut energy = 0.0;
+        for i in 0..self.segments() {
+            let h = self.screw(i);
+            let strain = h - self.rest;
+            let (tangent, wrench) = (Tangent::of(&h), self.stiffness * strain);
+            energy += 0.5 * strain.dot(&wrench);
+            self.gradient[i] += tangent.first.tr_mul(&wrench);
+            self.gradient[i + 1] += tangent.last.tr_mul(&wrench);
+            let [first, across, last] = tangent.curvature(&wrench);
+            let (by_first, by_last) = (self.stiffness * tangent.first, self.stiffness * tangent.last);
+            self.diagonal[i] += tangent.first.tr_mul(&by_first) + first;
+            self.diagonal[i + 1] += tangent.last.tr_mul(&by_last) + last;
+            self.beside[i] = tangent.first.tr_mul(&by_last) + across;
+        }
+        energy
+    }
+
+    /// Factorises the Hessian of the inner sections, shifted as little as it must be to be positive definite; returns the
+    /// shift.
+    fn factor(&mut self) -> Option<f64> {
+        let mut shift = 0.0;
+        for _ in 0..24 {
+            if self.factor_shifted(shift) {
+                return Some(shift);
+            }
+            shift = if shift == 0.0 { 0.3 } else { 4.0 * shift };
+        }
+        None
+    }
+
+    fn factor_shifted(&mut self, shift: f64) -> bool {
+        self.pivots.clear();
+        self.upper.clear();
+        let added = Matrix6::from_diagonal(&(self.weight * shift));
+        for i in 1..self.segments() {
+            let mut pivot = self.diagonal[i] + added;
+            if let Some(above) = self.upper.last() {
+                pivot -= self.beside[i - 1].tr_mul(above);
+            }
+            let Some(factor) = pivot.cholesky() else { return false };
+            self.upper.push(factor.solve(&self.beside[i]));
+            self.pivots.push(factor);
+        }
+        true
+    }
+
+    /// The step of the inner sections against the gradient, with the last section's own step given.
+    fn solve(&mut self) {
+        let last = self.segments();
+        for i in 1..last {
+            let mut rhs = -self.gradient[i];
+            if i > 1 {
+                rhs -= self.beside[i - 1].tr_mul(&self.step[i - 1]);
+            }
+            self.step[i] = self.pivots[i - 1].solve(&rhs);
+        }
+        for i in (1..last).rev() {
+            let next = self.step[i + 1];
+            self.step[i] -= self.upper[i - 1] * next;
+        }
+    }
+
+    /// Whether the state at hand is stable between its clamps: its Hessian is positive definite.
+    pub fn is_stable(&mut self) -> bool {
+        self.assemble();
+        self.factor_shifted(0.0)
+    }
+}
+
+/// The last clamp at a share of its way: on the straight line between the screws that a rod from `first` on winds along,
+/// as long as none makes more than half a turn; else it turns and moves at a constant speed.
+fn between(
+    first: &Isometry3<f64>,
+    from: &Isometry3<f64>,
+    to: &Isometry3<f64>,
+    share: f64,
+) -> Isometry3<f64> {
+    if share >= 1.0 {
+        return *to;
+    }
+    let [start, end] = [from, to].map(|frame| log(&first.inv_mul(frame)));
+    let most = parts(&start).1.norm().max(parts(&end).1.norm());
+    if most <= std::f64::consts::PI {
+        return first * exp(&start.lerp(&end, share));
+    }
+    let turn = parts(&log(&from.inv_mul(to))).1 * share;
+    let turned = exp(&Vector6::new(0.0, 0.0, 0.0, turn.x, turn.y, turn.z)).rotation;
+    let place = from.translation.vector.lerp(&to.translation.vector, share);
+    Isometry3::from_parts(place.into(), from.rotation * turned)
+}
