@@ -20,6 +20,7 @@ mod partial;
 mod parts;
 mod pose;
 pub mod pose_file;
+mod rod;
 mod rotation;
 mod screw;
 pub mod se3;

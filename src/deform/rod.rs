@@ -11,21 +11,24 @@ mod screws;
 mod section;
 mod skin;
 
+use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::helicoidal::Helicoidal;
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
+use super::se3::{exp, halves};
 use crate::base::parts::PartWeights;
-use crate::green::{AFFINE, STIFFNESS};
+use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
 use chain::{Chain, Standing};
 use nalgebra::{Isometry3, Matrix3, SVector, Translation3, UnitQuaternion, Vector3};
-use screws::{Tangent, exp, joined, parts, shift};
+use screws::Tangent;
 use section::{Section, stretch_of};
 use skin::Skin;
 
 pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "rod",
     summary: "method 3b: a geometrically exact rod between two control elements, for slender straight bodies",
-    requirements: &[AFFINE, STIFFNESS],
+    requirements: &[AFFINE, STIFFNESS, CUBIC],
     frame: Frame::MeanMotion,
     energy: Some(&[]),
     turn_limits_deg: [180.0; 2],
@@ -40,6 +43,8 @@ pub struct Rod {
     controls: [ControlRest; 2],
     section: Section,
     chain: Chain,
+    /// Another one, to come from rest with.
+    spare: Chain,
     skin: Skin,
     turns: [Option<UnitQuaternion<f64>>; 2],
     frames: [ControlFrame; 2],
@@ -58,7 +63,8 @@ impl Rod {
                 input.controls.len()
             ));
         };
-        let stiffness = (input.table)("stiffness").ok_or("model \"rod\" needs the handle stiffness of the .green file")?;
+        let stiffness = (input.table)(STIFFNESS.name)
+            .ok_or("model \"rod\" needs the handle stiffness of the .green file")?;
         let origins = [first.origin, last.origin];
         let held = [0, 1].map(|e| (input.control_nodes)(e));
         let axis = (origins[1] - origins[0]).normalize();
@@ -70,10 +76,19 @@ impl Rod {
             };
             held[e].iter().map(along).fold(0.0, f64::max)
         };
-        let section = Section::fit(&stiffness, origins, [reach(0), reach(1)], SEGMENTS)
-            .map_err(|why| format!("model \"rod\" does not suit this body: {why}; write model = \"rotation\""))?;
-        let chain = Chain::new(&section.stiffness, section.rest(SEGMENTS), SEGMENTS, section.frame_at(0.0));
-        let skin = Skin::new(&section, SEGMENTS, origins, input.rest, &held, input.column);
+        let mut section =
+            Section::fit(&stiffness, origins, [reach(0), reach(1)], SEGMENTS).map_err(|why| {
+                format!("model \"rod\" does not suit this body: {why}; write model = \"rotation\"")
+            })?;
+        let cubic = (input.table)(CUBIC.name);
+        if let Some(cubic) = cubic.and_then(|table| CubicForm::new(2 * FIELDS, table.as_slice().to_vec())) {
+            section.fit_second(origins, &mut Helicoidal::new(&origins, stiffness, Some(cubic))?);
+        }
+        let first_frame = section.frame_at(0.0);
+        let chain =
+            Chain::new(&section.stiffness, &section.second, section.rest(SEGMENTS), SEGMENTS, first_frame);
+        let columns = (input.table)(AFFINE.name);
+        let skin = Skin::new(&section, SEGMENTS, origins, input.rest, &held, columns.as_ref());
         let frame = |e: usize| ControlFrame {
             place: origins[e],
             turn: UnitQuaternion::identity(),
@@ -82,6 +97,7 @@ impl Rod {
         Ok(Rod {
             controls: [first.clone(), last.clone()],
             section,
+            spare: chain.clone(),
             chain,
             skin,
             turns: [None; 2],
@@ -106,13 +122,10 @@ impl Rod {
         let clamps = [0, 1].map(|e| self.clamp(e, &frames[e]));
         let held = self.chain.hold(&clamps).or_else(|| {
             // A way from rest may exist where none from the last state was found.
-            let mut fresh = self.chain.clone();
-            fresh.reset(clamps[0]);
-            let held = fresh.hold(&clamps);
-            if held.is_some() {
-                self.chain = fresh;
-            }
-            held
+            self.spare.reset(clamps[0]);
+            let held = self.spare.hold(&clamps)?;
+            std::mem::swap(&mut self.chain, &mut self.spare);
+            Some(held)
         });
         if let Some(standing) = held {
             self.standing = Some(standing);
@@ -146,7 +159,7 @@ impl Rod {
         let pulled = self.section.offsets[e].tr_mul(&by_offset);
         let by_stretch = Matrix3::from_fn(|i, j| pulled[3 * i + j] + resisting[9 * e + 3 * i + j]);
         let turned = exp(&offset);
-        let (force, moment) = parts(&wrench);
+        let (force, moment) = halves(&wrench);
         let force = turned.rotation * force;
         let moment = turned.rotation * moment + turned.translation.vector.cross(&force);
         let arm = self.section.ends[e] - self.controls[e].origin;

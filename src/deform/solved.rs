@@ -2,9 +2,9 @@
 
 use super::model::{ControlRest, DeformationModel, Kind, ModelEntry, ModelInput};
 use super::models::not_online;
-use crate::green::Solution;
+use crate::green::{AFFINE, Solution};
 use crate::mesh::quality;
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, Vector3};
 
 /// The model of a solved body with the tables that were computed of it, and the centre about which it has its lengths, in
 /// the mesh's coordinates.
@@ -30,12 +30,19 @@ pub fn model_of(
             surface.nodes.iter().enumerate().filter(|(_, node)| held.binary_search(node).is_ok());
         on_surface.map(|(i, _)| i as u32).collect()
     };
+    let columns = || {
+        let row = |row: usize| 3 * surface.nodes[row / 3] as usize + row % 3;
+        DMatrix::from_fn(3 * nodes.len(), solution.fields.columns, |r, k| solution.fields.row(row(r))[k])
+    };
     let made = make(&ModelInput {
         controls: &controls,
         rest: &nodes,
         triangles: &surface.triangles,
         control_nodes: &control_nodes,
-        table: &|name| solution.tables.get(name).cloned(),
+        table: &|name| match name {
+            name if name == AFFINE.name => Some(columns()),
+            name => solution.tables.get(name).cloned(),
+        },
     })?;
     Ok((made, centre))
 }

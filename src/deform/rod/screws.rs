@@ -1,7 +1,6 @@
-//! Screws of SE(3): the relative motion of two frames as six numbers (v, ω), and their derivatives.
+//! The relative screw of two frames, h = log(g_a⁻¹ g_b), and its first and second derivatives.
 //!
-//! In: frames g = (R, r). Out: h = log(g_a⁻¹ g_b), with R = exp [ω] and r = V(ω) v, and how h changes when the frames
-//! move by g exp(η):
+//! In: h = (v, ω). Out: how h changes when the frames move by g exp(η):
 //!
 //! ```text
 //! δh = P_b η_b + P_a η_a    P_b = E + ½ ad h    P_a = -E + ½ ad h    E = I + α ad² h + β ad⁴ h    ad h = | [ω] [v] |
@@ -11,9 +10,8 @@
 //! E is the even part of x/(1 - e⁻ˣ) at x = ad h, whose minimal polynomial is x (x² + φ)² (Selig, Geometric Fundamentals
 //! of Robotics, section 4.5; Sonneville, Cardona and Brüls, CMAME 268, 2014).
 
-use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Quaternion, Translation3, UnitQuaternion, Vector3, Vector4, Vector6,
-};
+use super::super::se3::{self, halves};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 
 /// Below this angle the series of F is shorter than its closed form, and more exact.
 const SMALL: f64 = 0.6;
@@ -59,39 +57,9 @@ fn bernoulli(square: f64) -> [f64; 3] {
     [value, slope, -(second + 2.0 * slope) / square]
 }
 
-/// (v, ω) of a frame. The sign of its quaternion tells turns up to 360° apart.
+/// log of the motion of a frame. The sign of its quaternion tells turns up to 360° apart.
 pub fn log(frame: &Isometry3<f64>) -> Vector6<f64> {
-    let sine = frame.rotation.imag();
-    let (length, w) = (sine.norm(), frame.rotation.w);
-    // Near rest 2 atan(s/w)/s is 2/w to the last digit.
-    let turn = if length < 1e-9 && w > 0.0 { sine * (2.0 / w) } else { sine * (2.0 * length.atan2(w) / length) };
-    let r = frame.translation.vector;
-    let across = turn.cross(&r);
-    let v = r - across * 0.5 + turn.cross(&across) * bernoulli(turn.norm_squared())[0];
-    Vector6::new(v.x, v.y, v.z, turn.x, turn.y, turn.z)
-}
-
-/// The frame of (v, ω).
-pub fn exp(screw: &Vector6<f64>) -> Isometry3<f64> {
-    let (v, turn) = parts(screw);
-    let square = turn.norm_squared();
-    let angle = square.sqrt();
-    let (half_sine, first, second) = if square < 1e-4 {
-        (0.5 - square / 48.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0)
-    } else {
-        let half = (0.5 * angle).sin();
-        (half / angle, 2.0 * half * half / square, (angle - angle.sin()) / (angle * square))
-    };
-    let across = turn.cross(&v);
-    let r = v + across * first + turn.cross(&across) * second;
-    let imag = turn * half_sine;
-    let quaternion = Quaternion::from(Vector4::new(imag.x, imag.y, imag.z, (0.5 * angle).cos()));
-    Isometry3::from_parts(Translation3::from(r), UnitQuaternion::new_normalize(quaternion))
-}
-
-/// v and ω.
-pub fn parts(screw: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
-    (screw.fixed_rows::<3>(0).into_owned(), screw.fixed_rows::<3>(3).into_owned())
+    se3::log(&frame.rotation, &frame.translation.vector)
 }
 
 pub fn joined(first: &Vector3<f64>, second: &Vector3<f64>) -> Vector6<f64> {
@@ -114,14 +82,14 @@ pub fn shift(x: &Vector3<f64>) -> Matrix6<f64> {
 
 /// ad h.
 fn adjoint(h: &Vector6<f64>) -> Matrix6<f64> {
-    let (v, turn) = parts(h);
+    let (v, turn) = halves(h);
     let (v, turn) = (v.cross_matrix(), turn.cross_matrix());
     blocks(&turn, &v, &Matrix3::zeros(), &turn)
 }
 
 /// K with pᵀ (ad x) y = xᵀ K y.
 fn coadjoint(p: &Vector6<f64>) -> Matrix6<f64> {
-    let (force, moment) = parts(p);
+    let (force, moment) = halves(p);
     let (force, moment) = (-force.cross_matrix(), -moment.cross_matrix());
     blocks(&Matrix3::zeros(), &force, &force, &moment)
 }
@@ -174,5 +142,31 @@ impl Tangent {
         let last = self.last.tr_mul(&plus);
         let across = self.first.tr_mul(&plus) + self.last.tr_mul(&minus).transpose();
         [(first + first.transpose()) * 0.5, across * 0.5, (last + last.transpose()) * 0.5]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::se3::exp;
+    use super::*;
+
+    /// Central differences along g_a exp(η_a t), g_b exp(η_b t), on both sides of where F changes its form.
+    #[test]
+    fn first_and_second_derivatives_are_those_of_the_logarithm() {
+        let (p, step) = (Vector6::new(0.3, 1.0, -2.0, 0.5, 0.7, -0.2), 1e-4);
+        let first = Vector6::new(0.1, -0.3, 0.5, 0.9, -0.2, 0.4);
+        let last = Vector6::new(-0.7, 0.2, 0.1, -0.3, 0.6, 0.8);
+        for angle in [0.0, 1e-3, 0.3, 0.599, 0.601, 1.5, 3.0] {
+            let turn = Vector3::new(0.3, -0.5, 0.7).normalize() * angle;
+            let h = joined(&Vector3::new(0.2, -1.0, 0.4), &turn);
+            let moved = |t: f64| log(&(exp(&(first * -t)) * exp(&h) * exp(&(last * t))));
+            let tangent = Tangent::of(&h);
+            let slope = (moved(step) - moved(-step)) / (2.0 * step);
+            assert!((tangent.first * first + tangent.last * last - slope).amax() < 1e-8, "{angle}");
+            let [aa, ab, bb] = tangent.curvature(&p);
+            let found = first.dot(&(aa * first)) + 2.0 * first.dot(&(ab * last)) + last.dot(&(bb * last));
+            let second = p.dot(&(moved(step) - moved(0.0) * 2.0 + moved(-step))) / (step * step);
+            assert!((found - second).abs() < 1e-6, "{angle}: {found} {second}");
+        }
     }
 }

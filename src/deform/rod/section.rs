@@ -12,8 +12,19 @@
 //!
 //! with 1 - 1/n² for n segments of constant strain: 21 numbers of either, so that nothing is left over. That the body is
 //! a rod shows in C: it is positive definite, and the body is long beside its radius of gyration.
+//!
+//! To second order, a section that is bent or twisted is also stretched: fibres away from the axis are longer (with
+//! Green's strain γ + ½ γ² + ½ r² τ² for a twist τ; Wagner, 1929), which pulls at the ends. That makes a stretch
+//! ½ xᵀ A x of x = (γ, κ), with A from the cubic energy of the body, which [`Helicoidal`] has:
+//!
+//! ```text
+//! V₃ = L Cγγ γ ½ xᵀ A x + terms without γ, for uniform strains x
+//! ```
 
-use super::screws::shift;
+use super::super::frames::{ControlFrame, FrameSlope};
+use super::super::helicoidal::Helicoidal;
+use super::super::se3::exp;
+use super::screws::{joined, shift};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, SMatrix, SVector, Translation3, Vector3, Vector6};
 
 /// The nine numbers of U - I of an end, row by row.
@@ -35,6 +46,8 @@ pub struct Section {
     pub offsets: [SMatrix<f64, 6, 9>; 2],
     /// The stiffness against stretches of both ends that leave the rod without strain: D.
     pub stretching: SMatrix<f64, 18, 18>,
+    /// A, in the body's axes: of strains (γ, κ), m/m and rad/m. Zero without [`Section::fit_second`].
+    pub second: Matrix6<f64>,
     /// Length over radius of gyration.
     pub slenderness: f64,
 }
@@ -93,7 +106,71 @@ impl Section {
         // The pole of an offset is the origin; the rod's end stands before it.
         let at_end = [shift(&(origins[0] - ends[0])), shift(&(origins[1] - ends[1]))];
         let offsets = [at_end[0] * offsets[0], at_end[1] * offsets[1]];
-        Ok(Section { stiffness: section, ends, offsets, stretching, slenderness })
+        let second = Matrix6::zeros();
+        Ok(Section { stiffness: section, ends, offsets, stretching, second, slenderness })
+    }
+
+    /// A, from the body's energy by its control elements' frames.
+    pub fn fit_second(&mut self, origins: [Vector3<f64>; 2], energy: &mut Helicoidal) {
+        let axis = self.axis();
+        let unit = joined(&axis, &Vector3::zeros());
+        let axial = (self.stiffness * unit).dot(&unit);
+        let bending = self.stiffness.fixed_view::<3, 3>(3, 3).trace() / 3.0;
+        let radius = (bending / axial).sqrt();
+        let directions: [Vector6<f64>; 4] = std::array::from_fn(|k| match k {
+            0 => unit,
+            k => joined(&Vector3::zeros(), &(Vector3::ith(k - 1, 1.0) / radius)),
+        });
+        let mut cubic = |strain: Vector6<f64>| self.third_order(origins, energy, &strain);
+        let single = directions.map(&mut cubic);
+        // The third derivative along γ, i and j, by differences, which are exact for a cubic form.
+        let stretch = directions[0];
+        let mut second = SMatrix::<f64, 4, 4>::zeros();
+        for i in 0..4 {
+            for j in 0..4 {
+                let (one, two) = (directions[i], directions[j]);
+                let third = cubic(stretch + one + two)
+                    - cubic(stretch + one)
+                    - cubic(stretch + two)
+                    - cubic(one + two)
+                    + single[0]
+                    + single[i]
+                    + single[j];
+                let equal = [i, j].iter().filter(|&&k| k == 0).count() as f64;
+                second[(i, j)] = third / (axial * (1.0 + equal));
+            }
+        }
+        let basis = SMatrix::<f64, 6, 4>::from_columns(&[
+            unit,
+            directions[1] * (radius * radius),
+            directions[2] * (radius * radius),
+            directions[3] * (radius * radius),
+        ]);
+        let second = basis * second * basis.transpose();
+        if second.iter().all(|a| a.is_finite()) {
+            self.second = symmetric(&second);
+        }
+    }
+
+    /// The third-order part of the energy for this uniform strain, per length of the rod.
+    fn third_order(&self, origins: [Vector3<f64>; 2], energy: &mut Helicoidal, strain: &Vector6<f64>) -> f64 {
+        let (chord, step) = (self.ends[1] - self.ends[0], 1e-3);
+        let arms = [0, 1].map(|e| Translation3::from(self.ends[e] - origins[e]));
+        let mut at = |scale: f64| {
+            let whole = joined(&chord, &Vector3::zeros()) + strain * (chord.norm() * scale);
+            let start = Isometry3::from(Translation3::from(origins[0]));
+            let end = start * arms[0] * exp(&whole) * arms[1].inverse();
+            let frame = |place: &Isometry3<f64>| ControlFrame {
+                place: place.translation.vector,
+                turn: place.rotation,
+                stretch: Matrix3::identity(),
+            };
+            let mut slopes =
+                [FrameSlope { force: Vector3::zeros(), torque: Vector3::zeros(), stretch: Matrix3::zeros() };
+                    2];
+            energy.respond(&[frame(&start), frame(&end)], &mut slopes).unwrap_or(f64::NAN)
+        };
+        (at(step) - at(-step)) / (2.0 * step.powi(3) * chord.norm())
     }
 
     /// Along the rod.

@@ -15,8 +15,9 @@
 //! so that small motions give the finite-element solution itself: the contraction across the rod (Poisson), the warping of
 //! its sections (Saint-Venant), and what happens close to its ends are in it.
 
+use super::super::se3::halves;
 use super::chain::Chain;
-use super::screws::{joined, parts, shift};
+use super::screws::{joined, shift};
 use super::section::{Section, rigid_fields};
 use crate::base::parts::PartWeights;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};
@@ -51,14 +52,14 @@ pub struct Skin {
 }
 
 impl Skin {
-    /// `held`: the surface nodes of both control elements; `column`: Green's column k of 24 over the surface.
+    /// `held`: the surface nodes of both control elements; `columns`: Green's 24 columns over the surface.
     pub fn new(
         section: &Section,
         segments: usize,
         origins: [Vector3<f64>; 2],
         rest: &[[f32; 3]],
         held: &[Vec<u32>; 2],
-        column: &dyn Fn(usize) -> Option<Vec<[f32; 3]>>,
+        columns: Option<&DMatrix<f64>>,
     ) -> Skin {
         let (axis, length) = (section.axis(), (section.ends[1] - section.ends[0]).norm());
         let point = |x: &[f32; 3]| Vector3::from(*x).cast::<f64>();
@@ -89,7 +90,9 @@ impl Skin {
             offsets,
             field: vec![[0.0; 3]; rest.len()],
         };
-        skin.fields = skin.beyond_the_rod(section, origins, rest, column).unwrap_or_default();
+        if let Some(columns) = columns.filter(|columns| columns.shape() == (3 * rest.len(), 24)) {
+            skin.fields = skin.beyond_the_rod(section, origins, rest, columns);
+        }
         skin
     }
 
@@ -107,7 +110,7 @@ impl Skin {
         motions.push(chain.frames[0]);
         motions.extend((0..self.segments).map(|i| {
             // The spline of moving frames cuts the corner: by r''ℓ²/8, which is R (ω × v)/8.
-            let (v, turn) = parts(&chain.screw(i));
+            let (v, turn) = halves(&chain.screw(i));
             chain.middle(i) * Translation3::from(turn.cross(&v) / 8.0)
         }));
         motions.push(chain.frames[self.segments]);
@@ -121,7 +124,7 @@ impl Skin {
     pub fn update(&mut self, chain: &Chain, stretches: [&Matrix3<f64>; 2]) -> &[[f32; 3]] {
         let wrench = |i: usize| {
             let arm = self.axis * (chain.length() * ((i as f64 + 0.5) / self.segments as f64 - 0.5));
-            let (force, moment) = parts(&chain.strain(i).1);
+            let (force, moment) = halves(&chain.linear_wrench(i));
             joined(&force, &(moment + arm.cross(&force))).cast::<f32>()
         };
         let wrenches: Vec<Vector6<f32>> = (0..self.segments).map(wrench).collect();
@@ -141,7 +144,8 @@ impl Skin {
             let i = (at as usize).min(self.segments - 2);
             let q = wrenches[i].lerp(&wrenches[i + 1], (at - i as f64) as f32);
             let mut y = [0.0; 3];
-            let mut add = |share: f32, field: &[f32; 3]| (0..3).for_each(|axis| y[axis] += share * field[axis]);
+            let mut add =
+                |share: f32, field: &[f32; 3]| (0..3).for_each(|axis| y[axis] += share * field[axis]);
             (0..6).for_each(|k| add(q[k], &fields[k]));
             if is_stretched {
                 (0..12).for_each(|j| add(stretch[j], &fields[6 + j]));
@@ -155,18 +159,14 @@ impl Skin {
         &self.field
     }
 
-    /// W and Y; `None` without Green's fields.
+    /// W and Y.
     fn beyond_the_rod(
         &self,
         section: &Section,
         origins: [Vector3<f64>; 2],
         rest: &[[f32; 3]],
-        column: &dyn Fn(usize) -> Option<Vec<[f32; 3]>>,
-    ) -> Option<Vec<[[f32; 3]; FIELDS]>> {
-        let columns: Vec<Vec<[f32; 3]>> = (0..24).map(column).collect::<Option<_>>()?;
-        if columns.iter().any(|column| column.len() != rest.len()) {
-            return None;
-        }
+        columns: &DMatrix<f64>,
+    ) -> Vec<[[f32; 3]; FIELDS]> {
         let linear = LinearRod::new(section, self.segments);
         // Green's fields by unit wrenches on the middle: where those bring the last origin, the first one being held.
         let to_origin = shift(&(self.middle - origins[1]));
@@ -193,31 +193,28 @@ impl Skin {
             fields += &rigid * goes;
             carried.set_column(6 + j, &rod);
         }
+        let fields = columns * coefficients;
         let node = |i: usize| {
             let x = Vector3::from(rest[i]).cast::<f64>();
-            let mut fields = [[0.0; 3]; FIELDS];
-            for (f, field) in fields.iter_mut().enumerate() {
-                let green: Vector3<f64> = (0..24)
-                    .map(|k| Vector3::from(columns[k][i]).cast::<f64>() * coefficients[(k, f)])
-                    .sum();
+            std::array::from_fn(|f| {
+                let green = fields.fixed_view::<3, 1>(3 * i, f).into_owned();
                 let rod = if f < 6 {
                     self.linear_skin(&linear, f, i, &x)
                 } else {
-                    let (v, turn) = parts(&carried.column(f).into_owned().fixed_rows::<6>(0).into_owned());
+                    let (v, turn) = halves(&carried.column(f).into_owned().fixed_rows::<6>(0).into_owned());
                     v + turn.cross(&(x - section.ends[0]))
                 };
-                *field = (green - rod).cast::<f32>().into();
-            }
-            fields
+                (green - rod).cast::<f32>().into()
+            })
         };
-        Some((0..rest.len()).map(node).collect())
+        (0..rest.len()).map(node).collect()
     }
 
     /// What the skin alone does at node `i` for unit wrench `k`.
     fn linear_skin(&self, linear: &LinearRod, k: usize, i: usize, x: &Vector3<f64>) -> Vector3<f64> {
         let place = &self.places[i];
         let part = |p: usize| {
-            let (v, turn) = parts(&linear.parts[p][k]);
+            let (v, turn) = halves(&linear.parts[p][k]);
             v + turn.cross(&(x - self.rest[p].translation.vector))
         };
         (0..3).map(|j| part(place.first + j) * place.weights[j]).sum()
@@ -277,7 +274,7 @@ impl LinearRod {
                 p if p > segments => to_part * motions[segments].column(k),
                 p => {
                     // On the way of `Skin::motions`: half a segment is bent as the whole, and so is what the spline cuts.
-                    let turn = parts(&strains[p - 1].column(k).into_owned()).1;
+                    let turn = halves(&strains[p - 1].column(k).into_owned()).1;
                     let mean = (motions[p - 1].column(k) + motions[p].column(k)) * 0.5;
                     to_part * mean + joined(&(turn.cross(&chord) / (4.0 * n)), &Vector3::zeros())
                 }
