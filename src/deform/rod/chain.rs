@@ -479,7 +479,7 @@ mod tests {
                     let step = Vector6::from_iterator(eta.rows(6 * i, 6).iter().map(|x| x / excess));
                     chain.frames[i + 1] *= exp(&step);
                 }
-                if eta.amax() < 1e-9 {
+                if eta.amax() < 1e-9 * chain.length.max(1.0) {
                     break;
                 }
             }
