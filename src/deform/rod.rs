@@ -215,3 +215,6 @@ impl DeformationModel for Rod {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -48,8 +48,6 @@ pub struct Section {
     pub stretching: SMatrix<f64, 18, 18>,
     /// A, in the body's axes: of strains (γ, κ), m/m and rad/m. Zero without [`Section::fit_second`].
     pub second: Matrix6<f64>,
-    /// Length over radius of gyration.
-    pub slenderness: f64,
 }
 
 impl Section {
@@ -67,7 +65,7 @@ impl Section {
         }
         let chord = origins[1] - origins[0];
         let (distance, length) = (chord.norm(), chord.norm() - reaches[0] - reaches[1]);
-        if !(length > 0.05 * distance) {
+        if length.is_nan() || length <= 0.05 * distance {
             return Err(format!(
                 "its control elements leave {length:.3e} m of the {distance:.3e} m between their origins free, too little \
                  for a rod"
@@ -107,7 +105,7 @@ impl Section {
         let at_end = [shift(&(origins[0] - ends[0])), shift(&(origins[1] - ends[1]))];
         let offsets = [at_end[0] * offsets[0], at_end[1] * offsets[1]];
         let second = Matrix6::zeros();
-        Ok(Section { stiffness: section, ends, offsets, stretching, second, slenderness })
+        Ok(Section { stiffness: section, ends, offsets, stretching, second })
     }
 
     /// A, from the body's energy by its control elements' frames.
