@@ -66,6 +66,8 @@ pub struct Chain {
     pivots: Vec<Factor>,
     upper: Vec<Matrix6<f64>>,
     step: Vec<Vector6<f64>>,
+    /// The factor is that of the present state, an equilibrium.
+    is_factored: bool,
     /// What the shift is measured in: a weight of each of the six motions of a section.
     weight: Vector6<f64>,
 }
@@ -102,6 +104,7 @@ impl Chain {
             pivots: Vec::with_capacity(segments),
             upper: Vec::with_capacity(segments),
             step: vec![Vector6::zeros(); segments + 1],
+            is_factored: false,
             weight: Vector6::new(moving, moving, moving, turning, turning, turning),
         };
         chain.reset(first);
@@ -117,6 +120,7 @@ impl Chain {
     /// Back to rest, from `first` on.
     pub fn reset(&mut self, first: Isometry3<f64>) {
         let piece = exp(&self.rest);
+        self.is_factored = false;
         self.frames[0] = first;
         for i in 1..self.frames.len() {
             self.frames[i] = self.frames[i - 1] * piece;
@@ -165,6 +169,7 @@ impl Chain {
         self.kept.clone_from_slice(&self.frames);
         let standing = self.approach(ends);
         if standing.is_none() {
+            self.is_factored = false;
             self.frames.clone_from_slice(&self.kept);
         }
         standing
@@ -205,27 +210,20 @@ impl Chain {
 
     /// Moves the last frame by `eta` and the others to equilibrium; returns the energy.
     fn settle(&mut self, eta: Vector6<f64>, iterations: &mut usize, buckled: &mut bool) -> Option<f64> {
+        if eta.amax() > 0.0 {
+            self.predict(eta)?;
+        }
         let last = self.segments();
-        let mut moving = eta.amax() > 0.0;
-        let mut energy = self.assemble();
         loop {
             *iterations += 1;
+            let energy = self.assemble();
             if *iterations > MOST_ITERATIONS || !energy.is_finite() {
                 return None;
             }
             let shift = self.factor()?;
-            self.step[last] = if moving { eta } else { Vector6::zeros() };
-            self.solve();
+            self.solve(Vector6::zeros());
             let gain: f64 = -(1..last).map(|i| self.gradient[i].dot(&self.step[i])).sum::<f64>();
             self.limit_step();
-            if moving {
-                // The tangent's answer to the clamp's motion: the energy may rise.
-                self.try_step(1.0);
-                self.frames.clone_from_slice(&self.trial);
-                moving = false;
-                energy = self.assemble();
-                continue;
-            }
             let is_last = gain <= CONVERGED * energy.max(self.least_energy());
             if is_last && shift > 0.0 {
                 self.leave_along_mode(energy)?;
@@ -234,10 +232,25 @@ impl Chain {
                 return None;
             }
             if is_last && shift == 0.0 {
+                self.gradient.fill(Vector6::zeros());
+                self.is_factored = true;
                 return Some(self.energy_of(&self.frames));
             }
-            energy = self.assemble();
         }
+    }
+
+    /// Moves the last frame by `eta`, and the others as the tangent answers, with the factor of the last equilibrium where
+    /// there is one. The energy may rise.
+    fn predict(&mut self, eta: Vector6<f64>) -> Option<()> {
+        if !std::mem::take(&mut self.is_factored) {
+            self.assemble();
+            self.factor()?;
+        }
+        self.solve(eta);
+        self.limit_step();
+        self.try_step(1.0);
+        self.frames.clone_from_slice(&self.trial);
+        Some(())
     }
 
     /// An energy that counts as none: that of a bend by 1e-4 rad.
@@ -273,8 +286,7 @@ impl Chain {
                 self.step[i].component_mul_assign(&-self.weight);
             }
             std::mem::swap(&mut self.step, &mut self.gradient);
-            self.step[last] = Vector6::zeros();
-            self.solve();
+            self.solve(Vector6::zeros());
             let size = self.step[1..last].iter().map(Vector6::amax).fold(0.0, f64::max);
             self.step[1..last].iter_mut().for_each(|step| *step /= size);
         }
@@ -385,9 +397,10 @@ impl Chain {
         true
     }
 
-    /// The step of the inner sections against the gradient, with the last section's own step given.
-    fn solve(&mut self) {
+    /// The step of the inner sections against the gradient, with the last section's own.
+    fn solve(&mut self, of_last: Vector6<f64>) {
         let last = self.segments();
+        self.step[last] = of_last;
         for i in 1..last {
             let mut rhs = -self.gradient[i];
             if i > 1 {
