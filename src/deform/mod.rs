@@ -47,7 +47,7 @@ pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
 pub use rotation::{Rotation, mean_rotation};
 pub use screw::Screw;
-pub use solved::model_of;
+pub use solved::{model_of, volume_model_of};
 pub use statics::{EquilibriumResult, Statics, StaticsError};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
 pub use turn::local_turn;
