@@ -9,9 +9,9 @@
 //!
 //! Helicoidal elements (Sonneville, Cardona and Brüls, CMAME 268, 2014): no locking, no change under rigid motions, and
 //! arcs, twists and helices are exact. A is the stretch of second order along the axis u that a section's own strains have
-//! ([`super::section`]); without it the material is linear. Newton's iteration with the exact Hessian, which is block tridiagonal (6 × 6);
-//! where it is not positive definite, it is shifted until it is, and a state that is stationary but not stable is left
-//! along its mode.
+//! ([`super::section`]); without it the material is linear. Newton's iteration with the exact Hessian, which is block
+//! tridiagonal (6 × 6); where it is not positive definite, it is shifted until it is, and a state that is stationary but not
+//! stable is left along its mode.
 
 use super::super::se3::{exp, halves};
 use super::screws::{Tangent, log};
