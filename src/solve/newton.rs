@@ -29,7 +29,7 @@ const SUM_ROUNDING: f64 = 1e-13;
 
 /// The problem that Newton's method solves.
 pub struct Newton<'a> {
-    pub body: Hyperelastic<'a>,
+    pub body: &'a Hyperelastic,
     pub partition: &'a Partition,
     /// For K at the free nodes; `None` where all are controlled.
     pub solver: Option<&'a dyn LinearSolver>,
@@ -44,7 +44,7 @@ pub struct Equilibrium {
     pub energy: f64,
     /// f over all nodes, N: at the controlled ones what holds them, at the free ones what is left of zero.
     pub forces: NodeFields,
-    /// F - I of every tetrahedron.
+    /// F - I at every point of the elements.
     pub gradients: Vec<Matrix3<f64>>,
     /// ‖f at free nodes‖₂ / ‖f at controlled nodes‖₂; 0 where nothing is held.
     pub residual: f64,
@@ -164,7 +164,7 @@ impl Newton<'_> {
 
         // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
         let moved_by = sum(&moved, -1.0, u);
-        let k = self.body.tangent(&self.body.gradients(u), u.nodes);
+        let k = self.body.tangent(&self.body.gradients(u));
         let d = self.solve(solver, &k, &self.partition.minus_b_times(&k, &moved_by), counts)?;
         self.iterate(solver, sum(&moved, 1.0, &d), size, counts)
     }
@@ -180,9 +180,9 @@ impl Newton<'_> {
         counts.moves.clear();
         for _ in 0..MAX_ITERATIONS {
             let gradients = self.body.gradients(&u);
-            let mut downhill = self.body.forces(&gradients, u.nodes).at(&self.partition.free);
+            let mut downhill = self.body.forces(&gradients).at(&self.partition.free);
             downhill.data.iter_mut().for_each(|value| *value = -*value);
-            let k = self.body.tangent(&gradients, u.nodes);
+            let k = self.body.tangent(&gradients);
             let d = self.solve(solver, &k, &downhill, counts)?;
             counts.moves.push(largest(&d) / size);
             if largest(&d) <= LAST_STEP * size {
@@ -231,7 +231,7 @@ impl Newton<'_> {
 
     fn judge(&self, u: NodeFields, counts: Counts) -> Equilibrium {
         let gradients = self.body.gradients(&u);
-        let forces = self.body.forces(&gradients, u.nodes);
+        let forces = self.body.forces(&gradients);
         let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
         let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
         let residual = if held == 0.0 { 0.0 } else { left / held };
