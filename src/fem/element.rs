@@ -70,7 +70,12 @@ impl Element {
         (self.points)(mesh, lame)
     }
 
-    fn sets_of<'a>(&self, mesh: &'a TetMesh, lame: &'a [Lame]) -> Result<ElementSets<'a>, AssemblyError> {
+    /// Errors where the mesh or one of its tetrahedra does not suit.
+    pub(super) fn sets_of<'a>(
+        &self,
+        mesh: &'a TetMesh,
+        lame: &'a [Lame],
+    ) -> Result<ElementSets<'a>, AssemblyError> {
         self.check_order(mesh)?;
         (self.sets)(mesh, lame)
     }

@@ -30,6 +30,9 @@ use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use rayon::prelude::*;
 
+/// λ/μ at ν = 0.45.
+const NEARLY_INCOMPRESSIBLE: f64 = 9.0;
+
 /// The elements of a body and their law.
 #[derive(Debug)]
 pub struct Hyperelastic {
@@ -51,6 +54,11 @@ impl Hyperelastic {
         Ok(Hyperelastic { law, points, pattern })
     }
 
+    /// Whether λ is so large beside μ that Newton's iteration wants the pressures apart.
+    pub fn is_nearly_incompressible(&self) -> bool {
+        self.points.lame.iter().any(|lame| lame.lambda > NEARLY_INCOMPRESSIBLE * lame.mu)
+    }
+
     /// H at every point under the displacements `u`, one column over the nodes.
     pub fn gradients(&self, u: &NodeFields) -> Vec<Matrix3<f64>> {
         self.points.displacement_gradients(u)
@@ -62,10 +70,14 @@ impl Hyperelastic {
             self.points.volume[q] * (self.law.energy)(h, self.points.own_lame(q))
         };
         let energies: Vec<f64> = gradients.par_iter().enumerate().with_min_len(1024).map(density).collect();
-        let means = self.means(gradients);
-        let of_mean = |(p, theta): (usize, &f64)| 0.5 * self.points.means.stiffness(p) * theta * theta;
         // One after another, so that the bits do not depend on the number of threads.
-        energies.iter().sum::<f64>() + means.iter().enumerate().map(of_mean).sum::<f64>()
+        let own: f64 = energies.iter().sum();
+        let means = &self.points.means;
+        if means.count() == 0 {
+            return own;
+        }
+        let of_mean = |(p, theta): (usize, &f64)| 0.5 * means.stiffness(p) * theta * theta;
+        own + means.of(&self.dilatations(gradients)).iter().enumerate().map(of_mean).sum::<f64>()
     }
 
     /// How large the rounding error of the energy may be, J: where a body is turned far, the terms of ψ cancel.
@@ -79,7 +91,7 @@ impl Hyperelastic {
 
     /// Forces f over all nodes, N, that hold the body in this state: ∂W/∂u.
     pub fn forces(&self, gradients: &[Matrix3<f64>]) -> NodeFields {
-        let pressures = self.pressures(gradients);
+        let pressures = self.of_means(|| self.dilatations(gradients));
         let stress = |(q, h): (usize, &Matrix3<f64>)| {
             let own = (self.law.stress)(h, self.points.own_lame(q)) * self.points.volume[q];
             match pressures.get(q) {
@@ -104,7 +116,7 @@ impl Hyperelastic {
 
     /// The tangent stiffness K = ∂f/∂u over all nodes, N/m.
     pub fn tangent(&self, gradients: &[Matrix3<f64>]) -> StiffnessMatrix {
-        let pressures = self.pressures(gradients);
+        let pressures = self.of_means(|| self.dilatations(gradients));
         let tangent = |(q, h): (usize, &Matrix3<f64>)| {
             let own = (self.law.tangent)(h, self.points.own_lame(q)) * self.points.volume[q];
             match pressures.get(q) {
@@ -112,9 +124,52 @@ impl Hyperelastic {
                 None => own,
             }
         };
-        let tangents: Vec<Tangent> =
-            gradients.par_iter().enumerate().with_min_len(256).map(tangent).collect();
-        let means = if pressures.is_empty() {
+        self.assemble(gradients, gradients.par_iter().enumerate().with_min_len(256).map(tangent).collect())
+    }
+
+    /// The tangent with the given pressures V λ θ + π at the points, N m, in place of those of this state.
+    pub fn tangent_with(&self, gradients: &[Matrix3<f64>], pressures: &[f64]) -> StiffnessMatrix {
+        let tangent = |(q, h): (usize, &Matrix3<f64>)| {
+            let (lame, volume) = (self.points.own_lame(q), self.points.volume[q]);
+            let more = pressures[q] - volume * lame.lambda * (self.law.dilatation)(h);
+            (self.law.tangent)(h, lame) * volume + (self.law.dilatation_curvature)(h) * more
+        };
+        self.assemble(gradients, gradients.par_iter().enumerate().with_min_len(256).map(tangent).collect())
+    }
+
+    /// The pressures V λ θ + π after a further displacement `d`, to first order in d.
+    pub fn pressures_after(&self, gradients: &[Matrix3<f64>], d: &NodeFields) -> Vec<f64> {
+        let after = |(h, change): (&Matrix3<f64>, &Matrix3<f64>)| {
+            (self.law.dilatation)(h) + (self.law.dilatation_slope)(h).dot(change)
+        };
+        let changes = self.gradients(d);
+        let dilatations: Vec<f64> =
+            gradients.par_iter().zip(&changes).with_min_len(1024).map(after).collect();
+        let mut pressures = self.of_means(|| dilatations.clone());
+        pressures.resize(dilatations.len(), 0.0);
+        for (q, (pressure, dilatation)) in pressures.iter_mut().zip(&dilatations).enumerate() {
+            *pressure += self.points.volume[q] * self.points.own_lame(q).lambda * dilatation;
+        }
+        pressures
+    }
+
+    fn dilatations(&self, gradients: &[Matrix3<f64>]) -> Vec<f64> {
+        gradients.par_iter().with_min_len(1024).map(self.law.dilatation).collect()
+    }
+
+    /// π at every point, N m, of the dilatations there; nothing where there are no means.
+    fn of_means(&self, dilatations: impl FnOnce() -> Vec<f64>) -> Vec<f64> {
+        let means = &self.points.means;
+        if means.count() == 0 {
+            return Vec::new();
+        }
+        let dilatations = dilatations();
+        means.pressures(&means.of(&dilatations), dilatations.len())
+    }
+
+    /// K of V C + π ∂²θ/∂F² at every point.
+    fn assemble(&self, gradients: &[Matrix3<f64>], tangents: Vec<Tangent>) -> StiffnessMatrix {
+        let means = if self.points.means.count() == 0 {
             Vec::new()
         } else {
             let slopes: Vec<Matrix3<f64>> =
@@ -122,22 +177,6 @@ impl Hyperelastic {
             self.points.means.gradients(&self.points, &slopes)
         };
         self.pattern.assemble(&sets(&self.points, &tangents, &means))
-    }
-
-    /// θ_p of all means.
-    fn means(&self, gradients: &[Matrix3<f64>]) -> Vec<f64> {
-        if self.points.means.count() == 0 {
-            return Vec::new();
-        }
-        let dilatations: Vec<f64> =
-            gradients.par_iter().with_min_len(1024).map(self.law.dilatation).collect();
-        self.points.means.of(&dilatations)
-    }
-
-    /// π at every point, N m; nothing where there are no means.
-    fn pressures(&self, gradients: &[Matrix3<f64>]) -> Vec<f64> {
-        let means = self.means(gradients);
-        if means.is_empty() { means } else { self.points.means.pressures(&means, gradients.len()) }
     }
 }
 

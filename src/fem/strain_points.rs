@@ -31,7 +31,7 @@ pub struct StrainPoints {
     /// G_qa, 1/m, `width` for each point; Σ_a G_qa = 0.
     gradients: Vec<Vector3<f64>>,
     /// Lamé's constants of each element's material.
-    lame: Vec<Lame>,
+    pub lame: Vec<Lame>,
     /// Those by which ψ answers in each element: without λ where means have it.
     own: Vec<Lame>,
     pub means: Means,

@@ -82,6 +82,20 @@ fn linear_mass(points: &[Point]) -> Matrix4<f64> {
     points.iter().zip(CURVED).map(product).sum()
 }
 
+/// M of [`linear_mass`] and ∫ L ⊗ G_a dV.
+fn linear_moments(points: &[Point]) -> (Matrix4<f64>, [[Vector3<f64>; 10]; 4]) {
+    let mut moments = [[Vector3::zeros(); 10]; 4];
+    for (point, (at, _)) in points.iter().zip(CURVED) {
+        let l = Vector4::from(*at) * point.volume;
+        for (moment, l) in moments.iter_mut().zip(&l) {
+            for (moment, gradient) in moment.iter_mut().zip(&point.gradients) {
+                *moment += gradient * *l;
+            }
+        }
+    }
+    (linear_mass(points), moments)
+}
+
 /// Weights w_mq of the four modes m of a dilatation θ, such that ∫ (P θ)² dV = Σₘ (Σ_q w_mq θ_q)², √m³, P being the
 /// projection in L2 onto the linear functions of ξ.
 ///
@@ -107,15 +121,27 @@ fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
     Some(modes(points)?.map(|mode| std::array::from_fn(|a| gradient(&mode, a))))
 }
 
+/// D_a at each of the points of a curved element: P div u = Σ_a D_a·u_a there; `None` of a straight one, whose dilatation is
+/// the divergence itself.
+pub fn dilatations(points: &[Point]) -> Option<Vec<[Vector3<f64>; 10]>> {
+    if points.len() != CURVED.len() {
+        return None;
+    }
+    let (mass, moments) = linear_moments(points);
+    let inverse = mass.cholesky()?.inverse();
+    let at_point = |(at, _): &([f64; 4], f64)| {
+        let weights = inverse * Vector4::from(*at);
+        std::array::from_fn(|a| (0..4).map(|i| moments[i][a] * weights[i]).sum())
+    };
+    Some(CURVED.iter().map(at_point).collect())
+}
+
 /// P div u at the corners of the element with nodes `x` and displacements `u`, linear in ξ between them: the dilatation
 /// that its energy has. Of a straight element it is div u itself. `None` where it is folded.
 pub fn dilatation(x: &[Vector3<f64>; 10], u: &[Vector3<f64>; 10]) -> Option<[f64; 4]> {
-    let points = points_of(CURVED, x)?;
-    let own = |point: &Point| point.gradients.iter().zip(u).map(|(g, u)| g.dot(u)).sum::<f64>();
-    let moment =
-        |(point, (at, _)): (&Point, &([f64; 4], f64))| Vector4::from(*at) * (point.volume * own(point));
-    let moments: Vector4<f64> = points.iter().zip(CURVED).map(moment).sum();
-    Some(linear_mass(&points).cholesky()?.solve(&moments).into())
+    let (mass, moments) = linear_moments(&points_of(CURVED, x)?);
+    let moment = |moment: &[Vector3<f64>; 10]| moment.iter().zip(u).map(|(d, u)| d.dot(u)).sum::<f64>();
+    Some(mass.cholesky()?.solve(&Vector4::from(moments.each_ref().map(moment))).into())
 }
 
 /// K_ab = ∫ μ G_b⊗G_a + μ (G_a·G_b) I dV + λ Σₘ D_a⊗D_b, N/m, for one a and all b; of a straight element the last term

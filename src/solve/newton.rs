@@ -18,6 +18,7 @@ use nalgebra::Matrix3;
 /// step still squares the error.
 const LAST_STEP: f64 = 1e-9;
 const MAX_ITERATIONS: usize = 25;
+const MAX_MIXED: usize = 10;
 /// A load step that needs no more factorizations lets the next one be twice as long.
 const EASY: usize = 6;
 const SHORTEST_STEP: f64 = 1.0 / 4096.0;
@@ -166,7 +167,46 @@ impl Newton<'_> {
         let moved_by = sum(&moved, -1.0, u);
         let k = self.body.tangent(&self.body.gradients(u));
         let d = self.solve(solver, &k, &self.partition.minus_b_times(&k, &moved_by), counts)?;
-        self.iterate(solver, sum(&moved, 1.0, &d), size, counts)
+        let predicted = sum(&moved, 1.0, &d);
+        if self.body.is_nearly_incompressible() {
+            match self.iterate_mixed(solver, u, predicted.clone(), size, counts) {
+                // From the same prediction, downhill.
+                Err(IterationEnd::Setback(_)) => {}
+                done => return done,
+            }
+        }
+        self.iterate(solver, predicted, size, counts)
+    }
+
+    /// Newton's iteration from the equilibrium `before` by way of `u`, with the pressures as unknowns of their own that
+    /// are eliminated from each linear system: p = λ θ holds at its end alone, so that a step's false dilatations, which
+    /// are of its second order, are not multiplied by λ in the tangent (Magisano, Leonetti and Garcea, Comput. Methods
+    /// Appl. Mech. Engng. 313, 2017, 986-1005). The energy rises on the way; a tangent that is not positive definite ends
+    /// the iteration, and the last one is that of the energy.
+    fn iterate_mixed(
+        &self,
+        solver: &dyn LinearSolver,
+        before: &NodeFields,
+        mut u: NodeFields,
+        size: f64,
+        counts: &mut Counts,
+    ) -> Result<NodeFields, IterationEnd> {
+        counts.moves.clear();
+        let mut pressures = self.body.pressures_after(&self.body.gradients(before), &sum(&u, -1.0, before));
+        for _ in 0..MAX_MIXED {
+            let gradients = self.body.gradients(&u);
+            let mut downhill = self.body.forces(&gradients).at(&self.partition.free);
+            downhill.data.iter_mut().for_each(|value| *value = -*value);
+            let k = self.body.tangent_with(&gradients, &pressures);
+            let d = self.solve(solver, &k, &downhill, counts)?;
+            counts.moves.push(largest(&d) / size);
+            pressures = self.body.pressures_after(&gradients, &d);
+            u = sum(&u, 1.0, &d);
+            if largest(&d) <= LAST_STEP * size {
+                return Ok(u);
+            }
+        }
+        Err(IterationEnd::Setback(Setback::Slow))
     }
 
     /// Newton's iteration at fixed controlled nodes, for displacements of about `size`, m.
