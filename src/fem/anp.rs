@@ -42,7 +42,7 @@ pub const TET4_ANP: Element = Element {
     points: |mesh, lame| {
         let tetrahedra = tet4::Tetrahedra::new(mesh, lame)?;
         let mut points = tetrahedra.points(true);
-        for_each_patch(&tetrahedra, lame, &mut |stiffness, terms| points.push_mean(stiffness, terms));
+        for_each_patch(&tetrahedra, lame, |stiffness, terms| points.push_mean(stiffness, terms));
         Ok(points)
     },
 };
@@ -60,7 +60,7 @@ impl Patches {
     fn new(own: &tet4::Tetrahedra<'_>, lame: &[Lame]) -> Patches {
         let mut patches =
             Patches { stiffness: Vec::new(), start: vec![0], nodes: Vec::new(), gradients: Vec::new() };
-        for_each_patch(own, lame, &mut |stiffness, shares| patches.push(own, stiffness, shares));
+        for_each_patch(own, lame, |stiffness, shares| patches.push(own, stiffness, shares));
         patches
     }
 
@@ -82,7 +82,7 @@ impl Patches {
 }
 
 /// Gives each patch to `take`: λ V_p, and the share of V_p that each of its tetrahedra has.
-fn for_each_patch(own: &tet4::Tetrahedra<'_>, lame: &[Lame], take: &mut dyn FnMut(f64, &[(u32, f64)])) {
+fn for_each_patch(own: &tet4::Tetrahedra<'_>, lame: &[Lame], mut take: impl FnMut(f64, &[(u32, f64)])) {
     for mut tets in tetrahedra_of_nodes(own.mesh) {
         // Materials apart, each in the order of the tetrahedra.
         tets.sort_by(|&a, &b| {
