@@ -27,7 +27,8 @@ pub trait Elements: Sync {
     /// The mesh nodes of one element, each node once.
     fn nodes(&self, element: usize) -> &[u32];
 
-    /// `out[b]` = K_ab of one element for its local node `a` and all its local nodes b, N/m.
+    /// `out[b]` = K_ab of one element for its local node `a` and all its local nodes b, N/m. Not read, so it may hold
+    /// anything, where mesh node b lies below mesh node a.
     fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]);
 }
 

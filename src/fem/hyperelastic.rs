@@ -27,7 +27,7 @@ use super::law::{Law, Tangent};
 use super::stiffness::StiffnessMatrix;
 use super::strain_points::StrainPoints;
 use crate::mesh::TetMesh;
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 /// λ/μ at ν = 0.45.
@@ -204,13 +204,23 @@ impl Elements for Strained<'_> {
     }
 
     fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]) {
+        let nodes = self.nodes(element);
         out.fill(Matrix3::zeros());
         for q in self.points.points_of(element) {
             let (c, gradients) = (&self.tangents[q], self.points.gradients_at(q));
-            // The three rows i of V G_aJ C_iJkL.
-            let rows: SMatrix<f64, 3, 9> = (0..3).map(|j| c.fixed_rows::<3>(3 * j) * gradients[a][j]).sum();
-            for (block, gradient) in out.iter_mut().zip(gradients) {
-                *block += (0..3).map(|l| rows.fixed_columns::<3>(3 * l) * gradient[l]).sum::<Matrix3<f64>>();
+            let g = gradients[a];
+            // Column k + 3 L of the three rows i of V G_aJ C_iJkL.
+            let rows: [Vector3<f64>; 9] = std::array::from_fn(|column| {
+                let c = c.column(column);
+                c.fixed_rows::<3>(0) * g.x + c.fixed_rows::<3>(3) * g.y + c.fixed_rows::<3>(6) * g.z
+            });
+            let above = out.iter_mut().zip(gradients).zip(nodes).filter(|(_, node)| **node >= nodes[a]);
+            for ((block, g), _) in above {
+                for k in 0..3 {
+                    let column = rows[k] * g.x + rows[3 + k] * g.y + rows[6 + k] * g.z;
+                    let mut sum = block.column_mut(k);
+                    sum += column;
+                }
             }
         }
     }
@@ -233,7 +243,8 @@ impl Elements for Averaged<'_> {
     fn row(&self, mean: usize, a: usize, out: &mut [Matrix3<f64>]) {
         let gradients = &self.gradients[self.points.means.span(mean)];
         let own = gradients[a] * self.points.means.stiffness(mean);
-        for (block, gradient) in out.iter_mut().zip(gradients) {
+        // Ascending nodes: those from a on.
+        for (block, gradient) in out.iter_mut().zip(gradients).skip(a) {
             *block = own * gradient.transpose();
         }
     }
