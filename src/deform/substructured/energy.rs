@@ -3,12 +3,14 @@
 //! In: y. Out, with the products p of the pairs of y (half of a square), z = Z p and e = y + S⁺z:
 //!
 //! ```text
-//! V = Δ + √(V₀² + Δ²)    V₀ = ½ eᵀ S e    Δ = pᵀ D p    D = Q - ½ Zᵀ S⁺ Z
+//! V = V₀ f(Δ/V₀)    V₀ = ½ eᵀ S e    Δ = pᵀ D p    D = Q - ½ Zᵀ S⁺ Z
+//! f(r) = 1/√(1 - 2 r) for r < 0, 1 + r + 3 r²/(2 + 6 r) for r ≥ 0
 //! ```
 //!
-//! V₀ has the energy's terms to third order, V₀ + Δ those to fourth. A body's walls give way (Brazier), so that Δ may be
-//! negative and V₀ + Δ falls below 0 far out; V differs from it by Δ²/2V₀, of sixth order, and is never negative. Nothing
-//! here allocates.
+//! V₀ has the energy's terms to third order, V₀ + Δ those to fourth. Thin walls give way (Brazier, Proc. R. Soc. Lond. A 116,
+//! 1927), so that Δ is negative, and V₀ + Δ falls below 0 far out. V differs from it by terms of sixth order; those of f(r)
+//! are near Brazier's own, 1 + r + 1.1 r², and leave V convex on a ray as far as r = -1. V is never negative. Nothing here
+//! allocates.
 
 use nalgebra::DMatrix;
 
@@ -43,18 +45,33 @@ pub struct PartEnergy {
     pub hessian: Vec<f64>,
 }
 
-/// V₀, Δ and their root.
+/// V₀ and Δ.
 #[derive(Clone, Copy, Default)]
 struct Value {
     squares: f64,
     quartic: f64,
-    root: f64,
 }
 
 impl Value {
+    /// r, and f with its first two derivatives.
+    fn bend(&self) -> [f64; 4] {
+        if self.squares < f64::MIN_POSITIVE {
+            return [0.0, 1.0, 1.0, 0.0];
+        }
+        let r = self.quartic / self.squares;
+        if r < 0.0 {
+            let f = (1.0 - 2.0 * r).sqrt().recip();
+            let cube = f * f * f;
+            return [r, f, cube, 3.0 * cube * f * f];
+        }
+        let q = (1.0 + 3.0 * r).recip();
+        [r, 1.0 + r + 1.5 * r * r * q, 1.0 + 1.5 * r * (2.0 + 3.0 * r) * q * q, 3.0 * q * q * q]
+    }
+
     /// ∂V/∂V₀ and ∂V/∂Δ.
     fn shares(&self) -> [f64; 2] {
-        if self.root > 0.0 { [self.squares / self.root, 1.0 + self.quartic / self.root] } else { [1.0, 1.0] }
+        let [r, f, slope, _] = self.bend();
+        [f - r * slope, slope]
     }
 }
 
@@ -75,7 +92,6 @@ impl PartEnergy {
         }
         let inverse = inverse(stiffness);
         let quartic = quartic - quadratic.transpose() * &inverse * quadratic * 0.5;
-        let quartic = if std::env::var("NOQ").is_ok() { quartic * 0.0 } else { quartic };
         let of_pairs = || vec![0.0; pairs.len()];
         PartEnergy {
             m,
@@ -126,8 +142,9 @@ impl PartEnergy {
         let rows = self.stiffness.chunks_exact(m);
         let squares = 0.5 * self.e.iter().zip(rows).map(|(e, row)| e * dot(row, &self.e)).sum::<f64>();
         let quartic = dot(&self.p, &self.dp);
-        self.last = Value { squares, quartic, root: squares.hypot(quartic) };
-        quartic + self.last.root
+        self.last = Value { squares, quartic };
+        let [_, f, _, _] = self.last.bend();
+        squares * f
     }
 
     /// ∂V/∂y of the last value, taken at `y`.
@@ -168,14 +185,15 @@ impl PartEnergy {
         }
         self.differentiate_squares();
         self.differentiate_quartic(y);
-        let ([a, b], Value { squares, quartic, root }) = (self.last.shares(), self.last);
-        let cube = if root > 0.0 { root.powi(3).recip() } else { 0.0 };
-        let bend = |i: usize| quartic * self.squares_gradient[i] - squares * self.quartic_gradient[i];
+        let ([a, b], [r, _, _, curvature]) = (self.last.shares(), self.last.bend());
+        // V₀ is 0 at rest alone, where f's curvature has no part in the Hessian.
+        let weight = if curvature > 0.0 { curvature / self.last.squares } else { 0.0 };
+        let bend = |i: usize| self.quartic_gradient[i] - r * self.squares_gradient[i];
         for i in 0..m {
-            let weight = if cube.is_finite() { cube * bend(i) } else { 0.0 };
+            let of_row = weight * bend(i);
             for j in 0..m {
                 let at = i * m + j;
-                self.hessian[at] = a * self.hessian[at] + b * self.quartic_hessian[at] + weight * bend(j);
+                self.hessian[at] = a * self.hessian[at] + b * self.quartic_hessian[at] + of_row * bend(j);
             }
         }
     }

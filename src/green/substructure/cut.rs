@@ -1,0 +1,320 @@
+//! A body cut into parts: every tetrahedron belongs to one, and parts meet in interfaces.
+//!
+//! In: a mesh, control elements, the scene's [`Parts`]. Out: the part of each tetrahedron, and the interfaces: sets of nodes
+//! whose faces lie between two parts. `along` cuts at levels of the harmonic field that is 0 on the first control element
+//! and 1 on the others, so that branches come apart at their forks; `graph` bisects by distance from an outermost
+//! tetrahedron (Kernighan and Lin's starting partition: Farhat, Comput. Struct. 28, 1988, 579-602).
+
+use super::super::control::ControlElement;
+use crate::fem::{NodeFields, Partition, StiffnessMatrix, tet4};
+use crate::mesh::geodesic::edges;
+use crate::mesh::{FACES, TetMesh};
+use crate::scene::Parts;
+use crate::solve::{Progress, SolveError, Solver};
+use nalgebra::Matrix3;
+use std::collections::{BTreeMap, VecDeque};
+
+/// Parts of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cut {
+    /// Of every tetrahedron.
+    pub part: Vec<usize>,
+    pub parts: usize,
+    pub interfaces: Vec<Interface>,
+}
+
+/// Where two parts meet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interface {
+    pub parts: [usize; 2],
+    /// Ascending, without those that a control element holds.
+    pub nodes: Vec<u32>,
+}
+
+/// Pieces smaller than this part of the mean part go to a neighbour.
+const CRUMB: f64 = 0.05;
+/// Levels tried around each that is asked for, in this part of the distance between two: the one with the fewest nodes is
+/// taken, which in a layered mesh is flat.
+const TRIED: usize = 41;
+const AROUND: f64 = 0.4;
+
+/// Cuts a body.
+pub fn cut(
+    mesh: &TetMesh,
+    controls: &[ControlElement],
+    parts: Parts,
+    solver: &Solver,
+    progress: &dyn Progress,
+) -> Result<Cut, SolveError> {
+    let pairs = neighbours(mesh);
+    let labels = match parts {
+        Parts::Regions(_) => mesh.regions.iter().map(|region| *region as usize).collect(),
+        Parts::Graph(count) => bisected(mesh, &pairs, count as usize),
+        Parts::Along(count) if count > 1 && controls.len() > 1 => {
+            let field = harmonic(mesh, controls, solver, progress)?;
+            by_levels(mesh, &field, count as usize)
+        }
+        Parts::Along(_) => vec![0; mesh.tets.len()],
+    };
+    let (mut part, mut count) = components(&labels, &pairs);
+    merge_crumbs(mesh, &pairs, &mut part, &mut count);
+    let interfaces = interfaces(mesh, controls, &pairs, &part);
+    Ok(Cut { part, parts: count, interfaces })
+}
+
+/// Tetrahedra that share a face, with its nodes.
+fn neighbours(mesh: &TetMesh) -> Vec<([usize; 2], [u32; 3])> {
+    let mut faces: Vec<([u32; 3], usize)> = Vec::with_capacity(4 * mesh.tets.len());
+    for (tet, corners) in mesh.tets.iter().enumerate() {
+        for face in FACES {
+            let mut nodes = face.map(|corner| corners[corner]);
+            nodes.sort_unstable();
+            faces.push((nodes, tet));
+        }
+    }
+    faces.sort_unstable();
+    let shared = faces.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+    shared.map(|pair| ([pair[0].1, pair[1].1], pair[0].0)).collect()
+}
+
+/// The field with ∫ ∇a·∇b = 0 that is 0 on the first control element and 1 on the others.
+fn harmonic(
+    mesh: &TetMesh,
+    controls: &[ControlElement],
+    solver: &Solver,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, SolveError> {
+    let n = mesh.nodes.len();
+    let mut laplacian = StiffnessMatrix::zeros(n, edges(mesh));
+    for tet in 0..mesh.tets.len() {
+        let Some(element) = tet4::geometry(mesh.corners(tet)) else { continue };
+        let nodes = mesh.tets[tet];
+        for a in 0..4 {
+            for b in 0..4 {
+                let [i, j] = [nodes[a], nodes[b]];
+                // One unknown a node: the solvers' blocks have it three times.
+                let block = Matrix3::from_diagonal_element(
+                    element.gradients[a].dot(&element.gradients[b]) * element.volume,
+                );
+                if i == j {
+                    laplacian.diagonal[i as usize] += block;
+                } else if i < j
+                    && let Ok(edge) = laplacian.edges.binary_search(&[i, j])
+                {
+                    laplacian.blocks[edge] += block;
+                }
+            }
+        }
+    }
+    let mut field = NodeFields::zeros(n, 1);
+    for control in &controls[1..] {
+        control.nodes.iter().for_each(|&node| field.row_mut(3 * node as usize)[0] = 1.0);
+    }
+    let partition = Partition::new(n, controls.iter().flat_map(|control| control.nodes.iter().copied()));
+    if !partition.free.is_empty() {
+        let a = partition.a(&laplacian);
+        let linear = solver.analyse(&a, progress)?;
+        let (free, _) =
+            linear.factor(&a, progress)?.solve(&partition.minus_b_times(&laplacian, &field), progress)?;
+        partition.insert_free(&free, &mut field);
+    }
+    Ok((0..n).map(|node| field.row(3 * node)[0]).collect())
+}
+
+/// Between which of `count - 1` levels the mean of a tetrahedron's corners lies.
+fn by_levels(mesh: &TetMesh, field: &[f64], count: usize) -> Vec<usize> {
+    let of_tet = |tet: &[u32; 4]| tet.iter().map(|&node| field[node as usize]).sum::<f64>() / 4.0;
+    let levels: Vec<f64> = mesh.tets.iter().map(of_tet).collect();
+    let mut range = vec![(f64::INFINITY, f64::NEG_INFINITY); mesh.nodes.len()];
+    for (tet, level) in mesh.tets.iter().zip(&levels) {
+        for &node in tet {
+            let range = &mut range[node as usize];
+            *range = (range.0.min(*level), range.1.max(*level));
+        }
+    }
+    let on_cut = |level: f64| range.iter().filter(|(low, high)| *low < level && level <= *high).count();
+    let cuts: Vec<f64> = (1..count)
+        .map(|cut| {
+            let offset = |tried: usize| 2.0 * tried as f64 / (TRIED - 1) as f64 - 1.0;
+            let tried = (0..TRIED).map(|tried| {
+                let offset = AROUND * offset(tried);
+                ((cut as f64 + offset) / count as f64, offset.abs())
+            });
+            let cost = |(level, offset): &(f64, f64)| on_cut(*level) as f64 + offset;
+            let best = tried.min_by(|a, b| cost(a).total_cmp(&cost(b)));
+            best.map_or(cut as f64 / count as f64, |(level, _)| level)
+        })
+        .collect();
+    levels.iter().map(|level| cuts.iter().filter(|cut| **cut <= *level).count()).collect()
+}
+
+/// Halves by distance from an outermost tetrahedron, and again, until there are `count`.
+fn bisected(mesh: &TetMesh, pairs: &[([usize; 2], [u32; 3])], count: usize) -> Vec<usize> {
+    let mut around = vec![Vec::new(); mesh.tets.len()];
+    for &([a, b], _) in pairs {
+        around[a].push(b);
+        around[b].push(a);
+    }
+    let volumes = volumes(mesh);
+    let mut labels = vec![0; mesh.tets.len()];
+    // A label, and in how many it is to be divided.
+    let mut open = vec![(0, count)];
+    let mut next = 1;
+    while let Some((label, share)) = open.pop() {
+        let own: Vec<usize> = (0..labels.len()).filter(|&tet| labels[tet] == label).collect();
+        let Some(&first) = own.first().filter(|_| share > 1) else { continue };
+        let reach = |start: usize| -> Vec<usize> { outward(start, label, &labels, &around) };
+        let farthest = reach(first).last().copied().unwrap_or(first);
+        let mut order = reach(farthest);
+        // What is not joined to it comes last.
+        let mut is_reached = vec![false; labels.len()];
+        order.iter().for_each(|&tet| is_reached[tet] = true);
+        order.extend(own.iter().copied().filter(|&tet| !is_reached[tet]));
+        let (low, total) = (share / 2, own.iter().map(|&tet| volumes[tet]).sum::<f64>());
+        let mut sum = 0.0;
+        for tet in order {
+            sum += volumes[tet];
+            if sum > total * low as f64 / share as f64 {
+                labels[tet] = next;
+            }
+        }
+        open.extend([(label, low), (next, share - low)]);
+        next += 1;
+    }
+    labels
+}
+
+/// The tetrahedra of a label that are joined to `start`, by the number of faces between.
+fn outward(start: usize, label: usize, labels: &[usize], around: &[Vec<usize>]) -> Vec<usize> {
+    let mut is_seen = vec![false; labels.len()];
+    is_seen[start] = true;
+    let (mut order, mut queue) = (Vec::new(), VecDeque::from([start]));
+    while let Some(tet) = queue.pop_front() {
+        order.push(tet);
+        for &other in &around[tet] {
+            if labels[other] == label && !std::mem::replace(&mut is_seen[other], true) {
+                queue.push_back(other);
+            }
+        }
+    }
+    order
+}
+
+fn volumes(mesh: &TetMesh) -> Vec<f64> {
+    let volume = |tet: usize| tet4::geometry(mesh.corners(tet)).map_or(0.0, |element| element.volume);
+    (0..mesh.tets.len()).map(volume).collect()
+}
+
+/// The tetrahedra of one label that are joined by faces, numbered in the order of labels, then of their first tetrahedron.
+fn components(labels: &[usize], pairs: &[([usize; 2], [u32; 3])]) -> (Vec<usize>, usize) {
+    let mut sets = Sets::new(labels.len());
+    for &([a, b], _) in pairs {
+        if labels[a] == labels[b] {
+            sets.join(a, b);
+        }
+    }
+    let mut numbers: BTreeMap<(usize, usize), usize> =
+        (0..labels.len()).map(|tet| ((labels[tet], sets.root(tet)), 0)).collect();
+    numbers.values_mut().enumerate().for_each(|(number, of)| *of = number);
+    let part = (0..labels.len()).map(|tet| numbers[&(labels[tet], sets.root(tet))]).collect();
+    (part, numbers.len())
+}
+
+/// Gives each crumb to the neighbour with which it shares most faces, the smallest first.
+fn merge_crumbs(
+    mesh: &TetMesh,
+    pairs: &[([usize; 2], [u32; 3])],
+    part: &mut [usize],
+    count: &mut usize,
+) {
+    let of_tet = volumes(mesh);
+    let total: f64 = of_tet.iter().sum();
+    loop {
+        let mut volumes = vec![0.0; *count];
+        part.iter().zip(&of_tet).for_each(|(&part, volume)| volumes[part] += volume);
+        let limit = CRUMB * total / *count as f64;
+        let crumbs = (0..*count).filter(|&part| volumes[part] < limit);
+        let Some(crumb) = crumbs.min_by(|&a, &b| volumes[a].total_cmp(&volumes[b])) else { return };
+        let mut faces = vec![0usize; *count];
+        for &([a, b], _) in pairs {
+            match (part[a] == crumb, part[b] == crumb) {
+                (true, false) => faces[part[b]] += 1,
+                (false, true) => faces[part[a]] += 1,
+                _ => {}
+            }
+        }
+        let most = (0..*count).rev().max_by_key(|&part| faces[part]).filter(|&part| faces[part] > 0);
+        let Some(host) = most else { return };
+        for own in part.iter_mut() {
+            if *own == crumb {
+                *own = host;
+            }
+            if *own > crumb {
+                *own -= 1;
+            }
+        }
+        *count -= 1;
+    }
+}
+
+/// The nodes of faces between two parts, each set of joined faces apart.
+fn interfaces(
+    mesh: &TetMesh,
+    controls: &[ControlElement],
+    pairs: &[([usize; 2], [u32; 3])],
+    part: &[usize],
+) -> Vec<Interface> {
+    let mut is_held = vec![false; mesh.nodes.len()];
+    controls.iter().flat_map(|control| &control.nodes).for_each(|&node| is_held[node as usize] = true);
+    let mut between: BTreeMap<[usize; 2], Vec<[u32; 3]>> = BTreeMap::new();
+    for &([a, b], face) in pairs {
+        let [p, q] = [part[a].min(part[b]), part[a].max(part[b])];
+        if p != q {
+            between.entry([p, q]).or_default().push(face);
+        }
+    }
+    let mut found = Vec::new();
+    for (parts, faces) in between {
+        let mut sets = Sets::new(mesh.nodes.len());
+        for [a, b, c] in &faces {
+            sets.join(*a as usize, *b as usize);
+            sets.join(*a as usize, *c as usize);
+        }
+        let mut by_root: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        for &node in faces.iter().flatten() {
+            by_root.entry(sets.root(node as usize)).or_default().push(node);
+        }
+        for (_, mut nodes) in by_root {
+            nodes.sort_unstable();
+            nodes.dedup();
+            nodes.retain(|&node| !is_held[node as usize]);
+            found.push(Interface { parts, nodes });
+        }
+    }
+    found
+}
+
+/// Disjoint sets of numbers.
+struct Sets {
+    parent: Vec<usize>,
+}
+
+impl Sets {
+    fn new(count: usize) -> Sets {
+        Sets { parent: (0..count).collect() }
+    }
+
+    /// The smallest number of a set.
+    fn root(&mut self, mut of: usize) -> usize {
+        while self.parent[of] != of {
+            self.parent[of] = self.parent[self.parent[of]];
+            of = self.parent[of];
+        }
+        of
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parent[a.max(b)] = a.min(b);
+    }
+}

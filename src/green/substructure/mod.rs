@@ -1,0 +1,14 @@
+//! A body cut into parts, each with Green's functions and an energy of its own.
+//!
+//! In: mesh, materials, control elements, the scene's key `parts`. Out: what the model `substructured` is made from.
+//! [`cut`](mod@cut) finds the parts, [`part`] solves one with what surrounds it, [`body`] does so for all and shares the
+//! surface among them.
+
+mod body;
+mod cut;
+mod part;
+mod series;
+
+pub use body::{Body, BodyError, Joint, SolvedBody, SolvedPart, shape, solve};
+pub use cut::{Cut, Interface, cut};
+pub use part::{PartError, PartSolution, coordinates, pairs};
