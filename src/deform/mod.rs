@@ -15,6 +15,7 @@ mod limiter;
 mod linear;
 mod model;
 mod models;
+mod nearest;
 mod normals;
 mod partial;
 mod parts;
@@ -39,10 +40,11 @@ pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,
 };
 pub use models::{MODELS, find_model, not_online};
+pub use nearest::unwrapped;
 pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
-pub use rotation::{Rotation, mean_rotation, unwrapped};
+pub use rotation::{Rotation, mean_rotation};
 pub use screw::Screw;
 pub use solved::model_of;
 pub use statics::{EquilibriumResult, Statics, StaticsError};
