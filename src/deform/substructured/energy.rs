@@ -239,9 +239,7 @@ impl PartEnergy {
             }
         }
         self.quartic_hessian.fill(0.0);
-        for ((row, dp), &(i, j)) in
-            self.quartic_slopes.chunks_exact(m).zip(&self.dp).zip(&self.pairs)
-        {
+        for ((row, dp), &(i, j)) in self.quartic_slopes.chunks_exact(m).zip(&self.dp).zip(&self.pairs) {
             for (k, slope) in row.iter().enumerate() {
                 self.quartic_hessian[i * m + k] += 2.0 * slope * y[j];
                 if i != j {

@@ -186,7 +186,9 @@ impl Assembly {
         let mut share = 1.0;
         for _ in 0..MOST_HALVINGS {
             let steps = self.step.chunks_exact(6);
-            for ((frame, before), step) in places.interfaces.iter_mut().zip(&self.before.interfaces).zip(steps) {
+            for ((frame, before), step) in
+                places.interfaces.iter_mut().zip(&self.before.interfaces).zip(steps)
+            {
                 *frame = before.moved(&(Twist::from_column_slice(step) * share));
             }
             let value = self.value(places);

@@ -11,7 +11,8 @@
 //! x/(1 - exp(-x)) have in common, the eigenvalues ±iθ of A being double.) The series of Bernoulli's numbers have no
 //! special case at θ = 0, and converge to rounding for θ ≤ π.
 
-use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use crate::deform::se3::slide_matrix;
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
 pub type Twist = SVector<f64, 6>;
 pub type Matrix6 = SMatrix<f64, 6, 6>;
@@ -64,18 +65,6 @@ impl EndFrame {
         rotation.renormalize_fast();
         EndFrame { place: self.place + self.turn * shift, turn: rotation }
     }
-}
-
-/// V(ω).
-pub fn slide_matrix(turn: &Vector3<f64>) -> Matrix3<f64> {
-    let (square, cross) = (turn.norm_squared(), turn.cross_matrix());
-    let (first, second) = if square < 1e-4 {
-        (0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0)
-    } else {
-        let angle = square.sqrt();
-        ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (angle * square))
-    };
-    Matrix3::identity() + cross * first + cross * cross * second
 }
 
 /// c₀ = Σ aₙ sⁿ⁻¹, c₂, c₄ and the derivatives of the last two by s = θ².
@@ -142,7 +131,8 @@ impl ScrewSlopes {
         let odd = coadjoint(m) * 0.5;
         let (m1, m2, m3, m4) = (a * m, a2 * m, a3 * m, a4 * m);
         let mut even = (coadjoint(&m1) + a * coadjoint(m)) * self.series.c2
-            + (coadjoint(&m3) + a * coadjoint(&m2) + a2 * coadjoint(&m1) + a3 * coadjoint(m)) * self.series.c4;
+            + (coadjoint(&m3) + a * coadjoint(&m2) + a2 * coadjoint(&m1) + a3 * coadjoint(m))
+                * self.series.c4;
         // d(θ²) = 2 ω · dω.
         let mut by_turn = Twist::zeros();
         by_turn.fixed_rows_mut::<3>(0).copy_from(&(self.turn * 2.0));
@@ -157,8 +147,10 @@ impl ScrewSlopes {
 
 /// ad ξ = [ω̂ 0; v̂ ω̂].
 fn ad(xi: &Twist) -> Matrix6 {
-    let (turn, slide) =
-        (xi.fixed_rows::<3>(0).into_owned().cross_matrix(), xi.fixed_rows::<3>(3).into_owned().cross_matrix());
+    let (turn, slide) = (
+        xi.fixed_rows::<3>(0).into_owned().cross_matrix(),
+        xi.fixed_rows::<3>(3).into_owned().cross_matrix(),
+    );
     let mut ad = Matrix6::zeros();
     ad.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
     ad.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);

@@ -5,7 +5,8 @@
 
 use super::energy::PartEnergy;
 use super::link::{EndFrame, ScrewSlopes, Twist, screw};
-use nalgebra::Vector3;
+use crate::deform::FrameSlope;
+use nalgebra::{Matrix3, Vector3};
 
 /// What an end of a part is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,6 +139,19 @@ impl LinkedPart {
         }
         if twice {
             self.add_squares();
+        }
+    }
+
+    /// Adds the derivatives by control element `e`, in its own axes.
+    pub fn add_slope(&self, e: usize, slope: &mut FrameSlope) {
+        let mut stretches = self.gradient[6 * self.ends.len()..].chunks_exact(6);
+        for (end, motion) in self.ends.iter().zip(self.gradient.chunks_exact(6)) {
+            let PartEnd::Control(own) = *end else { continue };
+            let Some(s) = stretches.next().filter(|_| own == e) else { continue };
+            slope.torque += Vector3::from_column_slice(&motion[..3]);
+            slope.force += Vector3::from_column_slice(&motion[3..]);
+            let [xy, yz, zx] = [s[3] * 0.5, s[4] * 0.5, s[5] * 0.5];
+            slope.stretch += Matrix3::new(s[0], xy, zx, xy, s[1], yz, zx, yz, s[2]);
         }
     }
 

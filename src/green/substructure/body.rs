@@ -8,7 +8,7 @@ use super::super::control::ControlElement;
 use super::cut::Cut;
 use super::part::{Domain, End, PartError, PartSolution, StrainPoint, coordinates};
 use super::series::FrameFit;
-use crate::fem::{AssemblyError, Element, Lame, NodeFields, tet4};
+use crate::fem::{AssemblyError, Element, Lame, NodeFields, TET4, tet4};
 use crate::mesh::geodesic::edges;
 use crate::mesh::{Surface, TetMesh, quality};
 use crate::solve::{Progress, Solver};
@@ -54,12 +54,34 @@ pub enum BodyError {
     #[error(transparent)]
     Assembly(#[from] AssemblyError),
     #[error(
+        "model \"substructured\" is for linear tetrahedra: write element = \"tet4\"; {element} would join the parts by more \
+         than their interfaces, or needs strains at more points"
+    )]
+    Element { element: &'static str },
+    #[error(
         "part {part} of {parts} has {ends} ends, {coordinates} coordinates: {MOST_COORDINATES} are the most; ask for more parts, \
          so that each has fewer"
     )]
     Ends { part: usize, parts: usize, ends: usize, coordinates: usize },
+    #[error(
+        "part {part} of {parts} (tetrahedra with a corner at node {tag}) meets neither a control element nor an interface of \
+         three nodes off one line: ask for fewer parts"
+    )]
+    Loose { part: usize, parts: usize, tag: u64 },
     #[error("part {part} of {parts} (tetrahedra with a corner at node {tag}): {source}")]
     Part { part: usize, parts: usize, tag: u64, source: PartError },
+}
+
+impl BodyError {
+    /// Whether the scene is to blame, rather than the work.
+    pub fn is_request(&self) -> bool {
+        !matches!(self, BodyError::Part { source: PartError::Solve(_), .. })
+    }
+}
+
+/// Errors for an element that has no parts.
+pub fn suits(element: &'static Element) -> Result<(), BodyError> {
+    if *element == TET4 { Ok(()) } else { Err(BodyError::Element { element: element.name }) }
 }
 
 /// Pairs of coordinates grow with their square, and the fourth-order term with the square of that.
@@ -172,9 +194,8 @@ impl Surroundings {
         for (i, face) in faces.iter().enumerate().filter(|(_, face)| face.parts.contains(&part)) {
             let ways = roads.lengths(face.nodes, MARGIN * face.radius, &|node| !is_own[node as usize]);
             let near = |node: u32| ways[node as usize].is_finite();
-            let is_new = |&tet: &usize| {
-                cut.part[tet] != part && mesh.tets[tet].iter().all(|&node| near(node))
-            };
+            let is_new =
+                |&tet: &usize| cut.part[tet] != part && mesh.tets[tet].iter().all(|&node| near(node));
             let grown: Vec<usize> = (0..mesh.tets.len()).filter(is_new).collect();
             let held = all.frontier(body, &grown, &is_own);
             let offsets = quality::centroid(mesh, &held)
@@ -233,6 +254,10 @@ impl Surroundings {
         let lame: Vec<Lame> = self.tets.iter().map(|&tet| body.lame[tet]).collect();
         let (ends, joints) = self.ends(body, faces, &local);
         let coordinates = coordinates(ends.len(), self.controls.len());
+        let tag = self.tets.first().map_or(0, |&tet| mesh.tags[mesh.tets[tet][0] as usize]);
+        if ends.is_empty() {
+            return Err(BodyError::Loose { part: self.part + 1, parts, tag });
+        }
         if coordinates > MOST_COORDINATES {
             let ends = ends.len();
             return Err(BodyError::Ends { part: self.part + 1, parts, ends, coordinates });
@@ -248,16 +273,18 @@ impl Surroundings {
         };
         let points: Vec<StrainPoint> = geometry.iter().enumerate().map(point).collect();
         let domain = Domain { nodes: &sub.nodes, points: &points, k: &k, ends: &ends };
-        let tag = self.tets.first().map_or(0, |&tet| mesh.tags[mesh.tets[tet][0] as usize]);
-        let solution = domain
-            .solve(body.solver, progress)
-            .map_err(|source| BodyError::Part { part: self.part + 1, parts, tag, source })?;
+        let solution = domain.solve(body.solver, progress).map_err(|source| BodyError::Part {
+            part: self.part + 1,
+            parts,
+            tag,
+            source,
+        })?;
         let sides = self.sides.iter().map(|(face, _, ways)| (*face, ways.clone())).collect();
         let own = self.tets[..self.own].iter().flat_map(|&tet| mesh.tets[tet]).collect();
         Ok((SolvedPart { ends: joints, solution, shares: Vec::new() }, Placed { nodes, own, sides }))
     }
 
-    /// Interfaces first, then control elements.
+    /// Control elements first, then interfaces.
     fn ends(
         &self,
         body: &Body<'_>,
@@ -316,7 +343,8 @@ fn share_nodes(body: &Body<'_>, faces: &[Face<'_>], parts: &mut [(SolvedPart, Pl
     }
     for (part, (_, placed)) in parts.iter().enumerate() {
         for (face, ways) in placed.sides.iter().filter(|(_, ways)| !ways.is_empty()) {
-            let width = (SHARED[0] * MARGIN * faces[*face].radius).min(SHARED[1] * shortest(faces, *face, body));
+            let width =
+                (SHARED[0] * MARGIN * faces[*face].radius).min(SHARED[1] * shortest(faces, *face, body));
             for (at, &node) in body.surface.nodes.iter().enumerate() {
                 let way = ways[node as usize] / width;
                 let is_known = placed.nodes.binary_search(&node).is_ok();
@@ -353,9 +381,8 @@ fn shortest(faces: &[Face<'_>], face: usize, body: &Body<'_>) -> f64 {
 
 /// The displacements that a part has at a node: those of first order, then those of second order by the screws.
 pub fn shape(solution: &PartSolution, screws: usize, row: usize) -> Vec<Vector3<f64>> {
-    let of = |fields: &NodeFields, column: usize| {
-        Vector3::from_fn(|axis, _| fields.row(3 * row + axis)[column])
-    };
+    let of =
+        |fields: &NodeFields, column: usize| Vector3::from_fn(|axis, _| fields.row(3 * row + axis)[column]);
     let first = (0..solution.first.columns).map(|column| of(&solution.first, column));
     let pairs = super::part::pairs(solution.first.columns);
     let by_screws = pairs.iter().enumerate().filter(|(_, (_, j))| *j < 6 * screws);

@@ -221,12 +221,7 @@ fn components(labels: &[usize], pairs: &[([usize; 2], [u32; 3])]) -> (Vec<usize>
 }
 
 /// Gives each crumb to the neighbour with which it shares most faces, the smallest first.
-fn merge_crumbs(
-    mesh: &TetMesh,
-    pairs: &[([usize; 2], [u32; 3])],
-    part: &mut [usize],
-    count: &mut usize,
-) {
+fn merge_crumbs(mesh: &TetMesh, pairs: &[([usize; 2], [u32; 3])], part: &mut [usize], count: &mut usize) {
     let of_tet = volumes(mesh);
     let total: f64 = of_tet.iter().sum();
     loop {

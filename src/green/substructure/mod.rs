@@ -2,13 +2,15 @@
 //!
 //! In: mesh, materials, control elements, the scene's key `parts`. Out: what the model `substructured` is made from.
 //! [`cut`](mod@cut) finds the parts, [`part`] solves one with what surrounds it, [`body`] does so for all and shares the
-//! surface among them.
+//! surface among them; [`stored`] keeps them in the .green file.
 
 mod body;
 mod cut;
 mod part;
 mod series;
+mod stored;
 
-pub use body::{Body, BodyError, Joint, SolvedBody, SolvedPart, shape, solve};
+pub use body::{Body, BodyError, Joint, SolvedBody, SolvedPart, solve, suits};
 pub use cut::{Cut, Interface, cut};
-pub use part::{PartError, PartSolution, coordinates, pairs};
+pub use part::{PartError, PartSolution, coordinates, pairs, symmetric};
+pub use stored::{StoredPart, StoredParts, TABLES, tables};

@@ -129,7 +129,11 @@ impl Domain<'_> {
         };
         let end = |(i, end): (usize, &End)| {
             let (link, share) = share(i);
-            let of = |from: usize| y.get(from..from + 3).filter(|_| links > 0).map_or_else(Vector3::zeros, Vector3::from_column_slice);
+            let of = |from: usize| {
+                y.get(from..from + 3)
+                    .filter(|_| links > 0)
+                    .map_or_else(Vector3::zeros, Vector3::from_column_slice)
+            };
             let stretch = if end.is_control { stretches.next() } else { None };
             Motion {
                 turn: of(6 * link) * share,
@@ -198,17 +202,18 @@ impl Domain<'_> {
         let a = partition.a(self.k);
         let linear = if partition.free.is_empty() { None } else { Some(solver.analyse(&a, progress)?) };
         let factor = linear.as_ref().map(|linear| linear.factor(&a, progress)).transpose()?;
-        let equilibrium = |mut fields: NodeFields, load: Option<&NodeFields>| -> Result<NodeFields, SolveError> {
-            let Some(factor) = &factor else { return Ok(fields) };
-            let mut rhs = partition.minus_b_times(self.k, &fields);
-            if let Some(load) = load {
-                let load = load.at(&partition.free);
-                rhs.data.iter_mut().zip(&load.data).for_each(|(rhs, load)| *rhs += load);
-            }
-            let (free, _) = factor.solve(&rhs, progress)?;
-            partition.insert_free(&free, &mut fields);
-            Ok(fields)
-        };
+        let equilibrium =
+            |mut fields: NodeFields, load: Option<&NodeFields>| -> Result<NodeFields, SolveError> {
+                let Some(factor) = &factor else { return Ok(fields) };
+                let mut rhs = partition.minus_b_times(self.k, &fields);
+                if let Some(load) = load {
+                    let load = load.at(&partition.free);
+                    rhs.data.iter_mut().zip(&load.data).for_each(|(rhs, load)| *rhs += load);
+                }
+                let (free, _) = factor.solve(&rhs, progress)?;
+                partition.insert_free(&free, &mut fields);
+                Ok(fields)
+            };
 
         // Of first order, as the far boundary moves; then by the frames of the ends.
         let mut prescribed = NodeFields::zeros(n, m);
@@ -233,7 +238,10 @@ impl Domain<'_> {
         // Of second order.
         let held_second = |y: &DVector<f64>| -> Vec<f64> {
             let far = &inverse * y;
-            self.held_nodes(far.as_slice()).iter().flat_map(|(_, [_, u])| u.iter().copied().collect::<Vec<_>>()).collect()
+            self.held_nodes(far.as_slice())
+                .iter()
+                .flat_map(|(_, [_, u])| u.iter().copied().collect::<Vec<_>>())
+                .collect()
         };
         let on_held = polarised(m, held_second);
         let mut prescribed = NodeFields::zeros(n, pairs(m).len());
@@ -479,7 +487,8 @@ fn set(fields: &mut NodeFields, node: u32, column: usize, u: &Vector3<f64>) {
 
 /// u₁ and u₂ of a node at y.
 fn sum_at(first: &NodeFields, second: &NodeFields, node: u32, y: &[f64]) -> Orders {
-    let row = |fields: &NodeFields, axis: usize| -> Vec<f64> { fields.row(3 * node as usize + axis).to_vec() };
+    let row =
+        |fields: &NodeFields, axis: usize| -> Vec<f64> { fields.row(3 * node as usize + axis).to_vec() };
     let linear = |axis: usize, _| row(first, axis).iter().zip(y).map(|(u, y)| u * y).sum();
     let square = |axis: usize, _| {
         let mut at = second.row(3 * node as usize + axis).iter();
