@@ -1,13 +1,13 @@
 //! The strain energy of one part by the coordinates of its ends: value, gradient, Hessian.
 //!
-//! In: y. Out, with the products p of the pairs of y (half of a square), z = Z p and e = y + S⁺z:
+//! In: y, the screws' coordinates first. Out, with the products p of the pairs of y (half of a square), z = Z p and e = y + S⁺z:
 //!
 //! ```text
 //! V = V₀ f(Δ/V₀)    V₀ = ½ eᵀ S e    Δ = pᵀ D p    D = Q - ½ Zᵀ S⁺ Z
 //! f(r) = 1/√(1 - 2 r) for r < 0, 1 + r + 3 r²/(2 + 6 r) for r ≥ 0
 //! ```
 //!
-//! V₀ has the energy's terms to third order, V₀ + Δ those to fourth. Thin walls give way (Brazier, Proc. R. Soc. Lond. A 116,
+//! V₀ has the energy's terms to third order, V₀ + Δ those to fourth; Δ is of the screws alone, D reduced to their pairs. Thin walls give way (Brazier, Proc. R. Soc. Lond. A 116,
 //! 1927), so that Δ is negative, and V₀ + Δ falls below 0 far out. V differs from it by terms of sixth order; those of f(r)
 //! are near Brazier's own, 1 + r + 1.1 r², and leave V convex on a ray as far as r = -1. V is never negative. Nothing here
 //! allocates.
@@ -79,7 +79,7 @@ impl Value {
 const RANK: f64 = 1e-11;
 
 impl PartEnergy {
-    /// From S (m × m), Z (m rows, a column for each pair i ≤ j) and Q (pairs × pairs).
+    /// From S (m × m), Z (m rows, a column for each pair i ≤ j) and Q (of the pairs of the first coordinates alone).
     pub fn new(stiffness: &DMatrix<f64>, quadratic: &DMatrix<f64>, quartic: &DMatrix<f64>) -> PartEnergy {
         let m = stiffness.nrows();
         let pairs: Vec<(usize, usize)> = (0..m).flat_map(|i| (i..m).map(move |j| (i, j))).collect();
@@ -91,7 +91,12 @@ impl PartEnergy {
             }
         }
         let inverse = inverse(stiffness);
-        let quartic = quartic - quadratic.transpose() * &inverse * quadratic * 0.5;
+        // The pairs of the first s coordinates, s (s + 1)/2 = rows of Q.
+        let screws = (0..=m).find(|s| s * (s + 1) / 2 == quartic.nrows()).unwrap_or(0);
+        let own: Vec<usize> = (0..pairs.len()).filter(|&pair| pairs[pair].1 < screws).collect();
+        let of_screws = quadratic.select_columns(&own);
+        let quartic = quartic - of_screws.transpose() * &inverse * &of_screws * 0.5;
+        let pairs: Vec<(usize, usize)> = own.into_iter().map(|pair| pairs[pair]).collect();
         let of_pairs = || vec![0.0; pairs.len()];
         PartEnergy {
             m,
@@ -136,7 +141,7 @@ impl PartEnergy {
         for (p, &(i, j)) in self.p.iter_mut().zip(&self.pairs) {
             *p = y[i] * y[j] * if i == j { 0.5 } else { 1.0 };
         }
-        for (dp, row) in self.dp.iter_mut().zip(self.quartic.chunks_exact(self.p.len())) {
+        for (dp, row) in self.dp.iter_mut().zip(self.quartic.chunks_exact(self.p.len().max(1))) {
             *dp = dot(row, &self.p);
         }
         let rows = self.stiffness.chunks_exact(m);
@@ -226,7 +231,7 @@ impl PartEnergy {
     /// ∂²Δ = 2 (∂p)ᵀ D ∂p + 2 Σ (D p) ∂²p.
     fn differentiate_quartic(&mut self, y: &[f64]) {
         let m = self.m;
-        let rows = self.quartic.chunks_exact(self.p.len());
+        let rows = self.quartic.chunks_exact(self.p.len().max(1));
         for (to, row) in self.quartic_slopes.chunks_exact_mut(m).zip(rows) {
             to.fill(0.0);
             for (d, &(i, j)) in row.iter().zip(&self.pairs) {
@@ -284,7 +289,7 @@ mod tests {
         let root = DMatrix::from_fn(m, m, |i, j| number(7 * i + j + 1));
         let s = &root * root.transpose() + DMatrix::identity(m, m);
         let z = DMatrix::from_fn(m, m * (m + 1) / 2, |i, j| number(31 * i + j + 5));
-        let q = DMatrix::from_fn(28, 28, |i, j| number(29 * i.min(j) + i.max(j) + 11) * 2.0);
+        let q = DMatrix::from_fn(21, 21, |i, j| number(29 * i.min(j) + i.max(j) + 11) * 2.0);
         let mut part = PartEnergy::new(&s, &z, &q);
         let y: Vec<f64> = (0..m).map(|i| number(3 * i + 2)).collect();
         part.value(&y);

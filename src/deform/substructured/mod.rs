@@ -32,7 +32,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     frame: Frame::Solved,
     energy: Some(&[]),
     // Of two ends against each other, with eight parts.
-    turn_limits_deg: [120.0, 360.0],
+    turn_limits_deg: [60.0, 120.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Substructured::new(input)?))),
 };
 
@@ -77,6 +77,10 @@ impl Substructured {
                 .map(|origin| ControlState { frame: at_rest(origin), stretch: [0.0; 6] })
                 .collect(),
         };
+        let everywhere = rest.interfaces.iter().map(|frame| frame.place).chain(origins.iter().copied());
+        let first = origins.first().copied().unwrap_or_default();
+        let size = everywhere.map(|place| (place - first).norm()).fold(0.0, f64::max);
+        let size = if size > 0.0 { size } else { 1.0 };
         let (mut parts, mut shapes) = (Vec::new(), Vec::new());
         for part in &stored.parts {
             let end = |joint: &Joint| match joint {
@@ -85,14 +89,10 @@ impl Substructured {
             };
             let ends: Vec<PartEnd> = part.ends.iter().map(end).collect();
             let places: Vec<Vector3<f64>> = ends.iter().map(|end| rest.frame(*end).place).collect();
-            shapes.push(PartShape::new(part, &places, input.rest));
+            shapes.push(PartShape::new(part, &places, input.rest, size));
             let energy = PartEnergy::new(&part.stiffness, &part.quadratic, &part.quartic);
             parts.push(LinkedPart::new(ends, &places, energy));
         }
-        let everywhere = rest.interfaces.iter().map(|frame| frame.place).chain(origins.iter().copied());
-        let first = origins.first().copied().unwrap_or_default();
-        let size = everywhere.map(|place| (place - first).norm()).fold(0.0, f64::max);
-        let size = if size > 0.0 { size } else { 1.0 };
         let mut assembly = Assembly::new(parts, &rest, size);
         let mut places = rest.clone();
         let search = assembly.settle(&mut places);
@@ -113,6 +113,10 @@ impl Substructured {
             origins,
             rest,
         })
+    }
+
+    pub fn search_iterations(&self) -> usize {
+        self.search.iterations
     }
 
     /// Goes to new poses, unless it is there; false where it was not.

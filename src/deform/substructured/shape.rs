@@ -16,6 +16,10 @@ use crate::deform::superposition::Superposition;
 use crate::green::substructure::StoredPart;
 use nalgebra::Vector3;
 
+/// Displacements below this part of the body's size are left out; products of small coefficients would be subnormal
+/// numbers, with which processors are slow.
+const UNSEEN: f64 = 1e-10;
+
 /// The share of one part in the surface.
 pub struct PartShape {
     nodes: Vec<u32>,
@@ -28,13 +32,15 @@ pub struct PartShape {
     /// Pairs i ≤ j of the columns of second order.
     pairs: Vec<(usize, usize)>,
     coefficients: Vec<f64>,
+    /// Coefficients below these count as zero: what they move is far below single precision.
+    least: Vec<f64>,
     sum: Superposition,
     u: Vec<[f32; 3]>,
 }
 
 impl PartShape {
-    /// From what is stored, the origins of the part's ends, and the surface at rest.
-    pub fn new(stored: &StoredPart, origins: &[Vector3<f64>], rest: &[[f32; 3]]) -> PartShape {
+    /// From what is stored, the origins of the part's ends, the surface at rest and the body's size.
+    pub fn new(stored: &StoredPart, origins: &[Vector3<f64>], rest: &[[f32; 3]], size: f64) -> PartShape {
         let centre = match origins {
             [a, b] => (a + b) * 0.5,
             [a, ..] => *a,
@@ -51,6 +57,7 @@ impl PartShape {
             shares: stored.shares.iter().map(|share| *share as f32).collect(),
             pairs: (0..screws).flat_map(|i| (i..screws).map(move |j| (i, j))).collect(),
             coefficients: vec![0.0; stored.fields.ncols()],
+            least: stored.fields.column_iter().map(|column| UNSEEN * size / column.amax()).collect(),
             sum: Superposition::new(&[ColumnGroup::F32(&columns)], stored.nodes.len()),
             u: vec![[0.0; 3]; stored.nodes.len()],
             nodes: stored.nodes.clone(),
@@ -65,6 +72,11 @@ impl PartShape {
         self.coefficients[..m].copy_from_slice(&part.y);
         for (c, &(i, j)) in self.coefficients[m..].iter_mut().zip(&self.pairs) {
             *c = part.y[i] * part.y[j] * if i == j { 0.5 } else { 1.0 };
+        }
+        for (c, least) in self.coefficients.iter_mut().zip(&self.least) {
+            if c.abs() < *least {
+                *c = 0.0;
+            }
         }
         let group = [ColumnGroup::F32(&self.columns)];
         self.sum.update(&group, &self.coefficients, &mut self.u);

@@ -26,7 +26,7 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups: |_, _| Vec::new(),
     // Eight parts in a row: six inside with 6 coordinates, the two at the ends with 12.
-    fixed_bytes: |_| 8 * (6 * (36 + 6 * 21 + 21 * 21) + 2 * (144 + 12 * 78 + 78 * 78)),
+    fixed_bytes: |_| 8 * (6 * (36 + 6 * 21 + 21 * 21) + 2 * (144 + 12 * 78 + 21 * 21)),
 };
 
 fn compute(

@@ -67,7 +67,7 @@ pub struct PartSolution {
     pub stiffness: DMatrix<f64>,
     /// Z, a row for each coordinate, a column for each pair.
     pub quadratic: DMatrix<f64>,
-    /// Q, of pairs by pairs.
+    /// Q, of pairs by pairs, of the screws' coordinates alone.
     pub quartic: DMatrix<f64>,
     /// u_k and w_ij over the domain's nodes.
     pub first: NodeFields,
@@ -107,6 +107,11 @@ const CONDITION: f64 = 1e8;
 impl Domain<'_> {
     fn coordinates(&self) -> usize {
         coordinates(self.ends.len(), self.ends.iter().filter(|end| end.is_control).count())
+    }
+
+    /// Coordinates of the screws, which come first.
+    fn of_screws(&self) -> usize {
+        6 * self.ends.len().saturating_sub(1)
     }
 
     /// Where the pole of two ends is: midway; of more, at the first.
@@ -335,11 +340,11 @@ impl Domain<'_> {
     /// A node at y from the origin o of an end, which is warped by a, moves by exp ω̂ (y + a) + V(ω)(o + d) - …, in which
     /// third order is ω × q with q = ω × d/6 + ω̂² o/24 + ω̂² y/6 + ω × a₁/2 + a₂; and f · (ω × q) = (f × ω) · q.
     fn end_work(&self, first: &NodeFields, second: &NodeFields) -> DMatrix<f64> {
-        let (m, of_pair) = (first.columns, pairs(first.columns));
+        let (m, of_pair) = (self.of_screws(), pairs(self.of_screws()));
         let mut sum = DMatrix::zeros(of_pair.len(), of_pair.len());
         let forces = self.forces(first);
         let pole = self.pole(|end| end.origin);
-        let turns: Vec<Vec<Motion>> = (0..m).map(|k| self.motions(&unit(m, &[k]))).collect();
+        let turns: Vec<Vec<Motion>> = (0..m).map(|k| self.motions(&unit(first.columns, &[k]))).collect();
         for (i, end) in self.ends.iter().enumerate() {
             let place = end.origin - pole;
             let mut left = DMatrix::zeros(3 * end.nodes.len(), of_pair.len());
@@ -350,6 +355,7 @@ impl Domain<'_> {
                 }
             }
             let right = polarised(m, |y| {
+                let y = y.clone().resize_vertically(first.columns, 0.0);
                 let motion = &self.motions(y.as_slice())[i];
                 let frame = FrameSeries::of_screw(motion.turn, motion.slide, place);
                 let w = motion.turn;
@@ -391,20 +397,25 @@ impl Domain<'_> {
         let (m, of_pair) = (first.columns, pairs(first.columns));
         let mut stiffness = DMatrix::zeros(m, m);
         let mut quadratic = DMatrix::zeros(m, of_pair.len());
-        let mut quartic = DMatrix::zeros(of_pair.len(), of_pair.len());
-        // Rows of the quartic term's factors, a few points at a time.
-        let mut rows = QuarticRows::new(of_pair.len());
+        let screw_pairs = pairs(self.of_screws()).len();
+        let mut quartic = DMatrix::zeros(screw_pairs, screw_pairs);
+        let mut rows = QuarticRows::new(screw_pairs);
         for point in self.points.iter().filter(|point| point.is_own) {
             let (h, w) = (gradients(point, first), gradients(point, second));
             let sigma: Vec<Matrix3<f64>> = h.iter().map(|h| stress(point.lame, h) * point.volume).collect();
             for (k, sigma) in sigma.iter().enumerate() {
                 h.iter().enumerate().for_each(|(l, other)| stiffness[(k, l)] += sigma.dot(other));
             }
+            let mut screw_pair = 0;
             for (pair, (&(i, j), w)) in of_pair.iter().zip(&w).enumerate() {
                 let strain = w + h[i].transpose() * h[j];
                 sigma.iter().enumerate().for_each(|(k, sigma)| quadratic[(k, pair)] += sigma.dot(&strain));
-                let turned = h[i] * sigma[j] + h[j] * sigma[i];
-                rows.set(pair, &(stress(point.lame, &strain) * (0.5 * point.volume)), &strain, &turned, w);
+                if j < self.of_screws() {
+                    let turned = h[i] * sigma[j] + h[j] * sigma[i];
+                    let stress = stress(point.lame, &strain) * (0.5 * point.volume);
+                    rows.set(screw_pair, &stress, &strain, &turned, w);
+                    screw_pair += 1;
+                }
             }
             rows.add_to(&mut quartic);
         }

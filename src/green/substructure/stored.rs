@@ -43,12 +43,12 @@ pub struct StoredParts {
     pub parts: Vec<StoredPart>,
 }
 
-/// Numbers of a part with such ends: coordinates, pairs of them, columns of displacements.
+/// Numbers of a part with such ends: coordinates, pairs of them, pairs of the screws' alone.
 fn sizes(ends: &[Joint]) -> [usize; 3] {
     let controls = ends.iter().filter(|end| matches!(end, Joint::Control(_))).count();
     let m = coordinates(ends.len(), controls);
     let screws = 6 * ends.len().saturating_sub(1);
-    [m, m * (m + 1) / 2, m + screws * (screws + 1) / 2]
+    [m, m * (m + 1) / 2, screws * (screws + 1) / 2]
 }
 
 /// The tables of a solved body about `centre`.
@@ -111,11 +111,11 @@ impl StoredParts {
         let energy = get(ENERGY, None)?;
         let mut at = 0;
         for part in &mut parts {
-            let [m, of_pairs, _] = sizes(&part.ends);
+            let [m, of_pairs, of_screws] = sizes(&part.ends);
             for (table, [rows, columns]) in [
                 (&mut part.stiffness, [m, m]),
                 (&mut part.quadratic, [m, of_pairs]),
-                (&mut part.quartic, [of_pairs, of_pairs]),
+                (&mut part.quartic, [of_screws, of_screws]),
             ] {
                 let values = energy.as_slice().get(at..at + rows * columns);
                 let values = values.ok_or_else(|| format!("{ENERGY} ends after {} numbers", energy.len()))?;
@@ -174,7 +174,8 @@ fn read_shares(
     }
     let mut at = 0;
     for part in parts.iter_mut() {
-        let ([_, _, columns], rows) = (sizes(&part.ends), 3 * part.nodes.len());
+        let ([m, _, of_screws], rows) = (sizes(&part.ends), 3 * part.nodes.len());
+        let columns = m + of_screws;
         let values = fields.as_slice().get(at..at + rows * columns);
         let values = values.ok_or_else(|| format!("{FIELDS} ends after {} numbers", fields.len()))?;
         part.fields = DMatrix::from_row_slice(rows, columns, values);
@@ -194,12 +195,13 @@ mod tests {
     /// What a damaged file might hold is refused, not computed with.
     #[test]
     fn damaged_tables_are_refused() {
-        let [m, of_pairs, columns] = sizes(&[Joint::Control(0), Joint::Interface(0)]);
-        assert_eq!([m, of_pairs, columns], [12, 78, 12 + 21]);
+        let [m, of_pairs, of_screws] = sizes(&[Joint::Control(0), Joint::Interface(0)]);
+        assert_eq!([m, of_pairs, of_screws], [12, 78, 21]);
+        let columns = m + of_screws;
         let whole: BTreeMap<&str, DMatrix<f64>> = BTreeMap::from([
             (INTERFACES, DMatrix::zeros(3, 1)),
             (ENDS, DMatrix::from_column_slice(3, 2, &[0.0, 1.0, 0.0, 0.0, 0.0, 0.0])),
-            (ENERGY, DMatrix::zeros(m * m + m * of_pairs + of_pairs * of_pairs, 1)),
+            (ENERGY, DMatrix::zeros(m * m + m * of_pairs + of_screws * of_screws, 1)),
             (SHARES, DMatrix::from_column_slice(3, 1, &[0.0, 4.0, 1.0])),
             (FIELDS, DMatrix::zeros(3 * columns, 1)),
         ]);
