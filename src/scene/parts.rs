@@ -10,8 +10,8 @@ pub enum Parts {
     Along(u32),
     /// The mesh's regions, each joined piece of one by itself.
     Regions(bool),
-    /// So many pieces of about the same volume, by repeated bisection.
-    Graph(u32),
+    /// So many pieces of about the same volume, by repeated bisection across their longest extent.
+    Pieces(u32),
 }
 
 /// Most parts of one body: their interfaces are found together, in a time that grows with the cube of their number at
@@ -28,11 +28,11 @@ impl Parts {
     /// Errors for what cannot be meant.
     pub fn check(&self) -> Result<(), String> {
         match *self {
-            Parts::Along(count) | Parts::Graph(count) if !(1..=MOST).contains(&count) => {
+            Parts::Along(count) | Parts::Pieces(count) if !(1..=MOST).contains(&count) => {
                 Err(format!("{count} parts are asked for, 1 to {MOST} are possible"))
             }
             Parts::Regions(false) => {
-                Err("regions = false cuts nothing: write regions = true, along = 8 or graph = 8".into())
+                Err("regions = false cuts nothing: write regions = true, along = 8 or pieces = 8".into())
             }
             _ => Ok(()),
         }
@@ -59,10 +59,10 @@ mod tests {
         assert_eq!(parts("").unwrap(), None);
         assert_eq!(parts("parts = { along = 5 }").unwrap(), Some(Parts::Along(5)));
         assert_eq!(parts("parts = { regions = true }").unwrap(), Some(Parts::Regions(true)));
-        assert_eq!(parts("parts = { graph = 6 }").unwrap(), Some(Parts::Graph(6)));
+        assert_eq!(parts("parts = { pieces = 6 }").unwrap(), Some(Parts::Pieces(6)));
         for (line, expected) in [
             ("parts = { along = 0 }", "body.a.parts: 0 parts are asked for, 1 to 64 are possible"),
-            ("parts = { graph = 65 }", "65 parts are asked for"),
+            ("parts = { pieces = 65 }", "65 parts are asked for"),
             ("parts = { regions = false }", "regions = false cuts nothing"),
             ("parts = { allong = 5 }", "any.toml:4:"),
             ("parts = { along = -1 }", "any.toml:4:"),

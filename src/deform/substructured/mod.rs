@@ -210,3 +210,6 @@ impl DeformationModel for Substructured {
         self.poses.clear();
     }
 }
+
+#[cfg(test)]
+mod tests;

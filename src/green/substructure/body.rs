@@ -107,7 +107,14 @@ pub fn solve(body: &Body<'_>, progress: &dyn Progress) -> Result<SolvedBody, Bod
     let mut parts = Vec::with_capacity(body.cut.parts);
     progress.begin("parts", body.cut.parts as u64);
     for part in 0..body.cut.parts {
-        parts.push(Surroundings::of(body, &faces, &roads, part).solve(body, &faces, progress)?);
+        let mut solve =
+            |margin| Surroundings::of(body, &faces, &roads, part, margin).solve(body, &faces, progress);
+        let solved = match solve(MARGIN) {
+            // Its surroundings meet, as where three parts do: its interfaces are held themselves.
+            Err(BodyError::Part { source: PartError::Fit { .. }, .. }) => solve(0.0),
+            solved => solved,
+        };
+        parts.push(solved?);
         progress.advance(1);
     }
     progress.end();
@@ -183,7 +190,7 @@ struct Surroundings {
 }
 
 impl Surroundings {
-    fn of(body: &Body<'_>, faces: &[Face<'_>], roads: &Roads, part: usize) -> Surroundings {
+    fn of(body: &Body<'_>, faces: &[Face<'_>], roads: &Roads, part: usize, margin: f64) -> Surroundings {
         let (mesh, cut) = (body.mesh, body.cut);
         let own: Vec<usize> = (0..mesh.tets.len()).filter(|&tet| cut.part[tet] == part).collect();
         let mut is_own = vec![false; mesh.nodes.len()];
@@ -192,7 +199,7 @@ impl Surroundings {
         let controls: Vec<usize> = (0..body.controls.len()).filter(|&e| touches(&body.controls[e])).collect();
         let mut all = Surroundings { part, own: own.len(), tets: own, sides: Vec::new(), controls };
         for (i, face) in faces.iter().enumerate().filter(|(_, face)| face.parts.contains(&part)) {
-            let ways = roads.lengths(face.nodes, MARGIN * face.radius, &|node| !is_own[node as usize]);
+            let ways = roads.lengths(face.nodes, margin * face.radius, &|node| !is_own[node as usize]);
             let near = |node: u32| ways[node as usize].is_finite();
             let is_new =
                 |&tet: &usize| cut.part[tet] != part && mesh.tets[tet].iter().all(|&node| near(node));

@@ -2,8 +2,8 @@
 //!
 //! In: a mesh, control elements, the scene's [`Parts`]. Out: the part of each tetrahedron, and the interfaces: sets of nodes
 //! whose faces lie between two parts. `along` cuts at levels of the harmonic field that is 0 on the first control element
-//! and 1 on the others, so that branches come apart at their forks; `graph` bisects by distance from an outermost
-//! tetrahedron (Kernighan and Lin's starting partition: Farhat, Comput. Struct. 28, 1988, 579-602).
+//! and 1 on the others, so that branches come apart at their forks; `pieces` bisects
+//! across the longest axis of inertia, again and again (Simon, Comput. Syst. Eng. 2, 1991, 135-148).
 
 use super::super::control::ControlElement;
 use crate::fem::{NodeFields, Partition, StiffnessMatrix, tet4};
@@ -11,8 +11,8 @@ use crate::mesh::geodesic::edges;
 use crate::mesh::{FACES, TetMesh};
 use crate::scene::Parts;
 use crate::solve::{Progress, SolveError, Solver};
-use nalgebra::Matrix3;
-use std::collections::{BTreeMap, VecDeque};
+use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
 
 /// Parts of a body.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +49,7 @@ pub fn cut(
     let pairs = neighbours(mesh);
     let labels = match parts {
         Parts::Regions(_) => mesh.regions.iter().map(|region| *region as usize).collect(),
-        Parts::Graph(count) => bisected(mesh, &pairs, count as usize),
+        Parts::Pieces(count) => bisected(mesh, count as usize),
         Parts::Along(count) if count > 1 && controls.len() > 1 => {
             let field = harmonic(mesh, controls, solver, progress)?;
             by_levels(mesh, &field, count as usize)
@@ -148,31 +148,27 @@ fn by_levels(mesh: &TetMesh, field: &[f64], count: usize) -> Vec<usize> {
     levels.iter().map(|level| cuts.iter().filter(|cut| **cut <= *level).count()).collect()
 }
 
-/// Halves by distance from an outermost tetrahedron, and again, until there are `count`.
-fn bisected(mesh: &TetMesh, pairs: &[([usize; 2], [u32; 3])], count: usize) -> Vec<usize> {
-    let mut around = vec![Vec::new(); mesh.tets.len()];
-    for &([a, b], _) in pairs {
-        around[a].push(b);
-        around[b].push(a);
-    }
+/// Divides by volume across the longest axis of inertia, and again, until there are `count`.
+fn bisected(mesh: &TetMesh, count: usize) -> Vec<usize> {
     let volumes = volumes(mesh);
+    let centre = |tet: usize| mesh.corners(tet).iter().sum::<Vector3<f64>>() * 0.25;
     let mut labels = vec![0; mesh.tets.len()];
     // A label, and in how many it is to be divided.
     let mut open = vec![(0, count)];
     let mut next = 1;
     while let Some((label, share)) = open.pop() {
-        let own: Vec<usize> = (0..labels.len()).filter(|&tet| labels[tet] == label).collect();
-        let Some(&first) = own.first().filter(|_| share > 1) else { continue };
-        let reach = |start: usize| -> Vec<usize> { outward(start, label, &labels, &around) };
-        let farthest = reach(first).last().copied().unwrap_or(first);
-        let mut order = reach(farthest);
-        // What is not joined to it comes last.
-        let mut is_reached = vec![false; labels.len()];
-        order.iter().for_each(|&tet| is_reached[tet] = true);
-        order.extend(own.iter().copied().filter(|&tet| !is_reached[tet]));
-        let (low, total) = (share / 2, own.iter().map(|&tet| volumes[tet]).sum::<f64>());
-        let mut sum = 0.0;
-        for tet in order {
+        let mut own: Vec<usize> = (0..labels.len()).filter(|&tet| labels[tet] == label).collect();
+        let total: f64 = own.iter().map(|&tet| volumes[tet]).sum();
+        if share < 2 || own.len() < 2 {
+            continue;
+        }
+        let mean = own.iter().map(|&tet| centre(tet) * volumes[tet]).sum::<Vector3<f64>>() / total;
+        let spread = |&tet: &usize| (centre(tet) - mean) * (centre(tet) - mean).transpose() * volumes[tet];
+        let eigen = own.iter().map(spread).sum::<Matrix3<f64>>().symmetric_eigen();
+        let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+        own.sort_by(|&a, &b| axis.dot(&centre(a)).total_cmp(&axis.dot(&centre(b))).then(a.cmp(&b)));
+        let (low, mut sum) = (share / 2, 0.0);
+        for tet in own {
             sum += volumes[tet];
             if sum > total * low as f64 / share as f64 {
                 labels[tet] = next;
@@ -182,22 +178,6 @@ fn bisected(mesh: &TetMesh, pairs: &[([usize; 2], [u32; 3])], count: usize) -> V
         next += 1;
     }
     labels
-}
-
-/// The tetrahedra of a label that are joined to `start`, by the number of faces between.
-fn outward(start: usize, label: usize, labels: &[usize], around: &[Vec<usize>]) -> Vec<usize> {
-    let mut is_seen = vec![false; labels.len()];
-    is_seen[start] = true;
-    let (mut order, mut queue) = (Vec::new(), VecDeque::from([start]));
-    while let Some(tet) = queue.pop_front() {
-        order.push(tet);
-        for &other in &around[tet] {
-            if labels[other] == label && !std::mem::replace(&mut is_seen[other], true) {
-                queue.push_back(other);
-            }
-        }
-    }
-    order
 }
 
 fn volumes(mesh: &TetMesh) -> Vec<f64> {
