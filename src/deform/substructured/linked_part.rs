@@ -178,3 +178,66 @@ impl LinkedPart {
 fn unknowns(ends: &[PartEnd]) -> usize {
     6 * ends.len() + 6 * ends.iter().filter(|end| matches!(end, PartEnd::Control(_))).count()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, UnitQuaternion};
+
+    fn number(i: usize) -> f64 {
+        ((i * 2_654_435_761 % 1000) as f64 - 500.0) * 1e-3
+    }
+
+    /// An interface and a control element, far apart and turned: gradient and Hessian against differences of V.
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let m = 12;
+        let root = DMatrix::from_fn(m, m, |i, j| number(7 * i + j + 1));
+        let s = &root * root.transpose() + DMatrix::identity(m, m);
+        let z = DMatrix::from_fn(m, m * (m + 1) / 2, |i, j| 0.3 * number(31 * i + j + 5));
+        let q = DMatrix::from_fn(21, 21, |i, j| 0.3 * number(29 * i.min(j) + i.max(j) + 11));
+        let origins = [Vector3::zeros(), Vector3::new(1.0, 0.2, -0.1)];
+        let ends = vec![PartEnd::Control(0), PartEnd::Interface(0)];
+        let mut part = LinkedPart::new(ends, &origins, PartEnergy::new(&s, &z, &q));
+        let turned = |w: [f64; 3]| UnitQuaternion::from_scaled_axis(Vector3::from(w));
+        let frame = EndFrame { place: Vector3::new(0.1, 0.0, 0.2), turn: turned([0.3, -0.8, 0.4]) };
+        let other = EndFrame { place: Vector3::new(0.8, 0.6, -0.3), turn: turned([0.6, -0.4, 0.9]) };
+        let stretch = [0.05, -0.1, 0.02, 0.04, -0.03, 0.06];
+        let places = Places { interfaces: vec![other], controls: vec![ControlState { frame, stretch }] };
+        // Unknowns: the control element's motion, the interface's, the stretch.
+        let moved = |steps: &[(usize, f64)]| {
+            let mut to = places.clone();
+            let twist = |first: usize| {
+                let of =
+                    |k: usize| steps.iter().filter(|(i, _)| *i == first + k).map(|(_, h)| h).sum::<f64>();
+                Twist::from_fn(|k, _| of(k))
+            };
+            to.controls[0].frame = frame.moved(&twist(0));
+            to.interfaces[0] = other.moved(&twist(6));
+            for k in 0..6 {
+                to.controls[0].stretch[k] += twist(12)[k];
+            }
+            to
+        };
+        part.value(&places);
+        part.differentiate(true);
+        let (gradient, hessian) = (part.gradient.clone(), part.hessian.clone());
+        let largest = |of: &[f64]| of.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        let q = gradient.len();
+        assert_eq!(q, 18);
+        for i in 0..q {
+            let h = 1e-5;
+            let mut at = |step: f64| part.value(&moved(&[(i, step)]));
+            let difference = (at(h) - at(-h)) / (2.0 * h);
+            assert!((difference - gradient[i]).abs() < 1e-7 * largest(&gradient), "{i}");
+            for j in 0..=i {
+                let h = 1e-3;
+                let mut at = |x: f64, y: f64| part.value(&moved(&[(i, x), (j, y)]));
+                let difference = (at(h, h) - at(h, -h) - at(-h, h) + at(-h, -h)) / (4.0 * h * h);
+                let off = (difference - hessian[i * q + j]).abs();
+                assert!(off < 1e-5 * largest(&hessian), "{i} {j}: {difference} {}", hessian[i * q + j]);
+                assert!((hessian[i * q + j] - hessian[j * q + i]).abs() < 1e-12 * largest(&hessian));
+            }
+        }
+    }
+}

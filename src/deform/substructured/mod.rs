@@ -51,6 +51,8 @@ pub struct Substructured {
     poses: Vec<ControlPose>,
     is_defined: bool,
     search: Search,
+    /// Of the last that was settled, J.
+    energy: f64,
     /// The turns that the next poses continue.
     turns: Vec<UnitQuaternion<f64>>,
     frames: Vec<ControlFrame>,
@@ -105,6 +107,7 @@ impl Substructured {
             field: vec![[0.0; 3]; input.rest.len()],
             poses: Vec::with_capacity(origins.len()),
             is_defined: true,
+            energy: search.energy,
             search,
             turns: vec![UnitQuaternion::identity(); origins.len()],
             frames: Vec::with_capacity(origins.len()),
@@ -115,7 +118,8 @@ impl Substructured {
         })
     }
 
-    pub fn search_iterations(&self) -> usize {
+    /// Hessians that the last new poses took.
+    pub fn iterations(&self) -> usize {
         self.search.iterations
     }
 
@@ -164,6 +168,7 @@ impl Substructured {
     fn keep(&mut self) {
         self.settled.interfaces.copy_from_slice(&self.places.interfaces);
         self.settled.controls.copy_from_slice(&self.places.controls);
+        self.energy = self.search.energy;
         for (e, (slope, frame)) in self.slopes.iter_mut().zip(&self.frames).enumerate() {
             let mut own = NO_TURN;
             for part in &self.assembly.parts {
@@ -191,7 +196,7 @@ impl DeformationModel for Substructured {
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         self.follow(poses);
         slopes.copy_from_slice(&self.slopes);
-        Some(Response { energy: self.search.energy, is_defined: self.is_defined })
+        Some(Response { energy: self.energy, is_defined: self.is_defined })
     }
 
     fn field(&self) -> Option<&[[f32; 3]]> {

@@ -33,10 +33,14 @@ pub struct Interface {
 
 /// Pieces smaller than this part of the mean part go to a neighbour.
 const CRUMB: f64 = 0.05;
-/// Levels tried around each that is asked for, in this part of the distance between two: the one with the fewest nodes is
-/// taken, which in a layered mesh is flat.
+/// Levels tried around each that is asked for, in this part of the distance between two: that of the smallest interface is
+/// taken, which in a layered mesh is flat; one at the whole distance counts as larger by a tenth.
 const TRIED: usize = 41;
 const AROUND: f64 = 0.4;
+const OFFSET: f64 = 0.1;
+
+/// Two tetrahedra, and the face that they share.
+type Neighbours = ([usize; 2], [u32; 3]);
 
 /// Cuts a body.
 pub fn cut(
@@ -52,7 +56,7 @@ pub fn cut(
         Parts::Pieces(count) => bisected(mesh, count as usize),
         Parts::Along(count) if count > 1 && controls.len() > 1 => {
             let field = harmonic(mesh, controls, solver, progress)?;
-            by_levels(mesh, &field, count as usize)
+            by_levels(mesh, &pairs, &field, count as usize)
         }
         Parts::Along(_) => vec![0; mesh.tets.len()],
     };
@@ -63,7 +67,7 @@ pub fn cut(
 }
 
 /// Tetrahedra that share a face, with its nodes.
-fn neighbours(mesh: &TetMesh) -> Vec<([usize; 2], [u32; 3])> {
+fn neighbours(mesh: &TetMesh) -> Vec<Neighbours> {
     let mut faces: Vec<([u32; 3], usize)> = Vec::with_capacity(4 * mesh.tets.len());
     for (tet, corners) in mesh.tets.iter().enumerate() {
         for face in FACES {
@@ -122,25 +126,26 @@ fn harmonic(
 }
 
 /// Between which of `count - 1` levels the mean of a tetrahedron's corners lies.
-fn by_levels(mesh: &TetMesh, field: &[f64], count: usize) -> Vec<usize> {
+fn by_levels(mesh: &TetMesh, pairs: &[Neighbours], field: &[f64], count: usize) -> Vec<usize> {
     let of_tet = |tet: &[u32; 4]| tet.iter().map(|&node| field[node as usize]).sum::<f64>() / 4.0;
     let levels: Vec<f64> = mesh.tets.iter().map(of_tet).collect();
-    let mut range = vec![(f64::INFINITY, f64::NEG_INFINITY); mesh.nodes.len()];
-    for (tet, level) in mesh.tets.iter().zip(&levels) {
-        for &node in tet {
-            let range = &mut range[node as usize];
-            *range = (range.0.min(*level), range.1.max(*level));
-        }
-    }
-    let on_cut = |level: f64| range.iter().filter(|(low, high)| *low < level && level <= *high).count();
+    let area = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|node| mesh.nodes[node as usize]);
+        (b - a).cross(&(c - a)).norm() * 0.5
+    };
+    let faces: Vec<([f64; 2], f64)> =
+        pairs.iter().map(|(tets, face)| (tets.map(|tet| levels[tet]), area(face))).collect();
+    let cut_area = |level: f64| -> f64 {
+        let is_between = |([a, b], _): &&([f64; 2], f64)| (*a < level) != (*b < level);
+        faces.iter().filter(is_between).map(|(_, area)| area).sum()
+    };
     let cuts: Vec<f64> = (1..count)
         .map(|cut| {
-            let offset = |tried: usize| 2.0 * tried as f64 / (TRIED - 1) as f64 - 1.0;
             let tried = (0..TRIED).map(|tried| {
-                let offset = AROUND * offset(tried);
+                let offset = AROUND * (2.0 * tried as f64 / (TRIED - 1) as f64 - 1.0);
                 ((cut as f64 + offset) / count as f64, offset.abs())
             });
-            let cost = |(level, offset): &(f64, f64)| on_cut(*level) as f64 + offset;
+            let cost = |(level, offset): &(f64, f64)| cut_area(*level) * (1.0 + OFFSET * offset);
             let best = tried.min_by(|a, b| cost(a).total_cmp(&cost(b)));
             best.map_or(cut as f64 / count as f64, |(level, _)| level)
         })
@@ -186,7 +191,7 @@ fn volumes(mesh: &TetMesh) -> Vec<f64> {
 }
 
 /// The tetrahedra of one label that are joined by faces, numbered in the order of labels, then of their first tetrahedron.
-fn components(labels: &[usize], pairs: &[([usize; 2], [u32; 3])]) -> (Vec<usize>, usize) {
+fn components(labels: &[usize], pairs: &[Neighbours]) -> (Vec<usize>, usize) {
     let mut sets = Sets::new(labels.len());
     for &([a, b], _) in pairs {
         if labels[a] == labels[b] {
@@ -201,7 +206,7 @@ fn components(labels: &[usize], pairs: &[([usize; 2], [u32; 3])]) -> (Vec<usize>
 }
 
 /// Gives each crumb to the neighbour with which it shares most faces, the smallest first.
-fn merge_crumbs(mesh: &TetMesh, pairs: &[([usize; 2], [u32; 3])], part: &mut [usize], count: &mut usize) {
+fn merge_crumbs(mesh: &TetMesh, pairs: &[Neighbours], part: &mut [usize], count: &mut usize) {
     let of_tet = volumes(mesh);
     let total: f64 = of_tet.iter().sum();
     loop {
@@ -236,7 +241,7 @@ fn merge_crumbs(mesh: &TetMesh, pairs: &[([usize; 2], [u32; 3])], part: &mut [us
 fn interfaces(
     mesh: &TetMesh,
     controls: &[ControlElement],
-    pairs: &[([usize; 2], [u32; 3])],
+    pairs: &[Neighbours],
     part: &[usize],
 ) -> Vec<Interface> {
     let mut is_held = vec![false; mesh.nodes.len()];
@@ -291,5 +296,72 @@ impl Sets {
     fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.root(a), self.root(b));
         self.parent[a.max(b)] = a.min(b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Block, block};
+    use crate::solve::Silent;
+
+    /// A beam along x with 12 layers, held at both ends; of two regions that alternate by thirds.
+    fn beam() -> (TetMesh, Vec<ControlElement>) {
+        let mut mesh = block(&Block { size: [1.2, 0.3, 0.2], cells: [12, 3, 2] }).unwrap();
+        let low = mesh.nodes.iter().map(|x| x.x).fold(f64::INFINITY, f64::min);
+        let middle = |tet: usize| mesh.corners(tet).iter().map(|x| x.x - low).sum::<f64>() / 4.0;
+        mesh.regions = (0..mesh.tets.len()).map(|tet| (middle(tet) / 0.4) as u32 % 2).collect();
+        let control = |name: &str| ControlElement::new(name, mesh.groups[name].clone(), &mesh, 1.0);
+        let controls = ["xmin", "xmax"].map(control).to_vec();
+        (mesh, controls)
+    }
+
+    fn found(parts: Parts) -> (TetMesh, Cut) {
+        let (mesh, controls) = beam();
+        let cut = cut(&mesh, &controls, parts, &Solver::default(), &Silent).unwrap();
+        (mesh, cut)
+    }
+
+    /// Along the beam and by pieces the cuts lie between layers: as many nodes as a section has.
+    #[test]
+    fn interfaces_are_sections_of_a_layered_beam() {
+        for (parts, count) in
+            [(Parts::Along(4), 4), (Parts::Along(5), 5), (Parts::Pieces(4), 4), (Parts::Regions(true), 3)]
+        {
+            let (mesh, cut) = found(parts);
+            assert_eq!((cut.parts, cut.interfaces.len()), (count, count - 1), "{parts:?}");
+            for interface in &cut.interfaces {
+                assert_eq!(interface.nodes.len(), 4 * 3, "{parts:?}");
+                let x = mesh.nodes[interface.nodes[0] as usize].x;
+                let is_flat = |node: &u32| (mesh.nodes[*node as usize].x - x).abs() < 1e-12;
+                assert!(interface.nodes.iter().all(is_flat), "{parts:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_tetrahedron_has_a_part_and_parts_meet_in_interfaces_alone() {
+        for parts in [Parts::Along(3), Parts::Along(7), Parts::Pieces(5), Parts::Regions(true)] {
+            let (mesh, cut) = found(parts);
+            let between: Vec<u32> = cut.interfaces.iter().flat_map(|i| i.nodes.iter().copied()).collect();
+            let mut of_node = vec![Vec::new(); mesh.nodes.len()];
+            for (tet, part) in cut.part.iter().enumerate() {
+                assert!(*part < cut.parts);
+                mesh.tets[tet].iter().for_each(|&node| of_node[node as usize].push(*part));
+            }
+            for (node, parts) in of_node.iter().enumerate() {
+                let is_shared = parts.iter().any(|part| *part != parts[0]);
+                assert_eq!(is_shared, between.contains(&(node as u32)), "node {node}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_control_element_or_one_level_is_one_part() {
+        let (mesh, controls) = beam();
+        for (controls, count) in [(&controls[..1], 8), (&controls[..], 1)] {
+            let cut = cut(&mesh, controls, Parts::Along(count), &Solver::default(), &Silent).unwrap();
+            assert_eq!((cut.parts, cut.interfaces.len()), (1, 0));
+        }
     }
 }
