@@ -5,7 +5,7 @@
 
 use super::energy::PartEnergy;
 use super::link::{EndFrame, ScrewSlopes, Twist, screw};
-use crate::deform::FrameSlope;
+use crate::deform::frames::FrameSlope;
 use nalgebra::{Matrix3, Vector3};
 
 /// What an end of a part is.

@@ -118,11 +118,6 @@ impl Substructured {
         })
     }
 
-    /// Hessians that the last new poses took.
-    pub fn iterations(&self) -> usize {
-        self.search.iterations
-    }
-
     /// Goes to new poses, unless it is there; false where it was not.
     fn follow(&mut self, poses: &[ControlPose]) -> bool {
         if self.poses == poses {
