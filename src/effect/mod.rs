@@ -245,7 +245,8 @@ mod tests {
         let by_stiffness = |family: &Family| family.name == STIFFNESS.name;
         let online = MODELS.iter().filter(|model| model.energy.is_some_and(|of| of.iter().any(by_stiffness)));
         for model in online {
-            assert!(!requirements(model, []).has(STIFFNESS));
+            let is_own = Requirements::of(model.requirements).has(STIFFNESS);
+            assert_eq!(requirements(model, []).has(STIFFNESS), is_own, "{}", model.name);
             assert!(requirements(model, EFFECTS).has(STIFFNESS), "{}", model.name);
         }
         assert!(any_requires(&["haptics".into()], STIFFNESS) && !any_requires(&[], STIFFNESS));
