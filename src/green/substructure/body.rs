@@ -107,7 +107,7 @@ pub fn solve(body: &Body<'_>, progress: &dyn Progress) -> Result<SolvedBody, Bod
     let mut parts = Vec::with_capacity(body.cut.parts);
     progress.begin("parts", body.cut.parts as u64);
     for part in 0..body.cut.parts {
-        let mut solve =
+        let solve =
             |margin| Surroundings::of(body, &faces, &roads, part, margin).solve(body, &faces, progress);
         let solved = match solve(MARGIN) {
             // Its surroundings meet, as where three parts do: its interfaces are held themselves.

@@ -1,8 +1,8 @@
 //! A body cut into parts, each with Green's functions and an energy of its own.
 //!
 //! In: mesh, materials, control elements, the scene's key `parts`. Out: what the model `substructured` is made from.
-//! [`cut`](mod@cut) finds the parts, [`part`] solves one with what surrounds it, [`body`] does so for all and shares the
-//! surface among them; [`stored`] keeps them in the .green file.
+//! [`cut`] finds the parts, [`solve`] solves each with what surrounds it, and shares the
+//! surface among them; [`tables`] keeps them for the .green file.
 
 mod body;
 mod cut;

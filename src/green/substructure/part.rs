@@ -2,16 +2,18 @@
 //! between its ends.
 //!
 //! In: tetrahedra, and the ends that hold them, each an interface to another part or a control element. Out: displacements
-//! to second order in the coordinates y, seen from the frame midway between the ends, and the numbers of
+//! u = Σ y_k u_k + ½ Σ y_i y_j w_ij in the coordinates y, seen from the frame midway between the ends, and the energy's terms
+//! to fourth order, with the products p_ij of the y (half of a square) and E_ij = sym ∇w_ij + sym H_iᵀ H_j:
 //!
 //! ```text
-//! V(y) = ½ (y + S⁻¹z(y))ᵀ S (y + S⁻¹z(y))    S_kl = ∫ ε_k : C : ε_l    z_k(y) = ½ Σ Z_k,ij y_i y_j
-//! Z_k,ij = ∫ σ_k : (sym ∇w_ij + sym H_iᵀ H_j)
+//! V = ½ yᵀ S y + yᵀ Z p + pᵀ Q p      S_kl = ∫ ε_k : C : ε_l      Z_k,ij = ∫ σ_k : E_ij
+//! Q_ij,kl = ∫ ½ E_ij : C : E_kl + (H_i σ_j + H_j σ_i) : ∇w_kl + Σ_ends f₁ · u₃, made symmetric
+//! K w_ij = -∫ Gᵀ [C : sym H_iᵀH_j + H_i σ_j + H_j σ_i]
 //! ```
 //!
-//! ε_k, σ_k, H_k are of the first-order fields u_k, w_ij the second-order fields: K w_ij = -∫ Gᵀ [C : sym H_iᵀH_j + H_i σ_j
-//! + H_j σ_i]. V has the St. Venant-Kirchhoff energy's terms of second and third order; of the fourth it has the square of
-//! the strains' projection on those of the u_k, so that it is never negative.
+//! ε_k, σ_k and H_k are those of u_k. On the ends y is a screw motion, so that u has parts of second and third order there
+//! ([`series`](super::series), `Domain::end_work`). Up to third order V is the St. Venant-Kirchhoff energy whatever w_ij is
+//! (2n + 1 theorem); to fourth, with these w_ij, but for what neighbours' interfaces do against each other.
 //!
 //! An interface is not held itself: the frame of each is fitted to its nodes, while the far boundary of what surrounds the
 //! part moves rigidly (oversampling: Hou and Wu, J. Comput. Phys. 134, 1997, 169-189). By St. Venant's principle the
@@ -172,11 +174,12 @@ impl Domain<'_> {
     /// The frames of the ends, given how the nodes are displaced.
     fn frames(&self, fits: &[Option<FrameFit>], y: &[f64], u: &dyn Fn(u32) -> Orders) -> Vec<FrameSeries> {
         let held = self.held(y);
-        let end = |((end, fit), held): ((&End, &Option<FrameFit>), &(FrameSeries, Matrix3<f64>))| match fit {
-            None => held.0,
-            Some(fit) => fit.fit(&end.nodes.iter().map(|&n| u(n)).collect::<Vec<_>>()),
+        let fitted = |fit: &FrameFit, end: &End| {
+            let moved: Vec<Orders> = end.nodes.iter().map(|&node| u(node)).collect();
+            fit.fit(&moved)
         };
-        self.ends.iter().zip(fits).zip(&held).map(end).collect()
+        let ends = self.ends.iter().zip(fits).zip(&held);
+        ends.map(|((end, fit), held)| fit.as_ref().map_or(held.0, |fit| fitted(fit, end))).collect()
     }
 
     /// The screws between the frames, of first and second order.
