@@ -1,7 +1,7 @@
 //! A body cut into parts, each with Green's functions and an energy of its own.
 //!
 //! In: mesh, materials, control elements, the scene's key `parts`. Out: what the model `substructured` is made from.
-//! [`cut`] finds the parts, [`solve`] solves each with what surrounds it, and shares the
+//! [`cut()`] finds the parts, [`solve`] solves each with what surrounds it, and shares the
 //! surface among them; [`tables`] keeps them for the .green file.
 
 mod body;
