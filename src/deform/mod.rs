@@ -27,6 +27,7 @@ mod screw;
 pub mod se3;
 mod solved;
 mod statics;
+mod substructured;
 mod superposition;
 mod turn;
 

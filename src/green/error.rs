@@ -1,5 +1,6 @@
 //! Why a body could not be precomputed, or a .green file not be used.
 
+use super::substructure::BodyError;
 use crate::base::failure::Failure;
 use crate::base::machine::TooLarge;
 use crate::base::output::OutputError;
@@ -16,6 +17,8 @@ pub enum GreenError {
     Assembly { body: String, source: AssemblyError },
     #[error("{body}: {source}")]
     Solve { body: String, source: SolveError },
+    #[error("{body}: {source}")]
+    Parts { body: String, source: BodyError },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
     #[error("{}: {source}", path.display())]
@@ -38,6 +41,7 @@ impl GreenError {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. } => true,
+            GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Solve { .. } | GreenError::Memory { .. } => false,
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {

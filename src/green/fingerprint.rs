@@ -8,7 +8,7 @@ use crate::scene::{Control, Nodes, Scene};
 use std::path::Path;
 
 /// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]) and the
-/// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, control
+/// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, parts, control
 /// elements with the bytes of their tag files, what its model and effects require, and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Result<String, GreenError> {
     let body = &scene.body[name];
@@ -23,6 +23,7 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
         "material": body.material,
         "region": body.region,
         "solver": body.solver,
+        "parts": body.parts,
         "controls": selections,
         "requirements": requirements,
     });

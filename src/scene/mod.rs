@@ -5,10 +5,12 @@
 
 mod accuracy_target;
 mod load;
+mod parts;
 mod select;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
+pub use parts::Parts;
 pub use select::Nodes;
 
 use crate::base::failure::Failure;
@@ -76,6 +78,8 @@ pub struct Body {
     pub region: BTreeMap<String, Material>,
     #[serde(default = "linear")]
     pub model: String,
+    /// How the model `substructured` cuts the body; `{ along = 8 }` where it is left out.
+    pub parts: Option<Parts>,
     #[serde(default)]
     pub effects: Vec<String>,
     #[serde(default)]
@@ -274,6 +278,9 @@ impl Scene {
                 TOLERANCE.end()
             );
             return Err(self.invalid(&format!("{entity}.solver"), message));
+        }
+        if let Some(parts) = body.parts {
+            parts.check().map_err(|message| self.invalid(&format!("{entity}.parts"), message))?;
         }
         check_target(body).map_err(|(key, message)| self.invalid(&format!("{entity}{key}"), message))?;
         if body.control.is_empty() {

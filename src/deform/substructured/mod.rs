@@ -1,0 +1,215 @@
+//! Method 3a of the paper's appendix: the body is cut into parts, each bends little, and between them large rotations are exact.
+//!
+//! Each part has Green's functions and a strain energy of its own ([`energy`]) in the screws between its ends: interfaces to
+//! other parts, and control elements ([`link`], [`linked_part`]). For every pose the frames of the interfaces go to where the
+//! sum V of all parts' energies is least ([`equilibrium`], [`follow`]); there ∂V by the control elements is the whole derivative
+//! (envelope theorem), so that forces and moments are in equilibrium. [`shape`] makes the surface.
+
+mod energy;
+mod equilibrium;
+mod follow;
+mod link;
+mod linked_part;
+mod shape;
+
+use super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::pose::ControlPose;
+use crate::green::SUBSTRUCTURES;
+use crate::green::substructure::{Joint, StoredParts};
+use energy::PartEnergy;
+use equilibrium::{Assembly, Search};
+use follow::Follower;
+use link::EndFrame;
+use linked_part::{ControlState, LinkedPart, PartEnd, Places};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use shape::PartShape;
+
+pub(super) const ENTRY: ModelEntry = ModelEntry {
+    name: "substructured",
+    summary: "method 3a: the body is cut into parts, whose interfaces are kept in equilibrium at any rotation",
+    requirements: &[SUBSTRUCTURES],
+    frame: Frame::Solved,
+    energy: Some(&[]),
+    // Of two ends against each other, with eight parts.
+    turn_limits_deg: [60.0, 120.0],
+    kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Substructured::new(input)?))),
+};
+
+/// A body in parts.
+pub struct Substructured {
+    origins: Vec<Vector3<f64>>,
+    rest: Places,
+    /// The last that were settled, and those of the search.
+    settled: Places,
+    places: Places,
+    assembly: Assembly,
+    follower: Follower,
+    shapes: Vec<PartShape>,
+    field: Vec<[f32; 3]>,
+    /// The poses of the last search, as many as there are control elements once there was one; and how it ended.
+    poses: Vec<ControlPose>,
+    is_defined: bool,
+    search: Search,
+    /// Of the last that was settled, J.
+    energy: f64,
+    /// The turns that the next poses continue.
+    turns: Vec<UnitQuaternion<f64>>,
+    frames: Vec<ControlFrame>,
+    wanted: Vec<ControlState>,
+    slopes: Vec<PoseSlope>,
+}
+
+const NO_TURN: FrameSlope =
+    FrameSlope { force: Vector3::new(0.0, 0.0, 0.0), torque: Vector3::new(0.0, 0.0, 0.0), stretch: NOTHING };
+const NOTHING: Matrix3<f64> = Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+/// How much finer the steps are of a second try.
+const FINER: f64 = 4.0;
+
+impl Substructured {
+    /// The error says what the file lacks.
+    pub fn new(input: &ModelInput<'_>) -> Result<Substructured, String> {
+        let stored = StoredParts::read(input.table, input.controls.len(), input.rest.len())?;
+        let at_rest = |place: &Vector3<f64>| EndFrame { place: *place, turn: UnitQuaternion::identity() };
+        let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
+        let rest = Places {
+            interfaces: stored.interfaces.iter().map(at_rest).collect(),
+            controls: origins
+                .iter()
+                .map(|origin| ControlState { frame: at_rest(origin), stretch: [0.0; 6] })
+                .collect(),
+        };
+        let everywhere = rest.interfaces.iter().map(|frame| frame.place).chain(origins.iter().copied());
+        let first = origins.first().copied().unwrap_or_default();
+        let size = everywhere.map(|place| (place - first).norm()).fold(0.0, f64::max);
+        let size = if size > 0.0 { size } else { 1.0 };
+        let (mut parts, mut shapes) = (Vec::new(), Vec::new());
+        for part in &stored.parts {
+            let end = |joint: &Joint| match joint {
+                Joint::Interface(i) => PartEnd::Interface(*i),
+                Joint::Control(e) => PartEnd::Control(*e),
+            };
+            let ends: Vec<PartEnd> = part.ends.iter().map(end).collect();
+            let places: Vec<Vector3<f64>> = ends.iter().map(|end| rest.frame(*end).place).collect();
+            shapes.push(PartShape::new(part, &places, input.rest, size));
+            let energy = PartEnergy::new(&part.stiffness, &part.quadratic, &part.quartic);
+            parts.push(LinkedPart::new(ends, &places, energy));
+        }
+        let mut assembly = Assembly::new(parts, &rest, size);
+        let mut places = rest.clone();
+        let search = assembly.settle(&mut places);
+        Ok(Substructured {
+            follower: Follower::new(&rest, size),
+            settled: rest.clone(),
+            places,
+            assembly,
+            shapes,
+            field: vec![[0.0; 3]; input.rest.len()],
+            poses: Vec::with_capacity(origins.len()),
+            is_defined: true,
+            energy: search.energy,
+            search,
+            turns: vec![UnitQuaternion::identity(); origins.len()],
+            frames: Vec::with_capacity(origins.len()),
+            wanted: rest.controls.clone(),
+            slopes: vec![PoseSlope::default(); origins.len()],
+            origins,
+            rest,
+        })
+    }
+
+    /// Goes to new poses, unless it is there; false where it was not.
+    fn follow(&mut self, poses: &[ControlPose]) -> bool {
+        if self.poses == poses {
+            return false;
+        }
+        self.poses.clear();
+        self.poses.extend_from_slice(poses);
+        self.frames.clear();
+        for ((origin, pose), turn) in self.origins.iter().zip(poses).zip(&self.turns) {
+            self.frames.extend(ControlFrame::of(origin, pose, Some(turn)));
+        }
+        self.is_defined = self.frames.len() == self.origins.len();
+        if !self.is_defined {
+            return true;
+        }
+        for (wanted, frame) in self.wanted.iter_mut().zip(&self.frames) {
+            let s = frame.stretch - Matrix3::identity();
+            let stretch = [s[(0, 0)], s[(1, 1)], s[(2, 2)], s[(0, 1)], s[(1, 2)], s[(2, 0)]];
+            *wanted = ControlState { frame: EndFrame { place: frame.place, turn: frame.turn }, stretch };
+        }
+        for finer in [1.0, FINER] {
+            self.search = self.follower.follow(&mut self.assembly, &mut self.places, &self.wanted, finer);
+            if self.search.is_settled {
+                break;
+            }
+            self.go_back();
+        }
+        self.is_defined = self.search.is_settled;
+        if self.is_defined {
+            self.turns.iter_mut().zip(&self.frames).for_each(|(turn, frame)| *turn = frame.turn);
+            self.keep();
+        }
+        true
+    }
+
+    /// Back to the last settled places.
+    fn go_back(&mut self) {
+        self.places.interfaces.copy_from_slice(&self.settled.interfaces);
+        self.places.controls.copy_from_slice(&self.settled.controls);
+    }
+
+    /// Keeps settled places and their slopes.
+    fn keep(&mut self) {
+        self.settled.interfaces.copy_from_slice(&self.places.interfaces);
+        self.settled.controls.copy_from_slice(&self.places.controls);
+        self.energy = self.search.energy;
+        for (e, (slope, frame)) in self.slopes.iter_mut().zip(&self.frames).enumerate() {
+            let mut own = NO_TURN;
+            for part in &self.assembly.parts {
+                part.add_slope(e, &mut own);
+            }
+            own.force = frame.turn * own.force;
+            own.torque = frame.turn * own.torque;
+            *slope = frame.pull_back(&own);
+        }
+    }
+}
+
+impl DeformationModel for Substructured {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        self.follow(poses);
+        if self.is_defined {
+            self.field.fill([0.0; 3]);
+            for (shape, part) in self.shapes.iter_mut().zip(&self.assembly.parts) {
+                shape.add(part, &self.places, &mut self.field);
+            }
+        }
+        BodyState { rotation_undefined: !self.is_defined, ..BodyState::at_rest(0) }
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.follow(poses);
+        slopes.copy_from_slice(&self.slopes);
+        Some(Response { energy: self.energy, is_defined: self.is_defined })
+    }
+
+    fn field(&self) -> Option<&[[f32; 3]]> {
+        Some(&self.field)
+    }
+
+    fn forget(&mut self) {
+        self.poses.clear();
+        self.turns.fill(UnitQuaternion::identity());
+        self.places.clone_from(&self.rest);
+        self.settled.clone_from(&self.rest);
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        self.turns[e] = turn;
+        self.poses.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests;
