@@ -183,6 +183,12 @@ impl Deformer {
         changed
     }
 
+    /// Whether the model moves the surface by more than one rigid motion and the sum of columns: then nothing of it is
+    /// linear theory's alone.
+    pub fn moves_in_parts(&self) -> bool {
+        self.weights.is_some() || self.has_field()
+    }
+
     /// Whether the model computes displacements of its own, which are no sum of columns.
     pub fn has_field(&self) -> bool {
         self.model.field().is_some()

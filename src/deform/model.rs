@@ -52,8 +52,8 @@ pub struct ModelEntry {
     pub frame: Frame,
     /// Families that its strain energy needs beside those; `None`: it has no energy and cannot be felt.
     pub energy: Option<&'static [Family]>,
-    /// Largest turns of a piece of the surface, in degrees, up to which it is good and up to which it is fair: off by about
-    /// 0.2 % and 2 % of the body's length.
+    /// Largest turns of a piece of the surface, or of control elements against each other where the model moves parts, in
+    /// degrees, up to which it is good and up to which it is fair: off by about 0.2 % and 2 % of the body's length.
     pub turn_limits_deg: [f64; 2],
     pub kind: Kind,
 }

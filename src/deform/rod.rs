@@ -31,7 +31,8 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     requirements: &[AFFINE, STIFFNESS, CUBIC],
     frame: Frame::MeanMotion,
     energy: Some(&[]),
-    turn_limits_deg: [180.0; 2],
+    // Measured against St. Venant-Kirchhoff statics up to 180°.
+    turn_limits_deg: [60.0, 180.0],
     kind: Kind::Online(|input| Ok(Box::new(Rod::new(input)?))),
 };
 

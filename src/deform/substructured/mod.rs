@@ -32,7 +32,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     frame: Frame::Solved,
     energy: Some(&[]),
     // Of two ends against each other, with eight parts.
-    turn_limits_deg: [60.0, 120.0],
+    turn_limits_deg: [60.0, 100.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Substructured::new(input)?))),
 };
 

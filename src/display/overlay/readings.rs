@@ -97,12 +97,12 @@ impl TurnLimits {
     }
 
     /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
-    /// surface tells, it is theirs.
+    /// surface tells, and of a model that moves parts, it is theirs.
     pub(super) fn of_body(body: &PlacedBody) -> (f64, Self) {
         let apart = body.deformer.largest_turn();
         match body.range {
             Some(range) => (apart, Self { good: range, fair: range, is_measured: true }),
-            None if apart > PI => (apart, Self::of_model(&body.model)),
+            None if apart > PI || body.deformer.moves_in_parts() => (apart, Self::of_model(&body.model)),
             None => (local_turn(&body.deformer, PIECES), Self::of_model(&body.model)),
         }
     }
