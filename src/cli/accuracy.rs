@@ -117,6 +117,13 @@ fn all_poses(args: &Args, scene: &Scene, name: &str) -> Result<NamedPoses, Failu
         let body = &scene.body[name];
         let file = pose_file::load(path)?;
         let own = file.iter().filter(|pose| pose.body.as_deref().is_none_or(|body| body == name));
+        if let Some(pose) = own.clone().find(|pose| pose.goes_on_from.is_some()) {
+            return Err(Failure::wrong(format!(
+                "{}: pose \"{}\" goes on from another (`after`); the report takes every pose from rest",
+                path.display(),
+                pose.name
+            )));
+        }
         let own = own.map(|pose| Ok((pose.name.clone(), pose_file::control_poses(pose, name, body, path)?)));
         return Ok((own.collect::<Result<_, Failure>>()?, format!("the pose file {}", path.display())));
     }

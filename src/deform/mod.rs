@@ -5,6 +5,7 @@
 //! of the .green file, [`move_parts`] moves the parts where there are several. [`Statics`] stands apart: it solves a body
 //! anew for every pose.
 
+mod critical;
 mod deformer;
 mod followed;
 mod force;
@@ -23,6 +24,7 @@ mod statics;
 mod superposition;
 mod turn;
 
+pub use critical::{CriticalPose, ModeShape};
 pub use deformer::{Deformer, FrameTimes};
 pub use followed::FollowedTurn;
 pub use force::{Wrench, wrenches};
@@ -34,7 +36,7 @@ pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
 pub use rotation::{Rotation, is_mean_defined, mean_rotation, unwrapped};
-pub use screw::Screw;
-pub use statics::{EquilibriumResult, Statics, StaticsError};
+pub use screw::{Screw, Way};
+pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
 pub use turn::local_turn;

@@ -3,7 +3,8 @@
 //!
 //! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a supernodal LLᵀ) and block-Jacobi preconditioned
 //! conjugate gradients, the paper's solver; both stand behind [`LinearSolver`] and measure the true residual of every
-//! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations.
+//! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
+//! [`Stability`] tells how it is lost.
 
 mod cholesky;
 mod condition;
@@ -16,6 +17,7 @@ mod residual;
 mod solver;
 pub mod solver_as_text;
 mod solvers;
+mod stability;
 
 pub use crate::base::progress::{Progress, Silent};
 pub use error::{ERROR_LIMITS, SolveError};
@@ -25,3 +27,4 @@ pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
 pub use solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats, Solver};
 pub use solvers::{SOLVERS, find_method};
+pub use stability::Stability;

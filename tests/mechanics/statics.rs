@@ -1,7 +1,9 @@
 //! Static equilibrium at large strain: against independently computed solutions, closed forms, rigid motions, and its
 //! own rate of convergence.
 
+mod after;
 mod cases;
+mod critical;
 use crate::common::{attempt, block_scene, folder, greenstage};
 use greenstage::deform::{ControlPose, ControlPoses, EquilibriumResult, Statics, StaticsError};
 use greenstage::fem::{self, Hyperelastic, LAWS, Lame, Law, NEO_HOOKEAN, NodeFields, Partition, STVK, tet4};
@@ -248,7 +250,7 @@ fn collapse_under_compression_is_said_and_not_answered() {
         assert!(text.contains(words), "{text} lacks {words}");
     }
     let StaticsError::Stopped { settled, share, from, why, .. } = error else { panic!("{text}") };
-    assert_eq!((from, why), ("the last pose", Setback::Unstable));
+    assert_eq!((from.as_str(), why), ("the last pose", Setback::Unstable));
     let reached = 0.8 - 0.4 * share;
     assert!((0.6..0.7).contains(&reached), "{reached}");
     assert!(settled.inverted.is_empty() && settled.residual < 1e-10);
@@ -354,7 +356,8 @@ fn a_pose_without_equilibrium_leaves_the_others_of_the_batch() {
         assert_eq!(said.matches(words).count(), 1, "{said} lacks {words}");
     }
     assert!(!said.contains("pose \"pull\"") && !said.contains("pose \"push\""), "{said}");
-    assert!(told.contains("push") && !told.contains("flat"), "{told}");
+    let row = told.lines().find(|line| line.starts_with("flat")).unwrap();
+    assert!(told.contains("push") && row.contains("none beyond"), "{told}");
     let first = |file: &str| -> Vec<String> {
         let text = std::fs::read_to_string(place.join(file)).unwrap();
         let mut names: Vec<String> =
