@@ -352,7 +352,7 @@ fn a_pose_without_equilibrium_leaves_the_others_of_the_batch() {
     };
     let (status, [told, said]) = deform("poses.toml", "out");
     assert_eq!(status, Some(1), "{said}");
-    for words in ["pose \"flat\": body.hard: no equilibrium beyond", "% of the way", "neo_hookean"] {
+    for words in ["pose \"flat\": body.hard: no equilibrium beyond", "% of the way from", "neo_hookean"] {
         assert_eq!(said.matches(words).count(), 1, "{said} lacks {words}");
     }
     assert!(!said.contains("pose \"pull\"") && !said.contains("pose \"push\""), "{said}");
