@@ -2,12 +2,14 @@
 //!
 //! One [`DeformationModel`] per body turns poses into a [`BodyState`] (the paper's `fieldHasChanged`), from which
 //! [`Deformer`] makes x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p) (its `evaluate`): [`Superposition`] sums the columns
-//! of the .green file, [`move_parts`] moves the parts where there are several. [`Statics`] stands apart: it solves a body
-//! anew for every pose.
+//! of the .green file, [`move_parts`] moves the parts where there are several. A model of large strain has static
+//! equilibrium found in the background, or by [`Statics`] where every pose is waited for.
 
+mod background;
 mod critical;
 mod cubic_form;
 mod deformer;
+mod equilibria;
 mod followed;
 mod force;
 mod frames;
@@ -39,8 +41,9 @@ pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,
+    StateAge,
 };
-pub use models::{MODELS, find_model, not_online};
+pub use models::{MODELS, find_model, make_model};
 pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};

@@ -1,7 +1,7 @@
 //! A model of a body as it was solved, before any of it is written: what measurements compare.
 
-use super::model::{ControlRest, DeformationModel, Kind, ModelEntry, ModelInput};
-use super::models::not_online;
+use super::model::{ControlRest, DeformationModel, ModelEntry, ModelInput};
+use super::models::make_model;
 use crate::green::Solution;
 use crate::mesh::quality;
 use nalgebra::Vector3;
@@ -12,7 +12,6 @@ pub fn model_of(
     model: &ModelEntry,
     solution: &Solution,
 ) -> Result<(Box<dyn DeformationModel>, Vector3<f64>), String> {
-    let Kind::Online(make) = &model.kind else { return Err(not_online(model.name)) };
     let (low, high) = quality::bounding_box(&solution.mesh.nodes);
     let centre = low + (high - low) * 0.5;
     let rest = |control: &crate::green::ControlElement| ControlRest {
@@ -30,12 +29,12 @@ pub fn model_of(
             surface.nodes.iter().enumerate().filter(|(_, node)| held.binary_search(node).is_ok());
         on_surface.map(|(i, _)| i as u32).collect()
     };
-    let made = make(&ModelInput {
+    let input = ModelInput {
         controls: &controls,
         rest: &nodes,
         triangles: &surface.triangles,
         control_nodes: &control_nodes,
         table: &|name| solution.tables.get(name).cloned(),
-    })?;
-    Ok((made, centre))
+    };
+    Ok((make_model(&model.kind, &input)?, centre))
 }

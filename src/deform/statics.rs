@@ -12,7 +12,7 @@ use super::model::{Frame, Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::{Screw, Way};
 use crate::fem::{Hyperelastic, Lame, Law, NodeFields, Partition, TET4, tet4};
-use crate::green::{self, ControlElement, GreenError, Prepared};
+use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{
@@ -22,14 +22,14 @@ use nalgebra::{Matrix3, Vector3};
 
 /// The model of bodies under `law`.
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
-    let (requirements, turn_limits_deg) = (&[], [180.0; 2]);
-    let (frame, kind) = (Frame::Solved, Kind::Static(law));
+    let (requirements, turn_limits_deg) = (&[VOLUME], [180.0; 2]);
+    let (frame, kind) = (Frame::Solved, Kind::Background(law));
     ModelEntry {
         name: law.name,
         summary: law.summary,
         requirements,
         frame,
-        energy: None,
+        energy: Some(&[]),
         turn_limits_deg,
         kind,
     }
@@ -224,7 +224,9 @@ impl Statics {
         let from_rest = ways(&vec![Screw::default(); poses.len()]);
         let last = self.last.take().map(|(screws, held)| (ways(&screws), held));
         let (from, ways, start) = match last {
-            Some((ways, held)) if self.steps(&ways) < self.steps(&from_rest) => ("the last pose", ways, held),
+            Some((ways, held)) if load_steps(&ways, self.size) < load_steps(&from_rest, self.size) => {
+                ("the last pose", ways, held)
+            }
             _ => ("rest", from_rest, self.at_rest()),
         };
         let settled = self.go(from, &ways, start, poses, shift, progress)?;
@@ -271,7 +273,7 @@ impl Statics {
         progress: &dyn Progress,
     ) -> Result<EquilibriumResult, StaticsError> {
         self.held = None;
-        let steps = self.steps(ways).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
+        let steps = load_steps(ways, self.size).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
         let path = |share: f64, u: &mut NodeFields| {
             for (e, control) in self.controls.iter().enumerate() {
                 let pose = if share == 1.0 { poses[e] } else { ways[e].pose(share) };
@@ -302,17 +304,6 @@ impl Statics {
 
     fn body(&self) -> Hyperelastic<'_> {
         Hyperelastic { law: self.law, tets: &self.mesh.tets, geometry: &self.geometry, lame: &self.lame }
-    }
-
-    /// Load steps that the ways of the control elements want, not rounded.
-    fn steps(&self, ways: &[Way]) -> f64 {
-        let first = ways.first().map_or_else(Vector3::zeros, |way| way.length().1);
-        let of = |way: &Way| {
-            let (turn, slide, stretch) = way.length();
-            let shear = (slide - first).norm() / (STRETCH * self.size);
-            (turn / TURN).max(stretch / STRETCH).max(shear)
-        };
-        ways.iter().map(of).fold(0.0, f64::max)
     }
 
     /// u = T + (M - I)(X - o) on the element's nodes.
@@ -362,4 +353,14 @@ fn unshifted(poses: &ControlPoses) -> (Vector3<f64>, ControlPoses) {
     let shift = poses.iter().min_by(least).map_or_else(Vector3::zeros, |pose| pose.translation);
     let back = |pose: &ControlPose| ControlPose { translation: pose.translation - shift, ..*pose };
     (shift, poses.iter().map(back).collect())
+}
+
+/// Load steps that the ways of the control elements of a body of this size want, not rounded.
+pub(super) fn load_steps(ways: &[Way], size: f64) -> f64 {
+    let first = ways.first().map_or_else(Vector3::zeros, |way| way.length().1);
+    let of = |way: &Way| {
+        let (turn, slide, stretch) = way.length();
+        (turn / TURN).max(stretch / STRETCH).max((slide - first).norm() / (STRETCH * size))
+    };
+    ways.iter().map(of).fold(0.0, f64::max)
 }

@@ -59,7 +59,7 @@ pub fn solve<'a>(
     green: Option<&Path>,
     all_nodes: bool,
 ) -> Result<(ResultSet, String), Failure> {
-    let online = prepare::online_part(scene)?;
+    let online = prepare::summed_part(scene)?;
     let file = match online.body.is_empty() || all_nodes {
         true => None,
         false => Some(prepare::green_file(&online, green)?),

@@ -4,10 +4,12 @@ mod affine;
 mod cubic;
 mod stiffness;
 mod table;
+mod volume;
 
 pub use affine::AFFINE;
 pub use cubic::CUBIC;
 pub use stiffness::STIFFNESS;
+pub use volume::{VOLUME, Volume};
 
 use super::family::FamilyEntry;
 use super::file::GreenFile;
@@ -15,7 +17,7 @@ use crate::base::columns::ColumnGroup;
 
 /// All families, in the order in which they are computed and in which their columns are summed; a new one is one file and
 /// one line here.
-pub const FAMILIES: &[FamilyEntry] = &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY];
+pub const FAMILIES: &[FamilyEntry] = &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY, volume::ENTRY];
 
 impl GreenFile {
     /// The groups of columns that are summed for a body, of all families that it requires.

@@ -1,0 +1,232 @@
+//! A body kept in equilibrium while its controlled nodes move, with a factor that is used many times.
+//!
+//! In: an equilibrium, where the controlled nodes go, and the factor of an earlier tangent stiffness A₀. Out: the next
+//! equilibrium, as exact as [`TOLERANCE`] says. Newton's directions K(u) d = -f(u) are found by conjugate gradients on the
+//! true tangent with A₀⁻¹ as preconditioner (Knoll and Keyes, Jacobian-free Newton–Krylov methods, J. Comput. Phys. 193,
+//! 2004): K p is the difference of forces along p, so that nothing is assembled. Each direction is shortened until the
+//! energy falls. A factor is too old where the iterations grow; the caller then makes a new one.
+
+use super::error::SolveError;
+use super::solver::Factor;
+use crate::base::progress::Silent;
+use crate::fem::{Hyperelastic, NodeFields, Partition, nearest_turn};
+use nalgebra::{Matrix3, Vector3};
+
+/// An equilibrium has ‖f at free nodes‖₂ ≤ this times ‖f at controlled nodes‖₂, …
+pub const TOLERANCE: f64 = 1e-6;
+/// … or a last step in which no node moves by more than this part of the largest displacement.
+const LAST_STEP: f64 = 1e-9;
+/// Solves with the factor that one step may take before the factor is called too old.
+const MOST_SOLVES: usize = 40;
+/// The residual of a direction in parts of its right-hand side: the prediction's, and the largest and least of Newton's.
+const PREDICTED: f64 = 0.03;
+const FORCED: [f64; 2] = [1e-3, 0.1];
+/// A difference of forces moves no node by more than this part of the body's elements.
+const DIFFERENCE: f64 = 1e-4;
+/// A step must achieve this part of the decrease of energy that its slope predicts.
+const DECREASE: f64 = 1e-4;
+const HALVINGS: i32 = 6;
+/// Relative rounding error of the sum of energies.
+const SUM_ROUNDING: f64 = 1e-13;
+
+/// The factor of a tangent stiffness A₀, and the state that it was made at.
+pub struct OldFactor<'a> {
+    pub factor: &'a dyn Factor,
+    /// F - I of every tetrahedron there.
+    pub gradients: &'a [Matrix3<f64>],
+}
+
+/// R A₀⁻¹ Rᵀ, R turning each free node as the material about it has turned since A₀.
+struct Preconditioner<'a> {
+    factor: &'a dyn Factor,
+    turns: Vec<Matrix3<f64>>,
+    solves: usize,
+}
+
+impl Preconditioner<'_> {
+    fn solve(&mut self, r: &NodeFields) -> Result<NodeFields, SolveError> {
+        self.solves += 1;
+        let turned = |fields: &NodeFields, back: bool| {
+            let mut turned = fields.clone();
+            for (value, turn) in turned.data.chunks_exact_mut(3).zip(&self.turns) {
+                let of = Vector3::from_column_slice(value);
+                let moved = if back { turn.tr_mul(&of) } else { turn * of };
+                value.copy_from_slice(moved.as_slice());
+            }
+            turned
+        };
+        let (z, _) = self.factor.solve(&turned(r, true), &Silent)?;
+        Ok(turned(&z, false))
+    }
+}
+
+/// The body that is kept in equilibrium.
+#[derive(Clone, Copy)]
+pub struct Settler<'a> {
+    pub body: Hyperelastic<'a>,
+    pub partition: &'a Partition,
+    /// Size of the elements, m.
+    pub element: f64,
+}
+
+/// An equilibrium that was settled.
+#[derive(Clone, Debug)]
+pub struct Settled {
+    /// Over all nodes, one column, m.
+    pub u: NodeFields,
+    /// f over all nodes, N.
+    pub forces: NodeFields,
+    /// Strain energy, J.
+    pub energy: f64,
+    /// ‖f at free nodes‖₂ / ‖f at controlled nodes‖₂.
+    pub residual: f64,
+    /// Solves with the factor.
+    pub solves: usize,
+}
+
+/// Why no equilibrium was found: the factor is too old or the step too long, or the equilibrium is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unsettled;
+
+impl Settler<'_> {
+    /// From the equilibrium `u` to that with the controlled nodes where `moved` has them. `factor` is of A at a state not
+    /// far from it.
+    pub fn step(
+        &self,
+        old: &OldFactor<'_>,
+        u: &NodeFields,
+        moved: &NodeFields,
+    ) -> Result<Result<Settled, Unsettled>, SolveError> {
+        let turns = self.turns(old.gradients, &self.body.gradients(u), u.nodes);
+        let mut inverse = Preconditioner { factor: old.factor, turns, solves: 0 };
+        let mut along = u.clone();
+        along.data.iter_mut().zip(&moved.data).for_each(|(along, moved)| *along = moved - *along);
+        for &node in &self.partition.free {
+            along.data[3 * node as usize..][..3].fill(0.0);
+        }
+        // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
+        let mut rhs = self.product(u, &along).at(&self.partition.free);
+        rhs.data.iter_mut().for_each(|value| *value = -*value);
+        let direction = self.direction(&mut inverse, u, &rhs, PREDICTED)?;
+        let mut now = sum(&sum(u, 1.0, &along), 1.0, &direction);
+        let size = largest(u).max(largest(&now));
+        let mut last = f64::INFINITY;
+        while inverse.solves < MOST_SOLVES {
+            let gradients = self.body.gradients(&now);
+            let forces = self.body.forces(&gradients, now.nodes);
+            let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
+            let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
+            let residual = if held == 0.0 { left } else { left / held };
+            if left <= TOLERANCE * held {
+                let energy = self.body.energy(&gradients);
+                return Ok(Ok(Settled { u: now, forces, energy, residual, solves: inverse.solves }));
+            }
+            let mut downhill = forces.at(&self.partition.free);
+            downhill.data.iter_mut().for_each(|value| *value = -*value);
+            // Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996: as exact as the last step was good.
+            let forced = (0.5 * (left / last).powi(2)).clamp(FORCED[0], FORCED[1]);
+            last = left;
+            let d = self.direction(&mut inverse, &now, &downhill, forced)?;
+            let slope = -downhill.dots(&d.at(&self.partition.free))[0];
+            if largest(&d) <= LAST_STEP * size {
+                let energy = self.body.energy(&gradients);
+                return Ok(Ok(Settled { u: now, forces, energy, residual, solves: inverse.solves }));
+            }
+            match self.search(&now, &d, &gradients, slope) {
+                Some(next) => now = next,
+                None => return Ok(Err(Unsettled)),
+            }
+        }
+        Ok(Err(Unsettled))
+    }
+
+    /// By how much the material about each free node has turned from one state to another.
+    fn turns(&self, then: &[Matrix3<f64>], now: &[Matrix3<f64>], nodes: usize) -> Vec<Matrix3<f64>> {
+        let one = Matrix3::identity();
+        let mut sums = vec![Matrix3::zeros(); nodes];
+        for ((tet, then), now) in self.body.tets.iter().zip(then).zip(now) {
+            let turned = (one + now) * (one + then).try_inverse().unwrap_or(one);
+            tet.iter().for_each(|&node| sums[node as usize] += turned);
+        }
+        let turn = |&node: &u32| *nearest_turn(&sums[node as usize]).to_rotation_matrix().matrix();
+        self.partition.free.iter().map(turn).collect()
+    }
+
+    /// K(u) p: the change of f along p.
+    fn product(&self, u: &NodeFields, p: &NodeFields) -> NodeFields {
+        let size = largest(p);
+        if size == 0.0 {
+            return NodeFields::zeros(u.nodes, 1);
+        }
+        let step = DIFFERENCE * self.element / size;
+        let forces = |step: f64| self.body.forces(&self.body.gradients(&sum(u, step, p)), u.nodes);
+        let (mut ahead, back) = (forces(step), forces(-step));
+        ahead.data.iter_mut().zip(&back.data).for_each(|(a, b)| *a = (*a - b) / (2.0 * step));
+        ahead
+    }
+
+    /// d with ‖A d - rhs‖₂ ≤ `tolerance` ‖rhs‖₂, over all nodes, zero at the controlled ones; shorter where
+    /// A turns out not to be positive definite. Preconditioned conjugate gradients (Nocedal and Wright, algorithm 7.1).
+    fn direction(
+        &self,
+        inverse: &mut Preconditioner<'_>,
+        u: &NodeFields,
+        rhs: &NodeFields,
+        tolerance: f64,
+    ) -> Result<NodeFields, SolveError> {
+        let dot = |a: &NodeFields, b: &NodeFields| a.dots(b)[0];
+        let mut d = NodeFields::zeros(rhs.nodes, 1);
+        let mut all = NodeFields::zeros(u.nodes, 1);
+        let mut r = rhs.clone();
+        let mut p = NodeFields::zeros(rhs.nodes, 1);
+        let mut before = f64::INFINITY;
+        let enough = tolerance * rhs.norms()[0];
+        while r.norms()[0] > enough && inverse.solves < MOST_SOLVES {
+            let z = inverse.solve(&r)?;
+            let now = dot(&r, &z);
+            p = sum(&z, now / before, &p);
+            before = now;
+            self.partition.insert_free(&p, &mut all);
+            let product = self.product(u, &all).at(&self.partition.free);
+            let curvature = dot(&p, &product);
+            if curvature <= 0.0 {
+                // Downhill for ever, to second order: as far as the factor has it.
+                if dot(&d, &d) == 0.0 {
+                    d = p;
+                }
+                break;
+            }
+            let alpha = now / curvature;
+            d = sum(&d, alpha, &p);
+            r = sum(&r, -alpha, &product);
+        }
+        self.partition.insert_free(&d, &mut all);
+        Ok(all)
+    }
+
+    /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
+    fn search(
+        &self,
+        u: &NodeFields,
+        d: &NodeFields,
+        gradients: &[Matrix3<f64>],
+        slope: f64,
+    ) -> Option<NodeFields> {
+        let energy = self.body.energy(gradients);
+        let rounding = SUM_ROUNDING * energy.abs() + self.body.energy_rounding(gradients);
+        (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
+            let tried = sum(u, alpha, d);
+            let found = self.body.energy(&self.body.gradients(&tried));
+            (found <= energy + rounding + DECREASE * alpha * slope).then_some(tried)
+        })
+    }
+}
+
+/// a + s b.
+fn sum(a: &NodeFields, s: f64, b: &NodeFields) -> NodeFields {
+    NodeFields { data: a.data.iter().zip(&b.data).map(|(a, b)| a + s * b).collect(), ..*a }
+}
+
+fn largest(fields: &NodeFields) -> f64 {
+    fields.data.iter().fold(0.0, |largest, value| value.abs().max(largest))
+}
