@@ -9,7 +9,7 @@ use super::frames::PoseSlope;
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Way;
 use super::statics::load_steps;
-use crate::fem::{Hyperelastic, Law, NodeFields, Partition, StiffnessMatrix, tet4};
+use crate::fem::{Hyperelastic, Law, NodeFields, Partition, StiffnessMatrix};
 use crate::green::{FIELDS, Volume};
 use crate::mesh::quality;
 use crate::solve::{Factor, LinearSolver, OldFactor, Settled, Settler, Silent, SolveError, Solver};
@@ -175,15 +175,12 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// The body as the thread holds it.
 struct HeldVolume {
-    law: &'static Law,
     volume: Volume,
-    geometry: Vec<tet4::Geometry>,
+    body: Hyperelastic,
     partition: Partition,
     /// Centroids of the held nodes, m.
     origins: Vec<Vector3<f64>>,
     size: f64,
-    /// Cube root of the mean volume of the tetrahedra, m.
-    element: f64,
 }
 
 /// An equilibrium from which the next is found.
@@ -211,7 +208,8 @@ enum Renewal {
 impl HeldVolume {
     fn new(law: &'static Law, volume: Volume) -> Result<HeldVolume, String> {
         let mesh = &volume.mesh;
-        let geometry = tet4::Tetrahedra::new(mesh, &volume.lame).map_err(|error| error.to_string())?.geometry;
+        let body =
+            Hyperelastic::new(volume.element, law, mesh, &volume.lame).map_err(|error| error.to_string())?;
         let partition = Partition::new(mesh.nodes.len(), volume.held.iter().flatten().copied());
         if partition.free.is_empty() || partition.controlled.is_empty() {
             return Err("its nodes are all held, or none is: there is no equilibrium to find".into());
@@ -221,25 +219,17 @@ impl HeldVolume {
             sum / held.len().max(1) as f64
         };
         let (low, high) = quality::bounding_box(&mesh.nodes);
-        let total: f64 = geometry.iter().map(|element| element.volume).sum();
         Ok(HeldVolume {
-            law,
             origins: volume.held.iter().map(mean).collect(),
             size: (high - low).norm(),
-            element: (total / geometry.len().max(1) as f64).cbrt(),
-            geometry,
+            body,
             partition,
             volume,
         })
     }
 
-    fn body(&self) -> Hyperelastic<'_> {
-        let Volume { mesh, lame, .. } = &self.volume;
-        Hyperelastic { law: self.law, tets: &mesh.tets, geometry: &self.geometry, lame }
-    }
-
     fn settler(&self) -> Settler<'_> {
-        Settler { body: self.body(), partition: &self.partition, element: self.element }
+        Settler { body: &self.body, partition: &self.partition }
     }
 
     fn at_rest(&self) -> State {
@@ -251,8 +241,7 @@ impl HeldVolume {
 
     /// Until nobody wants equilibria any more. A body of which no factor can be made is lost where it is.
     fn run(&self, shared: &Shared) {
-        let rest = vec![Matrix3::zeros(); self.volume.mesh.tets.len()];
-        let k = self.body().tangent(&rest, self.volume.mesh.nodes.len());
+        let k = self.body.tangent(&self.body.gradients(&self.at_rest().u));
         let Ok(solver) = Solver::default().analyse(&self.partition.a(&k), &Silent) else {
             return lock(&shared.found).is_lost = true;
         };
@@ -284,8 +273,8 @@ impl HeldVolume {
         stable: &mut State,
         legs: &mut VecDeque<ControlPoses>,
     ) -> Result<Renewal, SolveError> {
-        let gradients = self.body().gradients(&state.u);
-        let k = self.body().tangent(&gradients, state.u.nodes);
+        let gradients = self.body.gradients(&state.u);
+        let k = self.body.tangent(&gradients);
         let a = self.partition.a(&k);
         let factor = solver.factor(&a, &Silent)?;
         stable.clone_from(state);

@@ -2,11 +2,11 @@
 //!
 //! In: the tangent's least eigenvalue and its mode ([`Stability`]) at the last equilibrium before it, and the ways of the
 //! control elements. Out: how far an element has turned there, and where and how the body gives way. The mode is seen from
-//! the turned material: φ̄ = Rᵀ φ in each tetrahedron, R the rotation of its F.
+//! the turned material: φ̄ = Rᵀ φ, R being the rotation of F at each point of the elements, and φ the mean of their nodes.
 
 use super::followed::FollowedTurn;
 use super::screw::Way;
-use crate::fem::nearest_turn;
+use crate::fem::{StrainPoints, nearest_turn};
 use crate::green::ControlElement;
 use crate::mesh::TetMesh;
 use crate::solve::Stability;
@@ -151,7 +151,7 @@ impl Ways<'_> {
         share: f64,
         stability: &Stability,
         mesh: &TetMesh,
-        gradients: &[Matrix3<f64>],
+        strained: (&StrainPoints, &[Matrix3<f64>]),
     ) -> CriticalPose {
         let (pose, turn) = self.pose(share);
         let zero = |at: f64| (at, self.farthest(at).map_or(0.0, |(_, _, angle)| angle));
@@ -162,7 +162,7 @@ impl Ways<'_> {
             zero_at: stability.zero_at.map(zero),
             snaps: stability.snaps(),
             modes: stability.modes,
-            shape: shape(&stability.mode.data, mesh, gradients, axis(self.controls)),
+            shape: shape(&stability.mode.data, mesh, strained, axis(self.controls)),
         }
     }
 }
@@ -175,15 +175,18 @@ fn axis(controls: &[ControlElement]) -> Vector3<f64> {
     longest.and_then(|way| way.try_normalize(f64::MIN_POSITIVE)).unwrap_or_else(Vector3::x)
 }
 
-fn shape(mode: &[f64], mesh: &TetMesh, gradients: &[Matrix3<f64>], axis: Vector3<f64>) -> ModeShape {
+fn shape(
+    mode: &[f64],
+    mesh: &TetMesh,
+    (points, gradients): (&StrainPoints, &[Matrix3<f64>]),
+    axis: Vector3<f64>,
+) -> ModeShape {
     let at = |node: usize| Vector3::from_column_slice(&mode[3 * node..][..3]);
     let (mut volume, mut square, mut fourth, mut along) = (0.0, 0.0, 0.0, 0.0);
-    for (tet, h) in mesh.tets.iter().zip(gradients) {
-        let corners = tet.map(|node| mesh.nodes[node as usize]);
-        let edges = [1, 2, 3].map(|a| corners[a] - corners[0]);
-        let v = Matrix3::from_columns(&edges).determinant().abs() / 6.0;
-        let mean: Vector3<f64> = tet.iter().map(|&node| at(node as usize)).sum::<Vector3<f64>>() / 4.0;
-        let seen = nearest_turn(&(Matrix3::identity() + h)).inverse() * mean;
+    for (point, h) in gradients.iter().enumerate() {
+        let (v, nodes) = (points.volume[point], points.nodes_of(points.element_of(point)));
+        let sum: Vector3<f64> = nodes.iter().map(|&node| at(node as usize)).sum();
+        let seen = nearest_turn(&(Matrix3::identity() + h)).inverse() * (sum / nodes.len() as f64);
         let size = seen.norm_squared();
         volume += v;
         square += v * size;

@@ -14,8 +14,8 @@
 use super::background::Background;
 use super::frames::PoseSlope;
 use super::model::{BodyState, DeformationModel, ModelInput, Response, StateAge};
+use super::nearest::unwrapped;
 use super::pose::{ControlPose, ControlPoses};
-use super::rotation::unwrapped;
 use super::se3::long_turn;
 use crate::fem::Law;
 use crate::green::{FIELDS, Volume};

@@ -18,6 +18,7 @@ mod limiter;
 mod linear;
 mod model;
 mod models;
+mod nearest;
 mod normals;
 mod partial;
 mod parts;
@@ -44,10 +45,11 @@ pub use model::{
     StateAge,
 };
 pub use models::{MODELS, find_model, make_model};
+pub use nearest::unwrapped;
 pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
-pub use rotation::{Rotation, mean_rotation, unwrapped};
+pub use rotation::{Rotation, mean_rotation};
 pub use screw::{Screw, Way};
 pub use solved::model_of;
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError};

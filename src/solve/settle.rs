@@ -2,14 +2,14 @@
 //!
 //! In: an equilibrium, where the controlled nodes go, and the factor of an earlier tangent stiffness A₀. Out: the next
 //! equilibrium, as exact as [`TOLERANCE`] says. Newton's directions K(u) d = -f(u) are found by conjugate gradients on the
-//! true tangent with A₀⁻¹ as preconditioner (Knoll and Keyes, Jacobian-free Newton–Krylov methods, J. Comput. Phys. 193,
-//! 2004): K p is the difference of forces along p, so that nothing is assembled. Each direction is shortened until the
-//! energy falls. A factor is too old where the iterations grow; the caller then makes a new one.
+//! true tangent with R A₀⁻¹ Rᵀ as preconditioner, R turning each node as the material about it has turned since A₀ was
+//! made. Each direction is shortened until the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed.,
+//! algorithm 7.1). A factor is too old where the iterations grow; the caller then makes a new one.
 
 use super::error::SolveError;
 use super::solver::Factor;
 use crate::base::progress::Silent;
-use crate::fem::{Hyperelastic, NodeFields, Partition, nearest_turn};
+use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix, nearest_turn};
 use nalgebra::{Matrix3, Vector3};
 
 /// An equilibrium has ‖f at free nodes‖₂ ≤ this times ‖f at controlled nodes‖₂, …
@@ -21,8 +21,6 @@ const MOST_SOLVES: usize = 40;
 /// The residual of a direction in parts of its right-hand side: the prediction's, and the largest and least of Newton's.
 const PREDICTED: f64 = 0.03;
 const FORCED: [f64; 2] = [1e-3, 0.1];
-/// A difference of forces moves no node by more than this part of the body's elements.
-const DIFFERENCE: f64 = 1e-4;
 /// A step must achieve this part of the decrease of energy that its slope predicts.
 const DECREASE: f64 = 1e-4;
 const HALVINGS: i32 = 6;
@@ -32,7 +30,7 @@ const SUM_ROUNDING: f64 = 1e-13;
 /// The factor of a tangent stiffness A₀, and the state that it was made at.
 pub struct OldFactor<'a> {
     pub factor: &'a dyn Factor,
-    /// F - I of every tetrahedron there.
+    /// F - I at every point of the elements there.
     pub gradients: &'a [Matrix3<f64>],
 }
 
@@ -63,10 +61,8 @@ impl Preconditioner<'_> {
 /// The body that is kept in equilibrium.
 #[derive(Clone, Copy)]
 pub struct Settler<'a> {
-    pub body: Hyperelastic<'a>,
+    pub body: &'a Hyperelastic,
     pub partition: &'a Partition,
-    /// Size of the elements, m.
-    pub element: f64,
 }
 
 /// An equilibrium that was settled.
@@ -97,7 +93,8 @@ impl Settler<'_> {
         u: &NodeFields,
         moved: &NodeFields,
     ) -> Result<Result<Settled, Unsettled>, SolveError> {
-        let turns = self.turns(old.gradients, &self.body.gradients(u), u.nodes);
+        let gradients = self.body.gradients(u);
+        let turns = self.turns(old.gradients, &gradients, u.nodes);
         let mut inverse = Preconditioner { factor: old.factor, turns, solves: 0 };
         let mut along = u.clone();
         along.data.iter_mut().zip(&moved.data).for_each(|(along, moved)| *along = moved - *along);
@@ -105,15 +102,15 @@ impl Settler<'_> {
             along.data[3 * node as usize..][..3].fill(0.0);
         }
         // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
-        let mut rhs = self.product(u, &along).at(&self.partition.free);
-        rhs.data.iter_mut().for_each(|value| *value = -*value);
-        let direction = self.direction(&mut inverse, u, &rhs, PREDICTED)?;
+        let k = self.body.tangent(&gradients);
+        let rhs = self.partition.minus_b_times(&k, &along);
+        let direction = self.direction(&mut inverse, &k, &rhs, PREDICTED)?;
         let mut now = sum(&sum(u, 1.0, &along), 1.0, &direction);
         let size = largest(u).max(largest(&now));
         let mut last = f64::INFINITY;
         while inverse.solves < MOST_SOLVES {
             let gradients = self.body.gradients(&now);
-            let forces = self.body.forces(&gradients, now.nodes);
+            let forces = self.body.forces(&gradients);
             let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
             let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
             let residual = if held == 0.0 { left } else { left / held };
@@ -126,7 +123,8 @@ impl Settler<'_> {
             // Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996: as exact as the last step was good.
             let forced = (0.5 * (left / last).powi(2)).clamp(FORCED[0], FORCED[1]);
             last = left;
-            let d = self.direction(&mut inverse, &now, &downhill, forced)?;
+            let k = self.body.tangent(&gradients);
+            let d = self.direction(&mut inverse, &k, &downhill, forced)?;
             let slope = -downhill.dots(&d.at(&self.partition.free))[0];
             if largest(&d) <= LAST_STEP * size {
                 let energy = self.body.energy(&gradients);
@@ -144,39 +142,28 @@ impl Settler<'_> {
     fn turns(&self, then: &[Matrix3<f64>], now: &[Matrix3<f64>], nodes: usize) -> Vec<Matrix3<f64>> {
         let one = Matrix3::identity();
         let mut sums = vec![Matrix3::zeros(); nodes];
-        for ((tet, then), now) in self.body.tets.iter().zip(then).zip(now) {
+        let points = &self.body.points;
+        for (point, (then, now)) in then.iter().zip(now).enumerate() {
             let turned = (one + now) * (one + then).try_inverse().unwrap_or(one);
-            tet.iter().for_each(|&node| sums[node as usize] += turned);
+            let nodes = points.nodes_of(points.element_of(point));
+            nodes.iter().for_each(|&node| sums[node as usize] += turned);
         }
         let turn = |&node: &u32| *nearest_turn(&sums[node as usize]).to_rotation_matrix().matrix();
         self.partition.free.iter().map(turn).collect()
     }
 
-    /// K(u) p: the change of f along p.
-    fn product(&self, u: &NodeFields, p: &NodeFields) -> NodeFields {
-        let size = largest(p);
-        if size == 0.0 {
-            return NodeFields::zeros(u.nodes, 1);
-        }
-        let step = DIFFERENCE * self.element / size;
-        let forces = |step: f64| self.body.forces(&self.body.gradients(&sum(u, step, p)), u.nodes);
-        let (mut ahead, back) = (forces(step), forces(-step));
-        ahead.data.iter_mut().zip(&back.data).for_each(|(a, b)| *a = (*a - b) / (2.0 * step));
-        ahead
-    }
-
     /// d with ‖A d - rhs‖₂ ≤ `tolerance` ‖rhs‖₂, over all nodes, zero at the controlled ones; shorter where
-    /// A turns out not to be positive definite. Preconditioned conjugate gradients (Nocedal and Wright, algorithm 7.1).
+    /// A turns out not to be positive definite. Preconditioned conjugate gradients.
     fn direction(
         &self,
         inverse: &mut Preconditioner<'_>,
-        u: &NodeFields,
+        k: &StiffnessMatrix,
         rhs: &NodeFields,
         tolerance: f64,
     ) -> Result<NodeFields, SolveError> {
         let dot = |a: &NodeFields, b: &NodeFields| a.dots(b)[0];
         let mut d = NodeFields::zeros(rhs.nodes, 1);
-        let mut all = NodeFields::zeros(u.nodes, 1);
+        let (mut all, mut product) = (NodeFields::zeros(k.nodes(), 1), NodeFields::zeros(k.nodes(), 1));
         let mut r = rhs.clone();
         let mut p = NodeFields::zeros(rhs.nodes, 1);
         let mut before = f64::INFINITY;
@@ -187,7 +174,8 @@ impl Settler<'_> {
             p = sum(&z, now / before, &p);
             before = now;
             self.partition.insert_free(&p, &mut all);
-            let product = self.product(u, &all).at(&self.partition.free);
+            k.multiply(&all, &mut product);
+            let product = product.at(&self.partition.free);
             let curvature = dot(&p, &product);
             if curvature <= 0.0 {
                 // Downhill for ever, to second order: as far as the factor has it.
