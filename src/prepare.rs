@@ -36,6 +36,21 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
     Ok(effect::requirements(model, effects(body)))
 }
 
+/// The same of a body that is measured; refuses the models that others are measured against.
+pub fn measured_requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
+    match law(scene, name, body)? {
+        None => requirements(scene, name, body),
+        Some(law) => {
+            let message = format!(
+                "\"{}\" is static equilibrium itself, which other models are measured against: write model = \
+                 \"rotation\" or \"linear\" to have an accuracy measured",
+                law.name
+            );
+            Err(wrong(scene, name, "model", message))
+        }
+    }
+}
+
 /// The entries of the effects that a body lists.
 fn effects(body: &Body) -> impl Iterator<Item = &'static EffectEntry> {
     body.effects.iter().filter_map(|effect| find_effect(effect).ok())

@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let requirements = |scene: &Scene| -> Requirements {
         prepare::requirements(scene, &name, &scene.body[&name]).unwrap_or_default()
     };
-    prepare::requirements(&scene, &name, &scene.body[&name])?;
+    prepare::measured_requirements(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
     let request = Request {
