@@ -50,6 +50,8 @@ pub struct Deformer {
     weights: Option<PartWeights>,
     /// Displacements of the surface nodes, their positions and unit normals; NaN where the CPU keeps nothing up to date.
     u: Vec<[f32; 3]>,
+    /// What the columns alone come to, of a model with a field of its own: it is brought up to date, not summed anew.
+    of_columns: Vec<[f32; 3]>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
@@ -112,6 +114,7 @@ impl Deformer {
             poses: vec![ControlPose::REST; controls.len()],
             turns: vec![FollowedTurn::REST; controls.len()],
             u: vec![[0.0; 3]; nodes],
+            of_columns: model.field().map_or_else(Vec::new, |_| vec![[0.0; 3]; nodes]),
             positions: vec![[0.0; 3]; nodes],
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
@@ -288,8 +291,15 @@ impl Deformer {
             self.times = FrameTimes { deform_s: started.elapsed().as_secs_f64(), normals_s: 0.0 };
             return stats;
         }
-        let stats = self.sum.update(&file.groups(body), c, &mut self.u);
-        add(&mut self.u, self.model.field());
+        let stats = match self.model.field() {
+            None => self.sum.update(&file.groups(body), c, &mut self.u),
+            Some(field) => {
+                let stats = self.sum.update(&file.groups(body), c, &mut self.of_columns);
+                self.u.copy_from_slice(&self.of_columns);
+                add(&mut self.u, field);
+                stats
+            }
+        };
         let deformed = file.rest(body).as_flattened().iter().zip(self.u.as_flattened());
         for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(deformed) {
             *position = rest + u;
@@ -373,9 +383,9 @@ impl Deformer {
     }
 }
 
-/// u + v, where there is a v.
-fn add(u: &mut [[f32; 3]], field: Option<&[[f32; 3]]>) {
-    for (u, v) in u.as_flattened_mut().iter_mut().zip(field.unwrap_or_default().as_flattened()) {
+/// u + v.
+fn add(u: &mut [[f32; 3]], v: &[[f32; 3]]) {
+    for (u, v) in u.as_flattened_mut().iter_mut().zip(v.as_flattened()) {
         *u += v;
     }
 }

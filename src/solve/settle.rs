@@ -21,6 +21,8 @@ const MOST_SOLVES: usize = 40;
 /// The residual of a direction in parts of its right-hand side: the prediction's, and the largest and least of Newton's.
 const PREDICTED: f64 = 0.03;
 const FORCED: [f64; 2] = [1e-3, 0.1];
+/// A tangent is kept while a step leaves no more than this part of the forces.
+const KEPT: f64 = 0.1;
 /// A step must achieve this part of the decrease of energy that its slope predicts.
 const DECREASE: f64 = 1e-4;
 const HALVINGS: i32 = 6;
@@ -102,40 +104,46 @@ impl Settler<'_> {
             along.data[3 * node as usize..][..3].fill(0.0);
         }
         // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
-        let k = self.body.tangent(&gradients);
+        let mut k = self.body.tangent(&gradients);
         let rhs = self.partition.minus_b_times(&k, &along);
         let direction = self.direction(&mut inverse, &k, &rhs, PREDICTED)?;
-        let mut now = sum(&sum(u, 1.0, &along), 1.0, &direction);
-        let size = largest(u).max(largest(&now));
-        let mut last = f64::INFINITY;
+        let mut now = self.state(sum(&sum(u, 1.0, &along), 1.0, &direction));
+        let size = largest(u).max(largest(&now.u));
+        let mut last = None;
         while inverse.solves < MOST_SOLVES {
-            let gradients = self.body.gradients(&now);
-            let forces = self.body.forces(&gradients);
+            let forces = self.body.forces(&now.gradients);
             let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
             let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
             let residual = if held == 0.0 { left } else { left / held };
+            let solves = inverse.solves;
             if left <= TOLERANCE * held {
-                let energy = self.body.energy(&gradients);
-                return Ok(Ok(Settled { u: now, forces, energy, residual, solves: inverse.solves }));
+                return Ok(Ok(Settled { u: now.u, forces, energy: now.energy, residual, solves }));
             }
             let mut downhill = forces.at(&self.partition.free);
             downhill.data.iter_mut().for_each(|value| *value = -*value);
-            // Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996: as exact as the last step was good.
-            let forced = (0.5 * (left / last).powi(2)).clamp(FORCED[0], FORCED[1]);
-            last = left;
-            let k = self.body.tangent(&gradients);
-            let d = self.direction(&mut inverse, &k, &downhill, forced)?;
-            let slope = -downhill.dots(&d.at(&self.partition.free))[0];
-            if largest(&d) <= LAST_STEP * size {
-                let energy = self.body.energy(&gradients);
-                return Ok(Ok(Settled { u: now, forces, energy, residual, solves: inverse.solves }));
+            let eased = last.map_or(1.0, |last: f64| left / last);
+            if eased > KEPT && last.is_some() {
+                k = self.body.tangent(&now.gradients);
             }
-            match self.search(&now, &d, &gradients, slope) {
+            last = Some(left);
+            // Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996: as exact as the last step was good.
+            let forced = (0.5 * eased * eased).clamp(FORCED[0], FORCED[1]);
+            let d = self.direction(&mut inverse, &k, &downhill, forced)?;
+            if largest(&d) <= LAST_STEP * size {
+                return Ok(Ok(Settled { u: now.u, forces, energy: now.energy, residual, solves }));
+            }
+            let slope = -downhill.dots(&d.at(&self.partition.free))[0];
+            match self.search(&now, &d, slope) {
                 Some(next) => now = next,
                 None => return Ok(Err(Unsettled)),
             }
         }
         Ok(Err(Unsettled))
+    }
+
+    fn state(&self, u: NodeFields) -> State {
+        let gradients = self.body.gradients(&u);
+        State { energy: self.body.energy(&gradients), gradients, u }
     }
 
     /// By how much the material about each free node has turned from one state to another.
@@ -193,21 +201,20 @@ impl Settler<'_> {
     }
 
     /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
-    fn search(
-        &self,
-        u: &NodeFields,
-        d: &NodeFields,
-        gradients: &[Matrix3<f64>],
-        slope: f64,
-    ) -> Option<NodeFields> {
-        let energy = self.body.energy(gradients);
-        let rounding = SUM_ROUNDING * energy.abs() + self.body.energy_rounding(gradients);
+    fn search(&self, from: &State, d: &NodeFields, slope: f64) -> Option<State> {
+        let rounding = SUM_ROUNDING * from.energy.abs() + self.body.energy_rounding(&from.gradients);
         (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
-            let tried = sum(u, alpha, d);
-            let found = self.body.energy(&self.body.gradients(&tried));
-            (found <= energy + rounding + DECREASE * alpha * slope).then_some(tried)
+            let tried = self.state(sum(&from.u, alpha, d));
+            (tried.energy <= from.energy + rounding + DECREASE * alpha * slope).then_some(tried)
         })
     }
+}
+
+/// Displacements with F - I at every point of the elements and the energy, J.
+struct State {
+    u: NodeFields,
+    gradients: Vec<Matrix3<f64>>,
+    energy: f64,
 }
 
 /// a + s b.
