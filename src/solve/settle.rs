@@ -8,7 +8,6 @@
 
 use super::error::SolveError;
 use super::solver::Factor;
-use crate::base::progress::Silent;
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix, nearest_turn};
 use nalgebra::{Matrix3, Vector3};
 
@@ -55,7 +54,7 @@ impl Preconditioner<'_> {
             }
             turned
         };
-        let (z, _) = self.factor.solve(&turned(r, true), &Silent)?;
+        let z = self.factor.precondition(&turned(r, true))?;
         Ok(turned(&z, false))
     }
 }
