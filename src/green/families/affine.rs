@@ -11,6 +11,7 @@ use super::super::requirements::Family;
 use super::super::solution::Precomputed;
 use super::super::tensor::Tensor;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns, half_to_single};
+use nalgebra::DMatrix;
 use safetensors::tensor::Dtype;
 
 pub const AFFINE: Family = Family { name: "affine", from: &[] };
@@ -101,6 +102,14 @@ fn groups<'a>(file: &'a GreenFile, body: &str) -> Vec<ColumnGroup<'a>> {
 }
 
 impl GreenFile {
+    /// The columns of all control elements as one matrix: a row for each axis of each surface node.
+    pub fn affine_columns(&self, body: &str) -> Option<DMatrix<f64>> {
+        let meta = self.meta.bodies.get(body).filter(|meta| meta.requirements.has(AFFINE))?;
+        let (nodes, groups) = (meta.surface_nodes, groups(self, body));
+        let value = |row: usize, column: usize| groups[column / FIELDS].value(nodes, column % FIELDS, row);
+        Some(DMatrix::from_fn(3 * nodes, FIELDS * groups.len(), |row, column| value(row, column).into()))
+    }
+
     /// The twelve columns of one control element.
     pub fn basis(&self, body: &str, control: &str) -> ColumnGroup<'_> {
         let storage = self.meta.bodies.get(body).map_or(Storage::F32, |meta| meta.accuracy.storage);
