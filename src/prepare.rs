@@ -5,7 +5,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
 use crate::base::signal::{OnEnd, on_end};
-use crate::deform::{Kind, find_model, not_online};
+use crate::deform::{Kind, Statics, find_model};
 use crate::effect::{self, EffectEntry, find_effect};
 use crate::fem::Law;
 use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
@@ -14,26 +14,41 @@ use crate::scene::{Body, Nodes, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The law under which `greenstage deform` solves a body anew for every pose; `None` for a model that is shown from the
-/// .green file. Errors name an unknown model or effect.
+/// The law under which a body is in static equilibrium, found anew for every pose; `None` for a model that is summed from
+/// the .green file. Errors name an unknown model or effect.
 pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law>, Failure> {
     for effect in &body.effects {
         find_effect(effect).map_err(|message| wrong(scene, name, "effects", message))?;
     }
     match find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?.kind {
-        Kind::Static(law) => Ok(Some(law)),
+        Kind::Background(law) => Ok(Some(law)),
         Kind::Online(_) => Ok(None),
     }
 }
 
-/// What must be precomputed for the model and the effects of a body. Errors name an unknown one, and refuse a model that
-/// has no part in the .green file.
+/// What must be precomputed for the model and the effects of a body. Errors name an unknown one, and what a model of
+/// large strain does not have.
 pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
-    if law(scene, name, body)?.is_some() {
-        return Err(wrong(scene, name, "model", not_online(&body.model)));
+    if let Some(law) = law(scene, name, body)? {
+        Statics::suits(scene, name, law).map_err(Failure::request)?;
     }
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
     Ok(effect::requirements(model, effects(body)))
+}
+
+/// The same of a body that is measured; refuses the models that others are measured against.
+pub fn measured_requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
+    match law(scene, name, body)? {
+        None => requirements(scene, name, body),
+        Some(law) => {
+            let message = format!(
+                "\"{}\" is static equilibrium itself, which other models are measured against: write model = \
+                 \"rotation\" or \"linear\" to have an accuracy measured",
+                law.name
+            );
+            Err(wrong(scene, name, "model", message))
+        }
+    }
 }
 
 /// The entries of the effects that a body lists.
@@ -45,8 +60,8 @@ fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {
     Failure::request(scene.invalid(&format!("body.{name}.{key}"), message))
 }
 
-/// The scene with those of its bodies alone that are shown from the .green file; maybe none.
-pub fn online_part(scene: &Scene) -> Result<Scene, Failure> {
+/// The scene with those of its bodies alone that `greenstage deform` sums from the .green file; maybe none.
+pub fn summed_part(scene: &Scene) -> Result<Scene, Failure> {
     let mut part = scene.clone();
     part.body.clear();
     for (name, body) in &scene.body {

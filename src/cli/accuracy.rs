@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let requirements = |scene: &Scene| -> Requirements {
         prepare::requirements(scene, &name, &scene.body[&name]).unwrap_or_default()
     };
-    prepare::requirements(&scene, &name, &scene.body[&name])?;
+    prepare::measured_requirements(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
     let request = Request {
@@ -117,6 +117,13 @@ fn all_poses(args: &Args, scene: &Scene, name: &str) -> Result<NamedPoses, Failu
         let body = &scene.body[name];
         let file = pose_file::load(path)?;
         let own = file.iter().filter(|pose| pose.body.as_deref().is_none_or(|body| body == name));
+        if let Some(pose) = own.clone().find(|pose| pose.goes_on_from.is_some()) {
+            return Err(Failure::wrong(format!(
+                "{}: pose \"{}\" goes on from another (`after`); the report takes every pose from rest",
+                path.display(),
+                pose.name
+            )));
+        }
         let own = own.map(|pose| Ok((pose.name.clone(), pose_file::control_poses(pose, name, body, path)?)));
         return Ok((own.collect::<Result<_, Failure>>()?, format!("the pose file {}", path.display())));
     }

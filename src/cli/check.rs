@@ -5,7 +5,7 @@ use super::{check_stage, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{Statics, not_online};
+use crate::deform::Statics;
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, GreenError};
 use crate::prepare;
@@ -43,8 +43,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                 if let Err(unfit) = Statics::suits(&scene, name, law) {
                     findings.push(error(unfit.to_string()));
                 }
-                let entity = format!("{entity}.model");
-                findings.push(Diagnostic::new(Severity::Note, &entity, not_online(&body.model)));
             }
             Ok(None) => {}
         }

@@ -13,12 +13,13 @@ use std::path::PathBuf;
 /// Compute displacements and forces for a list of poses
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
-/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest.
+/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest. With after = "POSE",
+/// a pose goes on from that one, so that turns add up.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement
 /// field per pose), and OUT.forces.csv where the scene lists the effect haptics: all of them whole, or none. They overwrite
 /// those of an earlier `deform`, and nothing else. A body of a model of large strain (stvk, neo_hookean, corotational) is
-/// solved anew for every pose, over all nodes, with its forces; a pose in which it has no equilibrium is named, the
-/// others are written, and the status is 1.
+/// solved anew for every pose, over all nodes, with its forces; a pose in which it has no equilibrium is named with the
+/// angle and the mode at which it was lost, the others are written, and the status is 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)

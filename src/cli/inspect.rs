@@ -233,7 +233,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
     let mut text = format!("{}\nstage {}\n", path.display(), scene.stage);
     for (name, body) in &scene.body {
         let needs = match prepare::law(&scene, name, body)? {
-            Some(_) => "; solved anew for every pose, by `greenstage deform` alone",
+            Some(_) => "; solved anew for every pose",
             None if prepare::requirements(&scene, name, body)?.has(STIFFNESS) => {
                 "; needs the handle stiffness"
             }
@@ -256,9 +256,8 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         }
     }
     let path = prepare::green_path(&scene);
-    let online = prepare::online_part(&tuning::settle_from_file(scene.clone())?)?;
+    let online = tuning::settle_from_file(scene.clone())?;
     let state = match prepare::fresh(&online, &path)? {
-        _ if online.body.is_empty() => "is not needed",
         Ok(_) => "is fresh",
         Err(GreenError::Stale { .. }) => "is stale",
         Err(_) => "is not there yet",
@@ -272,7 +271,7 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
     if path.extension().is_none_or(|extension| extension != "toml") || is_stage(path)? {
         return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
     }
-    let scene = prepare::online_part(&tuning::settle_from_file(Scene::load(path)?)?)?;
+    let scene = tuning::settle_from_file(Scene::load(path)?)?;
     let stage = open::stage(&scene, None)?;
     let (graph, _) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
     print(&match format {

@@ -38,12 +38,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let will_compute = args.force || !path.exists();
     let ask = if will_compute { try_path } else { output::may_replace };
     ask(&path, &green::GREEN, &inputs)?;
-    let settled = tuning::settle(scene, args.quiet, args.force)?;
-    let scene = prepare::online_part(&settled)?;
-    if scene.body.is_empty() {
-        let path = args.scene.display();
-        return print(&format!("{path}: `greenstage deform` solves it anew for every pose; nothing to do\n"));
-    }
+    let scene = tuning::settle(scene, args.quiet, args.force)?;
     if !args.force && path.exists() && prepare::fresh(&scene, &path)?.is_ok() {
         return print(&format!("{} is fresh; nothing to do (--force computes it anew)\n", path.display()));
     }

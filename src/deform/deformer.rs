@@ -7,9 +7,9 @@ use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;
 use super::model::{
-    BodyState, ControlRest, DeformationModel, Kind, MakeModel, ModelEntry, ModelInput, Response,
+    BodyState, ControlRest, DeformationModel, Kind, ModelEntry, ModelInput, Response, StateAge,
 };
-use super::models::{find_model, not_online};
+use super::models::{find_model, make_model};
 use super::normals::vertex_normals;
 use super::partial::PartialSum;
 use super::parts::{move_parts, moved, moved_exactly};
@@ -50,10 +50,12 @@ pub struct Deformer {
     weights: Option<PartWeights>,
     /// Displacements of the surface nodes, their positions and unit normals; NaN where the CPU keeps nothing up to date.
     u: Vec<[f32; 3]>,
+    /// What the columns alone come to, of a model with a field of its own: it is brought up to date, not summed anew.
+    of_columns: Vec<[f32; 3]>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
-    make: MakeModel,
+    kind: Kind,
     /// The energy of the poses and its slopes, where the model has them.
     response: Option<Response>,
     slopes: Vec<PoseSlope>,
@@ -78,9 +80,6 @@ impl Deformer {
             .bodies
             .get(body)
             .ok_or_else(|| format!("{}: holds no body \"{body}\"", file.path.display()))?;
-        let Kind::Online(make) = model.kind else {
-            return Err(format!("body.{body}.model: {}", not_online(model.name)));
-        };
         if let Some(family) = model.requirements.iter().find(|family| !meta.requirements.has(**family)) {
             let (path, name) = (file.path.display(), family.name);
             return Err(format!(
@@ -98,8 +97,8 @@ impl Deformer {
                 nodes: control.nodes,
             })
             .collect();
-        let nodes = meta.surface_nodes;
-        let model = make_model(&file, body, &controls, make)?;
+        let (nodes, kind) = (meta.surface_nodes, model.kind);
+        let model = made(&file, body, &controls, &kind)?;
         let weights = model.part_weights(file.rest(body));
         if let Some(weights) = weights.as_ref().filter(|weights| weights.nodes() != nodes) {
             let found = weights.nodes();
@@ -115,11 +114,12 @@ impl Deformer {
             poses: vec![ControlPose::REST; controls.len()],
             turns: vec![FollowedTurn::REST; controls.len()],
             u: vec![[0.0; 3]; nodes],
+            of_columns: model.field().map_or_else(Vec::new, |_| vec![[0.0; 3]; nodes]),
             positions: vec![[0.0; 3]; nodes],
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
             model,
-            make,
+            kind,
             response: None,
             slopes: vec![PoseSlope::default(); controls.len()],
             state: rest.clone(),
@@ -172,7 +172,9 @@ impl Deformer {
         }
         if changed || self.model.has_news() {
             changed = true;
+            let version = self.state.field_version;
             self.state = self.model.state(&self.poses);
+            self.state.field_version = version + u64::from(self.has_field());
             self.response = self.model.respond(&self.poses, &mut self.slopes);
             // Columns of families that the model does not know.
             self.state.coefficients.resize(self.sum.columns(), 0.0);
@@ -192,6 +194,21 @@ impl Deformer {
     /// Whether the model computes displacements of its own, which are no sum of columns.
     pub fn has_field(&self) -> bool {
         self.model.field().is_some()
+    }
+
+    /// Whether the state has changed though no pose has: [`Deformer::take`] then takes it.
+    pub fn has_news(&mut self) -> bool {
+        self.model.has_news()
+    }
+
+    /// How old the state is, of a model that computes in the background.
+    pub fn age(&self) -> Option<StateAge> {
+        self.model.age()
+    }
+
+    /// From now on every state is that of its own poses: for pictures and recordings.
+    pub fn wait_for_background(&mut self) {
+        self.model.wait_for_background();
     }
 
     /// The groups of columns that are summed, as they are stored.
@@ -280,8 +297,15 @@ impl Deformer {
             self.times = FrameTimes { deform_s: started.elapsed().as_secs_f64(), normals_s: 0.0 };
             return stats;
         }
-        let stats = self.sum.update(&file.groups(body), c, &mut self.u);
-        add(&mut self.u, self.model.field());
+        let stats = match self.model.field() {
+            None => self.sum.update(&file.groups(body), c, &mut self.u),
+            Some(field) => {
+                let stats = self.sum.update(&file.groups(body), c, &mut self.of_columns);
+                self.u.copy_from_slice(&self.of_columns);
+                add(&mut self.u, field);
+                stats
+            }
+        };
         let deformed = file.rest(body).as_flattened().iter().zip(self.u.as_flattened());
         for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(deformed) {
             *position = rest + u;
@@ -358,25 +382,28 @@ impl Deformer {
 
     /// Another model of this body, for a force loop: it follows poses of its own.
     pub fn another_model(&self) -> Result<Box<dyn DeformationModel>, String> {
-        make_model(&self.file, &self.body, &self.controls, self.make)
+        match self.model.for_force_loop() {
+            Some(model) => Ok(model),
+            None => made(&self.file, &self.body, &self.controls, &self.kind),
+        }
     }
 }
 
-/// u + v, where there is a v.
-fn add(u: &mut [[f32; 3]], field: Option<&[[f32; 3]]>) {
-    for (u, v) in u.as_flattened_mut().iter_mut().zip(field.unwrap_or_default().as_flattened()) {
+/// u + v.
+fn add(u: &mut [[f32; 3]], v: &[[f32; 3]]) {
+    for (u, v) in u.as_flattened_mut().iter_mut().zip(v.as_flattened()) {
         *u += v;
     }
 }
 
 /// The model of a body, from what the file holds of it.
-fn make_model(
+fn made(
     file: &GreenFile,
     body: &str,
     controls: &[ControlRest],
-    make: MakeModel,
+    kind: &Kind,
 ) -> Result<Box<dyn DeformationModel>, String> {
-    let made = make(&ModelInput {
+    let input = ModelInput {
         controls,
         rest: file.rest(body),
         triangles: file.triangles(body),
@@ -385,6 +412,6 @@ fn make_model(
             name if name == AFFINE.name => file.affine_columns(body),
             name => file.table(body, name),
         },
-    });
-    made.map_err(|message| format!("body.{body}.model: {message}"))
+    };
+    make_model(kind, &input).map_err(|message| format!("body.{body}.model: {message}"))
 }

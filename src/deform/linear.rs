@@ -36,7 +36,7 @@ impl DeformationModel for Linear {
         BodyState {
             parts: vec![Isometry3::identity()],
             coefficients: poses.iter().flat_map(ControlPose::coefficients).collect(),
-            rotation_undefined: false,
+            ..BodyState::at_rest(0)
         }
     }
 

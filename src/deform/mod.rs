@@ -2,11 +2,14 @@
 //!
 //! One [`DeformationModel`] per body turns poses into a [`BodyState`] (the paper's `fieldHasChanged`), from which
 //! [`Deformer`] makes x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p) (its `evaluate`): [`Superposition`] sums the columns
-//! of the .green file, [`move_parts`] moves the parts where there are several. [`Statics`] stands apart: it solves a body
-//! anew for every pose.
+//! of the .green file, [`move_parts`] moves the parts where there are several. A model of large strain has static
+//! equilibrium found in the background, or by [`Statics`] where every pose is waited for.
 
+mod background;
+mod critical;
 mod cubic_form;
 mod deformer;
+mod equilibria;
 mod followed;
 mod force;
 mod frames;
@@ -31,6 +34,7 @@ mod substructured;
 mod superposition;
 mod turn;
 
+pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};
 pub use followed::FollowedTurn;
@@ -40,15 +44,16 @@ pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,
+    StateAge,
 };
-pub use models::{MODELS, find_model, not_online};
+pub use models::{MODELS, find_model, make_model};
 pub use nearest::unwrapped;
 pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
 pub use rotation::{Rotation, mean_rotation};
-pub use screw::Screw;
+pub use screw::{Screw, Way};
 pub use solved::{model_of, volume_model_of};
-pub use statics::{EquilibriumResult, Statics, StaticsError};
+pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
 pub use turn::local_turn;

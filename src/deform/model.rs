@@ -29,6 +29,20 @@ pub trait DeformationModel: Send {
         false
     }
 
+    /// How old the state is, of a model that computes in the background.
+    fn age(&self) -> Option<StateAge> {
+        None
+    }
+
+    /// From now on every state is that of its own poses, however long it takes: for pictures and recordings.
+    fn wait_for_background(&mut self) {}
+
+    /// A second model of the same body for a force loop, where it shares what is computed in the background; `None` of a
+    /// model that can be made twice.
+    fn for_force_loop(&self) -> Option<Box<dyn DeformationModel>> {
+        None
+    }
+
     /// How much each part moves each node of the rest surface, of a model that has several; `None` of one part, whose
     /// motion is that of the whole body. Asked once.
     fn part_weights(&self, _rest: &[[f32; 3]]) -> Option<PartWeights> {
@@ -99,8 +113,19 @@ pub type MakeModel = fn(&ModelInput<'_>) -> Result<Box<dyn DeformationModel>, St
 pub enum Kind {
     /// In every frame, from what the .green file holds.
     Online(MakeModel),
-    /// Pose by pose by [`super::Statics`]; the body has no part in the .green file.
-    Static(&'static Law),
+    /// As static equilibrium under a law, found in the background; by [`super::Statics`] in a batch.
+    Background(&'static Law),
+}
+
+/// How old a state is that was computed in the background.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StateAge {
+    /// It is that of the newest poses.
+    Current,
+    /// It is that of poses that were asked for so long ago.
+    Old { seconds: f64 },
+    /// There is no state beyond it on the way to the newest poses.
+    Lost,
 }
 
 /// A control element at rest, as the models see it.
@@ -125,6 +150,13 @@ pub struct BodyState {
     pub coefficients: Vec<f64>,
     /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
     pub rotation_undefined: bool,
+    /// Counts the changes of a field of the model's own ([`DeformationModel::field`]), which are no change of the above.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub field_version: u64,
+}
+
+fn is_zero(version: &u64) -> bool {
+    *version == 0
 }
 
 impl BodyState {
@@ -134,6 +166,7 @@ impl BodyState {
             parts: vec![Isometry3::identity()],
             coefficients: vec![0.0; columns],
             rotation_undefined: false,
+            field_version: 0,
         }
     }
 

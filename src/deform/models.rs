@@ -1,7 +1,7 @@
 //! The list of deformation models.
 
-use super::model::ModelEntry;
-use super::{linear, rod, rotation, statics, substructured};
+use super::model::{DeformationModel, Kind, ModelEntry, ModelInput};
+use super::{equilibria, linear, rod, rotation, statics, substructured};
 use crate::fem::LAWS;
 
 /// The models of the precomputed columns. A new one is a file with an entry, a `mod` line, and a line here.
@@ -26,10 +26,10 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
         .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
 }
 
-/// Why a model of [`super::Kind::Static`] cannot be shown, and the remedy.
-pub fn not_online(model: &str) -> String {
-    format!(
-        "\"{model}\" is solved anew for every pose, which takes longer than a frame: `greenstage deform` alone takes it; \
-         write model = \"rotation\" or \"linear\" to see and move the body"
-    )
+/// Makes a model of this kind; the error says why this body cannot have it.
+pub fn make_model(kind: &Kind, input: &ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String> {
+    match kind {
+        Kind::Online(make) => make(input),
+        Kind::Background(law) => equilibria::make(law, input),
+    }
 }

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use toml::Spanned;
 
 /// Two control elements turned against each other by more, rad, may have been meant to be turned the other way.
 const DOUBTFUL: f64 = 150.0 * std::f64::consts::PI / 180.0;
@@ -28,6 +29,11 @@ pub struct Pose {
     pub name: String,
     /// Which body; may be left out where the scene has one.
     pub body: Option<String>,
+    /// The pose of the same body that this one goes on from; rest, where there is none.
+    after: Option<Spanned<String>>,
+    /// Where that stands in the file.
+    #[serde(skip)]
+    pub goes_on_from: Option<usize>,
     #[serde(default)]
     pub control: BTreeMap<String, Affine>,
 }
@@ -54,9 +60,9 @@ pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
 
 /// Checks the text of a pose file; `path` is only named in errors.
 pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
-    let file: PoseFile = config::parse(text, path)?;
+    let mut poses = config::parse::<PoseFile>(text, path)?.pose;
     let mut known = BTreeSet::new();
-    for pose in &file.pose {
+    for pose in &poses {
         if !known.insert((&pose.name, &pose.body)) {
             return Err(Failure::wrong(format!(
                 "{}: two poses are called \"{}\"",
@@ -65,7 +71,36 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
             )));
         }
     }
-    Ok(file.pose)
+    for place in 0..poses.len() {
+        poses[place].goes_on_from = goes_on_from(&poses, place).map_err(|(offset, message)| {
+            let (line, column) = config::line_and_column(text, offset);
+            Failure::wrong(format!("{}:{line}:{column}: {message}", path.display()))
+        })?;
+    }
+    Ok(poses)
+}
+
+/// Where the pose stands that pose `place` goes on from: before it, so that none goes on from itself.
+fn goes_on_from(poses: &[Pose], place: usize) -> Result<Option<usize>, (usize, String)> {
+    let pose = &poses[place];
+    let Some(after) = &pose.after else { return Ok(None) };
+    let name = after.get_ref();
+    let wrong = |message: String| Err((after.span().start, message));
+    let same_body = |other: &Pose| other.body == pose.body || other.body.is_none() || pose.body.is_none();
+    let found = poses.iter().position(|other| other.name == *name && same_body(other));
+    match found {
+        Some(before) if before < place => Ok(Some(before)),
+        Some(itself) if itself == place => wrong(format!("pose \"{name}\" cannot go on from itself")),
+        Some(_) => wrong(format!(
+            "pose \"{}\" goes on from \"{name}\", which stands further down: a pose goes on from one above it; move \
+             \"{name}\" up, unless it goes on from \"{}\" in its turn",
+            pose.name, pose.name
+        )),
+        None if poses.iter().any(|other| other.name == *name) => {
+            wrong(format!("pose \"{}\" is of another body than \"{name}\"", pose.name))
+        }
+        None => wrong(config::unknown_name("pose", name, poses.iter().map(|pose| pose.name.as_str()))),
+    }
 }
 
 /// The poses of all control elements of the body called `name`, in its order.
@@ -113,7 +148,7 @@ pub fn doubtful_turn(poses: &ControlPoses, body: &Body) -> Option<String> {
         let degrees = angle.to_degrees();
         format!(
             "control element {} is turned by {degrees:.1}° against {}, each by its shorter turn from rest; their matrices \
-             are the same after {:.1}° the other way, which a pose file cannot ask for",
+             are the same after {:.1}° the other way: to go that way, write a pose half way there, and `after` in this one",
             name(turned),
             name(other),
             360.0 - degrees
@@ -134,6 +169,42 @@ mod tests {
         let poses = parse(GOOD, Path::new("poses.toml")).unwrap();
         assert_eq!(poses[0].control["c"].matrix, identity());
         assert!(poses[1].control.is_empty());
+    }
+
+    fn told(text: &str) -> String {
+        parse(text, Path::new("poses.toml")).err().map(|error| error.to_string()).unwrap_or_default()
+    }
+
+    #[test]
+    fn a_pose_goes_on_from_one_above_it_of_its_body() {
+        let poses = |text: &str| parse(text, Path::new("poses.toml")).unwrap();
+        let found = poses(
+            "pose = [{ name = \"a\" }, { name = \"b\", after = \"a\" }, { name = \"c\", after = \"b\" }]",
+        );
+        assert_eq!([0, 1, 2].map(|i| found[i].goes_on_from), [None, Some(0), Some(1)]);
+        let both = "[[pose]]\nname = \"a\"\nbody = \"x\"\n[[pose]]\nname = \"a\"\nbody = \"y\"\n";
+        let found = poses(&format!("{both}[[pose]]\nname = \"b\"\nbody = \"y\"\nafter = \"a\"\n"));
+        assert_eq!(found[2].goes_on_from, Some(1));
+        let other = told(&format!("{both}[[pose]]\nname = \"b\"\nbody = \"z\"\nafter = \"a\"\n"));
+        assert_eq!(other, "poses.toml:10:9: pose \"b\" is of another body than \"a\"");
+    }
+
+    #[test]
+    fn a_pose_that_goes_on_from_none_is_refused_with_its_line() {
+        let two = |a: &str, b: &str| format!("[[pose]]\nname = \"a\"\n{a}\n[[pose]]\nname = \"b\"\n{b}\n");
+        assert_eq!(told(&two("", "after = \"b\"")), "poses.toml:6:9: pose \"b\" cannot go on from itself");
+        let ahead = told(&two("after = \"b\"", "after = \"a\""));
+        assert!(
+            ahead.starts_with("poses.toml:3:9: pose \"a\" goes on from \"b\", which stands further"),
+            "{ahead}"
+        );
+        let unknown = told(&two("", "after = \"A\""));
+        assert_eq!(unknown, "poses.toml:6:9: unknown pose \"A\" (known: a, b)");
+        assert!(
+            told(&two("", "after = 3")).starts_with("poses.toml:6:9: invalid type"),
+            "{}",
+            told(&two("", "after = 3"))
+        );
     }
 
     proptest! {

@@ -180,7 +180,12 @@ impl DeformationModel for Rod {
         let mut motions = Vec::with_capacity(SEGMENTS + 4);
         self.skin.motions(&self.chain, &[placed(&self.frames[0]), placed(&self.frames[1])], &mut motions);
         self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch]);
-        BodyState { parts: motions, coefficients: Vec::new(), rotation_undefined: !self.is_defined }
+        BodyState {
+            parts: motions,
+            coefficients: Vec::new(),
+            rotation_undefined: !self.is_defined,
+            ..BodyState::at_rest(0)
+        }
     }
 
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {

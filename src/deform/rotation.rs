@@ -87,7 +87,12 @@ impl DeformationModel for Rotation {
                 seen.coefficients()
             })
             .collect();
-        BodyState { parts: vec![body_from_surface], coefficients, rotation_undefined: mean.is_none() }
+        BodyState {
+            parts: vec![body_from_surface],
+            coefficients,
+            rotation_undefined: mean.is_none(),
+            ..BodyState::at_rest(0)
+        }
     }
 
     /// Where the frames have no mean, the last one's forces go on.

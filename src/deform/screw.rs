@@ -50,6 +50,10 @@ impl Screw {
         }
     }
 
+    fn rotation(&self) -> Rotation3<f64> {
+        Rotation3::from_scaled_axis(self.turn)
+    }
+
     /// The screw at `share` 0 to 1 of the way to `other`.
     pub fn towards(&self, other: &Screw, share: f64) -> Screw {
         Screw {
@@ -57,6 +61,56 @@ impl Screw {
             slide: self.slide.lerp(&other.slide, share),
             stretch: self.stretch * (1.0 - share) + other.stretch * share,
         }
+    }
+}
+
+/// The way of a control element from one pose to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// What is turned and shifted along the way: R₀ and T₀; rest, where the screws are those of the poses themselves.
+    base: ControlPose,
+    start: Screw,
+    end: Screw,
+}
+
+impl Way {
+    /// From one screw from rest to another.
+    pub fn between(start: Screw, end: Screw) -> Way {
+        Way { base: ControlPose::REST, start, end }
+    }
+
+    /// From the pose `from` onwards, by the shorter turn from there: R = exp(ω) R₀, T = V v + exp(ω) T₀.
+    pub fn onwards(from: &ControlPose, to: &ControlPose) -> Way {
+        let (before, after) = (Screw::of(from), Screw::of(to));
+        let base = ControlPose { translation: from.translation, matrix: *before.rotation().matrix() };
+        let matrix = after.rotation() * before.rotation().inverse();
+        let translation = to.translation - matrix * from.translation;
+        let between = Screw::of(&ControlPose { translation, matrix: *matrix.matrix() });
+        let stretched = |stretch, screw: Screw| Screw { stretch, ..screw };
+        Way {
+            base,
+            start: stretched(before.stretch, Screw::default()),
+            end: stretched(after.stretch, between),
+        }
+    }
+
+    /// The pose at `share` 0 to 1 of the way.
+    pub fn pose(&self, share: f64) -> ControlPose {
+        let screw = self.start.towards(&self.end, share);
+        let turn = screw.rotation();
+        ControlPose {
+            translation: slide_matrix(&screw.turn) * screw.slide + turn * self.base.translation,
+            matrix: turn * self.base.matrix * (Matrix3::identity() + screw.stretch),
+        }
+    }
+
+    /// Turn, rad, slide, m, and change of the stretch from end to end.
+    pub fn length(&self) -> (f64, Vector3<f64>, f64) {
+        (
+            (self.end.turn - self.start.turn).norm(),
+            self.end.slide - self.start.slide,
+            (self.end.stretch - self.start.stretch).norm(),
+        )
     }
 }
 
@@ -97,6 +151,28 @@ mod tests {
         };
         let (one, other) = (part_of(Vector3::zeros()), part_of(Vector3::new(1.0, 2.0, -3.0)));
         assert!((one.0 - other.0).amax() < 1e-14 && (one.1 - other.1).amax() < 1e-14, "{one:?} {other:?}");
+    }
+
+    /// Half a turn, then half a turn on the same way: not back.
+    #[test]
+    fn a_way_onwards_ends_at_its_pose_and_does_not_turn_back() {
+        let stretch = Matrix3::from_diagonal(&Vector3::new(0.1, 0.0, -0.2));
+        let at = |degrees: f64| {
+            let turn = Vector3::x() * degrees.to_radians();
+            Screw { turn, slide: Vector3::new(0.3, -2.0, 0.7), stretch: stretch * (degrees / 360.0) }.pose()
+        };
+        for (from, to) in [(0.0, 170.0), (170.0, 340.0), (300.0, 360.0), (100.0, 30.0)] {
+            let way = Way::onwards(&at(from), &at(to));
+            for (share, end) in [(0.0, from), (1.0, to)] {
+                let (pose, end) = (way.pose(share), at(end));
+                let off = (pose.matrix - end.matrix).amax() + (pose.translation - end.translation).amax();
+                assert!(off < 1e-14, "{from} to {to}: {off:e}");
+            }
+            assert!((way.length().0 - (to - from).to_radians().abs()).abs() < 1e-14);
+            let half = Screw::of(&way.pose(0.5)).turn.x.to_degrees();
+            let off = (half - 0.5 * (from + to)).rem_euclid(360.0);
+            assert!(off.min(360.0 - off) < 1e-9, "{from} to {to}: {half}°");
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A model of a body as it was solved, before any of it is written: what measurements compare.
 
-use super::model::{ControlRest, DeformationModel, Kind, ModelEntry, ModelInput};
-use super::models::not_online;
+use super::model::{ControlRest, DeformationModel, ModelEntry, ModelInput};
+use super::models::make_model;
 use crate::green::{AFFINE, Solution};
 use crate::mesh::quality;
 use nalgebra::{DMatrix, Vector3};
@@ -31,7 +31,6 @@ fn model_over(
     over: &[u32],
     triangles: &[[u32; 3]],
 ) -> Result<(Box<dyn DeformationModel>, Vector3<f64>), String> {
-    let Kind::Online(make) = &model.kind else { return Err(not_online(model.name)) };
     let (low, high) = quality::bounding_box(&solution.mesh.nodes);
     let centre = low + (high - low) * 0.5;
     let rest = |control: &crate::green::ControlElement| ControlRest {
@@ -51,7 +50,7 @@ fn model_over(
         let row = |row: usize| 3 * over[row / 3] as usize + row % 3;
         DMatrix::from_fn(3 * over.len(), solution.fields.columns, |r, k| solution.fields.row(row(r))[k])
     };
-    let made = make(&ModelInput {
+    let input = ModelInput {
         controls: &controls,
         rest: &nodes,
         triangles,
@@ -60,6 +59,6 @@ fn model_over(
             name if name == AFFINE.name => Some(columns()),
             name => solution.tables.get(name).cloned(),
         },
-    })?;
-    Ok((made, centre))
+    };
+    Ok((make_model(&model.kind, &input)?, centre))
 }

@@ -3,28 +3,33 @@
 //! In: a body of a scene, a law ([`crate::fem::LAWS`]) and poses of its control elements. Out: displacements of all
 //! nodes, the energy, and the wrenches that hold the control elements. The controlled nodes go the way of [`Screw`]
 //! while [`Newton`] keeps the others in equilibrium. What the other models are measured against; too slow for a frame.
+//! Where the equilibrium is lost on the way, [`CriticalPose`] says at which pose and how.
 
+use super::critical::{CriticalPose, Ways};
+use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::model::{Frame, Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
-use super::screw::Screw;
+use super::screw::{Screw, Way};
 use crate::fem::{Hyperelastic, Law, NodeFields, Partition};
-use crate::green::{self, ControlElement, GreenError, Prepared};
+use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
-use crate::solve::{Counts, Equilibrium, LinearSolver, Newton, NewtonError, Progress, Setback, SolveError};
+use crate::solve::{
+    Counts, Equilibrium, LinearSolver, Newton, NewtonError, Progress, Setback, SolveError, Stability,
+};
 use nalgebra::{Matrix3, Vector3};
 
 /// The model of bodies under `law`.
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
-    let (requirements, turn_limits_deg) = (&[], [180.0; 2]);
-    let (frame, kind) = (Frame::Solved, Kind::Static(law));
+    let (requirements, turn_limits_deg) = (&[VOLUME], [180.0; 2]);
+    let (frame, kind) = (Frame::Solved, Kind::Background(law));
     ModelEntry {
         name: law.name,
         summary: law.summary,
         requirements,
         frame,
-        energy: None,
+        energy: Some(&[]),
         turn_limits_deg,
         kind,
     }
@@ -46,8 +51,19 @@ pub struct Statics {
     size: f64,
     partition: Partition,
     solver: Option<Box<dyn LinearSolver>>,
-    /// The last pose that was solved, and its displacements, both but for what the control elements have in common.
-    last: Option<(Vec<Screw>, NodeFields)>,
+    /// The last pose that was solved from rest or from another such, each control element by its shorter turn.
+    last: Option<(Vec<Screw>, HeldBody)>,
+    /// The last pose that was solved.
+    held: Option<HeldBody>,
+}
+
+/// A body held in a pose, from which another may go on; all but for the shift that its control elements have in common.
+#[derive(Clone, Debug)]
+pub struct HeldBody {
+    poses: ControlPoses,
+    /// By how much each control element has turned since rest, whole turns included.
+    turns: Vec<FollowedTurn>,
+    u: NodeFields,
 }
 
 /// A body held in a pose.
@@ -75,16 +91,19 @@ pub enum StaticsError {
     #[error(transparent)]
     Solve(#[from] SolveError),
     #[error(
-        "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}; there, the least det F is {:.3} (in the \
+        "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}{}. The least det F is {:.3} (in the \
          tetrahedron with nodes {tags:?}) and {} of {tets} tetrahedra are inverted. {}",
-        100.0 * share, explain(*why), settled.least_det.0, settled.inverted.len(), remedy(*why, law)
+        100.0 * share, explain(*why, critical), detail(critical), settled.least_det.0, settled.inverted.len(),
+        remedy(*why, critical, law, settled.least_det.0)
     )]
     Stopped {
         /// The last state that was found.
         settled: Box<EquilibriumResult>,
         share: f64,
-        from: &'static str,
+        from: String,
         why: Setback,
+        /// How the body gives way there; `None` where that could not be told.
+        critical: Option<Box<CriticalPose>>,
         law: &'static Law,
         /// Of the corners of the tetrahedron with the least det F.
         tags: [u64; 4],
@@ -92,20 +111,37 @@ pub enum StaticsError {
     },
 }
 
-fn explain(why: Setback) -> &'static str {
+fn explain(why: Setback, critical: &Option<Box<CriticalPose>>) -> &'static str {
+    if critical.as_ref().is_some_and(|critical| critical.is_critical()) {
+        return "the equilibrium loses its stability";
+    }
     match why {
-        Setback::Unstable => {
-            "the tangent stiffness is no longer positive definite, the body snaps or buckles"
-        }
+        Setback::Unstable => "the tangent stiffness is no longer positive definite",
         Setback::NoDescent => "no step lowers the energy any more",
         Setback::Slow => "Newton's iteration does not converge",
     }
 }
 
-fn remedy(why: Setback, law: &Law) -> &'static str {
-    match why {
-        Setback::Slow => "Look for slivers and large contrasts of stiffness (`greenstage check`)",
-        Setback::Unstable | Setback::NoDescent => law.remedy,
+fn detail(critical: &Option<Box<CriticalPose>>) -> String {
+    critical.as_ref().map(|critical| format!("; {critical}")).unwrap_or_default()
+}
+
+/// Below this least det F a body gives way because it is pressed together.
+const PRESSED: f64 = 0.8;
+
+fn remedy(why: Setback, critical: &Option<Box<CriticalPose>>, law: &Law, least_det: f64) -> &'static str {
+    match critical {
+        Some(critical) if critical.is_critical() && least_det > PRESSED => {
+            "Nothing is pressed together much: the shape itself loses its stability. Turn or shear less, make the wall \
+             thicker, or lead the body round this pose through others, each `after` the one before"
+        }
+        None if why == Setback::Slow => {
+            "Look for slivers and large contrasts of stiffness (`greenstage check`)"
+        }
+        Some(critical) if why == Setback::Slow && !critical.is_critical() => {
+            "Look for slivers and large contrasts of stiffness (`greenstage check`)"
+        }
+        _ => law.remedy,
     }
 }
 
@@ -145,6 +181,7 @@ impl Statics {
             size: (high - low).norm(),
             solver: None,
             last: None,
+            held: None,
             body,
             partition,
             controls,
@@ -169,53 +206,101 @@ impl Statics {
         poses: &ControlPoses,
         progress: &dyn Progress,
     ) -> Result<EquilibriumResult, StaticsError> {
-        // No law feels a common shift. With it, screw motions by different turns would tear the body on the way, and a small
-        // strain would drown in the rounding of large displacements.
-        let least =
-            |a: &&ControlPose, b: &&ControlPose| a.translation.norm().total_cmp(&b.translation.norm());
-        let shift = poses.iter().min_by(least).map_or_else(Vector3::zeros, |pose| pose.translation);
-        let unshifted = |pose: &ControlPose| ControlPose { translation: pose.translation - shift, ..*pose };
-        let poses: ControlPoses = poses.iter().map(unshifted).collect();
+        let (shift, poses) = unshifted(poses);
         let target: Vec<Screw> = poses.iter().map(Screw::of).collect();
-        let rest = (vec![Screw::default(); poses.len()], NodeFields::zeros(self.mesh.nodes.len(), 1));
-        let from_rest = self.steps(&rest.0, &target);
-        let (from, (start, u)) = match self.last.take() {
-            Some(last) if self.steps(&last.0, &target) < from_rest => ("the last pose", last),
-            _ => ("rest", rest),
+        let ways = |from: &[Screw]| -> Vec<Way> {
+            from.iter().zip(&target).map(|(from, to)| Way::between(*from, *to)).collect()
         };
-        let steps = self.steps(&start, &target).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
+        let from_rest = ways(&vec![Screw::default(); poses.len()]);
+        let last = self.last.take().map(|(screws, held)| (ways(&screws), held));
+        let (from, ways, start) = match last {
+            Some((ways, held)) if load_steps(&ways, self.size) < load_steps(&from_rest, self.size) => {
+                ("the last pose", ways, held)
+            }
+            _ => ("rest", from_rest, self.at_rest()),
+        };
+        let settled = self.go(from, &ways, start, poses, shift, progress)?;
+        self.last = self.held.clone().map(|held| (target, held));
+        Ok(settled)
+    }
+
+    /// The same from `before`, a pose called `name` that was solved earlier: each control element takes the shorter turn
+    /// from there, so that turns add up.
+    pub fn solve_after(
+        &mut self,
+        name: &str,
+        before: &HeldBody,
+        poses: &ControlPoses,
+        progress: &dyn Progress,
+    ) -> Result<EquilibriumResult, StaticsError> {
+        let (shift, poses) = unshifted(poses);
+        let ways: Vec<Way> =
+            before.poses.iter().zip(&poses).map(|(from, to)| Way::onwards(from, to)).collect();
+        self.go(&format!("pose \"{name}\""), &ways, before.clone(), poses, shift, progress)
+    }
+
+    /// The last pose that was solved, for others to go on from; none after one without an equilibrium.
+    pub fn held(&self) -> Option<&HeldBody> {
+        self.held.as_ref()
+    }
+
+    fn at_rest(&self) -> HeldBody {
+        HeldBody {
+            poses: vec![ControlPose::REST; self.controls.len()],
+            turns: vec![FollowedTurn::REST; self.controls.len()],
+            u: NodeFields::zeros(self.mesh.nodes.len(), 1),
+        }
+    }
+
+    /// Goes `ways` from the equilibrium `start`, called `from`, to `poses`.
+    fn go(
+        &mut self,
+        from: &str,
+        ways: &[Way],
+        start: HeldBody,
+        poses: ControlPoses,
+        shift: Vector3<f64>,
+        progress: &dyn Progress,
+    ) -> Result<EquilibriumResult, StaticsError> {
+        self.held = None;
+        let steps = load_steps(ways, self.size).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
         let path = |share: f64, u: &mut NodeFields| {
             for (e, control) in self.controls.iter().enumerate() {
-                let pose = if share < 1.0 { start[e].towards(&target[e], share).pose() } else { poses[e] };
+                let pose = if share == 1.0 { poses[e] } else { ways[e].pose(share) };
                 self.prescribe(control, &pose, u);
             }
         };
         let newton = Newton { body: &self.body, partition: &self.partition, solver: self.solver.as_deref() };
-        match newton.follow(u, steps, &path, progress) {
+        let told = Ways { controls: &self.controls, ways, before: &start.turns, steps };
+        match newton.follow(start.u, steps, &path, progress) {
             Ok(equilibrium) => {
                 let settled = self.settled(&equilibrium, &shift);
-                self.last = Some((target, equilibrium.u));
+                let turns = told.turns(1.0);
+                self.held = Some(HeldBody { poses, turns, u: equilibrium.u });
                 Ok(settled)
             }
             Err(NewtonError::Solve(error)) => Err(error.into()),
-            Err(NewtonError::Stopped { at, share, why }) => {
+            Err(NewtonError::Stopped { at, share, why, stability }) => {
                 let settled = Box::new(self.settled(&at, &(shift * share)));
                 let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
                 let tets = self.mesh.tets.len();
-                Err(StaticsError::Stopped { settled, share, from, why, law: self.body.law, tags, tets })
+                let tell = |found: Box<Stability>| {
+                    told.critical(share, &found, &self.mesh, (&self.body.points, &at.gradients))
+                };
+                let critical = stability.map(tell).map(Box::new);
+                let from = from.to_owned();
+                Err(StaticsError::Stopped {
+                    settled,
+                    share,
+                    from,
+                    why,
+                    critical,
+                    law: self.body.law,
+                    tags,
+                    tets,
+                })
             }
         }
-    }
-
-    /// Load steps that the way between two poses wants, not rounded.
-    fn steps(&self, from: &[Screw], to: &[Screw]) -> f64 {
-        let slide = |e: usize| to[e].slide - from[e].slide;
-        let of = |e: usize| {
-            let turn = (to[e].turn - from[e].turn).norm() / TURN;
-            let stretch = (to[e].stretch - from[e].stretch).norm() / STRETCH;
-            turn.max(stretch).max((slide(e) - slide(0)).norm() / (STRETCH * self.size))
-        };
-        (0..to.len()).map(of).fold(0.0, f64::max)
     }
 
     /// u = T + (M - I)(X - o) on the element's nodes.
@@ -256,4 +341,25 @@ impl Statics {
             displacement: displacement.into_iter().map(|u| u + shift).collect(),
         }
     }
+}
+
+/// The shift that is taken out of poses, that of the element that moves least, and what is left.
+///
+/// No law feels a common shift. With it, screw motions by different turns would tear the body on the way, and a small
+/// strain would drown in the rounding of large displacements.
+fn unshifted(poses: &ControlPoses) -> (Vector3<f64>, ControlPoses) {
+    let least = |a: &&ControlPose, b: &&ControlPose| a.translation.norm().total_cmp(&b.translation.norm());
+    let shift = poses.iter().min_by(least).map_or_else(Vector3::zeros, |pose| pose.translation);
+    let back = |pose: &ControlPose| ControlPose { translation: pose.translation - shift, ..*pose };
+    (shift, poses.iter().map(back).collect())
+}
+
+/// Load steps that the ways of the control elements of a body of this size want, not rounded.
+pub(super) fn load_steps(ways: &[Way], size: f64) -> f64 {
+    let first = ways.first().map_or_else(Vector3::zeros, |way| way.length().1);
+    let of = |way: &Way| {
+        let (turn, slide, stretch) = way.length();
+        (turn / TURN).max(stretch / STRETCH).max((slide - first).norm() / (STRETCH * size))
+    };
+    ways.iter().map(of).fold(0.0, f64::max)
 }

@@ -54,6 +54,7 @@ impl PictureRequest {
         output::make_folder(folder)?;
         let is_recorded = session.input.replay.is_some() || session.recorder.is_some();
         let device = self.device.for_session(is_recorded)?;
+        session.world.wait_for_background();
         let mut targets = Targets::new(&mut session.world, self.pictures, self.samples, self.scale, device)?;
         if self.overlay {
             targets = targets.with_overlay();

@@ -7,7 +7,8 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file::{self, Pose};
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Wrench, find_model, model_of,
+    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench, find_model,
+    model_of,
 };
 use crate::green::{self, GreenFile, STIFFNESS, Solution};
 use crate::prepare;
@@ -22,6 +23,8 @@ pub struct Asked<'a> {
     pub pose: &'a str,
     pub body: &'a str,
     pub control: ControlPoses,
+    /// Which of the poses asked for it goes on from; rest, where there is none.
+    pub after: Option<usize>,
 }
 
 /// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
@@ -42,6 +45,7 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
         pose: &pose.name,
         body,
         control: pose_file::control_poses(pose, body, &scene.body[body], path)?,
+        after: pose.goes_on_from,
     })
 }
 
@@ -49,31 +53,39 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
 ///
 /// The .green file is read from `green`, or found or made beside the scene; with `all_nodes` the linear theory is solved
 /// in f64 instead.
-pub fn solve(
+pub fn solve<'a>(
     scene: &Scene,
-    asked: &[Asked<'_>],
+    asked: &'a [Asked<'a>],
     green: Option<&Path>,
     all_nodes: bool,
 ) -> Result<(ResultSet, String), Failure> {
-    let online = prepare::online_part(scene)?;
+    let online = prepare::summed_part(scene)?;
     let file = match online.body.is_empty() || all_nodes {
         true => None,
         false => Some(prepare::green_file(&online, green)?),
     };
     let (mut set, mut tables) = (ResultSet::default(), String::new());
     for (name, body) in &scene.body {
-        let own: Vec<&Asked> = asked.iter().filter(|asked| asked.body == *name).collect();
-        // The linear theory takes matrices as they are, not as turns.
-        let doubtful =
-            |asked: &Asked| pose_file::doubtful_turn(&asked.control, body).filter(|_| !takes_matrices(body));
+        let own: Vec<&'a Asked<'a>> = asked.iter().filter(|asked| asked.body == *name).collect();
+        // The linear theory takes matrices as they are, not as turns; a pose that goes on from another says which way.
+        let doubtful = |asked: &Asked| {
+            let doubt = pose_file::doubtful_turn(&asked.control, body);
+            doubt.filter(|_| !takes_matrices(body) && asked.after.is_none())
+        };
         for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
             notice!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
         }
         let (shape, found) = match (prepare::law(scene, name, body)?, &file) {
-            (None, Some(file)) => surface_results(file, name, body, &own)?,
+            (None, Some(file)) => surface_results(file, name, body, &own, asked)?,
             (None, None) => volume_results(scene, name, body, &own)?,
             (Some(law), _) => {
-                let poses: Vec<_> = own.iter().map(|asked| (asked.pose, &asked.control)).collect();
+                let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
+                let pose = |asked: &&'a Asked<'a>| statics::PoseToSolve {
+                    name: asked.pose,
+                    control: &asked.control,
+                    after: asked.after.and_then(place),
+                };
+                let poses: Vec<_> = own.iter().map(pose).collect();
                 let solved = statics::solve(scene, name, law, &poses)?;
                 tables += &format!("\n{}", solved.table.text());
                 static_results(name, body, solved, &own, &mut set.missed)
@@ -122,15 +134,41 @@ fn surface_results(
     file: &Arc<GreenFile>,
     name: &str,
     body: &Body,
-    asked: &[&Asked<'_>],
+    own: &[&Asked<'_>],
+    all: &[Asked<'_>],
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
-    let found = asked.iter().map(|asked| surface_result(asked, body, &mut deformer)).collect();
+    let found = own.iter().map(|asked| surface_result(asked, all, body, &mut deformer)).collect();
     Ok((Geometry::surface(&deformer), found))
 }
 
-fn surface_result(asked: &Asked<'_>, scene_body: &Body, body: &mut Deformer) -> PoseResult {
-    body.forget();
+/// Steps in which a body is led from the pose that another goes on from to that one, so that a model that follows turns
+/// sees which way they go.
+const STEPS: usize = 16;
+
+/// Leads the body through the poses that `asked` goes on from, the first of them as it stands.
+fn lead(asked: &Asked<'_>, all: &[Asked<'_>], body: &mut Deformer) {
+    let Some(before) = asked.after.and_then(|before| all.get(before)) else {
+        return body.forget();
+    };
+    lead(before, all, body);
+    body.evaluate(&before.control);
+    let ways: Vec<Way> =
+        before.control.iter().zip(&asked.control).map(|(from, to)| Way::onwards(from, to)).collect();
+    for step in 1..STEPS {
+        let share = step as f64 / STEPS as f64;
+        let between: ControlPoses = ways.iter().map(|way| way.pose(share)).collect();
+        body.take(&between);
+    }
+}
+
+fn surface_result(
+    asked: &Asked<'_>,
+    all: &[Asked<'_>],
+    scene_body: &Body,
+    body: &mut Deformer,
+) -> PoseResult {
+    lead(asked, all, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
             "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \

@@ -4,10 +4,11 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::{Table, seconds};
-use crate::deform::{ControlPoses, EquilibriumResult, Statics, StaticsError};
+use crate::deform::{ControlPoses, EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::fem::Law;
 use crate::scene::Scene;
 use crate::solve::Progress;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// One body in all its poses.
@@ -19,12 +20,20 @@ pub struct Solved {
     pub table: Table,
 }
 
-/// Solves body `name` in `poses`, each with its name, in their order.
+/// A pose of the body.
+pub struct PoseToSolve<'a> {
+    pub name: &'a str,
+    pub control: &'a ControlPoses,
+    /// Which of the poses before it this one goes on from; rest, where there is none.
+    pub after: Option<usize>,
+}
+
+/// Solves body `name` in `poses`, in their order.
 pub fn solve(
     scene: &Scene,
     name: &str,
     law: &'static Law,
-    poses: &[(&str, &ControlPoses)],
+    poses: &[PoseToSolve<'_>],
 ) -> Result<Solved, Failure> {
     let bars = Bars::new(name, false);
     let mut statics = Statics::new(scene, name, law, &bars).map_err(failure)?;
@@ -34,15 +43,38 @@ pub fn solve(
     let mut table =
         Table::new(&[name, "load steps", "factorizations", "residual", "least det F", "energy J", "time"]);
     let mut settled = Vec::new();
+    // Of the poses that others go on from.
+    let mut held: BTreeMap<usize, HeldBody> = BTreeMap::new();
     bars.begin("Newton", 1000 * poses.len() as u64);
-    for &(pose, control) in poses {
+    for (i, pose) in poses.iter().enumerate() {
         let started = Instant::now();
-        let place = format!("pose \"{pose}\": body.{name}");
-        let found = match statics.solve(control, &bars) {
-            Ok(found) => found,
-            Err(error @ StaticsError::Stopped { .. }) => {
-                settled.push(Err(format!("{place}: {error}")));
+        let place = format!("pose \"{}\": body.{name}", pose.name);
+        let found = match pose.after.map(|before| (poses[before].name, held.get(&before))) {
+            None => statics.solve(pose.control, &bars),
+            Some((before, Some(held))) => statics.solve_after(before, held, pose.control, &bars),
+            Some((before, None)) => {
+                table.row(&[pose.name, "0", "0", "none", "", "", ""]);
+                let why = format!("it goes on from pose \"{before}\", which has no equilibrium");
+                settled.push(Err(format!("{place}: {why}")));
                 continue;
+            }
+        };
+        let took = seconds(started.elapsed().as_secs_f64());
+        match found {
+            Ok(found) => {
+                let figures = [format!("{:.1e}", found.residual), format!("{:.6e}", found.energy)];
+                add_row(&mut table, pose.name, &found, [&figures[0], &figures[1]], &took);
+                if let Some(state) = statics.held().filter(|_| poses.iter().any(|of| of.after == Some(i))) {
+                    held.insert(i, state.clone());
+                }
+                settled.push(Ok(found));
+            }
+            Err(error @ StaticsError::Stopped { .. }) => {
+                if let StaticsError::Stopped { settled, share, .. } = &error {
+                    let end = format!("none beyond {:.1} %", 100.0 * share);
+                    add_row(&mut table, pose.name, settled, [&end, ""], &took);
+                }
+                settled.push(Err(format!("{place}: {error}")));
             }
             Err(error) => {
                 return Err(match failure(error) {
@@ -50,25 +82,22 @@ pub fn solve(
                     request => request,
                 });
             }
-        };
-        table.row(&[
-            pose,
-            &found.counts.steps.to_string(),
-            &found.counts.factorizations.to_string(),
-            &format!("{:.1e}", found.residual),
-            &format!("{:.3}", found.least_det.0),
-            &format!("{:.6e}", found.energy),
-            &seconds(started.elapsed().as_secs_f64()),
-        ]);
-        settled.push(Ok(found));
+        }
     }
     bars.end();
     let found =
-        poses.iter().zip(&settled).filter_map(|((pose, _), found)| Some((pose, found.as_ref().ok()?)));
+        poses.iter().zip(&settled).filter_map(|(pose, found)| Some((pose.name, found.as_ref().ok()?)));
     for (pose, found) in found.filter(|(_, found)| !found.inverted.is_empty()) {
         notice!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
     }
     Ok(Solved { statics, settled, table })
+}
+
+/// What a pose took; its residual, or how far of its way there is an equilibrium, and its energy.
+fn add_row(table: &mut Table, pose: &str, at: &EquilibriumResult, figures: [&str; 2], took: &str) {
+    let least = format!("{:.3}", at.least_det.0);
+    let (steps, factorizations) = (at.counts.steps.to_string(), at.counts.factorizations.to_string());
+    table.row(&[pose, &steps, &factorizations, figures[0], &least, figures[1], took]);
 }
 
 fn inverted(statics: &Statics, found: &EquilibriumResult) -> String {

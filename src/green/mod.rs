@@ -32,7 +32,7 @@ mod write;
 pub use basis::{precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
-pub use families::{AFFINE, CUBIC, FAMILIES, STIFFNESS, SUBSTRUCTURES};
+pub use families::{AFFINE, CUBIC, FAMILIES, STIFFNESS, SUBSTRUCTURES, VOLUME, Volume};
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};
 pub use fingerprint::fingerprint;

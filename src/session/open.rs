@@ -47,6 +47,9 @@ impl Session {
         let stage = stage(scene, named.as_deref())?;
         let file = prepare::green_file(scene, request.green)?;
         let mut world = World::new(scene, &file, stage)?;
+        if replay.is_some() || request.record.is_some() {
+            world.wait_for_background();
+        }
         let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
         let named = named.unwrap_or_else(|| stage_of_scene(scene));
         let origin = Origin { scene, file: &file, stage: &named };

@@ -268,6 +268,11 @@ impl<'a> Cholesky<'a> {
 }
 
 impl Factor for Cholesky<'_> {
+    /// One substitution, without a look at its residual.
+    fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
+        self.substitute(b, &Silent)
+    }
+
     /// Solves A x = b for all columns, refining where a residual is above 1e-12; errors where one stays above 1e-7.
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         progress.begin("solves", b.columns as u64);

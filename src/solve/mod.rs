@@ -3,7 +3,8 @@
 //!
 //! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a supernodal LLᵀ) and block-Jacobi preconditioned
 //! conjugate gradients, the paper's solver; both stand behind [`LinearSolver`] and measure the true residual of every
-//! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations.
+//! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
+//! [`Stability`] tells how it is lost; [`Settler`] keeps a body in equilibrium that moves, with one factor for many steps.
 
 mod cholesky;
 mod condition;
@@ -13,9 +14,11 @@ mod no_unknowns;
 mod ordering;
 mod pcg;
 mod residual;
+mod settle;
 mod solver;
 pub mod solver_as_text;
 mod solvers;
+mod stability;
 
 pub use crate::base::progress::{Progress, Silent};
 pub use error::{ERROR_LIMITS, SolveError};
@@ -23,5 +26,7 @@ pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
+pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
 pub use solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats, Solver};
 pub use solvers::{SOLVERS, find_method};
+pub use stability::Stability;

@@ -6,10 +6,12 @@
 //! iterated with K(u) d = -f(u), each d shortened until the energy falls (Nocedal and Wright, Numerical Optimization,
 //! 2nd ed., algorithm 3.2). A step that fails is halved. The tangent must be positive definite throughout, so what is
 //! found is a stable equilibrium, connected with the start by stable ones (Crisfield, Non-linear Finite Element
-//! Analysis of Solids and Structures, vol. 1, sections 9.2 to 9.4).
+//! Analysis of Solids and Structures, vol. 1, sections 9.2 to 9.4). Where the path ends, the halving has bracketed the
+//! critical state, and the tangent's least eigenvalue and its mode tell how the body gives way there.
 
 use super::error::SolveError;
 use super::solver::LinearSolver;
+use super::stability::{Stability, least_modes, twins, zero_at};
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::Matrix3;
@@ -22,6 +24,9 @@ const MAX_MIXED: usize = 10;
 /// A load step that needs no more factorizations lets the next one be twice as long.
 const EASY: usize = 6;
 const SHORTEST_STEP: f64 = 1.0 / 4096.0;
+/// Earlier equilibria that are kept, and how far back on the way the one is that the least eigenvalue is compared with.
+const KEPT: usize = 16;
+const BEFORE: f64 = 16.0 * SHORTEST_STEP;
 /// A step must achieve this part of the decrease of energy that its slope predicts.
 const DECREASE: f64 = 1e-4;
 const HALVINGS: i32 = 8;
@@ -85,6 +90,8 @@ pub enum NewtonError {
         at: Box<Equilibrium>,
         share: f64,
         why: Setback,
+        /// Of that equilibrium; `None` where it is too near to be told.
+        stability: Option<Box<Stability>>,
     },
 }
 
@@ -122,32 +129,74 @@ impl Newton<'_> {
         let longest = 1.0 / steps.max(1) as f64;
         let (mut u, mut share, mut step) = (start, 0.0, longest);
         let mut counts = Counts::default();
+        let mut failed = f64::INFINITY;
+        let mut trail = Vec::new();
         while share < 1.0 {
             // The last steps share what is left, so that none is a sliver.
             let target = if 1.0 - share <= step * (1.0 + 1e-9) { 1.0 } else { share + step };
             let before = counts.factorizations;
             match self.step(&u, target, path, &mut counts) {
                 Ok(found) => {
-                    u = found;
+                    if trail.len() == KEPT {
+                        trail.remove(0);
+                    }
+                    trail.push((share, std::mem::replace(&mut u, found)));
                     progress.advance((1000.0 * target) as u64 - (1000.0 * share) as u64);
                     share = target;
                     counts.steps += 1;
                     if counts.factorizations - before <= EASY {
-                        step = (2.0 * step).min(longest);
+                        // Not beyond where a step has failed: from here it is tried once more, then halved.
+                        let reach = if failed > share { failed - share } else { longest };
+                        step = (2.0 * step).min(longest).min(reach);
                     }
                 }
                 Err(IterationEnd::Solve(error)) => return Err(NewtonError::Solve(error)),
                 Err(IterationEnd::Setback(why)) => {
+                    failed = target;
                     step *= 0.5;
                     counts.halved += 1;
                     if step < SHORTEST_STEP {
+                        let stability = self.stability(&u, share, &trail, path).ok().map(Box::new);
                         let at = Box::new(self.judge(u, counts));
-                        return Err(NewtonError::Stopped { at, share, why });
+                        return Err(NewtonError::Stopped { at, share, why, stability });
                     }
                 }
             }
         }
         Ok(self.judge(u, counts))
+    }
+
+    /// How stable the equilibrium `u` at `share` of the path is, beside that at rest and an earlier one of `trail`.
+    fn stability(
+        &self,
+        u: &NodeFields,
+        share: f64,
+        trail: &[(f64, NodeFields)],
+        path: &dyn Fn(f64, &mut NodeFields),
+    ) -> Result<Stability, IterationEnd> {
+        let solver = self.solver.ok_or(IterationEnd::Setback(Setback::Unstable))?;
+        let least = |u: &NodeFields| -> Result<f64, IterationEnd> {
+            let a = self.partition.a(&self.body.tangent(&self.body.gradients(u)));
+            Ok(least_modes(&a, solver.factor(&a, &Silent)?.as_ref())?.0[0])
+        };
+        let k = self.body.tangent(&self.body.gradients(u));
+        let a = self.partition.a(&k);
+        let factor = solver.factor(&a, &Silent)?;
+        let (values, shape) = least_modes(&a, factor.as_ref())?;
+        let mut ahead = u.clone();
+        path(share + SHORTEST_STEP, &mut ahead);
+        let (ahead, _) = factor.solve(&self.partition.minus_b_times(&k, &sum(&ahead, -1.0, u)), &Silent)?;
+        let driven = shape.dots(&ahead)[0].abs() / ahead.norms()[0].max(f64::MIN_POSITIVE);
+        let mut mode = NodeFields::zeros(u.nodes, 1);
+        self.partition.insert_free(&shape, &mut mode);
+        let rest = least(&NodeFields::zeros(u.nodes, 1))?;
+        let mut stability =
+            Stability { least: values[0] / rest, zero_at: None, mode, modes: twins(&values), driven };
+        let earlier = trail.iter().rev().find(|(at, _)| share - at >= BEFORE).or(trail.first());
+        if let Some((at, u)) = earlier {
+            stability.zero_at = zero_at((*at, least(u)?), (share, values[0]), stability.snaps());
+        }
+        Ok(stability)
     }
 
     /// One load step: from the equilibrium `u` to that with the controlled nodes where `path` has them at `target`.

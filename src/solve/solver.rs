@@ -8,7 +8,7 @@
 //! on those numbers; the third takes any number of right-hand sides.
 
 use super::error::SolveError;
-use crate::base::progress::Progress;
+use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -110,6 +110,11 @@ pub type SolveResult = Result<(NodeFields, SolveStats), SolveError>;
 pub trait Factor {
     /// Solves A x = b for all columns; errors where a true residual stays too large.
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
+
+    /// About A⁻¹ b, by the shortest way: for a preconditioner, which need not be exact.
+    fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
+        self.solve(b, &Silent).map(|(x, _)| x)
+    }
 
     /// [`Factor::solve`], and how exact the solution is: [`SolveStats::conditioning`].
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;

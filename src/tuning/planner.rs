@@ -80,7 +80,7 @@ fn choose_from(
         (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
     }
     for (name, demand) in demands {
-        let requirements = prepare::requirements(&plain, &name, &plain.body[&name])?;
+        let requirements = prepare::measured_requirements(&plain, &name, &plain.body[&name])?;
         let largest = demand.largest().unwrap_or(LARGEST);
         let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, &requirements)?);
         let Some(table) = source(&plain, &name, key, &demand)? else { continue };

@@ -10,14 +10,15 @@
 //! | `hit.right` | hit | `stylus.right`, `hands.previous`, every `place`, every `surface.previous`: the body as it was seen |
 //! | `hands` | hands | `tracker.time`, every `stylus` and `hit`, `hands.previous`, every `pose.previous` |
 //! | `body.B.control.C.pose` | control pose | `hands`, `pose.previous` |
-//! | `body.B.coefficients` | coefficients | every `pose` of the body: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
+//! | `body.B.arrived` | number | set from outside, of a model that computes in the background: how often a state came |
+//! | `body.B.coefficients` | coefficients | every `pose` of the body, `arrived`: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
 //! | `body.B.surface` | surface | `coefficients`: the paper's `evaluate` |
 //!
 //! The functions act on the bodies (their deformers) and on nothing else outside the graph.
 
 use super::body::PlacedBody;
 use super::hand;
-use crate::deform::{BodyState, ControlPose};
+use crate::deform::{BodyState, ControlPose, Kind, find_model};
 use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
 use crate::interact::{Asked, Element, Hands, Hit};
@@ -55,6 +56,8 @@ pub struct StylusFields {
 
 pub struct BodyFields {
     pub place: Field<BodyPlace>,
+    /// How often something has arrived from the background, of a body whose model computes there.
+    pub arrived: Option<Field<f64>>,
     /// One per control element. That of a fixed element can be set from outside.
     pub poses: Vec<Field<ControlPose>>,
     pub surface: Field<SurfaceVersion>,
@@ -156,12 +159,14 @@ fn body_fields(
     let coefficients =
         graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
+    let is_background = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
+    let arrived = is_background.then(|| graph.field(format!("body.{name}.arrived"), 0.0)).transpose()?;
     let mut taken = Vec::new();
     graph.compute(
         coefficients,
         "coefficients",
-        poses.clone(),
-        move |bodies: &mut Bodies, poses: Each<'_, Field<ControlPose>>| {
+        (poses.clone(), arrived.into_iter().collect::<Vec<_>>()),
+        move |bodies: &mut Bodies, (poses, _): (Each<'_, Field<ControlPose>>, Each<'_, Field<f64>>)| {
             taken.clear();
             taken.extend(poses.iter().copied());
             let body = &mut bodies[b];
@@ -178,7 +183,7 @@ fn body_fields(
         body.times.normals_s = body.deformer.times.normals_s;
         SurfaceVersion(body.deformations)
     })?;
-    Ok(BodyFields { place, poses, surface })
+    Ok(BodyFields { place, arrived, poses, surface })
 }
 
 impl Fields {

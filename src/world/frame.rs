@@ -108,6 +108,22 @@ impl World {
         self.step_at(state.time_s, state)
     }
 
+    /// Lets states in that have come from the background.
+    fn take_news(&mut self) {
+        for b in 0..self.bodies.len() {
+            if let Some(arrived) = self.fields.bodies[b].arrived
+                && self.bodies[b].deformer.has_news()
+            {
+                self.put(arrived, self.graph.get(arrived) + 1.0);
+            }
+        }
+    }
+
+    /// From now on every frame shows the state of its own poses, however long it takes: for pictures and recordings.
+    pub fn wait_for_background(&mut self) {
+        self.bodies.iter_mut().for_each(|body| body.deformer.wait_for_background());
+    }
+
     pub fn styli_count(&self) -> usize {
         self.fields.styli.len()
     }
@@ -135,6 +151,7 @@ impl World {
             self.put(self.fields.styli[stylus].stylus, state.styli.get(stylus).copied());
         }
         self.ease(state.time_s);
+        self.take_news();
         self.evaluate();
         self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
         self.times

@@ -75,7 +75,7 @@ impl DeformationModel for TwoParts {
         BodyState {
             parts: vec![Isometry3::new(poses[0].translation, turn), Isometry3::identity()],
             coefficients: poses.iter().flat_map(ControlPose::coefficients).collect(),
-            rotation_undefined: false,
+            ..BodyState::at_rest(0)
         }
     }
 

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
 mod accuracy;
+mod background;
 #[path = "../common/mod.rs"]
 mod common;
 mod conditioning;

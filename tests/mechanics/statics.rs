@@ -1,7 +1,9 @@
 //! Static equilibrium at large strain: against independently computed solutions, closed forms, rigid motions, and its
 //! own rate of convergence.
 
+mod after;
 mod cases;
+mod critical;
 mod elements;
 use crate::common::{attempt, block_scene, folder, greenstage};
 use greenstage::deform::{ControlPose, ControlPoses, EquilibriumResult, Statics, StaticsError};
@@ -255,7 +257,7 @@ fn collapse_under_compression_is_said_and_not_answered() {
         assert!(text.contains(words), "{text} lacks {words}");
     }
     let StaticsError::Stopped { settled, share, from, why, .. } = error else { panic!("{text}") };
-    assert_eq!((from, why), ("the last pose", Setback::Unstable));
+    assert_eq!((from.as_str(), why), ("the last pose", Setback::Unstable));
     let reached = 0.8 - 0.4 * share;
     assert!((0.6..0.7).contains(&reached), "{reached}");
     assert!(settled.inverted.is_empty() && settled.residual < 1e-10);
@@ -357,11 +359,12 @@ fn a_pose_without_equilibrium_leaves_the_others_of_the_batch() {
     };
     let (status, [told, said]) = deform("poses.toml", "out");
     assert_eq!(status, Some(1), "{said}");
-    for words in ["pose \"flat\": body.hard: no equilibrium beyond", "% of the way", "neo_hookean"] {
+    for words in ["pose \"flat\": body.hard: no equilibrium beyond", "% of the way from", "neo_hookean"] {
         assert_eq!(said.matches(words).count(), 1, "{said} lacks {words}");
     }
     assert!(!said.contains("pose \"pull\"") && !said.contains("pose \"push\""), "{said}");
-    assert!(told.contains("push") && !told.contains("flat"), "{told}");
+    let row = told.lines().find(|line| line.starts_with("flat")).unwrap();
+    assert!(told.contains("push") && row.contains("none beyond"), "{told}");
     let first = |file: &str| -> Vec<String> {
         let text = std::fs::read_to_string(place.join(file)).unwrap();
         let mut names: Vec<String> =
@@ -418,16 +421,15 @@ fn turns_near_half_a_turn_are_told_as_they_were_taken() {
 }
 
 #[test]
-fn static_models_are_refused_on_line_before_anything_is_computed() {
+fn what_a_model_of_large_strain_does_not_have_is_refused_before_anything_is_computed() {
     let place = folder("statics-online");
-    std::fs::write(place.join("two.toml"), TWO).unwrap();
+    let text = TWO.replacen("model = \"stvk\"", "model = \"stvk\"\nsolver = { method = \"pcg\" }", 1);
+    std::fs::write(place.join("two.toml"), text).unwrap();
     for command in [&["view", "two.toml"][..], &["render", "two.toml", "-o", "out"], &["bench", "two.toml"]] {
         let output = attempt(&place, command);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{command:?}: {said}");
-        for words in ["body.hard.model", "`greenstage deform` alone", "model = \"rotation\" or \"linear\""] {
-            assert!(said.contains(words), "{command:?}: {said} lacks {words}");
-        }
+        assert!(said.contains("body.hard.solver") && said.contains("\"cholesky\""), "{command:?}: {said}");
         assert!(!place.join("two.green").exists() && !said.contains("assembly"), "{command:?}: {said}");
     }
     let unfit = |from: &str, to: &str| {

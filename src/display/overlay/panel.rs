@@ -4,6 +4,7 @@ use super::readings::{BodyReading, ControlReading, Readings, SensorReading};
 use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
 use super::rows::{hand_rows, haptic_rows};
 use super::times::{FRAMES, History, STEPS};
+use crate::deform::StateAge;
 use crate::display::lettering::{DARK, INK, QUIET};
 use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
@@ -245,6 +246,7 @@ fn body_rows(body: &BodyReading) -> Vec<Row> {
         ),
     ];
     rows.extend(gauge_rows(body));
+    rows.extend(body.age.map(age_row));
     if let Some(energy) = body.energy {
         rows.push(Row::Words(vec![
             ("energy ".into(), QUIET),
@@ -257,6 +259,15 @@ fn body_rows(body: &BodyReading) -> Vec<Row> {
         rows.extend(control_rows(control));
     }
     rows
+}
+
+/// How old an equilibrium is that was found in the background.
+fn age_row(age: StateAge) -> Row {
+    match age {
+        StateAge::Current => words("equilibrium of these poses".to_owned(), QUIET),
+        StateAge::Old { seconds } => words(format!("equilibrium {seconds:.2} s old"), FAIR),
+        StateAge::Lost => words("no equilibrium beyond this one".to_owned(), BAD),
+    }
 }
 
 /// How far the body is bent, compared with the turn up to which its model is good.

@@ -1,6 +1,6 @@
 //! The readings of the overlay beside times: plain values that are taken from a world.
 
-use crate::deform::{ControlPose, Wrench, find_model, local_turn};
+use crate::deform::{ControlPose, StateAge, Wrench, find_model, local_turn};
 use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
@@ -66,6 +66,8 @@ pub struct BodyReading {
     /// As its limits have it, rad.
     pub turn: f64,
     pub limits: TurnLimits,
+    /// How old its state is, of a model that computes in the background.
+    pub age: Option<StateAge>,
     /// Strain energy, J, if the handle stiffness was precomputed.
     pub energy: Option<f64>,
 }
@@ -181,6 +183,7 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
             .collect(),
         turn,
         limits,
+        age: deformer.age(),
         energy,
     }
 }

@@ -67,6 +67,7 @@ fn readings(turn: f64) -> Readings {
         .to_vec(),
         undo: [4, 1],
         bodies: vec![BodyReading {
+            age: None,
             name: "tube".into(),
             model: "linear".into(),
             effects: vec!["haptics".into()],

@@ -5,11 +5,13 @@ mod cubic;
 mod stiffness;
 mod substructures;
 mod table;
+mod volume;
 
 pub use affine::AFFINE;
 pub use cubic::CUBIC;
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
+pub use volume::{VOLUME, Volume};
 
 use super::family::FamilyEntry;
 use super::file::GreenFile;
@@ -17,7 +19,8 @@ use crate::base::columns::ColumnGroup;
 
 /// All families, in the order in which they are computed and in which their columns are summed; a new one is one file and
 /// one line here.
-pub const FAMILIES: &[FamilyEntry] = &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY, substructures::ENTRY];
+pub const FAMILIES: &[FamilyEntry] =
+    &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY, substructures::ENTRY, volume::ENTRY];
 
 impl GreenFile {
     /// The groups of columns that are summed for a body, of all families that it requires.

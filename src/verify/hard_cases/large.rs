@@ -26,7 +26,7 @@ pub(super) fn rows() -> CaseRows {
 
 fn pressed(scene: &Scene, model: &str, height: f64, must: Must) -> Result<CaseRow, SceneError> {
     let law = match find_model(model).map(|entry| &entry.kind) {
-        Ok(Kind::Static(law)) => law,
+        Ok(Kind::Background(law)) => law,
         _ => return Err(scene.invalid("body.b.model", format!("no model of large strain is called {model}"))),
     };
     let press = ControlPose { translation: Vector3::z() * (height - 1.0), ..ControlPose::REST };

@@ -1,0 +1,438 @@
+//! A thread that keeps a body in static equilibrium behind the hand that moves it.
+//!
+//! In: the newest poses of the control elements, whenever they change. Out: the newest equilibrium, with its energy, the
+//! slopes and the stiffness of the control elements there. Each is a full one ([`Settler`]); between two poses no element is
+//! turned by more than 30° at once, and what lies on the way is an equilibrium, too. The factor of one tangent stiffness
+//! serves many of them, and is made anew where the iterations grow.
+
+use super::frames::PoseSlope;
+use super::pose::{ControlPose, ControlPoses};
+use super::screw::Way;
+use super::statics::load_steps;
+use crate::fem::{Hyperelastic, Law, NodeFields, Partition, StiffnessMatrix};
+use crate::green::{FIELDS, Volume};
+use crate::mesh::quality;
+use crate::solve::{Factor, LinearSolver, OldFactor, Settled, Settler, Silent, SolveError, Solver};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// An equilibrium that took more solves than this with its factor asks for a new one.
+const TIRED: usize = 18;
+/// A step that fails with a new factor is halved so often before the equilibrium is called lost.
+const HALVINGS: u32 = 6;
+
+/// The thread, and what goes to it and comes from it; ends with the last of those who hold it.
+pub struct Background {
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    asked: Mutex<Asked>,
+    /// Number of the poses that were asked for last.
+    number: AtomicU64,
+    /// Something was asked.
+    wake: Condvar,
+    found: Mutex<Found>,
+    /// Something was found.
+    arrived: Condvar,
+}
+
+#[derive(Clone)]
+struct Asked {
+    /// Of these poses; they are asked for one after another.
+    number: u64,
+    poses: ControlPoses,
+    since: Instant,
+    /// The way from rest to these poses, to be gone anew.
+    anew: Option<VecDeque<ControlPoses>>,
+    is_felt: bool,
+    ended: bool,
+}
+
+/// The newest equilibrium.
+#[derive(Clone)]
+pub struct Found {
+    /// Counts what was found.
+    pub version: u64,
+    /// The poses to which it belongs, or on the way to which it stands.
+    number: u64,
+    /// Whether they were reached, or no equilibrium was found beyond this one.
+    pub is_reached: bool,
+    pub is_lost: bool,
+    pub asked_at: Instant,
+    /// The poses of this equilibrium.
+    pub poses: ControlPoses,
+    /// Displacements of the surface nodes, m.
+    pub field: Vec<[f32; 3]>,
+    /// Strain energy, J.
+    pub energy: f64,
+    /// Its derivatives by the poses.
+    pub slopes: Vec<PoseSlope>,
+    /// Its second derivatives by the coefficients of the poses, at the equilibrium at which they were last made, and
+    /// which one that was.
+    pub stiffness: DMatrix<f64>,
+    pub stiffness_version: u64,
+}
+
+impl Background {
+    /// Starts the thread for a body under `law`. Errors where this body cannot be solved.
+    pub fn start(law: &'static Law, volume: Volume) -> Result<Background, String> {
+        let elements = volume.held.len();
+        let found = Found {
+            version: 0,
+            number: 0,
+            is_reached: true,
+            is_lost: false,
+            asked_at: Instant::now(),
+            poses: vec![ControlPose::REST; elements],
+            field: vec![[0.0; 3]; volume.surface.len()],
+            energy: 0.0,
+            slopes: vec![PoseSlope::default(); elements],
+            stiffness: DMatrix::zeros(FIELDS * elements, FIELDS * elements),
+            stiffness_version: 0,
+        };
+        let asked = Asked {
+            number: 0,
+            poses: found.poses.clone(),
+            since: Instant::now(),
+            anew: None,
+            is_felt: false,
+            ended: false,
+        };
+        let shared = Arc::new(Shared {
+            asked: Mutex::new(asked),
+            number: AtomicU64::new(0),
+            wake: Condvar::new(),
+            found: Mutex::new(found),
+            arrived: Condvar::new(),
+        });
+        let body = HeldVolume::new(law, volume)?;
+        let of_thread = shared.clone();
+        let thread = std::thread::Builder::new().name("equilibrium".into());
+        let started = thread.spawn(move || body.run(&of_thread));
+        started.map_err(|error| format!("no thread for its equilibria can be started: {error}"))?;
+        Ok(Background { shared })
+    }
+
+    /// Asks for the equilibrium of `poses`; those asked for before and not yet found are left out. With `anew`, the body
+    /// goes there from rest, through these poses.
+    pub fn ask(&self, poses: &[ControlPose], anew: Option<VecDeque<ControlPoses>>) {
+        let mut asked = lock(&self.shared.asked);
+        if asked.poses == poses && anew.is_none() {
+            return;
+        }
+        asked.poses.copy_from_slice(poses);
+        asked.anew = anew.or(asked.anew.take());
+        (asked.number, asked.since) = (asked.number + 1, Instant::now());
+        self.shared.number.store(asked.number, Ordering::Release);
+        self.shared.wake.notify_all();
+    }
+
+    /// The body is felt from now on: its stiffness is kept up to date.
+    pub fn feel(&self) {
+        lock(&self.shared.asked).is_felt = true;
+        self.shared.wake.notify_all();
+    }
+
+    /// The newest equilibrium.
+    pub fn newest(&self) -> MutexGuard<'_, Found> {
+        lock(&self.shared.found)
+    }
+
+    /// The same where nobody else looks at it.
+    pub fn newest_at_once(&self) -> Option<MutexGuard<'_, Found>> {
+        self.shared.found.try_lock().ok()
+    }
+
+    /// The equilibrium of the poses that were asked for last, or the one at which it was lost.
+    pub fn awaited(&self) -> MutexGuard<'_, Found> {
+        let number = self.shared.number.load(Ordering::Acquire);
+        let found = lock(&self.shared.found);
+        let waits = |found: &mut Found| found.number < number || !(found.is_reached || found.is_lost);
+        self.shared.arrived.wait_while(found, waits).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the newest equilibrium is that of the poses that were asked for last.
+    pub fn is_up_to_date(&self, found: &Found) -> bool {
+        found.is_reached && found.number == self.shared.number.load(Ordering::Acquire)
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        lock(&self.shared.asked).ended = true;
+        self.shared.wake.notify_all();
+    }
+}
+
+/// What a thread that panicked left behind is whole: nothing is written in parts.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The body as the thread holds it.
+struct HeldVolume {
+    volume: Volume,
+    body: Hyperelastic,
+    partition: Partition,
+    /// Centroids of the held nodes, m.
+    origins: Vec<Vector3<f64>>,
+    size: f64,
+}
+
+/// An equilibrium from which the next is found.
+#[derive(Clone)]
+struct State {
+    poses: ControlPoses,
+    u: NodeFields,
+}
+
+/// What the thread does next.
+enum Next {
+    Poses(Asked),
+    /// The stiffness of the equilibrium at hand.
+    Stiffness,
+    End,
+}
+
+/// Why the factor is made anew.
+enum Renewal {
+    Tired,
+    Anew(VecDeque<ControlPoses>),
+    End,
+}
+
+impl HeldVolume {
+    fn new(law: &'static Law, volume: Volume) -> Result<HeldVolume, String> {
+        let mesh = &volume.mesh;
+        let body =
+            Hyperelastic::new(volume.element, law, mesh, &volume.lame).map_err(|error| error.to_string())?;
+        let partition = Partition::new(mesh.nodes.len(), volume.held.iter().flatten().copied());
+        if partition.free.is_empty() || partition.controlled.is_empty() {
+            return Err("its nodes are all held, or none is: there is no equilibrium to find".into());
+        }
+        let mean = |held: &Vec<u32>| {
+            let sum: Vector3<f64> = held.iter().map(|&node| mesh.nodes[node as usize]).sum();
+            sum / held.len().max(1) as f64
+        };
+        let (low, high) = quality::bounding_box(&mesh.nodes);
+        Ok(HeldVolume {
+            origins: volume.held.iter().map(mean).collect(),
+            size: (high - low).norm(),
+            body,
+            partition,
+            volume,
+        })
+    }
+
+    fn settler(&self) -> Settler<'_> {
+        Settler { body: &self.body, partition: &self.partition }
+    }
+
+    fn at_rest(&self) -> State {
+        State {
+            poses: vec![ControlPose::REST; self.volume.held.len()],
+            u: NodeFields::zeros(self.volume.mesh.nodes.len(), 1),
+        }
+    }
+
+    /// Until nobody wants equilibria any more. A body of which no factor can be made is lost where it is.
+    fn run(&self, shared: &Shared) {
+        let k = self.body.tangent(&self.body.gradients(&self.at_rest().u));
+        let Ok(solver) = Solver::default().analyse(&self.partition.a(&k), &Silent) else {
+            return lock(&shared.found).is_lost = true;
+        };
+        let (mut state, mut stable) = (self.at_rest(), self.at_rest());
+        let mut legs = VecDeque::new();
+        loop {
+            match self.follow(shared, solver.as_ref(), &mut state, &mut stable, &mut legs) {
+                Ok(Renewal::Tired) => {}
+                Ok(Renewal::Anew(way)) => (state, legs) = (self.at_rest(), way),
+                Ok(Renewal::End) => return,
+                Err(_) => {
+                    // What was found last is no stable equilibrium: back to the one before, and on from there.
+                    lose(shared, shared.number.load(Ordering::Acquire));
+                    if state.poses == stable.poses {
+                        return;
+                    }
+                    (state, legs) = (stable.clone(), VecDeque::new());
+                }
+            }
+        }
+    }
+
+    /// Follows the poses that are asked for, with one factor: that of `state`.
+    fn follow(
+        &self,
+        shared: &Shared,
+        solver: &dyn LinearSolver,
+        state: &mut State,
+        stable: &mut State,
+        legs: &mut VecDeque<ControlPoses>,
+    ) -> Result<Renewal, SolveError> {
+        let gradients = self.body.gradients(&state.u);
+        let k = self.body.tangent(&gradients);
+        let a = self.partition.a(&k);
+        let factor = solver.factor(&a, &Silent)?;
+        stable.clone_from(state);
+        if lock(&shared.asked).is_felt || lock(&shared.found).version == 0 {
+            self.tell_stiffness(shared, &k, factor.as_ref())?;
+        }
+        let old = OldFactor { factor: factor.as_ref(), gradients: &gradients };
+        let (mut is_new, mut halved) = (true, 0_u32);
+        loop {
+            let mut asked = match next(shared, is_new) {
+                Next::End => return Ok(Renewal::End),
+                Next::Stiffness => return Ok(Renewal::Tired),
+                Next::Poses(asked) => asked,
+            };
+            if let Some(way) = asked.anew.take() {
+                return Ok(Renewal::Anew(way));
+            }
+            let aim = legs.front().unwrap_or(&asked.poses);
+            let ways: Vec<Way> =
+                state.poses.iter().zip(aim).map(|(from, to)| Way::onwards(from, to)).collect();
+            let share = 0.5f64.powi(halved as i32) / load_steps(&ways, self.size).ceil().max(1.0);
+            let poses = match share {
+                1.0 => aim.clone(),
+                share => ways.iter().map(|way| way.pose(share)).collect(),
+            };
+            let moved = self.moved(&state.u, &poses);
+            match self.settler().step(&old, &state.u, &moved)? {
+                Ok(settled) => {
+                    halved = halved.saturating_sub(1);
+                    let is_reached = share == 1.0 && legs.pop_front().is_none();
+                    self.tell(shared, &asked, &poses, is_reached, &settled);
+                    *state = State { poses, u: settled.u };
+                    if settled.solves > TIRED && !is_new {
+                        return Ok(Renewal::Tired);
+                    }
+                    is_new = false;
+                }
+                Err(_) if !is_new => return Ok(Renewal::Tired),
+                Err(_) if halved < HALVINGS => halved += 1,
+                Err(_) => {
+                    lose(shared, asked.number);
+                    (halved, *legs) = (0, VecDeque::new());
+                }
+            }
+        }
+    }
+
+    /// `u` with the held nodes where `poses` have them.
+    fn moved(&self, u: &NodeFields, poses: &[ControlPose]) -> NodeFields {
+        let mut moved = u.clone();
+        for ((held, origin), pose) in self.volume.held.iter().zip(&self.origins).zip(poses) {
+            let gradient = pose.matrix - Matrix3::identity();
+            for &node in held {
+                let at = pose.translation + gradient * (self.volume.mesh.nodes[node as usize] - origin);
+                moved.data[3 * node as usize..][..3].copy_from_slice(at.as_slice());
+            }
+        }
+        moved
+    }
+
+    fn tell(&self, shared: &Shared, asked: &Asked, poses: &[ControlPose], is_reached: bool, at: &Settled) {
+        let of = |fields: &NodeFields, node: u32| {
+            Vector3::from_column_slice(&fields.data[3 * node as usize..][..3])
+        };
+        let field = self.volume.surface.iter().map(|&node| of(&at.u, node).cast::<f32>().into()).collect();
+        let slope = |(held, origin): (&Vec<u32>, &Vector3<f64>)| {
+            let mut slope = PoseSlope::default();
+            for &node in held {
+                let force = of(&at.forces, node);
+                slope.translation += force;
+                slope.matrix += force * (self.volume.mesh.nodes[node as usize] - origin).transpose();
+            }
+            slope
+        };
+        let slopes = self.volume.held.iter().zip(&self.origins).map(slope).collect();
+        let mut found = lock(&shared.found);
+        let Found { version, stiffness_version, .. } = *found;
+        let stiffness = std::mem::replace(&mut found.stiffness, DMatrix::zeros(0, 0));
+        let new = Found {
+            version: version + 1,
+            number: asked.number,
+            is_reached,
+            is_lost: false,
+            asked_at: asked.since,
+            poses: poses.to_vec(),
+            field,
+            energy: at.energy,
+            slopes,
+            stiffness,
+            stiffness_version,
+        };
+        let before = std::mem::replace(&mut *found, new);
+        drop(found);
+        shared.arrived.notify_all();
+        drop(before);
+    }
+
+    /// ∂²V/∂c² = Φᵀ K Φ by the coefficients c of the poses, Φ being the fields that keep the free nodes in balance.
+    fn tell_stiffness(
+        &self,
+        shared: &Shared,
+        k: &StiffnessMatrix,
+        factor: &dyn Factor,
+    ) -> Result<(), SolveError> {
+        let columns = FIELDS * self.volume.held.len();
+        let mut fields = NodeFields::zeros(self.volume.mesh.nodes.len(), columns);
+        for (e, (held, origin)) in self.volume.held.iter().zip(&self.origins).enumerate() {
+            for &node in held {
+                let arm = self.volume.mesh.nodes[node as usize] - origin;
+                for axis in 0..3 {
+                    let row = &mut fields.row_mut(3 * node as usize + axis)[FIELDS * e..][..FIELDS];
+                    row[axis] = 1.0;
+                    row[3 + 3 * axis..][..3].copy_from_slice(arm.as_slice());
+                }
+            }
+        }
+        let (free, _) = factor.solve(&self.partition.minus_b_times(k, &fields), &Silent)?;
+        self.partition.insert_free(&free, &mut fields);
+        let mut product = NodeFields::zeros(fields.nodes, columns);
+        k.multiply(&fields, &mut product);
+        let rows = 3 * fields.nodes;
+        let phi = DMatrix::from_row_slice(rows, columns, &fields.data);
+        let stiffness = phi.transpose() * DMatrix::from_row_slice(rows, columns, &product.data);
+        let mut found = lock(&shared.found);
+        found.stiffness = (&stiffness + stiffness.transpose()) * 0.5;
+        found.version += 1;
+        found.stiffness_version = found.version;
+        Ok(())
+    }
+}
+
+/// No equilibrium was found beyond the newest, on the way to the poses of this number.
+fn lose(shared: &Shared, number: u64) {
+    let mut found = lock(&shared.found);
+    (found.version, found.number) = (found.version + 1, number);
+    (found.is_reached, found.is_lost) = (false, true);
+    shared.arrived.notify_all();
+}
+
+/// Waits for what is to be done. With a factor that `is_new`, the stiffness is that of the equilibrium at hand.
+fn next(shared: &Shared, is_new: bool) -> Next {
+    let mut asked = lock(&shared.asked);
+    loop {
+        if asked.ended {
+            return Next::End;
+        }
+        let (number, is_done) = {
+            let found = lock(&shared.found);
+            (found.number, found.is_reached || found.is_lost)
+        };
+        if asked.number != number || !is_done || asked.anew.is_some() {
+            let taken = asked.clone();
+            asked.anew = None;
+            return Next::Poses(taken);
+        }
+        if asked.is_felt && !is_new {
+            return Next::Stiffness;
+        }
+        asked = shared.wake.wait(asked).unwrap_or_else(PoisonError::into_inner);
+    }
+}

@@ -1,0 +1,237 @@
+//! Methods 1a and 1b of the paper's appendix online: the body is in static equilibrium at large strain, found in the
+//! background ([`Background`]).
+//!
+//! In: the poses of every frame. Out: the newest equilibrium, which belongs to poses a moment ago, with its age. Between two
+//! equilibria the energy is the quadratic one about the newest, in the coefficients c of the poses,
+//!
+//! ```text
+//! V(c) = V₀ + g·(c - c₀) + ½ (c - c₀)ᵀ H (c - c₀)     H = Φᵀ K Φ
+//! ```
+//!
+//! g being the forces that hold the newest equilibrium and H the stiffness of the control elements there, of which Φ keeps
+//! the free nodes in balance. Its gradient is what a hand feels.
+
+use super::background::Background;
+use super::frames::PoseSlope;
+use super::model::{BodyState, DeformationModel, ModelInput, Response, StateAge};
+use super::nearest::unwrapped;
+use super::pose::{ControlPose, ControlPoses};
+use super::se3::long_turn;
+use crate::fem::Law;
+use crate::green::{FIELDS, Volume};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// A body whose turns were set anew goes there from rest in so many legs, of 90° at most.
+const LEGS: usize = 4;
+
+/// The model of a body under `law`; the error says why this body cannot have it.
+pub(super) fn make(law: &'static Law, input: &ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String> {
+    let volume = Volume::of(input.table, input.controls.len())?;
+    let background = Arc::new(Background::start(law, volume)?);
+    Ok(Box::new(Equilibria::new(background, input.controls.len())))
+}
+
+struct Equilibria {
+    background: Arc<Background>,
+    /// Displacements of the newest equilibrium that was taken, and which it is.
+    field: Vec<[f32; 3]>,
+    version: u64,
+    turns: Option<Vec<UnitQuaternion<f64>>>,
+    /// Turns that the next poses continue.
+    set: Vec<Option<UnitQuaternion<f64>>>,
+    is_forgotten: bool,
+    waits: bool,
+    quadratic: Quadratic,
+}
+
+/// V about the newest equilibrium.
+struct Quadratic {
+    version: u64,
+    stiffness_version: u64,
+    is_lost: bool,
+    energy: f64,
+    /// c₀, g and H.
+    coefficients: DVector<f64>,
+    slope: DVector<f64>,
+    stiffness: DMatrix<f64>,
+    /// c - c₀ and H (c - c₀).
+    change: DVector<f64>,
+    product: DVector<f64>,
+}
+
+impl Equilibria {
+    fn new(background: Arc<Background>, controls: usize) -> Equilibria {
+        let zeros = DVector::zeros(FIELDS * controls);
+        let field = background.newest().field.clone();
+        Equilibria {
+            field,
+            background,
+            version: 0,
+            turns: None,
+            set: vec![None; controls],
+            is_forgotten: false,
+            waits: false,
+            quadratic: Quadratic {
+                version: 0,
+                stiffness_version: 0,
+                is_lost: false,
+                energy: 0.0,
+                coefficients: zeros.clone(),
+                slope: zeros.clone(),
+                stiffness: DMatrix::zeros(zeros.len(), zeros.len()),
+                change: zeros.clone(),
+                product: zeros,
+            },
+        }
+    }
+
+    /// The way from rest to these poses, where they are not the next ones on the way that the body goes.
+    fn anew(&mut self, poses: &[ControlPose]) -> Option<VecDeque<ControlPoses>> {
+        let mut turns = unwrapped(self.turns.as_deref(), poses);
+        let mut is_anew = std::mem::take(&mut self.is_forgotten);
+        for (turn, set) in turns.iter_mut().zip(&mut self.set) {
+            if set.take().is_some_and(|set| turn.coords.dot(&set.coords) < 0.0) {
+                *turn = UnitQuaternion::new_unchecked(-turn.into_inner());
+                is_anew = true;
+            }
+        }
+        let way = is_anew.then(|| {
+            let leg = |leg: usize| {
+                let share = leg as f64 / LEGS as f64;
+                poses.iter().zip(&turns).map(|(pose, turn)| part_of(pose, turn, share)).collect()
+            };
+            (1..LEGS).map(leg).collect()
+        });
+        self.turns = Some(turns);
+        way
+    }
+}
+
+/// The pose at `share` of a way from rest on which the turn grows as its quaternion tells.
+fn part_of(pose: &ControlPose, turn: &UnitQuaternion<f64>, share: f64) -> ControlPose {
+    let stretch = turn.to_rotation_matrix().transpose() * pose.matrix - Matrix3::identity();
+    let part = Rotation3::from_scaled_axis(long_turn(turn) * share);
+    ControlPose {
+        translation: pose.translation * share,
+        matrix: part * (Matrix3::identity() + stretch * share),
+    }
+}
+
+impl DeformationModel for Equilibria {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        let anew = self.anew(poses);
+        self.background.ask(poses, anew);
+        let found = if self.waits { self.background.awaited() } else { self.background.newest() };
+        if self.version != found.version {
+            self.version = found.version;
+            self.field.copy_from_slice(&found.field);
+        }
+        BodyState::at_rest(0)
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        let quadratic = &mut self.quadratic;
+        if let Some(found) =
+            self.background.newest_at_once().filter(|found| found.version != quadratic.version)
+        {
+            quadratic.version = found.version;
+            quadratic.is_lost = found.is_lost;
+            quadratic.energy = found.energy;
+            write(&mut quadratic.coefficients, found.poses.iter().map(ControlPose::coefficients));
+            write(&mut quadratic.slope, found.slopes.iter().map(slope_coefficients));
+            if quadratic.stiffness_version != found.stiffness_version {
+                quadratic.stiffness_version = found.stiffness_version;
+                quadratic.stiffness.copy_from(&found.stiffness);
+            }
+        }
+        Some(Response { energy: quadratic.at(poses, slopes), is_defined: !quadratic.is_lost })
+    }
+
+    fn field(&self) -> Option<&[[f32; 3]]> {
+        Some(&self.field)
+    }
+
+    fn has_news(&mut self) -> bool {
+        self.background.newest_at_once().is_some_and(|found| found.version != self.version)
+    }
+
+    fn forget(&mut self) {
+        (self.turns, self.is_forgotten) = (None, true);
+        self.set.fill(None);
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        if let Some(place) = self.set.get_mut(e) {
+            *place = Some(turn);
+        }
+    }
+
+    fn wait_for_background(&mut self) {
+        self.waits = true;
+    }
+
+    fn for_force_loop(&self) -> Option<Box<dyn DeformationModel>> {
+        self.background.feel();
+        let controls = self.set.len();
+        Some(Box::new(Felt { of: Equilibria::new(self.background.clone(), controls) }))
+    }
+
+    fn age(&self) -> Option<StateAge> {
+        let found = self.background.newest();
+        Some(if found.is_lost {
+            StateAge::Lost
+        } else if self.background.is_up_to_date(&found) {
+            StateAge::Current
+        } else {
+            StateAge::Old { seconds: found.asked_at.elapsed().as_secs_f64() }
+        })
+    }
+}
+
+/// The same body for a force loop: it asks for no equilibria of its own, and feels those that are shown.
+struct Felt {
+    of: Equilibria,
+}
+
+impl DeformationModel for Felt {
+    fn state(&mut self, _poses: &[ControlPose]) -> BodyState {
+        BodyState::at_rest(0)
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.of.respond(poses, slopes)
+    }
+}
+
+impl Quadratic {
+    fn at(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> f64 {
+        write(&mut self.change, poses.iter().map(ControlPose::coefficients));
+        self.change -= &self.coefficients;
+        self.product.gemv(1.0, &self.stiffness, &self.change, 0.0);
+        let energy = self.energy + self.change.dot(&self.slope) + 0.5 * self.change.dot(&self.product);
+        self.product += &self.slope;
+        for (slope, g) in slopes.iter_mut().zip(self.product.as_slice().chunks_exact(FIELDS)) {
+            slope.translation = Vector3::new(g[0], g[1], g[2]);
+            slope.matrix = Matrix3::from_row_slice(&g[3..]);
+        }
+        energy
+    }
+}
+
+/// ∂V/∂c, in the order of the coefficients.
+fn slope_coefficients(slope: &PoseSlope) -> [f64; FIELDS] {
+    let mut all = [0.0; FIELDS];
+    all[..3].copy_from_slice(slope.translation.as_slice());
+    for (place, value) in all[3..].iter_mut().zip(slope.matrix.transpose().iter()) {
+        *place = *value;
+    }
+    all
+}
+
+fn write(to: &mut DVector<f64>, from: impl Iterator<Item = [f64; FIELDS]>) {
+    for (place, numbers) in to.as_mut_slice().chunks_exact_mut(FIELDS).zip(from) {
+        place.copy_from_slice(&numbers);
+    }
+}

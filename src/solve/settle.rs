@@ -1,0 +1,226 @@
+//! A body kept in equilibrium while its controlled nodes move, with a factor that is used many times.
+//!
+//! In: an equilibrium, where the controlled nodes go, and the factor of an earlier tangent stiffness A₀. Out: the next
+//! equilibrium, as exact as [`TOLERANCE`] says. Newton's directions K(u) d = -f(u) are found by conjugate gradients on the
+//! true tangent with R A₀⁻¹ Rᵀ as preconditioner, R turning each node as the material about it has turned since A₀ was
+//! made. Each direction is shortened until the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed.,
+//! algorithm 7.1). A factor is too old where the iterations grow; the caller then makes a new one.
+
+use super::error::SolveError;
+use super::solver::Factor;
+use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix, nearest_turn};
+use nalgebra::{Matrix3, Vector3};
+
+/// An equilibrium has ‖f at free nodes‖₂ ≤ this times ‖f at controlled nodes‖₂, …
+pub const TOLERANCE: f64 = 1e-6;
+/// … or a last step in which no node moves by more than this part of the largest displacement.
+const LAST_STEP: f64 = 1e-9;
+/// Solves with the factor that one step may take before the factor is called too old.
+const MOST_SOLVES: usize = 40;
+/// The residual of a direction in parts of its right-hand side: the prediction's, and the largest and least of Newton's.
+const PREDICTED: f64 = 0.03;
+const FORCED: [f64; 2] = [1e-3, 0.1];
+/// A tangent is kept while a step leaves no more than this part of the forces.
+const KEPT: f64 = 0.1;
+/// A step must achieve this part of the decrease of energy that its slope predicts.
+const DECREASE: f64 = 1e-4;
+const HALVINGS: i32 = 6;
+/// Relative rounding error of the sum of energies.
+const SUM_ROUNDING: f64 = 1e-13;
+
+/// The factor of a tangent stiffness A₀, and the state that it was made at.
+pub struct OldFactor<'a> {
+    pub factor: &'a dyn Factor,
+    /// F - I at every point of the elements there.
+    pub gradients: &'a [Matrix3<f64>],
+}
+
+/// R A₀⁻¹ Rᵀ, R turning each free node as the material about it has turned since A₀.
+struct Preconditioner<'a> {
+    factor: &'a dyn Factor,
+    turns: Vec<Matrix3<f64>>,
+    solves: usize,
+}
+
+impl Preconditioner<'_> {
+    fn solve(&mut self, r: &NodeFields) -> Result<NodeFields, SolveError> {
+        self.solves += 1;
+        let turned = |fields: &NodeFields, back: bool| {
+            let mut turned = fields.clone();
+            for (value, turn) in turned.data.chunks_exact_mut(3).zip(&self.turns) {
+                let of = Vector3::from_column_slice(value);
+                let moved = if back { turn.tr_mul(&of) } else { turn * of };
+                value.copy_from_slice(moved.as_slice());
+            }
+            turned
+        };
+        let z = self.factor.precondition(&turned(r, true))?;
+        Ok(turned(&z, false))
+    }
+}
+
+/// The body that is kept in equilibrium.
+#[derive(Clone, Copy)]
+pub struct Settler<'a> {
+    pub body: &'a Hyperelastic,
+    pub partition: &'a Partition,
+}
+
+/// An equilibrium that was settled.
+#[derive(Clone, Debug)]
+pub struct Settled {
+    /// Over all nodes, one column, m.
+    pub u: NodeFields,
+    /// f over all nodes, N.
+    pub forces: NodeFields,
+    /// Strain energy, J.
+    pub energy: f64,
+    /// ‖f at free nodes‖₂ / ‖f at controlled nodes‖₂.
+    pub residual: f64,
+    /// Solves with the factor.
+    pub solves: usize,
+}
+
+/// Why no equilibrium was found: the factor is too old or the step too long, or the equilibrium is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unsettled;
+
+impl Settler<'_> {
+    /// From the equilibrium `u` to that with the controlled nodes where `moved` has them. `factor` is of A at a state not
+    /// far from it.
+    pub fn step(
+        &self,
+        old: &OldFactor<'_>,
+        u: &NodeFields,
+        moved: &NodeFields,
+    ) -> Result<Result<Settled, Unsettled>, SolveError> {
+        let gradients = self.body.gradients(u);
+        let turns = self.turns(old.gradients, &gradients, u.nodes);
+        let mut inverse = Preconditioner { factor: old.factor, turns, solves: 0 };
+        let mut along = u.clone();
+        along.data.iter_mut().zip(&moved.data).for_each(|(along, moved)| *along = moved - *along);
+        for &node in &self.partition.free {
+            along.data[3 * node as usize..][..3].fill(0.0);
+        }
+        // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
+        let mut k = self.body.tangent(&gradients);
+        let rhs = self.partition.minus_b_times(&k, &along);
+        let direction = self.direction(&mut inverse, &k, &rhs, PREDICTED)?;
+        let mut now = self.state(sum(&sum(u, 1.0, &along), 1.0, &direction));
+        let size = largest(u).max(largest(&now.u));
+        let mut last = None;
+        while inverse.solves < MOST_SOLVES {
+            let forces = self.body.forces(&now.gradients);
+            let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
+            let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
+            let residual = if held == 0.0 { left } else { left / held };
+            let solves = inverse.solves;
+            if left <= TOLERANCE * held {
+                return Ok(Ok(Settled { u: now.u, forces, energy: now.energy, residual, solves }));
+            }
+            let mut downhill = forces.at(&self.partition.free);
+            downhill.data.iter_mut().for_each(|value| *value = -*value);
+            let eased = last.map_or(1.0, |last: f64| left / last);
+            if eased > KEPT && last.is_some() {
+                k = self.body.tangent(&now.gradients);
+            }
+            last = Some(left);
+            // Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996: as exact as the last step was good.
+            let forced = (0.5 * eased * eased).clamp(FORCED[0], FORCED[1]);
+            let d = self.direction(&mut inverse, &k, &downhill, forced)?;
+            if largest(&d) <= LAST_STEP * size {
+                return Ok(Ok(Settled { u: now.u, forces, energy: now.energy, residual, solves }));
+            }
+            let slope = -downhill.dots(&d.at(&self.partition.free))[0];
+            match self.search(&now, &d, slope) {
+                Some(next) => now = next,
+                None => return Ok(Err(Unsettled)),
+            }
+        }
+        Ok(Err(Unsettled))
+    }
+
+    fn state(&self, u: NodeFields) -> State {
+        let gradients = self.body.gradients(&u);
+        State { energy: self.body.energy(&gradients), gradients, u }
+    }
+
+    /// By how much the material about each free node has turned from one state to another.
+    fn turns(&self, then: &[Matrix3<f64>], now: &[Matrix3<f64>], nodes: usize) -> Vec<Matrix3<f64>> {
+        let one = Matrix3::identity();
+        let mut sums = vec![Matrix3::zeros(); nodes];
+        let points = &self.body.points;
+        for (point, (then, now)) in then.iter().zip(now).enumerate() {
+            let turned = (one + now) * (one + then).try_inverse().unwrap_or(one);
+            let nodes = points.nodes_of(points.element_of(point));
+            nodes.iter().for_each(|&node| sums[node as usize] += turned);
+        }
+        let turn = |&node: &u32| *nearest_turn(&sums[node as usize]).to_rotation_matrix().matrix();
+        self.partition.free.iter().map(turn).collect()
+    }
+
+    /// d with ‖A d - rhs‖₂ ≤ `tolerance` ‖rhs‖₂, over all nodes, zero at the controlled ones; shorter where
+    /// A turns out not to be positive definite. Preconditioned conjugate gradients.
+    fn direction(
+        &self,
+        inverse: &mut Preconditioner<'_>,
+        k: &StiffnessMatrix,
+        rhs: &NodeFields,
+        tolerance: f64,
+    ) -> Result<NodeFields, SolveError> {
+        let dot = |a: &NodeFields, b: &NodeFields| a.dots(b)[0];
+        let mut d = NodeFields::zeros(rhs.nodes, 1);
+        let (mut all, mut product) = (NodeFields::zeros(k.nodes(), 1), NodeFields::zeros(k.nodes(), 1));
+        let mut r = rhs.clone();
+        let mut p = NodeFields::zeros(rhs.nodes, 1);
+        let mut before = f64::INFINITY;
+        let enough = tolerance * rhs.norms()[0];
+        while r.norms()[0] > enough && inverse.solves < MOST_SOLVES {
+            let z = inverse.solve(&r)?;
+            let now = dot(&r, &z);
+            p = sum(&z, now / before, &p);
+            before = now;
+            self.partition.insert_free(&p, &mut all);
+            k.multiply(&all, &mut product);
+            let product = product.at(&self.partition.free);
+            let curvature = dot(&p, &product);
+            if curvature <= 0.0 {
+                // Downhill for ever, to second order: as far as the factor has it.
+                if dot(&d, &d) == 0.0 {
+                    d = p;
+                }
+                break;
+            }
+            let alpha = now / curvature;
+            d = sum(&d, alpha, &p);
+            r = sum(&r, -alpha, &product);
+        }
+        self.partition.insert_free(&d, &mut all);
+        Ok(all)
+    }
+
+    /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
+    fn search(&self, from: &State, d: &NodeFields, slope: f64) -> Option<State> {
+        let rounding = SUM_ROUNDING * from.energy.abs() + self.body.energy_rounding(&from.gradients);
+        (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
+            let tried = self.state(sum(&from.u, alpha, d));
+            (tried.energy <= from.energy + rounding + DECREASE * alpha * slope).then_some(tried)
+        })
+    }
+}
+
+/// Displacements with F - I at every point of the elements and the energy, J.
+struct State {
+    u: NodeFields,
+    gradients: Vec<Matrix3<f64>>,
+    energy: f64,
+}
+
+/// a + s b.
+fn sum(a: &NodeFields, s: f64, b: &NodeFields) -> NodeFields {
+    NodeFields { data: a.data.iter().zip(&b.data).map(|(a, b)| a + s * b).collect(), ..*a }
+}
+
+fn largest(fields: &NodeFields) -> f64 {
+    fields.data.iter().fold(0.0, |largest, value| value.abs().max(largest))
+}

@@ -1,0 +1,93 @@
+//! How near an equilibrium is to losing its stability: the least eigenvalues of its tangent stiffness.
+//!
+//! In: A at the free nodes, positive definite, and its factor. Out: the least eigenvalues λ of A φ = λ φ with their modes
+//! φ, by subspace iteration (Bathe, Finite Element Procedures, section 11.6): X ← A⁻¹ X, then the Ritz vectors of A on it.
+//! Where an equilibrium becomes critical, λ falls to zero: linearly along the way where the body buckles to either side
+//! (a bifurcation), as a square root where it snaps (a limit point) (Wriggers, Nonlinear Finite Element Methods, section
+//! 7.1).
+
+use super::error::SolveError;
+use super::solver::Factor;
+use crate::base::progress::Silent;
+use crate::fem::{NodeFields, StiffnessMatrix};
+use nalgebra::{DMatrix, SymmetricEigen};
+
+/// Vectors that are iterated together, so that a mode that has a twin is found as fast as one that has none.
+const BLOCK: usize = 4;
+/// The iteration ends where the least eigenvalue changes by no more than this part, …
+const TOLERANCE: f64 = 1e-8;
+/// … or after so many solves.
+const MOST: usize = 60;
+/// Eigenvalues up to this many times the least belong to one mode and its twins.
+const TWIN: f64 = 1.2;
+
+/// The stability of an equilibrium on a path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stability {
+    /// The least eigenvalue of the tangent stiffness at the free nodes, in parts of that at rest.
+    pub least: f64,
+    /// The share of the way at which it extrapolates to zero; `None` where it does not fall.
+    pub zero_at: Option<f64>,
+    /// Its eigenvector, of length 1, over all nodes.
+    pub mode: NodeFields,
+    /// Modes that lose their stiffness together, this one counted.
+    pub modes: usize,
+    /// |cosine| between the mode and the way on which the body would go: near 1 the path itself drives the mode, and the
+    /// body snaps; near 0 it does not, and the body buckles to either side.
+    pub driven: f64,
+}
+
+impl Stability {
+    /// Whether the path ends because the body snaps, not because it buckles.
+    pub fn snaps(&self) -> bool {
+        self.driven > 0.5
+    }
+}
+
+/// The least eigenvalues of A, N/m, ascending, and the mode of the first over A's nodes, of length 1.
+pub(super) fn least_modes(
+    a: &StiffnessMatrix,
+    factor: &dyn Factor,
+) -> Result<(Vec<f64>, NodeFields), SolveError> {
+    let (rows, columns) = (3 * a.nodes(), BLOCK.min(3 * a.nodes()));
+    let mut x = NodeFields { nodes: a.nodes(), columns, data: scattered(rows * columns) };
+    let mut least = f64::INFINITY;
+    let mut values = Vec::new();
+    for _ in 0..MOST {
+        let (y, _) = factor.solve(&x, &Silent)?;
+        let q = DMatrix::from_row_slice(rows, columns, &y.data).qr().q();
+        let orthonormal = NodeFields { data: q.transpose().as_slice().to_vec(), ..y };
+        let mut product = NodeFields::zeros(a.nodes(), columns);
+        a.multiply(&orthonormal, &mut product);
+        let small = q.transpose() * DMatrix::from_row_slice(rows, columns, &product.data);
+        let ritz = SymmetricEigen::new((&small + small.transpose()) * 0.5);
+        let mut order: Vec<usize> = (0..columns).collect();
+        order.sort_by(|&i, &j| ritz.eigenvalues[i].total_cmp(&ritz.eigenvalues[j]));
+        values = order.iter().map(|&i| ritz.eigenvalues[i]).collect();
+        let vectors = q * DMatrix::from_fn(columns, columns, |i, j| ritz.eigenvectors[(i, order[j])]);
+        x.data = vectors.transpose().as_slice().to_vec();
+        if (least - values[0]).abs() <= TOLERANCE * values[0].abs() {
+            break;
+        }
+        least = values[0];
+    }
+    let mode = x.data.iter().step_by(columns.max(1)).copied().collect();
+    Ok((values, NodeFields { nodes: a.nodes(), columns: 1, data: mode }))
+}
+
+/// How many eigenvalues fall together with the least.
+pub(super) fn twins(values: &[f64]) -> usize {
+    values.iter().filter(|&&value| value <= TWIN * values[0]).count()
+}
+
+/// Where λ comes to zero, from two equilibria (share, λ): on a straight line, or where the body snaps on one of λ².
+pub(super) fn zero_at(before: (f64, f64), now: (f64, f64), snaps: bool) -> Option<f64> {
+    let of = |value: f64| if snaps { value * value } else { value };
+    let slope = (of(now.1) - of(before.1)) / (now.0 - before.0);
+    (slope < 0.0).then(|| now.0 - of(now.1) / slope)
+}
+
+/// Numbers between -1 and 1 without a pattern, always the same (Weyl's sequence).
+fn scattered(count: usize) -> Vec<f64> {
+    (1..=count).map(|i| 2.0 * (i as f64 * 0.754_877_666_246_692_7).fract() - 1.0).collect()
+}
