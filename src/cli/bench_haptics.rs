@@ -4,13 +4,13 @@
 use crate::base::failure::Failure;
 use crate::base::statistics::{median, quantile};
 use crate::base::table::{Table, seconds};
-use crate::deform::{ControlPose, ControlRest};
+use crate::deform::{ControlPose, ControlRest, CubicForm};
 use crate::effect::haptics::{
     Control, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, LoopTiming, Reading, SampleInfo, Simulated,
 };
 use crate::green::FIELDS;
 use crate::stage::Haptic;
-use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Vector3};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -114,7 +114,12 @@ pub(crate) fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> 
     let n = FIELDS * elements;
     let root =
         DMatrix::from_fn(n, n, |i, j| ((3 * i + 7 * j) as f64).sin() + if i == j { 10.0 } else { 0.0 });
-    let body = Elastic::new(model, &(&root * root.transpose()), &controls).ok()?;
+    let table = |name: &str| match name {
+        "stiffness" => Some(&root * root.transpose()),
+        "cubic" => Some(DMatrix::from_element(CubicForm::coefficients_of(n), 1, 0.01)),
+        _ => None,
+    };
+    let body = Elastic::of_tables(model, &controls, &table).ok()?;
     let control = Control::new(Haptic::simulated("bench"), vec![body], 0.0);
     let held = Held {
         grip: 1,
@@ -122,10 +127,9 @@ pub(crate) fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> 
         element: 1,
         room_from_body: Similarity3::identity(),
         constraint: HoldConstraint::Rigid(Matrix4::new_translation(&controls[1].origin)),
-        mean: Rotation3::identity(),
     };
     let poses = vec![ControlPose::REST; elements];
-    Some((control, Grasp { held: Some(held), poses, room_from_hand: None }))
+    Some((control, Grasp { held: Some(held), poses, ..Grasp::default() }))
 }
 
 /// p50 and p99 of a tick, and of taking a frame's news.

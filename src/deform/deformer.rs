@@ -4,8 +4,11 @@
 //! date, and what is asked of the others is summed for the one who asks.
 
 use super::followed::FollowedTurn;
-use super::force::{Wrench, wrenches};
-use super::model::{BodyState, ControlRest, DeformationModel, Kind, ModelEntry};
+use super::force::Wrench;
+use super::frames::PoseSlope;
+use super::model::{
+    BodyState, ControlRest, DeformationModel, Kind, MakeModel, ModelEntry, ModelInput, Response,
+};
 use super::models::{find_model, not_online};
 use super::normals::vertex_normals;
 use super::partial::PartialSum;
@@ -14,8 +17,8 @@ use super::pose::{ControlPose, ControlPoses};
 use super::superposition::{SumStats, Superposition, displacement};
 use crate::base::columns::ColumnGroup;
 use crate::base::parts::{PartMotion, PartWeights};
-use crate::green::{FIELDS, GreenFile};
-use nalgebra::{DMatrix, Isometry3, Vector3};
+use crate::green::GreenFile;
+use nalgebra::{Isometry3, Vector3};
 use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -50,7 +53,10 @@ pub struct Deformer {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
-    stiffness: Option<DMatrix<f64>>,
+    make: MakeModel,
+    /// The energy of the poses and its slopes, where the model has them.
+    response: Option<Response>,
+    slopes: Vec<PoseSlope>,
     sum: Superposition,
     /// Where the graphics device deforms the surface: the part that the CPU sums.
     partial: Option<PartialSum>,
@@ -92,7 +98,8 @@ impl Deformer {
                 nodes: control.nodes,
             })
             .collect();
-        let (nodes, model) = (meta.surface_nodes, make(&controls));
+        let nodes = meta.surface_nodes;
+        let model = make_model(&file, body, &controls, make)?;
         let weights = model.part_weights(file.rest(body));
         if let Some(weights) = weights.as_ref().filter(|weights| weights.nodes() != nodes) {
             let found = weights.nodes();
@@ -112,7 +119,9 @@ impl Deformer {
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
             model,
-            stiffness: file.stiffness(body),
+            make,
+            response: None,
+            slopes: vec![PoseSlope::default(); controls.len()],
             state: rest.clone(),
             summed: rest,
             weights,
@@ -161,8 +170,10 @@ impl Deformer {
                 (*last, *turn, changed) = (*new, turn.follow(new), true);
             }
         }
-        if changed {
+        if changed || self.model.has_news() {
+            changed = true;
             self.state = self.model.state(&self.poses);
+            self.response = self.model.respond(&self.poses, &mut self.slopes);
             // Columns of families that the model does not know.
             self.state.coefficients.resize(self.sum.columns(), 0.0);
             if let Some(weights) = &self.weights {
@@ -259,6 +270,7 @@ impl Deformer {
             return stats;
         }
         let stats = self.sum.update(&file.groups(body), c, &mut self.u);
+        add(&mut self.u, self.model.field());
         let deformed = file.rest(body).as_flattened().iter().zip(self.u.as_flattened());
         for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(deformed) {
             *position = rest + u;
@@ -320,10 +332,45 @@ impl Deformer {
         turned + motion.rotation * u + motion.translation.vector
     }
 
-    /// Force and torque on every control element, and the strain energy, where the file has S.
+    /// Force and torque on every control element, and the strain energy, where the model has them of these poses.
     pub fn wrenches(&self) -> Option<(Vec<Wrench>, f64)> {
-        let stiffness = self.stiffness.as_ref()?;
-        let c = self.state.coefficients.get(..FIELDS * self.controls.len())?;
-        Some(wrenches(stiffness, c, self.state.body_from_surface().rotation))
+        let response = self.response.filter(|response| response.is_defined)?;
+        let wrenches = self.slopes.iter().zip(&self.poses).map(|(slope, pose)| Wrench::of(slope, pose));
+        Some((wrenches.collect(), response.energy))
     }
+
+    /// Evaluates energy and slopes anew, as [`Deformer::take`] does for new poses.
+    pub fn respond(&mut self) -> Option<Response> {
+        self.response = self.model.respond(&self.poses, &mut self.slopes);
+        self.response
+    }
+
+    /// Another model of this body, for a force loop: it follows poses of its own.
+    pub fn another_model(&self) -> Result<Box<dyn DeformationModel>, String> {
+        make_model(&self.file, &self.body, &self.controls, self.make)
+    }
+}
+
+/// u + v, where there is a v.
+fn add(u: &mut [[f32; 3]], field: Option<&[[f32; 3]]>) {
+    for (u, v) in u.as_flattened_mut().iter_mut().zip(field.unwrap_or_default().as_flattened()) {
+        *u += v;
+    }
+}
+
+/// The model of a body, from what the file holds of it.
+fn make_model(
+    file: &GreenFile,
+    body: &str,
+    controls: &[ControlRest],
+    make: MakeModel,
+) -> Result<Box<dyn DeformationModel>, String> {
+    let made = make(&ModelInput {
+        controls,
+        rest: file.rest(body),
+        triangles: file.triangles(body),
+        control_nodes: &|e| file.control(body, &controls[e].name).to_vec(),
+        table: &|name| file.table(body, name),
+    });
+    made.map_err(|message| format!("body.{body}.model: {message}"))
 }

@@ -5,9 +5,12 @@
 //! of the .green file, [`move_parts`] moves the parts where there are several. [`Statics`] stands apart: it solves a body
 //! anew for every pose.
 
+mod cubic_form;
 mod deformer;
 mod followed;
 mod force;
+mod frames;
+mod helicoidal;
 mod limiter;
 mod linear;
 mod model;
@@ -19,22 +22,29 @@ mod pose;
 pub mod pose_file;
 mod rotation;
 mod screw;
+pub mod se3;
+mod solved;
 mod statics;
 mod superposition;
 mod turn;
 
+pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};
 pub use followed::FollowedTurn;
-pub use force::{Wrench, wrenches};
+pub use force::Wrench;
+pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
+pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
-pub use linear::Linear;
-pub use model::{BodyState, ControlRest, DeformationModel, Energy, Frame, Kind, ModelEntry};
+pub use model::{
+    BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,
+};
 pub use models::{MODELS, find_model, not_online};
 pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
-pub use rotation::{Rotation, is_mean_defined, mean_rotation, unwrapped};
+pub use rotation::{Rotation, mean_rotation, unwrapped};
 pub use screw::Screw;
+pub use solved::model_of;
 pub use statics::{EquilibriumResult, Statics, StaticsError};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
 pub use turn::local_turn;

@@ -1,14 +1,32 @@
 //! What a deformation model is: control poses in, the state of a body out.
 
+use super::frames::PoseSlope;
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
 use crate::fem::Law;
 use crate::green::Family;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 
 /// How a body's control poses become its state. Exactly one per body.
 pub trait DeformationModel: Send {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState;
+
+    /// The strain energy V of the poses, and its derivatives by the pose of each control element: every force that the
+    /// program shows, writes or lets a hand feel. `None` where the .green file lacks the numbers for it. Allocates
+    /// nothing, for the force loop.
+    fn respond(&mut self, _poses: &[ControlPose], _slopes: &mut [PoseSlope]) -> Option<Response> {
+        None
+    }
+
+    /// Displacements of all surface nodes that are no sum of columns, m, before parts move; they are added to the sum.
+    fn field(&self) -> Option<&[[f32; 3]]> {
+        None
+    }
+
+    /// Whether the state has changed though no pose has: what is computed in the background has arrived.
+    fn has_news(&mut self) -> bool {
+        false
+    }
 
     /// How much each part moves each node of the rest surface, of a model that has several; `None` of one part, whose
     /// motion is that of the whole body. Asked once.
@@ -31,8 +49,8 @@ pub struct ModelEntry {
     /// Column families that must be precomputed for it.
     pub requirements: &'static [Family],
     pub frame: Frame,
-    /// What the force loop computes the energy from; a model without one cannot be felt.
-    pub energy: Option<Energy>,
+    /// Families that its strain energy needs beside those; `None`: it has no energy and cannot be felt.
+    pub energy: Option<&'static [Family]>,
     /// Largest turns of a piece of the surface, in degrees, up to which it is good and up to which it is fair: off by about
     /// 0.2 % and 2 % of the body's length.
     pub turn_limits_deg: [f64; 2],
@@ -50,21 +68,35 @@ pub enum Frame {
     Solved,
 }
 
-/// The strain energy ½ cᵀ S c of a model, by the coefficients c that it is taken of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Energy {
-    /// Those of the poses.
-    OfPoses,
-    /// Those of the poses seen from the frame that follows the mean rotation R̄.
-    OfMeanFrame,
+/// A strain energy, by [`DeformationModel::respond`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response {
+    /// J.
+    pub energy: f64,
+    /// False where the frame or the equilibrium of these poses was not found, and an earlier one was kept.
+    pub is_defined: bool,
 }
+
+/// What a model is made from. Lengths are about the body's centre, m.
+pub struct ModelInput<'a> {
+    pub controls: &'a [ControlRest],
+    /// Surface nodes and triangles at rest.
+    pub rest: &'a [[f32; 3]],
+    pub triangles: &'a [[u32; 3]],
+    /// Surface nodes of a control element.
+    pub control_nodes: &'a dyn Fn(usize) -> Vec<u32>,
+    /// A table of the body by its name, such as `stiffness`, where it was precomputed.
+    pub table: &'a dyn Fn(&str) -> Option<DMatrix<f64>>,
+}
+
+/// Makes a model; the error says why this body cannot have it.
+pub type MakeModel = fn(&ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String>;
 
 /// How a model is evaluated.
 #[derive(Clone, Copy)]
 pub enum Kind {
-    /// In every frame, from the columns of the .green file: makes the model for a body with control origins o_e and
-    /// surface node counts of its control elements.
-    Online(fn(&[ControlRest]) -> Box<dyn DeformationModel>),
+    /// In every frame, from what the .green file holds.
+    Online(MakeModel),
     /// Pose by pose by [`super::Statics`]; the body has no part in the .green file.
     Static(&'static Law),
 }

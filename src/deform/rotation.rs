@@ -1,14 +1,17 @@
 //! Method 2a of the paper's appendix: the mean rotation of the control elements is taken out of the poses and
 //! given to the whole body, so that the linear theory sees half the rotation or less.
 //!
-//! A = Σ w_e M_e + Σ w_e (c_e - c̄)(C_e - C̄)ᵀ/ℓ² with C_e = o_e, c_e = o_e + T_e, ℓ² = Σ w_e |C_e - C̄|² and w_e
-//! the element's share of all held nodes; R̄ = polar(A). Then x = R̄ (X + u(c̄)) + t̄ for the poses
-//! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body.
+//! A = Σ w M_e + Σ w (c_e - c̄)(C_e - C̄)ᵀ/ℓ² with C_e = o_e, c_e = o_e + T_e, ℓ² = Σ w |C_e - C̄|² and w = 1/E; R̄ = polar(A). Then x = R̄ (X + u(c̄)) + t̄ for the poses
+//! M̄_e = R̄ᵀ M_e, T̄_e = R̄ᵀ (o_e + T_e - t̄) - o_e. Exact for rigid motions of any body. Its forces are those of the energy in
+//! [`Helicoidal`] coordinates: that of the shape takes a turned control element for one that shrank.
 
-use super::model::{BodyState, ControlRest, DeformationModel, Energy, Frame, Kind, ModelEntry};
+use super::cubic_form::CubicForm;
+use super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::helicoidal::Helicoidal;
+use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use crate::fem::Polar;
-use crate::green::AFFINE;
+use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 pub(super) const ENTRY: ModelEntry = ModelEntry {
@@ -16,12 +19,10 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
     requirements: &[AFFINE],
     frame: Frame::MeanMotion,
-    energy: Some(Energy::OfMeanFrame),
+    energy: Some(&[STIFFNESS, CUBIC]),
     // As for `linear`; the mean of both ends' turns is taken out, and half of it is left either way.
     turn_limits_deg: [15.0, 45.0],
-    kind: Kind::Online(|controls: &[ControlRest]| {
-        Box::new(Rotation { controls: controls.to_vec(), last: Rotation3::identity(), turns: None })
-    }),
+    kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Rotation::new(input)?))),
 };
 
 /// The mean rotation is not defined where σ₂ + σ₃ of A vanishes (two elements half a turn apart), nor the mean of turns
@@ -45,6 +46,37 @@ pub struct Rotation {
     /// The rotation of every control element in the last evaluation, with the sign that continues the one before: it
     /// tells a turn by 200° from one by -160°.
     turns: Option<Vec<UnitQuaternion<f64>>>,
+    /// Where forces were asked for: the energy, and what it had for the last poses that have one.
+    energy: Option<Helicoidal>,
+    frames: Vec<ControlFrame>,
+    slopes: Vec<FrameSlope>,
+    response: Response,
+}
+
+impl Rotation {
+    fn new(input: &ModelInput<'_>) -> Result<Rotation, String> {
+        let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
+        let fields = FIELDS * origins.len();
+        let cubic = (input.table)(CUBIC.name);
+        let cubic = cubic.and_then(|table| CubicForm::new(fields, table.as_slice().to_vec()));
+        let energy = match ((input.table)(STIFFNESS.name), cubic) {
+            (Some(stiffness), Some(cubic)) => Some(Helicoidal::new(&origins, stiffness, Some(cubic))?),
+            _ => None,
+        };
+        let nothing = Vector3::zeros();
+        Ok(Rotation {
+            controls: input.controls.to_vec(),
+            last: Rotation3::identity(),
+            turns: None,
+            energy,
+            frames: Vec::with_capacity(origins.len()),
+            slopes: vec![
+                FrameSlope { force: nothing, torque: nothing, stretch: Matrix3::zeros() };
+                origins.len()
+            ],
+            response: Response { energy: 0.0, is_defined: true },
+        })
+    }
 }
 
 impl DeformationModel for Rotation {
@@ -70,6 +102,30 @@ impl DeformationModel for Rotation {
             })
             .collect();
         BodyState { parts: vec![body_from_surface], coefficients, rotation_undefined: mean.is_none() }
+    }
+
+    /// Where the frames have no mean, the last one's forces go on.
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        let energy = self.energy.as_mut()?;
+        if self.turns.is_none() {
+            self.turns = Some(unwrapped(None, poses));
+        }
+        let turns = self.turns.as_mut()?;
+        self.frames.clear();
+        for ((control, pose), turn) in self.controls.iter().zip(poses).zip(turns) {
+            let frame = ControlFrame::of(&control.origin, pose, Some(turn));
+            self.frames.extend(frame.inspect(|frame| *turn = frame.turn));
+        }
+        let is_whole = self.frames.len() == self.controls.len();
+        let found = if is_whole { energy.respond(&self.frames, &mut self.slopes) } else { None };
+        self.response =
+            Response { energy: found.unwrap_or(self.response.energy), is_defined: found.is_some() };
+        if found.is_some() {
+            for ((slope, frame), own) in slopes.iter_mut().zip(&self.frames).zip(&self.slopes) {
+                *slope = frame.pull_back(own);
+            }
+        }
+        Some(self.response)
     }
 
     fn forget(&mut self) {
@@ -133,9 +189,9 @@ pub fn mean_rotation(
     is_mean_defined(&beta).then_some(rotation)
 }
 
+/// Equal ones: how finely an element's part of the mesh is divided says nothing of the body.
 fn weights(controls: &[ControlRest]) -> Vec<f64> {
-    let total: f64 = controls.iter().map(|control| control.nodes as f64).sum();
-    controls.iter().map(|control| control.nodes as f64 / total.max(1.0)).collect()
+    vec![1.0 / controls.len().max(1) as f64; controls.len()]
 }
 
 /// The rotation nearest to A, or `None` where it is not defined.
@@ -178,8 +234,16 @@ mod tests {
     fn rigid_motion_leaves_no_coefficients_and_moves_the_body() {
         let rotation = Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 2.0));
         let shift = Vector3::new(0.3, -2.0, 0.7);
-        let Kind::Online(make) = ENTRY.kind else { panic!("it is evaluated in every frame") };
-        let mut model = make(&controls());
+        let none = |_| Vec::new();
+        let controls = controls();
+        let input = ModelInput {
+            controls: &controls,
+            rest: &[],
+            triangles: &[],
+            control_nodes: &none,
+            table: &|_| None,
+        };
+        let mut model = Rotation::new(&input).unwrap();
         let made = model.state(&rigid(rotation, shift));
         assert!(made.coefficients.iter().all(|c| c.abs() < 1e-14), "{made:?}");
         let x = nalgebra::Point3::new(0.5, 0.1, -0.3);

@@ -12,6 +12,7 @@
 
 use super::pose::ControlPose;
 use super::rotation::nearest;
+use super::se3::slide_matrix;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// A pose as a screw motion and a stretch; all zero at rest.
@@ -57,18 +58,6 @@ impl Screw {
             stretch: self.stretch * (1.0 - share) + other.stretch * share,
         }
     }
-}
-
-/// V.
-fn slide_matrix(turn: &Vector3<f64>) -> Matrix3<f64> {
-    let (square, cross) = (turn.norm_squared(), turn.cross_matrix());
-    let (first, second) = if square < 1e-4 {
-        (0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0)
-    } else {
-        let angle = square.sqrt();
-        ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (angle * square))
-    };
-    Matrix3::identity() + cross * first + cross * cross * second
 }
 
 #[cfg(test)]

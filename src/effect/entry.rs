@@ -27,6 +27,8 @@ pub struct EffectEntry {
     pub summary: &'static str,
     /// Column families that must be precomputed for it.
     pub requirements: &'static [Family],
+    /// Whether it asks for the strain energy of the body's model ([`crate::deform::ModelEntry::energy`]).
+    pub needs_energy: bool,
     /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,

@@ -36,7 +36,10 @@ pub fn requirements<'a>(
     effects: impl IntoIterator<Item = &'a EffectEntry>,
 ) -> Requirements {
     let of_model = Requirements::of(model.requirements);
-    effects.into_iter().fold(of_model, |all, effect| all.and(effect.requirements()))
+    effects.into_iter().fold(of_model, |all, effect| {
+        let energy = model.energy.filter(|_| effect.needs_energy).unwrap_or_default();
+        all.and(effect.requirements()).and(Requirements::of(energy))
+    })
 }
 
 /// Whether one of these effects, by their names, requires the family.
@@ -111,6 +114,7 @@ mod tests {
         name: "means",
         summary: "the mean of every column",
         requirements: &[AFFINE],
+        needs_energy: false,
         precompute: Some(|solution| {
             let fields = &solution.fields;
             let mean = |column: usize| {
@@ -167,6 +171,7 @@ mod tests {
         name: "halo",
         summary: "a strip, and a thread that counts",
         requirements: &[],
+        needs_energy: false,
         precompute: None,
         attach: Some(|listed, _| {
             let ends = Arc::new(AtomicBool::new(false));

@@ -7,13 +7,13 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file::{self, Pose};
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, Wrench, find_model, wrenches,
+    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Wrench, find_model, model_of,
 };
 use crate::green::{self, GreenFile, STIFFNESS, Solution};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -176,10 +176,17 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
         displacement: (0..solution.mesh.nodes.len())
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
-        wrenches: solution
-            .stiffness()
-            .map(|s| control_forces(body, wrenches(s, &c, UnitQuaternion::identity()))),
+        wrenches: volume_forces(asked, body, solution),
     }
+}
+
+/// Forces by the energy of the body's model, where the scene asks for them.
+fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<ControlForces> {
+    let (mut model, _) = model_of(find_model(&body.model).ok()?, solution).ok()?;
+    let mut slopes = vec![PoseSlope::default(); asked.control.len()];
+    let response = model.respond(&asked.control, &mut slopes)?;
+    let wrenches = slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::of(slope, pose));
+    Some(control_forces(body, (wrenches.collect(), response.energy)))
 }
 
 fn static_results(

@@ -61,7 +61,12 @@ impl Element {
         Ok(mutual_energies(&self.sets_of(mesh, lame)?, fields))
     }
 
-    fn sets_of<'a>(&self, mesh: &'a TetMesh, lame: &'a [Lame]) -> Result<ElementSets<'a>, AssemblyError> {
+    /// Errors where the mesh or one of its tetrahedra does not suit.
+    pub(super) fn sets_of<'a>(
+        &self,
+        mesh: &'a TetMesh,
+        lame: &'a [Lame],
+    ) -> Result<ElementSets<'a>, AssemblyError> {
         let order = if mesh.mids.is_empty() { 1 } else { 2 };
         if order != self.order {
             return Err(AssemblyError::Order { element: self.name, needed: self.order, order });

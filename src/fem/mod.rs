@@ -7,6 +7,7 @@
 mod anp;
 mod assembly;
 mod corotational;
+mod cubic;
 mod element;
 mod elements;
 mod energy;
@@ -25,6 +26,7 @@ pub mod tet4;
 pub use anp::TET4_ANP;
 pub use assembly::{AssemblyError, ElementSet, Elements, assemble_elements};
 pub use corotational::COROTATIONAL;
+pub use cubic::cubic_energy;
 pub use element::{Dilatation, Element};
 pub use elements::{ELEMENTS, find_element};
 pub use energy::{Strains, mutual_energies};

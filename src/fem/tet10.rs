@@ -100,6 +100,21 @@ fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
     Some(std::array::from_fn(|m| std::array::from_fn(|a| mode(m, a))))
 }
 
+/// D_a at each of the points of a curved element: P div u = Σ_a D_a·u_a there; `None` of a straight one, whose dilatation is
+/// the divergence itself.
+pub fn dilatations(points: &[Point]) -> Option<Vec<[Vector3<f64>; 10]>> {
+    if points.len() != CURVED.len() {
+        return None;
+    }
+    let (mass, moments) = linear_moments(points);
+    let inverse = mass.cholesky()?.inverse();
+    let at_point = |(at, _): &([f64; 4], f64)| {
+        let weights = inverse * Vector4::from(*at);
+        std::array::from_fn(|a| (0..4).map(|i| moments[i][a] * weights[i]).sum())
+    };
+    Some(CURVED.iter().map(at_point).collect())
+}
+
 /// P div u at the corners of the element with nodes `x` and displacements `u`, linear in ξ between them: the dilatation
 /// that its energy has. Of a straight element it is div u itself. `None` where it is folded.
 pub fn dilatation(x: &[Vector3<f64>; 10], u: &[Vector3<f64>; 10]) -> Option<[f64; 4]> {

@@ -11,10 +11,10 @@ use super::rigid::RigidMotion;
 use super::solution::{Precomputed, Solution, StepTimes};
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
-use crate::fem::{Element, NodeFields, Partition, StiffnessMatrix};
+use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::{Body, Scene};
-use crate::solve::{NO_UNKNOWNS, Progress, SolveResult, SolveStats};
+use crate::scene::Scene;
+use crate::solve::{Factor, NO_UNKNOWNS, Progress, SolveStats};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -85,17 +85,24 @@ pub fn solve_prepared(
     times.assembly_s = started.elapsed().as_secs_f64();
     progress.end();
 
+    let failed = |source| GreenError::Solve { body: place.clone(), source };
     let mut fields = NodeFields::zeros(mesh.nodes.len(), columns);
     let mut stats = SolveStats { method: &NO_UNKNOWNS, ..Default::default() };
+    let families: Vec<_> = FAMILIES.iter().filter(|entry| requirements.has(entry.family)).collect();
+    let solver;
+    let mut factor: Option<Box<dyn Factor>> = None;
     if columns > 0 {
         for (e, control) in controls.iter().enumerate() {
             control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
         }
         let rhs = partition.minus_b_times(&k, &fields);
+        solver = body.solver.analyse(&a, progress).map_err(failed)?;
+        solver.fits(&a, rhs.columns).map_err(failed)?;
+        let factored = solver.factor(&a, progress).map_err(failed)?;
         let free;
-        (free, stats) = solve_free(body, &a, &rhs, progress)
-            .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
+        (free, stats) = factored.solve_and_judge(&rhs, progress).map_err(failed)?;
         partition.insert_free(&free, &mut fields);
+        factor = Some(factored).filter(|_| families.iter().any(|entry| entry.solves));
     }
 
     let mut solution = Solution {
@@ -112,8 +119,12 @@ pub fn solve_prepared(
         matrix_entries: k.scalar_entries(),
         notices: Vec::new(),
     };
-    let assembled = Assembled { place: &place, lame: &lame, k: &k, partition: &partition };
-    for entry in FAMILIES.iter().filter(|entry| requirements.has(entry.family)) {
+    let solve = |b: &NodeFields, progress: &dyn Progress| match &factor {
+        Some(factor) => factor.solve(b, progress).map(|(x, _)| x).map_err(failed),
+        None => Ok(NodeFields::zeros(b.nodes, b.columns)),
+    };
+    let assembled = Assembled { place: &place, lame: &lame, k: &k, partition: &partition, solve: &solve };
+    for entry in families {
         if let Some(compute) = entry.compute {
             compute(&assembled, &mut solution, progress)?;
         }
@@ -121,8 +132,8 @@ pub fn solve_prepared(
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;
         solution.rigid = RigidMotion::of(mesh, controls, fields, solution.stiffness());
-        let judged = judge::judge(&format!("body.{name}"), &solution.stats, &solution.rigid)
-            .map_err(|source| GreenError::Solve { body: place.clone(), source })?;
+        let judged =
+            judge::judge(&format!("body.{name}"), &solution.stats, &solution.rigid).map_err(failed)?;
         notices.extend(judged);
     }
     notices.sort_by_key(|finding| finding.severity);
@@ -148,12 +159,6 @@ fn assembly_memory(element: &Element, mesh: &TetMesh, surface: &Surface, columns
     let [on_edge, on_face, inside] = element.pairs;
     let pairs = on_edge * edges + on_face * faces + inside * tets;
     184.0 * pairs + 170.0 * tets + 400.0 * nodes + 2.0 * 24.0 * nodes * columns as f64
-}
-
-fn solve_free(body: &Body, a: &StiffnessMatrix, rhs: &NodeFields, progress: &dyn Progress) -> SolveResult {
-    let solver = body.solver.analyse(a, progress)?;
-    solver.fits(a, rhs.columns)?;
-    solver.factor(a, progress)?.solve_and_judge(rhs, progress)
 }
 
 /// The first error among the findings, if there is one.

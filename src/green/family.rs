@@ -6,7 +6,7 @@ use super::requirements::Family;
 use super::solution::{Precomputed, Solution};
 use super::tensor::Tensor;
 use crate::base::columns::ColumnGroup;
-use crate::fem::{Lame, Partition, StiffnessMatrix};
+use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::solve::Progress;
 
 /// What a family is made from beside the affine fields.
@@ -16,6 +16,8 @@ pub struct Assembled<'a> {
     pub lame: &'a [Lame],
     pub k: &'a StiffnessMatrix,
     pub partition: &'a Partition,
+    /// Solves A x = b at the free nodes, for a family with [`FamilyEntry::solves`].
+    pub solve: &'a dyn Fn(&NodeFields, &dyn Progress) -> Result<NodeFields, GreenError>,
 }
 
 /// Makes the numbers of a family from what was solved, and leaves them in the solution.
@@ -28,6 +30,8 @@ pub struct FamilyEntry {
     pub holds: &'static str,
     /// `None` where its numbers are the solved fields themselves.
     pub compute: Option<Compute>,
+    /// Whether it solves with A, whose factor is then kept until it is made.
+    pub solves: bool,
     /// Its tensors in the .green file, by their names within the body; what it knows of their accuracy goes into the
     /// metadata.
     pub write: fn(&Precomputed, &mut BodyMeta) -> Vec<(String, Tensor)>,

@@ -13,7 +13,7 @@ use greenstage::effect::haptics::{
     Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, Measures, Push, Reading, Report,
     Simulated, thread,
 };
-use greenstage::green::{self, GreenFile, Requirements, STIFFNESS};
+use greenstage::green::{self, CUBIC, GreenFile, Requirements, STIFFNESS};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use greenstage::stage::Haptic;
@@ -27,7 +27,8 @@ fn tube() -> Arc<GreenFile> {
     let make = || {
         let place = folder("haptics-tube");
         let scene = Scene::load(&coarse_demo(&place)).unwrap();
-        let tube = green::precompute(&scene, "tube", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+        let tube =
+            green::precompute(&scene, "tube", &Requirements::of(&[STIFFNESS, CUBIC]), &Silent).unwrap();
         let path = place.join("tube.green");
         green::write(&path, &[tube]).unwrap();
         Arc::new(GreenFile::open(&path).unwrap())
@@ -40,7 +41,7 @@ fn deformer(model: &str) -> Deformer {
 }
 
 fn elastic(model: &str) -> Elastic {
-    Elastic::new(model, &tube().stiffness("tube").unwrap(), &deformer(model).controls).unwrap()
+    Elastic::of(&deformer(model)).unwrap()
 }
 
 /// Two ends in the hand: the right one turned by `angle` about an oblique axis and moved, the left one a little.
@@ -75,7 +76,6 @@ fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64
         constraint: HoldConstraint::Rigid(
             stylus.inverse().to_homogeneous() * room_from_body.to_homogeneous() * element,
         ),
-        mean: body.body_from_surface().rotation.to_rotation_matrix(),
     }
 }
 
@@ -103,7 +103,7 @@ impl Bench {
         device.device_from_handle = device_from_handle(&haptic, &stylus());
         device.hand(&device.device_from_handle.clone());
         let held = hold(&body, 1, &poses, &stylus());
-        let grasp = Grasp { held: Some(held), poses, room_from_hand: None };
+        let grasp = Grasp { held: Some(held), poses, ..Grasp::default() };
         control.take(&grasp);
         Bench { control, device, grasp, time_s: 1.0 }
     }

@@ -8,7 +8,7 @@ use greenstage::effect::haptics::{
     Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Measures, Push, Reading, Reports, Simulated,
 };
 use greenstage::stage::{Haptic, HapticDevice};
-use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3};
 
 /// A loop on two elements joined by a spring, of which the hand holds the second, and a frame 100 times a second.
 struct TestLoop {
@@ -27,16 +27,18 @@ impl TestLoop {
         };
         let rest = |name: &str| ControlRest { name: name.into(), origin: Vector3::zeros(), nodes: 1 };
         let matrix = DMatrix::from_fn(24, 24, spring);
-        let body = Elastic::new("linear", &matrix, &[rest("other"), rest("held")]).unwrap();
+        let body = Elastic::of_tables("linear", &[rest("other"), rest("held")], &|name| {
+            (name == "stiffness").then(|| matrix.clone())
+        })
+        .unwrap();
         let held = Held {
             grip: 1,
             body: 0,
             element: 1,
             room_from_body: Similarity3::identity(),
             constraint: HoldConstraint::Rigid(Matrix4::identity()),
-            mean: Rotation3::identity(),
         };
-        let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST; 2], room_from_hand: None };
+        let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST; 2], ..Grasp::default() };
         TestLoop { control: Control::new(haptic, vec![body], 0.0), grasp, ticks: 0, is_telling: true }
     }
 

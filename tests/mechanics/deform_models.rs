@@ -65,7 +65,7 @@ const TWO_PARTS: ModelEntry = ModelEntry {
     frame: Frame::MeanMotion,
     energy: None,
     turn_limits_deg: [0.0; 2],
-    kind: Kind::Online(|_| Box::new(TwoParts)),
+    kind: Kind::Online(|_| Ok(Box::new(TwoParts))),
 };
 
 impl DeformationModel for TwoParts {

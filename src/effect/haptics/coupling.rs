@@ -10,10 +10,7 @@
 //! The minimum over the hold is a function of the handle's place alone, so its gradient does no work around a closed path.
 //! A push that were clipped to its limit would do work if a body is stiffer in one direction than in another.
 
-use nalgebra::{Isometry3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector6};
-
-/// The derivative of the held element's twelve coefficients by the handle's motion (v, ω), m and rad of the device.
-pub type Jacobian = SMatrix<f64, 12, 6>;
+use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector6};
 
 /// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ reduces
 /// every λ greater than k, the stiffness that friction bears, to k.

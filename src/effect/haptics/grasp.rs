@@ -1,13 +1,12 @@
 //! What a frame passes to the haptic loop: the held element, how it is held, and the poses of the others.
 
-use super::coupling::Jacobian;
 use super::device::Push;
-use super::elastic::{Response, axial};
-use crate::deform::ControlPose;
+use super::elastic::{Elastic, ElasticResponse};
+use crate::deform::{ControlPose, axial};
 use crate::interact::Carrying;
 use crate::stage::Haptic;
 use nalgebra::{
-    Isometry3, Matrix3, Matrix4, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3, Vector6,
+    Isometry3, Matrix3, Matrix4, Matrix6, Similarity3, Translation3, UnitQuaternion, Vector3, Vector6,
 };
 
 /// Written in every frame; the loop takes the newest.
@@ -17,6 +16,8 @@ pub struct Grasp {
     pub held: Option<Held>,
     /// Poses of all control elements of the held body.
     pub poses: Vec<ControlPose>,
+    /// And the turns by which they came there.
+    pub turns: Vec<UnitQuaternion<f64>>,
     /// The hand's pose in the room, for a simulated device.
     pub room_from_hand: Option<Isometry3<f64>>,
 }
@@ -31,8 +32,6 @@ pub struct Held {
     pub element: usize,
     pub room_from_body: Similarity3<f64>,
     pub constraint: HoldConstraint,
-    /// The body's mean rotation in this frame, from which the loop follows it.
-    pub mean: Rotation3<f64>,
 }
 
 /// How the held element's motion depends on the handle's.
@@ -49,6 +48,9 @@ pub enum HoldConstraint {
 /// The step of the central differences along [`HoldConstraint::Carried`], m and rad: for hands 0.1 m apart the error is
 /// below a millionth.
 const STEP: f64 = 1e-4;
+
+/// The step of the central differences of the push, rad, and as a part of the body's size.
+const DIFFERENCE: f64 = 1e-4;
 
 /// The handle's pose in the room, with translations multiplied by `motion`.
 pub fn room_from_handle(haptic: &Haptic, device_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
@@ -132,12 +134,12 @@ impl Held {
 
     /// The body's push on the hand, in the device's frame: minus the gradient of its energy, by virtual work. A newton of the
     /// body becomes `force` newtons in the hand, and the torque is scaled to match, so that no energy is generated.
-    pub fn push(&self, haptic: &Haptic, reach: &Reach, response: &Response) -> Option<Push> {
+    pub fn push(&self, haptic: &Haptic, reach: &Reach, response: &ElasticResponse) -> Option<Push> {
         let body = &self.room_from_body;
         let [force, torque] = match &self.constraint {
             HoldConstraint::Rigid(_) => {
-                let force = body.isometry.rotation * response.slope;
-                let matrix = response.slope_matrix * reach.pose.matrix.transpose();
+                let force = body.isometry.rotation * response.slope.translation;
+                let matrix = response.slope.matrix * reach.pose.matrix.transpose();
                 let moment = body.isometry.rotation * axial(&matrix);
                 [force, reach.arm.cross(&force) + moment * body.scaling()]
             }
@@ -145,8 +147,8 @@ impl Held {
                 let body_from_room = self.body_from_room() * body.scaling();
                 let work = |k: usize| {
                     let (origin, linear) = way.slope(&reach.room_from_handle, k)?;
-                    let of_origin = response.slope.dot(&(body_from_room * origin));
-                    Some(of_origin + response.slope_matrix.dot(&(body_from_room * linear)))
+                    let of_origin = response.slope.translation.dot(&(body_from_room * origin));
+                    Some(of_origin + response.slope.matrix.dot(&(body_from_room * linear)))
                 };
                 let three =
                     |first: usize| Some(Vector3::new(work(first)?, work(first + 1)?, work(first + 2)?));
@@ -165,24 +167,36 @@ impl Held {
         haptic.force * self.room_from_body.scaling() / haptic.motion
     }
 
-    /// The derivative of the element's coefficients by the handle's motion, in the frame of the body's current mean rotation.
-    pub fn jacobian(&self, haptic: &Haptic, reach: &Reach, mean: &Rotation3<f64>) -> Option<Jacobian> {
-        let surface_from_room = mean.matrix().transpose() * self.body_from_room();
-        let room_from_device = haptic.room_from_device.rotation.to_rotation_matrix();
-        let mut in_room = Jacobian::zeros();
+    /// The body's stiffness K at the handle, N/m, N and N·m of the device: minus the derivatives of the push by the handle's
+    /// motion (v, ω), by central differences. It is the Hessian of the energy, with what the turning of the element itself
+    /// adds, and may have negative eigenvalues where the body gives way.
+    pub fn stiffness(
+        &self,
+        haptic: &Haptic,
+        handle: &Isometry3<f64>,
+        body: &mut Elastic,
+    ) -> Option<Matrix6<f64>> {
+        let pose = body.held_pose();
+        // A metre of the device is `motion` of the room's, of which the body has 1/scaling.
+        let size = body.origin().norm().max(0.01) * self.room_from_body.scaling() / haptic.motion;
+        let mut stiffness = Matrix6::zeros();
         for k in 0..6 {
-            let (origin, linear) = self.constraint.slope(&reach.room_from_handle, k)?;
-            let (origin, linear) = (surface_from_room * origin, surface_from_room * linear);
-            in_room.fixed_view_mut::<3, 1>(0, k).copy_from(&origin);
-            for (i, slope) in linear.transpose().iter().enumerate() {
-                in_room[(3 + i, k)] = *slope;
-            }
+            let step = if k < 3 { DIFFERENCE * size } else { DIFFERENCE };
+            let mut push_at = |by: f64| {
+                let mut motion = Vector6::<f64>::zeros();
+                motion[k] = by;
+                let turn = UnitQuaternion::from_scaled_axis(motion.fixed_rows::<3>(3).into_owned());
+                let place = handle.translation.vector + motion.fixed_rows::<3>(0);
+                let moved = Isometry3::from_parts(Translation3::from(place), turn * handle.rotation);
+                let reach = self.reach(&room_from_handle(haptic, &moved), &body.origin())?;
+                let response = body.respond(&reach.pose);
+                Some(self.push(haptic, &reach, &response)?.stacked())
+            };
+            let slope = (push_at(-step)? - push_at(step)?) / (2.0 * step);
+            stiffness.set_column(k, &slope);
         }
-        // A metre of the device is `motion` metres of the handle in the room.
-        let mut of_device = Jacobian::zeros();
-        let (v, w) = (in_room.fixed_view::<12, 3>(0, 0), in_room.fixed_view::<12, 3>(0, 3));
-        of_device.fixed_view_mut::<12, 3>(0, 0).copy_from(&(v * room_from_device.matrix() * haptic.motion));
-        of_device.fixed_view_mut::<12, 3>(0, 3).copy_from(&(w * room_from_device.matrix()));
-        Some(of_device)
+        body.respond(&pose);
+        let symmetric = (stiffness + stiffness.transpose()) * 0.5;
+        symmetric.iter().all(|k| k.is_finite()).then_some(symmetric)
     }
 }

@@ -19,6 +19,7 @@ use super::vrpn::VrpnDevice;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::seconds;
+use crate::deform::Deformer;
 use crate::green::STIFFNESS;
 use crate::interact::Mode;
 use crate::stage::{Haptic, HapticDevice, Stage};
@@ -91,6 +92,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: "haptics",
     summary: "force and torque on every control element, from the 12E × 12E handle stiffness; felt with a device of the stage",
     requirements: &[STIFFNESS],
+    needs_energy: true,
     precompute: None,
     attach: Some(show_forces),
     start: Some(|listed, world| {
@@ -110,20 +112,19 @@ fn show_forces(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn 
 impl HapticSession {
     /// Starts the loops; `None` where the stage has no force device.
     pub fn start(listed: &Listed<'_>, world: &World) -> Result<Option<HapticSession>, Failure> {
-        let (mut bodies, mut elastic) = (Vec::new(), Vec::new());
-        for &(b, name) in &listed.bodies {
-            let Some(stiffness) = listed.file.stiffness(name) else { continue };
-            let made = Elastic::new(&world.bodies[b].model, &stiffness, &world.bodies[b].deformer.controls);
-            elastic.push(made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))?);
-            bodies.push(b);
-        }
+        let bodies: Vec<usize> = listed.bodies.iter().map(|&(b, _)| b).collect();
         if bodies.is_empty() || world.stage.haptics.is_empty() {
             return Ok(None);
         }
         let link = |haptic: &Haptic| {
             let stylus = stylus_number(haptic, &world.stage)?;
             let device = open(haptic)?;
-            let control = Control::new(haptic.clone(), elastic.clone(), device.latency_s());
+            let elastic = listed.bodies.iter().map(|&(b, name)| {
+                let made = Elastic::of(&world.bodies[b].deformer);
+                made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))
+            });
+            let elastic = elastic.collect::<Result<Vec<_>, _>>()?;
+            let control = Control::new(haptic.clone(), elastic, device.latency_s());
             let running = Loop::start(control, device).map_err(Failure::work)?;
             notice!("haptic {}: {}, {} Hz", haptic.name, running.device, haptic.rate_hz);
             Ok(Link {
@@ -154,12 +155,17 @@ impl HapticSession {
     fn tell(&mut self, world: &World) {
         for link in &mut self.links {
             let held = link.held(world);
-            let poses = held.map(|held| &world.bodies[link.bodies[held.body]].deformer.poses);
+            let body = held.map(|held| &world.bodies[link.bodies[held.body]].deformer);
             let room_from_hand = link.room_from_hand;
             link.running.tell(|grasp| {
                 (grasp.held, grasp.room_from_hand) = (held, room_from_hand);
                 grasp.poses.clear();
-                grasp.poses.extend(poses.into_iter().flatten());
+                grasp.poses.extend(body.into_iter().flat_map(|body| &body.poses));
+                grasp.turns.clear();
+                let turn = |body: &Deformer, e| body.turn(e).quaternion;
+                grasp
+                    .turns
+                    .extend(body.into_iter().flat_map(|b| (0..b.poses.len()).map(move |e| turn(b, e))));
             });
             link.warn(world, held.as_ref());
         }
@@ -210,7 +216,7 @@ impl RunningEffect for HapticSession {
                 (jumps, "with a jump"),
                 (backward, "with an older reading"),
                 (unattended, "without news of the frame"),
-                (undefined, "without a mean rotation"),
+                (undefined, "without a frame or equilibrium of the body"),
                 (malformed, "messages not understood"),
             ];
             let seen: Vec<String> = faults
@@ -279,7 +285,6 @@ impl Link {
             element,
             room_from_body: body.room_from_body,
             constraint: hold.way,
-            mean: body.deformer.body_from_surface().rotation.to_rotation_matrix(),
         })
     }
 

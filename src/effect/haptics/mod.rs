@@ -27,7 +27,7 @@ pub mod tick;
 pub mod vrpn;
 
 pub use device::{Device, Push, Reading, SampleInfo};
-pub use elastic::{Elastic, Response};
+pub use elastic::{Elastic, ElasticResponse};
 pub use grasp::{Grasp, Held, HoldConstraint};
 pub use haply::Haply;
 pub use haptic_source::HapticSource;

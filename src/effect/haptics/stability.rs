@@ -10,9 +10,9 @@ use super::grasp::{Grasp, Held, HoldConstraint};
 use super::simulated::{Hand, Simulated};
 use super::tick::{Control, Measures, RAMP_S};
 use crate::deform::{ControlPose, ControlRest};
-use crate::green::FIELDS;
+use crate::green::{FIELDS, STIFFNESS};
 use crate::stage::Haptic;
-use nalgebra::{DMatrix, Isometry3, Matrix4, Rotation3, Similarity3, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Vector3};
 
 /// Where the handle is released, m.
 pub const START_M: f64 = 5e-3;
@@ -139,7 +139,9 @@ pub fn boundary(haptic: &Haptic, hand: Hand, measures: Measures) -> Option<f64> 
 pub(super) fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)> {
     let matrix = DMatrix::from_fn(FIELDS, FIELDS, |i, j| if i == j && i < 3 { stiffness } else { 0.0 });
     let rest = ControlRest { name: "spring".into(), origin: Vector3::zeros(), nodes: 1 };
-    let body = Elastic::new("linear", &matrix, &[rest]).ok()?;
+    let body =
+        Elastic::of_tables("linear", &[rest], &|name| (name == STIFFNESS.name).then(|| matrix.clone()))
+            .ok()?;
     let control = Control::new(haptic.clone(), vec![body], 0.0);
     let held = Held {
         grip: 1,
@@ -147,7 +149,6 @@ pub(super) fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)
         element: 0,
         room_from_body: Similarity3::identity(),
         constraint: HoldConstraint::Rigid(Matrix4::identity()),
-        mean: Rotation3::identity(),
     };
-    Some((control, Grasp { held: Some(held), poses: vec![ControlPose::REST], room_from_hand: None }))
+    Some((control, Grasp { held: Some(held), poses: vec![ControlPose::REST], ..Grasp::default() }))
 }

@@ -27,7 +27,8 @@ pub const UNATTENDED_S: f64 = 0.2;
 pub const SLEW_S: f64 = 0.001;
 /// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
-/// The coupling is updated after the handle or the body has turned by this angle, rad,
+/// The coupling is updated after the handle or a control element has turned by this angle, rad, or moved by this part of
+/// the body,
 pub const TURNED: f64 = 0.1;
 /// or when the lag of the force has changed by this factor.
 const SLOWER: f64 = 1.01;
@@ -69,7 +70,7 @@ pub struct LoopFaults {
     pub backward: u64,
     /// Something is held, but no frame has come for [`UNATTENDED_S`].
     pub unattended: u64,
-    /// The mean rotation could not be followed, so the force is that of an earlier one.
+    /// The body's frame or equilibrium was not found, so the force is that of an earlier one.
     pub undefined: u64,
 }
 
@@ -114,8 +115,8 @@ pub struct Control {
     /// The hold's pose in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
-    /// Rotations of handle and body, and the lag of the force, s, at the last update of the coupling.
-    coupled_at: Option<([UnitQuaternion<f64>; 2], f64)>,
+    /// Rotation of the handle, and the lag of the force, s, at the last update of the coupling.
+    coupled_at: Option<(UnitQuaternion<f64>, f64)>,
     /// The state of the coupling, with the push before the gain.
     give: CouplingState,
     /// Stored energy at the last reading; `None` if the next one belongs to another potential.
@@ -183,18 +184,14 @@ impl Control {
         let body = &mut self.bodies[held.body];
         let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
         body.set(held.element, &grasp.poses);
+        // The loop follows the turn of what it holds by itself.
+        for (e, turn) in grasp.turns.iter().enumerate().filter(|(e, _)| is_new || *e != held.element) {
+            body.set_turn(e, *turn);
+        }
         // The other hand of this hold moved the element too.
         let reach = |at: Isometry3<f64>| held.reach(&at, &body.origin());
         let moved = self.hold_at.filter(|_| !is_new).and_then(reach).map(|reach| reach.pose);
         let pose = moved.or(pose);
-        // The loop follows another branch of the mean rotation, or has lost it: take the frame's.
-        if is_new || body.mean().angle_to(&held.mean) > 0.5 {
-            body.set_mean(held.mean);
-            if !is_new {
-                self.end();
-            }
-        }
-        let body = &mut self.bodies[held.body];
         let Some(pose) = pose.filter(|pose| pose.is_finite()) else { return };
         // Energy that another hand has put into the body since the last frame is not this hand's.
         let energy = body.respond(&pose).energy;
@@ -337,8 +334,8 @@ impl Control {
                 self.state.faults.absurd += 1;
                 return None;
             }
-            self.state.faults.undefined += u64::from(response.rotation_undefined);
-            is_unsettled = response.rotation_undefined || self.give.is_on_the_way;
+            self.state.faults.undefined += u64::from(!response.is_defined);
+            is_unsettled = !response.is_defined || self.give.is_on_the_way;
             if !self.give.is_on_the_way {
                 break;
             }
@@ -399,14 +396,13 @@ impl Control {
         self.state.observer.moved(&given.push, given.gain * (stored - before), &motion, damping);
     }
 
-    /// Makes the coupling for a new hold. Updates it when handle or body have turned, since its directions turn with them, and
+    /// Makes the coupling for a new hold. Updates it when handle or body have moved, since the stiffness moves with them, and
     /// when the lag of the force has changed; the energy stored before then belongs to another potential.
     fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
         let (period_s, age_s, lag_s) = (self.period_s(), self.age_s(), self.lag_s());
         let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
-        let mean = UnitQuaternion::from_rotation_matrix(&body.mean());
-        if let Some(([last, last_mean], last_s)) = &self.coupled_at {
-            let is_turned = last.angle_to(&handle.rotation).max(last_mean.angle_to(&mean)) >= TURNED;
+        if let Some((last, last_s)) = &self.coupled_at {
+            let is_turned = last.angle_to(&handle.rotation).max(body.moved()) >= TURNED;
             let change = (lag_s / last_s).max(last_s / lag_s);
             if !is_turned && change < SLOWER {
                 return Some(());
@@ -417,12 +413,10 @@ impl Control {
         } else {
             self.give = CouplingState::default();
         }
-        self.coupled_at = Some(([handle.rotation, mean], lag_s));
+        self.coupled_at = Some((handle.rotation, lag_s));
         self.stored = None;
-        let reach = held.reach(&room_from_handle(haptic, handle), &body.origin())?;
-        let jacobian = held.jacobian(haptic, &reach, &body.mean())?;
-        // At the handle, in N/m, N and N·m.
-        let stiffness = jacobian.transpose() * body.held_block() * jacobian * held.energy_scale(haptic);
+        body.mark();
+        let stiffness = held.stiffness(haptic, handle, body)?;
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, period_s, age_s);

@@ -19,6 +19,7 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: AFFINE,
     holds: "displacements of the surface for the twelve unit affine motions of each control element",
     compute: None,
+    solves: false,
     write,
     check,
     groups,

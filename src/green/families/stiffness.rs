@@ -6,15 +6,14 @@ use super::super::control::FIELDS;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
-use super::super::numbers::numbers;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::super::tensor::Tensor;
 use super::affine::AFFINE;
+use super::table;
 use crate::fem::{NodeFields, Partition, StiffnessMatrix};
 use crate::solve::Progress;
 use nalgebra::DMatrix;
-use safetensors::tensor::Dtype;
 use std::time::Instant;
 
 pub const STIFFNESS: Family = Family { name: "stiffness", from: &[AFFINE] };
@@ -23,6 +22,7 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: STIFFNESS,
     holds: "the 12E × 12E handle stiffness S: forces and moments on the control elements",
     compute: Some(compute),
+    solves: false,
     write,
     check,
     groups: |_, _| Vec::new(),
@@ -47,7 +47,7 @@ fn compute(
     let s = element.energies(mesh, assembled.lame, fields).map_err(unfit)?;
     solution.asymmetry = Some(reciprocity(assembled.k, assembled.partition, fields));
     solution.tables.insert(STIFFNESS.name, s);
-    solution.times.stiffness_s = started.elapsed().as_secs_f64();
+    solution.times.stiffness_s += started.elapsed().as_secs_f64();
     progress.end();
     Ok(())
 }
@@ -75,17 +75,13 @@ fn reciprocity(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFields) 
 
 fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     meta.accuracy.asymmetry = body.solution.asymmetry;
-    let tensor = |s: &DMatrix<f64>| Tensor::new(&[s.nrows(), s.ncols()], s.iter().copied());
-    body.solution.stiffness().map(|s| ("stiffness".to_owned(), tensor(s))).into_iter().collect()
+    table::write(body, STIFFNESS.name)
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     let fields = FIELDS * body.controls.len();
-    file.expect(&format!("{name}/stiffness"), Dtype::F64, &[fields, fields])?;
-    let Some(s) = file.stiffness(name) else { return Ok(()) };
-    let tensor = format!("tensor {name}/stiffness");
-    numbers(&tensor, s.iter().copied(), f64::MAX)?;
-    let largest = s.amax();
+    let s = table::check(file, name, STIFFNESS.name, [fields, fields])?;
+    let (tensor, largest) = (format!("tensor {name}/stiffness"), s.amax());
     for j in 0..s.ncols() {
         for i in 0..j {
             if (s[(i, j)] - s[(j, i)]).abs() > SYMMETRY * largest {
@@ -110,9 +106,6 @@ impl Solution {
 impl GreenFile {
     /// The handle stiffness S, where the scene required it.
     pub fn stiffness(&self, body: &str) -> Option<DMatrix<f64>> {
-        self.meta.bodies.get(body).filter(|meta| meta.requirements.has(STIFFNESS))?;
-        let name = format!("{body}/stiffness");
-        let (_, shape, _) = self.tensors.get(&name)?;
-        Some(DMatrix::from_column_slice(shape[0], shape[1], self.slice(&name)))
+        self.table(body, STIFFNESS.name)
     }
 }

@@ -4,7 +4,7 @@ use super::ladder::MeshLadder;
 use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
-use crate::green::{self, Requirements, STIFFNESS, Solution};
+use crate::green::{self, CUBIC, Requirements, STIFFNESS, Solution};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Generate, Scene, Storage};
 use crate::solve::{Progress, SOLVERS, Solver};
@@ -155,7 +155,7 @@ pub fn solved(
     let element = scene.body[request.body].element;
     let mut times = Vec::new();
     loop {
-        let solution = green::solve(scene, request.body, &Requirements::of(&[STIFFNESS]), progress)?;
+        let solution = green::solve(scene, request.body, &Requirements::of(&[STIFFNESS, CUBIC]), progress)?;
         times.push(solution.offline_s());
         // Short times scatter, so they are measured three times.
         if times.len() == 3 || times[0] > 1.0 || request.quick {

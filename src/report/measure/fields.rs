@@ -1,9 +1,8 @@
 //! The displacement field of one setting in one pose, over all nodes.
 
 use crate::base::columns::{Storage, StoredColumns};
-use crate::deform::{ControlPose, ControlPoses, ControlRest, Kind, ModelEntry, Wrench, wrenches};
+use crate::deform::{ControlPose, ControlPoses, ModelEntry, PoseSlope, Wrench, model_of};
 use crate::green::Solution;
-use crate::mesh::quality;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// The output of a model for a pose: coefficients, and the rigid motion about `centre` that it separated from them.
@@ -11,6 +10,8 @@ pub struct ModelOutput {
     pub coefficients: Vec<f64>,
     pub motion: Isometry3<f64>,
     pub centre: Vector3<f64>,
+    /// About the origins of the solution's control elements, where the model has an energy.
+    pub wrenches: Option<Vec<Wrench>>,
 }
 
 /// The same affine motions about the origins of another discretisation, whose control elements hold other nodes:
@@ -29,18 +30,19 @@ pub fn origins(solution: &Solution) -> Vec<Vector3<f64>> {
 
 /// Evaluates an online model; `None` for other models, and where its mean rotation is not defined.
 pub fn evaluate(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -> Option<ModelOutput> {
-    let Kind::Online(make) = &model.kind else { return None };
-    let (low, high) = quality::bounding_box(&solution.mesh.nodes);
-    let centre = low + (high - low) * 0.5;
-    let rest = |control: &crate::green::ControlElement| ControlRest {
-        name: control.name.clone(),
-        origin: control.origin - centre,
-        nodes: control.nodes.len(),
-    };
-    let controls: Vec<ControlRest> = solution.controls.iter().map(rest).collect();
-    let made = make(&controls).state(poses);
-    let motion = made.body_from_surface();
-    (!made.rotation_undefined).then_some(ModelOutput { coefficients: made.coefficients, motion, centre })
+    let (mut made, centre) = model_of(model, solution).ok()?;
+    let state = made.state(poses);
+    let mut slopes = vec![PoseSlope::default(); poses.len()];
+    let response = made.respond(poses, &mut slopes).filter(|response| response.is_defined);
+    let wrench = |(slope, pose)| Wrench::of(slope, pose);
+    let wrenches = response.map(|_| slopes.iter().zip(poses).map(wrench).collect());
+    let motion = state.body_from_surface();
+    (!state.rotation_undefined).then_some(ModelOutput {
+        coefficients: state.coefficients,
+        motion,
+        centre,
+        wrenches,
+    })
 }
 
 /// The same for poses about the origins `about`.
@@ -96,14 +98,10 @@ pub fn wrenches_about(
     output: &ModelOutput,
     about: &[Vector3<f64>],
 ) -> Option<Vec<Wrench>> {
-    let stiffness = solution.stiffness()?;
-    let (own, _) = wrenches(stiffness, &output.coefficients, output.motion.rotation);
-    let moved =
-        |((wrench, control), about): ((&Wrench, &crate::green::ControlElement), &Vector3<f64>)| Wrench {
-            force: wrench.force,
-            moment: wrench.moment + (output.motion.rotation * (control.origin - about)).cross(&wrench.force),
-        };
-    Some(own.iter().zip(&solution.controls).zip(about).map(moved).collect())
+    let moved = |((wrench, control), about): ((&Wrench, &crate::green::ControlElement), &Vector3<f64>)| {
+        Wrench { force: wrench.force, moment: wrench.moment + (control.origin - about).cross(&wrench.force) }
+    };
+    Some(output.wrenches.as_ref()?.iter().zip(&solution.controls).zip(about).map(moved).collect())
 }
 
 /// a - b, node by node.

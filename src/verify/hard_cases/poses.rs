@@ -3,8 +3,8 @@
 use super::case::{Asked, CaseRow, CaseRows, Must, Outcome, base, largest};
 use crate::base::columns::ColumnGroup;
 use crate::deform::{
-    CATCH_UP, ControlPose, ControlPoses, ControlRest, JUMP, Kind, PoseFault, PoseLimiter, STRETCH,
-    Superposition, find_model,
+    CATCH_UP, ControlPose, ControlPoses, ControlRest, JUMP, Kind, ModelInput, PoseFault, PoseLimiter,
+    STRETCH, Superposition, find_model,
 };
 use crate::fem::nearest_turn;
 use crate::green::{FIELDS, Solution};
@@ -84,7 +84,16 @@ impl Online {
         poses: impl Iterator<Item = ControlPoses>,
     ) -> Vec<(Vec<Vector3<f64>>, bool)> {
         let Ok(Kind::Online(make)) = find_model(name).map(|entry| &entry.kind) else { return Vec::new() };
-        let (mut model, mut u) = (make(&self.controls), SurfaceDisplacements::zeros(self.rest.len()));
+        let none = |_| Vec::new();
+        let input = ModelInput {
+            controls: &self.controls,
+            rest: &[],
+            triangles: &[],
+            control_nodes: &none,
+            table: &|_| None,
+        };
+        let Ok(mut model) = make(&input) else { return Vec::new() };
+        let mut u = SurfaceDisplacements::zeros(self.rest.len());
         let groups: Vec<ColumnGroup> = self.columns.iter().map(|columns| ColumnGroup::F32(columns)).collect();
         let place = |u: &SurfaceDisplacements| -> Vec<Vector3<f64>> {
             let moved = self.rest.iter().zip(&u.u).map(|(x, u)| x + Vector3::from(*u).cast::<f64>());
