@@ -1,6 +1,6 @@
 //! The strain energy of a St. Venant–Kirchhoff body whose displacements are sums of a few fields: an exact quartic.
 //!
-//! In: linear tetrahedra and n fields h_a over all nodes. Out: the coefficients w of
+//! In: a body's integration points and n fields h_a over all nodes. Out: the coefficients w of
 //!
 //! ```text
 //! u = Σ z_a h_a    H = Σ z_a H_a    E = Σ_ab z_a z_b E_ab    E_a0 = ¼ (H_a + H_aᵀ)    E_ab = ¼ (H_aᵀH_b + H_bᵀH_a)
@@ -11,8 +11,8 @@
 
 use super::fields::NodeFields;
 use super::lame::Lame;
-use super::tet4::Geometry;
-use nalgebra::{DMatrix, DMatrixView, Matrix3, Vector3};
+use super::rest_points::{RestPoint, RestPoints};
+use nalgebra::{DMatrix, DMatrixView};
 use rayon::prelude::*;
 
 /// A homogeneous quartic of so many numbers z: one coefficient for each a ≤ b ≤ c ≤ d, ordered by d, then c, b and a.
@@ -52,9 +52,9 @@ impl QuarticShape {
     }
 }
 
-/// Tetrahedra whose strains are multiplied at a time.
+/// Points whose strains are multiplied at a time.
 const BLOCK: usize = 64;
-/// Panels of columns that are computed in parallel. Each sums over the tetrahedra in their order, so that the bits do not
+/// Panels of columns that are computed in parallel. Each sums over the points in their order, so that the bits do not
 /// depend on the number of threads.
 const PANELS: usize = 16;
 
@@ -68,37 +68,9 @@ fn orders(sorted: [usize; 4]) -> f64 {
     count
 }
 
-/// A body of linear tetrahedra at rest.
-#[derive(Clone, Copy)]
-pub struct RestBody<'a> {
-    pub tets: &'a [[u32; 4]],
-    pub geometry: &'a [Geometry],
-    pub lame: &'a [Lame],
-}
-
-impl RestBody<'_> {
-    /// H of tetrahedron `tet` in every field.
-    pub fn gradients(&self, tet: usize, fields: &NodeFields, out: &mut Vec<Matrix3<f64>>) {
-        let (nodes, element) = (&self.tets[tet], &self.geometry[tet]);
-        out.clear();
-        out.resize(fields.columns, Matrix3::zeros());
-        for a in 1..4 {
-            for axis in 0..3 {
-                let u = fields.row(3 * nodes[a] as usize + axis);
-                let u0 = fields.row(3 * nodes[0] as usize + axis);
-                let g = element.gradients[a];
-                for ((h, u), u0) in out.iter_mut().zip(u).zip(u0) {
-                    let moved = u - u0;
-                    h[(axis, 0)] += moved * g.x;
-                    h[(axis, 1)] += moved * g.y;
-                    h[(axis, 2)] += moved * g.z;
-                }
-            }
-        }
-    }
-
+impl RestPoints {
     /// The coefficients w of the energy of Σ z_a h_a, J, as [`QuarticShape`] orders them, its first z being 1; `advance` is
-    /// told of every tetrahedron.
+    /// told of every point.
     pub fn quartic(&self, fields: &NodeFields, advance: &dyn Fn(u64)) -> Vec<f64> {
         let shape = QuarticShape { variables: fields.columns + 1 };
         let products = self.pair_products(fields, shape, advance);
@@ -128,14 +100,15 @@ impl RestBody<'_> {
                 DMatrix::zeros(pairs - start, width.min(pairs - start))
             })
             .collect();
-        let mut tets = 0..self.tets.len();
+        let mut rest = self.points.as_slice();
         let mut rows = vec![0.0; 6 * BLOCK * pairs];
-        while !tets.is_empty() {
-            let block = tets.start..tets.end.min(tets.start + BLOCK);
+        while !rest.is_empty() {
+            let (block, others) = rest.split_at(BLOCK.min(rest.len()));
             let count = block.len();
-            rows[..6 * count * pairs].par_chunks_mut(6 * pairs).zip(block).for_each(|(rows, tet)| {
-                self.pair_strains(tet, fields, shape, rows);
-            });
+            rows[..6 * count * pairs]
+                .par_chunks_mut(6 * pairs)
+                .zip(block)
+                .for_each(|(rows, point)| pair_strains(point, fields, shape, rows));
             let strains = DMatrixView::from_slice(&rows[..6 * count * pairs], pairs, 6 * count);
             let turned = strains.transpose();
             panels.par_iter_mut().enumerate().for_each(|(panel, sum)| {
@@ -144,7 +117,7 @@ impl RestBody<'_> {
                 sum.gemm(1.0, &low, &columns, 1.0);
             });
             advance(count as u64);
-            tets.start += count;
+            rest = others;
         }
         let mut whole = DMatrix::zeros(pairs, pairs);
         for (panel, sum) in panels.iter().enumerate() {
@@ -158,79 +131,50 @@ impl RestBody<'_> {
         }
         whole
     }
+}
 
-    /// Six rows of the strains E_ab of all pairs, weighted so that the sum of the products of two pairs' numbers is vol E:C:E:
-    /// of C = 2μ I + λ 1⊗1 on the normal strains the root, √2μ I + β 1⊗1; on the shear strains √4μ.
-    fn pair_strains(&self, tet: usize, fields: &NodeFields, shape: QuarticShape, rows: &mut [f64]) {
-        let mut h = Vec::new();
-        self.gradients(tet, fields, &mut h);
-        let (Lame { lambda, mu }, volume) = (self.lame[tet], self.geometry[tet].volume);
-        let root = (2.0 * mu * volume).sqrt();
-        let beta = (((3.0 * lambda + 2.0 * mu) * volume).sqrt() - root) / 3.0;
-        let shear = root * std::f64::consts::SQRT_2;
-        let pairs = shape.pairs();
-        let mut put = |pair: usize, strain: [f64; 6]| {
-            let trace = beta * (strain[0] + strain[1] + strain[2]);
-            for axis in 0..3 {
-                rows[axis * pairs + pair] = root * strain[axis] + trace;
-                rows[(3 + axis) * pairs + pair] = shear * strain[3 + axis];
-            }
-        };
-        put(0, [0.0; 6]);
-        for b in 1..shape.variables {
-            let hb = &h[b - 1];
-            let twice = |i: usize, j: usize| 0.25 * (hb[(i, j)] + hb[(j, i)]);
-            put(shape.pair(0, b), [
-                twice(0, 0),
-                twice(1, 1),
-                twice(2, 2),
-                twice(1, 2),
-                twice(0, 2),
-                twice(0, 1),
-            ]);
-            for a in 1..=b {
-                let ha = &h[a - 1];
-                let product = |i: usize, j: usize| -> f64 {
-                    0.25 * (0..3).map(|k| ha[(k, i)] * hb[(k, j)] + ha[(k, j)] * hb[(k, i)]).sum::<f64>()
-                };
-                put(shape.pair(a, b), [
-                    product(0, 0),
-                    product(1, 1),
-                    product(2, 2),
-                    product(1, 2),
-                    product(0, 2),
-                    product(0, 1),
-                ]);
-            }
+/// Six rows of the strains E_ab of all pairs, weighted so that the sum of the products of two pairs' numbers is vol E:C:E:
+/// of C = 2μ I + λ 1⊗1 on the normal strains the root, √2μ I + β 1⊗1; on the shear strains √4μ.
+fn pair_strains(point: &RestPoint, fields: &NodeFields, shape: QuarticShape, rows: &mut [f64]) {
+    let mut h = Vec::new();
+    point.gradients_of(fields, &mut h);
+    let (Lame { lambda, mu }, volume) = (point.lame, point.volume);
+    let root = (2.0 * mu * volume).sqrt();
+    let beta = (((3.0 * lambda + 2.0 * mu) * volume).sqrt() - root) / 3.0;
+    let shear = root * std::f64::consts::SQRT_2;
+    let pairs = shape.pairs();
+    let mut put = |pair: usize, strain: [f64; 6]| {
+        let trace = beta * (strain[0] + strain[1] + strain[2]);
+        for axis in 0..3 {
+            rows[axis * pairs + pair] = root * strain[axis] + trace;
+            rows[(3 + axis) * pairs + pair] = shear * strain[3 + axis];
         }
-    }
-
-    /// -∂²f/∂p∂q at rest over all nodes for pairs (p, q) of fields, N: what the second-order fields w_pq are driven by,
-    ///
-    /// ```text
-    /// K w_pq = -Σ vol (C:sym(H_pᵀH_q) + H_p S_q + H_q S_p) G_a        S_p = C:sym H_p
-    /// ```
-    pub fn second_order_loads(&self, fields: &NodeFields, pairs: &[[usize; 2]]) -> NodeFields {
-        let mut loads = NodeFields::zeros(fields.nodes, pairs.len());
-        let mut h = Vec::new();
-        let symmetric = |m: Matrix3<f64>| (m + m.transpose()) * 0.5;
-        for (tet, nodes) in self.tets.iter().enumerate() {
-            self.gradients(tet, fields, &mut h);
-            let (Lame { lambda, mu }, element) = (self.lame[tet], &self.geometry[tet]);
-            let stress = |strain: Matrix3<f64>| {
-                strain * (2.0 * mu) + Matrix3::from_diagonal_element(lambda * strain.trace())
+    };
+    put(0, [0.0; 6]);
+    for b in 1..shape.variables {
+        let hb = &h[b - 1];
+        let twice = |i: usize, j: usize| 0.25 * (hb[(i, j)] + hb[(j, i)]);
+        put(shape.pair(0, b), [
+            twice(0, 0),
+            twice(1, 1),
+            twice(2, 2),
+            twice(1, 2),
+            twice(0, 2),
+            twice(0, 1),
+        ]);
+        for a in 1..=b {
+            let ha = &h[a - 1];
+            let product = |i: usize, j: usize| -> f64 {
+                0.25 * (0..3).map(|k| ha[(k, i)] * hb[(k, j)] + ha[(k, j)] * hb[(k, i)]).sum::<f64>()
             };
-            let first: Vec<Matrix3<f64>> = h.iter().map(|h| stress(symmetric(*h))).collect();
-            for (column, &[p, q]) in pairs.iter().enumerate() {
-                let piola = stress(symmetric(h[p].transpose() * h[q])) + h[p] * first[q] + h[q] * first[p];
-                for (&node, gradient) in nodes.iter().zip(&element.gradients) {
-                    let force: Vector3<f64> = piola * gradient * element.volume;
-                    for axis in 0..3 {
-                        loads.row_mut(3 * node as usize + axis)[column] -= force[axis];
-                    }
-                }
-            }
+            put(shape.pair(a, b), [
+                product(0, 0),
+                product(1, 1),
+                product(2, 2),
+                product(1, 2),
+                product(0, 2),
+                product(0, 1),
+            ]);
         }
-        loads
     }
 }

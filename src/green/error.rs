@@ -16,6 +16,12 @@ pub enum GreenError {
     Assembly { body: String, source: AssemblyError },
     #[error("{body}: {source}")]
     Solve { body: String, source: SolveError },
+    #[error(
+        "{body}: has {count} control elements, and the models \"reduced\" and \"perturbation\" take {most} at most: the \
+         table of their energy grows with the fourth power of that number; write model = \"rotation\", or join elements \
+         that move together"
+    )]
+    TooManyControls { body: String, count: usize, most: usize },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
     #[error("{}: {source}", path.display())]
@@ -37,7 +43,7 @@ impl GreenError {
     pub fn is_request(&self) -> bool {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
-            GreenError::Assembly { .. } => true,
+            GreenError::Assembly { .. } | GreenError::TooManyControls { .. } => true,
             GreenError::Solve { .. } | GreenError::Memory { .. } => false,
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {

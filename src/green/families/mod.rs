@@ -1,12 +1,15 @@
 //! The list of column families.
 
 mod affine;
+mod columns;
 mod cubic;
+mod reduced;
 mod stiffness;
 mod table;
 
 pub use affine::AFFINE;
 pub use cubic::CUBIC;
+pub use reduced::{QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
 
 use super::family::FamilyEntry;
@@ -15,7 +18,7 @@ use crate::base::columns::ColumnGroup;
 
 /// All families, in the order in which they are computed and in which their columns are summed; a new one is one file and
 /// one line here.
-pub const FAMILIES: &[FamilyEntry] = &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY];
+pub const FAMILIES: &[FamilyEntry] = &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY, reduced::ENTRY];
 
 impl GreenFile {
     /// The groups of columns that are summed for a body, of all families that it requires.
