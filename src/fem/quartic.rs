@@ -154,27 +154,16 @@ fn pair_strains(point: &RestPoint, fields: &NodeFields, shape: QuarticShape, row
     for b in 1..shape.variables {
         let hb = &h[b - 1];
         let twice = |i: usize, j: usize| 0.25 * (hb[(i, j)] + hb[(j, i)]);
-        put(shape.pair(0, b), [
-            twice(0, 0),
-            twice(1, 1),
-            twice(2, 2),
-            twice(1, 2),
-            twice(0, 2),
-            twice(0, 1),
-        ]);
+        put(shape.pair(0, b), [twice(0, 0), twice(1, 1), twice(2, 2), twice(1, 2), twice(0, 2), twice(0, 1)]);
         for a in 1..=b {
             let ha = &h[a - 1];
             let product = |i: usize, j: usize| -> f64 {
                 0.25 * (0..3).map(|k| ha[(k, i)] * hb[(k, j)] + ha[(k, j)] * hb[(k, i)]).sum::<f64>()
             };
-            put(shape.pair(a, b), [
-                product(0, 0),
-                product(1, 1),
-                product(2, 2),
-                product(1, 2),
-                product(0, 2),
-                product(0, 1),
-            ]);
+            put(
+                shape.pair(a, b),
+                [product(0, 0), product(1, 1), product(2, 2), product(1, 2), product(0, 2), product(0, 1)],
+            );
         }
     }
 }

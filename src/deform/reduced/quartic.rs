@@ -55,18 +55,13 @@ impl Quartic {
         })
     }
 
-    pub fn variables(&self) -> usize {
-        self.shape.variables
-    }
-
     /// The triangle of (c, d): the coefficients of all a ≤ b ≤ c.
     fn of(&self, c: usize, d: usize) -> &[f64] {
         let start = self.shape.at([0, 0, c, d]);
         &self.coefficients[start..start + triangle(c + 1)]
     }
 
-    /// V, and its slopes against the first `active` of z. The others of z must be 0; those of `slopes` that are given beyond
-    /// `active` are computed too.
+    /// V, and its slopes against the first `active` of z; the others of z must be 0.
     pub fn slopes(&mut self, z: &[f64], active: usize, slopes: &mut [f64]) -> f64 {
         let mut at = 0;
         for (b, zb) in z[..active].iter().enumerate() {
@@ -95,15 +90,18 @@ impl Quartic {
                 at += 1;
             }
         }
-        for (d, slope) in slopes.iter_mut().enumerate().skip(active) {
-            *slope = (0..active)
-                .map(|c| {
-                    let own = self.of(c, d);
-                    dot(own, &self.products[..own.len()]) * z[c]
-                })
-                .sum();
+        0.25 * dot(&z[..active], slopes)
+    }
+
+    /// The slopes against the z behind the first `active`, which are 0. Where [`Quartic::slopes`] was asked last is near enough.
+    pub fn slopes_beyond(&self, z: &[f64], active: usize, slopes: &mut [f64]) {
+        for (d, slope) in (active..).zip(slopes) {
+            let of = |c: usize| {
+                let own = self.of(c, d);
+                dot(own, &self.products[..own.len()]) * z[c]
+            };
+            *slope = (0..active).map(of).sum();
         }
-        0.25 * dot(&z[..active], &slopes[..active])
     }
 
     /// Second derivatives against the first `active` of z, row by row into `second`; the others of z must be 0.
@@ -174,7 +172,8 @@ mod tests {
         for active in [6, 4] {
             let z: Vec<f64> = (0..n).map(|i| if i < active { (0.7 * i as f64).cos() } else { 0.0 }).collect();
             let (mut slopes, mut row, mut second) = (vec![0.0; n], vec![0.0; n], vec![0.0; active * active]);
-            let found = quartic.slopes(&z, active, &mut slopes);
+            let found = quartic.slopes(&z, active, &mut slopes[..active]);
+            quartic.slopes_beyond(&z, active, &mut slopes[active..]);
             assert!((found - value(&z)).abs() < 1e-13, "{found} {}", value(&z));
             let moved = |i: usize, by: f64| {
                 let mut z = z.clone();

@@ -124,7 +124,7 @@ fn basis(
     let of_second_order = (SECOND_ORDER_PART * most as f64).round() as usize;
     progress.begin("fields of second order", 0);
     let first = lifted_order(solution, &paths, 1);
-    let second = bend(assembled, points, &[first.clone()], progress)?;
+    let second = bend(assembled, points, std::slice::from_ref(&first), progress)?;
     let main = principal(assembled.k, &second, of_second_order);
     progress.end();
     progress.begin("fields of third order", 0);
@@ -216,12 +216,7 @@ fn lifted_order(solution: &Solution, paths: &[Path], k: usize) -> NodeFields {
 }
 
 /// The coefficients of an element's affine motion at a^k, with arm v: T = V(a ω)(v + a d) - v, M = exp(a \[ω\]).
-fn screw_order(
-    arm: &Vector3<f64>,
-    slide: &Vector3<f64>,
-    turn: &Vector3<f64>,
-    k: usize,
-) -> DVector<f64> {
+fn screw_order(arm: &Vector3<f64>, slide: &Vector3<f64>, turn: &Vector3<f64>, k: usize) -> DVector<f64> {
     // [ω]^n / n!
     let power = |n: usize| (1..=n).fold(Matrix3::identity(), |m, i| m * turn.cross_matrix() / i as f64);
     let translation = power(k) * arm / (k + 1) as f64 + power(k - 1) * slide / k as f64;

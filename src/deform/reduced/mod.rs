@@ -13,7 +13,6 @@ use super::frames::{ControlFrame, FrameSlope, PoseSlope, axial};
 use super::mean_frame::MeanFrame;
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
-use super::se3::halves;
 use crate::fem::QuarticShape;
 use crate::green::{AFFINE, FIELDS, Lift, QUARTIC, REDUCED};
 use equilibrium::ReducedBody;
@@ -54,8 +53,9 @@ impl Reduced {
     pub fn new(input: &ModelInput<'_>) -> Result<Reduced, String> {
         let elements = input.controls.len();
         let lift = Lift::of(elements);
-        let table = (input.table)(QUARTIC)
-            .ok_or_else(|| format!("the table {QUARTIC} is missing; run `greenstage precompute` on the scene"))?;
+        let table = (input.table)(QUARTIC).ok_or_else(|| {
+            format!("the table {QUARTIC} is missing; run `greenstage precompute` on the scene")
+        })?;
         let unfit = || format!("the table {QUARTIC} has {} numbers, which suits no fields", table.len());
         let others = lift.len() - lift.rigid;
         let is_of = |fields: &usize| QuarticShape { variables: 1 + lift.len() + fields }.len() == table.len();
@@ -101,9 +101,8 @@ impl Reduced {
             self.coefficients.rows_mut(FIELDS * e, FIELDS).copy_from_slice(&seen.coefficients());
         }
         self.coordinates.gemv_tr(1.0, &self.lift.columns, &self.coefficients, 0.0);
-        let (energy, is_found) = self.body.settle(self.coordinates.as_slice());
-        self.energy = if is_found { energy } else { self.energy };
-        is_found.then_some(())
+        self.energy = self.body.settle(self.coordinates.as_slice())?;
+        Some(())
     }
 
     /// ∂V by the poses from that by y.
