@@ -11,6 +11,7 @@ mod check;
 mod check_stage;
 mod convert;
 mod deform;
+mod forces;
 mod inspect;
 mod manual;
 mod marks;

@@ -1,5 +1,6 @@
 //! `greenstage verify`: compares the elements with published and analytic answers, and fits their rates of convergence.
 
+use super::forces;
 use super::marks;
 use super::print::print;
 use super::stability;
@@ -18,7 +19,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Problems to solve; default: all. Or `hard-cases`: bodies for which a solver can silently be wrong. Or `haptics`: the
-    /// stability of the force in the hand
+    /// stability of the force in the hand. Or `forces`: forces and shapes of the models at large rotations
     pub problems: Vec<String>,
     /// Solve each problem on one more, finer mesh; this takes some minutes
     #[arg(long, conflicts_with = "coarse")]
@@ -36,8 +37,10 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(path) = &args.readme {
-        let special =
-            args.problems.iter().find(|name| [stability::NAME, HARD_CASES].contains(&name.as_str()));
+        let special = args
+            .problems
+            .iter()
+            .find(|name| [stability::NAME, HARD_CASES, forces::NAME].contains(&name.as_str()));
         marks::try_between(
             path,
             special.filter(|_| args.problems.len() == 1).map_or("verify", String::as_str),
@@ -48,6 +51,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     if args.problems == [HARD_CASES] {
         return hard_cases(args);
+    }
+    if args.problems == [forces::NAME] {
+        return forces::run(args.json, args.readme.as_deref());
     }
     let effort = match (args.fine, args.coarse) {
         (true, _) => Effort::Fine,

@@ -183,6 +183,11 @@ impl Deformer {
         changed
     }
 
+    /// Whether the model computes displacements of its own, which are no sum of columns.
+    pub fn has_field(&self) -> bool {
+        self.model.field().is_some()
+    }
+
     /// The groups of columns that are summed, as they are stored.
     pub fn groups(&self) -> Vec<ColumnGroup<'_>> {
         self.file.groups(&self.body)

@@ -19,6 +19,7 @@ pub trait DeformationModel: Send {
     }
 
     /// Displacements of all surface nodes that are no sum of columns, m, before parts move; they are added to the sum.
+    /// A model that has them has them from its making on.
     fn field(&self) -> Option<&[[f32; 3]]> {
         None
     }

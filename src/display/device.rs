@@ -83,6 +83,8 @@ pub enum Why {
     Software,
     /// The columns are more than the graphics device binds at once.
     TooLarge,
+    /// The model computes displacements that are no sum of columns.
+    Model,
     /// Time of one deformation on the CPU, its upload included, and on the device, s.
     Measured {
         cpu_s: f64,
@@ -105,6 +107,7 @@ impl Choice {
             Why::TooLarge => {
                 format!("deforms {place}, since it is larger than the graphics device can bind at once")
             }
+            Why::Model => format!("deforms {place}, where its model computes the shape"),
             Why::Measured { cpu_s, device_s } => {
                 format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))
             }
@@ -123,6 +126,7 @@ impl Choice {
             Why::Asked => format!("deforms on {place}, as asked for"),
             Why::Software => format!("deforms on {place}: the device is software"),
             Why::TooLarge => format!("deforms on {place}: too large for device"),
+            Why::Model => format!("deforms on {place}: by its model"),
             Why::Measured { cpu_s, device_s } => match self.on_device {
                 true => format!("deforms on device {} ms, CPU {} ms", ms(device_s), ms(cpu_s)),
                 false => format!("deforms on CPU {} ms, device {} ms", ms(cpu_s), ms(device_s)),
@@ -136,6 +140,7 @@ impl Choice {
             Why::Asked => json!({ "on": on, "why": "asked" }),
             Why::Software => json!({ "on": on, "why": "software" }),
             Why::TooLarge => json!({ "on": on, "why": "too large" }),
+            Why::Model => json!({ "on": on, "why": "model" }),
             Why::Measured { cpu_s, device_s } => {
                 json!({ "on": on, "why": "measured", "cpu_s": cpu_s, "device_s": device_s })
             }
@@ -167,6 +172,7 @@ pub fn buffers(
     let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.triangles(), &body.colours());
     let fixed = |on_device, why| Choice { on_device, why };
     let (mut buffers, choice) = match asked {
+        _ if body.deformer.has_field() => (plain(body)?, fixed(false, Why::Model)),
         DeformOn::Cpu => (plain(body)?, fixed(false, Why::Asked)),
         DeformOn::Auto if gpu.is_software => (plain(body)?, fixed(false, Why::Software)),
         DeformOn::Gpu => (with_columns(gpu, body)?, fixed(true, Why::Asked)),

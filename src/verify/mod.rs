@@ -18,6 +18,7 @@ mod cylinder;
 mod element;
 pub mod hard_cases;
 mod kelvin;
+pub mod large_rotation;
 mod le10;
 mod problem;
 pub mod quadrature;

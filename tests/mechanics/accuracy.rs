@@ -1,7 +1,7 @@
 //! What accuracy costs in time: the parts of the error, and the choice from them.
 
 use crate::common::{case_poses, folder, scene, shared};
-use greenstage::deform::{ControlPose, ControlPoses, Statics, Wrench, wrenches};
+use greenstage::deform::{ControlPose, ControlPoses, PoseSlope, Statics, Wrench, find_model, model_of};
 use greenstage::fem::{Element, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::report::measure::poses::random;
@@ -9,7 +9,7 @@ use greenstage::report::{Limits, Measurement, Report, Request, measure};
 use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
 use greenstage::solve::Silent;
 use greenstage::tuning::{choose, miss, time};
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
 
 const HELD: &str = r#"
@@ -144,6 +144,11 @@ fn each_part_belongs_to_its_own_parameter() {
     assert!(rotation.error.model.worst < 0.7 * base.error.model.worst);
 }
 
+/// With the moment about where the element is now.
+fn about_the_place(wrench: Wrench, pose: &ControlPose) -> Wrench {
+    Wrench { moment: wrench.moment - pose.translation.cross(&wrench.force), ..wrench }
+}
+
 /// Energy, force and torque of the finest setting and of tet4, found again without the report: by the strain energies of
 /// the linear theory (on a straight body tet4's fields are some of tet10's, and |e|² is the difference of the energies),
 /// and by the forces of the equilibrium.
@@ -157,8 +162,12 @@ fn errors_of_energy_and_force_are_against_the_equilibrium() {
         let mut scene = scene.clone();
         scene.body["b"].element = element;
         let solution = green::solve(&scene, "b", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
-        let c: Vec<f64> = poses.iter().flat_map(ControlPose::coefficients).collect();
-        wrenches(solution.stiffness().unwrap(), &c, UnitQuaternion::identity())
+        let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
+        let mut slopes = vec![PoseSlope::default(); poses.len()];
+        let energy = model.respond(poses, &mut slopes).unwrap().energy;
+        let wrenches =
+            slopes.iter().zip(poses).map(|(slope, pose)| about_the_place(Wrench::of(slope, pose), pose));
+        (wrenches.collect::<Vec<_>>(), energy)
     };
     let (coarse, fine) = (solved(&TET4), solved(&TET10));
     let settled = Statics::new(scene, "b", &STVK, &Silent).unwrap().solve(poses, &Silent).unwrap();
@@ -167,12 +176,8 @@ fn errors_of_energy_and_force_are_against_the_equilibrium() {
     let energy = ((coarse.1 - fine.1) / settled.energy).sqrt();
     assert!((linear("tet4").energy.worst / energy - 1.0).abs() < 1e-6, "{energy}");
 
-    let held: Vec<Wrench> = settled
-        .wrenches
-        .iter()
-        .zip(poses)
-        .map(|(w, pose)| Wrench { force: w.force, moment: w.moment - pose.translation.cross(&w.force) })
-        .collect();
+    let held: Vec<Wrench> =
+        settled.wrenches.iter().zip(poses).map(|(w, pose)| about_the_place(*w, pose)).collect();
     let apart = |of: fn(&Wrench) -> Vector3<f64>, other: &[Wrench]| {
         other.iter().zip(&held).map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max)
     };

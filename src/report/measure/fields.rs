@@ -92,16 +92,18 @@ pub fn storage_error(solution: &Solution, stored: &[Vec<f64>], output: &ModelOut
     (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| value(3 * n + axis))).collect()
 }
 
-/// Wrenches about the origins `about`, which differ from those of the solution.
+/// Wrenches with moments about where the poses bring the points `about`, which they are about.
 pub fn wrenches_about(
     solution: &Solution,
     output: &ModelOutput,
+    poses: &ControlPoses,
     about: &[Vector3<f64>],
 ) -> Option<Vec<Wrench>> {
-    let moved = |((wrench, control), about): ((&Wrench, &crate::green::ControlElement), &Vector3<f64>)| {
-        Wrench { force: wrench.force, moment: wrench.moment + (control.origin - about).cross(&wrench.force) }
+    let moved = |(e, wrench): (usize, &Wrench)| {
+        let arm = solution.controls[e].origin - about[e] - poses[e].translation;
+        Wrench { force: wrench.force, moment: wrench.moment + arm.cross(&wrench.force) }
     };
-    Some(output.wrenches.as_ref()?.iter().zip(&solution.controls).zip(about).map(moved).collect())
+    Some(output.wrenches.as_ref()?.iter().enumerate().map(moved).collect())
 }
 
 /// a - b, node by node.

@@ -154,8 +154,9 @@ impl ErrorFields {
         let sum = solver.iter().zip(&discretisation).zip(&model_part).map(|((s, d), m)| s + d + m).collect();
         let turned_back: Vec<_> =
             discretisation.iter().map(|e| output.motion.rotation.inverse() * e).collect();
-        let held =
-            |c: &Candidate, output: &ModelOutput| wrenches_about(&c.solution, output, &references.origins);
+        let held = |c: &Candidate, output: &ModelOutput| {
+            wrenches_about(&c.solution, output, &reference.poses, &references.origins)
+        };
         let (here, solved) = (held(candidate, &output)?, held(exact, &of_exact)?);
         let (best, at_base) = (held(finest, &of_finest)?, held(base, &of_base)?);
         // The control element with the largest error: the whole, and without cancellation.
