@@ -71,3 +71,70 @@ impl MeanFrame {
         halves(&(inverse_right_jacobian(&self.screws[e]).transpose() * share))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    fn frames(count: usize) -> Vec<ControlFrame> {
+        (0..count)
+            .map(|e| {
+                let x = e as f64;
+                let turn = Vector3::new(0.4 * x, 0.9 - x, 0.3 * x * x);
+                ControlFrame {
+                    place: Vector3::new(2.0 * x, x.sin(), 0.5 - x),
+                    turn: UnitQuaternion::from_scaled_axis(turn),
+                    stretch: Matrix3::identity(),
+                }
+            })
+            .collect()
+    }
+
+    fn moved(frame: &ControlFrame, by: &Vector6<f64>) -> ControlFrame {
+        let step = Isometry3::from_parts(frame.place.into(), frame.turn) * exp(by);
+        ControlFrame { place: step.translation.vector, turn: step.rotation, ..*frame }
+    }
+
+    /// Shares of a slope by the mean's motion are derivatives of the mean by each frame.
+    #[test]
+    fn the_mean_moves_with_its_frames_as_the_shares_say() {
+        for count in [1, 2, 3, 4] {
+            let frames = frames(count);
+            let mut mean = MeanFrame::new(count);
+            mean.find(&frames).unwrap();
+            let sum: Vector6<f64> = mean.screws.iter().sum();
+            assert!(sum.amax() < 1e-12, "{sum}");
+            let rest = mean.body_from_mean;
+            let slope = Vector6::new(0.3, -0.7, 0.2, 0.9, -0.4, 0.6);
+            let share = mean.share(&slope).unwrap();
+            let shares: Vec<_> = (0..count).map(|e| mean.own_share(e, &share)).collect();
+            for e in 0..count {
+                for k in 0..6 {
+                    let mut along = |by: f64| {
+                        let mut frames = frames.clone();
+                        frames[e] = moved(&frames[e], &(Vector6::ith(k, by)));
+                        mean.find(&frames).unwrap();
+                        let change = rest.inverse() * mean.body_from_mean;
+                        slope.dot(&log(&change.rotation, &change.translation.vector))
+                    };
+                    let expected = (along(1e-5) - along(-1e-5)) / 2e-5;
+                    let found = if k < 3 { shares[e].0[k] } else { shares[e].1[k - 3] };
+                    assert!((found - expected).abs() < 1e-8, "{count} {e} {k}: {found} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn half_a_turn_has_a_mean_and_a_whole_one_has_none() {
+        let mut two = frames(2);
+        two[0].turn = UnitQuaternion::identity();
+        for (degrees, is_defined) in [(180.0_f64, true), (300.0, true), (359.0, false)] {
+            let half = degrees.to_radians() / 2.0;
+            let long = Quaternion::new(half.cos(), half.sin(), 0.0, 0.0);
+            two[1].turn = UnitQuaternion::new_unchecked(long);
+            assert_eq!(MeanFrame::new(2).find(&two).is_some(), is_defined, "{degrees}");
+        }
+    }
+}

@@ -167,3 +167,52 @@ fn pair_strains(point: &RestPoint, fields: &NodeFields, shape: QuarticShape, row
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::{STVK, TET4, TET4_ANP, TET10};
+    use crate::mesh::{Block, block, quadratic};
+    use nalgebra::{Matrix3, Vector3};
+
+    /// For any fields and any z the quartic is the sum of the law's energies over the points.
+    #[test]
+    fn the_quartic_is_the_energy_of_the_law() {
+        let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [2, 2, 2] }).unwrap();
+        let lame: Vec<Lame> =
+            (0..mesh.tets.len()).map(|i| Lame::from_young_poisson(1.0 + (i % 3) as f64, 0.3)).collect();
+        let straight = quadratic::quadratic(mesh.clone(), &quadratic::straight);
+        for (element, mesh) in [(&TET4, &mesh), (&TET10, &straight)] {
+            let points = RestPoints::of(element, mesh, &lame).unwrap();
+            let mut fields = NodeFields::zeros(mesh.nodes.len(), 4);
+            fields.data.iter_mut().enumerate().for_each(|(i, u)| *u = (1.7 * i as f64).sin());
+            let coefficients = points.quartic(&fields, &|_| ());
+            let shape = QuarticShape { variables: 5 };
+            assert_eq!(coefficients.len(), shape.len());
+            for z in [[1.0, 0.3, -0.2, 0.5, 0.1], [1.0, -2.0, 0.4, 0.0, 1.5]] {
+                let mut found = 0.0;
+                for d in 0..5 {
+                    for c in 0..=d {
+                        for b in 0..=c {
+                            for a in 0..=b {
+                                found += coefficients[shape.at([a, b, c, d])] * z[a] * z[b] * z[c] * z[d];
+                            }
+                        }
+                    }
+                }
+                let mut h = Vec::new();
+                let mut energy = |point: &RestPoint| {
+                    point.gradients_of(&fields, &mut h);
+                    let h: Matrix3<f64> = h.iter().zip(&z[1..]).map(|(h, z)| h * *z).sum();
+                    point.volume * (STVK.energy)(&h, point.lame)
+                };
+                let expected: f64 = points.points.iter().map(&mut energy).sum();
+                assert!((found - expected).abs() < 1e-12 * expected, "{}: {found} {expected}", element.name);
+            }
+        }
+        let bulged = |a: &Vector3<f64>, b: &Vector3<f64>| (a + b) * 0.5 + (a - b).cross(&Vector3::x()) * 0.05;
+        let curved = quadratic::quadratic(mesh.clone(), &bulged);
+        assert!(RestPoints::of(&TET10, &curved, &lame).is_err());
+        assert!(RestPoints::of(&TET4_ANP, &mesh, &lame).is_err());
+    }
+}

@@ -66,3 +66,54 @@ fn series_stresses(point: &RestPoint, orders: &[NodeFields], paths: usize) -> Ve
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::{Hyperelastic, Lame, STVK, TET4, tet4};
+    use crate::mesh::{Block, block};
+    use nalgebra::DMatrix;
+
+    /// The forces along u(a) = Σ a^k u_k are a polynomial in a; its coefficient k without K u_k is minus the load.
+    #[test]
+    fn loads_are_the_coefficients_of_the_forces() {
+        let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [2, 1, 2] }).unwrap();
+        let lame = vec![Lame::from_young_poisson(2.0, 0.3); mesh.tets.len()];
+        let points = RestPoints::of(&TET4, &mesh, &lame).unwrap();
+        let tets = tet4::Tetrahedra::new(&mesh, &lame).unwrap();
+        let body = Hyperelastic { law: &STVK, tets: &mesh.tets, geometry: &tets.geometry, lame: &lame };
+        let nodes = mesh.nodes.len();
+        let orders: Vec<NodeFields> = (0..3)
+            .map(|k| {
+                let mut field = NodeFields::zeros(nodes, 1);
+                let number = |i: usize| (1.7 * i as f64 + 2.1 * k as f64).sin();
+                field.data.iter_mut().enumerate().for_each(|(i, u)| *u = number(i));
+                field
+            })
+            .collect();
+        // Degree 9: ten places.
+        let places: Vec<f64> = (0..10).map(|i| (0.3 * f64::from(i) + 0.1).cos()).collect();
+        let forces = DMatrix::from_fn(10, 3 * nodes, |_, _| 0.0);
+        let forces = places.iter().enumerate().fold(forces, |mut forces, (row, a)| {
+            let mut u = NodeFields::zeros(nodes, 1);
+            for (k, order) in orders.iter().enumerate() {
+                u.data.iter_mut().zip(&order.data).for_each(|(u, own)| *u += a.powi(k as i32 + 1) * own);
+            }
+            forces.row_mut(row).copy_from_slice(&body.forces(&body.gradients(&u), nodes).data);
+            forces
+        });
+        let powers = DMatrix::from_fn(10, 10, |row, k| places[row].powi(k as i32));
+        let coefficients = powers.lu().solve(&forces).unwrap();
+        let k = TET4.assemble(&mesh, &lame).unwrap();
+        for order in 2..=3 {
+            let loads = points.series_loads(&orders[..order - 1]);
+            let mut linear = NodeFields::zeros(nodes, 1);
+            k.multiply(&orders[order - 1], &mut linear);
+            let size = coefficients.row(order).amax();
+            for (i, load) in loads.data.iter().enumerate() {
+                let expected = linear.data[i] - coefficients[(order, i)];
+                assert!((load - expected).abs() < 1e-7 * size, "order {order}, {i}: {load} {expected}");
+            }
+        }
+    }
+}

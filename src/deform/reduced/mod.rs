@@ -169,3 +169,6 @@ impl DeformationModel for Reduced {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
