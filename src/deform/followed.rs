@@ -6,8 +6,8 @@
 //! the last angle is taken. Near whole turns sin φ/2 is small and q says little of the axis a: there the last axis is kept,
 //! and φ is the twist about it.
 
+use super::nearest::continued;
 use super::pose::ControlPose;
-use super::rotation::continued;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::PI;
 

@@ -8,8 +8,8 @@
 //! ∂V/∂M = R ([y] + P)     (tr U - U) y = τ - axial(P U)     for dV = τ·w + P:dU
 //! ```
 
+use super::nearest::{continued, nearest};
 use super::pose::ControlPose;
-use super::rotation::{continued, nearest};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Of X the vector a with a · ω = X : \[ω\]; of Σ f r the moment Σ r × f.

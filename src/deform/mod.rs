@@ -16,6 +16,7 @@ mod linear;
 mod mean_frame;
 mod model;
 mod models;
+mod nearest;
 mod normals;
 mod partial;
 mod parts;
@@ -41,10 +42,12 @@ pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,
 };
 pub use models::{MODELS, find_model, not_online};
+pub use nearest::unwrapped;
 pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
 pub use reduced::Reduced;
+pub use rotation::{Rotation, mean_rotation};
 pub use rotation::{Rotation, mean_rotation, unwrapped};
 pub use screw::Screw;
 pub use solved::model_of;

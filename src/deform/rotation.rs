@@ -9,8 +9,8 @@ use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::nearest::{DEFINED, is_mean_defined, stationary, unwrapped};
 use super::pose::ControlPose;
-use crate::fem::Polar;
 use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -24,20 +24,6 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Rotation::new(input)?))),
 };
-
-/// The mean rotation is not defined where σ₂ + σ₃ of A vanishes (two elements half a turn apart), nor the mean of turns
-/// where that of their quaternions does (a turn apart); below this part of σ₁, or of 1, the last one is kept.
-const DEFINED: f64 = 0.1;
-
-/// Whether A defines the rotation R at which tr(AᵀR) is stationary, by the eigenvalues β of RᵀA: the second derivatives
-/// tr(RᵀA) I - RᵀA have the eigenvalues β_i + β_j, none of which may vanish. Where R is the polar factor, β are the σ.
-///
-/// The picture and the haptic loop both ask here, so that they stand in one frame.
-pub fn is_mean_defined(beta: &Vector3<f64>) -> bool {
-    let least =
-        [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (beta[i] + beta[j]).abs()).into_iter().fold(f64::MAX, f64::min);
-    least >= DEFINED * beta.amax() && beta.amax() > 0.0
-}
 
 pub struct Rotation {
     controls: Vec<ControlRest>,
@@ -139,21 +125,6 @@ impl DeformationModel for Rotation {
     }
 }
 
-/// The rotation in each M, as the quaternion of the two that continues `last`; without a last one, the shorter turn.
-pub fn unwrapped(last: Option<&[UnitQuaternion<f64>]>, poses: &[ControlPose]) -> Vec<UnitQuaternion<f64>> {
-    let before = |e: usize| last.and_then(|last| last.get(e));
-    poses.iter().enumerate().map(|(e, pose)| continued(before(e), &pose.matrix)).collect()
-}
-
-/// The rotation in M, as the quaternion of the two that continues `before`; without one before, the shorter turn.
-pub(super) fn continued(before: Option<&UnitQuaternion<f64>>, m: &Matrix3<f64>) -> UnitQuaternion<f64> {
-    let Some(now) = nearest(m).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation)) else {
-        return before.copied().unwrap_or_else(UnitQuaternion::identity);
-    };
-    let goes_on = before.map_or(now.w, |before| now.coords.dot(&before.coords)) >= 0.0;
-    if goes_on { now } else { UnitQuaternion::new_unchecked(-now.into_inner()) }
-}
-
 /// R̄ of the poses, or `None` where it is not defined.
 ///
 /// A has four stationary rotations, its polar factor and that turned by half a turn about one of its axes. Beyond 180°
@@ -192,21 +163,6 @@ pub fn mean_rotation(
 /// Equal ones: how finely an element's part of the mesh is divided says nothing of the body.
 fn weights(controls: &[ControlRest]) -> Vec<f64> {
     vec![1.0 / controls.len().max(1) as f64; controls.len()]
-}
-
-/// The rotation nearest to A, or `None` where it is not defined.
-pub(super) fn nearest(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
-    let [(nearest, beta), ..] = stationary(a)?;
-    is_mean_defined(&beta).then_some(nearest)
-}
-
-/// The rotations at which tr(AᵀR) is stationary: the polar factor of A, which is the nearest to it, and those with two
-/// of its signs turned; and the eigenvalues of RᵀA. `None` where A is not finite.
-fn stationary(a: &Matrix3<f64>) -> Option<[(Rotation3<f64>, Vector3<f64>); 4]> {
-    let polar = Polar::of(a)?;
-    let sign = polar.sign;
-    let signs = [[1.0, 1.0, sign], [1.0, -1.0, -sign], [-1.0, 1.0, -sign], [-1.0, -1.0, sign]];
-    Some(signs.map(|signs| (polar.with_signs(signs), polar.sigma.component_mul(&Vector3::from(signs)))))
 }
 
 #[cfg(test)]

@@ -10,8 +10,8 @@
 //! (ω, v, S) no part of the way is flattened, as it is on that in (T, M), and if all control elements move as one rigid
 //! body, they do so on the whole way.
 
+use super::nearest::nearest;
 use super::pose::ControlPose;
-use super::rotation::nearest;
 use super::se3::slide_matrix;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 

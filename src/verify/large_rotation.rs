@@ -105,7 +105,7 @@ impl Motion {
         match self {
             Motion::Bend(degrees) => format!("bent by {degrees}°"),
             Motion::Twist(degrees) => format!("twisted by {degrees}°"),
-            Motion::Shift([along, across]) if along == 0.0 => format!("across by {} %", 100.0 * across),
+            Motion::Shift([0.0, across]) => format!("across by {} %", 100.0 * across),
             Motion::Shift([along, _]) => format!("along by {} %", 100.0 * along),
             Motion::Mixed(degrees, across) => {
                 format!("turned by {degrees}°, across by {} %", 100.0 * across)

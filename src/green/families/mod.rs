@@ -3,7 +3,9 @@
 mod affine;
 mod columns;
 mod cubic;
+mod dense_fields;
 mod reduced;
+mod screw_paths;
 mod stiffness;
 mod table;
 
