@@ -17,11 +17,10 @@ pub enum GreenError {
     #[error("{body}: {source}")]
     Solve { body: String, source: SolveError },
     #[error(
-        "{body}: has {count} control elements, and the models \"reduced\" and \"perturbation\" take {most} at most: the \
-         table of their energy grows with the fourth power of that number; write model = \"rotation\", or join elements \
-         that move together"
+        "{body}: has {count} control elements, and model = \"{model}\" takes {allowed}: its tables grow with the fourth power \
+         of their number; write model = \"rotation\", or join elements that move together"
     )]
-    TooManyControls { body: String, count: usize, most: usize },
+    ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
     #[error("{}: {source}", path.display())]
@@ -43,7 +42,7 @@ impl GreenError {
     pub fn is_request(&self) -> bool {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
-            GreenError::Assembly { .. } | GreenError::TooManyControls { .. } => true,
+            GreenError::Assembly { .. } | GreenError::ControlCount { .. } => true,
             GreenError::Solve { .. } | GreenError::Memory { .. } => false,
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {

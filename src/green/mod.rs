@@ -32,7 +32,7 @@ mod write;
 pub use basis::{precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
-pub use families::{AFFINE, CUBIC, FAMILIES, QUARTIC, REDUCED, STIFFNESS};
+pub use families::{AFFINE, CUBIC, FAMILIES, PERTURBATION, QUARTIC, RADIUS, REDUCED, SERIES, STIFFNESS};
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};
 pub use fingerprint::fingerprint;

@@ -4,6 +4,7 @@ mod affine;
 mod columns;
 mod cubic;
 mod dense_fields;
+mod perturbation;
 mod reduced;
 mod screw_paths;
 mod stiffness;
@@ -11,6 +12,7 @@ mod table;
 
 pub use affine::AFFINE;
 pub use cubic::CUBIC;
+pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
 
@@ -20,7 +22,8 @@ use crate::base::columns::ColumnGroup;
 
 /// All families, in the order in which they are computed and in which their columns are summed; a new one is one file and
 /// one line here.
-pub const FAMILIES: &[FamilyEntry] = &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY, reduced::ENTRY];
+pub const FAMILIES: &[FamilyEntry] =
+    &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY, reduced::ENTRY, perturbation::ENTRY];
 
 impl GreenFile {
     /// The groups of columns that are summed for a body, of all families that it requires.

@@ -77,8 +77,8 @@ fn compute(
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let elements = solution.controls.len();
     if elements > MOST_ELEMENTS {
-        let body = assembled.place.to_owned();
-        return Err(GreenError::TooManyControls { body, count: elements, most: MOST_ELEMENTS });
+        let (body, model) = (assembled.place.to_owned(), "reduced");
+        return Err(GreenError::ControlCount { body, model, count: elements, allowed: "1 to 4" });
     }
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let basis = basis(assembled, solution, &points, progress)?;

@@ -1,0 +1,230 @@
+//! The family `perturbation`: how the equilibrium of a body depends on the relative motion of two control elements, as a power
+//! series to the third order, and how far that converges.
+//!
+//! In: the fields Φ of the family `reduced`, and the power series of equilibria along [`screw_paths`](super::screw_paths),
+//! whose directions x are the orthonormal differences of (d_e, ω_e). Out: `perturbation/series`, the coefficients of
+//! q(x) = Σ x_i x_j q_ij + Σ x_i x_j x_k q_ijk over i ≤ j ≤ k with q = Φᵀ K φ, a column for each monomial; and
+//! `perturbation/radius`, a matrix G with √(xᵀ G x) the part of the radius of convergence ρ at which x lies:
+//!
+//! ```text
+//! 1/ρ = lim ‖φ_k‖^(1/k), from the line through ln ‖φ_k‖ over the last orders     nᵀ G n ≥ 1/ρ² on every path n
+//! ```
+//!
+//! (The root test; consecutive ratios are of no use, since odd and even orders alternate.)
+
+use super::super::error::GreenError;
+use super::super::family::{Assembled, FamilyEntry};
+use super::super::file::{BodyMeta, GreenFile};
+use super::super::requirements::Family;
+use super::super::solution::Solution;
+use super::dense_fields::{add, products};
+use super::reduced::{FIELDS_TABLE, REDUCED};
+use super::screw_paths::{Path, bend, lifted_order, paths};
+use super::table;
+use crate::fem::{NodeFields, RestPoints};
+use crate::solve::Progress;
+use nalgebra::{DMatrix, DVector};
+use std::time::Instant;
+
+pub const PERTURBATION: Family = Family { name: "perturbation", from: &[REDUCED] };
+
+/// Its tables.
+pub const SERIES: &str = "perturbation/series";
+pub const RADIUS: &str = "perturbation/radius";
+
+pub(super) const ENTRY: FamilyEntry = FamilyEntry {
+    family: PERTURBATION,
+    holds: "the equilibrium as a power series in the relative motion, and its radius of convergence",
+    compute: Some(compute),
+    solves: true,
+    write: |body, _| [table::write(body, SERIES), table::write(body, RADIUS)].concat(),
+    check,
+    groups: |_, _| Vec::new(),
+    fixed_bytes: |_| 8 * (MOST_FIELDS * MONOMIALS + COORDINATES * COORDINATES),
+};
+
+/// Of the relative motion of two elements.
+const COORDINATES: usize = 6;
+/// Of second and of third order.
+const MONOMIALS: usize = 21 + 56;
+/// Fields Φ of two elements, at most.
+const MOST_FIELDS: usize = 64;
+/// Paths for each coordinate: more than there are monomials of third order, so that these are found by least squares.
+const PATHS: usize = 14;
+/// The first paths, on which the series is continued to find its radius.
+const LONG_PATHS: usize = 30;
+const LAST_ORDER: usize = 9;
+/// The radius is that of the line through the orders from here on.
+const FIRST_ORDER: usize = 4;
+
+fn compute(
+    assembled: &Assembled<'_>,
+    solution: &mut Solution,
+    progress: &dyn Progress,
+) -> Result<(), GreenError> {
+    let started = Instant::now();
+    let elements = solution.controls.len();
+    if elements != 2 {
+        let (body, model) = (assembled.place.to_owned(), "perturbation");
+        return Err(GreenError::ControlCount { body, model, count: elements, allowed: "2" });
+    }
+    let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
+    let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
+    let all = paths(solution, PATHS);
+    let directions: Vec<DVector<f64>> = all.iter().map(|path| direction(path)).collect();
+
+    progress.begin("series of third order", 0);
+    let mut orders = vec![lifted_order(solution, &all, 1)];
+    let mut bent = Vec::new();
+    for order in 2..=3 {
+        bent.push(next_order(assembled, solution, &points, &all, &mut orders, progress)?);
+        debug_assert_eq!(orders.len(), order);
+    }
+    let fields = solution.tables.get(FIELDS_TABLE).cloned().unwrap_or_else(|| DMatrix::zeros(0, 0));
+    let basis = NodeFields {
+        nodes: points.nodes,
+        columns: fields.ncols(),
+        data: fields.transpose().as_slice().to_vec(),
+    };
+    let series: Vec<DMatrix<f64>> = bent
+        .iter()
+        .enumerate()
+        .map(|(i, bent)| coefficients(&directions, i + 2, &products(assembled.k, &basis, bent)))
+        .collect();
+    progress.end();
+
+    progress.begin("radius of convergence", (LAST_ORDER - 3) as u64);
+    let long = &all[..LONG_PATHS];
+    let mut orders: Vec<NodeFields> = orders.iter().map(|fields| first_columns(fields, LONG_PATHS)).collect();
+    let norms = |bent: &NodeFields| -> Vec<f64> {
+        let energies = products(assembled.k, bent, bent);
+        (0..LONG_PATHS).map(|path| energies[(path, path)].max(0.0).sqrt()).collect()
+    };
+    let mut sizes = vec![norms(&bent[0]), norms(&bent[1])];
+    for _ in 4..=LAST_ORDER {
+        sizes.push(norms(&next_order(assembled, solution, &points, long, &mut orders, progress)?));
+        progress.advance(1);
+    }
+    let radius = ellipsoid(&directions[..LONG_PATHS], &sizes);
+    progress.end();
+
+    let joined = DMatrix::from_fn(basis.columns, MONOMIALS, |row, column| match column.checked_sub(21) {
+        None => series[0][(row, column)],
+        Some(column) => series[1][(row, column)],
+    });
+    solution.tables.insert(SERIES, joined);
+    solution.tables.insert(RADIUS, radius);
+    solution.times.stiffness_s += started.elapsed().as_secs_f64();
+    Ok(())
+}
+
+/// x of a path at a = 1.
+fn direction(path: &Path) -> DVector<f64> {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let (slide, turn) = ((path[1].0 - path[0].0) * half, (path[1].1 - path[0].1) * half);
+    DVector::from_iterator(COORDINATES, slide.iter().chain(turn.iter()).copied())
+}
+
+/// The next φ; its order is added to the series.
+fn next_order(
+    assembled: &Assembled<'_>,
+    solution: &Solution,
+    points: &RestPoints,
+    paths: &[Path],
+    orders: &mut Vec<NodeFields>,
+    progress: &dyn Progress,
+) -> Result<NodeFields, GreenError> {
+    let bent = bend(assembled, points, orders, progress)?;
+    let mut whole = lifted_order(solution, paths, orders.len() + 1);
+    add(&mut whole, 1.0, &bent);
+    orders.push(whole);
+    Ok(bent)
+}
+
+fn first_columns(fields: &NodeFields, count: usize) -> NodeFields {
+    let data = (0..3 * fields.nodes).flat_map(|row| fields.row(row)[..count].to_vec()).collect();
+    NodeFields { nodes: fields.nodes, columns: count, data }
+}
+
+/// All products of `order` of the x, i ≤ j ≤ k, i running slowest.
+fn monomials(x: &[f64], order: usize, each: &mut dyn FnMut(f64)) {
+    for i in 0..x.len() {
+        for j in i..x.len() {
+            if order == 2 {
+                each(x[i] * x[j]);
+                continue;
+            }
+            for k in j..x.len() {
+                each(x[i] * x[j] * x[k]);
+            }
+        }
+    }
+}
+
+/// The coefficients of the homogeneous polynomials that have the `values` (a column for each direction), by least squares.
+fn coefficients(directions: &[DVector<f64>], order: usize, values: &DMatrix<f64>) -> DMatrix<f64> {
+    let rows: Vec<Vec<f64>> = directions
+        .iter()
+        .map(|x| {
+            let mut row = Vec::new();
+            monomials(x.as_slice(), order, &mut |value| row.push(value));
+            row
+        })
+        .collect();
+    let mut matrix = DMatrix::from_fn(rows.len(), rows[0].len(), |i, j| rows[i][j]);
+    let scales: Vec<f64> = matrix.column_iter().map(|column| column.norm().max(f64::MIN_POSITIVE)).collect();
+    for (mut column, scale) in matrix.column_iter_mut().zip(&scales) {
+        column /= *scale;
+    }
+    let solved =
+        matrix.svd(true, true).solve(&values.transpose(), 1e-13).unwrap_or_else(|_| DMatrix::zeros(0, 0));
+    let mut out = solved.transpose();
+    for (mut column, scale) in out.column_iter_mut().zip(&scales) {
+        column /= *scale;
+    }
+    out
+}
+
+/// G from the sizes of the orders 2, 3, … on each path.
+fn ellipsoid(directions: &[DVector<f64>], sizes: &[Vec<f64>]) -> DMatrix<f64> {
+    let places: Vec<f64> = (FIRST_ORDER..2 + sizes.len()).map(|k| k as f64).collect();
+    let mean = places.iter().sum::<f64>() / places.len() as f64;
+    // 1/ρ² on each path.
+    let inverse = |path: usize| -> f64 {
+        let logs: Vec<f64> = sizes[FIRST_ORDER - 2..].iter().map(|s| s[path].max(1e-300).ln()).collect();
+        let over: f64 = places.iter().zip(&logs).map(|(k, log)| (k - mean) * log).sum();
+        let under: f64 = places.iter().map(|k| (k - mean).powi(2)).sum();
+        (2.0 * over / under).exp()
+    };
+    let wanted = DMatrix::from_fn(1, directions.len(), |_, path| inverse(path));
+    let found = coefficients(directions, 2, &wanted);
+    let mut form = DMatrix::zeros(COORDINATES, COORDINATES);
+    let mut at = 0;
+    for i in 0..COORDINATES {
+        for j in i..COORDINATES {
+            form[(i, j)] += 0.5 * found[at];
+            form[(j, i)] += 0.5 * found[at];
+            at += 1;
+        }
+    }
+    // In the units of the paths, so that metres and radians compare.
+    let scale = DVector::from_fn(COORDINATES, |i, _| {
+        directions.iter().map(|x| x[i].abs()).fold(f64::MIN_POSITIVE, f64::max)
+    });
+    let scaled = DMatrix::from_fn(COORDINATES, COORDINATES, |i, j| form[(i, j)] * scale[i] * scale[j]);
+    let mut eigen = scaled.symmetric_eigen();
+    let least = 1e-3 * eigen.eigenvalues.amax();
+    eigen.eigenvalues.apply(|value: &mut f64| *value = value.max(least));
+    let scaled = eigen.recompose();
+    let form = DMatrix::from_fn(COORDINATES, COORDINATES, |i, j| scaled[(i, j)] / (scale[i] * scale[j]));
+    let short = directions.iter().zip(wanted.iter()).map(|(x, wanted)| wanted / x.dot(&(&form * x)));
+    let most = short.fold(f64::MIN_POSITIVE, f64::max);
+    form * most
+}
+
+fn check(file: &GreenFile, name: &str, _: &BodyMeta) -> Result<(), String> {
+    let tensor = format!("{name}/{SERIES}");
+    let fields = file.tensors.get(&tensor).and_then(|(_, shape, _)| shape.get(1).copied()).unwrap_or(0);
+    table::check(file, name, SERIES, [fields, MONOMIALS])?;
+    table::check(file, name, RADIUS, [COORDINATES, COORDINATES]).map(drop)
+}
