@@ -207,3 +207,100 @@ impl DeformationModel for Perturbation {
         self.posed.set_turn(e, turn);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::reduced::tests::{RIGHT, bar, poses};
+    use crate::base::progress::Silent;
+    use crate::deform::{ControlPoses, DeformationModel, PoseSlope, find_model, model_of};
+    use crate::green::{self, AFFINE, CUBIC, PERTURBATION, RADIUS, Requirements, STIFFNESS, Solution};
+    use nalgebra::Isometry3;
+
+    fn solution() -> Solution {
+        let requirements = Requirements::of(&[AFFINE, PERTURBATION, STIFFNESS, CUBIC]);
+        green::solve(&bar(RIGHT), "bar", &requirements, &Silent).unwrap()
+    }
+
+    fn model(name: &str, solution: &Solution) -> Box<dyn DeformationModel> {
+        model_of(find_model(name).unwrap(), solution).unwrap().0
+    }
+
+    fn energy(model: &mut dyn DeformationModel, poses: &ControlPoses) -> f64 {
+        let response = model.respond(poses, &mut [PoseSlope::default(); 2]).unwrap();
+        assert!(response.is_defined);
+        response.energy
+    }
+
+    fn bent(degrees: f64) -> ControlPoses {
+        poses([0.0; 3], [0.0, 0.3 * degrees.to_radians(), degrees.to_radians()], &Isometry3::identity())
+    }
+
+    /// What it misses of the least energy in the same fields falls with at least the sixth power of the motion; a bend by 30° is
+    /// good to a thousandth of it.
+    #[test]
+    fn it_is_the_series_of_the_equilibrium() {
+        let solution = solution();
+        let (mut series, mut least) = (model("perturbation", &solution), model("reduced", &solution));
+        let miss = [7.5, 15.0, 30.0].map(|degrees| {
+            let poses = bent(degrees);
+            let least = energy(least.as_mut(), &poses);
+            let miss = energy(series.as_mut(), &poses) - least;
+            assert!(miss >= -1e-9 * least && miss < 1e-3 * least, "{degrees}: {miss} of {least}");
+            miss
+        });
+        assert!(miss[1] > 45.0 * miss[0] && miss[2] > 45.0 * miss[1], "{miss:?}");
+    }
+
+    /// The radius is that of a slender body: less for a bend than for a twist, and `rotation` takes over at its end.
+    #[test]
+    fn it_passes_into_rotation_at_its_radius() {
+        let solution = solution();
+        let form = &solution.tables[RADIUS];
+        // x of a turn by a radian is 1/√2.
+        let radius = |axis: usize| (2.0 / form[(3 + axis, 3 + axis)]).sqrt().to_degrees();
+        let (twist, bend) = (radius(0), radius(2));
+        assert!((20.0..120.0).contains(&bend) && twist > 1.3 * bend, "twist {twist}°, bend {bend}°");
+        let (mut series, mut rotation) = (model("perturbation", &solution), model("rotation", &solution));
+        let beyond = bent(1.01 * bend);
+        let (found, expected) = (energy(series.as_mut(), &beyond), energy(rotation.as_mut(), &beyond));
+        assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+        let mut before = energy(series.as_mut(), &bent(0.6 * bend));
+        for step in 0..=250 {
+            let now = energy(series.as_mut(), &bent((0.6 + 0.002 * f64::from(step)) * bend));
+            assert!((now - before).abs() < 0.02 * before.max(now), "{step}: {before} {now}");
+            before = now;
+        }
+    }
+
+    #[test]
+    fn slopes_are_derivatives_of_the_energy() {
+        let solution = solution();
+        let bend = (2.0 / solution.tables[RADIUS][(5, 5)]).sqrt().to_degrees();
+        let mut model = model("perturbation", &solution);
+        for part in [0.4, 0.8, 0.95, 1.2] {
+            let poses = bent(part * bend);
+            let (mut slopes, mut others) = ([PoseSlope::default(); 2], [PoseSlope::default(); 2]);
+            model.respond(&poses, &mut slopes).unwrap();
+            let size = slopes.iter().map(|slope| slope.matrix.norm()).fold(0.0, f64::max);
+            for e in 0..2 {
+                for k in 0..12 {
+                    let mut along = |by: f64| {
+                        let mut poses = poses.clone();
+                        match k {
+                            0..3 => poses[e].translation[k] += by,
+                            _ => poses[e].matrix[(k / 3 - 1, k % 3)] += by,
+                        }
+                        model.respond(&poses, &mut others).unwrap().energy
+                    };
+                    let expected = (along(1e-5) - along(-1e-5)) / 2e-5;
+                    let found = match k {
+                        0..3 => slopes[e].translation[k],
+                        _ => slopes[e].matrix[(k / 3 - 1, k % 3)],
+                    };
+                    let off = (found - expected).abs();
+                    assert!(off < 1e-6 * size, "{part} {e} {k}: {found} {expected} of {size}");
+                }
+            }
+        }
+    }
+}

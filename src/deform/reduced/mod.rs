@@ -100,4 +100,4 @@ impl DeformationModel for Reduced {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

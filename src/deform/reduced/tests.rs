@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};
 use std::path::Path;
 
 /// A bar of 6 : 1 : 1 between two faces, and a third held face at its side where `sides` says so.
-fn bar(sides: &str) -> Scene {
+pub fn bar(sides: &str) -> Scene {
     let text = format!(
         "[body.bar]\ngenerate = {{ block = {{ size = [6.0, 1.0, 1.0], cells = [12, 2, 2] }} }}\n\
          material = {{ young = 1.0e6, poisson = 0.3 }}\nmodel = \"reduced\"\n\
@@ -18,7 +18,7 @@ fn bar(sides: &str) -> Scene {
     Scene::parse(&text, Path::new("bar.toml")).unwrap()
 }
 
-const RIGHT: &str = "control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+pub const RIGHT: &str = "control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
 
 fn made(scene: &Scene) -> (Box<dyn DeformationModel>, green::Solution, Vector3<f64>) {
     let requirements = Requirements::of(&[AFFINE, REDUCED]);
@@ -28,7 +28,7 @@ fn made(scene: &Scene) -> (Box<dyn DeformationModel>, green::Solution, Vector3<f
 }
 
 /// The right end at the end of the screw (6 + slide, turn) from the left one, and all of it moved by `motion`.
-fn poses(slide: [f64; 3], turn: [f64; 3], motion: &Isometry3<f64>) -> ControlPoses {
+pub fn poses(slide: [f64; 3], turn: [f64; 3], motion: &Isometry3<f64>) -> ControlPoses {
     let rest = Vector3::new(6.0, 0.0, 0.0);
     let end = se3::exp(&Vector6::new(rest.x + slide[0], slide[1], slide[2], turn[0], turn[1], turn[2]));
     [(Isometry3::identity(), -3.0), (end, 3.0)]

@@ -49,8 +49,9 @@ const COORDINATES: usize = 6;
 const MONOMIALS: usize = 21 + 56;
 /// Fields Φ of two elements, at most.
 const MOST_FIELDS: usize = 64;
-/// Paths for each coordinate: more than there are monomials of third order, so that these are found by least squares.
-const PATHS: usize = 14;
+/// Paths for each coordinate: more than there are monomials of third order, and so with those that slide alone, so that the
+/// coefficients are found by least squares.
+const PATHS: usize = 20;
 /// The first paths, on which the series is continued to find its radius.
 const LONG_PATHS: usize = 30;
 const LAST_ORDER: usize = 9;
@@ -198,7 +199,7 @@ fn ellipsoid(directions: &[DVector<f64>], sizes: &[Vec<f64>]) -> DMatrix<f64> {
     };
     let wanted = DMatrix::from_fn(1, directions.len(), |_, path| inverse(path));
     let found = coefficients(directions, 2, &wanted);
-    let mut form = DMatrix::zeros(COORDINATES, COORDINATES);
+    let mut form = DMatrix::<f64>::zeros(COORDINATES, COORDINATES);
     let mut at = 0;
     for i in 0..COORDINATES {
         for j in i..COORDINATES {

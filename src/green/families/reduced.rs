@@ -16,7 +16,7 @@ use super::super::solution::{Precomputed, Solution};
 use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use super::columns::{self, Names};
-use super::dense_fields::{add, beside, combined, principal, split_columns, without};
+use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};
 use super::screw_paths::{bend, lifted_order, paths};
 use super::table;
 use crate::base::columns::ColumnGroup;
@@ -118,7 +118,10 @@ fn basis(
     progress.begin("fields of third order", 0);
     let mut whole = lifted_order(solution, &paths, 2);
     add(&mut whole, 1.0, &second);
-    let third = bend(assembled, points, &[first, whole], progress)?;
+    // In parts of the energy, so that a path that hardly strains the body counts as much as the others.
+    let energies = products(assembled.k, &first, &first).diagonal();
+    let scales = DMatrix::from_diagonal(&energies.map(|energy| energy.max(f64::MIN_POSITIVE).sqrt().recip()));
+    let third = combined(&bend(assembled, points, &[first, whole], progress)?, &scales);
     let third = without(assembled.k, &third, &main);
     let rest = principal(assembled.k, &third, most - main.columns);
     progress.end();

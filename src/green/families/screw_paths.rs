@@ -58,8 +58,8 @@ pub fn paths(solution: &Solution, for_each: usize) -> Vec<Path> {
     let count = if elements < 2 { 0 } else { for_each * 6 * (elements - 1) };
     (0..count)
         .map(|path| {
-            // Slides of all sizes.
-            let share = (path as f64 + 0.5) / count as f64;
+            // Every other path turns alone, the others slide by all sizes.
+            let share = if path % 2 == 0 { 0.0 } else { (path as f64 + 0.5) / count as f64 };
             apart(SLIDE * reach * share.cbrt()).into_iter().zip(apart(TURN)).collect()
         })
         .collect()

@@ -8,7 +8,7 @@ use crate::deform::{
     ControlPoses, EquilibriumResult, Kind, MODELS, ModelEntry, Statics, StaticsError, Wrench,
 };
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
-use crate::green;
+use crate::green::{self, AFFINE};
 use crate::mesh::quality;
 use crate::report::data::ModelError;
 use crate::scene::Scene;
@@ -80,8 +80,10 @@ pub struct Size {
 /// Energies and forces smaller than this part of stiffness times displacement are rounding.
 const ROUNDING: f64 = 1e-8;
 
+/// The models that are evaluated from the affine columns alone, which every candidate has.
 pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
-    MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)))
+    let is_affine = |model: &&ModelEntry| model.requirements.iter().all(|family| family.name == AFFINE.name);
+    MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_))).filter(is_affine)
 }
 
 impl<'a> References<'a> {
