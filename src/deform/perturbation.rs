@@ -26,7 +26,8 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     requirements: &[AFFINE, REDUCED, PERTURBATION],
     frame: Frame::MeanMotion,
     energy: Some(&[STIFFNESS, CUBIC]),
-    turn_limits_deg: [30.0, 60.0],
+    // Beyond the radius of convergence it is `rotation`.
+    turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Perturbation::new(input)?))),
 };
 

@@ -27,7 +27,8 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     requirements: &[AFFINE, REDUCED],
     frame: Frame::MeanMotion,
     energy: Some(&[]),
-    turn_limits_deg: [90.0, 150.0],
+    // Two elements at 90° turn the pieces at their ends by 45° against the mean frame.
+    turn_limits_deg: [40.0, 75.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Reduced::new(input)?))),
 };
 

@@ -22,8 +22,8 @@ use super::reduced::{FIELDS_TABLE, REDUCED};
 use super::screw_paths::{Path, bend, lifted_order, paths};
 use super::table;
 use crate::fem::{NodeFields, RestPoints};
-use crate::solve::Progress;
-use nalgebra::{DMatrix, DVector};
+use crate::solve::{Progress, Silent};
+use nalgebra::{DMatrix, DVector, Vector3};
 use std::time::Instant;
 
 pub const PERTURBATION: Family = Family { name: "perturbation", from: &[REDUCED] };
@@ -52,7 +52,7 @@ const MOST_FIELDS: usize = 64;
 /// Paths for each coordinate: more than there are monomials of third order, and so with those that slide alone, so that the
 /// coefficients are found by least squares.
 const PATHS: usize = 20;
-/// The first paths, on which the series is continued to find its radius.
+/// The first paths, on which the series is continued to find its radius, beside those along each coordinate.
 const LONG_PATHS: usize = 30;
 const LAST_ORDER: usize = 9;
 /// The radius is that of the line through the orders from here on.
@@ -72,15 +72,10 @@ fn compute(
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let all = paths(solution, PATHS);
-    let directions: Vec<DVector<f64>> = all.iter().map(|path| direction(path)).collect();
+    let directions: Vec<DVector<f64>> = all.iter().map(direction).collect();
 
     progress.begin("series of third order", 0);
-    let mut orders = vec![lifted_order(solution, &all, 1)];
-    let mut bent = Vec::new();
-    for order in 2..=3 {
-        bent.push(next_order(assembled, solution, &points, &all, &mut orders, progress)?);
-        debug_assert_eq!(orders.len(), order);
-    }
+    let bent = continued(assembled, solution, &points, &all, 3, &mut |_| ())?;
     let fields = solution.tables.get(FIELDS_TABLE).cloned().unwrap_or_else(|| DMatrix::zeros(0, 0));
     let basis = NodeFields {
         nodes: points.nodes,
@@ -94,19 +89,16 @@ fn compute(
         .collect();
     progress.end();
 
-    progress.begin("radius of convergence", (LAST_ORDER - 3) as u64);
-    let long = &all[..LONG_PATHS];
-    let mut orders: Vec<NodeFields> = orders.iter().map(|fields| first_columns(fields, LONG_PATHS)).collect();
+    progress.begin("radius of convergence", (LAST_ORDER - 1) as u64);
+    let long = [along_coordinates(&all), all[..LONG_PATHS].to_vec()].concat();
+    let orders = continued(assembled, solution, &points, &long, LAST_ORDER, &mut |_| progress.advance(1))?;
     let norms = |bent: &NodeFields| -> Vec<f64> {
         let energies = products(assembled.k, bent, bent);
-        (0..LONG_PATHS).map(|path| energies[(path, path)].max(0.0).sqrt()).collect()
+        energies.diagonal().iter().map(|energy| energy.max(0.0).sqrt()).collect()
     };
-    let mut sizes = vec![norms(&bent[0]), norms(&bent[1])];
-    for _ in 4..=LAST_ORDER {
-        sizes.push(norms(&next_order(assembled, solution, &points, long, &mut orders, progress)?));
-        progress.advance(1);
-    }
-    let radius = ellipsoid(&directions[..LONG_PATHS], &sizes);
+    let sizes: Vec<Vec<f64>> = orders.iter().map(norms).collect();
+    let directions: Vec<DVector<f64>> = long.iter().map(direction).collect();
+    let radius = ellipsoid(&directions, &sizes);
     progress.end();
 
     let joined = DMatrix::from_fn(basis.columns, MONOMIALS, |row, column| match column.checked_sub(21) {
@@ -126,25 +118,37 @@ fn direction(path: &Path) -> DVector<f64> {
     DVector::from_iterator(COORDINATES, slide.iter().chain(turn.iter()).copied())
 }
 
-/// The next φ; its order is added to the series.
-fn next_order(
+/// φ of the orders 2 to `last` on all paths.
+fn continued(
     assembled: &Assembled<'_>,
     solution: &Solution,
     points: &RestPoints,
     paths: &[Path],
-    orders: &mut Vec<NodeFields>,
-    progress: &dyn Progress,
-) -> Result<NodeFields, GreenError> {
-    let bent = bend(assembled, points, orders, progress)?;
-    let mut whole = lifted_order(solution, paths, orders.len() + 1);
-    add(&mut whole, 1.0, &bent);
-    orders.push(whole);
-    Ok(bent)
+    last: usize,
+    told: &mut dyn FnMut(usize),
+) -> Result<Vec<NodeFields>, GreenError> {
+    let mut orders = vec![lifted_order(solution, paths, 1)];
+    let mut all = Vec::new();
+    for order in 2..=last {
+        let bent = bend(assembled, points, &orders, &Silent)?;
+        let mut whole = lifted_order(solution, paths, order);
+        add(&mut whole, 1.0, &bent);
+        orders.push(whole);
+        all.push(bent);
+        told(order);
+    }
+    Ok(all)
 }
 
-fn first_columns(fields: &NodeFields, count: usize) -> NodeFields {
-    let data = (0..3 * fields.nodes).flat_map(|row| fields.row(row)[..count].to_vec()).collect();
-    NodeFields { nodes: fields.nodes, columns: count, data }
+/// A path along each coordinate of x, as long as `paths` are.
+fn along_coordinates(paths: &[Path]) -> Vec<Path> {
+    let size = |of: &dyn Fn(&Path) -> f64| paths.iter().map(of).fold(0.0, f64::max);
+    let slide = size(&|path| path[1].0.norm());
+    let turn = size(&|path| path[1].1.norm());
+    let unit = |axis: usize, length: f64| Vector3::ith(axis, length);
+    let of = |slide: Vector3<f64>, turn: Vector3<f64>| vec![(-slide, -turn), (slide, turn)];
+    let slides = (0..3).map(|axis| of(unit(axis, slide), Vector3::zeros()));
+    slides.chain((0..3).map(|axis| of(Vector3::zeros(), unit(axis, turn)))).collect()
 }
 
 /// All products of `order` of the x, i ≤ j ≤ k, i running slowest.
@@ -186,6 +190,14 @@ fn coefficients(directions: &[DVector<f64>], order: usize, values: &DMatrix<f64>
     out
 }
 
+/// The quadratic form nearest to the `wanted` values, in parts of each.
+fn fitted(directions: &[DVector<f64>], wanted: &DMatrix<f64>) -> DMatrix<f64> {
+    // n → n/√w makes every value 1.
+    let scaled = |(n, w): (&DVector<f64>, &f64)| n / w.max(f64::MIN_POSITIVE).sqrt();
+    let scaled: Vec<DVector<f64>> = directions.iter().zip(wanted.iter()).map(scaled).collect();
+    coefficients(&scaled, 2, &DMatrix::from_element(1, directions.len(), 1.0))
+}
+
 /// G from the sizes of the orders 2, 3, … on each path.
 fn ellipsoid(directions: &[DVector<f64>], sizes: &[Vec<f64>]) -> DMatrix<f64> {
     let places: Vec<f64> = (FIRST_ORDER..2 + sizes.len()).map(|k| k as f64).collect();
@@ -198,7 +210,7 @@ fn ellipsoid(directions: &[DVector<f64>], sizes: &[Vec<f64>]) -> DMatrix<f64> {
         (2.0 * over / under).exp()
     };
     let wanted = DMatrix::from_fn(1, directions.len(), |_, path| inverse(path));
-    let found = coefficients(directions, 2, &wanted);
+    let found = fitted(directions, &wanted);
     let mut form = DMatrix::<f64>::zeros(COORDINATES, COORDINATES);
     let mut at = 0;
     for i in 0..COORDINATES {
@@ -214,7 +226,7 @@ fn ellipsoid(directions: &[DVector<f64>], sizes: &[Vec<f64>]) -> DMatrix<f64> {
     });
     let scaled = DMatrix::from_fn(COORDINATES, COORDINATES, |i, j| form[(i, j)] * scale[i] * scale[j]);
     let mut eigen = scaled.symmetric_eigen();
-    let least = 1e-3 * eigen.eigenvalues.amax();
+    let least = 1e-4 * eigen.eigenvalues.amax();
     eigen.eigenvalues.apply(|value: &mut f64| *value = value.max(least));
     let scaled = eigen.recompose();
     let form = DMatrix::from_fn(COORDINATES, COORDINATES, |i, j| scaled[(i, j)] / (scale[i] * scale[j]));
