@@ -17,7 +17,7 @@ use super::pose::{ControlPose, ControlPoses};
 use super::superposition::{SumStats, Superposition, displacement};
 use crate::base::columns::ColumnGroup;
 use crate::base::parts::{PartMotion, PartWeights};
-use crate::green::GreenFile;
+use crate::green::{AFFINE, GreenFile};
 use nalgebra::{Isometry3, Vector3};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -375,7 +375,10 @@ fn make_model(
         rest: file.rest(body),
         triangles: file.triangles(body),
         control_nodes: &|e| file.control(body, &controls[e].name).to_vec(),
-        table: &|name| file.table(body, name),
+        table: &|name| match name {
+            name if name == AFFINE.name => file.affine_columns(body),
+            name => file.table(body, name),
+        },
     });
     made.map_err(|message| format!("body.{body}.model: {message}"))
 }

@@ -86,7 +86,8 @@ pub struct ModelInput<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Surface nodes of a control element.
     pub control_nodes: &'a dyn Fn(usize) -> Vec<u32>,
-    /// A table of the body by its name, such as `stiffness`, where it was precomputed.
+    /// A table of the body by its name, such as `stiffness`, where it was precomputed; `affine` are the columns of all control
+    /// elements, a row for each axis of each surface node.
     pub table: &'a dyn Fn(&str) -> Option<DMatrix<f64>>,
 }
 

@@ -1,11 +1,12 @@
 //! The list of deformation models.
 
 use super::model::ModelEntry;
-use super::{linear, perturbation, reduced, rotation, statics};
+use super::{linear, perturbation, reduced, rod, rotation, statics};
 use crate::fem::LAWS;
 
 /// The models of the precomputed columns. A new one is a file with an entry, a `mod` line, and a line here.
-const ONLINE: &[ModelEntry] = &[linear::ENTRY, rotation::ENTRY, reduced::ENTRY, perturbation::ENTRY];
+const ONLINE: &[ModelEntry] =
+    &[linear::ENTRY, rotation::ENTRY, reduced::ENTRY, perturbation::ENTRY, rod::ENTRY];
 
 /// All models: those of the precomputed columns, then one for each of [`LAWS`].
 pub const MODELS: &[ModelEntry] = &{

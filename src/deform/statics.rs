@@ -8,7 +8,7 @@ use super::force::Wrench;
 use super::model::{Frame, Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Screw;
-use crate::fem::{Hyperelastic, Lame, Law, NodeFields, Partition, TET4, tet4};
+use crate::fem::{Hyperelastic, Law, NodeFields, Partition};
 use crate::green::{self, ControlElement, GreenError, Prepared};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
@@ -42,9 +42,7 @@ pub struct Statics {
     pub controls: Vec<ControlElement>,
     /// Warnings and notes of the check before it.
     pub notices: Vec<String>,
-    law: &'static Law,
-    lame: Vec<Lame>,
-    geometry: Vec<tet4::Geometry>,
+    body: Hyperelastic,
     size: f64,
     partition: Partition,
     solver: Option<Box<dyn LinearSolver>>,
@@ -61,9 +59,9 @@ pub struct EquilibriumResult {
     pub wrenches: Vec<Wrench>,
     /// Strain energy of the body, J.
     pub energy: f64,
-    /// Least det F, and the tetrahedron that has it.
+    /// Least det F at the points of integration, and the tetrahedron that has it.
     pub least_det: (f64, usize),
-    /// Tetrahedra turned inside out, det F ≤ 0.
+    /// Tetrahedra turned inside out, det F ≤ 0 at a point.
     pub inverted: Vec<usize>,
     /// ‖f‖₂ at the free nodes over that at the controlled ones.
     pub residual: f64,
@@ -114,13 +112,8 @@ fn remedy(why: Setback, law: &Law) -> &'static str {
 impl Statics {
     /// Refuses what these models do not have.
     pub fn suits(scene: &Scene, name: &str, law: &Law) -> Result<(), SceneError> {
-        let Body { element, solver, .. } = &scene.body[name];
+        let Body { solver, .. } = &scene.body[name];
         let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
-        if *element != &TET4 {
-            let message =
-                format!("model \"{}\" is for linear tetrahedra: write element = \"tet4\"", law.name);
-            return wrong("element", message);
-        }
         if !solver.method.is_direct {
             let message =
                 format!("model \"{}\" factorises its tangent: write method = \"cholesky\"", law.name);
@@ -142,9 +135,8 @@ impl Statics {
         green::refuse(scene, &prepared.findings)?;
         let Prepared { mesh, controls, lame, findings } = prepared;
         let place = format!("{}: body.{name}", scene.path.display());
-        let geometry = tet4::Tetrahedra::new(&mesh, &lame)
-            .map_err(|source| GreenError::Assembly { body: place, source })?
-            .geometry;
+        let body = Hyperelastic::new(scene.body[name].element, law, &mesh, &lame)
+            .map_err(|source| GreenError::Assembly { body: place, source })?;
         let partition =
             Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
         let (low, high) = quality::bounding_box(&mesh.nodes);
@@ -153,16 +145,14 @@ impl Statics {
             size: (high - low).norm(),
             solver: None,
             last: None,
-            law,
-            lame,
-            geometry,
+            body,
             partition,
             controls,
             mesh,
         };
         if !statics.partition.free.is_empty() {
-            let rest = vec![Matrix3::zeros(); statics.mesh.tets.len()];
-            let k = statics.body().tangent(&rest, statics.mesh.nodes.len());
+            let rest = NodeFields::zeros(statics.mesh.nodes.len(), 1);
+            let k = statics.body.tangent(&statics.body.gradients(&rest));
             let a = statics.partition.a(&k);
             statics.solver = Some(scene.body[name].solver.analyse(&a, progress)?);
         }
@@ -200,7 +190,7 @@ impl Statics {
                 self.prescribe(control, &pose, u);
             }
         };
-        let newton = Newton { body: self.body(), partition: &self.partition, solver: self.solver.as_deref() };
+        let newton = Newton { body: &self.body, partition: &self.partition, solver: self.solver.as_deref() };
         match newton.follow(u, steps, &path, progress) {
             Ok(equilibrium) => {
                 let settled = self.settled(&equilibrium, &shift);
@@ -212,13 +202,9 @@ impl Statics {
                 let settled = Box::new(self.settled(&at, &(shift * share)));
                 let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
                 let tets = self.mesh.tets.len();
-                Err(StaticsError::Stopped { settled, share, from, why, law: self.law, tags, tets })
+                Err(StaticsError::Stopped { settled, share, from, why, law: self.body.law, tags, tets })
             }
         }
-    }
-
-    fn body(&self) -> Hyperelastic<'_> {
-        Hyperelastic { law: self.law, tets: &self.mesh.tets, geometry: &self.geometry, lame: &self.lame }
     }
 
     /// Load steps that the way between two poses wants, not rounded.
@@ -257,12 +243,14 @@ impl Statics {
         };
         let dets: Vec<f64> =
             equilibrium.gradients.iter().map(|h| (Matrix3::identity() + h).determinant()).collect();
-        let least = (0..dets.len()).min_by(|&a, &b| dets[a].total_cmp(&dets[b])).unwrap_or(0);
+        let points = &self.body.points;
+        let least = (0..dets.len()).min_by(|&a, &b| dets[a].total_cmp(&dets[b]));
+        let is_inverted = |tet: &usize| points.points_of(*tet).any(|point| dets[point] <= 0.0);
         EquilibriumResult {
             wrenches: self.controls.iter().map(wrench).collect(),
             energy: equilibrium.energy,
-            least_det: (dets.get(least).copied().unwrap_or(1.0), least),
-            inverted: (0..dets.len()).filter(|&tet| dets[tet] <= 0.0).collect(),
+            least_det: least.map_or((1.0, 0), |point| (dets[point], points.element_of(point))),
+            inverted: (0..self.mesh.tets.len()).filter(is_inverted).collect(),
             residual: equilibrium.residual,
             counts: equilibrium.counts.clone(),
             displacement: displacement.into_iter().map(|u| u + shift).collect(),

@@ -39,6 +39,12 @@ pub const TET4_ANP: Element = Element {
         let patches = Patches::new(&tetrahedra, lame);
         Ok(vec![Box::new(tetrahedra), Box::new(patches)])
     },
+    points: |mesh, lame| {
+        let tetrahedra = tet4::Tetrahedra::new(mesh, lame)?;
+        let mut points = tetrahedra.points(true);
+        for_each_patch(&tetrahedra, lame, |stiffness, terms| points.push_mean(stiffness, terms));
+        Ok(points)
+    },
 };
 
 /// The nodes' patches: element p adds λ V g_a ⊗ g_b, where θ_p = Σ_a g_a · u_a.
@@ -54,25 +60,14 @@ impl Patches {
     fn new(own: &tet4::Tetrahedra<'_>, lame: &[Lame]) -> Patches {
         let mut patches =
             Patches { stiffness: Vec::new(), start: vec![0], nodes: Vec::new(), gradients: Vec::new() };
-        for mut tets in tetrahedra_of_nodes(own.mesh) {
-            // Materials apart, each in the order of the tetrahedra.
-            tets.sort_by(|&a, &b| {
-                let key = |tet: u32| lame[tet as usize];
-                key(a).lambda.total_cmp(&key(b).lambda).then(key(a).mu.total_cmp(&key(b).mu)).then(a.cmp(&b))
-            });
-            for same in tets.chunk_by(|&a, &b| lame[a as usize] == lame[b as usize]) {
-                patches.push(own, same, lame[same[0] as usize].lambda);
-            }
-        }
+        for_each_patch(own, lame, |stiffness, shares| patches.push(own, stiffness, shares));
         patches
     }
 
-    fn push(&mut self, own: &tet4::Tetrahedra<'_>, tets: &[u32], lambda: f64) {
-        let volume: f64 = tets.iter().map(|&tet| own.geometry[tet as usize].volume / 4.0).sum();
-        let mut terms: Vec<(u32, Vector3<f64>)> = Vec::with_capacity(4 * tets.len());
-        for &tet in tets {
+    fn push(&mut self, own: &tet4::Tetrahedra<'_>, stiffness: f64, shares: &[(u32, f64)]) {
+        let mut terms: Vec<(u32, Vector3<f64>)> = Vec::with_capacity(4 * shares.len());
+        for &(tet, share) in shares {
             let geometry = &own.geometry[tet as usize];
-            let share = geometry.volume / 4.0 / volume;
             let corners = own.mesh.tets[tet as usize];
             terms.extend((0..4).map(|a| (corners[a], geometry.gradients[a] * share)));
         }
@@ -82,7 +77,24 @@ impl Patches {
             self.gradients.push(same.iter().map(|(_, gradient)| gradient).sum());
         }
         self.start.push(self.nodes.len());
-        self.stiffness.push(lambda * volume);
+        self.stiffness.push(stiffness);
+    }
+}
+
+/// Gives each patch to `take`: λ V_p, and the share of V_p that each of its tetrahedra has.
+fn for_each_patch(own: &tet4::Tetrahedra<'_>, lame: &[Lame], mut take: impl FnMut(f64, &[(u32, f64)])) {
+    for mut tets in tetrahedra_of_nodes(own.mesh) {
+        // Materials apart, each in the order of the tetrahedra.
+        tets.sort_by(|&a, &b| {
+            let key = |tet: u32| lame[tet as usize];
+            key(a).lambda.total_cmp(&key(b).lambda).then(key(a).mu.total_cmp(&key(b).mu)).then(a.cmp(&b))
+        });
+        let quarter = |tet: u32| own.geometry[tet as usize].volume / 4.0;
+        for same in tets.chunk_by(|&a, &b| lame[a as usize] == lame[b as usize]) {
+            let volume: f64 = same.iter().map(|&tet| quarter(tet)).sum();
+            let shares: Vec<(u32, f64)> = same.iter().map(|&tet| (tet, quarter(tet) / volume)).collect();
+            take(lame[same[0] as usize].lambda * volume, &shares);
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use super::energy::Strains;
 use super::stiffness::StiffnessMatrix;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 #[derive(Debug, thiserror::Error)]
 pub enum AssemblyError {
@@ -31,7 +32,8 @@ pub trait Elements: Sync {
     /// The mesh nodes of one element, each node once.
     fn nodes(&self, element: usize) -> &[u32];
 
-    /// `out[b]` = K_ab of one element for its local node `a` and all its local nodes b, N/m.
+    /// `out[b]` = K_ab of one element for its local node `a` and all its local nodes b, N/m. Not read, so it may hold
+    /// anything, where mesh node b lies below mesh node a.
     fn row(&self, element: usize, a: usize, out: &mut [Matrix3<f64>]);
 }
 
@@ -39,47 +41,88 @@ pub trait Elements: Sync {
 pub trait ElementSet: Elements + Strains {}
 
 /// K = Σ K_e over all sets of elements, on nodes 0..`nodes`.
-///
-/// Parallel over nodes: every node sums the blocks of its own row over its elements in ascending order, so the
-/// result has the same bits on every thread count.
 pub fn assemble_elements<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>]) -> StiffnessMatrix {
-    let incident: Vec<Incidence> = sets.iter().map(|set| incidence(nodes, set.as_ref())).collect();
-    let mut matrix = StiffnessMatrix::zeros(nodes, edges(nodes, sets, &incident));
-    let rows: Vec<(Matrix3<f64>, Vec<Matrix3<f64>>)> = (0..nodes)
-        .into_par_iter()
-        .with_min_len(64)
-        .map_init(Vec::new, |scratch, node| {
-            let edges = &matrix.edges[matrix.edge_start[node]..matrix.edge_start[node + 1]];
-            let mut diagonal = Matrix3::zeros();
-            let mut blocks = vec![Matrix3::zeros(); edges.len()];
-            for (set, incident) in sets.iter().zip(&incident) {
-                for &(element, a) in incident.of(node) {
-                    let nodes = set.nodes(element as usize);
-                    scratch.resize(nodes.len(), Matrix3::zeros());
-                    set.row(element as usize, a as usize, scratch);
-                    for (&other, block) in nodes.iter().zip(scratch.iter()) {
-                        if other as usize == node {
-                            diagonal += block;
-                        } else if other as usize > node
-                            && let Ok(slot) = edges.binary_search_by_key(&other, |edge| edge[1])
-                        {
-                            blocks[slot] += block;
-                        }
-                    }
+    Pattern::of(nodes, sets).assemble(sets)
+}
+
+/// Which blocks K has, and which elements each row is summed of: kept where K is assembled many times.
+#[derive(Debug)]
+pub struct Pattern {
+    zero: StiffnessMatrix,
+    incident: Vec<Incidence>,
+}
+
+/// Rows of K that one thread sums at a time.
+const ROWS: usize = 64;
+
+impl Pattern {
+    /// The pattern of `sets` on nodes 0..`nodes`.
+    pub fn of<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>]) -> Pattern {
+        let incident: Vec<Incidence> = sets.iter().map(|set| incidence(nodes, set.as_ref())).collect();
+        Pattern { zero: StiffnessMatrix::zeros(nodes, edges(nodes, sets, &incident)), incident }
+    }
+
+    pub fn nodes(&self) -> usize {
+        self.zero.nodes()
+    }
+
+    /// K of `sets`, which have the elements that the pattern was made of.
+    ///
+    /// Parallel over nodes: every node sums the blocks of its own row over its elements in ascending order, so the
+    /// result has the same bits on every thread count.
+    pub fn assemble<E: Elements + ?Sized>(&self, sets: &[Box<E>]) -> StiffnessMatrix {
+        let mut matrix = self.zero.clone();
+        let StiffnessMatrix { diagonal, blocks, .. } = &mut matrix;
+        let mut rest = blocks.as_mut_slice();
+        let mut parts = Vec::with_capacity(diagonal.len().div_ceil(ROWS));
+        for (part, diagonal) in diagonal.chunks_mut(ROWS).enumerate() {
+            let last = (part * ROWS + diagonal.len()).min(self.nodes());
+            let width = self.zero.edge_start[last] - self.zero.edge_start[part * ROWS];
+            let (own, others) = rest.split_at_mut(width);
+            parts.push((part * ROWS, diagonal, own));
+            rest = others;
+        }
+        let scratch = || (Vec::new(), vec![0; self.nodes()]);
+        parts.into_par_iter().for_each_init(scratch, |(row, slots), (first, diagonal, blocks)| {
+            for (node, diagonal) in (first..).zip(diagonal) {
+                let span = self.zero.edge_start[node]..self.zero.edge_start[node + 1];
+                let before = span.start - self.zero.edge_start[first];
+                for (slot, edge) in self.zero.edges[span].iter().enumerate() {
+                    slots[edge[1] as usize] = before + slot;
+                }
+                self.add_row(node, sets, row, &mut |other, block| match other.cmp(&node) {
+                    Ordering::Less => {}
+                    Ordering::Equal => *diagonal += block,
+                    Ordering::Greater => blocks[slots[other]] += block,
+                });
+            }
+        });
+        matrix
+    }
+
+    /// Gives each block of a node's row to `add`, element by element.
+    fn add_row<E: Elements + ?Sized>(
+        &self,
+        node: usize,
+        sets: &[Box<E>],
+        row: &mut Vec<Matrix3<f64>>,
+        add: &mut dyn FnMut(usize, &Matrix3<f64>),
+    ) {
+        for (set, incident) in sets.iter().zip(&self.incident) {
+            for &(element, a) in incident.of(node) {
+                let nodes = set.nodes(element as usize);
+                row.resize(nodes.len(), Matrix3::zeros());
+                set.row(element as usize, a as usize, row);
+                for (&other, block) in nodes.iter().zip(row.iter()) {
+                    add(other as usize, block);
                 }
             }
-            (diagonal, blocks)
-        })
-        .collect();
-    for (node, (diagonal, blocks)) in rows.into_iter().enumerate() {
-        matrix.diagonal[node] = diagonal;
-        let start = matrix.edge_start[node];
-        matrix.blocks[start..start + blocks.len()].copy_from_slice(&blocks);
+        }
     }
-    matrix
 }
 
 /// The elements around every node, ascending, each with the node's local number in it.
+#[derive(Debug)]
 struct Incidence {
     start: Vec<usize>,
     elements: Vec<(u32, u32)>,

@@ -11,8 +11,8 @@
 //! F - R = R (S - I), and S - I is not taken as a difference, which would leave no digit of a small strain: it solves
 //! (S - I)² + 2 (S - I) = FᵀF - I = H + Hᵀ + HᵀH.
 
-use super::hyperelastic::{Law, Tangent};
 use super::lame::Lame;
+use super::law::{Law, Tangent};
 use super::polar::Polar;
 use nalgebra::{Matrix3, Vector3};
 
@@ -23,6 +23,9 @@ pub const COROTATIONAL: Law = Law {
     energy,
     stress,
     tangent,
+    dilatation: |h| parts(h).1.trace(),
+    dilatation_slope: |h| parts(h).0,
+    dilatation_curvature: |h| turn_slope(&parts(h)),
 };
 
 /// The tangent is computed with sums of two principal stretches of at least this; dR is not defined where one is zero.
@@ -55,24 +58,32 @@ fn stress(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
 }
 
 fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
-    let (r, strain) = parts(h);
+    let parts = parts(h);
+    let (r, strain) = &parts;
+    let r9 = r.reshape_generic(nalgebra::Const::<9>, nalgebra::Const::<1>);
+    Tangent::from_diagonal_element(2.0 * lame.mu)
+        + r9 * r9.transpose() * lame.lambda
+        + turn_slope(&parts) * (lame.lambda * strain.trace() - 2.0 * lame.mu)
+}
+
+/// ∂R/∂F, which is also ∂²(tr S)/∂F².
+fn turn_slope((r, strain): &(Matrix3<f64>, Matrix3<f64>)) -> Tangent {
     let s = Matrix3::identity() + strain;
     let sums = (Matrix3::from_diagonal_element(s.trace()) - s).symmetric_eigen();
     let inverse = sums.eigenvectors
         * Matrix3::from_diagonal(&sums.eigenvalues.map(|sum| 1.0 / sum.max(LEAST)))
         * sums.eigenvectors.transpose();
-    let turning = lame.lambda * strain.trace() - 2.0 * lame.mu;
-    let mut c = Tangent::from_diagonal_element(2.0 * lame.mu);
+    let mut slope = Tangent::zeros();
     for l in 0..3 {
         for k in 0..3 {
             // dF = e_k⊗e_L, for which the axial vector is e_L × Rᵀ e_k.
             let axial = Vector3::ith(l, 1.0).cross(&r.row(k).transpose());
-            let change = r * (inverse * axial).cross_matrix() * turning + r * (lame.lambda * r[(k, l)]);
-            let mut column = c.fixed_view_mut::<9, 1>(0, 3 * l + k);
-            column += change.reshape_generic(nalgebra::Const::<9>, nalgebra::Const::<1>);
+            let change = r * (inverse * axial).cross_matrix();
+            let change = change.reshape_generic(nalgebra::Const::<9>, nalgebra::Const::<1>);
+            slope.set_column(3 * l + k, &change);
         }
     }
-    c
+    slope
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use super::energy::mutual_energies;
 use super::fields::NodeFields;
 use super::lame::Lame;
 use super::stiffness::StiffnessMatrix;
+use super::strain_points::StrainPoints;
 use crate::mesh::TetMesh;
 use nalgebra::DMatrix;
 
@@ -31,6 +32,8 @@ pub struct Element {
     pub unknown_cost: f64,
     /// Errors where a tetrahedron is flat, inverted or folded.
     pub sets: for<'a> fn(&'a TetMesh, &'a [Lame]) -> Result<ElementSets<'a>, AssemblyError>,
+    /// The same elements at large strain. Errors as `sets`.
+    pub points: fn(&TetMesh, &[Lame]) -> Result<StrainPoints, AssemblyError>,
 }
 
 /// The dilatation θ whose square λ multiplies in an element's energy; linear in each tetrahedron.
@@ -61,17 +64,28 @@ impl Element {
         Ok(mutual_energies(&self.sets_of(mesh, lame)?, fields))
     }
 
+    /// The elements at large strain, for [`super::Hyperelastic`]. Errors as [`Element::assemble`].
+    pub fn points(&self, mesh: &TetMesh, lame: &[Lame]) -> Result<StrainPoints, AssemblyError> {
+        self.check_order(mesh)?;
+        (self.points)(mesh, lame)
+    }
+
     /// Errors where the mesh or one of its tetrahedra does not suit.
     pub(super) fn sets_of<'a>(
         &self,
         mesh: &'a TetMesh,
         lame: &'a [Lame],
     ) -> Result<ElementSets<'a>, AssemblyError> {
+        self.check_order(mesh)?;
+        (self.sets)(mesh, lame)
+    }
+
+    fn check_order(&self, mesh: &TetMesh) -> Result<(), AssemblyError> {
         let order = if mesh.mids.is_empty() { 1 } else { 2 };
         if order != self.order {
             return Err(AssemblyError::Order { element: self.name, needed: self.order, order });
         }
-        (self.sets)(mesh, lame)
+        Ok(())
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! The elements of [`ELEMENTS`] are linear tetrahedra (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed.,
 //! section 6.2), the same with nodal pressures, and quadratic tetrahedra; K is kept in 3×3 blocks on the nodes and edges
-//! of the mesh (the paper's figure 4). At large strain the linear ones have a law of [`LAWS`], and K is their tangent.
+//! of the mesh (the paper's figure 4). At large strain they have a law of [`LAWS`], and K is their tangent.
 
 mod anp;
 mod assembly;
@@ -14,6 +14,7 @@ mod energy;
 mod fields;
 mod hyperelastic;
 mod lame;
+mod law;
 mod neo_hookean;
 mod partition;
 mod polar;
@@ -22,6 +23,7 @@ mod quartic;
 mod rest_points;
 mod series;
 mod stiffness;
+mod strain_points;
 mod stvk;
 pub mod tet10;
 pub mod tet4;
@@ -34,14 +36,16 @@ pub use element::{Dilatation, Element};
 pub use elements::{ELEMENTS, find_element};
 pub use energy::{Strains, mutual_energies};
 pub use fields::NodeFields;
-pub use hyperelastic::{Hyperelastic, Law, Tangent};
+pub use hyperelastic::Hyperelastic;
 pub use lame::Lame;
+pub use law::{Law, Tangent};
 pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
 pub use polar::{Polar, nearest_turn};
 pub use quartic::QuarticShape;
 pub use rest_points::{RestPoint, RestPoints};
 pub use stiffness::StiffnessMatrix;
+pub use strain_points::{Means, StrainPoints};
 pub use stvk::STVK;
 pub use tet4::TET4;
 pub use tet10::TET10;

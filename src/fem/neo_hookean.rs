@@ -8,8 +8,8 @@
 //! (Smith, de Goes and Kim, ACM Trans. Graph. 37(2), 2018, equation 13 and section 4, without the logarithm that resists
 //! collapse to a point.) It stiffens under compression, where [`super::STVK`] gives way.
 
-use super::hyperelastic::{Law, Tangent};
 use super::lame::Lame;
+use super::law::{Law, Tangent};
 use nalgebra::Matrix3;
 
 pub const NEO_HOOKEAN: Law = Law {
@@ -19,6 +19,9 @@ pub const NEO_HOOKEAN: Law = Law {
     energy,
     stress,
     tangent,
+    dilatation: |h| changes(h).0,
+    dilatation_slope: |h| Matrix3::identity() + changes(h).1,
+    dilatation_curvature: volume_curvature,
 };
 
 /// cof M = det(M) M⁻ᵀ.
@@ -56,17 +59,20 @@ fn stress(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
 fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
     let (volume, cof) = changes(h);
     let bulk = lame.lambda + lame.mu;
-    let (f, cof) = (Matrix3::identity() + h, Matrix3::identity() + cof);
-    let cof = cof.reshape_generic(nalgebra::Const::<9>, nalgebra::Const::<1>);
-    let mut c = Tangent::from_diagonal_element(lame.mu) + cof * cof.transpose() * bulk;
+    let cof = (Matrix3::identity() + cof).reshape_generic(nalgebra::Const::<9>, nalgebra::Const::<1>);
+    let c = Tangent::from_diagonal_element(lame.mu) + cof * cof.transpose() * bulk;
+    c + volume_curvature(h) * (bulk * volume - lame.mu)
+}
+
+/// ∂²J/∂F² = ε_ikm ε_JLN F_mN.
+fn volume_curvature(h: &Matrix3<f64>) -> Tangent {
+    let f = Matrix3::identity() + h;
+    let mut c = Tangent::zeros();
     for n in 0..3 {
         let (j, l) = ((n + 1) % 3, (n + 2) % 3);
-        // Block (J, L) of ε_ikm ε_JLN F_mN, and minus it the block (L, J).
-        let block = f.column(n).cross_matrix() * (lame.mu - bulk * volume);
-        let mut upper = c.fixed_view_mut::<3, 3>(3 * j, 3 * l);
-        upper += block;
-        let mut lower = c.fixed_view_mut::<3, 3>(3 * l, 3 * j);
-        lower -= block;
+        let block = f.column(n).cross_matrix();
+        c.fixed_view_mut::<3, 3>(3 * j, 3 * l).copy_from(&-block);
+        c.fixed_view_mut::<3, 3>(3 * l, 3 * j).copy_from(&block);
     }
     c
 }

@@ -8,8 +8,8 @@
 //! (Bonet and Wood, 2nd ed., section 6.4.) Right for large rotations and small strain. Under compression it softens: a
 //! bar gives way at 1/√3 of its length, and nothing resists an element that turns inside out.
 
-use super::hyperelastic::{Law, Tangent};
 use super::lame::Lame;
+use super::law::{Law, Tangent};
 use nalgebra::Matrix3;
 
 pub const STVK: Law = Law {
@@ -20,6 +20,9 @@ pub const STVK: Law = Law {
     energy,
     stress,
     tangent,
+    dilatation: |h| h.trace() + 0.5 * h.norm_squared(),
+    dilatation_slope: |h| Matrix3::identity() + h,
+    dilatation_curvature: |_| Tangent::identity(),
 };
 
 /// E.

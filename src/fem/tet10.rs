@@ -13,6 +13,7 @@ use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
 use super::lame::Lame;
 use super::quadrature::{CURVED, Rule, STRAIGHT};
+use super::strain_points::StrainPoints;
 use super::tet4;
 use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{EDGES, TetMesh, quadratic, quality};
@@ -28,6 +29,7 @@ pub const TET10: Element = Element {
     pairs: [3.0, 6.0, 3.0],
     unknown_cost: 1.0,
     sets: |mesh, lame| Ok(vec![Box::new(Tetrahedra::new(mesh, lame)?)]),
+    points: |mesh, lame| Ok(Tetrahedra::new(mesh, lame)?.strain_points()),
 };
 
 /// One point of an element: its share of the volume, m³, and the shape gradients there, 1/m; Σ G_a = 0.
@@ -70,34 +72,53 @@ pub fn gradients_at(x: &[Vector3<f64>; 10], at: &[f64; 4]) -> Option<(f64, [Vect
     Some((determinant, local.map(|gradient| inverse * gradient)))
 }
 
-/// M = ∫ L Lᵀ dV and ∫ L ⊗ G_a dV, L being the barycentric coordinates: what the projection in L2 onto the linear
-/// functions of ξ is made of. `points` are of [`CURVED`].
+/// M = ∫ L Lᵀ dV, L being the barycentric coordinates: what the projection in L2 onto the linear functions of ξ is made
+/// of. `points` are of [`CURVED`].
+fn linear_mass(points: &[Point]) -> Matrix4<f64> {
+    let product = |(point, (at, _)): (&Point, &([f64; 4], f64))| {
+        let l = Vector4::from(*at);
+        l * point.volume * l.transpose()
+    };
+    points.iter().zip(CURVED).map(product).sum()
+}
+
+/// M of [`linear_mass`] and ∫ L ⊗ G_a dV.
 fn linear_moments(points: &[Point]) -> (Matrix4<f64>, [[Vector3<f64>; 10]; 4]) {
-    let mut mass = Matrix4::zeros();
     let mut moments = [[Vector3::zeros(); 10]; 4];
     for (point, (at, _)) in points.iter().zip(CURVED) {
         let l = Vector4::from(*at) * point.volume;
-        mass += l * Vector4::from(*at).transpose();
         for (moment, l) in moments.iter_mut().zip(&l) {
             for (moment, gradient) in moment.iter_mut().zip(&point.gradients) {
                 *moment += gradient * *l;
             }
         }
     }
-    (mass, moments)
+    (linear_mass(points), moments)
 }
 
-/// D_a of the four modes m of the dilatation, such that ∫ (P div u)² dV = Σₘ (Σ_a D_a⁽ᵐ⁾·u_a)², √m³/m, P being the
+/// Weights w_mq of the four modes m of a dilatation θ, such that ∫ (P θ)² dV = Σₘ (Σ_q w_mq θ_q)², √m³, P being the
 /// projection in L2 onto the linear functions of ξ.
 ///
-/// With M = C Cᵀ of [`linear_moments`]: D_a = C⁻¹ ∫ L ⊗ G_a dV. Constant dilatations are kept, so the patch test is
+/// With M = C Cᵀ of [`linear_mass`]: w_q = C⁻¹ L_q V_q. Constant dilatations are kept, so the patch test is
 /// (Zienkiewicz and Taylor, vol. 1, 5th ed., section 12.5: mixed forms and reduced integration). `None` where M is
-/// singular, as of a folded element.
+/// singular, as of a folded element. `points` are of [`CURVED`].
+fn modes(points: &[Point]) -> Option<[[f64; 8]; 4]> {
+    let inverse = linear_mass(points).cholesky()?.l().try_inverse()?;
+    let weights =
+        CURVED.iter().zip(points).map(|((at, _), point)| inverse * Vector4::from(*at) * point.volume);
+    let mut modes = [[0.0; 8]; 4];
+    for (q, weights) in weights.enumerate() {
+        modes.iter_mut().zip(&weights).for_each(|(mode, weight)| mode[q] = *weight);
+    }
+    Some(modes)
+}
+
+/// D_a of the four [`modes`] of the divergence, (P div u)ₘ = Σ_a D_a⁽ᵐ⁾·u_a, √m³/m.
 fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
-    let (mass, moments) = linear_moments(points);
-    let inverse = mass.cholesky()?.l().try_inverse()?;
-    let mode = |m: usize, a: usize| (0..=m).map(|i| moments[i][a] * inverse[(m, i)]).sum();
-    Some(std::array::from_fn(|m| std::array::from_fn(|a| mode(m, a))))
+    let gradient = |mode: &[f64; 8], a: usize| {
+        mode.iter().zip(points).map(|(weight, point)| point.gradients[a] * *weight).sum()
+    };
+    Some(modes(points)?.map(|mode| std::array::from_fn(|a| gradient(&mode, a))))
 }
 
 /// D_a at each of the points of a curved element: P div u = Σ_a D_a·u_a there; `None` of a straight one, whose dilatation is
@@ -174,6 +195,25 @@ impl<'a> Tetrahedra<'a> {
             })
             .collect::<Result<_, _>>()?;
         Ok(Tetrahedra { mesh, lame, nodes })
+    }
+
+    /// The same at large strain: straight elements with a dilatation at each of four points, curved ones with the means
+    /// that project it.
+    fn strain_points(&self) -> StrainPoints {
+        let mut all = StrainPoints::new(10);
+        for (nodes, lame) in self.nodes.iter().zip(self.lame) {
+            // `new` has seen that no point is folded.
+            let points = points(&nodes.map(|node| self.mesh.nodes[node as usize])).unwrap_or_default();
+            let modes = if points.len() == CURVED.len() { modes(&points) } else { None };
+            let first = all.count() as u32;
+            let terms = points.iter().map(|point| (point.volume, point.gradients.as_slice()));
+            all.push(nodes, *lame, modes.is_some(), terms);
+            for mode in modes.iter().flatten() {
+                let terms: Vec<(u32, f64)> = (first..).zip(mode.iter().copied()).collect();
+                all.push_mean(lame.lambda, &terms);
+            }
+        }
+        all
     }
 }
 
@@ -302,7 +342,7 @@ mod tests {
             std::array::from_fn(|a| Vector3::new((2.0 * a as f64).cos(), (a as f64).sin(), 0.1 * a as f64));
         for x in [straight(), curved()] {
             let corners = Vector4::from(dilatation(&x, &u).unwrap());
-            let (mass, _) = linear_moments(&points_of(CURVED, &x).unwrap());
+            let mass = linear_mass(&points_of(CURVED, &x).unwrap());
             let k = matrix(&x, Lame { lambda: 1.0, mu: 0.0 });
             let energy: f64 = (0..10)
                 .flat_map(|a| (0..10).map(move |b| (a, b)))

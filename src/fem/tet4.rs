@@ -9,6 +9,7 @@ use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::fields::NodeFields;
 use super::lame::Lame;
+use super::strain_points::StrainPoints;
 use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};
@@ -23,6 +24,7 @@ pub const TET4: Element = Element {
     pairs: [1.0, 0.0, 0.0],
     unknown_cost: 1.0,
     sets: |mesh, lame| Ok(vec![Box::new(Tetrahedra::new(mesh, lame)?)]),
+    points: |mesh, lame| Ok(Tetrahedra::new(mesh, lame)?.points(false)),
 };
 
 /// Volume and shape gradients of one tetrahedron.
@@ -82,6 +84,16 @@ impl<'a> Tetrahedra<'a> {
             })
             .collect::<Result<_, _>>()?;
         Ok(Tetrahedra { mesh, lame: lame.to_vec(), geometry })
+    }
+
+    /// The same at large strain, with one point each; `has_means`: their dilatation will be averaged.
+    pub fn points(&self, has_means: bool) -> StrainPoints {
+        let mut points = StrainPoints::new(4);
+        for ((nodes, lame), element) in self.mesh.tets.iter().zip(&self.lame).zip(&self.geometry) {
+            let point = (element.volume, element.gradients.as_slice());
+            points.push(nodes, *lame, has_means, std::iter::once(point));
+        }
+        points
     }
 }
 

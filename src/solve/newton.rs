@@ -18,6 +18,7 @@ use nalgebra::Matrix3;
 /// step still squares the error.
 const LAST_STEP: f64 = 1e-9;
 const MAX_ITERATIONS: usize = 25;
+const MAX_MIXED: usize = 10;
 /// A load step that needs no more factorizations lets the next one be twice as long.
 const EASY: usize = 6;
 const SHORTEST_STEP: f64 = 1.0 / 4096.0;
@@ -29,7 +30,7 @@ const SUM_ROUNDING: f64 = 1e-13;
 
 /// The problem that Newton's method solves.
 pub struct Newton<'a> {
-    pub body: Hyperelastic<'a>,
+    pub body: &'a Hyperelastic,
     pub partition: &'a Partition,
     /// For K at the free nodes; `None` where all are controlled.
     pub solver: Option<&'a dyn LinearSolver>,
@@ -44,7 +45,7 @@ pub struct Equilibrium {
     pub energy: f64,
     /// f over all nodes, N: at the controlled ones what holds them, at the free ones what is left of zero.
     pub forces: NodeFields,
-    /// F - I of every tetrahedron.
+    /// F - I at every point of the elements.
     pub gradients: Vec<Matrix3<f64>>,
     /// ‖f at free nodes‖₂ / ‖f at controlled nodes‖₂; 0 where nothing is held.
     pub residual: f64,
@@ -164,9 +165,48 @@ impl Newton<'_> {
 
         // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
         let moved_by = sum(&moved, -1.0, u);
-        let k = self.body.tangent(&self.body.gradients(u), u.nodes);
+        let k = self.body.tangent(&self.body.gradients(u));
         let d = self.solve(solver, &k, &self.partition.minus_b_times(&k, &moved_by), counts)?;
-        self.iterate(solver, sum(&moved, 1.0, &d), size, counts)
+        let predicted = sum(&moved, 1.0, &d);
+        if self.body.is_nearly_incompressible() {
+            match self.iterate_mixed(solver, u, predicted.clone(), size, counts) {
+                // From the same prediction, downhill.
+                Err(IterationEnd::Setback(_)) => {}
+                done => return done,
+            }
+        }
+        self.iterate(solver, predicted, size, counts)
+    }
+
+    /// Newton's iteration from the equilibrium `before` by way of `u`, with the pressures as unknowns of their own that
+    /// are eliminated from each linear system: p = λ θ holds at its end alone, so that a step's false dilatations, which
+    /// are of its second order, are not multiplied by λ in the tangent (Magisano, Leonetti and Garcea, Comput. Methods
+    /// Appl. Mech. Engng. 313, 2017, 986-1005). The energy rises on the way; a tangent that is not positive definite ends
+    /// the iteration, and the last one is that of the energy.
+    fn iterate_mixed(
+        &self,
+        solver: &dyn LinearSolver,
+        before: &NodeFields,
+        mut u: NodeFields,
+        size: f64,
+        counts: &mut Counts,
+    ) -> Result<NodeFields, IterationEnd> {
+        counts.moves.clear();
+        let mut pressures = self.body.pressures_after(&self.body.gradients(before), &sum(&u, -1.0, before));
+        for _ in 0..MAX_MIXED {
+            let gradients = self.body.gradients(&u);
+            let mut downhill = self.body.forces(&gradients).at(&self.partition.free);
+            downhill.data.iter_mut().for_each(|value| *value = -*value);
+            let k = self.body.tangent_with(&gradients, &pressures);
+            let d = self.solve(solver, &k, &downhill, counts)?;
+            counts.moves.push(largest(&d) / size);
+            pressures = self.body.pressures_after(&gradients, &d);
+            u = sum(&u, 1.0, &d);
+            if largest(&d) <= LAST_STEP * size {
+                return Ok(u);
+            }
+        }
+        Err(IterationEnd::Setback(Setback::Slow))
     }
 
     /// Newton's iteration at fixed controlled nodes, for displacements of about `size`, m.
@@ -180,9 +220,9 @@ impl Newton<'_> {
         counts.moves.clear();
         for _ in 0..MAX_ITERATIONS {
             let gradients = self.body.gradients(&u);
-            let mut downhill = self.body.forces(&gradients, u.nodes).at(&self.partition.free);
+            let mut downhill = self.body.forces(&gradients).at(&self.partition.free);
             downhill.data.iter_mut().for_each(|value| *value = -*value);
-            let k = self.body.tangent(&gradients, u.nodes);
+            let k = self.body.tangent(&gradients);
             let d = self.solve(solver, &k, &downhill, counts)?;
             counts.moves.push(largest(&d) / size);
             if largest(&d) <= LAST_STEP * size {
@@ -231,7 +271,7 @@ impl Newton<'_> {
 
     fn judge(&self, u: NodeFields, counts: Counts) -> Equilibrium {
         let gradients = self.body.gradients(&u);
-        let forces = self.body.forces(&gradients, u.nodes);
+        let forces = self.body.forces(&gradients);
         let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
         let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
         let residual = if held == 0.0 { 0.0 } else { left / held };

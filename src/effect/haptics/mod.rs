@@ -8,6 +8,7 @@
 //! [`Device`] the force-feedback device.
 
 pub mod acting;
+pub mod bent;
 pub mod coupling;
 pub mod delay;
 pub mod device;

@@ -6,9 +6,10 @@
 //! gave the hand beyond what the body held at the release. Time is virtual, and so the same on every machine.
 
 use super::device::Device;
+use super::grasp::Grasp;
 use super::simulated::{Hand, Reports, Simulated};
 use super::stability::{START_M, spring, tick_with};
-use super::tick::{LoopState, Measures};
+use super::tick::{Control, LoopState, Measures};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, Vector3};
 
@@ -65,12 +66,24 @@ pub fn settle(
     haptic: &Haptic,
     reports: Reports,
     young: f64,
-    (hand, gesture): (Hand, Gesture),
+    hand: (Hand, Gesture),
     measures: Measures,
 ) -> Option<SettlingResult> {
     let (mut control, grasp) = spring(haptic, young * BLOCK_M)?;
     control.measures = measures;
-    let mut device = Simulated::new(haptic, hand);
+    Some(release(control, &grasp, reports, hand, &Isometry3::translation(START_M, 0.0, 0.0)))
+}
+
+/// Releases the handle from `start`, where it is held at first; the body is at rest where the handle is at the origin.
+pub(super) fn release(
+    mut control: Control,
+    grasp: &Grasp,
+    reports: Reports,
+    (hand, gesture): (Hand, Gesture),
+    start: &Isometry3<f64>,
+) -> SettlingResult {
+    let haptic = control.haptic.clone();
+    let mut device = Simulated::new(&haptic, hand);
     device.reports = reports;
     device.hand(&Isometry3::identity());
     let period_s = haptic.period_s();
@@ -79,9 +92,8 @@ pub fn settle(
     let mut settled = SettlingResult { swing_m: 0.0, speed: 0.0, made_j: 0.0, state: control.state };
     for tick in 0..((HELD_S + FREE_S) / period_s) as u64 {
         let now_s = tick as f64 * period_s;
-        let place = &mut device.device_from_handle.translation.vector;
         if now_s <= HELD_S {
-            *place = Vector3::new(START_M, 0.0, 0.0);
+            device.device_from_handle = *start;
             device.velocity = [Vector3::zeros(); 2];
             (device.push_work, device.eaten, held_j) = (0.0, 0.0, control.state.stored_energy);
         } else {
@@ -89,7 +101,7 @@ pub fn settle(
             device.hand(&Isometry3::from_parts(hand, device.device_from_handle.rotation));
         }
         if tick % frame == 0 {
-            control.take(&grasp);
+            control.take(grasp);
         }
         tick_with(&mut control, &mut device, now_s);
         settled.made_j = settled.made_j.max(device.push_work - device.eaten - held_j);
@@ -98,5 +110,5 @@ pub fn settle(
             settled.speed = settled.speed.max(device.velocity[0].norm());
         }
     }
-    Some(SettlingResult { state: control.state, ..settled })
+    SettlingResult { state: control.state, ..settled }
 }

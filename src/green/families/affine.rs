@@ -12,6 +12,7 @@ use super::super::solution::Precomputed;
 use super::super::tensor::Tensor;
 use super::columns::{self, Names};
 use crate::base::columns::ColumnGroup;
+use nalgebra::DMatrix;
 
 pub const AFFINE: Family = Family { name: "affine", from: &[] };
 
@@ -59,6 +60,14 @@ fn groups<'a>(file: &'a GreenFile, body: &str) -> Vec<ColumnGroup<'a>> {
 }
 
 impl GreenFile {
+    /// The columns of all control elements as one matrix: a row for each axis of each surface node.
+    pub fn affine_columns(&self, body: &str) -> Option<DMatrix<f64>> {
+        let meta = self.meta.bodies.get(body).filter(|meta| meta.requirements.has(AFFINE))?;
+        let (nodes, groups) = (meta.surface_nodes, groups(self, body));
+        let value = |row: usize, column: usize| groups[column / FIELDS].value(nodes, column % FIELDS, row);
+        Some(DMatrix::from_fn(3 * nodes, FIELDS * groups.len(), |row, column| value(row, column).into()))
+    }
+
     /// The twelve columns of one control element.
     pub fn basis(&self, body: &str, control: &str) -> ColumnGroup<'_> {
         columns::group(self, body, &names(control))

@@ -1,15 +1,18 @@
 //! The displacement field of one setting in one pose, over all nodes.
 
 use crate::base::columns::{Storage, StoredColumns};
-use crate::deform::{ControlPose, ControlPoses, ModelEntry, PoseSlope, Wrench, model_of};
+use crate::base::parts::PartShare;
+use crate::deform::{ControlPose, ControlPoses, ModelEntry, PoseSlope, Wrench, model_of, volume_model_of};
 use crate::green::Solution;
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// The output of a model for a pose: coefficients, and the rigid motion about `centre` that it separated from them.
 pub struct ModelOutput {
     pub coefficients: Vec<f64>,
     pub motion: Isometry3<f64>,
     pub centre: Vector3<f64>,
+    /// Displacements of all nodes, of a model with several parts or a field of its own.
+    pub own: Option<Vec<Vector3<f64>>>,
     /// About the origins of the solution's control elements, where the model has an energy.
     pub wrenches: Option<Vec<Wrench>>,
 }
@@ -37,12 +40,45 @@ pub fn evaluate(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -
     let wrench = |(slope, pose)| Wrench::of(slope, pose);
     let wrenches = response.map(|_| slopes.iter().zip(poses).map(wrench).collect());
     let motion = state.body_from_surface();
+    let is_own = state.parts.len() > 1 || made.field().is_some();
+    let own = if is_own { Some(own_displacements(model, solution, poses)?) } else { None };
     (!state.rotation_undefined).then_some(ModelOutput {
         coefficients: state.coefficients,
         motion,
         centre,
+        own,
         wrenches,
     })
+}
+
+/// Where a model with several parts or a field of its own moves all nodes.
+fn own_displacements(
+    model: &ModelEntry,
+    solution: &Solution,
+    poses: &ControlPoses,
+) -> Option<Vec<Vector3<f64>>> {
+    let (mut made, centre) = volume_model_of(model, solution).ok()?;
+    let state = made.state(poses);
+    let nodes = &solution.mesh.nodes;
+    let rest: Vec<[f32; 3]> = nodes.iter().map(|x| (x - centre).cast::<f32>().into()).collect();
+    let (weights, field) = (made.part_weights(&rest), made.field());
+    let place = |n: usize| {
+        let c = &state.coefficients;
+        let sum = |axis| solution.fields.row(3 * n + axis).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+        let more = field.map_or_else(Vector3::zeros, |field| Vector3::from(field[n]).cast::<f64>());
+        let x = Point3::from(nodes[n] - centre + Vector3::from_fn(|axis, _| sum(axis)) + more);
+        let moved = match &weights {
+            None => (state.body_from_surface() * x).coords,
+            Some(weights) => {
+                let part = |share: &PartShare| {
+                    (state.parts[share.part as usize] * x).coords * f64::from(share.weight)
+                };
+                weights.of(n).iter().map(part).sum()
+            }
+        };
+        moved - (nodes[n] - centre)
+    };
+    Some((0..nodes.len()).map(place).collect())
 }
 
 /// The same for poses about the origins `about`.
@@ -62,8 +98,11 @@ pub fn superposed(solution: &Solution, output: &ModelOutput) -> Vec<Vector3<f64>
     (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| value(3 * n + axis))).collect()
 }
 
-/// The whole displacement R (X + u) + t - X.
+/// The whole displacement R (X + u) + t - X, or the model's own.
 pub fn displaced(solution: &Solution, output: &ModelOutput, u: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    if let Some(own) = &output.own {
+        return own.clone();
+    }
     let (rotation, shift) = (output.motion.rotation, output.motion.translation.vector);
     let displacement = |(x, u): (&Vector3<f64>, &Vector3<f64>)| {
         let x = x - output.centre;

@@ -3,7 +3,8 @@
 use super::law;
 use crate::common::{case_poses, csv_rows, shared};
 use greenstage::deform::{ControlPose, ControlPoses, Statics};
-use greenstage::fem::{Hyperelastic, LAWS, Lame, NodeFields, tet4};
+use greenstage::fem::{Hyperelastic, LAWS, Lame, NodeFields, TET4};
+use greenstage::mesh::TetMesh;
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
@@ -163,17 +164,22 @@ fn one_tetrahedron_matches_the_independent_energy_force_and_tangent() {
     for law in LAWS {
         let name = names.get(law.name).unwrap_or_else(|| panic!("no expected values of {}", law.name));
         let expected = &tet.models[*name];
-        let geometry = [tet4::geometry(tet.general_tet_nodes.map(Vector3::from)).unwrap()];
+        let mesh = TetMesh {
+            nodes: tet.general_tet_nodes.map(Vector3::from).to_vec(),
+            tags: vec![1, 2, 3, 4],
+            tets: vec![[0, 1, 2, 3]],
+            ..TetMesh::default()
+        };
         let lame = [Lame::from_young_poisson(tet.young, tet.nu)];
-        let body = Hyperelastic { law, tets: &[[0, 1, 2, 3]], geometry: &geometry, lame: &lame };
+        let body = Hyperelastic::new(&TET4, law, &mesh, &lame).unwrap();
         let h = body.gradients(&NodeFields { nodes: 4, columns: 1, data: tet.u.clone() });
         let energy = body.energy(&h) / expected.energy - 1.0;
         let relative = |found: &[f64], expected: &[f64]| {
             let size = expected.iter().fold(0.0f64, |size, value| size.max(value.abs()));
             found.iter().zip(expected).fold(0.0f64, |worst, (f, e)| worst.max((f - e).abs())) / size
         };
-        let force = relative(&body.forces(&h, 4).data, &expected.force);
-        let k = body.tangent(&h, 4);
+        let force = relative(&body.forces(&h).data, &expected.force);
+        let k = body.tangent(&h);
         let mut identity = NodeFields::zeros(4, 12);
         (0..12).for_each(|i| identity.row_mut(i)[i] = 1.0);
         let mut dense = NodeFields::zeros(4, 12);

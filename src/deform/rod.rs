@@ -1,0 +1,220 @@
+//! Method 3b of the paper's appendix for slender bodies: a geometrically exact rod between two control elements.
+//!
+//! In: the poses of two control elements, whose frames clamp the rod's ends. Out: the frames of the rod's sections in
+//! equilibrium, on which the surface of the finite-element body is skinned; the rod's energy and its gradient. The rod is
+//! straight and uniform; its section comes from the body's own handle stiffness ([`Section`]), so that small motions give
+//! the linear solution, forces and surface. A rod has no stretching control elements: their stretch moves its clamps, as S
+//! says, and resists linearly.
+
+mod chain;
+mod screws;
+mod section;
+mod skin;
+
+use super::cubic_form::CubicForm;
+use super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::helicoidal::Helicoidal;
+use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::pose::ControlPose;
+use super::se3::{exp, halves};
+use crate::base::parts::PartWeights;
+use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
+use chain::{Chain, Standing};
+use nalgebra::{Isometry3, Matrix3, SVector, Translation3, UnitQuaternion, Vector3};
+use screws::Tangent;
+use section::{Section, stretch_of};
+use skin::Skin;
+
+pub(super) const ENTRY: ModelEntry = ModelEntry {
+    name: "rod",
+    summary: "method 3b: a geometrically exact rod between two control elements, for slender straight bodies",
+    requirements: &[AFFINE, STIFFNESS, CUBIC],
+    frame: Frame::MeanMotion,
+    energy: Some(&[]),
+    turn_limits_deg: [180.0; 2],
+    kind: Kind::Online(|input| Ok(Box::new(Rod::new(input)?))),
+};
+
+/// Segments between the clamps.
+const SEGMENTS: usize = 32;
+
+/// A slender body.
+pub struct Rod {
+    controls: [ControlRest; 2],
+    section: Section,
+    chain: Chain,
+    /// Another one, to come from rest with.
+    spare: Chain,
+    skin: Skin,
+    turns: [Option<UnitQuaternion<f64>>; 2],
+    frames: [ControlFrame; 2],
+    /// The poses of the last evaluation, and what was found.
+    poses: [ControlPose; 2],
+    standing: Option<Standing>,
+    is_defined: bool,
+}
+
+impl Rod {
+    pub fn new(input: &ModelInput<'_>) -> Result<Rod, String> {
+        let [first, last] = input.controls else {
+            return Err(format!(
+                "model \"rod\" is for bodies with two control elements, one at each end; it has {}: write model = \
+                 \"rotation\"",
+                input.controls.len()
+            ));
+        };
+        let stiffness = (input.table)(STIFFNESS.name)
+            .ok_or("model \"rod\" needs the handle stiffness of the .green file")?;
+        let origins = [first.origin, last.origin];
+        let held = [0, 1].map(|e| (input.control_nodes)(e));
+        let axis = (origins[1] - origins[0]).normalize();
+        let reach = |e: usize| {
+            let towards = if e == 0 { axis } else { -axis };
+            let along = |&node: &u32| {
+                let x = input.rest.get(node as usize).map(|x| Vector3::from(*x).cast::<f64>());
+                x.map_or(0.0, |x| (x - origins[e]).dot(&towards))
+            };
+            held[e].iter().map(along).fold(0.0, f64::max)
+        };
+        let mut section =
+            Section::fit(&stiffness, origins, [reach(0), reach(1)], SEGMENTS).map_err(|why| {
+                format!("model \"rod\" does not suit this body: {why}; write model = \"rotation\"")
+            })?;
+        let cubic = (input.table)(CUBIC.name);
+        if let Some(cubic) = cubic.and_then(|table| CubicForm::new(2 * FIELDS, table.as_slice().to_vec())) {
+            section.fit_second(origins, &mut Helicoidal::new(&origins, stiffness, Some(cubic))?);
+        }
+        let first_frame = section.frame_at(0.0);
+        let chain =
+            Chain::new(&section.stiffness, &section.second, section.rest(SEGMENTS), SEGMENTS, first_frame);
+        let columns = (input.table)(AFFINE.name);
+        let skin = Skin::new(&section, SEGMENTS, origins, input.rest, &held, columns.as_ref());
+        let frame = |e: usize| ControlFrame {
+            place: origins[e],
+            turn: UnitQuaternion::identity(),
+            stretch: Matrix3::identity(),
+        };
+        Ok(Rod {
+            controls: [first.clone(), last.clone()],
+            section,
+            spare: chain.clone(),
+            chain,
+            skin,
+            turns: [None; 2],
+            frames: [frame(0), frame(1)],
+            poses: [ControlPose { translation: Vector3::repeat(f64::NAN), ..ControlPose::REST }; 2],
+            standing: None,
+            is_defined: false,
+        })
+    }
+
+    /// The rod between the frames of these poses; where there is none, the last one is kept.
+    fn hold(&mut self, poses: &[ControlPose]) {
+        let Ok(poses) = <[ControlPose; 2]>::try_from(poses) else { return };
+        if poses == self.poses {
+            return;
+        }
+        self.poses = poses;
+        self.is_defined = false;
+        let frame = |e: usize| ControlFrame::of(&self.controls[e].origin, &poses[e], self.turns[e].as_ref());
+        let (Some(first), Some(last)) = (frame(0), frame(1)) else { return };
+        let frames = [first, last];
+        let clamps = [0, 1].map(|e| self.clamp(e, &frames[e]));
+        let held = self.chain.hold(&clamps).or_else(|| {
+            // A way from rest may exist where none from the last state was found.
+            self.spare.reset(clamps[0]);
+            let held = self.spare.hold(&clamps)?;
+            std::mem::swap(&mut self.chain, &mut self.spare);
+            Some(held)
+        });
+        if let Some(standing) = held {
+            self.standing = Some(standing);
+            self.turns = [0, 1].map(|e| Some(frames[e].turn));
+            self.frames = frames;
+            self.is_defined = true;
+        }
+    }
+
+    /// Where the rod's end is, by the frame of its control element: the end's place in it, moved by the stretch.
+    fn clamp(&self, e: usize, frame: &ControlFrame) -> Isometry3<f64> {
+        let arm = self.section.ends[e] - self.controls[e].origin;
+        let offset = self.section.offsets[e] * stretch_of(&frame.stretch);
+        placed(frame) * Translation3::from(arm) * exp(&offset)
+    }
+
+    /// U - I of both ends, one after the other.
+    fn stretches(&self) -> SVector<f64, 18> {
+        let [first, last] = [0, 1].map(|e| stretch_of(&self.frames[e].stretch));
+        SVector::from_fn(|k, _| if k < 9 { first[k] } else { last[k - 9] })
+    }
+
+    /// The slope of V by the frame of element `e`.
+    fn slope(&self, e: usize, standing: &Standing, resisting: &SVector<f64, 18>) -> FrameSlope {
+        let frame = &self.frames[e];
+        let offset = self.section.offsets[e] * stretch_of(&frame.stretch);
+        // By a motion of the offset's own end, then by one of the control element's frame.
+        let wrench = standing.wrenches[e];
+        let last = Tangent::of(&offset).last;
+        let by_offset = last.transpose().lu().solve(&wrench).unwrap_or(wrench);
+        let pulled = self.section.offsets[e].tr_mul(&by_offset);
+        let by_stretch = Matrix3::from_fn(|i, j| pulled[3 * i + j] + resisting[9 * e + 3 * i + j]);
+        let turned = exp(&offset);
+        let (force, moment) = halves(&wrench);
+        let force = turned.rotation * force;
+        let moment = turned.rotation * moment + turned.translation.vector.cross(&force);
+        let arm = self.section.ends[e] - self.controls[e].origin;
+        let (force, moment) = (frame.turn * force, frame.turn * (moment + arm.cross(&force)));
+        FrameSlope { force, torque: moment, stretch: (by_stretch + by_stretch.transpose()) * 0.5 }
+    }
+}
+
+/// A control element's frame as a motion.
+fn placed(frame: &ControlFrame) -> Isometry3<f64> {
+    Isometry3::from_parts(Translation3::from(frame.place), frame.turn)
+}
+
+impl DeformationModel for Rod {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        self.hold(poses);
+        let mut motions = Vec::with_capacity(SEGMENTS + 4);
+        self.skin.motions(&self.chain, &[placed(&self.frames[0]), placed(&self.frames[1])], &mut motions);
+        self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch]);
+        BodyState { parts: motions, coefficients: Vec::new(), rotation_undefined: !self.is_defined }
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.hold(poses);
+        let standing = self.standing?;
+        let stretches = self.stretches();
+        let resisting = self.section.stretching * stretches;
+        for (e, slope) in slopes.iter_mut().enumerate().take(2) {
+            *slope = self.frames[e].pull_back(&self.slope(e, &standing, &resisting));
+        }
+        let energy = standing.energy + 0.5 * stretches.dot(&resisting);
+        Some(Response { energy, is_defined: self.is_defined })
+    }
+
+    fn field(&self) -> Option<&[[f32; 3]]> {
+        Some(self.skin.field())
+    }
+
+    fn part_weights(&self, _rest: &[[f32; 3]]) -> Option<PartWeights> {
+        self.skin.weights().ok()
+    }
+
+    fn forget(&mut self) {
+        self.chain.reset(self.section.frame_at(0.0));
+        self.turns = [None; 2];
+        self.poses[0].translation = Vector3::repeat(f64::NAN);
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        if let Some(place) = self.turns.get_mut(e) {
+            *place = Some(turn);
+            self.poses[0].translation = Vector3::repeat(f64::NAN);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,701 @@
+//! A geometrically exact rod (Simo-Reissner) of n two-node elements between two clamps.
+//!
+//! In: its section stiffness C, its segment at rest, and two frames that hold its ends. Out: the frames of all sections
+//! in equilibrium, the energy, and the wrenches on the clamps.
+//!
+//! ```text
+//! V = Σ ½ ẽᵀ C/ℓ ẽ    ẽ = e + u ½ eᵀ A e/ℓ    e = h - h₀    h = log(g_i⁻¹ g_i+1), constant strain along each segment
+//! ```
+//!
+//! Helicoidal elements (Sonneville, Cardona and Brüls, CMAME 268, 2014): no locking, no change under rigid motions, and
+//! arcs, twists and helices are exact. A is the stretch of second order along the axis u that a section's own strains have
+//! ([`super::section`]); without it the material is linear. Newton's iteration with the exact Hessian, which is block
+//! tridiagonal (6 × 6); where it is not positive definite, it is shifted until it is, and a state that is stationary but not
+//! stable is left along its mode.
+
+use super::super::se3::{exp, halves};
+use super::screws::{Tangent, log};
+use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
+
+/// No step of a clamp turns it by more (rad), or moves it by more than this part of the rod's length.
+const CLAMP_TURN: f64 = std::f64::consts::FRAC_PI_4;
+const CLAMP_MOVE: f64 = 0.25;
+/// No iteration turns a section by more, rad, or moves it by more than this part of the length.
+const SECTION_TURN: f64 = 0.7;
+const SECTION_MOVE: f64 = 0.25;
+/// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is
+/// the last one. As it converges quadratically, forces are then right to about the square of its root.
+const CONVERGED: f64 = 1e-10;
+/// Iterations for one pose of the clamps.
+const MOST_ITERATIONS: usize = 300;
+
+type Factor = Cholesky<f64, Const<6>>;
+
+/// How the rod stands between its clamps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// J.
+    pub energy: f64,
+    /// ∂V by a motion g exp(η) of the first and the last frame: force and torque in that frame's own axes.
+    pub wrenches: [Vector6<f64>; 2],
+    pub iterations: usize,
+    /// It was left for this state because it was not stable: the rod buckled.
+    pub buckled: bool,
+}
+
+/// A rod and the state in which it was last held.
+#[derive(Clone)]
+pub struct Chain {
+    /// C/ℓ, N/m and N·m of a segment.
+    stiffness: Matrix6<f64>,
+    /// u, and A/ℓ of a segment.
+    axis: Vector6<f64>,
+    second: Matrix6<f64>,
+    /// h₀.
+    rest: Vector6<f64>,
+    length: f64,
+    /// Frames of the n + 1 sections.
+    pub frames: Vec<Isometry3<f64>>,
+    trial: Vec<Isometry3<f64>>,
+    kept: Vec<Isometry3<f64>>,
+    /// ∂V by the motion of each section, and the blocks (i, i) and (i, i + 1) of its derivative.
+    gradient: Vec<Vector6<f64>>,
+    diagonal: Vec<Matrix6<f64>>,
+    beside: Vec<Matrix6<f64>>,
+    /// Of the inner sections: the factors of the pivots, and pivot⁻¹ times the block beside.
+    pivots: Vec<Factor>,
+    upper: Vec<Matrix6<f64>>,
+    step: Vec<Vector6<f64>>,
+    /// The factor is that of the present state, an equilibrium.
+    is_factored: bool,
+    /// What the shift is measured in: a weight of each of the six motions of a section.
+    weight: Vector6<f64>,
+}
+
+impl Chain {
+    /// A rod at rest, from `first` on, of `segments` (2 at least) whose ends are a screw `rest` apart; `section`: C, in N
+    /// and N·m² (and N·m off the diagonal); `second`: A.
+    pub fn new(
+        section: &Matrix6<f64>,
+        second: &Matrix6<f64>,
+        rest: Vector6<f64>,
+        segments: usize,
+        first: Isometry3<f64>,
+    ) -> Chain {
+        let slide = halves(&rest).0;
+        let piece = slide.norm();
+        let axis = slide / piece;
+        let length = piece * segments as f64;
+        let bending = (section[(3, 3)] + section[(4, 4)] + section[(5, 5)]) / 3.0;
+        let turning = bending / (length * segments as f64);
+        let moving = turning / (length * length);
+        let mut chain = Chain {
+            stiffness: section / piece,
+            axis: Vector6::new(axis.x, axis.y, axis.z, 0.0, 0.0, 0.0),
+            second: second / piece,
+            rest,
+            length,
+            frames: vec![first; segments + 1],
+            trial: Vec::new(),
+            kept: Vec::new(),
+            gradient: vec![Vector6::zeros(); segments + 1],
+            diagonal: vec![Matrix6::zeros(); segments + 1],
+            beside: vec![Matrix6::zeros(); segments],
+            pivots: Vec::with_capacity(segments),
+            upper: Vec::with_capacity(segments),
+            step: vec![Vector6::zeros(); segments + 1],
+            is_factored: false,
+            weight: Vector6::new(moving, moving, moving, turning, turning, turning),
+        };
+        chain.reset(first);
+        chain.trial.clone_from(&chain.frames);
+        chain.kept.clone_from(&chain.frames);
+        chain
+    }
+
+    pub fn segments(&self) -> usize {
+        self.frames.len() - 1
+    }
+
+    /// Back to rest, from `first` on.
+    pub fn reset(&mut self, first: Isometry3<f64>) {
+        let piece = exp(&self.rest);
+        self.is_factored = false;
+        self.frames[0] = first;
+        for i in 1..self.frames.len() {
+            self.frames[i] = self.frames[i - 1] * piece;
+        }
+    }
+
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// h of segment `i`.
+    pub fn screw(&self, i: usize) -> Vector6<f64> {
+        log(&self.frames[i].inv_mul(&self.frames[i + 1]))
+    }
+
+    /// The wrench C/ℓ (h - h₀) that goes with the strain of segment `i`, in the axes of its sections, on their middle.
+    pub fn linear_wrench(&self, i: usize) -> Vector6<f64> {
+        self.stiffness * (self.screw(i) - self.rest)
+    }
+
+    /// The energy of a segment, and ∂V/∂h.
+    fn law(&self, h: &Vector6<f64>) -> (f64, Vector6<f64>, Vector6<f64>, f64) {
+        let strain = h - self.rest;
+        let slope = self.second * strain;
+        let whole = strain + self.axis * (0.5 * strain.dot(&slope));
+        let linear = self.stiffness * whole;
+        let force = linear.dot(&self.axis);
+        (0.5 * whole.dot(&linear), linear + slope * force, slope, force)
+    }
+
+    /// ∂²V/∂h² of a segment, of what [`Chain::law`] tells.
+    fn tangent(&self, slope: &Vector6<f64>, force: f64) -> Matrix6<f64> {
+        let along = self.stiffness * self.axis;
+        let mixed = (along + slope * (0.5 * along.dot(&self.axis))) * slope.transpose();
+        self.stiffness + mixed + mixed.transpose() + self.second * force
+    }
+
+    /// The frame in the middle of segment `i`.
+    pub fn middle(&self, i: usize) -> Isometry3<f64> {
+        self.frames[i] * exp(&(self.screw(i) * 0.5))
+    }
+
+    /// Equilibrium with the clamps at `ends`, the way there from the present state continued in steps. The signs of the
+    /// quaternions tell turns up to 360°. `None`, and the state as it was, where none is found.
+    pub fn hold(&mut self, ends: &[Isometry3<f64>; 2]) -> Option<Standing> {
+        self.kept.clone_from_slice(&self.frames);
+        let standing = self.approach(ends);
+        if standing.is_none() {
+            self.is_factored = false;
+            self.frames.clone_from_slice(&self.kept);
+        }
+        standing
+    }
+
+    fn approach(&mut self, ends: &[Isometry3<f64>; 2]) -> Option<Standing> {
+        // The motion of the first clamp is given to the whole rod, which does not feel it.
+        let carried = ends[0] * self.frames[0].inverse();
+        for frame in &mut self.frames {
+            *frame = carried * *frame;
+            frame.rotation.renormalize_fast();
+        }
+        let last = self.segments();
+        let from = self.frames[last];
+        let turn = halves(&log(&from.inv_mul(&ends[1]))).1.norm();
+        let distance = (ends[1].translation.vector - from.translation.vector).norm();
+        if !(turn.is_finite() && distance.is_finite()) {
+            return None;
+        }
+        let steps = (turn / CLAMP_TURN).max(distance / (CLAMP_MOVE * self.length)).ceil().clamp(1.0, 64.0);
+        let (mut iterations, mut buckled) = (0, false);
+        let mut energy = 0.0;
+        for step in 1..=steps as usize {
+            let goal = between(&ends[0], &from, &ends[1], step as f64 / steps);
+            let eta = log(&self.frames[last].inv_mul(&goal));
+            energy = self.settle(eta, &mut iterations, &mut buckled)?;
+            self.frames[last] = goal;
+        }
+        self.slopes();
+        let wrenches = [self.gradient[0], self.gradient[last]];
+        wrenches.iter().all(|w| w.iter().all(|x| x.is_finite())).then_some(Standing {
+            energy,
+            wrenches,
+            iterations,
+            buckled,
+        })
+    }
+
+    /// Moves the last frame by `eta` and the others to equilibrium; returns the energy.
+    fn settle(&mut self, eta: Vector6<f64>, iterations: &mut usize, buckled: &mut bool) -> Option<f64> {
+        if eta.amax() > 0.0 {
+            self.predict(eta)?;
+        }
+        let last = self.segments();
+        loop {
+            *iterations += 1;
+            let energy = self.assemble();
+            if *iterations > MOST_ITERATIONS || !energy.is_finite() {
+                return None;
+            }
+            let shift = self.factor()?;
+            self.solve(Vector6::zeros());
+            let gain: f64 = -(1..last).map(|i| self.gradient[i].dot(&self.step[i])).sum::<f64>();
+            self.limit_step();
+            let is_last = gain <= CONVERGED * energy.max(self.least_energy());
+            if is_last && shift > 0.0 {
+                self.leave_along_mode(energy)?;
+                *buckled = true;
+            } else if !self.descend(energy, gain, is_last) {
+                return None;
+            }
+            if is_last && shift == 0.0 {
+                self.gradient.fill(Vector6::zeros());
+                self.is_factored = true;
+                return Some(self.energy_of(&self.frames));
+            }
+        }
+    }
+
+    /// Moves the last frame by `eta`, and the others as the tangent answers, with the factor of the last equilibrium where
+    /// there is one. The energy may rise.
+    fn predict(&mut self, eta: Vector6<f64>) -> Option<()> {
+        if !std::mem::take(&mut self.is_factored) {
+            self.assemble();
+            self.factor()?;
+        }
+        self.solve(eta);
+        self.limit_step();
+        self.try_step(1.0);
+        self.frames.clone_from_slice(&self.trial);
+        Some(())
+    }
+
+    /// An energy that counts as none: that of a bend by 1e-4 rad.
+    fn least_energy(&self) -> f64 {
+        1e-8 * self.weight[3] * self.segments() as f64
+    }
+
+    /// Goes along the step as far as the energy falls.
+    fn descend(&mut self, energy: f64, gain: f64, is_last: bool) -> bool {
+        let mut share = 1.0;
+        for _ in 0..30 {
+            self.try_step(share);
+            // Rounding alone decides about the last steps.
+            let falls = is_last || self.energy_of(&self.trial) <= energy - 1e-4 * share * gain;
+            if falls {
+                self.frames.clone_from_slice(&self.trial);
+                return true;
+            }
+            share *= 0.5;
+        }
+        false
+    }
+
+    /// Steps off a state that is stationary but not stable, along the mode that lowers the energy most.
+    fn leave_along_mode(&mut self, energy: f64) -> Option<()> {
+        let last = self.segments();
+        // Inverse iteration with the shifted Hessian, from a start that is in no symmetry's way.
+        for i in 1..last {
+            self.step[i] = Vector6::from_fn(|k, _| (1.7 * i as f64 + 0.9 * k as f64).sin() + 0.3);
+        }
+        for _ in 0..20 {
+            for i in 1..last {
+                self.step[i].component_mul_assign(&-self.weight);
+            }
+            std::mem::swap(&mut self.step, &mut self.gradient);
+            self.solve(Vector6::zeros());
+            let size = self.step[1..last].iter().map(Vector6::amax).fold(0.0, f64::max);
+            self.step[1..last].iter_mut().for_each(|step| *step /= size);
+        }
+        let turn = self.step[1..last].iter().map(|s| halves(s).1.norm()).fold(0.0, f64::max);
+        let mut share = 0.1 / turn;
+        for _ in 0..12 {
+            for sign in [1.0, -1.0] {
+                self.try_step(sign * share);
+                if self.energy_of(&self.trial) < energy {
+                    self.frames.clone_from_slice(&self.trial);
+                    return Some(());
+                }
+            }
+            share *= 0.5;
+        }
+        None
+    }
+
+    /// Shortens the step of the inner sections where it is beyond what one iteration may do.
+    fn limit_step(&mut self) {
+        let last = self.segments();
+        let mut excess: f64 = 1.0;
+        for step in &self.step[1..last] {
+            let (v, turn) = halves(step);
+            excess = excess.max(turn.norm() / SECTION_TURN).max(v.norm() / (SECTION_MOVE * self.length));
+        }
+        self.step[1..last].iter_mut().for_each(|step| *step /= excess);
+    }
+
+    /// The state after this share of the step, as the trial.
+    fn try_step(&mut self, share: f64) {
+        for i in 0..self.frames.len() {
+            self.trial[i] = self.frames[i];
+            if i > 0 {
+                self.trial[i] *= exp(&(self.step[i] * share));
+                self.trial[i].rotation.renormalize_fast();
+            }
+        }
+        let last = self.segments();
+        if self.step[last] == Vector6::zeros() {
+            self.trial[last] = self.frames[last];
+        }
+    }
+
+    fn energy_of(&self, frames: &[Isometry3<f64>]) -> f64 {
+        let segment = |pair: &[Isometry3<f64>]| self.law(&log(&pair[0].inv_mul(&pair[1]))).0;
+        frames.windows(2).map(segment).sum()
+    }
+
+    /// The gradient alone.
+    fn slopes(&mut self) {
+        self.gradient.fill(Vector6::zeros());
+        for i in 0..self.segments() {
+            let h = self.screw(i);
+            let (tangent, (_, wrench, ..)) = (Tangent::of(&h), self.law(&h));
+            self.gradient[i] += tangent.first.tr_mul(&wrench);
+            self.gradient[i + 1] += tangent.last.tr_mul(&wrench);
+        }
+    }
+
+    /// Energy, gradient and Hessian.
+    fn assemble(&mut self) -> f64 {
+        self.gradient.fill(Vector6::zeros());
+        self.diagonal.fill(Matrix6::zeros());
+        let mut energy = 0.0;
+        for i in 0..self.segments() {
+            let h = self.screw(i);
+            let (tangent, (of_segment, wrench, slope, force)) = (Tangent::of(&h), self.law(&h));
+            energy += of_segment;
+            self.gradient[i] += tangent.first.tr_mul(&wrench);
+            self.gradient[i + 1] += tangent.last.tr_mul(&wrench);
+            let [first, across, last] = tangent.curvature(&wrench);
+            let stiffness = self.tangent(&slope, force);
+            let (by_first, by_last) = (stiffness * tangent.first, stiffness * tangent.last);
+            self.diagonal[i] += tangent.first.tr_mul(&by_first) + first;
+            self.diagonal[i + 1] += tangent.last.tr_mul(&by_last) + last;
+            self.beside[i] = tangent.first.tr_mul(&by_last) + across;
+        }
+        energy
+    }
+
+    /// Factorises the Hessian of the inner sections, shifted as little as it must be to be positive definite; returns the
+    /// shift.
+    fn factor(&mut self) -> Option<f64> {
+        let mut shift = 0.0;
+        for _ in 0..24 {
+            if self.factor_shifted(shift) {
+                return Some(shift);
+            }
+            shift = if shift == 0.0 { 0.3 } else { 4.0 * shift };
+        }
+        None
+    }
+
+    fn factor_shifted(&mut self, shift: f64) -> bool {
+        self.pivots.clear();
+        self.upper.clear();
+        let added = Matrix6::from_diagonal(&(self.weight * shift));
+        for i in 1..self.segments() {
+            let mut pivot = self.diagonal[i] + added;
+            if let Some(above) = self.upper.last() {
+                pivot -= self.beside[i - 1].tr_mul(above);
+            }
+            let Some(factor) = pivot.cholesky() else { return false };
+            self.upper.push(factor.solve(&self.beside[i]));
+            self.pivots.push(factor);
+        }
+        true
+    }
+
+    /// The step of the inner sections against the gradient, with the last section's own.
+    fn solve(&mut self, of_last: Vector6<f64>) {
+        let last = self.segments();
+        self.step[last] = of_last;
+        for i in 1..last {
+            let mut rhs = -self.gradient[i];
+            if i > 1 {
+                rhs -= self.beside[i - 1].tr_mul(&self.step[i - 1]);
+            }
+            self.step[i] = self.pivots[i - 1].solve(&rhs);
+        }
+        for i in (1..last).rev() {
+            let next = self.step[i + 1];
+            self.step[i] -= self.upper[i - 1] * next;
+        }
+    }
+
+    /// Whether the state at hand is stable between its clamps: its Hessian is positive definite.
+    #[cfg(test)]
+    pub fn is_stable(&mut self) -> bool {
+        self.assemble();
+        self.factor_shifted(0.0)
+    }
+}
+
+/// The last clamp at a share of its way: on the straight line between the screws that a rod from `first` on winds along,
+/// as long as none makes more than half a turn; else it turns and moves at a constant speed.
+fn between(first: &Isometry3<f64>, from: &Isometry3<f64>, to: &Isometry3<f64>, share: f64) -> Isometry3<f64> {
+    if share >= 1.0 {
+        return *to;
+    }
+    let [start, end] = [from, to].map(|frame| log(&first.inv_mul(frame)));
+    let most = halves(&start).1.norm().max(halves(&end).1.norm());
+    if most <= std::f64::consts::PI {
+        return first * exp(&start.lerp(&end, share));
+    }
+    let turn = halves(&log(&from.inv_mul(to))).1 * share;
+    let turned = exp(&Vector6::new(0.0, 0.0, 0.0, turn.x, turn.y, turn.z)).rotation;
+    let place = from.translation.vector.lerp(&to.translation.vector, share);
+    Isometry3::from_parts(place.into(), from.rotation * turned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::screws::joined;
+    use super::*;
+    use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};
+    use std::f64::consts::PI;
+
+    /// EA, GA, GA, GJ, EI, EI.
+    fn section(stiffness: [f64; 6]) -> Matrix6<f64> {
+        Matrix6::from_diagonal(&Vector6::from(stiffness))
+    }
+
+    fn straight(stiffness: [f64; 6], segments: usize) -> Chain {
+        let piece = Vector6::new(1.0 / segments as f64, 0.0, 0.0, 0.0, 0.0, 0.0);
+        Chain::new(&section(stiffness), &Matrix6::zeros(), piece, segments, Isometry3::identity())
+    }
+
+    /// L = 1, EI = 1, ν = 0.3, as in the shared case `rod`.
+    const ROUND: [f64; 6] = [1e4, 1e4 / 2.6 * 0.9, 1e4 / 2.6 * 0.9, 1.0 / 1.3, 1.0, 1.0];
+    /// As good as inextensible and rigid in shear.
+    const ELASTICA: [f64; 6] = [1e6, 1e6, 1e6, 1.0, 1.0, 1.0];
+
+    /// The rod clamped at its start, its end free and under a dead force F and a moment M in the room's axes: Newton's
+    /// iteration for all free sections.
+    fn load(chain: &mut Chain, force: Vector3<f64>, moment: Vector3<f64>, steps: usize) -> Isometry3<f64> {
+        let last = chain.segments();
+        for step in 1..=steps {
+            let share = step as f64 / steps as f64;
+            for iteration in 0.. {
+                assert!(iteration < 30, "no equilibrium at {share} of the load");
+                chain.assemble();
+                let pull = chain.frames[last].rotation.inverse() * force * share;
+                let twist = chain.frames[last].rotation.inverse() * moment * share;
+                chain.gradient[last] -= joined(&pull, &twist);
+                // Along a screw (v, ω) the force's work has the second derivative f · (ω × v).
+                let mut corner = chain.diagonal[last].fixed_view_mut::<3, 3>(3, 0);
+                corner += pull.cross_matrix() * 0.5;
+                let mut corner = chain.diagonal[last].fixed_view_mut::<3, 3>(0, 3);
+                corner += pull.cross_matrix().transpose() * 0.5;
+                // The room's moment turns against the section.
+                let mut corner = chain.diagonal[last].fixed_view_mut::<3, 3>(3, 3);
+                corner -= twist.cross_matrix() * 0.5;
+                let (mut hessian, mut rest) = (DMatrix::zeros(6 * last, 6 * last), DVector::zeros(6 * last));
+                for i in 0..last {
+                    rest.rows_mut(6 * i, 6).copy_from(&chain.gradient[i + 1]);
+                    hessian.view_mut((6 * i, 6 * i), (6, 6)).copy_from(&chain.diagonal[i + 1]);
+                    if i > 0 {
+                        let block = chain.beside[i];
+                        hessian.view_mut((6 * i - 6, 6 * i), (6, 6)).copy_from(&block);
+                        hessian.view_mut((6 * i, 6 * i - 6), (6, 6)).copy_from(&block.transpose());
+                    }
+                }
+                let eta = hessian.lu().solve(&-rest).unwrap();
+                let excess = (eta.amax() / (0.2 * chain.length)).max(1.0);
+                for i in 0..last {
+                    let step = Vector6::from_iterator(eta.rows(6 * i, 6).iter().map(|x| x / excess));
+                    chain.frames[i + 1] *= exp(&step);
+                }
+                if eta.amax() < 1e-8 * chain.length {
+                    break;
+                }
+            }
+        }
+        chain.frames[last]
+    }
+
+    /// Strain energy ½ GJ φ²/L of a twist and ½ EI φ²/L of an arc, for any number of segments; torques GJ φ/L, EI φ/L.
+    #[test]
+    fn twists_and_arcs_are_exact() {
+        for segments in [4, 32] {
+            for degrees in [90f64, 180.0, 360.0, 600.0] {
+                let mut chain = straight(ROUND, segments);
+                let (mut standing, angle) = (None, degrees.to_radians());
+                for step in 1..=20 {
+                    let turn = angle * f64::from(step) / 20.0;
+                    let half = Quaternion::new((0.5 * turn).cos(), (0.5 * turn).sin(), 0.0, 0.0);
+                    let turned = UnitQuaternion::new_unchecked(half);
+                    let end = Isometry3::from_parts(Vector3::x().into(), turned);
+                    standing = chain.hold(&[Isometry3::identity(), end]);
+                }
+                let standing = standing.unwrap();
+                let (energy, torque) = (0.5 * angle * angle / 1.3, angle / 1.3);
+                assert!((standing.energy / energy - 1.0).abs() < 1e-9, "{degrees}: {standing:?}");
+                assert!((standing.wrenches[1] - Vector6::ith(3, torque)).amax() < 1e-7, "{standing:?}");
+                assert!(!standing.buckled);
+            }
+            let mut chain = straight(ROUND, segments);
+            let end = exp(&Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.5 * PI));
+            let standing = chain.hold(&[Isometry3::identity(), end]).unwrap();
+            assert!((standing.energy / (PI * PI / 8.0) - 1.0).abs() < 1e-9, "{standing:?}");
+            assert!((standing.wrenches[1] - Vector6::ith(5, 0.5 * PI)).amax() < 1e-6, "{standing:?}");
+        }
+    }
+
+    /// Cantilever with a dead transverse load P L²/EI = α: w/L and the shortening u/L, by Bisshopp and Drucker (1945) and
+    /// Mattiasson, IJNME 17 (1981) 145-153.
+    #[test]
+    fn the_elastica_has_its_tabulated_tip() {
+        for (alpha, across, short) in [
+            (1.0, 0.30172077379981355, 0.05643323628337688),
+            (5.0, 0.7137915236119128, 0.38762836072442985),
+            (10.0, 0.8106090248802964, 0.5549955977537513),
+        ] {
+            let error = |segments: usize| {
+                let mut chain = straight(ELASTICA, segments);
+                let tip = load(&mut chain, Vector3::y() * alpha, Vector3::zeros(), 20).translation.vector;
+                (tip.y - across).hypot(1.0 - tip.x - short)
+            };
+            let (coarse, fine) = (error(16), error(32));
+            assert!(fine < 4e-4, "α = {alpha}: {fine:e}");
+            let rate = (coarse / fine).log2();
+            assert!((1.8..2.3).contains(&rate), "α = {alpha}: rate {rate}, {coarse:e}, {fine:e}");
+        }
+    }
+
+    /// A moment 2π EI/L rolls a cantilever up to a circle (Simo and Vu-Quoc, CMAME 58, 1986).
+    #[test]
+    fn a_moment_rolls_the_rod_up() {
+        let mut chain = straight(ROUND, 32);
+        let tip = load(&mut chain, Vector3::zeros(), Vector3::z() * (2.0 * PI), 60);
+        assert!(tip.translation.vector.norm() < 1e-6, "{tip}");
+        let half = chain.frames[16].translation.vector;
+        assert!((half - Vector3::new(0.0, 1.0 / PI, 0.0)).norm() < 1e-6, "{half}");
+    }
+
+    /// Tips of cantilevers with EI = 1, EA = 10⁴ under a force, and under a force with a torque that bend them out of the
+    /// plane: a boundary value problem solved to 1e-9 (scipy.integrate.solve_bvp; the shared case `rod`).
+    #[test]
+    fn loaded_cantilevers_have_their_tips() {
+        let stiffness = [1e4, 3461.5384615384614, 3461.5384615384614, 0.7692307692307692, 1.0, 1.0];
+        for (force, moment, expected) in [
+            (Vector3::new(0.0, 0.0, 10.0), Vector3::zeros(), [0.44478434649665877, 0.0, 0.8119885696765466]),
+            (
+                Vector3::new(0.0, 5.0, 3.0),
+                Vector3::new(1.0, 0.0, 0.0),
+                [0.5729176554064224, 0.5609553586735657, 0.47742289341470445],
+            ),
+        ] {
+            let error = |segments: usize| {
+                let mut chain = straight(stiffness, segments);
+                let tip = load(&mut chain, force, moment, 10).translation.vector;
+                (tip - Vector3::from(expected)).norm()
+            };
+            let (coarse, fine) = (error(16), error(32));
+            assert!(fine < 5e-4, "{force}: {fine:e}");
+            let rate = (coarse / fine).log2();
+            assert!((1.8..2.2).contains(&rate), "{force}: rate {rate}, {coarse:e}, {fine:e}");
+        }
+    }
+
+    /// The bend of 45° of Bathe and Bolourchi, IJNME 14 (1979), with the polar constant 1/6; tips of a boundary value problem
+    /// solved to 1e-10. Published: (15.79, 47.23, 53.37) at 600 by Simo and Vu-Quoc (1986).
+    #[test]
+    fn bathes_bend_has_its_tip() {
+        let stiffness = section([1e7, 5e6, 5e6, 1e7 / 12.0, 1e7 / 12.0, 1e7 / 12.0]);
+        for (force, expected) in [
+            (300.0, [22.24478094536686, 58.779122489682365, 40.19189167014999]),
+            (600.0, [15.68480053403855, 47.150438573628904, 53.47485879182502]),
+        ] {
+            let error = |segments: usize| {
+                // Along its own first axis; it starts along +y about a centre at (100, 0, 0).
+                let angle = 0.25 * PI / segments as f64;
+                let piece = Vector6::new(100.0 * angle, 0.0, 0.0, 0.0, 0.0, -angle);
+                let axes = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+                let axes = UnitQuaternion::from_matrix(&axes);
+                let first = Isometry3::from_parts(Vector3::zeros().into(), axes);
+                let mut chain = Chain::new(&stiffness, &Matrix6::zeros(), piece, segments, first);
+                let rest = chain.frames[segments].translation.vector;
+                assert!((rest - Vector3::new(29.289, 70.711, 0.0)).amax() < 1e-3, "{rest}");
+                let tip = load(&mut chain, Vector3::z() * force, Vector3::zeros(), 60).translation.vector;
+                (tip - Vector3::from(expected)).norm()
+            };
+            let (coarse, fine) = (error(16), error(32));
+            assert!(fine < 0.02, "{force} N: {fine:e} m of 78 m");
+            let rate = (coarse / fine).log2();
+            assert!((1.8..2.2).contains(&rate), "{force} N: rate {rate}, {coarse:e}, {fine:e}");
+        }
+    }
+
+    /// Both tangents clamped, the straight twisted rod loses its stability at M L/B = 8.98682, the first root of
+    /// tan x = x twice (Greenhill, 1883): a twist of 8.98682 (1 + ν), 669° for a round section with ν = 0.3.
+    #[test]
+    fn a_twisted_rod_buckles_at_greenhills_twist() {
+        let twisted = |chain: &mut Chain, angle: f64| {
+            for (i, frame) in chain.frames.iter_mut().enumerate() {
+                let half = 0.5 * angle * i as f64 / 60.0;
+                let turn = UnitQuaternion::new_unchecked(Quaternion::new(half.cos(), half.sin(), 0.0, 0.0));
+                *frame = Isometry3::from_parts((Vector3::x() * (i as f64 / 60.0)).into(), turn);
+            }
+        };
+        let mut chain = straight(ROUND, 60);
+        let (mut stable, mut unstable) = (500f64.to_radians(), 800f64.to_radians());
+        while unstable - stable > 1e-4 {
+            let middle = 0.5 * (stable + unstable);
+            twisted(&mut chain, middle);
+            if chain.is_stable() { stable = middle } else { unstable = middle }
+        }
+        let expected = 8.98681891581813 * 1.3;
+        assert!((stable / expected - 1.0).abs() < 5e-3, "{} rad, not {expected}", stable);
+        // Above it, the rod does not stay straight, below it does.
+        for (angle, buckles) in [(0.97 * expected, false), (1.05 * expected, true)] {
+            twisted(&mut chain, angle);
+            let (first, last) = (chain.frames[0], chain.frames[60]);
+            let straight = 0.5 * angle * angle / 1.3;
+            let standing = chain.hold(&[first, last]).unwrap();
+            assert_eq!(standing.buckled, buckles);
+            assert!(chain.is_stable());
+            let off = chain.frames.iter().map(|f| f.translation.vector.yz().norm()).fold(0.0, f64::max);
+            assert_eq!(off > 1e-3, buckles, "{off}");
+            assert!(!buckles || standing.energy < straight * (1.0 - 1e-6), "{standing:?} {straight}");
+        }
+    }
+
+    /// The wrenches are the energy's slopes, with a section that stretches as it bends and twists, and they do not feel a
+    /// common motion.
+    #[test]
+    fn wrenches_are_slopes_of_the_energy() {
+        let mut second = Matrix6::zeros();
+        second
+            .fixed_view_mut::<3, 3>(3, 3)
+            .copy_from(&Matrix3::new(3.0, 0.2, 0.1, 0.2, 1.5, 0.0, 0.1, 0.0, 2.0));
+        second[(0, 0)] = 1.0;
+        let piece = Vector6::new(0.05, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut chain = Chain::new(
+            &section([1e2, 50.0, 50.0, 0.8, 1.0, 1.2]),
+            &(second * 1e-2),
+            piece,
+            20,
+            Isometry3::identity(),
+        );
+        let end = exp(&Vector6::new(0.9, 0.1, 0.05, 0.7, -0.4, 1.1));
+        let clamps = |e: usize, eta: Vector6<f64>| {
+            let mut clamps = [Isometry3::identity(), end];
+            clamps[e] *= exp(&eta);
+            clamps
+        };
+        let standing = chain.hold(&clamps(0, Vector6::zeros())).unwrap();
+        for (e, k) in (0..12).map(|i| (i / 6, i % 6)) {
+            let mut eta = Vector6::zeros();
+            eta[k] = 1e-5;
+            let mut energy = |eta| chain.hold(&clamps(e, eta)).unwrap().energy;
+            let slope = (energy(eta) - energy(-eta)) / 2e-5;
+            let found = standing.wrenches[e][k];
+            assert!((found - slope).abs() < 1e-6 * standing.wrenches[e].amax(), "{e} {k}: {found} {slope}");
+        }
+        let common = exp(&Vector6::new(5.0, -3.0, 2.0, 0.3, 2.0, -1.0));
+        let moved = chain.hold(&[common, common * end]).unwrap();
+        assert!((moved.energy / standing.energy - 1.0).abs() < 1e-10, "{moved:?} {standing:?}");
+        assert!((moved.wrenches[1] - standing.wrenches[1]).amax() < 1e-7 * standing.wrenches[1].amax());
+    }
+
+    #[test]
+    fn what_cannot_be_held_leaves_the_rod_as_it_was() {
+        let mut chain = straight(ROUND, 8);
+        let frames = chain.frames.clone();
+        let nowhere = Isometry3::translation(f64::NAN, 0.0, 0.0);
+        assert_eq!(chain.hold(&[Isometry3::identity(), nowhere]), None);
+        assert_eq!(chain.frames, frames);
+    }
+}

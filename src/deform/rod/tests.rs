@@ -1,0 +1,250 @@
+//! The rod in a body, against the linear solution, static equilibrium at large rotations, and differences of its energy.
+
+use super::super::model::ModelEntry;
+use super::super::solved::model_of;
+use super::super::statics::Statics;
+use super::*;
+use crate::fem::LAWS;
+use crate::green::{self, Requirements, Solution};
+use crate::scene::Scene;
+use crate::solve::Silent;
+use nalgebra::{DVector, Rotation3, UnitVector3};
+use std::path::Path;
+
+/// A hollow bar of length 1 m between bands, with a radius of 5 cm.
+const BAR: &str = "tube = { inner_radius = 0.02, outer_radius = 0.05, length = 1.1, radial = 1, around = 10, along = 33, \
+                   control_length = 0.05 }";
+
+fn scene(generate: &str) -> Scene {
+    let text = format!(
+        "stage = \"desktop\"\n[body.b]\ngenerate = {{ {generate} }}\nmaterial = {{ young = 1e6, poisson = 0.3 }}\n\
+         model = \"stvk\"\n[body.b.control.a]\nnodes = {{ group = \"left\" }}\ngrab = \"fixed\"\n[body.b.control.b]\n\
+         nodes = {{ group = \"right\" }}\ngrab = \"dragger\"\n"
+    );
+    Scene::parse(&text, Path::new("bar.toml")).unwrap()
+}
+
+fn solve(scene: &Scene) -> Solution {
+    green::solve(scene, "b", &Requirements::of(ENTRY.requirements), &Silent).unwrap()
+}
+
+/// Bend and twist of the last element about its own place, after a rigid motion `g` of that place in m.
+fn pose(turn: Vector3<f64>, shift: Vector3<f64>) -> [ControlPose; 2] {
+    let matrix = *Rotation3::from_scaled_axis(turn).matrix();
+    [ControlPose::REST, ControlPose { translation: shift, matrix }]
+}
+
+/// The end of an arc of the bar's centreline, whose elements' origins are `length` apart along x.
+fn bend(angle: f64, length: f64) -> [ControlPose; 2] {
+    let end = exp(&nalgebra::Vector6::new(length, 0.0, 0.0, 0.0, 0.0, angle)).translation.vector;
+    pose(Vector3::z() * angle, end - Vector3::x() * length)
+}
+
+struct Body {
+    solution: Solution,
+    model: Box<dyn DeformationModel>,
+    centre: Vector3<f64>,
+}
+
+impl Body {
+    fn new(scene: &Scene) -> Body {
+        let solution = solve(scene);
+        let entry: &ModelEntry = &ENTRY;
+        let (model, centre) = model_of(entry, &solution).unwrap();
+        Body { solution, model, centre }
+    }
+
+    fn length(&self) -> f64 {
+        (self.solution.controls[1].origin - self.solution.controls[0].origin).norm()
+    }
+
+    fn respond(&mut self, poses: &[ControlPose]) -> (f64, [PoseSlope; 2]) {
+        let mut slopes = [PoseSlope::default(); 2];
+        let response = self.model.respond(poses, &mut slopes).unwrap();
+        assert!(response.is_defined);
+        (response.energy, slopes)
+    }
+
+    /// Displacements of the surface nodes.
+    fn shape(&mut self, poses: &[ControlPose]) -> Vec<Vector3<f64>> {
+        let nodes = &self.solution.surface.nodes;
+        let rest: Vec<Vector3<f64>> =
+            nodes.iter().map(|&node| self.solution.mesh.nodes[node as usize] - self.centre).collect();
+        let single: Vec<[f32; 3]> = rest.iter().map(|x| x.cast::<f32>().into()).collect();
+        let state = self.model.state(poses);
+        let weights = self.model.part_weights(&single).unwrap();
+        let field = self.model.field().unwrap();
+        let place = |i: usize| -> Vector3<f64> {
+            let y = rest[i] + Vector3::from(field[i]).cast::<f64>();
+            let share = |share: &crate::base::parts::PartShare| {
+                (state.parts[share.part as usize] * nalgebra::Point3::from(y)).coords
+                    * f64::from(share.weight)
+            };
+            weights.of(i).iter().map(share).sum::<Vector3<f64>>() - rest[i]
+        };
+        (0..rest.len()).map(place).collect()
+    }
+}
+
+fn rms(values: impl Iterator<Item = Vector3<f64>>) -> f64 {
+    let (count, sum) = values.fold((0.0, 0.0), |(count, sum), v| (count + 1.0, sum + v.norm_squared()));
+    f64::sqrt(sum / count)
+}
+
+/// All 24 numbers of both poses, with an amplitude of 1e-5: forces S c, shape Σ c u.
+#[test]
+fn small_motions_give_the_linear_solution() {
+    let mut body = Body::new(&scene(BAR));
+    let stiffness = body.solution.stiffness().unwrap().clone();
+    let small = |k: usize| 1e-5 * (1.7 * k as f64 + 0.4).sin();
+    let poses: Vec<ControlPose> = (0..2)
+        .map(|e| ControlPose {
+            translation: Vector3::from_fn(|i, _| small(12 * e + i)),
+            matrix: Matrix3::identity() + Matrix3::from_fn(|i, j| small(12 * e + 3 + 3 * i + j)),
+        })
+        .collect();
+    let c = DVector::from_iterator(24, poses.iter().flat_map(ControlPose::coefficients));
+    let (forces, (energy, slopes)) = (&stiffness * &c, body.respond(&poses));
+    for (e, slope) in slopes.iter().enumerate() {
+        let force = forces.rows(12 * e, 3);
+        let matrix = Matrix3::from_row_slice(&forces.as_slice()[12 * e + 3..12 * e + 12]);
+        assert!(
+            (slope.translation - force).norm() < 1e-3 * force.norm(),
+            "{e}: {} {force}",
+            slope.translation
+        );
+        assert!((slope.matrix - matrix).norm() < 1e-3 * matrix.norm(), "{e}: {} {matrix}", slope.matrix);
+    }
+    assert!((energy / (0.5 * c.dot(&forces)) - 1.0).abs() < 1e-3);
+    let shape = body.shape(&poses);
+    let linear = |i: usize| {
+        let row = |axis| body.solution.fields.row(3 * body.solution.surface.nodes[i] as usize + axis);
+        Vector3::from_fn(|axis, _| row(axis).iter().zip(c.iter()).map(|(u, c)| u * c).sum())
+    };
+    let off = rms(shape.iter().enumerate().map(|(i, u)| u - linear(i)));
+    assert!(off < 2e-3 * rms(shape.iter().copied()), "{off:e}");
+}
+
+/// Force and torque in parts of their own size, shape in parts of the length, by St. Venant-Kirchhoff statics on the same
+/// mesh.
+#[test]
+fn a_bent_and_twisted_bar_is_that_of_static_equilibrium() {
+    let scene = scene(BAR);
+    let mut body = Body::new(&scene);
+    let law = LAWS.iter().find(|law| law.name == "stvk").unwrap();
+    let mut statics = Statics::new(&scene, "b", law, &Silent).unwrap();
+    let length = body.length();
+    let twist = |degrees: f64| pose(Vector3::x() * degrees.to_radians(), Vector3::zeros());
+    for (name, poses, [force, torque, shape]) in [
+        ("bend 30°", bend(30f64.to_radians(), length), [0.03, 0.01, 5e-5]),
+        ("bend 90°", bend(90f64.to_radians(), length), [0.08, 0.04, 4e-4]),
+        ("twist 90°", twist(90.0), [0.02, 0.01, 1e-4]),
+        ("twist 170°", twist(170.0), [0.04, 0.03, 4e-4]),
+        ("across by 5 %", pose(Vector3::zeros(), Vector3::y() * (0.05 * length)), [0.02, 0.01, 2e-5]),
+        (
+            "along by 5 %",
+            pose(Vector3::zeros(), Vector3::x() * (0.05 * length)),
+            [0.005, f64::INFINITY, 5e-5],
+        ),
+    ] {
+        body.model.forget();
+        let found = statics.solve(&poses.to_vec(), &Silent).unwrap();
+        let (_, slopes) = body.respond(&poses);
+        let wrench = crate::deform::Wrench::of(&slopes[1], &poses[1]);
+        let held = &found.wrenches[1];
+        let moment = held.moment - poses[1].translation.cross(&held.force);
+        let (found_force, found_torque) = (
+            (wrench.force - held.force).norm() / held.force.norm(),
+            (wrench.moment - moment).norm() / moment.norm(),
+        );
+        let nodes = body.solution.surface.nodes.clone();
+        let shapes = body.shape(&poses);
+        let off = shapes.iter().zip(&nodes).map(|(u, &node)| u - found.displacement[node as usize]);
+        let found_shape = rms(off) / length;
+        assert!(
+            found_force < force && found_torque < torque && found_shape < shape,
+            "{name}: force {found_force:.4}, torque {found_torque:.4}, shape {found_shape:.2e}"
+        );
+    }
+}
+
+#[test]
+fn slopes_are_those_of_the_energy_and_held_nodes_go_where_they_are_held() {
+    let mut body = Body::new(&scene(BAR));
+    let stretch = [
+        Matrix3::new(1.05, 0.02, -0.03, 0.02, 0.97, 0.01, -0.03, 0.01, 1.02),
+        Matrix3::new(0.98, -0.02, 0.01, -0.02, 1.03, 0.02, 0.01, 0.02, 0.96),
+    ];
+    let length = body.length();
+    let mut poses = bend(0.8, 0.95 * length);
+    poses[1].translation -= Vector3::x() * (0.05 * length);
+    for (pose, stretch) in poses.iter_mut().zip(stretch) {
+        pose.matrix *= stretch;
+    }
+    let (_, slopes) = body.respond(&poses);
+    let largest = slopes.iter().map(|slope| slope.translation.amax()).fold(0.0, f64::max);
+    for (e, k) in (0..24).map(|i| (i / 12, i % 12)) {
+        let mut energy = |by: f64| {
+            let mut moved = poses;
+            match k {
+                0..3 => moved[e].translation[k] += by,
+                _ => moved[e].matrix[(k / 3 - 1, k % 3)] += by,
+            }
+            body.respond(&moved).0
+        };
+        let slope = (energy(1e-6) - energy(-1e-6)) / 2e-6;
+        let found = match k {
+            0..3 => slopes[e].translation[k],
+            _ => slopes[e].matrix[(k / 3 - 1, k % 3)],
+        };
+        assert!((slope - found).abs() < 1e-6 * largest, "element {e}, {k}: {found} {slope}");
+    }
+    let shape = body.shape(&poses);
+    let nodes = &body.solution.surface.nodes;
+    for (control, pose) in body.solution.controls.iter().zip(&poses) {
+        for (i, node) in nodes.iter().enumerate().filter(|(_, node)| control.nodes.contains(node)) {
+            let arm = body.solution.mesh.nodes[*node as usize] - control.origin;
+            let expected = pose.translation + (pose.matrix - Matrix3::identity()) * arm;
+            assert!((shape[i] - expected).amax() < 1e-6, "{} {expected}", shape[i]);
+        }
+    }
+}
+
+/// A twist by 360° there and back, and the same one told by a quaternion's sign: torque grows with the angle.
+#[test]
+fn whole_turns_are_followed() {
+    let mut body = Body::new(&scene(BAR));
+    let twist = |degrees: f64| pose(Vector3::x() * degrees.to_radians(), Vector3::zeros());
+    let mut energies = Vec::new();
+    for step in (0..=18).chain((0..18).rev()) {
+        energies.push(body.respond(&twist(20.0 * f64::from(step))).0);
+    }
+    for step in 0..18 {
+        let (there, back) = (energies[step], energies[36 - step]);
+        assert!((there - back).abs() < 1e-6 * energies[18], "{there} {back}");
+        assert!(there < energies[step + 1]);
+    }
+    // Of second order, but for what stretching adds.
+    assert!((3.6..5.5).contains(&(energies[18] / energies[9])), "{energies:?}");
+    let whole =
+        UnitQuaternion::from_axis_angle(&UnitVector3::new_normalize(Vector3::x()), 340f64.to_radians());
+    body.model.forget();
+    body.model.set_turn(1, whole);
+    let told = body.respond(&twist(360.0)).0;
+    assert!((told / energies[18] - 1.0).abs() < 1e-6, "{told} {energies:?}");
+    body.model.forget();
+    assert!(body.respond(&twist(360.0)).0 < 1e-9 * told);
+}
+
+#[test]
+fn a_body_that_is_no_rod_is_refused() {
+    let stout = "tube = { inner_radius = 0.07, outer_radius = 0.3, length = 0.8, radial = 1, around = 10, along = 8, \
+                 control_length = 0.1 }";
+    let solution = solve(&scene(stout));
+    let error = model_of(&ENTRY, &solution).map(drop).unwrap_err();
+    assert!(error.contains("radii of gyration") && error.contains("rotation"), "{error}");
+    let mut alone = solution.clone();
+    alone.controls.truncate(1);
+    let error = model_of(&ENTRY, &alone).map(drop).unwrap_err();
+    assert!(error.contains("two control elements") && error.contains("it has 1"), "{error}");
+}

@@ -1,0 +1,75 @@
+//! The closed loop on a body that is bent far: a beam whose end the handle of a simulated device holds, turned by up to 90°, and
+//! then lets go.
+//!
+//! In: a model, Young's modulus, how the device reports, the hand. Out: what [`super::settling`] tells of every release: whether
+//! the handle comes to rest, and the energy that the loop gave beyond what the body and the coupling held.
+
+use super::elastic::Elastic;
+use super::grasp::{Grasp, Held, HoldConstraint};
+use super::settling::{SettlingResult, release, still};
+use super::simulated::{Hand, Reports};
+use super::tick::Control;
+use crate::base::failure::Failure;
+use crate::base::progress::Silent;
+use crate::deform::{ControlPose, Deformer, ModelEntry};
+use crate::green::{self, GreenFile, Requirements};
+use crate::scene::Scene;
+use crate::stage::Haptic;
+use nalgebra::{Isometry3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Length of the beam, m; it is a tenth as wide.
+const LENGTH_M: f64 = 0.3;
+
+/// By how much its end is bent, °.
+pub const BENDS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
+
+/// The beam as a session has it, of Young's modulus `young`, Pa.
+pub fn beam(model: &ModelEntry, young: f64) -> Result<Deformer, Failure> {
+    let text = format!(
+        "[body.beam]\ngenerate = {{ block = {{ size = [0.03, 0.03, {LENGTH_M}], cells = [2, 2, 12] }} }}\n\
+         material = {{ young = {young:e}, poisson = 0.3 }}\nmodel = \"{}\"\n\
+         control.low = {{ nodes = {{ group = \"zmin\" }}, grab = \"fixed\" }}\n\
+         control.high = {{ nodes = {{ group = \"zmax\" }}, grab = \"dragger\" }}\n",
+        model.name
+    );
+    let scene = Scene::parse(&text, Path::new("bent.toml")).map_err(Failure::request)?;
+    let requirements = [model.requirements, model.energy.unwrap_or_default()]
+        .map(Requirements::of)
+        .into_iter()
+        .fold(Requirements::default(), Requirements::and);
+    let made = green::precompute(&scene, "beam", &requirements, &Silent).map_err(Failure::work)?;
+    let folder = tempfile::tempdir().map_err(Failure::work)?;
+    let path = folder.path().join("bent.green");
+    green::write(&path, &[made]).map_err(Failure::work)?;
+    let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
+    Deformer::of_model(file, "beam", model).map_err(Failure::wrong)
+}
+
+/// Lets go of the end, bent by `degrees` along a circular arc.
+pub fn let_go(
+    body: &Deformer,
+    degrees: f64,
+    haptic: &Haptic,
+    reports: Reports,
+    hand: Hand,
+) -> Result<SettlingResult, Failure> {
+    let elastic = Elastic::of(body).map_err(Failure::wrong)?;
+    let origin = body.controls[1].origin;
+    let angle = degrees.to_radians();
+    let end = Vector3::new((1.0 - angle.cos()) / angle, 0.0, angle.sin() / angle - 1.0) * LENGTH_M;
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle);
+    // The handle is at the origin while the element rests.
+    let start = Isometry3::from_parts(Translation3::from(origin + end - turn * origin), turn);
+    let held = Held {
+        grip: 1,
+        body: 0,
+        element: 1,
+        room_from_body: Similarity3::identity(),
+        constraint: HoldConstraint::Rigid(Matrix4::new_translation(&origin)),
+    };
+    let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST; 2], ..Grasp::default() };
+    let control = Control::new(haptic.clone(), vec![elastic], 0.0);
+    Ok(release(control, &grasp, reports, (hand, still), &start))
+}
