@@ -1,9 +1,10 @@
 use crate::base::progress::Silent;
 use crate::deform::{
-    ControlPose, ControlPoses, DeformationModel, PoseSlope, Statics, axial, find_model, model_of, se3,
+    ControlPose, ControlPoses, DeformationModel, Deformer, PoseSlope, Statics, axial, find_model, model_of,
+    se3,
 };
 use crate::fem::STVK;
-use crate::green::{self, AFFINE, REDUCED, Requirements};
+use crate::green::{self, AFFINE, GreenFile, REDUCED, Requirements};
 use crate::scene::Scene;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};
 use std::path::Path;
@@ -215,4 +216,43 @@ fn it_says_where_it_is_not_defined() {
     let requirements = Requirements::of(&[AFFINE, REDUCED]);
     let refused = green::solve(&bar(&many), "bar", &requirements, &Silent).err().unwrap().to_string();
     assert!(refused.contains("has 5 control elements") && refused.contains("rotation"), "{refused}");
+}
+
+/// From the .green file, in every storage, the same state and the same forces come as from the solution, and the surface is
+/// where its columns say; one element alone has no columns beyond the affine ones.
+#[test]
+fn the_file_holds_what_the_model_needs() {
+    let folder = tempfile::tempdir().unwrap();
+    for (sides, storage) in [(RIGHT, "f32"), (RIGHT, "f16"), (RIGHT, "int16"), ("", "f32")] {
+        let mut scene = bar(sides);
+        scene.body["bar"].storage = serde_json::from_value(storage.into()).unwrap();
+        let (mut model, solution, centre) = made(&scene);
+        let requirements = Requirements::of(&[AFFINE, REDUCED]);
+        let body = green::precompute(&scene, "bar", &requirements, &Silent).unwrap();
+        let path = folder.path().join(format!("{}-{storage}.green", sides.len()));
+        green::write(&path, &[body]).unwrap();
+        let file = std::sync::Arc::new(GreenFile::open(&path).unwrap());
+        let mut deformer = Deformer::new(file, "bar", "reduced").unwrap();
+        let mut poses = poses([0.2, -0.1, 0.3], [0.5, -0.9, 0.4], &motion());
+        poses.truncate(solution.controls.len());
+        let state = model.state(&poses);
+        deformer.evaluate(&poses).unwrap();
+        assert_eq!(deformer.state.coefficients.len(), state.coefficients.len(), "{storage}");
+        let largest = state.coefficients.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+        for (found, expected) in deformer.state.coefficients.iter().zip(&state.coefficients) {
+            assert!((found - expected).abs() < 1e-6 * largest, "{storage}: {found} {expected}");
+        }
+        let fields = &solution.tables["reduced/fields"];
+        for (i, &node) in solution.surface.nodes.iter().enumerate() {
+            let value = |axis: usize| -> f64 {
+                let row = 3 * node as usize + axis;
+                let affine = solution.fields.row(row).iter().copied();
+                let columns = affine.chain((0..fields.ncols()).map(|column| fields[(row, column)]));
+                columns.zip(&state.coefficients).map(|(u, c)| u * c).sum()
+            };
+            let x = solution.mesh.nodes[node as usize] - centre + Vector3::from_fn(|axis, _| value(axis));
+            let off = Vector3::from(deformer.positions()[i]).cast::<f64>() - x;
+            assert!(off.amax() < 5e-3, "{storage}: node {i} is {} m off", off.amax());
+        }
+    }
 }

@@ -70,13 +70,19 @@ fn compute(
         return Err(GreenError::ControlCount { body, model, count: elements, allowed: "2" });
     }
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
+    let fields = solution.tables.get(FIELDS_TABLE).filter(|fields| fields.ncols() > 0).cloned();
+    let Some(fields) = fields else {
+        // Nothing is free to bend.
+        solution.tables.insert(SERIES, DMatrix::zeros(0, MONOMIALS));
+        solution.tables.insert(RADIUS, DMatrix::zeros(COORDINATES, COORDINATES));
+        return Ok(());
+    };
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let all = paths(solution, PATHS);
     let directions: Vec<DVector<f64>> = all.iter().map(direction).collect();
 
     progress.begin("series of third order", 0);
     let bent = continued(assembled, solution, &points, &all, 3, &mut |_| ())?;
-    let fields = solution.tables.get(FIELDS_TABLE).cloned().unwrap_or_else(|| DMatrix::zeros(0, 0));
     let basis = NodeFields {
         nodes: points.nodes,
         columns: fields.ncols(),
@@ -181,6 +187,7 @@ fn coefficients(directions: &[DVector<f64>], order: usize, values: &DMatrix<f64>
     for (mut column, scale) in matrix.column_iter_mut().zip(&scales) {
         column /= *scale;
     }
+    // It fails without U and V alone.
     let solved =
         matrix.svd(true, true).solve(&values.transpose(), 1e-13).unwrap_or_else(|_| DMatrix::zeros(0, 0));
     let mut out = solved.transpose();
