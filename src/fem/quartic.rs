@@ -100,15 +100,13 @@ impl RestPoints {
                 DMatrix::zeros(pairs - start, width.min(pairs - start))
             })
             .collect();
-        let mut rest = self.points.as_slice();
         let mut rows = vec![0.0; 6 * BLOCK * pairs];
-        while !rest.is_empty() {
-            let (block, others) = rest.split_at(BLOCK.min(rest.len()));
-            let count = block.len();
+        for first in (0..self.count()).step_by(BLOCK) {
+            let count = BLOCK.min(self.count() - first);
             rows[..6 * count * pairs]
                 .par_chunks_mut(6 * pairs)
-                .zip(block)
-                .for_each(|(rows, point)| pair_strains(point, fields, shape, rows));
+                .enumerate()
+                .for_each(|(i, rows)| pair_strains(&self.at(first + i), fields, shape, rows));
             let strains = DMatrixView::from_slice(&rows[..6 * count * pairs], pairs, 6 * count);
             let turned = strains.transpose();
             panels.par_iter_mut().enumerate().for_each(|(panel, sum)| {
@@ -117,7 +115,6 @@ impl RestPoints {
                 sum.gemm(1.0, &low, &columns, 1.0);
             });
             advance(count as u64);
-            rest = others;
         }
         let mut whole = DMatrix::zeros(pairs, pairs);
         for (panel, sum) in panels.iter().enumerate() {
@@ -135,7 +132,7 @@ impl RestPoints {
 
 /// Six rows of the strains E_ab of all pairs, weighted so that the sum of the products of two pairs' numbers is vol E:C:E:
 /// of C = 2μ I + λ 1⊗1 on the normal strains the root, √2μ I + β 1⊗1; on the shear strains √4μ.
-fn pair_strains(point: &RestPoint, fields: &NodeFields, shape: QuarticShape, rows: &mut [f64]) {
+fn pair_strains(point: &RestPoint<'_>, fields: &NodeFields, shape: QuarticShape, rows: &mut [f64]) {
     let mut h = Vec::new();
     point.gradients_of(fields, &mut h);
     let (Lame { lambda, mu }, volume) = (point.lame, point.volume);
@@ -201,12 +198,12 @@ mod tests {
                     }
                 }
                 let mut h = Vec::new();
-                let mut energy = |point: &RestPoint| {
+                let mut energy = |point: RestPoint<'_>| {
                     point.gradients_of(&fields, &mut h);
                     let h: Matrix3<f64> = h.iter().zip(&z[1..]).map(|(h, z)| h * *z).sum();
                     point.volume * (STVK.energy)(&h, point.lame)
                 };
-                let expected: f64 = points.points.iter().map(&mut energy).sum();
+                let expected: f64 = (0..points.count()).map(|q| energy(points.at(q))).sum();
                 assert!((found - expected).abs() < 1e-12 * expected, "{}: {found} {expected}", element.name);
             }
         }

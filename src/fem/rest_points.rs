@@ -1,75 +1,65 @@
-//! The integration points of a body at rest, for energies that are quartic in the displacements.
+//! The integration points of a body whose strain energy is quartic in the displacements.
 //!
-//! In: an element, a mesh, Lamé's constants. Out: points with the shape gradients of their nodes, where
-//! V = Σ vol (λ/2 (tr E)² + μ E:E) with E = sym H + ½ HᵀH, H = Σ u_a ⊗ G_a: one for a linear tetrahedron, four for a
-//! straight quadratic one. Elements whose dilatation is not their own tr E have no such sum.
+//! In: an element, a mesh, Lamé's constants. Out: its [`StrainPoints`], where V = Σ vol (λ/2 (tr E)² + μ E:E) with
+//! E = sym H + ½ HᵀH, H = Σ u_a ⊗ G_a. Elements that take means of the dilatation are refused.
 
 use super::assembly::AssemblyError;
-use super::element::{Dilatation, Element};
+use super::element::Element;
 use super::fields::NodeFields;
 use super::lame::Lame;
-use super::{tet4, tet10};
-use crate::mesh::{TetMesh, quadratic};
+use super::strain_points::StrainPoints;
+use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};
 
-/// One integration point.
-#[derive(Clone, Debug)]
-pub struct RestPoint {
-    pub nodes: Vec<u32>,
+/// All points of a body.
+#[derive(Debug)]
+pub struct RestPoints {
+    /// Nodes of the mesh.
+    pub nodes: usize,
+    points: StrainPoints,
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug)]
+pub struct RestPoint<'a> {
+    pub nodes: &'a [u32],
     /// G_a, 1/m.
-    pub gradients: Vec<Vector3<f64>>,
+    pub gradients: &'a [Vector3<f64>],
     /// Its share of the volume, m³.
     pub volume: f64,
     pub lame: Lame,
 }
 
-/// All points of a body.
-#[derive(Clone, Debug)]
-pub struct RestPoints {
-    pub nodes: usize,
-    pub points: Vec<RestPoint>,
-}
-
 impl RestPoints {
-    /// Errors as [`Element::assemble`], and where the element's energy is no sum over points.
-    pub fn of(element: &'static Element, mesh: &TetMesh, lame: &[Lame]) -> Result<RestPoints, AssemblyError> {
-        element.sets_of(mesh, lame)?;
-        let unsuited = AssemblyError::NoQuartic { element: element.name };
-        if element.dilatation != Dilatation::Own {
-            return Err(unsuited);
-        }
-        let mut points = Vec::new();
-        for (tet, lame) in lame.iter().enumerate() {
-            if mesh.mids.is_empty() {
-                let Some(own) = tet4::geometry(mesh.corners(tet)) else { return Err(unsuited) };
-                points.push(RestPoint {
-                    nodes: mesh.tets[tet].to_vec(),
-                    gradients: own.gradients.to_vec(),
-                    volume: own.volume,
-                    lame: *lame,
-                });
-                continue;
-            }
-            let nodes = quadratic::nodes(mesh, tet);
-            let own = tet10::points(&nodes.map(|node| mesh.nodes[node as usize]));
-            let Some(own) = own.filter(|own| tet10::dilatations(own).is_none()) else { return Err(unsuited) };
-            points.extend(own.iter().map(|point| RestPoint {
-                nodes: nodes.to_vec(),
-                gradients: point.gradients.to_vec(),
-                volume: point.volume,
-                lame: *lame,
-            }));
+    /// Errors as [`Element::assemble`], and where the element takes means.
+    pub fn of(element: &Element, mesh: &TetMesh, lame: &[Lame]) -> Result<RestPoints, AssemblyError> {
+        let points = element.points(mesh, lame)?;
+        if points.means.count() > 0 {
+            return Err(AssemblyError::NoQuartic { element: element.name });
         }
         Ok(RestPoints { nodes: mesh.nodes.len(), points })
     }
+
+    pub fn count(&self) -> usize {
+        self.points.count()
+    }
+
+    pub fn at(&self, point: usize) -> RestPoint<'_> {
+        RestPoint {
+            nodes: self.points.nodes_of(self.points.element_of(point)),
+            gradients: self.points.gradients_at(point),
+            volume: self.points.volume[point],
+            lame: self.points.lame(point),
+        }
+    }
 }
 
-impl RestPoint {
+impl RestPoint<'_> {
     /// H of every field, relative to the point's first node.
     pub fn gradients_of(&self, fields: &NodeFields, out: &mut Vec<Matrix3<f64>>) {
         out.clear();
         out.resize(fields.columns, Matrix3::zeros());
-        for (&node, g) in self.nodes.iter().zip(&self.gradients).skip(1) {
+        for (&node, g) in self.nodes.iter().zip(self.gradients).skip(1) {
             for axis in 0..3 {
                 let u = fields.row(3 * node as usize + axis);
                 let first = fields.row(3 * self.nodes[0] as usize + axis);

@@ -23,11 +23,12 @@ impl RestPoints {
     pub fn series_loads(&self, orders: &[NodeFields]) -> NodeFields {
         let paths = orders.first().map_or(0, |first| first.columns);
         let mut loads = NodeFields::zeros(self.nodes, paths);
-        for block in self.points.chunks(BLOCK) {
-            let stresses: Vec<Vec<Matrix3<f64>>> =
-                block.par_iter().map(|point| series_stresses(point, orders, paths)).collect();
-            for (point, stresses) in block.iter().zip(&stresses) {
-                for (&node, gradient) in point.nodes.iter().zip(&point.gradients) {
+        for first in (0..self.count()).step_by(BLOCK) {
+            let block = first..self.count().min(first + BLOCK);
+            let stresses = block.clone().into_par_iter().map(|q| series_stresses(&self.at(q), orders, paths));
+            let stresses: Vec<Vec<Matrix3<f64>>> = stresses.collect();
+            for (point, stresses) in block.map(|q| self.at(q)).zip(&stresses) {
+                for (&node, gradient) in point.nodes.iter().zip(point.gradients) {
                     for axis in 0..3 {
                         let row = loads.row_mut(3 * node as usize + axis);
                         for (load, stress) in row.iter_mut().zip(stresses) {
@@ -42,7 +43,7 @@ impl RestPoints {
 }
 
 /// vol (C:½ Σ H_iᵀH_j + Σ H_i S_j) of every path, i + j one more than there are orders.
-fn series_stresses(point: &RestPoint, orders: &[NodeFields], paths: usize) -> Vec<Matrix3<f64>> {
+fn series_stresses(point: &RestPoint<'_>, orders: &[NodeFields], paths: usize) -> Vec<Matrix3<f64>> {
     let mut h = vec![Vec::new(); orders.len()];
     for (h, fields) in h.iter_mut().zip(orders) {
         point.gradients_of(fields, h);
@@ -70,7 +71,7 @@ fn series_stresses(point: &RestPoint, orders: &[NodeFields], paths: usize) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::{Hyperelastic, Lame, STVK, TET4, tet4};
+    use crate::fem::{Hyperelastic, Lame, STVK, TET4};
     use crate::mesh::{Block, block};
     use nalgebra::DMatrix;
 
@@ -80,8 +81,7 @@ mod tests {
         let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [2, 1, 2] }).unwrap();
         let lame = vec![Lame::from_young_poisson(2.0, 0.3); mesh.tets.len()];
         let points = RestPoints::of(&TET4, &mesh, &lame).unwrap();
-        let tets = tet4::Tetrahedra::new(&mesh, &lame).unwrap();
-        let body = Hyperelastic { law: &STVK, tets: &mesh.tets, geometry: &tets.geometry, lame: &lame };
+        let body = Hyperelastic::new(&TET4, &STVK, &mesh, &lame).unwrap();
         let nodes = mesh.nodes.len();
         let orders: Vec<NodeFields> = (0..3)
             .map(|k| {
@@ -99,7 +99,7 @@ mod tests {
             for (k, order) in orders.iter().enumerate() {
                 u.data.iter_mut().zip(&order.data).for_each(|(u, own)| *u += a.powi(k as i32 + 1) * own);
             }
-            forces.row_mut(row).copy_from_slice(&body.forces(&body.gradients(&u), nodes).data);
+            forces.row_mut(row).copy_from_slice(&body.forces(&body.gradients(&u)).data);
             forces
         });
         let powers = DMatrix::from_fn(10, 10, |row, k| places[row].powi(k as i32));

@@ -83,7 +83,7 @@ fn compute(
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let basis = basis(assembled, solution, &points, progress)?;
 
-    progress.begin("quartic energy", points.points.len() as u64);
+    progress.begin("quartic energy", points.count() as u64);
     let lift = Lift::of(elements);
     let lifted = combined(&solution.fields, &lift.columns);
     // In the order of the coordinates (1, y of undeformed elements, q, the other y).
