@@ -18,6 +18,11 @@ pub enum AssemblyError {
          the corners, linear ones a mesh without"
     )]
     Order { element: &'static str, needed: u32, order: u32 },
+    #[error(
+        "the strain energy of {element} on this mesh is no quartic that can be tabulated, as the models \"reduced\" and \
+         \"perturbation\" need it: write element = \"tet4\", or \"tet10\" with straight edges, or model = \"rotation\""
+    )]
+    NoQuartic { element: &'static str },
 }
 
 /// A set of elements of one kind, each of which adds a symmetric matrix of 3×3 blocks on its own nodes to K.

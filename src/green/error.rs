@@ -19,6 +19,11 @@ pub enum GreenError {
     Solve { body: String, source: SolveError },
     #[error("{body}: {source}")]
     Parts { body: String, source: BodyError },
+    #[error(
+        "{body}: has {count} control elements, and model = \"{model}\" takes {allowed}: its tables grow with the fourth power \
+         of their number; write model = \"rotation\", or join elements that move together"
+    )]
+    ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
     #[error("{}: {source}", path.display())]
@@ -40,7 +45,7 @@ impl GreenError {
     pub fn is_request(&self) -> bool {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
-            GreenError::Assembly { .. } => true,
+            GreenError::Assembly { .. } | GreenError::ControlCount { .. } => true,
             GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Solve { .. } | GreenError::Memory { .. } => false,
             GreenError::Output(error) => error.is_request(),

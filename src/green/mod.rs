@@ -17,6 +17,7 @@ mod fingerprint;
 mod floating;
 mod judge;
 mod kind;
+mod lift;
 mod numbers;
 mod pack;
 mod pieces;
@@ -32,12 +33,16 @@ mod write;
 pub use basis::{precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
-pub use families::{AFFINE, CUBIC, FAMILIES, STIFFNESS, SUBSTRUCTURES, VOLUME, Volume};
+pub use families::{
+    AFFINE, CUBIC, FAMILIES, PERTURBATION, QUARTIC, RADIUS, REDUCED, SERIES, STIFFNESS, SUBSTRUCTURES,
+    VOLUME, Volume,
+};
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};
 pub use fingerprint::fingerprint;
 pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};
+pub use lift::Lift;
 pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, prepare, prepare_mesh};
 pub use requirements::{Family, Requirements};

@@ -16,5 +16,6 @@ mod refine;
 mod report;
 #[path = "../report_common/mod.rs"]
 mod report_common;
+mod series;
 mod statics;
 mod verify;

@@ -1,7 +1,12 @@
 //! The list of column families.
 
 mod affine;
+mod columns;
 mod cubic;
+mod dense_fields;
+mod perturbation;
+mod reduced;
+mod screw_paths;
 mod stiffness;
 mod substructures;
 mod table;
@@ -9,6 +14,8 @@ mod volume;
 
 pub use affine::AFFINE;
 pub use cubic::CUBIC;
+pub use perturbation::{PERTURBATION, RADIUS, SERIES};
+pub use reduced::{QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
 pub use volume::{VOLUME, Volume};
@@ -19,8 +26,15 @@ use crate::base::columns::ColumnGroup;
 
 /// All families, in the order in which they are computed and in which their columns are summed; a new one is one file and
 /// one line here.
-pub const FAMILIES: &[FamilyEntry] =
-    &[affine::ENTRY, stiffness::ENTRY, cubic::ENTRY, substructures::ENTRY, volume::ENTRY];
+pub const FAMILIES: &[FamilyEntry] = &[
+    affine::ENTRY,
+    stiffness::ENTRY,
+    cubic::ENTRY,
+    reduced::ENTRY,
+    perturbation::ENTRY,
+    substructures::ENTRY,
+    volume::ENTRY,
+];
 
 impl GreenFile {
     /// The groups of columns that are summed for a body, of all families that it requires.

@@ -4,12 +4,14 @@ use super::ladder::MeshLadder;
 use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
-use crate::green::{self, CUBIC, Requirements, STIFFNESS, Solution};
+use crate::green::{self, CUBIC, Family, Requirements, STIFFNESS, Solution};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Generate, Scene, Storage};
 use crate::solve::{Progress, SOLVERS, Solver};
 use nalgebra::Vector3;
 
+/// What is computed of every candidate.
+pub const FAMILIES: &[Family] = &[STIFFNESS, CUBIC];
 /// Tolerances of conjugate gradients to be measured.
 const TOLERANCES: [f64; 5] = [1e-3, 1e-4, 1e-6, 1e-8, 1e-10];
 
@@ -155,7 +157,7 @@ pub fn solved(
     let element = scene.body[request.body].element;
     let mut times = Vec::new();
     loop {
-        let solution = green::solve(scene, request.body, &Requirements::of(&[STIFFNESS, CUBIC]), progress)?;
+        let solution = green::solve(scene, request.body, &Requirements::of(FAMILIES), progress)?;
         times.push(solution.offline_s());
         // Short times scatter, so they are measured three times.
         if times.len() == 3 || times[0] > 1.0 || request.quick {

@@ -1,6 +1,6 @@
 //! What the settings are compared with: static equilibria at large strain, and the finest mesh.
 
-use super::candidates::{Candidate, Meshes, solved, variant};
+use super::candidates::{Candidate, FAMILIES, Meshes, solved, variant};
 use super::fields::{difference, displaced, evaluate, evaluate_about, origins, superposed};
 use super::norms::Norms;
 use super::request::{MeasureError, Request};
@@ -8,7 +8,7 @@ use crate::deform::{
     ControlPoses, EquilibriumResult, Kind, MODELS, ModelEntry, Statics, StaticsError, Wrench,
 };
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
-use crate::green;
+use crate::green::{self, Requirements};
 use crate::mesh::quality;
 use crate::report::data::ModelError;
 use crate::scene::Scene;
@@ -80,8 +80,12 @@ pub struct Size {
 /// Energies and forces smaller than this part of stiffness times displacement are rounding.
 const ROUNDING: f64 = 1e-8;
 
+/// The models that are made from what every candidate has.
 pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
-    MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)))
+    let made = Requirements::of(FAMILIES);
+    let is_online = |model: &&ModelEntry| matches!(model.kind, Kind::Online(_));
+    let is_made = move |model: &&ModelEntry| model.requirements.iter().all(|family| made.has(*family));
+    MODELS.iter().filter(is_online).filter(is_made)
 }
 
 impl<'a> References<'a> {

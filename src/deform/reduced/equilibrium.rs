@@ -1,0 +1,294 @@
+//! The q at which a quartic V(1, y, q) is least for given y.
+//!
+//! In: y. Out: q with ∂V/∂q = 0, by Newton's method from the last q, predicted along the tangent dq/dy. The factored second
+//! derivatives are kept while they serve, so that most steps cost one evaluation of the slopes; the tangent is mended by
+//! what the prediction missed (C. Broyden, Math. Comp. 19, 1965, 577-593). Each step is shortened until V falls (Nocedal and
+//! Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). Allocates nothing.
+
+use super::quartic::Quartic;
+
+/// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
+/// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
+const LAST: f64 = 1e-12;
+/// A step with old second derivatives that leaves more than this part of the promised decrease is the last such one.
+const SERVES: f64 = 0.01;
+const MOST_STEPS: usize = 60;
+const SHORTEST: f64 = 1e-3;
+/// Rounding errors of V, as a part of it.
+const ROUNDING: f64 = 1e-12;
+/// y beyond those of undeformed elements count as 0 below this.
+const NOTHING: f64 = 1e-9;
+
+/// The quartic with where it was last in equilibrium.
+pub struct ReducedBody {
+    quartic: Quartic,
+    /// z = (1, coordinates y of undeformed elements, q, the other y).
+    rigid: usize,
+    fields: usize,
+    z: Vec<f64>,
+    slopes: Vec<f64>,
+    row: Vec<f64>,
+    second: Vec<f64>,
+    factor: Factor,
+    /// dq/dz row by row, as many columns as `active`, those of q being unused.
+    tangent: Vec<f64>,
+    cross: Vec<f64>,
+    /// How many of z the factor and the tangent were made with, 0 where there are none.
+    active: usize,
+    step: Vec<f64>,
+    /// The last z, the z that is tried, and the q that were predicted.
+    before: Vec<f64>,
+    trial: Vec<f64>,
+    predicted: Vec<f64>,
+}
+
+impl ReducedBody {
+    /// `None` where the coefficients are not those of so many coordinates.
+    pub fn new(rigid: usize, others: usize, fields: usize, coefficients: Vec<f64>) -> Option<ReducedBody> {
+        let n = 1 + rigid + fields + others;
+        let mut z = vec![0.0; n];
+        z[0] = 1.0;
+        Some(ReducedBody {
+            quartic: Quartic::new(n, coefficients)?,
+            rigid,
+            fields,
+            before: z.clone(),
+            trial: z.clone(),
+            z,
+            slopes: vec![0.0; n],
+            row: vec![0.0; n],
+            second: vec![0.0; n * n],
+            factor: Factor { n: fields, lower: vec![0.0; fields * fields] },
+            tangent: vec![0.0; fields * n],
+            cross: vec![0.0; fields * n],
+            active: 0,
+            step: vec![0.0; fields],
+            predicted: vec![0.0; fields],
+        })
+    }
+
+    /// q, as it was last found.
+    pub fn q(&self) -> &[f64] {
+        &self.z[1 + self.rigid..][..self.fields]
+    }
+
+    /// Where the k-th y stands in z.
+    fn place(&self, k: usize) -> usize {
+        if k < self.rigid { 1 + k } else { 1 + self.fields + k }
+    }
+
+    /// ∂V/∂y of the k-th y.
+    pub fn slope(&self, k: usize) -> f64 {
+        self.slopes[self.place(k)]
+    }
+
+    /// From now on the search begins at q = 0.
+    pub fn forget(&mut self) {
+        self.z[1..].fill(0.0);
+        self.active = 0;
+    }
+
+    /// V at its least over q; its slopes by y are kept. `None` where no q was found, and those of before are kept.
+    pub fn settle(&mut self, y: &[f64]) -> Option<f64> {
+        let is_deformed = y[self.rigid..].iter().any(|y| y.abs() > NOTHING);
+        let active = if is_deformed { self.z.len() } else { 1 + self.rigid + self.fields };
+        self.before.copy_from_slice(&self.z);
+        for (k, y) in y.iter().enumerate() {
+            let at = self.place(k);
+            self.z[at] = if at < active { *y } else { 0.0 };
+        }
+        let is_predicted = self.active == active;
+        if is_predicted {
+            self.predict();
+        }
+        let (q, fields) = (1 + self.rigid, self.fields);
+        self.predicted.copy_from_slice(&self.z[q..q + fields]);
+        let found = self.iterate(active).filter(|value| value.is_finite());
+        if found.is_none() {
+            self.z[q..q + fields].copy_from_slice(&self.before[q..q + fields]);
+            self.active = 0;
+            return None;
+        }
+        if is_predicted {
+            self.mend();
+        }
+        self.quartic.slopes_beyond(&self.z, active, &mut self.slopes[active..]);
+        found
+    }
+
+    /// Moves q with y along the tangent.
+    fn predict(&mut self) {
+        let (n, q) = (self.active, 1 + self.rigid);
+        for i in 0..self.fields {
+            let moved = self.tangent[i * n..(i + 1) * n].iter().zip(self.z.iter().zip(&self.before));
+            let change: f64 = moved.map(|(slope, (now, before))| slope * (now - before)).sum();
+            self.trial[q + i] = self.z[q + i] + change;
+        }
+        self.z[q..q + self.fields].copy_from_slice(&self.trial[q..q + self.fields]);
+    }
+
+    /// Lets the tangent say of the last change of y what was found.
+    fn mend(&mut self) {
+        let (n, q, fields) = (self.active, 1 + self.rigid, self.fields);
+        let change = |at: usize, z: &[f64], before: &[f64]| {
+            if (q..q + fields).contains(&at) { 0.0 } else { z[at] - before[at] }
+        };
+        let square: f64 = (0..n).map(|at| change(at, &self.z, &self.before).powi(2)).sum();
+        if square <= f64::MIN_POSITIVE {
+            return;
+        }
+        for i in 0..fields {
+            let missed = (self.z[q + i] - self.predicted[i]) / square;
+            for at in 0..n {
+                self.tangent[i * n + at] += missed * change(at, &self.z, &self.before);
+            }
+        }
+    }
+
+    /// V at the q that is found from the q in z.
+    fn iterate(&mut self, active: usize) -> Option<f64> {
+        let q = 1 + self.rigid;
+        let mut value = self.quartic.slopes(&self.z, active, &mut self.slopes[..active]);
+        let mut last = f64::INFINITY;
+        for _ in 0..MOST_STEPS {
+            let mut promised = if self.active == active { self.direction() } else { f64::INFINITY };
+            let is_new = self.active != active || promised > SERVES * last;
+            if is_new {
+                self.factorize(active)?;
+                promised = self.direction();
+            }
+            if promised.is_nan() {
+                return None;
+            }
+            if promised <= LAST * value.abs() {
+                return Some(self.take_last(value, promised));
+            }
+            last = promised;
+            let mut share = 1.0;
+            let moved = loop {
+                self.trial.copy_from_slice(&self.z);
+                for (q, step) in self.trial[q..].iter_mut().zip(&self.step) {
+                    *q -= share * step;
+                }
+                let moved = self.quartic.slopes(&self.trial, active, &mut self.slopes[..active]);
+                if moved <= value - 1e-4 * share * promised + ROUNDING * value.abs() {
+                    break Some(moved);
+                }
+                share *= 0.5;
+                if share < SHORTEST {
+                    break None;
+                }
+            };
+            match moved {
+                Some(moved) => {
+                    self.z.copy_from_slice(&self.trial);
+                    value = moved;
+                }
+                None if is_new => return None,
+                // The old second derivatives are of no use here.
+                None => {
+                    value = self.quartic.slopes(&self.z, active, &mut self.slopes[..active]);
+                    self.active = 0;
+                }
+            }
+        }
+        None
+    }
+
+    /// The last step, with what it does to V and its slopes by y.
+    fn take_last(&mut self, value: f64, promised: f64) -> f64 {
+        let (n, q) = (self.active, 1 + self.rigid);
+        for (i, step) in self.step.iter().enumerate() {
+            self.z[q + i] -= step;
+            for (slope, cross) in self.slopes.iter_mut().zip(&self.cross[i * n..(i + 1) * n]) {
+                *slope -= cross * step;
+            }
+        }
+        value - 0.5 * promised
+    }
+
+    /// Newton's step from the slopes, and twice the decrease of V that it promises.
+    fn direction(&mut self) -> f64 {
+        let own = &self.slopes[1 + self.rigid..][..self.fields];
+        self.step.copy_from_slice(own);
+        self.factor.solve(&mut self.step);
+        self.step.iter().zip(own).map(|(step, slope)| step * slope).sum()
+    }
+
+    /// Factors ∂²V/∂q² at z, with so much added to its diagonal that it is positive definite, and finds the tangent.
+    fn factorize(&mut self, active: usize) -> Option<()> {
+        let (n, q, fields) = (active, 1 + self.rigid, self.fields);
+        self.quartic.second(&self.z, n, &mut self.row, &mut self.second);
+        self.cross[..fields * n].copy_from_slice(&self.second[q * n..(q + fields) * n]);
+        let largest = (q..q + fields).map(|i| self.second[i * n + i].abs()).fold(0.0, f64::max);
+        let mut shift = 0.0;
+        self.active = 0;
+        for _ in 0..12 {
+            for i in 0..fields {
+                let row = &self.cross[i * n + q..][..fields];
+                self.factor.lower[i * fields..(i + 1) * fields].copy_from_slice(row);
+                self.factor.lower[i * fields + i] += shift;
+            }
+            if self.factor.make() {
+                self.active = n;
+                break;
+            }
+            shift = (10.0 * shift).max(1e-4 * largest);
+        }
+        for at in (0..self.active).filter(|at| !(q..q + fields).contains(at)) {
+            for i in 0..fields {
+                self.step[i] = -self.cross[i * n + at];
+            }
+            self.factor.solve(&mut self.step);
+            for i in 0..fields {
+                self.tangent[i * n + at] = self.step[i];
+            }
+        }
+        for i in 0..fields {
+            self.tangent[i * n + q..][..fields].fill(0.0);
+        }
+        (self.active == n).then_some(())
+    }
+}
+
+/// Cholesky's factor L of a symmetric matrix, row by row.
+struct Factor {
+    n: usize,
+    lower: Vec<f64>,
+}
+
+impl Factor {
+    /// Makes L of the lower triangle in place; false where the matrix is not positive definite.
+    fn make(&mut self) -> bool {
+        let (n, a) = (self.n, &mut self.lower);
+        for i in 0..n {
+            for j in 0..=i {
+                let sum: f64 = (0..j).map(|k| a[i * n + k] * a[j * n + k]).sum();
+                let (whole, rest) = (a[i * n + j], a[i * n + j] - sum);
+                if i != j {
+                    a[i * n + j] = rest / a[j * n + j];
+                } else if rest > 1e-12 * whole.abs() {
+                    a[i * n + i] = rest.sqrt();
+                } else {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    fn solve(&self, x: &mut [f64]) {
+        let (n, l) = (self.n, &self.lower);
+        for i in 0..n {
+            let known: f64 = (0..i).map(|j| l[i * n + j] * x[j]).sum();
+            x[i] = (x[i] - known) / l[i * n + i];
+        }
+        for i in (0..n).rev() {
+            x[i] /= l[i * n + i];
+            let value = x[i];
+            for j in 0..i {
+                x[j] -= l[i * n + j] * value;
+            }
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Method 2b as a basis: the mean frame of the control elements carries the body, which bends into fields of second and
+//! third order so that its strain energy is least.
+//!
+//! In: the coefficients of the affine fields of the poses seen from the mean frame m ([`MeanFrame`]), and the tables of the
+//! family `reduced`. Out: x = m (X + Σ c_k u_k + Φ q - ō) with ∂V/∂q = 0 for V(y, q), y = Lᵀ c, the exact energy of St.
+//! Venant–Kirchhoff's law in these fields; an upper bound of that of the mesh, exact to the fifth order for two elements.
+//! Forces are the derivative of V by the poses, that of m included; q has no part in it.
+
+mod equilibrium;
+mod posed;
+mod quartic;
+
+use super::frames::PoseSlope;
+use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::pose::ControlPose;
+use crate::fem::QuarticShape;
+use crate::green::{AFFINE, Lift, QUARTIC, REDUCED};
+use equilibrium::ReducedBody;
+use nalgebra::UnitQuaternion;
+
+pub use posed::Posed;
+pub use quartic::Quartic;
+
+pub(super) const ENTRY: ModelEntry = ModelEntry {
+    name: "reduced",
+    summary: "method 2b as a basis: fields of second and third order in equilibrium; forces right to 90° and beyond",
+    requirements: &[AFFINE, REDUCED],
+    frame: Frame::MeanMotion,
+    energy: Some(&[]),
+    // Two elements at 90° turn the pieces at their ends by 45° against the mean frame.
+    turn_limits_deg: [40.0, 75.0],
+    kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Reduced::new(input)?))),
+};
+
+pub struct Reduced {
+    posed: Posed,
+    body: ReducedBody,
+    /// Of the last poses that had an equilibrium.
+    energy: f64,
+    slopes: Vec<PoseSlope>,
+}
+
+/// The table of the energy, and how many fields Φ it has; the error says what is wrong with it.
+pub fn quartic_table(input: &ModelInput<'_>) -> Result<(Vec<f64>, usize), String> {
+    let table = (input.table)(QUARTIC)
+        .ok_or_else(|| format!("the table {QUARTIC} is missing; run `greenstage precompute` on the scene"))?;
+    let lifted = Lift::of(input.controls.len()).len();
+    let is_of = |fields: &usize| QuarticShape { variables: 1 + lifted + fields }.len() == table.len();
+    let fields = (0..256)
+        .find(is_of)
+        .ok_or_else(|| format!("the table {QUARTIC} has {} numbers, which suits no fields", table.len()))?;
+    Ok((table.as_slice().to_vec(), fields))
+}
+
+impl Reduced {
+    pub fn new(input: &ModelInput<'_>) -> Result<Reduced, String> {
+        let (coefficients, fields) = quartic_table(input)?;
+        let elements = input.controls.len();
+        let lift = Lift::of(elements);
+        let body = ReducedBody::new(lift.rigid, lift.len() - lift.rigid, fields, coefficients);
+        Ok(Reduced {
+            posed: Posed::new(input.controls),
+            body: body.ok_or_else(|| format!("the table {QUARTIC} does not suit the control elements"))?,
+            energy: 0.0,
+            slopes: vec![PoseSlope::default(); elements],
+        })
+    }
+
+    /// Finds m, c and q of the poses; `None` where there are none.
+    fn settle(&mut self, poses: &[ControlPose]) -> Option<()> {
+        self.posed.take(poses)?;
+        self.energy = self.body.settle(self.posed.coordinates())?;
+        Some(())
+    }
+}
+
+impl DeformationModel for Reduced {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        let is_found = self.settle(poses).is_some();
+        let coefficients = self.posed.coefficients().iter().chain(self.body.q()).copied().collect();
+        BodyState { parts: vec![self.posed.body_from_surface()], coefficients, rotation_undefined: !is_found }
+    }
+
+    /// Where there is no mean frame or no equilibrium, the last one's energy and forces go on.
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        let found = self.settle(poses);
+        let (body, posed) = (&self.body, &mut self.posed);
+        let found = found.and_then(|()| posed.pull_back(poses, &|k| body.slope(k), None, &mut self.slopes));
+        slopes.copy_from_slice(&self.slopes);
+        Some(Response { energy: self.energy, is_defined: found.is_some() })
+    }
+
+    fn forget(&mut self) {
+        self.posed.forget();
+        self.body.forget();
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        self.posed.set_turn(e, turn);
+    }
+}
+
+#[cfg(test)]
+pub mod tests;
