@@ -189,6 +189,7 @@ impl DeformationModel for Perturbation {
             parts: vec![self.posed.body_from_surface()],
             coefficients: self.posed.coefficients().iter().chain(q.iter()).copied().collect(),
             rotation_undefined: found.is_none(),
+            field_version: 0,
         }
     }
 

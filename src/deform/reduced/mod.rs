@@ -78,7 +78,12 @@ impl DeformationModel for Reduced {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         let is_found = self.settle(poses).is_some();
         let coefficients = self.posed.coefficients().iter().chain(self.body.q()).copied().collect();
-        BodyState { parts: vec![self.posed.body_from_surface()], coefficients, rotation_undefined: !is_found }
+        BodyState {
+            parts: vec![self.posed.body_from_surface()],
+            coefficients,
+            rotation_undefined: !is_found,
+            field_version: 0,
+        }
     }
 
     /// Where there is no mean frame or no equilibrium, the last one's energy and forces go on.
