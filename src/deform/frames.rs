@@ -89,7 +89,7 @@ mod tests {
         let b = Matrix3::new(0.3, -0.2, 0.5, -0.2, 0.8, 0.1, 0.5, 0.1, -0.4);
         let energy = |pose: &ControlPose| {
             let frame = ControlFrame::of(&origin, pose, None).unwrap();
-            let moved = frame.turn.to_rotation_matrix() * turn.inverse();
+            let moved = frame.turn * UnitQuaternion::from_rotation_matrix(&turn).inverse();
             a.dot(&frame.place) + t.dot(&moved.scaled_axis()) + b.dot(&frame.stretch)
         };
         let frame = ControlFrame::of(&origin, &pose, None).unwrap();

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses some of them")]
 
 use greenstage::deform::ControlPose;
-use greenstage::green::{Requirements, STIFFNESS};
+use greenstage::green::{CUBIC, Requirements, STIFFNESS};
 use greenstage::mesh::{self, Surface, TetMesh, generate, quality::signed_volume};
 use greenstage::scene::Scene;
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use std::process::{Command, Output};
 use std::sync::LazyLock;
 
 /// What an effect needs that feels forces.
-pub static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
+pub static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS, CUBIC]));
 
 /// The folder of independently computed cases beside the project, where there is one; else says that it skips.
 pub fn shared(what: &str) -> Option<PathBuf> {

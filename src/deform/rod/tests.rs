@@ -4,6 +4,7 @@ use super::super::model::ModelEntry;
 use super::super::solved::model_of;
 use super::super::statics::Statics;
 use super::*;
+use crate::deform::Wrench;
 use crate::fem::LAWS;
 use crate::green::{self, Requirements, Solution};
 use crate::scene::Scene;
@@ -150,12 +151,13 @@ fn a_bent_and_twisted_bar_is_that_of_static_equilibrium() {
         body.model.forget();
         let found = statics.solve(&poses.to_vec(), &Silent).unwrap();
         let (_, slopes) = body.respond(&poses);
-        let wrench = crate::deform::Wrench::of(&slopes[1], &poses[1]);
+        let wrench = Wrench::of(&slopes[1], &poses[1]);
         let held = &found.wrenches[1];
-        let moment = held.moment - poses[1].translation.cross(&held.force);
+        let about_the_place = |w: &Wrench| w.moment - poses[1].translation.cross(&w.force);
+        let moment = about_the_place(held);
         let (found_force, found_torque) = (
             (wrench.force - held.force).norm() / held.force.norm(),
-            (wrench.moment - moment).norm() / moment.norm(),
+            (about_the_place(&wrench) - moment).norm() / moment.norm(),
         );
         let nodes = body.solution.surface.nodes.clone();
         let shapes = body.shape(&poses);

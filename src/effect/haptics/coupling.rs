@@ -16,7 +16,7 @@ use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector6};
 /// every λ greater than k, the stiffness that friction bears, to k.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling {
-    /// K, 6 × 6 in N/m, N and N·m; without torque the translations only.
+    /// K with the magnitudes of its eigenvalues, 6 × 6 in N/m, N and N·m; without torque the translations only.
     stiffness: Matrix6<f64>,
     /// Γ, m/N and so on.
     pub compliance: Matrix6<f64>,
@@ -97,7 +97,9 @@ impl Coupling {
         if !scaled.iter().all(|x| x.is_finite()) {
             return Coupling::default();
         }
-        let eigen = scaled.symmetric_eigen();
+        let mut eigen = scaled.symmetric_eigen();
+        // Where the body gives way, it counts as stiff as it is unstable: the steps go downhill and stay short.
+        eigen.eigenvalues.apply(|value| *value = value.abs());
         let k = bearable.max(1e-9);
         let inside = |of: &dyn Fn(f64) -> f64| {
             let diagonal = Matrix6::from_diagonal(&eigen.eigenvalues.map(of));
@@ -108,7 +110,10 @@ impl Coupling {
         let per = |limit: f64| if limit > 0.0 { 1.0 / limit } else { 0.0 };
         let [force, torque] = limits.map_or([0.0; 2], |limits| limits.map(per));
         Coupling {
-            stiffness: Matrix6::from_fn(part),
+            stiffness: {
+                let positive = inside(&|l| l);
+                Matrix6::from_fn(|i, j| positive[(i, j)] * root[i] * root[j])
+            },
             compliance: Matrix6::from_fn(|i, j| compliance[(i, j)] / (root[i] * root[j])),
             step: Matrix6::from_fn(|i, j| step[(i, j)] * root[i] / root[j]),
             stiffer: eigen.eigenvalues.max() / k,
