@@ -27,9 +27,10 @@ pub const UNATTENDED_S: f64 = 0.2;
 pub const SLEW_S: f64 = 0.001;
 /// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
-/// The coupling is updated after the handle or a control element has turned by this angle, rad, or moved by this part of
-/// the body,
+/// The coupling is updated after the handle has turned by this angle, rad,
 pub const TURNED: f64 = 0.1;
+/// after a control element has turned by this angle, or moved by this part of the body,
+const MOVED: f64 = 0.02;
 /// or when the lag of the force has changed by this factor.
 const SLOWER: f64 = 1.01;
 /// Beyond this factor the earlier pushes belong to another potential and are forgotten.
@@ -343,7 +344,9 @@ impl Control {
         self.state.limited = self.give.is_limited;
         self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
-        let gain = (self.state.gain + dt / RAMP_S).min(1.0);
+        // A new hold's force grows once the hold has come to where it is felt.
+        let ramp = if self.give.is_on_the_way { 0.0 } else { dt / RAMP_S };
+        let gain = (self.state.gain + ramp).min(1.0);
         (self.state.gain, self.state.strain_energy, self.state.stored_energy) = (gain, energy, stored);
         let mut wanted = Push::unstacked(&self.give.push).scaled(gain);
         let [v, w] = &self.velocity;
@@ -402,7 +405,7 @@ impl Control {
         let (period_s, age_s, lag_s) = (self.period_s(), self.age_s(), self.lag_s());
         let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
         if let Some((last, last_s)) = &self.coupled_at {
-            let is_turned = last.angle_to(&handle.rotation).max(body.moved()) >= TURNED;
+            let is_turned = last.angle_to(&handle.rotation) >= TURNED || body.moved() >= MOVED;
             let change = (lag_s / last_s).max(last_s / lag_s);
             if !is_turned && change < SLOWER {
                 return Some(());
@@ -416,7 +419,7 @@ impl Control {
         self.coupled_at = Some((handle.rotation, lag_s));
         self.stored = None;
         body.mark();
-        let stiffness = held.stiffness(haptic, handle, body)?;
+        let stiffness = held.stiffness(haptic, &self.give.hold(handle), body)?;
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, period_s, age_s);
