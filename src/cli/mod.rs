@@ -7,6 +7,7 @@
 mod accuracy;
 mod bench;
 pub(crate) mod bench_haptics;
+mod bent;
 mod check;
 mod check_stage;
 mod convert;

@@ -3,8 +3,6 @@
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::Table;
-use crate::deform::{Deformer, Kind, MODELS};
-use crate::effect::haptics::bent::{BENDS_DEG, beam, let_go};
 use crate::effect::haptics::settling::{MODULI, REPORTS, SettlingResult, settle, still};
 use crate::effect::haptics::stability::{RATES_HZ, Run, START_M, STIFFNESSES, boundary, run};
 use crate::effect::haptics::{Hand, Measures, Reports};
@@ -43,12 +41,6 @@ pub fn run_all(json: bool, readme: Option<&Path>) -> Result<(), Failure> {
         "The least stiffness that is not stable with the plain force, and K = 2 b / T of theory".to_owned(),
         boundaries,
     ));
-    let (table, bent) = bent()?;
-    text.push((
-        "A beam of 0.3 m lets go: its end bent by 30°, 60° and 90°, all measures, nobody holds the handle"
-            .to_owned(),
-        table,
-    ));
     let mut delays = Vec::new();
     for (name, measures, hands) in DELAYED {
         let (table, runs) = delayed(measures, hands);
@@ -56,7 +48,7 @@ pub fn run_all(json: bool, readme: Option<&Path>) -> Result<(), Failure> {
         delays.push(json!({ "setting": name, "runs": runs }));
     }
     if json {
-        let all = json!({ "settings": all, "boundaries": found, "delays": delays, "bent": bent });
+        let all = json!({ "settings": all, "boundaries": found, "delays": delays });
         print(&format!("{all:#}\n"))?;
     } else {
         let tables: String =
@@ -68,53 +60,7 @@ pub fn run_all(json: bool, readme: Option<&Path>) -> Result<(), Failure> {
             text.iter().map(|(name, table)| format!("{name}:\n\n{}\n", table.markdown())).collect();
         super::marks::write_between(path, NAME, &tables)?;
     }
-    judge(&all, &found, &delays)?;
-    judge_bent(&bent)
-}
-
-/// Reports of the device on bent bodies: a thousand times a second, and two hundred times with jitter.
-const BENT_REPORTS: [Reports; 2] = [
-    Reports { every_s: 1e-3, delay_s: 0.0, jitter_s: 0.0 },
-    Reports { every_s: 5e-3, delay_s: 0.0, jitter_s: 5e-3 },
-];
-
-/// A row for each model that has forces, way of reporting and bend, a column for each body, as in [`delayed`].
-fn bent() -> Result<(Table, Vec<serde_json::Value>), Failure> {
-    let heading = ["model", "reports", "bent by"].map(str::to_owned);
-    let moduli = MODULI.map(|young| format!("{young:.0e} Pa"));
-    let mut table = Table { rows: vec![heading.into_iter().chain(moduli).collect()] };
-    let mut found = Vec::new();
-    let models =
-        MODELS.iter().filter(|model| model.energy.is_some() && matches!(model.kind, Kind::Online(_)));
-    for model in models {
-        let bodies: Vec<Deformer> =
-            MODULI.iter().map(|&young| beam(model, young)).collect::<Result<_, _>>()?;
-        for (reports, degrees) in BENT_REPORTS.into_iter().flat_map(|r| BENDS_DEG.map(|degrees| (r, degrees)))
-        {
-            let released = |body: &Deformer| let_go(body, degrees, &device(1000.0), reports, Hand::NONE);
-            let runs: Vec<SettlingResult> = bodies.iter().map(released).collect::<Result<_, _>>()?;
-            let head =
-                [model.name.to_owned(), format!("{:.0} Hz", 1.0 / reports.every_s), format!("{degrees}°")];
-            table.rows.push(head.into_iter().chain(runs.iter().map(settled_cell)).collect());
-            for (young, run) in MODULI.iter().zip(&runs) {
-                found.push(json!({
-                    "model": model.name, "every_s": reports.every_s, "jitter_s": reports.jitter_s,
-                    "degrees": degrees, "young_pa": young, "swing_m": run.swing_m, "speed": run.speed,
-                    "made_j": run.made_j,
-                }));
-            }
-        }
-    }
-    Ok((table, found))
-}
-
-/// No model's loop may generate energy on a bent body.
-fn judge_bent(bent: &[serde_json::Value]) -> Result<(), Failure> {
-    let makes = |run: &&serde_json::Value| run["made_j"].as_f64().is_none_or(|made| made >= NOTHING_J);
-    match bent.iter().find(makes) {
-        None => Ok(()),
-        Some(run) => Err(Failure::Work(anyhow::anyhow!("a loop on a bent body generates energy: {run}"))),
-    }
+    judge(&all, &found, &delays)
 }
 
 /// A hand and what it is called.
@@ -134,12 +80,12 @@ const DELAYED: [(&str, Measures, &[Named]); 2] = [
     ),
 ];
 
-fn device(rate_hz: f64) -> Haptic {
+pub(super) fn device(rate_hz: f64) -> Haptic {
     Haptic { rate_hz, ..Haptic::simulated("table") }
 }
 
 /// Energy below this is rounding, or is dissipated at once, J.
-const NOTHING_J: f64 = 1e-9;
+pub(super) const NOTHING_J: f64 = 1e-9;
 
 /// A row for each stiffness, a column for each rate: how it ended, and what the loop generated.
 fn verdicts(runs: &[Vec<Run>]) -> Table {
@@ -222,7 +168,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
 const REST_M: f64 = 2e-3 * START_M;
 
 /// One digit, because a limit cycle does not repeat exactly.
-fn settled_cell(settled: &SettlingResult) -> String {
+pub(super) fn settled_cell(settled: &SettlingResult) -> String {
     let round = |value: f64| {
         let power = 10f64.powf(value.log10().floor());
         format!("{}", (value / power).round() * power)

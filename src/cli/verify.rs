@@ -1,5 +1,6 @@
 //! `greenstage verify`: compares the elements with published and analytic answers, and fits their rates of convergence.
 
+use super::bent;
 use super::forces;
 use super::marks;
 use super::print::print;
@@ -19,7 +20,8 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Problems to solve; default: all. Or `hard-cases`: bodies for which a solver can silently be wrong. Or `haptics`: the
-    /// stability of the force in the hand. Or `forces`: forces and shapes of the models at large rotations
+    /// stability of the force in the hand. Or `forces`: forces and shapes of the models at large rotations. Or
+    /// `bent`: whether the force in the hand makes energy on bent bodies; some minutes
     pub problems: Vec<String>,
     /// Solve each problem on one more, finer mesh; this takes some minutes
     #[arg(long, conflicts_with = "coarse")]
@@ -40,7 +42,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let special = args
             .problems
             .iter()
-            .find(|name| [stability::NAME, HARD_CASES, forces::NAME].contains(&name.as_str()));
+            .find(|name| [stability::NAME, HARD_CASES, forces::NAME, bent::NAME].contains(&name.as_str()));
         marks::try_between(
             path,
             special.filter(|_| args.problems.len() == 1).map_or("verify", String::as_str),
@@ -51,6 +53,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     if args.problems == [HARD_CASES] {
         return hard_cases(args);
+    }
+    if args.problems == [bent::NAME] {
+        return bent::run(args.json, args.readme.as_deref());
     }
     if args.problems == [forces::NAME] {
         return forces::run(args.json, args.readme.as_deref());

@@ -2,6 +2,7 @@
 //! relies on falls silent. On springs of known stiffness, in virtual time.
 
 use greenstage::deform::{ControlPose, ControlRest};
+use greenstage::effect::haptics::bent;
 use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
 use greenstage::effect::haptics::{
@@ -367,4 +368,21 @@ fn a_reading_that_was_overtaken_is_not_taken() {
         test.tick(&reading);
     }
     assert!((test.control.state.room_from_handle.unwrap().translation.x - 0.004).abs() < 1e-12);
+}
+
+/// Bodies bent by 30° and 90° let go, whatever their stiffness and however their poses come: the loop makes no energy.
+#[test]
+fn a_bent_body_that_is_let_go_makes_no_energy() {
+    let model = greenstage::deform::find_model("rotation").unwrap();
+    for young in [1e3, 1e6, 1e8] {
+        let body = bent::beam(model, young).unwrap();
+        for reports in [REPORTS[0], REPORTS[4]] {
+            for degrees in [30.0, 90.0] {
+                let haptic = Haptic::simulated("bent");
+                let run = bent::let_go(&body, degrees, &haptic, reports, Hand::NONE).unwrap();
+                assert!(run.made_j < 1e-9, "{young:e} Pa, {degrees}°, {reports:?}: {run:?}");
+                assert_eq!(run.state.faults.undefined, 0, "{young:e} Pa, {degrees}°");
+            }
+        }
+    }
 }

@@ -465,7 +465,7 @@ fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
                 f.content["blake3"].as_object_mut().unwrap().remove(&format!("block/{kind}/high"));
             }
         }),
-        ("bodies.block.requirements is affine, the scene's is affine, stiffness, though", |f| {
+        ("bodies.block.requirements is affine, the scene's is affine, cubic, stiffness, though", |f| {
             f.body()["requirements"]["families"] = json!(["affine"]);
         }),
         ("bodies.block.element is tet10", |f| f.body()["element"] = json!("tet10")),

@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 /// 12 coefficients of two control elements squared, in f64.
 const STIFFNESS_BYTES: usize = 24 * 24 * 8;
+/// Of the model `rotation`, whose energy has a cubic part.
+const CUBIC_BYTES: usize = 24 * 25 * 26 / 6 * 8;
 
 /// The coarse demo in a folder of its own, with or without force and torque.
 fn tube(name: &str, effects: &str) -> PathBuf {
@@ -53,9 +55,13 @@ fn without_haptics_there_is_no_stiffness_step_and_no_section_of_the_file() {
     let [(plain, plain_bytes), (haptic, haptic_bytes)] =
         [plain, haptic].map(|place| tensors(&place.join("tube.green")));
     println!("tensors: {plain_bytes} bytes, with haptics {haptic_bytes}");
-    assert_eq!(haptic_bytes - plain_bytes, STIFFNESS_BYTES);
+    assert_eq!(haptic_bytes - plain_bytes, STIFFNESS_BYTES + CUBIC_BYTES);
+    assert_eq!(haptic["tube/cubic"].len(), CUBIC_BYTES);
     assert_eq!(haptic["tube/stiffness"].len(), STIFFNESS_BYTES);
-    let others: BTreeMap<_, _> = haptic.into_iter().filter(|(name, _)| name != "tube/stiffness").collect();
+    let others: BTreeMap<_, _> = haptic
+        .into_iter()
+        .filter(|(name, _)| !["tube/stiffness", "tube/cubic"].contains(&name.as_str()))
+        .collect();
     assert_eq!(plain, others, "the other tensors are the same to the byte");
 }
 

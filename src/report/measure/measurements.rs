@@ -5,7 +5,7 @@ use super::fields::{
     ModelOutput, difference, displaced, evaluate_about, storage_error, stored, superposed, wrenches_about,
 };
 use super::frame::{TimedDeformer, time_in_turn};
-use super::reference::{References, largest, online};
+use super::reference::{References, largest, of_settings};
 use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPoses, ModelEntry, Wrench};
@@ -49,7 +49,7 @@ pub fn measurements(
 ) -> Result<Vec<Measurement>, MeasureError> {
     let mut rows = Vec::new();
     let mut timed_deformers = Vec::new();
-    let models: Vec<&ModelEntry> = online().collect();
+    let models: Vec<&ModelEntry> = of_settings().collect();
     progress.begin("errors", (candidates.len() * models.len() * references.poses.len()) as u64);
     for candidate in candidates {
         let is_own = candidate.solver.method.is_direct;

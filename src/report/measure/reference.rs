@@ -8,7 +8,7 @@ use crate::deform::{
     ControlPoses, EquilibriumResult, Kind, MODELS, ModelEntry, Statics, StaticsError, Wrench,
 };
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
-use crate::green::{self, Requirements};
+use crate::green::{self, AFFINE, Requirements};
 use crate::mesh::quality;
 use crate::report::data::ModelError;
 use crate::scene::Scene;
@@ -80,8 +80,13 @@ pub struct Size {
 /// Energies and forces smaller than this part of stiffness times displacement are rounding.
 const ROUNDING: f64 = 1e-8;
 
-/// The models that are made from what every candidate has.
-pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
+/// The models that settings have: those of the affine columns alone, which every setting's file holds.
+pub fn of_settings() -> impl Iterator<Item = &'static ModelEntry> {
+    online().filter(|model| model.requirements.iter().all(|family| family.name == AFFINE.name))
+}
+
+/// The models that are made from what every candidate has, where the body suits them.
+fn online() -> impl Iterator<Item = &'static ModelEntry> {
     let made = Requirements::of(FAMILIES);
     let is_online = |model: &&ModelEntry| matches!(model.kind, Kind::Online(_));
     let is_made = move |model: &&ModelEntry| model.requirements.iter().all(|family| made.has(*family));
@@ -186,12 +191,12 @@ impl<'a> References<'a> {
         Ok(())
     }
 
-    /// The first online model that is undefined in a pose on one of the meshes.
+    /// The first model of settings that is undefined in a pose on one of the meshes.
     fn undefined(&self, candidates: &[Candidate], poses: &ControlPoses) -> Option<&'static str> {
         let fails = |model: &&ModelEntry| {
             candidates.iter().any(|c| evaluate_about(model, &c.solution, poses, &self.origins).is_none())
         };
-        online().find(fails).map(|model| model.name)
+        of_settings().find(fails).map(|model| model.name)
     }
 
     fn reference(
