@@ -17,7 +17,7 @@ test:
 	@sh scripts/setup.sh test
 	@sh scripts/test.sh
 
-# Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify`, `check` and `haptics`.
+# Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify`, `check`, `haptics` and `method`.
 figures:
 	@sh scripts/setup.sh
 	cargo build --release --locked
@@ -27,6 +27,10 @@ figures:
 	cp out/accuracy/plots/online.svg assets/accuracy.svg
 	target/release/greenstage render configs/scenes/tube.toml --stage workbench --frames 5 --scale 0.18 -o out/sheet
 	cp out/sheet/contact-sheet.png assets/demo.png
+	target/release/greenstage render configs/scenes/models.toml --frames 3 --scale 0.5 -o out/models
+	cp out/models/contact-sheet.png assets/models.png
+	target/release/greenstage verify forces --readme src/manual/method.md
+	target/release/greenstage verify bent --readme src/manual/haptics.md
 	target/release/greenstage verify --readme src/manual/verify.md
 	target/release/greenstage verify hard-cases --readme src/manual/check.md
 	target/release/greenstage verify haptics --readme src/manual/haptics.md

@@ -23,7 +23,7 @@ pub use quartic::Quartic;
 
 pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "reduced",
-    summary: "method 2b as a basis: fields of second and third order in equilibrium; forces right to 90° and beyond",
+    summary: "method 2b as a basis: fields of second and third order in equilibrium; forces within 2 % to 60°, mostly to 90°",
     requirements: &[AFFINE, REDUCED],
     frame: Frame::MeanMotion,
     energy: Some(&[]),
