@@ -1,5 +1,5 @@
-//! `greenstage verify bent`: a hand lets go of bodies that are bent by up to 90°, by every model that has forces: does the loop
-//! make energy?
+//! `greenstage verify bent`: a hand lets go of bodies that are bent by up to 90°, by every model of the .green file that has
+//! forces: does the loop make energy?
 
 use super::marks;
 use super::print::print;

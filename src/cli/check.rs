@@ -5,7 +5,7 @@ use super::{check_stage, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::Statics;
+use crate::deform::{Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, GreenError};
 use crate::prepare;
@@ -86,7 +86,10 @@ fn effects(scene: &Scene) -> Vec<Cost> {
     let of_body = |(name, body): (&String, &Body)| -> Vec<Cost> {
         let cost = |effect: &EffectEntry| {
             let listed = body.effects.iter().any(|known| known == effect.name);
-            let bytes = if listed { effect.bytes(body.control.len()) } else { 0 };
+            let bytes = match find_model(&body.model) {
+                Ok(model) if listed => effect.bytes(model, body.control.len()),
+                _ => 0,
+            };
             Cost { body: name.clone(), effect: effect.name, listed, bytes }
         };
         EFFECTS.iter().map(cost).collect()

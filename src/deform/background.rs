@@ -16,7 +16,7 @@ use crate::solve::{Factor, LinearSolver, OldFactor, Settled, Settler, Silent, So
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
 
 /// An equilibrium that took more solves than this with its factor asks for a new one.
@@ -62,6 +62,8 @@ pub struct Found {
     /// Whether they were reached, or no equilibrium was found beyond this one.
     pub is_reached: bool,
     pub is_lost: bool,
+    /// No equilibrium comes any more.
+    has_ended: bool,
     pub asked_at: Instant,
     /// The poses of this equilibrium.
     pub poses: ControlPoses,
@@ -86,6 +88,7 @@ impl Background {
             number: 0,
             is_reached: true,
             is_lost: false,
+            has_ended: false,
             asked_at: Instant::now(),
             poses: vec![ControlPose::REST; elements],
             field: vec![[0.0; 3]; volume.surface.len()],
@@ -112,7 +115,10 @@ impl Background {
         let body = HeldVolume::new(law, volume)?;
         let of_thread = shared.clone();
         let thread = std::thread::Builder::new().name("equilibrium".into());
-        let started = thread.spawn(move || body.run(&of_thread));
+        let started = thread.spawn(move || {
+            let _ending = Ending(&of_thread);
+            body.run(&of_thread);
+        });
         started.map_err(|error| format!("no thread for its equilibria can be started: {error}"))?;
         Ok(Background { shared })
     }
@@ -144,14 +150,20 @@ impl Background {
 
     /// The same where nobody else looks at it.
     pub fn newest_at_once(&self) -> Option<MutexGuard<'_, Found>> {
-        self.shared.found.try_lock().ok()
+        match self.shared.found.try_lock() {
+            Ok(found) => Some(found),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        }
     }
 
     /// The equilibrium of the poses that were asked for last, or the one at which it was lost.
     pub fn awaited(&self) -> MutexGuard<'_, Found> {
         let number = self.shared.number.load(Ordering::Acquire);
         let found = lock(&self.shared.found);
-        let waits = |found: &mut Found| found.number < number || !(found.is_reached || found.is_lost);
+        let waits = |found: &mut Found| {
+            !found.has_ended && (found.number < number || !(found.is_reached || found.is_lost))
+        };
         self.shared.arrived.wait_while(found, waits).unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -165,6 +177,17 @@ impl Drop for Background {
     fn drop(&mut self) {
         lock(&self.shared.asked).ended = true;
         self.shared.wake.notify_all();
+    }
+}
+
+/// Tells those who wait that no equilibrium comes any more, however the thread ended.
+struct Ending<'a>(&'a Shared);
+
+impl Drop for Ending<'_> {
+    fn drop(&mut self) {
+        let mut found = lock(&self.0.found);
+        (found.has_ended, found.is_lost) = (true, true);
+        self.0.arrived.notify_all();
     }
 }
 
@@ -243,7 +266,7 @@ impl HeldVolume {
     fn run(&self, shared: &Shared) {
         let k = self.body.tangent(&self.body.gradients(&self.at_rest().u));
         let Ok(solver) = Solver::default().analyse(&self.partition.a(&k), &Silent) else {
-            return lock(&shared.found).is_lost = true;
+            return lose(shared, shared.number.load(Ordering::Acquire));
         };
         let (mut state, mut stable) = (self.at_rest(), self.at_rest());
         let mut legs = VecDeque::new();
@@ -358,6 +381,7 @@ impl HeldVolume {
             number: asked.number,
             is_reached,
             is_lost: false,
+            has_ended: false,
             asked_at: asked.since,
             poses: poses.to_vec(),
             field,

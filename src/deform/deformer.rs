@@ -342,6 +342,8 @@ impl Deformer {
 
     /// The next pose of control element `e` continues this turn, whatever came before.
     pub fn set_turn(&mut self, e: usize, turn: FollowedTurn) {
+        // The same matrix after another number of turns is another pose.
+        self.evaluated &= self.turns[e] == turn;
         self.turns[e] = turn;
         self.model.set_turn(e, turn.quaternion);
     }
@@ -372,6 +374,11 @@ impl Deformer {
         let response = self.response.filter(|response| response.is_defined)?;
         let wrenches = self.slopes.iter().zip(&self.poses).map(|(slope, pose)| Wrench::of(slope, pose));
         Some((wrenches.collect(), response.energy))
+    }
+
+    /// Forces of this body are shown from now on.
+    pub fn feel(&mut self) {
+        self.model.feel();
     }
 
     /// Evaluates energy and slopes anew, as [`Deformer::take`] does for new poses.

@@ -133,9 +133,11 @@ impl DeformationModel for Equilibria {
 
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         let quadratic = &mut self.quadratic;
-        if let Some(found) =
-            self.background.newest_at_once().filter(|found| found.version != quadratic.version)
-        {
+        let newest = match self.waits {
+            true => Some(self.background.newest()),
+            false => self.background.newest_at_once(),
+        };
+        if let Some(found) = newest.filter(|found| found.version != quadratic.version) {
             quadratic.version = found.version;
             quadratic.is_lost = found.is_lost;
             quadratic.energy = found.energy;
@@ -146,7 +148,8 @@ impl DeformationModel for Equilibria {
                 quadratic.stiffness.copy_from(&found.stiffness);
             }
         }
-        Some(Response { energy: quadratic.at(poses, slopes), is_defined: !quadratic.is_lost })
+        let is_defined = quadratic.version > 0 && !quadratic.is_lost;
+        Some(Response { energy: quadratic.at(poses, slopes), is_defined })
     }
 
     fn field(&self) -> Option<&[[f32; 3]]> {
@@ -154,7 +157,9 @@ impl DeformationModel for Equilibria {
     }
 
     fn has_news(&mut self) -> bool {
-        self.background.newest_at_once().is_some_and(|found| found.version != self.version)
+        let (shown, felt) = (self.version, self.quadratic.version);
+        let found = self.background.newest_at_once();
+        found.is_some_and(|found| found.version != shown || found.version != felt)
     }
 
     fn forget(&mut self) {
@@ -170,6 +175,10 @@ impl DeformationModel for Equilibria {
 
     fn wait_for_background(&mut self) {
         self.waits = true;
+    }
+
+    fn feel(&mut self) {
+        self.background.feel();
     }
 
     fn for_force_loop(&self) -> Option<Box<dyn DeformationModel>> {

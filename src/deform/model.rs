@@ -49,6 +49,9 @@ pub trait DeformationModel: Send {
         None
     }
 
+    /// Forces are shown from now on.
+    fn feel(&mut self) {}
+
     /// Forgets the poses seen so far: the next one stands alone, as in a batch.
     fn forget(&mut self) {}
 

@@ -42,8 +42,9 @@ pub struct Perturbation {
     radius: SMatrix<f64, 6, 6>,
     rotation: Option<Helicoidal>,
     fields: usize,
-    /// x of the last poses.
+    /// x of the last poses, and the share of `rotation` in what was shown last.
     x: SVector<f64, 6>,
+    share: f64,
     /// z = (1, y of undeformed elements, q, the other y), ∂V/∂z; q(x) and its derivatives, a column for each x.
     z: Vec<f64>,
     slopes: Vec<f64>,
@@ -91,6 +92,7 @@ impl Perturbation {
             rotation,
             fields,
             x: SVector::zeros(),
+            share: 0.0,
             z: vec![0.0; variables],
             slopes: vec![0.0; variables],
             by_frames: vec![FrameSlope { force: nothing, torque: nothing, stretch: Matrix3::zeros() }; 2],
@@ -105,7 +107,7 @@ impl Perturbation {
         self.x = (self.posed.screw(1) - self.posed.screw(0)) * std::f64::consts::FRAC_1_SQRT_2;
         self.bend();
         let square = self.x.dot(&(self.radius * self.x));
-        let part = square.sqrt();
+        let part = square.max(0.0).sqrt();
         let share = ((part - ALONE) / (1.0 - ALONE)).clamp(0.0, 1.0);
         let (step, slope) = (share * share * (3.0 - 2.0 * share), 6.0 * share * (1.0 - share));
         Some((step, slope / (1.0 - ALONE) / (2.0 * part.max(ALONE))))
@@ -183,8 +185,8 @@ impl Perturbation {
 impl DeformationModel for Perturbation {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         let found = self.settle(poses);
-        let share = found.map_or(0.0, |(share, _)| share);
-        let q = self.bends.column(0) * (1.0 - share);
+        self.share = found.map_or(self.share, |(share, _)| share);
+        let q = self.bends.column(0) * (1.0 - self.share);
         BodyState {
             parts: vec![self.posed.body_from_surface()],
             coefficients: self.posed.coefficients().iter().chain(q.iter()).copied().collect(),

@@ -2,6 +2,7 @@
 
 use super::running::RunningEffect;
 use crate::base::failure::Failure;
+use crate::deform::ModelEntry;
 use crate::green::{FAMILIES, Family, GreenError, GreenFile, Requirements, Solution, Tensor};
 use crate::scene::Scene;
 use crate::world::World;
@@ -45,10 +46,14 @@ impl EffectEntry {
         if self.precompute.is_some() { families.with_section(self.name) } else { families }
     }
 
-    /// Bytes that it adds to a body of so many control elements, in the file and in memory, beside columns and its own
-    /// section.
-    pub fn bytes(&self, control_elements: usize) -> usize {
-        let is_required = |family: &Family| self.requirements.iter().any(|own| own.name == family.name);
+    /// Bytes that it adds to a body of this model and so many control elements, in the file and in memory, beside columns and
+    /// its own section.
+    pub fn bytes(&self, model: &ModelEntry, control_elements: usize) -> usize {
+        let energy = model.energy.filter(|_| self.needs_energy).unwrap_or_default();
+        let is_of = |families: &[Family], family: &Family| families.iter().any(|own| own.name == family.name);
+        let is_required = |family: &Family| {
+            (is_of(self.requirements, family) || is_of(energy, family)) && !is_of(model.requirements, family)
+        };
         let entries = FAMILIES.iter().filter(|entry| is_required(&entry.family));
         entries.map(|entry| (entry.fixed_bytes)(control_elements)).sum()
     }

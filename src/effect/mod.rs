@@ -250,7 +250,10 @@ mod tests {
             assert!(requirements(model, EFFECTS).has(STIFFNESS), "{}", model.name);
         }
         assert!(any_requires(&["haptics".into()], STIFFNESS) && !any_requires(&[], STIFFNESS));
-        assert_eq!((haptics::live::ENTRY.bytes(2), MEANS.bytes(2)), (24 * 24 * 8, 0));
+        let linear = find_model("linear").unwrap();
+        assert_eq!((haptics::live::ENTRY.bytes(linear, 2), MEANS.bytes(linear, 2)), (24 * 24 * 8, 0));
+        let rotation = find_model("rotation").unwrap();
+        assert_eq!(haptics::live::ENTRY.bytes(rotation, 2), 24 * 24 * 8 + 24 * 25 * 26 / 6 * 8);
     }
 
     /// A section must not stand where a family's tensors or the surface do.

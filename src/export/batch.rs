@@ -171,10 +171,12 @@ fn surface_result(
     lead(asked, all, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
-            "warning: pose \"{}\": body.{}: the control elements are half a turn apart, their mean rotation is not \
-             defined, and the result not to be trusted; model = \"linear\" has no such pose",
+            "warning: pose \"{}\": body.{}: the model \"{}\" finds no frame or no equilibrium of its control elements, which are \
+             turned too far against each other or too far apart, and the result is not to be trusted; model = \"linear\" \
+             has no such pose",
             asked.pose,
-            body.body
+            body.body,
+            scene_body.model
         );
     }
     PoseResult {

@@ -1,6 +1,6 @@
 //! The force that a hand feels, without a device: an arrow at the control element that is held, and its value.
 //!
-//! In: bodies whose scene lists an effect that needs the handle stiffness S, and what is held. Out: [`HeldForce`]s and
+//! In: bodies whose scene lists an effect with forces, and what is held. Out: [`HeldForce`]s and
 //! their arrows. A body without such an effect has no [`ForceScale`](super::force_scale::ForceScale), and nothing here is called for it.
 
 use super::body::PlacedBody;
@@ -24,7 +24,7 @@ pub struct HeldForce {
     pub full_n: f64,
 }
 
-/// The force on control element `c` of body number `b`: the negative of the force S c that the hand must apply.
+/// The force on control element `c` of body number `b`: the negative of the force that the hand must apply.
 pub fn held_force(b: usize, body: &PlacedBody, c: usize) -> Option<HeldForce> {
     let full_n = *body.force_scale.as_ref()?.full_n.get(c)?;
     let (wrenches, _) = body.deformer.wrenches()?;

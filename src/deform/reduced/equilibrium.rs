@@ -88,7 +88,7 @@ impl ReducedBody {
         self.active = 0;
     }
 
-    /// V at its least over q; its slopes by y are kept. `None` where no q was found, and those of before are kept.
+    /// V at its least over q; its slopes by y are kept. `None` where no q was found; q is then that of before.
     pub fn settle(&mut self, y: &[f64]) -> Option<f64> {
         let is_deformed = y[self.rigid..].iter().any(|y| y.abs() > NOTHING);
         let active = if is_deformed { self.z.len() } else { 1 + self.rigid + self.fields };

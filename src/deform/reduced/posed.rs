@@ -115,21 +115,25 @@ impl Posed {
         let mean_from_body = self.mean.body_from_mean.inverse();
         // ∂V by a motion of m, in its own axes.
         let mut common = Vector6::zeros();
-        for (e, (slope, pose)) in slopes.iter_mut().zip(poses).enumerate() {
-            let own = &self.forces.as_slice()[FIELDS * e..FIELDS * (e + 1)];
-            let force = Vector3::new(own[0], own[1], own[2]);
-            let moment = Matrix3::from_row_slice(&own[3..FIELDS]);
+        let forces = &self.forces;
+        let held = |e: usize| {
+            let own = &forces.as_slice()[FIELDS * e..FIELDS * (e + 1)];
+            (Vector3::new(own[0], own[1], own[2]), Matrix3::from_row_slice(&own[3..FIELDS]))
+        };
+        for (e, pose) in poses.iter().enumerate().take(self.frames.len()) {
+            let (force, moment) = held(e);
             let seen = rotation.matrix().transpose() * pose.matrix;
             let place = mean_from_body * Point3::from(self.frames[e].place);
             let torque = place.coords.cross(&force) + axial(&(moment * seen.transpose()));
             common -= Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z);
-            *slope = PoseSlope { translation: rotation * force, matrix: rotation * moment };
         }
         for (screw, slope) in self.mean.screws.iter().zip(by_screw.unwrap_or_default()) {
             common -= inverse_left_jacobian(screw).transpose() * slope;
         }
         let share = self.mean.share(&common)?;
         for (e, (slope, frame)) in slopes.iter_mut().zip(&self.frames).enumerate() {
+            let (own_force, own_moment) = held(e);
+            *slope = PoseSlope { translation: rotation * own_force, matrix: rotation * own_moment };
             let (mut force, mut torque) = self.mean.own_share(e, &share);
             if let Some(own) = by_screw.and_then(|slopes| slopes.get(e)) {
                 let own = inverse_right_jacobian(&self.mean.screws[e]).transpose() * own;

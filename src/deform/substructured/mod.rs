@@ -206,8 +206,10 @@ impl DeformationModel for Substructured {
     }
 
     fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
-        self.turns[e] = turn;
-        self.poses.clear();
+        if let Some(place) = self.turns.get_mut(e) {
+            *place = turn;
+            self.poses.clear();
+        }
     }
 }
 

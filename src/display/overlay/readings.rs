@@ -68,7 +68,7 @@ pub struct BodyReading {
     pub limits: TurnLimits,
     /// How old its state is, of a model that computes in the background.
     pub age: Option<StateAge>,
-    /// Strain energy, J, if the handle stiffness was precomputed.
+    /// Strain energy, J, where the scene asks for forces.
     pub energy: Option<f64>,
 }
 

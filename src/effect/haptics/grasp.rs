@@ -192,8 +192,12 @@ impl Held {
                 let response = body.respond(&reach.pose);
                 Some(self.push(haptic, &reach, &response)?.stacked())
             };
-            let slope = (push_at(-step)? - push_at(step)?) / (2.0 * step);
-            stiffness.set_column(k, &slope);
+            let ends = push_at(-step).zip(push_at(step));
+            let Some((back, ahead)) = ends else {
+                body.respond(&pose);
+                return None;
+            };
+            stiffness.set_column(k, &((back - ahead) / (2.0 * step)));
         }
         body.respond(&pose);
         let symmetric = (stiffness + stiffness.transpose()) * 0.5;

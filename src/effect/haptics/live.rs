@@ -90,7 +90,7 @@ const SAME_HOLD: f64 = 1e-3;
 
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: "haptics",
-    summary: "force and torque on every control element, from the 12E × 12E handle stiffness; felt with a device of the stage",
+    summary: "force and torque on every control element, by the strain energy of the body's model; felt with a device of the stage",
     requirements: &[STIFFNESS],
     needs_energy: true,
     precompute: None,
@@ -104,6 +104,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
 fn show_forces(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     for &(b, name) in &listed.bodies {
         let body = &mut world.bodies[b];
+        body.deformer.feel();
         body.force_scale = listed.file.stiffness(name).map(|s| ForceScale::new(&s, body.ball.1));
     }
     Ok(None)

@@ -2,7 +2,7 @@
 //!
 //! Pose → held element, moved by the coupling → energy and gradient → push within the limits, times a gain that ramps up;
 //! plus a brake if energy was generated. If anything is wrong with the pose, or if frames stop coming, the force goes to
-//! zero within [`FADE_S`]. A tick takes no lock and allocates nothing.
+//! zero within [`FADE_S`]. A tick waits for no lock and allocates nothing.
 
 use super::acting::{Acting, Given};
 use super::coupling::{Coupling, CouplingState};

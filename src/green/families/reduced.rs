@@ -137,9 +137,15 @@ fn write(body: &Precomputed, _: &mut BodyMeta) -> Vec<(String, Tensor)> {
     tensors
 }
 
+/// No file has more columns; their quartic would be 100 million numbers.
+const MOST_FIELDS: usize = 128;
+
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     let basis = format!("{name}/{}", names().basis);
     let fields = file.tensors.get(&basis).and_then(|(_, shape, _)| shape.first().copied()).unwrap_or(0);
+    if fields > MOST_FIELDS {
+        return Err(format!("tensor {basis} has {fields} columns, more than the {MOST_FIELDS} of any body"));
+    }
     columns::check(file, name, &names(), fields)?;
     let variables = 1 + Lift::of(body.controls.len()).len() + fields;
     table::check(file, name, QUARTIC, [QuarticShape { variables }.len(), 1]).map(drop)
