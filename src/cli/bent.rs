@@ -33,7 +33,7 @@ const BENT_REPORTS: [Reports; 2] = [
     Reports { every_s: 5e-3, delay_s: 0.0, jitter_s: 5e-3 },
 ];
 
-/// A row for each model that has forces, way of reporting and bend, a column for each body, as in [`delayed`].
+/// A row for each model that has forces, way of reporting and bend, a column for each body.
 fn bent() -> Result<(Table, Vec<serde_json::Value>), Failure> {
     let heading = ["model", "reports", "bent by"].map(str::to_owned);
     let moduli = MODULI.map(|young| format!("{young:.0e} Pa"));

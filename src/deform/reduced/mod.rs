@@ -1,7 +1,7 @@
 //! Method 2b as a basis: the mean frame of the control elements carries the body, which bends into fields of second and
 //! third order so that its strain energy is least.
 //!
-//! In: the coefficients of the affine fields of the poses seen from the mean frame m ([`MeanFrame`]), and the tables of the
+//! In: the coefficients of the affine fields of the poses seen from the mean frame m ([`Posed`]), and the tables of the
 //! family `reduced`. Out: x = m (X + Σ c_k u_k + Φ q - ō) with ∂V/∂q = 0 for V(y, q), y = Lᵀ c, the exact energy of St.
 //! Venant–Kirchhoff's law in these fields; an upper bound of that of the mesh, exact to the fifth order for two elements.
 //! Forces are the derivative of V by the poses, that of m included; q has no part in it.

@@ -16,7 +16,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 /// Below this angle the series of F is shorter than its closed form, and more exact.
 const SMALL: f64 = 0.6;
 
-/// B₂ₖ/(2k)!, without signs: F(φ) = Σ SERIES[k] φᵏ.
+/// B₂ₖ/(2k)!, without signs: F(φ) = Σ `SERIES[k]` φᵏ.
 const SERIES: [f64; 9] = [
     1.0 / 12.0,
     1.0 / 720.0,
