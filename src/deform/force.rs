@@ -21,6 +21,11 @@ impl Wrench {
         let moment = axial(&(slope.matrix * pose.matrix.transpose())) + pose.translation.cross(&force);
         Wrench { force, moment }
     }
+
+    /// With the moment about where the element's origin is at `pose`.
+    pub fn about_the_place(&self, pose: &ControlPose) -> Wrench {
+        Wrench { moment: self.moment - pose.translation.cross(&self.force), ..*self }
+    }
 }
 
 #[cfg(test)]

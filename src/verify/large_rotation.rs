@@ -211,13 +211,8 @@ fn surface_nodes(statics: &Statics, deformer: &Deformer) -> Vec<usize> {
     deformer.tags().iter().map(place).collect()
 }
 
-/// With its moment about where the element is.
-fn about_the_place(wrench: &Wrench, pose: &ControlPose) -> Wrench {
-    Wrench { moment: wrench.moment - pose.translation.cross(&wrench.force), ..*wrench }
-}
-
 fn row(body: &'static str, pose: &str, poses: &ControlPoses, settled: &EquilibriumResult) -> HeldPose {
-    let right = about_the_place(&settled.wrenches[1], &poses[1]);
+    let right = settled.wrenches[1].about_the_place(&poses[1]);
     HeldPose {
         body,
         pose: pose.to_owned(),
@@ -244,7 +239,7 @@ fn judge(
     let error = |i: usize| (deformer.displacement(i) - settled.displacement[nodes[i]]).norm_squared();
     let shape = ((0..nodes.len()).map(error).sum::<f64>() / nodes.len() as f64).sqrt() / length;
     let placed = |wrenches: &[Wrench]| -> Vec<Wrench> {
-        wrenches.iter().zip(poses).map(|(wrench, pose)| about_the_place(wrench, pose)).collect()
+        wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect()
     };
     let truth = placed(&settled.wrenches);
     let size =

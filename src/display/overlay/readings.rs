@@ -178,7 +178,8 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
                 name: rest.name.clone(),
                 pose: *pose,
                 held: placed.highlight == Highlight::Held,
-                wrench,
+                // A hand feels the torque about where the element is.
+                wrench: wrench.map(|wrench| wrench.about_the_place(pose)),
             })
             .collect(),
         turn,
