@@ -364,7 +364,7 @@ fn a_pose_does_not_depend_on_the_one_before() {
         let (alone, said) = rows(turn("last", degrees));
         let (after, _) = rows(turn("a", 90.0) + &turn("b", 170.0) + &turn("last", degrees));
         assert_eq!(alone, after, "{degrees}°");
-        assert_eq!(said.contains("not defined"), degrees == 180.0, "{degrees}°: {said}");
+        assert_eq!(said.contains("finds no frame"), degrees == 180.0, "{degrees}°: {said}");
     }
 }
 

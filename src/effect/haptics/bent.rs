@@ -23,7 +23,7 @@ use std::sync::Arc;
 const LENGTH_M: f64 = 0.3;
 
 /// By how much its end is bent, °.
-pub const BENDS_DEG: [f64; 2] = [30.0, 90.0];
+pub const BENDS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
 
 /// The beam as a session has it, of Young's modulus `young`, Pa.
 pub fn beam(model: &ModelEntry, young: f64) -> Result<Deformer, Failure> {
