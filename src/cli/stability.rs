@@ -170,8 +170,9 @@ const REST_M: f64 = 2e-3 * START_M;
 /// One digit, because a limit cycle does not repeat exactly.
 pub(super) fn settled_cell(settled: &SettlingResult) -> String {
     let round = |value: f64| {
-        let power = 10f64.powf(value.log10().floor());
-        format!("{}", (value / power).round() * power)
+        let digits = value.log10().floor();
+        let power = 10f64.powf(digits);
+        format!("{:.*}", (-digits).max(0.0) as usize, (value / power).round() * power)
     };
     let swing =
         if settled.swing_m < REST_M { "rest".to_owned() } else { round(1e3 * settled.swing_m) + " mm" };
