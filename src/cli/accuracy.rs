@@ -50,6 +50,8 @@ pub struct Args {
 }
 
 const LARGEST: f64 = 300_000.0;
+/// Part of it for models with column families of their own.
+const MODELS_SHARE: f64 = 0.2;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
@@ -74,6 +76,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         pose_source,
         limits: Limits {
             largest: args.largest,
+            largest_of_models: MODELS_SHARE * args.largest,
             refinements: if args.quick { 0 } else { 2 },
             rounds: if args.quick { 60 } else { 300 },
         },

@@ -118,7 +118,7 @@ pub struct Trial {
 }
 
 /// Solves the motions one after the other; a bend or twist goes on from the one before where it is of the same kind, so that
-/// turns add up. `told` hears of motions without an equilibrium. `progress` is advanced by 1000 for each motion.
+/// turns add up; where that one has no equilibrium, neither is it solved. `told` hears of motions without an equilibrium. `progress` is advanced by 1000 for each motion.
 pub fn trials(
     statics: &mut Statics,
     moved: &Moved,
@@ -128,7 +128,14 @@ pub fn trials(
 ) -> Result<Vec<Trial>, StaticsError> {
     let mut found = Vec::new();
     let mut last: Option<(Motion, HeldBody)> = None;
+    let mut lost: Option<Motion> = None;
     for &motion in motions {
+        if let Some(before) = lost.filter(|before| before.leads_to(motion)) {
+            told(motion, format!("no equilibrium on the way, where it is {}", before.name()));
+            lost = Some(motion);
+            progress.advance(1000);
+            continue;
+        }
         let poses = moved.poses(motion);
         let solved = match last.take().filter(|(before, _)| before.leads_to(motion)) {
             Some((before, held)) => statics.solve_after(&before.name(), &held, &poses, progress),
@@ -141,6 +148,7 @@ pub fn trials(
             }
             Err(StaticsError::Stopped { share, from, .. }) => {
                 let way = 100.0 * share;
+                lost = Some(motion);
                 told(motion, format!("no equilibrium beyond {way:.0} % of the way from {from}"));
             }
             Err(error) => return Err(error),

@@ -34,8 +34,8 @@ pub use basis::{precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
 pub use families::{
-    AFFINE, CUBIC, FAMILIES, PERTURBATION, QUARTIC, RADIUS, REDUCED, SERIES, STIFFNESS, SUBSTRUCTURES,
-    VOLUME, Volume,
+    AFFINE, CUBIC, FAMILIES, PERTURBATION, QUARTIC, RADIUS, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
+    SUBSTRUCTURES, VOLUME, Volume,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};

@@ -1,6 +1,7 @@
-//! accuracy.csv: one line a setting; the names of the columns hold their units (RFC 4180).
+//! accuracy.csv, a line a setting, and models.csv, a line a model and motion; the names of the columns hold their units (RFC
+//! 4180).
 
-use super::data::{Measurement, Spread};
+use super::data::{Measurement, ModelTrial, Spread};
 use crate::base::csv::quoted;
 
 /// Every number of a row by its name, in the order of the columns; `None` where it was not measured.
@@ -37,6 +38,28 @@ pub fn numbers(row: &Measurement) -> Vec<(String, Option<f64>)> {
             .map(|(which, value)| (format!("{name}_{which}_{unit}"), value))
     });
     plain.chain([forward_error]).chain(spreads).collect()
+}
+
+/// Every number of a trial by its name.
+pub fn trial_numbers(row: &ModelTrial) -> [(&'static str, Option<f64>); 6] {
+    [
+        ("degrees", Some(row.degrees)),
+        ("displacement_relative", Some(row.displacement)),
+        ("force_relative", row.force),
+        ("torque_relative", row.torque),
+        ("energy_ratio", row.energy),
+        ("frame_s", Some(row.frame_s)),
+    ]
+}
+
+/// The trials of the models, as [`csv`].
+pub fn trials(rows: &[ModelTrial]) -> String {
+    let mut text = "model,motion,degrees,displacement_relative,force_relative,torque_relative,energy_ratio,frame_s\r\n".to_owned();
+    for row in rows {
+        let numbers = trial_numbers(row).map(|(_, value)| value.map_or_else(String::new, |v| v.to_string()));
+        text += &format!("{},{},{}\r\n", quoted(&row.model), row.motion.name(), numbers.join(","));
+    }
+    text
 }
 
 /// Lines end with CR LF. Numbers are the shortest that read back as the same f64; a cell without one was not measured.

@@ -7,7 +7,7 @@ use crate::solve::{ERROR_LIMITS, Solver};
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
-pub const SCHEMA: u32 = 2;
+pub const SCHEMA: u32 = 3;
 
 /// All that was measured of one body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,8 @@ pub struct Report {
     pub rows: Vec<Measurement>,
     /// Errors of the models alone, by the largest local rotation of the pose.
     pub models: Vec<ModelError>,
+    /// Every model alone, by how far one control element turns.
+    pub trials: ModelTrials,
     /// Errors of a smooth problem on the body's own mesh, where the theory promises rates of convergence.
     pub smooth: Vec<SmoothError>,
     /// What each effect costs, whether the scene lists it or not.
@@ -56,10 +58,14 @@ pub struct Setting {
 impl Setting {
     /// "tet10 h/2": the element on the scene's mesh, refined once.
     pub fn mesh(&self) -> String {
-        match self.refine {
-            0 => format!("{} h", self.element),
-            n if n < 20 => format!("{} h/{}", self.element, 1_u32 << n),
-            n => format!("{} h/2^{n}", self.element),
+        Setting::mesh_name(&self.element, self.refine)
+    }
+
+    pub fn mesh_name(element: &str, refine: u32) -> String {
+        match refine {
+            0 => format!("{element} h"),
+            n if n < 20 => format!("{element} h/{}", 1_u32 << n),
+            n => format!("{element} h/2^{n}"),
         }
     }
 }
@@ -155,6 +161,59 @@ pub struct ModelError {
     /// Relative L2 against the converged nonlinear solution on the same mesh.
     pub error: f64,
     pub displacement_m: f64,
+}
+
+/// Models tried on the body as a session would have it, by how far one control element turns against the others.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ModelTrials {
+    /// What moves, and what it is compared with; what was left out, and why. One sentence each.
+    pub about: Vec<String>,
+    pub rows: Vec<ModelTrial>,
+}
+
+/// A model where the control element has come to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelTrial {
+    pub model: String,
+    pub motion: TrialMotion,
+    /// Angle of the motion.
+    pub degrees: f64,
+    /// Root mean square of the surface nodes' errors, as a part of the distance between the control elements.
+    pub displacement: f64,
+    /// Largest errors of a control element's force, and of its torque over that distance, as parts of the equilibrium's largest
+    /// force or torque over distance; nothing where the model says that it has none.
+    pub force: Option<f64>,
+    pub torque: Option<f64>,
+    /// Strain energy over that of the equilibrium.
+    pub energy: Option<f64>,
+    /// Median time from poses to the deformed surface with its forces.
+    pub frame_s: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrialMotion {
+    Bend,
+    Twist,
+}
+
+impl TrialMotion {
+    pub const ALL: [TrialMotion; 2] = [TrialMotion::Bend, TrialMotion::Twist];
+
+    /// As files and headings name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            TrialMotion::Bend => "bend",
+            TrialMotion::Twist => "twist",
+        }
+    }
+}
+
+impl ModelTrial {
+    /// The larger of the errors of force and torque.
+    pub fn held(&self) -> Option<f64> {
+        self.force.zip(self.torque).map(|(force, torque)| force.max(torque))
+    }
 }
 
 /// The error of one element on one refinement in the smooth problem.

@@ -1,4 +1,4 @@
-//! The report's folder: writes accuracy.json, accuracy.csv, index.html and plots/*.svg, and reads accuracy.json.
+//! The report's folder: writes accuracy.json, accuracy.csv, models.csv, index.html and plots/*.svg, and reads accuracy.json.
 
 use super::csv;
 use super::data::{Report, SCHEMA};
@@ -37,6 +37,8 @@ const CSV: Kind = Kind {
     name: "a table of `accuracy`",
     recognizes: |head| head.starts_with(b"refine,element,solver,storage,model,"),
 };
+const MODELS: Kind =
+    Kind { name: "a table of models of `accuracy`", recognizes: |head| head.starts_with(b"model,motion,degrees,") };
 const PAGE: Kind = Kind {
     name: "a page of `accuracy`",
     recognizes: |head| contains(head, b"<title>What accuracy costs in time: "),
@@ -49,7 +51,8 @@ fn contains(head: &[u8], mark: &[u8]) -> bool {
 }
 
 /// The names of a report's files below its folder.
-const NAMES: [(&str, &Kind); 3] = [("index.html", &PAGE), ("accuracy.json", &JSON), ("accuracy.csv", &CSV)];
+const NAMES: [(&str, &Kind); 4] =
+    [("index.html", &PAGE), ("accuracy.json", &JSON), ("accuracy.csv", &CSV), ("models.csv", &MODELS)];
 
 fn plot_path(dir: &Path, name: &str) -> PathBuf {
     dir.join("plots").join(format!("{name}.svg"))
@@ -63,7 +66,7 @@ pub fn try_folder(dir: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
     files.chain(plots).try_for_each(|(path, kind)| output::try_path(&path, kind, inputs))
 }
 
-/// Writes accuracy.json, accuracy.csv, index.html and plots/*.svg below `dir`, which is made where it does not exist.
+/// Writes accuracy.json, accuracy.csv, models.csv, index.html and plots/*.svg below `dir`, which is made where it does not exist.
 /// Either all files are written whole, or none is ([`output::stage`]). An older plot that this report has no data for is
 /// removed. Returns the paths, index.html first.
 ///
@@ -75,7 +78,7 @@ pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
         .map_err(|source| ReportError::Json { path: dir.join("accuracy.json"), source })?;
     let pictures = pictures(report);
     output::make_folder(&dir.join("plots"))?;
-    let texts = [page(report, &pictures), json + "\n", csv::csv(&report.rows)];
+    let texts = [page(report, &pictures), json + "\n", csv::csv(&report.rows), csv::trials(&report.trials.rows)];
     let named = NAMES.into_iter().map(|(name, kind)| (dir.join(name), kind));
     let plots = pictures.iter().map(|(entry, picture)| ((plot_path(dir, entry.name), &PLOT), picture.file()));
     let (mut staged, mut written) = (Vec::new(), Vec::new());
@@ -136,6 +139,14 @@ fn check(report: &Report) -> Result<(), ReportError> {
         let place = format!("model {}, pose {}", of.model, of.pose);
         let (rotation, error) = (("rotation", of.rotation), ("error", of.error));
         numbers(&place, &[rotation, error, ("displacement_m", of.displacement_m)])?;
+    }
+    for of in &report.trials.rows {
+        let place = format!("model {}, {} by {}°", of.model, of.motion.name(), of.degrees);
+        for (name, value) in csv::trial_numbers(of) {
+            // An energy may be negative.
+            let value = value.map_or(0.0, |value| if name == "energy_ratio" { value.abs() } else { value });
+            numbers(&place, &[(name, value)])?;
+        }
     }
     for of in &report.smooth {
         let place = format!("smooth problem, {}, refined {} times", of.element, of.refine);

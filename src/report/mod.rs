@@ -23,7 +23,8 @@ pub mod units;
 
 pub use cost_metric::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 pub use data::{
-    Cost, EffectCost, Errors, Measurement, ModelError, Report, SCHEMA, Setting, SmoothError, Spread,
+    Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
+    SmoothError, Spread, TrialMotion,
 };
 pub use drawing::canvas::Picture;
 pub use files::{ReportError, read, try_folder, write};

@@ -78,6 +78,7 @@ fn measured(report: &Report) -> String {
     fact("Body", &[&[size], report.about.as_slice()].concat());
     fact("Poses", &[format!("{} ({}): {}", report.poses.len(), report.pose_source, report.poses.join(", "))]);
     fact("Measured against", &report.references);
+    fact("Models from 1° to 360°", &report.trials.about);
     fact("Machine", std::slice::from_ref(&report.machine));
     fact("Program", std::slice::from_ref(&report.program));
     heading("What was measured") + "<dl class=\"facts\">\n" + &facts + "</dl>\n"

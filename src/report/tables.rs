@@ -1,13 +1,14 @@
 //! The page's tables in HTML. A row is a list of named cells; every cell is escaped here.
 
 use super::cost_metric::{COST_METRICS, ONLINE};
-use super::data::{Measurement, Report, Spread};
+use super::data::{Measurement, ModelTrial, Report, Spread, TrialMotion};
 use super::drawing::markup::escape;
 use super::parameters::PARAMETERS;
 use super::pareto;
 use super::plots::common::distinct;
 use super::recommendation::{GOALS, cheapest, ladder};
 use super::units::{Unit, bytes, digits, metres, relative, seconds};
+use crate::base::statistics::median;
 
 pub struct Cell {
     pub text: String,
@@ -182,6 +183,55 @@ pub fn models(report: &Report) -> String {
         first.into_iter().chain(models.iter().map(|model| (*model, cell(model)))).collect()
     };
     html(&poses.iter().map(line).collect::<Vec<_>>())
+}
+
+/// A line a motion, a column a model; the last line has the median times of a frame.
+pub fn trials(report: &Report) -> String {
+    html(&trial_lines(report, &|_, _| true))
+}
+
+/// The motions that `is_shown`, each with what every model makes of it.
+pub fn trial_lines<'a>(
+    report: &'a Report,
+    is_shown: &dyn Fn(TrialMotion, f64) -> bool,
+) -> Vec<NamedCells<'a>> {
+    let rows = &report.trials.rows;
+    let models = distinct(rows.iter().map(|row| row.model.as_str()));
+    let mut motions = distinct(rows.iter().map(|row| (row.motion, row.degrees)));
+    motions.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    motions.retain(|(motion, degrees)| is_shown(*motion, *degrees));
+    let line = |&(motion, degrees): &(TrialMotion, f64)| {
+        let here = |model: &str| {
+            rows.iter().find(|row| (row.motion, row.degrees, row.model.as_str()) == (motion, degrees, model))
+        };
+        // Without forces a model is worse than any with them.
+        let worst = |row: &ModelTrial| row.held().map_or(f64::MAX, |held| held.max(row.displacement));
+        let least = models.iter().filter_map(|model| here(model)).map(worst).fold(f64::INFINITY, f64::min);
+        let cell = |model: &&'a str| {
+            let cell = match here(model) {
+                None => number("–"),
+                Some(row) => {
+                    let held = row.held().map_or_else(|| "–".into(), relative);
+                    let energy = row.energy.map_or_else(|| "–".into(), |energy| format!("{energy:.3}"));
+                    let text = format!("{} · {held} · {energy}", relative(row.displacement));
+                    bold(number(text), worst(row) == least)
+                }
+            };
+            (*model, cell)
+        };
+        let name = format!("{} {}°", motion.name(), digits(degrees, 4));
+        std::iter::once(("motion", word(name))).chain(models.iter().map(cell)).collect()
+    };
+    let mut lines: Vec<NamedCells<'a>> = motions.iter().map(line).collect();
+    if !lines.is_empty() {
+        let time = |model: &&'a str| {
+            let of = rows.iter().filter(|row| row.model == *model).map(|row| row.frame_s);
+            (*model, number(seconds(median(of))))
+        };
+        let name = ("motion", word("time of a frame"));
+        lines.push(std::iter::once(name).chain(models.iter().map(time)).collect());
+    }
+    lines
 }
 
 pub fn smooth(report: &Report) -> String {

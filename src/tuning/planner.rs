@@ -7,7 +7,7 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::notice::notice;
-use crate::deform::ControlPose;
+use crate::deform::{ControlPose, Kind, MODELS};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};
 use crate::prepare;
@@ -27,12 +27,16 @@ struct MeasuredTable {
     /// Largest turn of one control element against another in the measured poses, rad.
     range: f64,
     rows: Vec<Measurement>,
-    /// Poses in which nothing was measured, and why.
+    /// The models that there were to be measured.
+    models: Vec<String>,
+    /// Poses in which nothing was measured and models that were not, and why.
     left_out: Vec<String>,
 }
 
 /// Unknowns of the largest solve while a table is measured, unless the scene says otherwise.
 const LARGEST: f64 = 200_000.0;
+/// Part of it for models with column families of their own.
+const MODELS_SHARE: f64 = 0.2;
 
 /// Where a body's table comes from: the scene without what it asks for, the body's name, the key that the table must
 /// have, and what is asked for.
@@ -111,7 +115,7 @@ fn kept(
     // A table of another version is measured again.
     let table: Option<MeasuredTable> = plan.and_then(|plan| serde_json::from_value(plan).ok());
     let is_own = |table: &MeasuredTable| {
-        table.key == key && (!demand.is_timed() || table.machine == machine::description())
+        table.key == key && table.models == models() && (!demand.is_timed() || table.machine == machine::description())
     };
     Ok(table.filter(is_own))
 }
@@ -126,12 +130,13 @@ fn measure(
     notice!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
     let (poses, pose_source) = scripted_or_random(scene, name, None, true)?;
     let scratch = tempfile::tempdir().map_err(Failure::work)?;
+    let largest = demand.largest().unwrap_or(LARGEST);
     let request = Request {
         scene,
         body: name,
         poses: &poses,
         pose_source,
-        limits: Limits { largest: demand.largest().unwrap_or(LARGEST), refinements: 1, rounds: 60 },
+        limits: Limits { largest, largest_of_models: MODELS_SHARE * largest, refinements: 1, rounds: 60 },
         largest_key: format!("body.{name}.{}.largest", demand.key()),
         quick: true,
         requirements_of: &|scene| prepare::requirements(scene, name, &scene.body[name]).unwrap_or_default(),
@@ -141,7 +146,14 @@ fn measure(
     let measured = settings(&request, &Bars::new(name, quiet)).map_err(Failure::work)?;
     let range = measured.poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);
     let machine = machine::description();
-    Ok(MeasuredTable { key, machine, range, rows: measured.rows, left_out: measured.left_out })
+    let (rows, left_out, models) = (measured.rows, measured.left_out, models());
+    Ok(MeasuredTable { key, machine, range, rows, models, left_out })
+}
+
+/// The models of this program that are evaluated in every frame: a table without one of them is measured again.
+fn models() -> Vec<String> {
+    let online = MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)));
+    online.map(|model| model.name.to_owned()).collect()
 }
 
 /// The scene's .green file, shipped or unpacked, where there is one.

@@ -15,7 +15,7 @@ mod volume;
 pub use affine::AFFINE;
 pub use cubic::CUBIC;
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
-pub use reduced::{QUARTIC, REDUCED};
+pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
 pub use volume::{VOLUME, Volume};

@@ -1,17 +1,17 @@
 //! Solves the body with every element, refinement and solver that is affordable.
 
 use super::ladder::MeshLadder;
+use super::of_models::{common, families};
 use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
+use crate::deform::ModelEntry;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
-use crate::green::{self, CUBIC, Family, Requirements, STIFFNESS, Solution};
+use crate::green::{self, Solution};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Generate, Scene, Storage};
 use crate::solve::{Progress, SOLVERS, Solver};
 use nalgebra::Vector3;
 
-/// What is computed of every candidate.
-pub const FAMILIES: &[Family] = &[STIFFNESS, CUBIC];
 /// Tolerances of conjugate gradients to be measured.
 const TOLERANCES: [f64; 5] = [1e-3, 1e-4, 1e-6, 1e-8, 1e-10];
 
@@ -79,11 +79,23 @@ pub struct Candidate {
     pub refine: u32,
     pub element: &'static Element,
     pub solver: Solver,
+    /// The models that are measured with it.
+    pub models: Vec<&'static ModelEntry>,
     pub solution: Solution,
     pub offline_s: f64,
 }
 
 impl Candidate {
+    /// Whether it is this discretisation, solved directly, and the model is measured with it.
+    pub fn is_of(&self, refine: u32, element: &Element, model: &ModelEntry) -> bool {
+        (self.refine, self.element) == (refine, element) && self.is_exact(model)
+    }
+
+    /// Whether it is solved directly, and the model is measured with it.
+    pub fn is_exact(&self, model: &ModelEntry) -> bool {
+        self.solver.method.is_direct && self.models.iter().any(|own| own.name == model.name)
+    }
+
     /// The solver's estimate; finite.
     pub fn forward_error(&self) -> Option<f64> {
         // NaN and infinity become the largest number, which JSON can hold.
@@ -108,9 +120,10 @@ pub fn solve(
     progress: &dyn Progress,
 ) -> Result<Vec<Candidate>, MeasureError> {
     let mut candidates = Vec::new();
+    let common: Vec<_> = common().collect();
     for refine in 0..meshes.linear.len() as u32 {
         for element in ELEMENTS.iter().copied().filter(|e| meshes.affords(request, refine as usize, e)) {
-            match candidate(request, refine, element, Solver::default(), progress) {
+            match candidate(request, refine, element, Solver::default(), &common, progress) {
                 Ok(candidate) => candidates.push(candidate),
                 // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
                 // with them, so the rest can be measured without them.
@@ -127,7 +140,7 @@ pub fn solve(
         {
             let solver = Solver { method, tolerance, ..Solver::default() };
             // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
-            match candidate(request, 0, own, solver, progress) {
+            match candidate(request, 0, own, solver, &common, progress) {
                 Ok(candidate) => candidates.push(candidate),
                 Err(MeasureError::Green(_)) => {}
                 Err(error) => return Err(error),
@@ -137,32 +150,37 @@ pub fn solve(
     Ok(candidates)
 }
 
-fn candidate(
+/// Solves the body for these models.
+pub fn candidate(
     request: &Request<'_>,
     refine: u32,
     element: &'static Element,
     solver: Solver,
+    models: &[&'static ModelEntry],
     progress: &dyn Progress,
 ) -> Result<Candidate, MeasureError> {
-    Ok(Candidate { refine, ..solved(&variant(request, refine, element, solver), request, solver, progress)? })
+    let scene = variant(request, refine, element, solver);
+    Ok(Candidate { refine, ..solved(&scene, request, models, progress)? })
 }
 
-/// Solves the scene's body by `solver`; the candidate's `refine` is left at 0.
+/// Solves the scene's body for these models; the candidate's `refine` is left at 0.
 pub fn solved(
     scene: &Scene,
     request: &Request<'_>,
-    solver: Solver,
+    models: &[&'static ModelEntry],
     progress: &dyn Progress,
 ) -> Result<Candidate, MeasureError> {
-    let element = scene.body[request.body].element;
+    let body = &scene.body[request.body];
+    let (element, solver) = (body.element, body.solver);
+    let (requirements, models) = (families(models), models.to_vec());
     let mut times = Vec::new();
     loop {
-        let solution = green::solve(scene, request.body, &Requirements::of(FAMILIES), progress)?;
+        let solution = green::solve(scene, request.body, &requirements, progress)?;
         times.push(solution.offline_s());
         // Short times scatter, so they are measured three times.
         if times.len() == 3 || times[0] > 1.0 || request.quick {
             let offline_s = median(times);
-            return Ok(Candidate { refine: 0, element, solver, solution, offline_s });
+            return Ok(Candidate { refine: 0, element, solver, models, solution, offline_s });
         }
     }
 }

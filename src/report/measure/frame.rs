@@ -1,7 +1,9 @@
 //! Times one evaluation of a .green file online, with the code that runs in the frame.
 
-use crate::deform::{ControlPose, ControlPoses, Deformer};
-use crate::green::{FIELDS, GreenFile};
+use super::poses::on_the_way;
+use crate::base::columns::ColumnGroup;
+use crate::deform::{ControlPose, ControlPoses, Deformer, ModelEntry};
+use crate::green::GreenFile;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -12,49 +14,62 @@ pub struct TimedDeformer {
     pub all_s: Vec<f64>,
     /// The same with the last control element moved alone.
     pub one_s: Vec<f64>,
+    /// Columns that one evaluation with all control elements moved read, at most.
+    columns_read: usize,
 }
 
 impl TimedDeformer {
     /// Errors name what the file or the model lacks.
-    pub fn new(file: &Arc<GreenFile>, body: &str, model: &str) -> Result<TimedDeformer, String> {
-        let deformer = Deformer::new(file.clone(), body, model)?;
-        Ok(TimedDeformer { deformer, all_s: Vec::new(), one_s: Vec::new() })
+    pub fn new(file: &Arc<GreenFile>, body: &str, model: &ModelEntry) -> Result<TimedDeformer, String> {
+        let deformer = Deformer::of_model(file.clone(), body, model)?;
+        Ok(TimedDeformer { deformer, all_s: Vec::new(), one_s: Vec::new(), columns_read: 0 })
     }
 
     /// Bytes of columns that one evaluation of all control elements reads.
-    pub fn bytes(&self, width: usize) -> f64 {
-        (self.deformer.controls.len() * FIELDS * 3 * self.deformer.rest().len() * width) as f64
+    pub fn bytes_read(&self) -> f64 {
+        let width = match self.deformer.groups().first() {
+            Some(ColumnGroup::F16 { .. } | ColumnGroup::Int16 { .. }) => 2,
+            _ => 4,
+        };
+        (self.columns_read * 3 * self.deformer.rest().len() * width) as f64
     }
 }
 
-/// Evaluates all deformers in turn, `rounds` times, so that what disturbs the machine disturbs them alike. Every
-/// `stride`-th follows the other: neighbours share a file, and the second would find it in the cache.
-pub fn time_in_turn(
-    timed_deformers: &mut [TimedDeformer],
-    stride: usize,
-    poses: &[ControlPoses],
-    rounds: usize,
-) {
-    let order: Vec<usize> =
-        (0..stride).flat_map(|first| (first..timed_deformers.len()).step_by(stride)).collect();
+/// Evaluates all deformers in turn, `rounds` times in all, so that what disturbs the machine disturbs them alike. They come to
+/// each pose as a hand does, untimed, and then stay near it: a model that goes on from its last state is not timed in jumps
+/// that no frame has.
+pub fn time_in_turn(timed_deformers: &mut [&mut TimedDeformer], poses: &[ControlPoses], rounds: usize) {
+    let mut last = None;
     for round in 0..rounds {
-        for &turn in &order {
-            let timed_deformer = &mut timed_deformers[turn];
-            let pose = &poses[round % poses.len()];
+        let at = round * poses.len() / rounds;
+        let pose = &poses[at];
+        if last.replace(at) != Some(at) {
+            for timed_deformer in timed_deformers.iter_mut() {
+                timed_deformer.deformer.forget();
+                for between in on_the_way(pose) {
+                    timed_deformer.deformer.take(&between);
+                }
+                timed_deformer.deformer.evaluate(pose);
+            }
+        }
+        for timed_deformer in timed_deformers.iter_mut() {
             let mut moved = jogged(pose, round, 0);
-            timed_deformer.all_s.push(timed(&mut timed_deformer.deformer, &moved));
+            let (all_s, columns) = timed(&mut timed_deformer.deformer, &moved);
+            timed_deformer.all_s.push(all_s);
+            timed_deformer.columns_read = timed_deformer.columns_read.max(columns);
             let last = moved.len() - 1;
             moved[last] = jogged(pose, round + 1, last)[last];
-            timed_deformer.one_s.push(timed(&mut timed_deformer.deformer, &moved));
+            timed_deformer.one_s.push(timed(&mut timed_deformer.deformer, &moved).0);
         }
     }
 }
 
-/// Time from poses to positions, s: coefficients and sum, without the normals, which are the same for all settings.
-fn timed(deformer: &mut Deformer, poses: &ControlPoses) -> f64 {
+/// Time from poses to positions, s: coefficients and sum, without the normals, which are the same for all settings; and the
+/// columns that were read.
+fn timed(deformer: &mut Deformer, poses: &ControlPoses) -> (f64, usize) {
     let started = Instant::now();
-    deformer.evaluate(poses);
-    started.elapsed().as_secs_f64() - deformer.times.normals_s
+    let stats = deformer.evaluate(poses).unwrap_or_default();
+    (started.elapsed().as_secs_f64() - deformer.times.normals_s, stats.columns_read)
 }
 
 /// The pose with every control element from `first` on moved a little, fixed ones too, so that all their columns are
@@ -94,9 +109,13 @@ mod tests {
         let body = green::precompute(&scene, "b", &Requirements::of(&[AFFINE]), &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
-        let mut timed_deformers = [TimedDeformer::new(&file, "b", "rotation").unwrap()];
-        time_in_turn(&mut timed_deformers, 1, &[vec![ControlPose::REST; 2]], 5);
-        let [TimedDeformer { deformer, one_s, .. }] = timed_deformers;
+        let rotation = crate::deform::find_model("rotation").unwrap();
+        let mut timed_deformer = TimedDeformer::new(&file, "b", rotation).unwrap();
+        time_in_turn(&mut [&mut timed_deformer], &[vec![ControlPose::REST; 2]], 5);
+        // Three numbers of 4 bytes for each node, of twelve columns for each of two control elements at most.
+        let column = (12 * timed_deformer.deformer.rest().len()) as f64;
+        assert!((column..=24.0 * column).contains(&timed_deformer.bytes_read()));
+        let TimedDeformer { deformer, one_s, .. } = timed_deformer;
         assert!(one_s[4] > deformer.times.deform_s, "{one_s:?} {:?}", deformer.times);
     }
 }

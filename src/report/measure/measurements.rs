@@ -2,14 +2,15 @@
 
 use super::candidates::{Candidate, Meshes};
 use super::fields::{
-    ModelOutput, difference, displaced, evaluate_about, storage_error, stored, superposed, wrenches_about,
+    ModelOutput, difference, displaced, evaluate_about, storage_error, stored, wrenches_about,
 };
 use super::frame::{TimedDeformer, time_in_turn};
-use super::reference::{References, largest, of_settings};
+use super::of_models::{moves_inside, of_affine_columns};
+use super::reference::{PoseReference, References, carrier, largest};
 use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
-use crate::deform::{ControlPoses, ModelEntry, Wrench};
-use crate::green::{self, GreenFile, Precomputed};
+use crate::deform::{ControlPoses, MODELS, ModelEntry, Wrench};
+use crate::green::{self, GreenFile, Precomputed, Requirements};
 use crate::report::data::{Cost, Errors, Measurement, Setting, Spread};
 use crate::scene::Storage;
 use crate::solve::Progress;
@@ -39,76 +40,198 @@ fn uncancelled(whole: f64, parts: &[f64]) -> f64 {
     whole.max(parts.iter().map(|part| part * part).sum::<f64>().sqrt())
 }
 
-/// All settings with their errors and costs.
+/// A row whose evaluation is still to be timed.
+struct Untimed {
+    row: Measurement,
+    deformer: TimedDeformer,
+    /// Place of its model among those of its candidate.
+    turn: usize,
+}
+
+/// All settings with their errors and costs. Tells `left_out` which models have no state on one of the meshes.
 pub fn measurements(
     request: &Request<'_>,
     meshes: &Meshes,
     candidates: &[Candidate],
     references: &References<'_>,
+    left_out: &mut Vec<String>,
     progress: &dyn Progress,
 ) -> Result<Vec<Measurement>, MeasureError> {
-    let mut rows = Vec::new();
-    let mut timed_deformers = Vec::new();
-    let models: Vec<&ModelEntry> = of_settings().collect();
-    progress.begin("errors", (candidates.len() * models.len() * references.poses.len()) as u64);
+    let mut untimed = Vec::new();
+    progress.begin("errors", candidates.len() as u64);
     for candidate in candidates {
-        let is_own = candidate.solver.method.is_direct;
-        let storages = if is_own { Storage::ALL.to_vec() } else { vec![Storage::F32] };
+        let is_measured = |model: &&ModelEntry| {
+            references.models_of_settings.iter().any(|measured| measured.name == model.name)
+        };
+        let models: Vec<&ModelEntry> = candidate.models.iter().copied().filter(is_measured).collect();
+        let is_wide = candidate.solver.method.is_direct && models.len() > 1;
+        let storages = if is_wide { Storage::ALL.to_vec() } else { vec![Storage::F32] };
         let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
-        let mut errors = vec![Vec::new(); storages.len() * models.len()];
-        for (m, model) in models.iter().enumerate() {
-            for pose in 0..references.poses.len() {
-                let parts = ErrorFields::new(meshes, candidates, candidate, references, model, pose)
-                    .ok_or_else(|| {
-                        let (element, pose) = (candidate.element.name, &references.poses[pose].name);
-                        MeasureError::Model(format!(
-                            "pose {pose}: {} with {element} cannot be measured",
-                            model.name
-                        ))
-                    })?;
-                for (s, rounded) in rounded.iter().enumerate() {
-                    errors[s * models.len() + m]
-                        .push(parts.with_storage(meshes, candidate, references, rounded));
+        let parts = Measured { request, meshes, candidates, candidate, references };
+        let mut files = Files::new();
+        for (turn, model) in models.into_iter().enumerate() {
+            let errors = match parts.errors(model, &rounded) {
+                Ok(errors) => errors,
+                Err(MeasureError::Model(why)) if !of_affine_columns().any(|m| m.name == model.name) => {
+                    left_out.push(why);
+                    continue;
                 }
-                progress.advance(1);
+                Err(error) => return Err(error),
+            };
+            for (&storage, errors) in storages.iter().zip(&errors) {
+                let (row, deformer) = parts.row(model, storage, errors, &mut files)?;
+                untimed.push(Untimed { row, deformer, turn });
             }
         }
-        for (s, &storage) in storages.iter().enumerate() {
-            let (file, cost) = written(request, candidate, storage)?;
-            for (m, model) in models.iter().enumerate() {
-                let timed_deformer =
-                    TimedDeformer::new(&file, request.body, model.name).map_err(MeasureError::Model)?;
-                let width = if storage == Storage::F32 { 4 } else { 2 };
-                let cost = Cost { frame_bytes: timed_deformer.bytes(width), ..cost.clone() };
-                timed_deformers.push(timed_deformer);
-                rows.push(Measurement {
-                    setting: Setting {
-                        refine: candidate.refine,
-                        element: candidate.element.name.into(),
-                        solver: candidate.solver,
-                        storage: storage.name().into(),
-                        model: model.name.into(),
-                    },
-                    mesh_nodes: candidate.solution.mesh.nodes.len(),
-                    surface_nodes: candidate.solution.surface.nodes.len(),
-                    forward_error: candidate.forward_error(),
-                    cost,
-                    error: spread(&errors[s * models.len() + m]),
-                });
-            }
-        }
+        progress.advance(1);
     }
     progress.end();
     progress.begin("online timing", 0);
     let poses: Vec<ControlPoses> = references.poses.iter().map(|pose| pose.poses.clone()).collect();
-    time_in_turn(&mut timed_deformers, models.len(), &poses, request.limits.rounds);
+    // Neighbours share a file, and the second would find it in the cache.
+    untimed.sort_by_key(|of| of.turn);
+    let mut deformers: Vec<&mut TimedDeformer> = untimed.iter_mut().map(|of| &mut of.deformer).collect();
+    time_in_turn(&mut deformers, &poses, request.limits.rounds);
     progress.end();
-    for (row, timed_deformer) in rows.iter_mut().zip(&timed_deformers) {
-        row.cost.frame_p50_s = median(timed_deformer.all_s.iter().copied());
-        row.cost.frame_p99_s = quantile(timed_deformer.all_s.iter().copied(), 0.99);
-        row.cost.frame_one_p50_s = median(timed_deformer.one_s.iter().copied());
-    }
+    let timed = untimed.into_iter().map(|Untimed { mut row, deformer, .. }| {
+        row.cost.frame_p50_s = median(deformer.all_s.iter().copied());
+        row.cost.frame_p99_s = quantile(deformer.all_s.iter().copied(), 0.99);
+        row.cost.frame_one_p50_s = median(deformer.one_s.iter().copied());
+        row.cost.frame_bytes = deformer.bytes_read();
+        row
+    });
+    let mut rows: Vec<Measurement> = timed.collect();
+    rows.sort_by_key(|row| place(candidates, &row.setting));
     Ok(rows)
+}
+
+/// The .green files that were written of a candidate, by their names, with their costs: models of the same families share one.
+type Files = BTreeMap<String, (Arc<GreenFile>, Cost)>;
+
+/// Candidates in their order, of each the storages in theirs, and of each the models.
+fn place(candidates: &[Candidate], setting: &Setting) -> [usize; 3] {
+    let is_of = |c: &Candidate| {
+        (c.refine, c.element.name, c.solver) == (setting.refine, setting.element.as_str(), setting.solver)
+            && c.models.iter().any(|model| model.name == setting.model)
+    };
+    let storage = Storage::ALL.iter().position(|storage| storage.name() == setting.storage);
+    let model = MODELS.iter().position(|model| model.name == setting.model);
+    [candidates.iter().position(is_of), storage, model].map(Option::unwrap_or_default)
+}
+
+/// A candidate, and what it is compared with.
+struct Measured<'a> {
+    request: &'a Request<'a>,
+    meshes: &'a Meshes,
+    candidates: &'a [Candidate],
+    candidate: &'a Candidate,
+    references: &'a References<'a>,
+}
+
+impl Measured<'_> {
+    /// Errors of a model with each storage, pose by pose.
+    fn errors(
+        &self,
+        model: &ModelEntry,
+        rounded: &[Vec<Vec<f64>>],
+    ) -> Result<Vec<Vec<PoseErrors>>, MeasureError> {
+        let mut errors = vec![Vec::new(); rounded.len()];
+        for reference in &self.references.poses {
+            let fields = ErrorFields::new(self, model, reference).ok_or_else(|| {
+                let mesh = Setting::mesh_name(self.candidate.element.name, self.candidate.refine);
+                let (model, pose) = (model.name, &reference.name);
+                MeasureError::Model(format!("model {model} with {mesh}: it has no state in the pose {pose}"))
+            })?;
+            for (errors, rounded) in errors.iter_mut().zip(rounded) {
+                errors.push(fields.with_storage(self, rounded));
+            }
+        }
+        Ok(errors)
+    }
+
+    /// The row of a setting without its times, and what they are measured with.
+    fn row(
+        &self,
+        model: &ModelEntry,
+        storage: Storage,
+        errors: &[PoseErrors],
+        files: &mut Files,
+    ) -> Result<(Measurement, TimedDeformer), MeasureError> {
+        let candidate = self.candidate;
+        let (file, cost) = written(self.request, candidate, model, storage, files)?;
+        let deformer = TimedDeformer::new(&file, self.request.body, model).map_err(MeasureError::Model)?;
+        let row = Measurement {
+            setting: Setting {
+                refine: candidate.refine,
+                element: candidate.element.name.into(),
+                solver: candidate.solver,
+                storage: storage.name().into(),
+                model: model.name.into(),
+            },
+            mesh_nodes: candidate.solution.mesh.nodes.len(),
+            surface_nodes: candidate.solution.surface.nodes.len(),
+            forward_error: candidate.forward_error(),
+            cost,
+            error: spread(errors),
+        };
+        Ok((row, deformer))
+    }
+
+    /// A solution of a model raised to the finest mesh.
+    fn raised(&self, of: &Candidate, model: &ModelEntry, reference: &PoseReference) -> Option<Raised> {
+        let (poses, about) = (&reference.poses, &self.references.origins);
+        let output = evaluate_about(model, &of.solution, poses, about)?;
+        let field = self.meshes.ladder.raise(of.refine as usize, &displaced(&of.solution, &output));
+        let held = wrenches_about(&of.solution, &output, poses, about)?;
+        Some(Raised { output, field, held })
+    }
+
+    /// The discretisation of a model, as a field and as wrenches: this mesh less the finest on which the model is made, and
+    /// from there to the finest of all what the [`carrier`] changes. Of a model that does not move the inside, the field
+    /// is the carrier's from this mesh on.
+    fn discretisation(
+        &self,
+        model: &ModelEntry,
+        here: &Raised,
+        reference: &PoseReference,
+    ) -> Option<(Vec<Vector3<f64>>, Vec<Wrench>)> {
+        let finest = &self.candidates[self.references.finest];
+        let exact = self.candidates.iter().filter(|c| c.is_exact(model));
+        let best = exact.max_by_key(|c| (c.element.order, c.refine))?;
+        let of_best = self.raised(best, model, reference)?;
+        let field = difference(&here.field, &of_best.field);
+        let held = wrench_difference(&here.held, &of_best.held);
+        if std::ptr::eq(best, finest) {
+            return Some((field, held));
+        }
+        let carrier = carrier()?;
+        let carried = |from: &Candidate| {
+            let twin = self.candidates.iter().find(|c| c.is_of(from.refine, from.element, carrier))?;
+            let (from, to) = (self.raised(twin, carrier, reference)?, self.raised(finest, carrier, reference)?);
+            Some((difference(&from.field, &to.field), wrench_difference(&from.held, &to.held)))
+        };
+        let (more, more_held) = carried(best)?;
+        let field = if moves_inside(model) { sum(&field, &more) } else { carried(self.candidate)?.0 };
+        let both = held.iter().zip(&more_held);
+        let held = both.map(|(a, b)| Wrench { force: a.force + b.force, moment: a.moment + b.moment });
+        Some((field, held.collect()))
+    }
+}
+
+/// A model's displacements on the finest mesh, and its wrenches.
+struct Raised {
+    output: ModelOutput,
+    field: Vec<Vector3<f64>>,
+    held: Vec<Wrench>,
+}
+
+fn wrench_difference(a: &[Wrench], b: &[Wrench]) -> Vec<Wrench> {
+    let less = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
+    a.iter().zip(b).map(less).collect()
+}
+
+fn sum(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
 }
 
 /// The parts of a setting's error in one pose except for storage, as fields on the finest mesh.
@@ -117,60 +240,48 @@ struct ErrorFields {
     /// Solver + discretisation + model.
     sum: Vec<Vector3<f64>>,
     pose: PoseErrors,
+    /// The part of the model and its largest displacement, m, where they are known on the surface alone and no part of `sum`.
+    surface: [f64; 2],
     /// L2 norm of the equilibrium that they are relative to, m.
     size: f64,
 }
 
 impl ErrorFields {
-    fn new(
-        meshes: &Meshes,
-        candidates: &[Candidate],
-        candidate: &Candidate,
-        references: &References<'_>,
-        model: &ModelEntry,
-        pose: usize,
-    ) -> Option<ErrorFields> {
-        let (ladder, reference) = (&meshes.ladder, &references.poses[pose]);
-        let evaluate_about =
-            |c: &Candidate| evaluate_about(model, &c.solution, &reference.poses, &references.origins);
-        let whole = |c: &Candidate, output: &ModelOutput| {
-            ladder.raise(c.refine as usize, &displaced(&c.solution, output, &superposed(&c.solution, output)))
+    fn new(of: &Measured<'_>, model: &ModelEntry, reference: &PoseReference) -> Option<ErrorFields> {
+        let Measured { meshes, candidates, candidate, references, .. } = of;
+        let exact = candidates.iter().find(|c| c.is_of(candidate.refine, candidate.element, model))?;
+        let base = references.base(candidates, model)?;
+        let (here, solved) = (of.raised(candidate, model, reference)?, of.raised(exact, model, reference)?);
+        let (discretisation, coarse) = of.discretisation(model, &solved, reference)?;
+        let at_base = of.raised(base, model, reference)?;
+        let (solver, size) = (difference(&here.field, &solved.field), &reference.size);
+        let (mut surface, mut sum) = ([0.0; 2], sum(&solver, &discretisation));
+        let model_part = match &at_base.output.surface {
+            Some(u) => {
+                surface = reference.surface_error(&base.solution, u).into();
+                surface[0]
+            }
+            None => {
+                let settled = meshes.ladder.raise(0, &reference.displacement);
+                let part = difference(&at_base.field, &settled);
+                sum.iter_mut().zip(&part).for_each(|(sum, part)| *sum += part);
+                references.norms.l2(&part) / size.displacement
+            }
         };
-        let exact = candidates.iter().find(|other| {
-            other.solver.method.is_direct
-                && (other.refine, other.element) == (candidate.refine, candidate.element)
-        })?;
-        let (finest, base) = (&candidates[references.finest], references.base(candidates));
-        let output = evaluate_about(candidate)?;
-        let (of_finest, of_base) = (evaluate_about(finest)?, evaluate_about(base)?);
-        let here = whole(candidate, &output);
-        let of_exact = evaluate_about(exact)?;
-        let solved = whole(exact, &of_exact);
-        let (best, at_base) = (whole(finest, &of_finest), whole(base, &of_base));
-        let settled = ladder.raise(0, &reference.displacement);
-        let (solver, discretisation) = (difference(&here, &solved), difference(&solved, &best));
-        let model_part = difference(&at_base, &settled);
-        let size = &reference.size;
-        let sum = solver.iter().zip(&discretisation).zip(&model_part).map(|((s, d), m)| s + d + m).collect();
         let turned_back: Vec<_> =
-            discretisation.iter().map(|e| output.motion.rotation.inverse() * e).collect();
-        let held = |c: &Candidate, output: &ModelOutput| {
-            wrenches_about(&c.solution, output, &reference.poses, &references.origins)
-        };
-        let (here, solved) = (held(candidate, &output)?, held(exact, &of_exact)?);
-        let (best, at_base) = (held(finest, &of_finest)?, held(base, &of_base)?);
+            discretisation.iter().map(|e| here.output.motion.rotation.inverse() * e).collect();
         // The control element with the largest error: the whole, and without cancellation.
         let off = |of: fn(&Wrench) -> Vector3<f64>| {
             let of = |e: usize| {
                 let parts = [
-                    of(&here[e]) - of(&solved[e]),
-                    of(&solved[e]) - of(&best[e]),
-                    of(&at_base[e]) - of(&reference.held[e]),
+                    of(&here.held[e]) - of(&solved.held[e]),
+                    of(&coarse[e]),
+                    of(&at_base.held[e]) - of(&reference.held[e]),
                 ];
                 let whole = (parts[0] + parts[1] + parts[2]).norm();
                 [whole, uncancelled(whole, &parts.map(|part| part.norm()))]
             };
-            (0..here.len()).map(of).fold([0.0_f64; 2], |most, off| [0, 1].map(|i| most[i].max(off[i])))
+            (0..here.held.len()).map(of).fold([0.0_f64; 2], |most, off| [0, 1].map(|i| most[i].max(off[i])))
         };
         let (force, torque) =
             (off(|w| w.force).map(|f| f / size.force), off(|w| w.moment).map(|m| m / size.torque));
@@ -178,35 +289,29 @@ impl ErrorFields {
             discretisation: references.norms.l2(&discretisation) / size.displacement,
             energy: references.norms.energy(&turned_back) / size.energy,
             solver: references.norms.l2(&solver) / size.displacement,
-            model: references.norms.l2(&model_part) / size.displacement,
+            model: model_part,
             force: force[0],
             torque: torque[0],
             uncancelled_held: force[1].max(torque[1]),
             ..PoseErrors::default()
         };
-        let size = size.displacement;
-        Some(ErrorFields { output, sum, pose: errors, size })
+        Some(ErrorFields { output: here.output, sum, pose: errors, surface, size: size.displacement })
     }
 
-    fn with_storage(
-        &self,
-        meshes: &Meshes,
-        candidate: &Candidate,
-        references: &References<'_>,
-        rounded: &[Vec<f64>],
-    ) -> PoseErrors {
+    fn with_storage(&self, of: &Measured<'_>, rounded: &[Vec<f64>]) -> PoseErrors {
+        let Measured { meshes, candidate, references, .. } = of;
         let error = storage_error(&candidate.solution, rounded, &self.output);
         let turned: Vec<_> = error.iter().map(|e| self.output.motion.rotation * e).collect();
         let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
         let total: Vec<_> = self.sum.iter().zip(&storage).map(|(sum, s)| sum + s).collect();
         let storage = references.norms.l2(&storage) / self.size;
-        let whole = references.norms.l2(&total) / self.size;
+        let whole = references.norms.l2(&total) / self.size + self.surface[0];
         let PoseErrors { discretisation, solver, model, .. } = self.pose;
         PoseErrors {
             storage,
             total: whole,
             uncancelled: uncancelled(whole, &[discretisation, solver, storage, model]),
-            displacement_m: largest(&total),
+            displacement_m: largest(&total) + self.surface[1],
             ..self.pose
         }
     }
@@ -232,21 +337,31 @@ fn spread(poses: &[PoseErrors]) -> Errors {
     }
 }
 
-/// Writes the .green file of one setting as the program does; returns it with all costs but those of the frame.
+/// Writes the .green file of one setting as the program does, with what the model and the scene's effects require and nothing
+/// else; returns it with all costs but those of the frame.
 fn written(
     request: &Request<'_>,
     candidate: &Candidate,
+    model: &ModelEntry,
     storage: Storage,
+    files: &mut Files,
 ) -> Result<(Arc<GreenFile>, Cost), MeasureError> {
-    let requirements = (request.requirements_of)(request.scene);
+    let mut scene = request.scene.clone();
+    model.name.clone_into(&mut scene.body[request.body].model);
+    let requirements = (request.requirements_of)(&scene).and(Requirements::of(model.requirements));
     let name = format!(
-        "{}-{}-{}-{}.green",
+        "{}-{}-{}-{}-{}.green",
         candidate.refine,
         candidate.element.name,
         candidate.solver,
-        storage.name()
+        storage.name(),
+        requirements.describe().replace(", ", "+")
     );
-    let path = request.scratch.join(name.replace(' ', "-"));
+    let name = name.replace(' ', "-");
+    if let Some(known) = files.get(&name) {
+        return Ok(known.clone());
+    }
+    let path = request.scratch.join(&name);
     let precomputed = Precomputed {
         name: request.body.to_owned(),
         fingerprint: String::new(),
@@ -270,5 +385,7 @@ fn written(
         packed_bytes,
         ..Cost::default()
     };
-    Ok((Arc::new(GreenFile::open(&path)?), cost))
+    let written = (Arc::new(GreenFile::open(&path)?), cost);
+    files.insert(name, written.clone());
+    Ok(written)
 }

@@ -7,6 +7,9 @@
 //!                  + (model - nonlinear statics)       model, both with tet4 on the scene's mesh
 //! ```
 //!
+//! A model with column families of its own is made on fewer meshes. From the finest of them on, its discretisation is what
+//! `rotation` changes. Beside the settings, each model is tried alone at rotations from 1° to 360° ([`trials`]).
+//!
 //! The parts are fields on one finest mesh. Their sum, node by node, is the whole error, so its norm is at most the sum of
 //! their norms. u* is thus the nonlinear equilibrium on the scene's mesh, corrected by what refinement changes in the
 //! linear theory; forces and torques are compared in the same way. All errors are relative to that equilibrium: to the L2
@@ -19,22 +22,24 @@ mod frame;
 mod ladder;
 mod measurements;
 mod norms;
+mod of_models;
 pub mod poses;
 mod reference;
 mod request;
 mod smooth;
+mod trials;
 
 pub use ladder::MeshLadder;
 pub use norms::Norms;
 pub use request::{Limits, MeasureError, Request};
 
-use super::data::{Measurement, ModelError, Report, SCHEMA};
+use super::data::{Measurement, ModelError, ModelTrials, Report, SCHEMA};
 use crate::base::machine;
 use crate::deform::{ControlPoses, Kind, find_model};
 use crate::fem::Element;
 use crate::mesh::TetMesh;
 use crate::solve::Progress;
-use candidates::Meshes;
+use candidates::{Candidate, Meshes};
 use reference::References;
 
 /// Costs and errors of every setting, and what they are compared with.
@@ -48,32 +53,65 @@ pub struct Measured {
     pub left_out: Vec<String>,
 }
 
+/// The body solved in every way, and what it is compared with.
+struct Solved<'a> {
+    candidates: Vec<Candidate>,
+    references: References<'a>,
+    /// Models that a body or an element does not suit, and why.
+    left_out: Vec<String>,
+}
+
 /// Measures all settings, and nothing else. This takes long; `progress` follows it.
 pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
-    settings_on(&Meshes::new(request)?, request, progress)
+    let meshes = Meshes::new(request)?;
+    Solved::new(&meshes, request, progress)?.measured(&meshes, request, progress)
 }
 
-fn settings_on(
-    meshes: &Meshes,
-    request: &Request<'_>,
-    progress: &dyn Progress,
-) -> Result<Measured, MeasureError> {
-    let candidates = candidates::solve(request, meshes, progress)?;
-    let references = References::new(request, meshes, &candidates, progress)?;
-    let rows = measurements::measurements(request, meshes, &candidates, &references, progress)?;
-    Ok(Measured {
-        rows,
-        references: references.sentences(&candidates),
-        models: references.models,
-        poses: references.poses.into_iter().map(|pose| (pose.name, pose.poses)).collect(),
-        left_out: references.left_out,
-    })
+impl<'a> Solved<'a> {
+    fn new(
+        meshes: &'a Meshes,
+        request: &Request<'_>,
+        progress: &dyn Progress,
+    ) -> Result<Solved<'a>, MeasureError> {
+        let mut left_out = Vec::new();
+        let mut candidates = candidates::solve(request, meshes, progress)?;
+        candidates.extend(of_models::solve(request, meshes, &mut left_out, progress)?);
+        let references = References::new(request, meshes, &candidates, progress)?;
+        Ok(Solved { candidates, references, left_out })
+    }
+
+    fn measured(
+        mut self,
+        meshes: &Meshes,
+        request: &Request<'_>,
+        progress: &dyn Progress,
+    ) -> Result<Measured, MeasureError> {
+        let (candidates, references) = (&self.candidates, &self.references);
+        let rows = measurements::measurements(
+            request,
+            meshes,
+            candidates,
+            references,
+            &mut self.left_out,
+            progress,
+        )?;
+        self.references.left_out.append(&mut self.left_out);
+        Ok(Measured {
+            rows,
+            references: self.references.sentences(&self.candidates),
+            models: self.references.models,
+            poses: self.references.poses.into_iter().map(|pose| (pose.name, pose.poses)).collect(),
+            left_out: self.references.left_out,
+        })
+    }
 }
 
-/// Measures settings, the smooth problem and effects.
+/// Measures settings, models, the smooth problem and effects.
 pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report, MeasureError> {
     let meshes = Meshes::new(request)?;
-    let measured = settings_on(&meshes, request, progress)?;
+    let solved = Solved::new(&meshes, request, progress)?;
+    let trials = trials::measure(request, &solved.candidates, &solved.references, progress)?;
+    let measured = solved.measured(&meshes, request, progress)?;
     let mesh_of = |element: &'static Element, refine: u32| {
         let mesh = meshes.of(element).get(refine as usize);
         mesh.filter(|_| meshes.affords(request, refine as usize, element)).cloned()
@@ -107,6 +145,7 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         quick: request.quick,
         rows: measured.rows,
         models: measured.models,
+        trials,
         smooth,
         effects,
     })

@@ -1,6 +1,6 @@
 //! Random poses from a seed, for a body that no script moves.
 
-use crate::deform::{ControlPose, ControlPoses};
+use crate::deform::{ControlPose, ControlPoses, Screw, Way};
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
 /// Random numbers that are the same on every machine (SplitMix64: Steele, Lea and Flood, OOPSLA 2014); every seed gives
@@ -55,6 +55,19 @@ pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) ->
         .collect()
 }
 
+/// No control element turns by more between two poses of [`on_the_way`], rad.
+const STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
+
+/// The poses between rest and `poses` through which a hand brings a body there: a model with an equilibrium of its own finds
+/// it from the last one.
+pub fn on_the_way(poses: &[ControlPose]) -> Vec<ControlPoses> {
+    let way = |pose: &ControlPose| Way::between(Screw::default(), Screw::of(pose));
+    let ways: Vec<Way> = poses.iter().map(way).collect();
+    let most = ways.iter().map(|way| way.length().0).fold(0.0, f64::max);
+    let steps = (most / STEP).ceil().max(1.0) as usize;
+    (1..steps).map(|i| ways.iter().map(|way| way.pose(i as f64 / steps as f64)).collect()).collect()
+}
+
 /// ∫₀¹ exp(s θ a×) ds = I + (1 - cos θ)/θ a× + (1 - sin θ/θ) (a×)².
 fn mean_rotation(axis: &UnitVector3<f64>, angle: f64) -> Matrix3<f64> {
     let cross = axis.cross_matrix();
@@ -78,6 +91,18 @@ mod tests {
             })
             .sum();
         assert!((sum / f64::from(steps) - mean_rotation(&axis, 1.3)).amax() < 1e-7);
+    }
+
+    #[test]
+    fn a_hand_comes_in_steps_of_ten_degrees() {
+        let (_, poses) = random(&[Vector3::zeros(), Vector3::x()], &[0.6], 0.0, 1).remove(0);
+        let way = on_the_way(&poses);
+        assert_eq!(way.len(), 3, "0.6 rad are 34.4°");
+        let turn = |pose: &ControlPose| Rotation3::from_matrix_unchecked(pose.matrix).angle();
+        for (i, between) in way.iter().enumerate() {
+            assert!((turn(&between[1]) - 0.15 * (i + 1) as f64).abs() < 1e-12);
+        }
+        assert!(on_the_way(&[ControlPose::REST; 2]).is_empty());
     }
 
     #[test]

@@ -1,14 +1,15 @@
 //! What the settings are compared with: static equilibria at large strain, and the finest mesh.
 
-use super::candidates::{Candidate, FAMILIES, Meshes, solved, variant};
-use super::fields::{difference, displaced, evaluate, evaluate_about, origins, superposed};
+use super::candidates::{Candidate, Meshes, solved, variant};
+use super::fields::{ModelOutput, difference, displaced, evaluate, evaluate_about, origins};
 use super::norms::Norms;
+use super::of_models::{moves_inside, of_affine_columns, online};
 use super::request::{MeasureError, Request};
 use crate::deform::{
-    ControlPoses, EquilibriumResult, Kind, MODELS, ModelEntry, Statics, StaticsError, Wrench,
+    ControlPoses, EquilibriumResult, Frame, ModelEntry, Statics, StaticsError, Wrench, model_of,
 };
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
-use crate::green::{self, AFFINE, Requirements};
+use crate::green;
 use crate::mesh::quality;
 use crate::report::data::ModelError;
 use crate::scene::Scene;
@@ -23,21 +24,22 @@ pub struct References<'a> {
     pub models: Vec<ModelError>,
     /// Poses that were left out, and why.
     pub left_out: Vec<String>,
-    /// Indices of candidates: the best discretisation, and tet4 on the scene's mesh.
+    /// The models that were measured in every pose.
+    pub models_of_settings: Vec<&'static ModelEntry>,
+    /// Index of the candidate of the best discretisation.
     pub finest: usize,
-    own: usize,
     /// tet4 on the scene's mesh with a material that does not lock ([`softened`]), where the scene's own would.
-    soft: Option<Candidate>,
+    soft: Vec<Candidate>,
 }
 
 /// Largest Poisson's ratio at which the models are measured. They are compared with an equilibrium of tet4, which locks
 /// near 1/2: at 0.49 the model `linear` seemed to be wrong by 13.0 % in a bar bent by 10°, and by 10.9, 9.2 and 8.4 % on
 /// its mesh refined once, twice and three times. At 0.4 it is 8.6 % on the bar's own mesh.
-const MOST_POISSON: f64 = 0.4;
+pub const MOST_POISSON: f64 = 0.4;
 
 /// The scene with the same shear moduli, and Poisson's ratios of at most [`MOST_POISSON`]; `None` where the scene's own
 /// are no larger.
-fn softened(scene: &Scene, body: &str) -> Option<Scene> {
+pub fn softened(scene: &Scene, body: &str) -> Option<Scene> {
     let mut scene = scene.clone();
     let body = &mut scene.body[body];
     let materials = std::iter::once(&mut body.material).chain(body.region.values_mut());
@@ -80,19 +82,6 @@ pub struct Size {
 /// Energies and forces smaller than this part of stiffness times displacement are rounding.
 const ROUNDING: f64 = 1e-8;
 
-/// The models that settings have: those of the affine columns alone, which every setting's file holds.
-pub fn of_settings() -> impl Iterator<Item = &'static ModelEntry> {
-    online().filter(|model| model.requirements.iter().all(|family| family.name == AFFINE.name))
-}
-
-/// The models that are made from what every candidate has, where the body suits them.
-fn online() -> impl Iterator<Item = &'static ModelEntry> {
-    let made = Requirements::of(FAMILIES);
-    let is_online = |model: &&ModelEntry| matches!(model.kind, Kind::Online(_));
-    let is_made = move |model: &&ModelEntry| model.requirements.iter().all(|family| made.has(*family));
-    MODELS.iter().filter(is_online).filter(is_made)
-}
-
 impl<'a> References<'a> {
     pub fn new(
         request: &Request<'_>,
@@ -100,11 +89,11 @@ impl<'a> References<'a> {
         candidates: &[Candidate],
         progress: &dyn Progress,
     ) -> Result<References<'a>, MeasureError> {
-        let cholesky = |c: &&(usize, &Candidate)| c.1.solver.method.is_direct;
-        let all: Vec<(usize, &Candidate)> = candidates.iter().enumerate().collect();
-        let finest = all.iter().filter(cholesky).max_by_key(|(_, c)| (c.element.order, c.refine));
-        let base = all.iter().filter(cholesky).find(|(_, c)| c.refine == 0 && c.element == &TET4);
-        let (Some(&(finest, _)), Some(&(own, _))) = (finest, base) else {
+        let is_ordinary = |c: &Candidate| of_affine_columns().all(|model| c.is_exact(model));
+        let ordinary = candidates.iter().enumerate().filter(|(_, c)| is_ordinary(c));
+        let finest = ordinary.clone().max_by_key(|(_, c)| (c.element.order, c.refine));
+        let own = ordinary.map(|(_, c)| c).find(|c| c.refine == 0 && c.element == &TET4);
+        let (Some((finest, _)), Some(own)) = (finest, own) else {
             return Err(MeasureError::NoPose("the scene's own mesh is too large".into()));
         };
         let top = meshes.ladder.levels.len() as u32 - 1;
@@ -112,27 +101,32 @@ impl<'a> References<'a> {
         let prepared = green::prepare(&scene, request.body)?;
         let stiffness = TET10.assemble(meshes.ladder.top(), &prepared.lame)?;
         let plain = variant(request, 0, &TET4, Solver::default());
-        let soft = match softened(&plain, request.body) {
-            Some(scene) => Some(solved(&scene, request, Solver::default(), progress)?),
-            None => None,
-        };
+        let mut soft = Vec::new();
+        if let Some(scene) = softened(&plain, request.body) {
+            for own in candidates.iter().filter(|c| c.refine == 0 && c.element == &TET4) {
+                if own.solver.method.is_direct {
+                    soft.push(solved(&scene, request, &own.models, progress)?);
+                }
+            }
+        }
         let mut found = References {
             norms: Norms::new(meshes.ladder.top(), stiffness),
             poses: Vec::new(),
-            origins: origins(&candidates[own].solution),
+            origins: origins(&own.solution),
             models: Vec::new(),
+            models_of_settings: Vec::new(),
             left_out: Vec::new(),
             finest,
-            own,
             soft,
         };
         found.settle(request, meshes, candidates, progress)?;
         Ok(found)
     }
 
-    /// The solution that the models' errors are measured with: tet4 on the scene's mesh, of a material that does not lock.
-    pub fn base<'c>(&'c self, candidates: &'c [Candidate]) -> &'c Candidate {
-        self.soft.as_ref().unwrap_or(&candidates[self.own])
+    /// The solution that a model's error is measured with: tet4 on the scene's mesh, of a material that does not lock.
+    pub fn base<'c>(&'c self, candidates: &'c [Candidate], model: &ModelEntry) -> Option<&'c Candidate> {
+        let of = if self.soft.is_empty() { candidates } else { &self.soft };
+        of.iter().find(|c| c.is_of(0, &TET4, model))
     }
 
     /// Finds the nonlinear equilibria, and the models' errors against them.
@@ -146,7 +140,8 @@ impl<'a> References<'a> {
         let scene = variant(request, 0, &TET4, Solver::default());
         let scene = softened(&scene, request.body).unwrap_or(scene);
         let mut statics = Statics::new(&scene, request.body, &STVK, progress)?;
-        let own = &self.base(candidates).solution.clone();
+        let suited = self.suited(candidates);
+        let mut stateless = Vec::new();
         progress.begin("nonlinear statics", 1000 * request.poses.len() as u64);
         for (name, poses) in request.poses {
             if let Some(model) = self.undefined(candidates, poses) {
@@ -169,40 +164,82 @@ impl<'a> References<'a> {
                 }
                 Err(error) => return Err(error.into()),
             };
-            let reference = self.reference(meshes, own, name, poses, settled);
-            for model in online() {
-                let Some(output) = evaluate(model, own, poses) else { continue };
-                let u = displaced(own, &output, &superposed(own, &output));
-                let error = meshes.ladder.raise(0, &difference(&u, &reference.displacement));
-                self.models.push(ModelError {
-                    model: model.name.into(),
-                    pose: name.clone(),
-                    rotation: largest_rotation(own, &reference.displacement),
-                    error: self.norms.l2(&error) / reference.size.displacement,
-                    displacement_m: largest(&error),
-                });
+            let reference = self.reference(meshes, &statics, name, poses, settled);
+            for &model in &suited {
+                let Some(base) = self.base(candidates, model) else { continue };
+                match evaluate(model, &base.solution, poses) {
+                    Some(output) if output.wrenches.is_some() => {
+                        let error = self.model_error(meshes, base, model, &output, &reference);
+                        self.models.push(error);
+                    }
+                    _ => {
+                        stateless.push(model.name);
+                        self.left_out.push(format!("model {}: it has no state in the pose {name}", model.name));
+                    }
+                }
             }
             self.poses.push(reference);
         }
         progress.end();
+        self.models_of_settings = suited.into_iter().filter(|m| !stateless.contains(&m.name)).collect();
         if self.poses.is_empty() {
             return Err(MeasureError::NoPose(self.left_out.join("; ")));
         }
         Ok(())
     }
 
-    /// The first model of settings that is undefined in a pose on one of the meshes.
+    /// The models that the body suits; says of the others why it does not.
+    fn suited(&mut self, candidates: &[Candidate]) -> Vec<&'static ModelEntry> {
+        let mut suited = Vec::new();
+        for model in online() {
+            let Some(base) = self.base(candidates, model) else { continue };
+            match model_of(model, &base.solution) {
+                Ok(_) => suited.push(model),
+                Err(why) => self.left_out.push(format!("model {}: {why}", model.name)),
+            }
+        }
+        suited
+    }
+
+    /// The model's error alone, in the norm of the whole body, or of its surface where the model does not move the inside.
+    fn model_error(
+        &self,
+        meshes: &Meshes,
+        base: &Candidate,
+        model: &ModelEntry,
+        output: &ModelOutput,
+        reference: &PoseReference,
+    ) -> ModelError {
+        let (error, displacement_m) = match &output.surface {
+            Some(u) => reference.surface_error(&base.solution, u),
+            None => {
+                let error = difference(&displaced(&base.solution, output), &reference.displacement);
+                let error = meshes.ladder.raise(0, &error);
+                (self.norms.l2(&error) / reference.size.displacement, largest(&error))
+            }
+        };
+        ModelError {
+            model: model.name.into(),
+            pose: reference.name.clone(),
+            rotation: largest_rotation(&base.solution, &reference.displacement),
+            error,
+            displacement_m,
+        }
+    }
+
+    /// The first model of the affine columns that is undefined in a pose on one of the meshes.
     fn undefined(&self, candidates: &[Candidate], poses: &ControlPoses) -> Option<&'static str> {
         let fails = |model: &&ModelEntry| {
-            candidates.iter().any(|c| evaluate_about(model, &c.solution, poses, &self.origins).is_none())
+            let mut measured = candidates.iter().filter(|c| c.models.iter().any(|own| own.name == model.name));
+            measured.any(|c| evaluate_about(model, &c.solution, poses, &self.origins).is_none())
         };
-        of_settings().find(fails).map(|model| model.name)
+        of_affine_columns().find(fails).map(|model| model.name)
     }
 
     fn reference(
         &self,
         meshes: &Meshes,
-        own: &green::Solution,
+        statics: &Statics,
         name: &str,
         poses: &ControlPoses,
         settled: EquilibriumResult,
@@ -215,7 +252,7 @@ impl<'a> References<'a> {
         let held: Vec<Wrench> = settled.wrenches.iter().zip(poses).map(moved).collect();
         let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
         let displacement = self.norms.l2(&meshes.ladder.raise(0, &settled.displacement));
-        let (low, high) = quality::bounding_box(&own.mesh.nodes);
+        let (low, high) = quality::bounding_box(&statics.mesh.nodes);
         let extent = (high - low).amax();
         let stiffest = self.norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
         let force =
@@ -250,20 +287,55 @@ impl<'a> References<'a> {
             "storage: the f64 columns of the same mesh".into(),
             format!(
                 "model: static equilibrium of a St. Venant-Kirchhoff body, Newton's method, tet4 on the scene's mesh{}",
-                match self.soft {
-                    Some(_) => format!(
+                match self.soft.is_empty() {
+                    false => format!(
                         ", with Poisson's ratio {MOST_POISSON} and the same shear modulus where the scene's is larger: \
                          tet4 locks near 1/2"
                     ),
-                    None => String::new(),
+                    true => String::new(),
                 }
             ),
             "total, force and torque: that equilibrium, corrected by what the finest mesh changes in the linear theory"
                 .into(),
         ];
+        let names = |of: &dyn Fn(&ModelEntry) -> bool| -> String {
+            let own = self.models_of_settings.iter().filter(|model| of(model)).map(|model| model.name);
+            own.collect::<Vec<_>>().join(", ")
+        };
+        let coarser = names(&|model| !candidates[self.finest].is_exact(model));
+        if !coarser.is_empty() {
+            sentences.push(format!(
+                "discretisation of {coarser}: the finest mesh on which the model was made, and from there what `{}` changes",
+                carrier().map_or("linear", |model| model.name)
+            ));
+        }
+        let surface = names(&|model| !moves_inside(model));
+        if !surface.is_empty() {
+            sentences.push(format!(
+                "{surface}: displacements of the surface alone, which no part inside can cancel; the total is the sum of \
+                 the parts' norms"
+            ));
+        }
         sentences.extend(self.left_out.iter().map(|pose| format!("left out: {pose}")));
         sentences
     }
+}
+
+impl PoseReference {
+    /// Of displacements of the surface nodes: the root mean square of their errors over that of the equilibrium, and the
+    /// largest, m.
+    pub fn surface_error(&self, solution: &green::Solution, u: &[Vector3<f64>]) -> (f64, f64) {
+        let settled: Vec<_> = solution.surface.nodes.iter().map(|&n| self.displacement[n as usize]).collect();
+        let error = difference(u, &settled);
+        let square = |field: &[Vector3<f64>]| field.iter().map(|u| u.norm_squared()).sum::<f64>();
+        let size = square(&settled).sqrt().max(f64::MIN_POSITIVE);
+        (square(&error).sqrt() / size, largest(&error))
+    }
+}
+
+/// The model by which a discretisation is carried on to meshes on which another model is not made: `rotation`.
+pub fn carrier() -> Option<&'static ModelEntry> {
+    of_affine_columns().find(|model| model.frame == Frame::MeanMotion)
 }
 
 /// The largest rotation of a tetrahedron, by the polar decomposition of its deformation gradient.

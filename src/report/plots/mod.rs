@@ -8,6 +8,7 @@ mod one_parameter;
 mod online;
 mod smooth;
 mod split;
+mod trials;
 
 pub use entry::PlotEntry;
 
@@ -15,13 +16,17 @@ use super::data::Report;
 use super::drawing::canvas::Picture;
 
 /// In the order of the page.
-pub const PLOTS: [&PlotEntry; 8] = [
+pub const PLOTS: [&PlotEntry; 12] = [
     &online::ONLINE,
     &split::SPLIT,
     &mesh::MESH,
     &one_parameter::SOLVER,
     &one_parameter::STORAGE,
     &models::MODELS,
+    &trials::DISPLACEMENT,
+    &trials::FORCE,
+    &trials::TORQUE,
+    &trials::TRADE,
     &smooth::SMOOTH_L2,
     &smooth::SMOOTH_ENERGY,
 ];
