@@ -3,7 +3,7 @@
 
 use super::data::Report;
 use super::recommendation::recommendations;
-use super::tables::{NamedCells, efficient_settings, trial_lines};
+use super::tables::{NamedCells, efficient_settings, errors_of, trial_lines};
 use crate::base::table::Table;
 use crate::base::text::plain;
 
@@ -13,12 +13,12 @@ const TURNS: [f64; 4] = [10.0, 30.0, 90.0, 180.0];
 /// The settings that are worth their online time, from cheap to accurate, and the recommendations in sentences.
 pub fn summary(report: &Report) -> String {
     let settings = efficient_settings(&report.rows);
-    let motions = trial_lines(report, &|_, degrees| TURNS.contains(&degrees));
+    let motions = trial_lines(report, &|degrees| TURNS.contains(&degrees), &errors_of);
     let models = if motions.is_empty() {
         String::new()
     } else {
         let lead = "Models alone, by what one control element does: error of displacement · larger error of force and \
-                    torque · energy over that of the equilibrium";
+                    torque";
         format!("\n{lead}:\n\n{}", text(&motions))
     };
     format!(

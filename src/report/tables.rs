@@ -187,19 +187,29 @@ pub fn models(report: &Report) -> String {
 
 /// A line a motion, a column a model; the last line has the median times of a frame.
 pub fn trials(report: &Report) -> String {
-    html(&trial_lines(report, &|_, _| true))
+    let cell = |row: &ModelTrial| {
+        let energy = row.energy.map_or_else(|| "–".into(), |energy| format!("{energy:.3}"));
+        format!("{} · {energy}", errors_of(row))
+    };
+    html(&trial_lines(report, &|_| true, &cell))
 }
 
-/// The motions that `is_shown`, each with what every model makes of it.
+/// "0.1 % · 2 %": displacement, and the larger of force and torque.
+pub fn errors_of(row: &ModelTrial) -> String {
+    format!("{} · {}", relative(row.displacement), row.held().map_or_else(|| "–".into(), relative))
+}
+
+/// The motions by angles that `is_shown`, each with `text` of what every model makes of it.
 pub fn trial_lines<'a>(
     report: &'a Report,
-    is_shown: &dyn Fn(TrialMotion, f64) -> bool,
+    is_shown: &dyn Fn(f64) -> bool,
+    text: &dyn Fn(&ModelTrial) -> String,
 ) -> Vec<NamedCells<'a>> {
     let rows = &report.trials.rows;
     let models = distinct(rows.iter().map(|row| row.model.as_str()));
     let mut motions = distinct(rows.iter().map(|row| (row.motion, row.degrees)));
     motions.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    motions.retain(|(motion, degrees)| is_shown(*motion, *degrees));
+    motions.retain(|(_, degrees)| is_shown(*degrees));
     let line = |&(motion, degrees): &(TrialMotion, f64)| {
         let here = |model: &str| {
             rows.iter().find(|row| (row.motion, row.degrees, row.model.as_str()) == (motion, degrees, model))
@@ -210,12 +220,7 @@ pub fn trial_lines<'a>(
         let cell = |model: &&'a str| {
             let cell = match here(model) {
                 None => number("–"),
-                Some(row) => {
-                    let held = row.held().map_or_else(|| "–".into(), relative);
-                    let energy = row.energy.map_or_else(|| "–".into(), |energy| format!("{energy:.3}"));
-                    let text = format!("{} · {held} · {energy}", relative(row.displacement));
-                    bold(number(text), worst(row) == least)
-                }
+                Some(row) => bold(number(text(row)), worst(row) == least),
             };
             (*model, cell)
         };

@@ -91,6 +91,11 @@ impl Candidate {
         (self.refine, self.element) == (refine, element) && self.is_exact(model)
     }
 
+    /// Orders discretisations: quadratic elements before all refinements.
+    pub fn fineness(&self) -> (u32, u32) {
+        (self.element.order, self.refine)
+    }
+
     /// Whether it is solved directly, and the model is measured with it.
     pub fn is_exact(&self, model: &ModelEntry) -> bool {
         self.solver.method.is_direct && self.models.iter().any(|own| own.name == model.name)

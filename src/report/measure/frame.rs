@@ -4,6 +4,7 @@ use super::poses::on_the_way;
 use crate::base::columns::ColumnGroup;
 use crate::deform::{ControlPose, ControlPoses, Deformer, ModelEntry};
 use crate::green::GreenFile;
+use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -72,17 +73,15 @@ fn timed(deformer: &mut Deformer, poses: &ControlPoses) -> (f64, usize) {
     (started.elapsed().as_secs_f64() - deformer.times.normals_s, stats.columns_read)
 }
 
-/// The pose with every control element from `first` on moved a little, fixed ones too, so that all their columns are
-/// summed again.
+/// The pose with every control element from `first` on moved and turned a little as by a hand, each by another angle and fixed
+/// ones too, so that all their columns are summed again.
 fn jogged(poses: &ControlPoses, round: usize, first: usize) -> ControlPoses {
     let by = 1e-4 * (1.0 + (round % 97) as f64);
     let jog = |(e, pose): (usize, &ControlPose)| {
-        let mut pose = *pose;
-        if e >= first {
-            pose.translation.add_scalar_mut(by);
-            pose.matrix.add_scalar_mut(by);
-        }
-        pose
+        let by = by * (1.0 + e as f64);
+        let turn = Rotation3::from_scaled_axis(Vector3::new(0.2, 0.5, 1.0) * by);
+        let moved = ControlPose { translation: pose.translation.add_scalar(by), matrix: turn * pose.matrix };
+        if e >= first { moved } else { *pose }
     };
     poses.iter().enumerate().map(jog).collect()
 }

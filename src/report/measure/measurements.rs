@@ -6,7 +6,7 @@ use super::fields::{
 };
 use super::frame::{TimedDeformer, time_in_turn};
 use super::of_models::{moves_inside, of_affine_columns};
-use super::reference::{PoseReference, References, carrier, largest};
+use super::reference::{PoseReference, References, largest};
 use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPoses, MODELS, ModelEntry, Wrench};
@@ -15,7 +15,9 @@ use crate::report::data::{Cost, Errors, Measurement, Setting, Spread};
 use crate::scene::Storage;
 use crate::solve::Progress;
 use nalgebra::Vector3;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// One setting's errors in one pose.
@@ -63,7 +65,7 @@ pub fn measurements(
         let is_measured = |model: &&ModelEntry| {
             references.models_of_settings.iter().any(|measured| measured.name == model.name)
         };
-        let models: Vec<&ModelEntry> = candidate.models.iter().copied().filter(is_measured).collect();
+        let models: Vec<&'static ModelEntry> = candidate.models.iter().copied().filter(is_measured).collect();
         let is_wide = candidate.solver.method.is_direct && models.len() > 1;
         let storages = if is_wide { Storage::ALL.to_vec() } else { vec![Storage::F32] };
         let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
@@ -132,12 +134,13 @@ impl Measured<'_> {
     /// Errors of a model with each storage, pose by pose.
     fn errors(
         &self,
-        model: &ModelEntry,
+        model: &'static ModelEntry,
         rounded: &[Vec<Vec<f64>>],
     ) -> Result<Vec<Vec<PoseErrors>>, MeasureError> {
         let mut errors = vec![Vec::new(); rounded.len()];
         for reference in &self.references.poses {
-            let fields = ErrorFields::new(self, model, reference).ok_or_else(|| {
+            let solved = AtPose { of: self, reference, known: RefCell::default() };
+            let fields = ErrorFields::new(&solved, model).ok_or_else(|| {
                 let mesh = Setting::mesh_name(self.candidate.element.name, self.candidate.refine);
                 let (model, pose) = (model.name, &reference.name);
                 MeasureError::Model(format!("model {model} with {mesh}: it has no state in the pose {pose}"))
@@ -177,44 +180,67 @@ impl Measured<'_> {
         Ok((row, deformer))
     }
 
+}
+
+/// A candidate in one pose.
+struct AtPose<'a> {
+    of: &'a Measured<'a>,
+    reference: &'a PoseReference,
+    /// What was evaluated already: the same candidate is often that which another is compared with.
+    known: RefCell<Vec<(&'a Candidate, &'static str, Rc<Raised>)>>,
+}
+
+impl<'a> AtPose<'a> {
     /// A solution of a model raised to the finest mesh.
-    fn raised(&self, of: &Candidate, model: &ModelEntry, reference: &PoseReference) -> Option<Raised> {
-        let (poses, about) = (&reference.poses, &self.references.origins);
+    fn raised(&self, of: &'a Candidate, model: &'static ModelEntry) -> Option<Rc<Raised>> {
+        let is_own = |(known, name, _): &&(&Candidate, &str, Rc<Raised>)| {
+            std::ptr::eq(*known, of) && *name == model.name
+        };
+        if let Some((.., raised)) = self.known.borrow().iter().find(is_own) {
+            return Some(raised.clone());
+        }
+        let (poses, about) = (&self.reference.poses, &self.of.references.origins);
         let output = evaluate_about(model, &of.solution, poses, about)?;
-        let field = self.meshes.ladder.raise(of.refine as usize, &displaced(&of.solution, &output));
+        let field = self.of.meshes.ladder.raise(of.refine as usize, &displaced(&of.solution, &output));
         let held = wrenches_about(&of.solution, &output, poses, about)?;
-        Some(Raised { output, field, held })
+        let raised = Rc::new(Raised { output, field, held });
+        self.known.borrow_mut().push((of, model.name, raised.clone()));
+        Some(raised)
     }
 
-    /// The discretisation of a model, as a field and as wrenches: this mesh less the finest on which the model is made, and
-    /// from there to the finest of all what the [`carrier`] changes. Of a model that does not move the inside, the field
-    /// is the carrier's from this mesh on.
-    fn discretisation(
-        &self,
-        model: &ModelEntry,
-        here: &Raised,
-        reference: &PoseReference,
-    ) -> Option<(Vec<Vector3<f64>>, Vec<Wrench>)> {
-        let finest = &self.candidates[self.references.finest];
-        let exact = self.candidates.iter().filter(|c| c.is_exact(model));
-        let best = exact.max_by_key(|c| (c.element.order, c.refine))?;
-        let of_best = self.raised(best, model, reference)?;
-        let field = difference(&here.field, &of_best.field);
-        let held = wrench_difference(&here.held, &of_best.held);
-        if std::ptr::eq(best, finest) {
-            return Some((field, held));
+    /// The discretisation of a model: this mesh less the finest on which the model is made, and from there on
+    /// [`AtPose::carried`]. Of a model that does not move the inside, displacements are carried from this mesh on.
+    fn discretisation(&self, model: &'static ModelEntry, here: &Raised) -> Option<Difference> {
+        let best = self.finest_of(model)?;
+        let own = here.less(&*self.raised(best, model)?);
+        let more = self.carried(best)?;
+        if moves_inside(model) {
+            return Some(own.and(&more));
         }
-        let carrier = carrier()?;
-        let carried = |from: &Candidate| {
-            let twin = self.candidates.iter().find(|c| c.is_of(from.refine, from.element, carrier))?;
-            let (from, to) = (self.raised(twin, carrier, reference)?, self.raised(finest, carrier, reference)?);
-            Some((difference(&from.field, &to.field), wrench_difference(&from.held, &to.held)))
-        };
-        let (more, more_held) = carried(best)?;
-        let field = if moves_inside(model) { sum(&field, &more) } else { carried(self.candidate)?.0 };
-        let both = held.iter().zip(&more_held);
-        let held = both.map(|(a, b)| Wrench { force: a.force + b.force, moment: a.moment + b.moment });
-        Some((field, held.collect()))
+        let field = self.carried(self.of.candidate)?.field;
+        Some(Difference { field, ..own.and(&more) })
+    }
+
+    /// What refinement changes from this mesh to the finest of all: by the most accurate model that is made on it and on a
+    /// finer one, and so on from there.
+    fn carried(&self, from: &'a Candidate) -> Option<Difference> {
+        let Measured { candidates, references, .. } = *self.of;
+        let finest = &candidates[references.finest];
+        if (from.refine, from.element) == (finest.refine, finest.element) {
+            let rest = self.raised(finest, finest.models[0])?;
+            return Some(rest.less(&rest));
+        }
+        references.carriers().into_iter().find_map(|carrier| {
+            let best = self.finest_of(carrier).filter(|best| best.fineness() > from.fineness())?;
+            let here = candidates.iter().find(|c| c.is_of(from.refine, from.element, carrier))?;
+            let step = self.raised(here, carrier)?.less(&*self.raised(best, carrier)?);
+            Some(step.and(&self.carried(best)?))
+        })
+    }
+
+    fn finest_of(&self, model: &ModelEntry) -> Option<&'a Candidate> {
+        let made = self.of.candidates.iter().filter(|c| c.is_exact(model));
+        made.max_by_key(|c| c.fineness())
     }
 }
 
@@ -225,9 +251,26 @@ struct Raised {
     held: Vec<Wrench>,
 }
 
-fn wrench_difference(a: &[Wrench], b: &[Wrench]) -> Vec<Wrench> {
-    let less = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
-    a.iter().zip(b).map(less).collect()
+/// One solution less another, as a field and as wrenches.
+struct Difference {
+    field: Vec<Vector3<f64>>,
+    held: Vec<Wrench>,
+}
+
+impl Raised {
+    fn less(&self, other: &Raised) -> Difference {
+        let less = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
+        let held = self.held.iter().zip(&other.held).map(less).collect();
+        Difference { field: difference(&self.field, &other.field), held }
+    }
+}
+
+impl Difference {
+    fn and(&self, other: &Difference) -> Difference {
+        let and = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force + b.force, moment: a.moment + b.moment };
+        let held = self.held.iter().zip(&other.held).map(and).collect();
+        Difference { field: sum(&self.field, &other.field), held }
+    }
 }
 
 fn sum(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
@@ -236,7 +279,7 @@ fn sum(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
 
 /// The parts of a setting's error in one pose except for storage, as fields on the finest mesh.
 struct ErrorFields {
-    output: ModelOutput,
+    here: Rc<Raised>,
     /// Solver + discretisation + model.
     sum: Vec<Vector3<f64>>,
     pose: PoseErrors,
@@ -247,13 +290,14 @@ struct ErrorFields {
 }
 
 impl ErrorFields {
-    fn new(of: &Measured<'_>, model: &ModelEntry, reference: &PoseReference) -> Option<ErrorFields> {
-        let Measured { meshes, candidates, candidate, references, .. } = of;
+    fn new(at: &AtPose<'_>, model: &'static ModelEntry) -> Option<ErrorFields> {
+        let Measured { meshes, candidates, candidate, references, .. } = *at.of;
+        let reference = at.reference;
         let exact = candidates.iter().find(|c| c.is_of(candidate.refine, candidate.element, model))?;
         let base = references.base(candidates, model)?;
-        let (here, solved) = (of.raised(candidate, model, reference)?, of.raised(exact, model, reference)?);
-        let (discretisation, coarse) = of.discretisation(model, &solved, reference)?;
-        let at_base = of.raised(base, model, reference)?;
+        let (here, solved) = (at.raised(candidate, model)?, at.raised(exact, model)?);
+        let Difference { field: discretisation, held: coarse } = at.discretisation(model, &solved)?;
+        let at_base = at.raised(base, model)?;
         let (solver, size) = (difference(&here.field, &solved.field), &reference.size);
         let (mut surface, mut sum) = ([0.0; 2], sum(&solver, &discretisation));
         let model_part = match &at_base.output.surface {
@@ -295,13 +339,13 @@ impl ErrorFields {
             uncancelled_held: force[1].max(torque[1]),
             ..PoseErrors::default()
         };
-        Some(ErrorFields { output: here.output, sum, pose: errors, surface, size: size.displacement })
+        Some(ErrorFields { here, sum, pose: errors, surface, size: size.displacement })
     }
 
     fn with_storage(&self, of: &Measured<'_>, rounded: &[Vec<f64>]) -> PoseErrors {
         let Measured { meshes, candidate, references, .. } = of;
-        let error = storage_error(&candidate.solution, rounded, &self.output);
-        let turned: Vec<_> = error.iter().map(|e| self.output.motion.rotation * e).collect();
+        let error = storage_error(&candidate.solution, rounded, &self.here.output);
+        let turned: Vec<_> = error.iter().map(|e| self.here.output.motion.rotation * e).collect();
         let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
         let total: Vec<_> = self.sum.iter().zip(&storage).map(|(sum, s)| sum + s).collect();
         let storage = references.norms.l2(&storage) / self.size;

@@ -61,6 +61,7 @@ pub fn solve(
 ) -> Result<Vec<Candidate>, MeasureError> {
     let mut candidates = Vec::new();
     for model in online().filter(|model| !is_common(model)) {
+        let mut refused: Vec<&Element> = Vec::new();
         for (refine, element) in discretisations(meshes) {
             let limit = request.limits.largest_of_models;
             let unknowns = unknowns(meshes, refine, element);
@@ -73,13 +74,14 @@ pub fn solve(
                 ));
                 break;
             }
-            if !is_own && (unknowns > 0.25 * limit || is_dear(model)) {
+            if !is_own && (unknowns > 0.25 * limit || is_dear(model) || refused.contains(&element)) {
                 continue;
             }
             match candidate(request, refine, element, Solver::default(), &[model], progress) {
                 Ok(candidate) => candidates.push(candidate),
                 Err(MeasureError::Green(why)) => {
                     left_out.push(format!("model {} with {}: {why}", model.name, element.name));
+                    refused.push(element);
                     if is_own {
                         break;
                     }

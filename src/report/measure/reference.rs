@@ -6,7 +6,7 @@ use super::norms::Norms;
 use super::of_models::{moves_inside, of_affine_columns, online};
 use super::request::{MeasureError, Request};
 use crate::deform::{
-    ControlPoses, EquilibriumResult, Frame, ModelEntry, Statics, StaticsError, Wrench, model_of,
+    ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Wrench, model_of,
 };
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
 use crate::green;
@@ -91,7 +91,7 @@ impl<'a> References<'a> {
     ) -> Result<References<'a>, MeasureError> {
         let is_ordinary = |c: &Candidate| of_affine_columns().all(|model| c.is_exact(model));
         let ordinary = candidates.iter().enumerate().filter(|(_, c)| is_ordinary(c));
-        let finest = ordinary.clone().max_by_key(|(_, c)| (c.element.order, c.refine));
+        let finest = ordinary.clone().max_by_key(|(_, c)| c.fineness());
         let own = ordinary.map(|(_, c)| c).find(|c| c.refine == 0 && c.element == &TET4);
         let (Some((finest, _)), Some(own)) = (finest, own) else {
             return Err(MeasureError::NoPose("the scene's own mesh is too large".into()));
@@ -272,6 +272,19 @@ impl<'a> References<'a> {
         }
     }
 
+    /// The models by which a discretisation is carried on to meshes on which another model is not made: those that move the
+    /// inside, by their worst error in the poses.
+    pub fn carriers(&self) -> Vec<&'static ModelEntry> {
+        let worst = |model: &ModelEntry| {
+            let own = self.models.iter().filter(|error| error.model == model.name);
+            own.map(|error| error.error).fold(0.0, f64::max)
+        };
+        let mut carriers = self.models_of_settings.clone();
+        carriers.retain(|model| moves_inside(model));
+        carriers.sort_by(|a, b| worst(a).total_cmp(&worst(b)));
+        carriers
+    }
+
     /// What each part of the error is compared with, in sentences.
     pub fn sentences(&self, candidates: &[Candidate]) -> Vec<String> {
         let finest = &candidates[self.finest];
@@ -305,8 +318,9 @@ impl<'a> References<'a> {
         let coarser = names(&|model| !candidates[self.finest].is_exact(model));
         if !coarser.is_empty() {
             sentences.push(format!(
-                "discretisation of {coarser}: the finest mesh on which the model was made, and from there what `{}` changes",
-                carrier().map_or("linear", |model| model.name)
+                "discretisation of {coarser}: the finest mesh on which the model was made, and from there on what refinement \
+                 changes in the most accurate model of {}",
+                self.carriers().iter().map(|model| model.name).collect::<Vec<_>>().join(", ")
             ));
         }
         let surface = names(&|model| !moves_inside(model));
@@ -331,11 +345,6 @@ impl PoseReference {
         let size = square(&settled).sqrt().max(f64::MIN_POSITIVE);
         (square(&error).sqrt() / size, largest(&error))
     }
-}
-
-/// The model by which a discretisation is carried on to meshes on which another model is not made: `rotation`.
-pub fn carrier() -> Option<&'static ModelEntry> {
-    of_affine_columns().find(|model| model.frame == Frame::MeanMotion)
 }
 
 /// The largest rotation of a tetrahedron, by the polar decomposition of its deformation gradient.
