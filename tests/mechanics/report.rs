@@ -2,8 +2,8 @@
 
 use crate::report_common::made_up;
 use greenstage::report::{
-    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Spread, cheapest, ladder,
-    pictures, summary,
+    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Spread, TrialMotion,
+    cheapest, ladder, pictures, summary,
 };
 use proptest::prelude::*;
 use quick_xml::escape::resolve_predefined_entity;
@@ -71,15 +71,19 @@ fn well_formed(report: &Report) {
     assert!(!summary(report).is_empty());
 }
 
+/// The plots of the models from 1° to 360°.
+const TRIALS: [&str; 4] = ["trial-displacement", "trial-force", "trial-torque", "trial-time"];
+
 #[test]
 fn all_files_are_written_and_well_formed() {
     let report = made_up();
     let (dir, files) = written(&report);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    let plots = ["online", "split", "mesh", "solver", "storage", "models", "smooth-l2", "smooth-energy"];
-    let plots = plots.map(|name| format!("plots/{name}.svg"));
-    assert_eq!(names[..3], ["index.html", "accuracy.json", "accuracy.csv"]);
-    assert_eq!(names[3..], plots);
+    let first = ["online", "split", "mesh", "solver", "storage", "models"];
+    let plots = first.into_iter().chain(TRIALS).chain(["smooth-l2", "smooth-energy"]);
+    let plots: Vec<String> = plots.map(|name| format!("plots/{name}.svg")).collect();
+    assert_eq!(names[..4], ["index.html", "accuracy.json", "accuracy.csv", "models.csv"]);
+    assert_eq!(names[4..], plots);
     well_formed(&report);
     assert_eq!(report::read(&dir.path().join("accuracy.json")).unwrap(), report, "to the last bit");
 }
@@ -127,6 +131,13 @@ fn every_row_is_a_point_inside_the_plot() {
             assert!(markers_inside(plot(name)) > 0, "{name}");
         }
         assert_eq!(markers_inside(plot("models")), report.models.len());
+        let rows = &report.trials.rows;
+        let felt = rows.iter().filter(|row| row.held().is_some());
+        let bends = felt.clone().filter(|row| row.motion == TrialMotion::Bend).count();
+        let marks = [rows.len(), felt.clone().count(), felt.count(), bends];
+        for (name, count) in TRIALS.into_iter().zip(marks) {
+            assert_eq!(markers_inside(plot(name)), count, "{name}");
+        }
     }
 }
 
@@ -155,6 +166,10 @@ fn extreme(a: f64, b: f64) -> Report {
     for of in &mut report.models {
         (of.rotation, of.error) = (next().min(1e300), next());
     }
+    for of in &mut report.trials.rows {
+        (of.displacement, of.frame_s) = (next(), next());
+        (of.force, of.torque, of.energy) = (Some(next()), Some(next()), Some(-next()));
+    }
     for of in &mut report.smooth {
         (of.h, of.l2, of.energy) = (next(), next(), next());
     }
@@ -166,6 +181,7 @@ fn few_equal_and_extreme_data_are_drawn() {
     let mut one = made_up();
     one.rows.truncate(1);
     one.models.truncate(1);
+    one.trials.rows.truncate(1);
     one.smooth.truncate(1);
     one.smooth[0].l2_rate = None;
     one.effects.clear();
@@ -177,7 +193,7 @@ fn few_equal_and_extreme_data_are_drawn() {
 
 #[test]
 fn a_number_that_is_none_is_refused_before_anything_is_written() {
-    let cases: [(Spoil, &str); 4] = [
+    let cases: [(Spoil, &str); 5] = [
         (
             |report, bad| report.rows[7].error.total.worst = bad,
             "row 8 (tet4 h · cholesky · int16 · rotation): total_worst_relative",
@@ -187,6 +203,7 @@ fn a_number_that_is_none_is_refused_before_anything_is_written() {
             "row 1 (tet4 h · cholesky · f64 · linear): offline_s",
         ),
         (|report, bad| report.models[1].error = bad, "model linear, pose bend 8°: error"),
+        (|report, bad| report.trials.rows[3].force = Some(bad), "model linear, bend by 90°: force_relative"),
         (|report, bad| report.smooth[4].h = bad, "smooth problem, tet4_anp, refined 1 times: h"),
     ];
     for (spoil, told) in cases {
@@ -209,8 +226,8 @@ fn another_schema_and_a_plot_of_an_older_run_do_not_pass_for_this_one() {
     let (dir, _) = written(&report);
     let json = dir.path().join("accuracy.json");
     let text = std::fs::read_to_string(&json).unwrap();
-    std::fs::write(&json, text.replacen("\"schema\": 2", "\"schema\": 1", 1)).unwrap();
-    assert!(matches!(report::read(&json), Err(ReportError::Schema { found: 1, .. })));
+    std::fs::write(&json, text.replacen("\"schema\": 3", "\"schema\": 2", 1)).unwrap();
+    assert!(matches!(report::read(&json), Err(ReportError::Schema { found: 2, .. })));
     report.models.clear();
     assert!(dir.path().join("plots/models.svg").exists());
     report::write(dir.path(), &report).unwrap();
@@ -259,6 +276,38 @@ fn the_csv_has_a_line_a_row_and_every_number_of_it() {
 }
 
 #[test]
+fn models_csv_has_a_line_a_model_and_motion() {
+    let report = made_up();
+    let (_dir, files) = written(&report);
+    let records = records(&files[3].1);
+    assert_eq!(records.len(), report.trials.rows.len() + 1);
+    let column = |name: &str| records[0].iter().position(|head| head == name).unwrap();
+    for (record, row) in records[1..].iter().zip(&report.trials.rows) {
+        let number = |name: &str| record[column(name)].parse::<f64>().ok();
+        assert_eq!([&record[column("model")], &record[column("motion")]], [&row.model, row.motion.name()]);
+        assert_eq!(number("displacement_relative"), Some(row.displacement));
+        let parts = ["force_relative", "torque_relative", "energy_ratio"].map(number);
+        assert_eq!(parts, [row.force, row.torque, row.energy]);
+        assert_eq!([number("degrees"), number("frame_s")], [Some(row.degrees), Some(row.frame_s)]);
+    }
+}
+
+/// The table of a terminal names the models that have forces at 90° and 180°, and the page those that have none at 360°.
+#[test]
+fn models_are_told_by_how_far_they_turn() {
+    let report = made_up();
+    let said = summary(&report);
+    let line = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap().to_owned();
+    assert!(line("bend 90°").contains("74 % · 740 %"), "{said}");
+    assert!(line("time of a frame").contains("900 µs") && !said.contains("bend 360°"), "{said}");
+    let page = &written(&report).1[0].1;
+    assert!(page.contains("<td>bend 360°</td>") && parsed(page).1.contains("Made up: the control element"));
+    let none = Report { trials: Default::default(), ..report };
+    assert!(!summary(&none).contains("bend"));
+    well_formed(&none);
+}
+
+#[test]
 fn names_from_files_stay_text() {
     let hostile = "<script>alert(1)</script>\"'&]]><img src=x onerror=y>\u{202e}\u{0}\u{1b}[2J";
     let mut report = made_up();
@@ -275,6 +324,8 @@ fn names_from_files_stay_text() {
         &mut report.pose_source,
         &mut report.models[0].model,
         &mut report.smooth[0].element,
+        &mut report.trials.about[0],
+        &mut report.trials.rows[0].model,
         &mut report.effects[0].effect,
     ];
     text.iter_mut().for_each(|text| hostile.clone_into(text));

@@ -1,7 +1,8 @@
 //! A made-up report: no figure in it was measured.
 
 use greenstage::report::{
-    Cost, EffectCost, Errors, Measurement, ModelError, Report, SCHEMA, Setting, SmoothError, Spread,
+    Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
+    SmoothError, Spread, TrialMotion,
 };
 
 const ELEMENTS: [&str; 3] = ["tet4", "tet4_anp", "tet10"];
@@ -70,6 +71,7 @@ pub fn made_up() -> Report {
         quick: false,
         rows,
         models: models(),
+        trials: trials(),
         smooth: smooth(),
         effects: effects(),
     }
@@ -149,6 +151,32 @@ fn models() -> Vec<ModelError> {
         .into_iter()
         .flat_map(of)
         .collect()
+}
+
+fn trials() -> ModelTrials {
+    let of = |(model, factor, power, frame_s): (&'static str, f64, f64, f64)| {
+        let motions = TrialMotion::ALL.into_iter().zip([1.0, 0.3]);
+        motions.flat_map(move |(motion, part)| {
+            [1.0, 10.0, 30.0, 90.0, 180.0, 360.0].map(|degrees: f64| {
+                let error = part * factor * degrees.to_radians().powf(power);
+                ModelTrial {
+                    model: model.into(),
+                    motion,
+                    degrees,
+                    displacement: 0.1 * error,
+                    force: (degrees < 300.0).then_some(error),
+                    torque: (degrees < 300.0).then_some(0.4 * error),
+                    energy: (degrees < 300.0).then_some(1.0 - error),
+                    frame_s,
+                }
+            })
+        })
+    };
+    let rows = [("linear", 4.0, 1.0, 2e-5), ("rotation", 0.3, 2.0, 3e-5), ("reduced", 0.004, 3.0, 9e-4)];
+    ModelTrials {
+        about: vec!["Made up: the control element right against left.".into()],
+        rows: rows.into_iter().flat_map(of).collect(),
+    }
 }
 
 fn smooth() -> Vec<SmoothError> {

@@ -9,7 +9,7 @@ use super::of_models::{moves_inside, of_affine_columns};
 use super::reference::{PoseReference, References, largest};
 use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
-use crate::deform::{ControlPoses, MODELS, ModelEntry, Wrench};
+use crate::deform::{ControlPoses, MODELS, ModelEntry, Wrench, model_of};
 use crate::green::{self, GreenFile, Precomputed, Requirements};
 use crate::report::data::{Cost, Errors, Measurement, Setting, Spread};
 use crate::scene::Storage;
@@ -75,7 +75,9 @@ pub fn measurements(
             let errors = match parts.errors(model, &rounded) {
                 Ok(errors) => errors,
                 Err(MeasureError::Model(why)) if !of_affine_columns().any(|m| m.name == model.name) => {
-                    left_out.push(why);
+                    if !left_out.contains(&why) {
+                        left_out.push(why);
+                    }
                     continue;
                 }
                 Err(error) => return Err(error),
@@ -142,8 +144,10 @@ impl Measured<'_> {
             let solved = AtPose { of: self, reference, known: RefCell::default() };
             let fields = ErrorFields::new(&solved, model).ok_or_else(|| {
                 let mesh = Setting::mesh_name(self.candidate.element.name, self.candidate.refine);
-                let (model, pose) = (model.name, &reference.name);
-                MeasureError::Model(format!("model {model} with {mesh}: it has no state in the pose {pose}"))
+                let (name, pose) = (model.name, &reference.name);
+                let unsuited = model_of(model, &self.candidate.solution).err();
+                let why = unsuited.unwrap_or_else(|| format!("it has no state in the pose {pose}"));
+                MeasureError::Model(format!("model {name} with {mesh}: {why}"))
             })?;
             for (errors, rounded) in errors.iter_mut().zip(rounded) {
                 errors.push(fields.with_storage(self, rounded));
@@ -238,9 +242,11 @@ impl<'a> AtPose<'a> {
         })
     }
 
-    fn finest_of(&self, model: &ModelEntry) -> Option<&'a Candidate> {
-        let made = self.of.candidates.iter().filter(|c| c.is_exact(model));
-        made.max_by_key(|c| c.fineness())
+    /// The finest mesh on which the model has a state in this pose.
+    fn finest_of(&self, model: &'static ModelEntry) -> Option<&'a Candidate> {
+        let mut made: Vec<&Candidate> = self.of.candidates.iter().filter(|c| c.is_exact(model)).collect();
+        made.sort_by_key(|c| std::cmp::Reverse(c.fineness()));
+        made.into_iter().find(|c| self.raised(c, model).is_some())
     }
 }
 
