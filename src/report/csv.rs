@@ -54,7 +54,9 @@ pub fn trial_numbers(row: &ModelTrial) -> [(&'static str, Option<f64>); 6] {
 
 /// The trials of the models, as [`csv`].
 pub fn trials(rows: &[ModelTrial]) -> String {
-    let mut text = "model,motion,degrees,displacement_relative,force_relative,torque_relative,energy_ratio,frame_s\r\n".to_owned();
+    let mut text =
+        "model,motion,degrees,displacement_relative,force_relative,torque_relative,energy_ratio,frame_s\r\n"
+            .to_owned();
     for row in rows {
         let numbers = trial_numbers(row).map(|(_, value)| value.map_or_else(String::new, |v| v.to_string()));
         text += &format!("{},{},{}\r\n", quoted(&row.model), row.motion.name(), numbers.join(","));

@@ -37,8 +37,10 @@ const CSV: Kind = Kind {
     name: "a table of `accuracy`",
     recognizes: |head| head.starts_with(b"refine,element,solver,storage,model,"),
 };
-const MODELS: Kind =
-    Kind { name: "a table of models of `accuracy`", recognizes: |head| head.starts_with(b"model,motion,degrees,") };
+const MODELS: Kind = Kind {
+    name: "a table of models of `accuracy`",
+    recognizes: |head| head.starts_with(b"model,motion,degrees,"),
+};
 const PAGE: Kind = Kind {
     name: "a page of `accuracy`",
     recognizes: |head| contains(head, b"<title>What accuracy costs in time: "),
@@ -78,7 +80,8 @@ pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
         .map_err(|source| ReportError::Json { path: dir.join("accuracy.json"), source })?;
     let pictures = pictures(report);
     output::make_folder(&dir.join("plots"))?;
-    let texts = [page(report, &pictures), json + "\n", csv::csv(&report.rows), csv::trials(&report.trials.rows)];
+    let texts =
+        [page(report, &pictures), json + "\n", csv::csv(&report.rows), csv::trials(&report.trials.rows)];
     let named = NAMES.into_iter().map(|(name, kind)| (dir.join(name), kind));
     let plots = pictures.iter().map(|(entry, picture)| ((plot_path(dir, entry.name), &PLOT), picture.file()));
     let (mut staged, mut written) = (Vec::new(), Vec::new());

@@ -115,7 +115,9 @@ fn kept(
     // A table of another version is measured again.
     let table: Option<MeasuredTable> = plan.and_then(|plan| serde_json::from_value(plan).ok());
     let is_own = |table: &MeasuredTable| {
-        table.key == key && table.models == models() && (!demand.is_timed() || table.machine == machine::description())
+        table.key == key
+            && table.models == models()
+            && (!demand.is_timed() || table.machine == machine::description())
     };
     Ok(table.filter(is_own))
 }

@@ -1,8 +1,17 @@
 //! A body that asks for an accuracy or a budget, as the command line answers it.
 
 use crate::common::{attempt, folder};
+use greenstage::deform::{Deformer, Screw, Statics, Way, Wrench, find_model};
+use greenstage::fem::STVK;
+use greenstage::green::{GreenFile, Requirements};
+use greenstage::scene::Scene;
+use greenstage::solve::Silent;
+use greenstage::tuning::poses::scripted_or_random;
+use greenstage::tuning::settle_from_file;
+use nalgebra::Vector3;
 use std::path::Path;
 use std::process::Output;
+use std::sync::Arc;
 
 const SCENE: &str = r#"
 [body.bar]
@@ -97,4 +106,87 @@ fn a_damaged_file_is_refused_before_anything_is_measured() {
     assert!(said.contains("--force") && !said.contains(MEASURING), "{said}");
     let (output, said) = precompute(&folder, "accuracy = { displacement = 0.5 }", &["--force"]);
     assert!(output.status.success() && said.contains(MEASURING), "{said}");
+}
+
+const SLENDER: &str = r#"
+[body.bar]
+generate = { block = { size = [0.1, 0.1, 1.0], cells = [1, 1, 8] } }
+material = { young = 1.0e6, poisson = 0.3 }
+accuracy = { force = FORCE, largest = 10000 }
+[body.bar.control.low]
+nodes = { group = "zmin" }
+grab = "fixed"
+[body.bar.control.high]
+nodes = { group = "zmax" }
+grab = "dragger"
+"#;
+
+/// The largest error of the force and torque that the body of a .green file needs in some poses, as a part of the largest
+/// wrench of the equilibrium on its mesh refined once more.
+fn worst_wrench_error(
+    scene: &Scene,
+    model: &str,
+    poses: &[(String, Vec<greenstage::deform::ControlPose>)],
+) -> f64 {
+    let file = Arc::new(GreenFile::open(&scene.path.with_extension("green")).unwrap());
+    let mut deformer = Deformer::new(file, "bar", model).unwrap();
+    let mut finer = scene.clone();
+    finer.body["bar"].refine += 1;
+    let mut statics = Statics::new(&finer, "bar", &STVK, &Silent).unwrap();
+    let error = |(_, poses): &(String, Vec<greenstage::deform::ControlPose>)| {
+        let settled = statics.solve(poses, &Silent).unwrap();
+        deformer.forget();
+        let ways: Vec<Way> =
+            poses.iter().map(|pose| Way::between(Screw::default(), Screw::of(pose))).collect();
+        for step in 1..=6 {
+            let share = f64::from(step) / 6.0;
+            deformer.take(&ways.iter().map(|way| way.pose(share)).collect::<Vec<_>>());
+        }
+        deformer.evaluate(poses);
+        let found = deformer.wrenches().unwrap().0;
+        let placed = |wrenches: &[Wrench]| -> Vec<[Vector3<f64>; 2]> {
+            let both = |(wrench, pose): (&Wrench, _)| {
+                let wrench = wrench.about_the_place(pose);
+                // The bar is 1 m long: a torque counts as the force at that distance.
+                [wrench.force, wrench.moment]
+            };
+            wrenches.iter().zip(poses).map(both).collect()
+        };
+        let (found, truth) = (placed(&found).concat(), placed(&settled.wrenches).concat());
+        let size = truth.iter().map(Vector3::norm).fold(0.0, f64::max);
+        found.iter().zip(&truth).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / size
+    };
+    poses.iter().map(error).fold(0.0, f64::max)
+}
+
+/// Neither `linear` nor `rotation` has the force of a bar that is bent by 60°. What is chosen has it, against an equilibrium
+/// that the planner did not see, and the file holds the families of its model and no others. What nothing reaches is refused
+/// from the same table.
+#[test]
+fn a_demand_for_force_chooses_a_model_that_meets_it() {
+    let folder = folder("plan-force");
+    let ask = |force: &str| {
+        std::fs::write(folder.join("bar.toml"), SLENDER.replace("FORCE", force)).unwrap();
+        let output = attempt(&folder, &["precompute", "bar.toml"]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output, said)
+    };
+    let (output, said) = ask("0.05");
+    assert!(output.status.success() && said.contains("body.bar: chosen: "), "{said}");
+    let asking = Scene::load(&folder.join("bar.toml")).unwrap();
+    let (poses, _) = scripted_or_random(&asking, "bar", None, true).unwrap();
+    assert_eq!(poses.last().unwrap().0, "turned 60°");
+    let chosen = settle_from_file(asking).unwrap();
+    let model = chosen.body["bar"].model.clone();
+    assert!(["reduced", "substructured", "rod"].contains(&model.as_str()), "{model}");
+    let error = worst_wrench_error(&chosen, &model, &poses);
+    println!("{model} with {}: {error:.4}", chosen.body["bar"].element.name);
+    assert!(error < 0.05, "{model}: {error}");
+    let file = GreenFile::open(&folder.join("bar.green")).unwrap();
+    let own = Requirements::of(find_model(&model).unwrap().requirements);
+    assert_eq!(file.meta.bodies["bar"].requirements, own);
+    let (output, said) = ask("1e-6");
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(!said.contains(MEASURING) && said.contains("The nearest is "), "{said}");
+    assert!(said.contains("force = ") && said.contains("model = \""), "{said}");
 }

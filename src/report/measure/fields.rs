@@ -1,8 +1,8 @@
 //! The displacement field of one setting in one pose, over all nodes.
 
-use crate::base::columns::{Storage, StoredColumns};
 use super::of_models::moves_inside;
 use super::poses::on_the_way;
+use crate::base::columns::{Storage, StoredColumns};
 use crate::base::parts::PartShare;
 use crate::deform::{
     BodyState, ControlPose, ControlPoses, DeformationModel, ModelEntry, PoseSlope, Wrench, model_of,
@@ -144,7 +144,8 @@ pub fn stored(solution: &Solution, storage: Storage) -> Vec<Vec<f64>> {
     let own = (0..solution.fields.columns).map(|column| {
         (0..3 * solution.fields.nodes).map(|row| solution.fields.row(row)[column]).collect::<Vec<f64>>()
     });
-    let more = more.into_iter().flat_map(|table| table.column_iter().map(|column| column.iter().copied().collect()));
+    let more =
+        more.into_iter().flat_map(|table| table.column_iter().map(|column| column.iter().copied().collect()));
     own.chain(more).map(|exact| StoredColumns::rounded(storage, &exact)).collect()
 }
 

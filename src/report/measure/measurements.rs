@@ -183,7 +183,6 @@ impl Measured<'_> {
         };
         Ok((row, deformer))
     }
-
 }
 
 /// A candidate in one pose.
@@ -265,7 +264,8 @@ struct Difference {
 
 impl Raised {
     fn less(&self, other: &Raised) -> Difference {
-        let less = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
+        let less =
+            |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
         let held = self.held.iter().zip(&other.held).map(less).collect();
         Difference { field: difference(&self.field, &other.field), held }
     }
@@ -273,7 +273,8 @@ impl Raised {
 
 impl Difference {
     fn and(&self, other: &Difference) -> Difference {
-        let and = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force + b.force, moment: a.moment + b.moment };
+        let and =
+            |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force + b.force, moment: a.moment + b.moment };
         let held = self.held.iter().zip(&other.held).map(and).collect();
         Difference { field: sum(&self.field, &other.field), held }
     }

@@ -33,7 +33,7 @@ pub use ladder::MeshLadder;
 pub use norms::Norms;
 pub use request::{Limits, MeasureError, Request};
 
-use super::data::{Measurement, ModelError, ModelTrials, Report, SCHEMA};
+use super::data::{Measurement, ModelError, Report, SCHEMA};
 use crate::base::machine;
 use crate::deform::{ControlPoses, Kind, find_model};
 use crate::fem::Element;

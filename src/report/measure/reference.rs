@@ -5,9 +5,7 @@ use super::fields::{ModelOutput, difference, displaced, evaluate, evaluate_about
 use super::norms::Norms;
 use super::of_models::{moves_inside, of_affine_columns, online};
 use super::request::{MeasureError, Request};
-use crate::deform::{
-    ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Wrench, model_of,
-};
+use crate::deform::{ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Wrench, model_of};
 use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
@@ -174,7 +172,8 @@ impl<'a> References<'a> {
                     }
                     _ => {
                         stateless.push(model.name);
-                        self.left_out.push(format!("model {}: it has no state in the pose {name}", model.name));
+                        self.left_out
+                            .push(format!("model {}: it has no state in the pose {name}", model.name));
                     }
                 }
             }
@@ -230,7 +229,8 @@ impl<'a> References<'a> {
     /// The first model of the affine columns that is undefined in a pose on one of the meshes.
     fn undefined(&self, candidates: &[Candidate], poses: &ControlPoses) -> Option<&'static str> {
         let fails = |model: &&ModelEntry| {
-            let mut measured = candidates.iter().filter(|c| c.models.iter().any(|own| own.name == model.name));
+            let mut measured =
+                candidates.iter().filter(|c| c.models.iter().any(|own| own.name == model.name));
             measured.any(|c| evaluate_about(model, &c.solution, poses, &self.origins).is_none())
         };
         of_affine_columns().find(fails).map(|model| model.name)

@@ -58,7 +58,8 @@ pub fn measure(
     let held = equilibria(request, &mut statics, &moved, &mut found.about, progress)?;
     for model in online() {
         let of = |c: &&Candidate| c.is_of(0, element, model);
-        let solved = if element == &TET4 { references.base(candidates, model) } else { candidates.iter().find(of) };
+        let solved =
+            if element == &TET4 { references.base(candidates, model) } else { candidates.iter().find(of) };
         let Some(solved) = solved else {
             let (model, element) = (model.name, element.name);
             found.about.push(format!("Left out: {model}, which was not made with {element} on this mesh."));

@@ -144,7 +144,11 @@ fn trade(report: &Report) -> Option<Picture> {
     let plot = Plot {
         title: "What a better force costs in time",
         note: "Bends; the labels are their angles.".into(),
-        x: Scale { label: "time of one frame with forces (median)".into(), unit: Unit::Seconds, logarithmic: true },
+        x: Scale {
+            label: "time of one frame with forces (median)".into(),
+            unit: Unit::Seconds,
+            logarithmic: true,
+        },
         y: Scale::ratio("error of force and torque"),
         series: models,
         points,
@@ -160,7 +164,8 @@ const LABELLED: [f64; 2] = [30.0, 90.0];
 /// The models that reach a bearable force at the largest of [`LABELLED`] that was measured, the fastest first.
 fn trade_caption(report: &Report) -> String {
     let bends = || report.trials.rows.iter().filter(|row| row.motion == TrialMotion::Bend);
-    let Some(angle) = LABELLED.into_iter().rev().find(|angle| bends().any(|row| row.degrees == *angle)) else {
+    let Some(angle) = LABELLED.into_iter().rev().find(|angle| bends().any(|row| row.degrees == *angle))
+    else {
         return String::new();
     };
     let here = bends().filter(|row| row.degrees == angle);
@@ -170,7 +175,11 @@ fn trade_caption(report: &Report) -> String {
     if good.is_empty() {
         return format!("At {angle}° no model has force and torque within 5 %.");
     }
-    let told =
-        good.iter().map(|(row, error)| format!("{} ({}, {})", row.model, seconds(row.frame_s), relative(*error)));
-    format!("Force and torque within 5 % at {angle}°, the fastest first: {}.", listed(&told.collect::<Vec<_>>()))
+    let told = good
+        .iter()
+        .map(|(row, error)| format!("{} ({}, {})", row.model, seconds(row.frame_s), relative(*error)));
+    format!(
+        "Force and torque within 5 % at {angle}°, the fastest first: {}.",
+        listed(&told.collect::<Vec<_>>())
+    )
 }
