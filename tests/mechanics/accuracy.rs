@@ -368,3 +368,67 @@ fn linear_against_quadratic_elements_as_found_elsewhere() {
         assert!((low..high).contains(&error), "{case}: {error}");
     }
 }
+
+/// Models with column families of their own are settings on the scene's mesh: with the model's families alone in the file, a
+/// smaller error than `rotation`, and for more time. Each stands in the table by angle too.
+#[test]
+fn every_model_that_suits_the_body_is_a_setting_and_is_tried() {
+    let bar = "generate = { block = { size = [0.6, 0.1, 0.1], cells = [8, 1, 1] } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
+    let scene = held(bar, "xmin", "xmax");
+    let (folder, poses) = (folder("accuracy-models"), poses(&scene, &[0.5, 1.0]));
+    let request = Request {
+        limits: Limits { largest: 20_000.0, largest_of_models: 200.0, refinements: 0, rounds: 3 },
+        requirements_of: &|scene| Requirements::of(find_model(&scene.body["b"].model).unwrap().requirements),
+        ..request(&scene, &poses, &folder, 0)
+    };
+    let report = measure(&request, &Silent).unwrap();
+    let of = |model: &str| row(&report, 0, "tet4", "cholesky", "f32", model);
+    let rotation = of("rotation");
+    for model in ["reduced", "substructured", "perturbation"] {
+        let (row, entry) = (of(model), find_model(model).unwrap());
+        println!("{model}: {:.4} of {:.4}", row.error.model.worst, rotation.error.model.worst);
+        assert!(row.cost.file_bytes > rotation.cost.file_bytes, "{model}");
+        let own = Requirements::of(entry.requirements);
+        let file = green::GreenFile::open(&folder.join(file_name(&own))).unwrap();
+        assert_eq!(file.meta.bodies["b"].requirements, own);
+        let tried = report.trials.rows.iter().filter(|trial| trial.model == model);
+        assert_eq!(tried.count(), 6, "{:?}", report.trials.about);
+    }
+    let reduced = of("reduced");
+    assert!(reduced.error.model.worst < 0.1 * rotation.error.model.worst);
+    assert!(
+        reduced.cost.frame_p50_s > rotation.cost.frame_p50_s
+            && reduced.cost.offline_s > rotation.cost.offline_s
+    );
+    // The same error as the trials find on their own way, through a .green file: small at 30°, and none at rest.
+    let trial = |model: &str, degrees: f64| {
+        let is = |t: &&greenstage::report::ModelTrial| t.model == model && t.degrees == degrees;
+        report.trials.rows.iter().find(is).unwrap().held().unwrap()
+    };
+    assert!(trial("reduced", 30.0) < 0.01 && trial("rotation", 30.0) > 0.05 && trial("linear", 30.0) > 1.0);
+}
+
+fn file_name(requirements: &Requirements) -> String {
+    format!("0-tet4-cholesky-f32-{}.green", requirements.describe().replace(", ", "+"))
+}
+
+/// The discretisation of a model that is made on the scene's mesh alone is carried on by the most accurate model that is made
+/// on finer ones: of `substructured` with tet4 it is that of `reduced` from tet4 to tet10, in forces.
+#[test]
+fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
+    let bar = "generate = { block = { size = [0.6, 0.1, 0.1], cells = [8, 1, 1] } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
+    let scene = held(bar, "xmin", "xmax");
+    let (folder, poses) = (folder("accuracy-carried"), poses(&scene, &[0.8]));
+    let request = Request {
+        limits: Limits { largest: 20_000.0, largest_of_models: 2_000.0, refinements: 0, rounds: 3 },
+        requirements_of: &|scene| Requirements::of(find_model(&scene.body["b"].model).unwrap().requirements),
+        ..request(&scene, &poses, &folder, 0)
+    };
+    let report = measure(&request, &Silent).unwrap();
+    let of = |model: &str| &row(&report, 0, "tet4", "cholesky", "f32", model).error;
+    let [own, carried] = ["reduced", "substructured"].map(|model| of(model).discretisation.worst);
+    assert_eq!(own, carried);
+    assert_eq!(row(&report, 0, "tet10", "cholesky", "f32", "reduced").error.discretisation.worst, 0.0);
+    // A coarse beam of tet4 is too stiff, which `rotation` shows less of in this pose.
+    assert!(of("reduced").force.unwrap().worst > 0.05 && of("substructured").force.unwrap().worst > 0.05);
+}

@@ -298,7 +298,7 @@ fn models_are_told_by_how_far_they_turn() {
     let report = made_up();
     let said = summary(&report);
     let line = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap().to_owned();
-    assert!(line("bend 90°").contains("74 % · 740 %"), "{said}");
+    assert!(line("bend 90°").contains("7.4 % · 74 %"), "{said}");
     assert!(line("time of a frame").contains("900 µs") && !said.contains("bend 360°"), "{said}");
     let page = &written(&report).1[0].1;
     assert!(page.contains("<td>bend 360°</td>") && parsed(page).1.contains("Made up: the control element"));
@@ -333,7 +333,9 @@ fn names_from_files_stay_text() {
     let Setting { element, storage, model, .. } = &mut report.rows[0].setting;
     [element, storage, model].into_iter().for_each(|text| hostile.clone_into(text));
     let (_dir, files) = written(&report);
-    for (name, file) in files.iter().filter(|(name, _)| !name.starts_with("accuracy")) {
+    for (name, file) in
+        files.iter().filter(|(name, _)| [".svg", ".html"].iter().any(|end| name.ends_with(end)))
+    {
         let (elements, text) = parsed(file);
         for (element, attributes) in &elements {
             assert!(!["script", "img", "a", "link"].contains(&element.as_str()), "{name}: <{element}>");

@@ -1,7 +1,7 @@
 //! Solves the body with every element, refinement and solver that is affordable.
 
 use super::ladder::MeshLadder;
-use super::of_models::{common, families};
+use super::of_models::{families, is_common, online};
 use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::deform::ModelEntry;
@@ -125,7 +125,7 @@ pub fn solve(
     progress: &dyn Progress,
 ) -> Result<Vec<Candidate>, MeasureError> {
     let mut candidates = Vec::new();
-    let common: Vec<_> = common().collect();
+    let common: Vec<_> = online().filter(|model| is_common(model)).collect();
     for refine in 0..meshes.linear.len() as u32 {
         for element in ELEMENTS.iter().copied().filter(|e| meshes.affords(request, refine as usize, e)) {
             match candidate(request, refine, element, Solver::default(), &common, progress) {

@@ -21,6 +21,7 @@ mod fields;
 mod frame;
 mod ladder;
 mod measurements;
+mod model_candidates;
 mod norms;
 mod of_models;
 pub mod poses;
@@ -75,7 +76,7 @@ impl<'a> Solved<'a> {
     ) -> Result<Solved<'a>, MeasureError> {
         let mut left_out = Vec::new();
         let mut candidates = candidates::solve(request, meshes, progress)?;
-        candidates.extend(of_models::solve(request, meshes, &mut left_out, progress)?);
+        candidates.extend(model_candidates::solve(request, meshes, &mut left_out, progress)?);
         let references = References::new(request, meshes, &candidates, progress)?;
         Ok(Solved { candidates, references, left_out })
     }
