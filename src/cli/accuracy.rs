@@ -82,6 +82,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         },
         largest_key: "--largest".into(),
         quick: args.quick,
+        packs: true,
         requirements_of: &requirements,
         command: command(args),
         scratch: scratch.path(),

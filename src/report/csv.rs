@@ -10,14 +10,14 @@ pub fn numbers(row: &Measurement) -> Vec<(String, Option<f64>)> {
     let counts = [("mesh_nodes", row.mesh_nodes as f64), ("surface_nodes", row.surface_nodes as f64)];
     let forward_error = ("forward_error_relative".to_owned(), row.forward_error);
     let costs = [
-        ("offline_s", cost.offline_s),
-        ("offline_bytes", cost.offline_bytes),
-        ("file_bytes", cost.file_bytes),
+        ("offline_s", Some(cost.offline_s)),
+        ("offline_bytes", Some(cost.offline_bytes)),
+        ("file_bytes", Some(cost.file_bytes)),
         ("packed_bytes", cost.packed_bytes),
-        ("frame_p50_s", cost.frame_p50_s),
-        ("frame_p99_s", cost.frame_p99_s),
-        ("frame_one_p50_s", cost.frame_one_p50_s),
-        ("frame_bytes", cost.frame_bytes),
+        ("frame_p50_s", Some(cost.frame_p50_s)),
+        ("frame_p99_s", Some(cost.frame_p99_s)),
+        ("frame_one_p50_s", Some(cost.frame_one_p50_s)),
+        ("frame_bytes", Some(cost.frame_bytes)),
     ];
     let errors: [(&str, &str, Option<Spread>); 11] = [
         ("discretisation", "relative", Some(error.discretisation)),
@@ -32,7 +32,8 @@ pub fn numbers(row: &Measurement) -> Vec<(String, Option<f64>)> {
         ("torque", "relative", error.torque),
         ("uncancelled_held", "relative", error.uncancelled_held),
     ];
-    let plain = counts.into_iter().chain(costs).map(|(name, value)| (name.to_owned(), Some(value)));
+    let counts = counts.map(|(name, count)| (name, Some(count)));
+    let plain = counts.into_iter().chain(costs).map(|(name, value)| (name.to_owned(), value));
     let spreads = errors.into_iter().flat_map(|(name, unit, spread)| {
         [("median", spread.map(|s| s.median)), ("worst", spread.map(|s| s.worst))]
             .map(|(which, value)| (format!("{name}_{which}_{unit}"), value))

@@ -109,8 +109,8 @@ pub struct Cost {
     /// Factor, matrix and columns, which live at the same time.
     pub offline_bytes: f64,
     pub file_bytes: f64,
-    /// The file packed for shipping.
-    pub packed_bytes: f64,
+    /// The file packed for shipping, where that was measured.
+    pub packed_bytes: Option<f64>,
     /// One evaluation with every control element moved: median and 99th percentile.
     pub frame_p50_s: f64,
     pub frame_p99_s: f64,

@@ -118,7 +118,7 @@ pub fn costs(rows: &[Measurement]) -> String {
             ("offline", bold(number(seconds(cost.offline_s)), offline)),
             ("memory offline", number(bytes(cost.offline_bytes))),
             ("file", bold(number(bytes(cost.file_bytes)), file)),
-            ("file packed", number(bytes(cost.packed_bytes))),
+            ("file packed", number(cost.packed_bytes.map_or_else(|| "–".into(), bytes))),
             ("one evaluation", bold(number(seconds(cost.frame_p50_s)), online)),
             ("p99", number(seconds(cost.frame_p99_s))),
             ("one element moved", number(seconds(cost.frame_one_p50_s))),

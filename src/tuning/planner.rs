@@ -141,6 +141,7 @@ fn measure(
         limits: Limits { largest, largest_of_models: MODELS_SHARE * largest, refinements: 1, rounds: 60 },
         largest_key: format!("body.{name}.{}.largest", demand.key()),
         quick: true,
+        packs: false,
         requirements_of: &|scene| prepare::requirements(scene, name, &scene.body[name]).unwrap_or_default(),
         command: String::new(),
         scratch: scratch.path(),

@@ -67,6 +67,7 @@ fn request<'a>(
         limits: Limits { largest: 20_000.0, largest_of_models: 0.0, refinements, rounds: 3 },
         largest_key: "--largest".into(),
         quick: true,
+        packs: false,
         requirements_of: &|_| Requirements::of(&[STIFFNESS]),
         command: String::new(),
         scratch,
@@ -429,6 +430,6 @@ fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
     let [own, carried] = ["reduced", "substructured"].map(|model| of(model).discretisation.worst);
     assert_eq!(own, carried);
     assert_eq!(row(&report, 0, "tet10", "cholesky", "f32", "reduced").error.discretisation.worst, 0.0);
-    // A coarse beam of tet4 is too stiff, which `rotation` shows less of in this pose.
+    // A coarse beam of tet4 is too stiff.
     assert!(of("reduced").force.unwrap().worst > 0.05 && of("substructured").force.unwrap().worst > 0.05);
 }

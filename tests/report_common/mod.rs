@@ -113,7 +113,7 @@ fn row(
             offline_s,
             offline_bytes: 320.0 * mesh_nodes.powf(1.25),
             file_bytes: 4.0e4 + columns * storage_bytes,
-            packed_bytes: 3.6e4 + 0.83 * columns * storage_bytes,
+            packed_bytes: Some(3.6e4 + 0.83 * columns * storage_bytes),
             frame_p50_s: frame,
             frame_p99_s: 1.7 * frame,
             frame_one_p50_s: 0.45 * frame,

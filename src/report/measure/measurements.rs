@@ -424,8 +424,11 @@ fn written(
     };
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
     let io = |source| MeasureError::Io { path: path.clone(), source };
-    let bytes = std::fs::read(&path).map_err(io)?;
-    let packed_bytes = green::packed(&bytes).map_err(io)?.len() as f64;
+    let mut packed_bytes = None;
+    if request.packs {
+        let bytes = std::fs::read(&path).map_err(io)?;
+        packed_bytes = Some(green::packed(&bytes).map_err(io)?.len() as f64);
+    }
     let stats = &candidate.solution.stats;
     let columns = candidate.solution.fields.data.len() as f64;
     let cost = Cost {

@@ -31,6 +31,8 @@ pub struct Request<'a> {
     /// The option or key by which the user sets `limits.largest`.
     pub largest_key: String,
     pub quick: bool,
+    /// Whether each file is packed too, which takes long.
+    pub packs: bool,
     /// What the body's model and effects need.
     pub requirements_of: &'a dyn Fn(&Scene) -> Requirements,
     /// The command that measures this again.
