@@ -18,7 +18,8 @@ use std::path::PathBuf;
 ///
 /// Computes the scene's body with every element, mesh refinement, solver tolerance, storage precision and deformation
 /// model, measures what each costs offline and in the frame, and compares all with nonlinear statics and a finer mesh,
-/// over the poses of the scene's script, of a pose file, or seeded random ones. DIR/index.html explains the figures.
+/// over the poses of the scene's script, of a pose file, or seeded random ones. Every model is tried alone at bends and twists
+/// from 1° to 360°. DIR/index.html explains the figures.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -35,7 +36,7 @@ pub struct Args {
     /// Seed of random poses, which are then taken even if the scene has a script
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Take fewer poses, no refinement and one timing each: under a minute for ten thousand nodes
+    /// Take fewer poses and angles, no refinement and one timing each: some minutes for ten thousand nodes
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
