@@ -1,7 +1,9 @@
 //! What accuracy costs in time: the parts of the error, and the choice from them.
 
 use crate::common::{case_poses, folder, scene, shared};
-use greenstage::deform::{ControlPose, ControlPoses, PoseSlope, Statics, Wrench, find_model, model_of};
+use greenstage::deform::{
+    ControlPose, ControlPoses, Motion, Moved, PoseSlope, Statics, Wrench, find_model, model_of, trials,
+};
 use greenstage::fem::{Element, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::report::measure::poses::random;
@@ -207,6 +209,9 @@ fn a_pose_that_one_model_is_not_defined_in_is_left_out_for_all() {
         "{:?}",
         both.references
     );
+    // No model with families of its own was allowed, and the report says so.
+    let told = "left out: model reduced: 189 unknowns are more than the 0 for which";
+    assert!(both.references.iter().any(|line| line.starts_with(told)), "{:?}", both.references);
     let one = report_of("defined", scene, &all[..1], 0);
     let errors = |report: &Report| report.rows.iter().map(|row| row.error.clone()).collect::<Vec<_>>();
     assert_eq!(errors(&both), errors(&one));
@@ -411,6 +416,27 @@ fn every_model_that_suits_the_body_is_a_setting_and_is_tried() {
 
 fn file_name(requirements: &Requirements) -> String {
     format!("0-tet4-cholesky-f32-{}.green", requirements.describe().replace(", ", "+"))
+}
+
+/// Turns add up from angle to angle: from rest, a bend by 360° would be none.
+#[test]
+fn what_goes_on_from_a_lost_equilibrium_is_not_solved() {
+    let stout = "generate = { block = { size = [0.2, 0.1, 0.1], cells = [4, 2, 2] } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
+    let scene = held(stout, "xmin", "xmax");
+    let mut statics = Statics::new(&scene, "b", &STVK, &Silent).unwrap();
+    let origins: Vec<_> = statics.controls.iter().map(|control| control.origin).collect();
+    let moved = Moved::new(&origins, 1).unwrap();
+    let motions = [150.0, 300.0, 360.0, 420.0].map(Motion::Bend).into_iter().chain([Motion::Twist(20.0)]);
+    let mut told = Vec::new();
+    let motions: Vec<Motion> = motions.collect();
+    let found = trials(&mut statics, &moved, &motions, &Silent, &mut |motion, why| told.push((motion, why)));
+    let found: Vec<Motion> = found.unwrap().iter().map(|trial| trial.motion).collect();
+    assert_eq!(found, [Motion::Bend(150.0), Motion::Twist(20.0)]);
+    let whys: Vec<&str> = told.iter().map(|(_, why)| why.as_str()).collect();
+    assert!(whys[0].starts_with("no equilibrium beyond "), "{told:?}");
+    let on_the_way =
+        ["300°", "360°"].map(|angle| format!("no equilibrium on the way, where it is bent by {angle}"));
+    assert_eq!(whys[1..], on_the_way);
 }
 
 /// The discretisation of a model that is made on the scene's mesh alone is carried on by the most accurate model that is made
