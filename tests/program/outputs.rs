@@ -249,6 +249,11 @@ fn pictures_reports_and_tables_are_tried_before_the_work() {
         ("room.png", &["stage-view", "scene.toml", "-oroom.png"], "a PNG file"),
         ("out/monitor-centre.png", &["pattern", "desktop", "-oout"], "a PNG file"),
         ("out/index.html", &["accuracy", "scene.toml", "-oout", "--quick"], "a page of `accuracy`"),
+        (
+            "out/models.csv",
+            &["accuracy", "scene.toml", "-oout", "--quick"],
+            "a table of models of `accuracy`",
+        ),
         ("out/plots/online.svg", &["accuracy", "scene.toml", "-oout", "--quick"], "a plot of `accuracy`"),
     ] {
         std::fs::write(folder.join(name), "mine\n").unwrap();

@@ -24,6 +24,7 @@ mod measurements;
 mod model_candidates;
 mod norms;
 mod of_models;
+mod pose_errors;
 pub mod poses;
 mod reference;
 mod request;
