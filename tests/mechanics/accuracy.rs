@@ -459,3 +459,23 @@ fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
     // A coarse beam of tet4 is too stiff.
     assert!(of("reduced").force.unwrap().worst > 0.05 && of("substructured").force.unwrap().worst > 0.05);
 }
+
+/// A part with one end alone stopped the program, and with it every report of such a body.
+#[test]
+fn a_body_that_cannot_be_cut_is_measured_without_parts() {
+    let text = "[body.b]\ngenerate = { block = { size = [0.3, 0.1, 0.1], cells = [6, 1, 1] } }\n\
+                material = { young = 1.0e6, poisson = 0.3 }\n\
+                control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                control.mid = { nodes = { sphere = { centre = [0.0, 0.05, 0.05], radius = 0.03 } }, grab = \"dragger\" }\n\
+                control.right = { nodes = { group = \"xmax\" }, grab = \"fixed\" }\n";
+    let scene = scene(text);
+    let (folder, poses) = (folder("accuracy-uncut"), poses(&scene, &[0.1]));
+    let request = Request {
+        limits: Limits { largest: 20_000.0, largest_of_models: 200.0, refinements: 0, rounds: 3 },
+        requirements_of: &|scene| Requirements::of(find_model(&scene.body["b"].model).unwrap().requirements),
+        ..request(&scene, &poses, &folder, 0)
+    };
+    let report = measure(&request, &Silent).unwrap();
+    let told = |line: &String| line.starts_with("left out: model substructured with tet4: ");
+    assert!(report.references.iter().any(told), "{:?}", report.references);
+}

@@ -345,6 +345,10 @@ impl Domain<'_> {
     fn end_work(&self, first: &NodeFields, second: &NodeFields) -> DMatrix<f64> {
         let (m, of_pair) = (self.of_screws(), pairs(self.of_screws()));
         let mut sum = DMatrix::zeros(of_pair.len(), of_pair.len());
+        // Of a part with one end alone no end turns against another.
+        if of_pair.is_empty() {
+            return sum;
+        }
         let forces = self.forces(first);
         let pole = self.pole(|end| end.origin);
         let turns: Vec<Vec<Motion>> = (0..m).map(|k| self.motions(&unit(first.columns, &[k]))).collect();
