@@ -29,7 +29,7 @@ struct MeasuredTable {
     rows: Vec<Measurement>,
     /// The models that there were to be measured.
     models: Vec<String>,
-    /// Poses in which nothing was measured and models that were not, and why.
+    /// Poses in which nothing was measured, and why.
     left_out: Vec<String>,
 }
 
@@ -149,6 +149,7 @@ fn measure(
     let measured = settings(&request, &Bars::new(name, quiet)).map_err(Failure::work)?;
     let range = measured.poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);
     let machine = machine::description();
+    measured.models_left_out.iter().for_each(|model| notice!("body.{name}: left out: {model}"));
     let (rows, left_out, models) = (measured.rows, measured.left_out, models());
     Ok(MeasuredTable { key, machine, range, rows, models, left_out })
 }

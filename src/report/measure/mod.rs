@@ -53,6 +53,8 @@ pub struct Measured {
     /// The poses that were measured, and why others were left out.
     pub poses: Vec<(String, ControlPoses)>,
     pub left_out: Vec<String>,
+    /// Models that were not measured, and why.
+    pub models_left_out: Vec<String>,
 }
 
 /// The body solved in every way, and what it is compared with.
@@ -97,13 +99,14 @@ impl<'a> Solved<'a> {
             &mut self.left_out,
             progress,
         )?;
-        self.references.left_out.append(&mut self.left_out);
+        self.references.models_left_out.append(&mut self.left_out);
         Ok(Measured {
             rows,
             references: self.references.sentences(&self.candidates),
             models: self.references.models,
             poses: self.references.poses.into_iter().map(|pose| (pose.name, pose.poses)).collect(),
             left_out: self.references.left_out,
+            models_left_out: self.references.models_left_out,
         })
     }
 }

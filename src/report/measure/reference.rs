@@ -22,6 +22,8 @@ pub struct References<'a> {
     pub models: Vec<ModelError>,
     /// Poses that were left out, and why.
     pub left_out: Vec<String>,
+    /// Models that were left out, with a pose, mesh or element where only that was, and why.
+    pub models_left_out: Vec<String>,
     /// The models that were measured in every pose.
     pub models_of_settings: Vec<&'static ModelEntry>,
     /// Index of the candidate of the best discretisation.
@@ -114,6 +116,7 @@ impl<'a> References<'a> {
             models: Vec::new(),
             models_of_settings: Vec::new(),
             left_out: Vec::new(),
+            models_left_out: Vec::new(),
             finest,
             soft,
         };
@@ -172,7 +175,7 @@ impl<'a> References<'a> {
                     }
                     _ => {
                         stateless.push(model.name);
-                        self.left_out
+                        self.models_left_out
                             .push(format!("model {}: it has no state in the pose {name}", model.name));
                     }
                 }
@@ -194,7 +197,7 @@ impl<'a> References<'a> {
             let Some(base) = self.base(candidates, model) else { continue };
             match model_of(model, &base.solution) {
                 Ok(_) => suited.push(model),
-                Err(why) => self.left_out.push(format!("model {}: {why}", model.name)),
+                Err(why) => self.models_left_out.push(format!("model {}: {why}", model.name)),
             }
         }
         suited
@@ -330,7 +333,9 @@ impl<'a> References<'a> {
                  the parts' norms"
             ));
         }
-        sentences.extend(self.left_out.iter().map(|pose| format!("left out: {pose}")));
+        sentences.extend(
+            self.left_out.iter().chain(&self.models_left_out).map(|pose| format!("left out: {pose}")),
+        );
         sentences
     }
 }
