@@ -1,10 +1,10 @@
 //! Paints the overlay: rows in a font of one width on dark translucent plates.
 
-use super::readings::{BodyReading, ControlReading, Readings, SensorReading};
+use super::readings::{BodyReading, ControlReading, ErrorReading, Readings, SensorReading};
 use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
 use super::rows::{hand_rows, haptic_rows};
 use super::times::{FRAMES, History, STEPS};
-use crate::deform::StateAge;
+use crate::deform::{ErrorsAt, StateAge, percent};
 use crate::display::lettering::{DARK, INK, QUIET};
 use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
@@ -254,6 +254,7 @@ fn body_rows(body: &BodyReading) -> Vec<Row> {
             (" J".into(), QUIET),
         ]));
     }
+    rows.extend(body.errors.iter().flat_map(error_rows));
     for control in &body.controls {
         rows.push(Row::Gap);
         rows.extend(control_rows(control));
@@ -268,6 +269,24 @@ fn age_row(age: StateAge) -> Row {
         StateAge::Old { seconds } => words(format!("equilibrium {seconds:.2} s old"), FAIR),
         StateAge::Lost => words("no equilibrium beyond this one".to_owned(), BAD),
     }
+}
+
+/// What errors to expect, as they were measured on this body; no number beyond what was measured.
+fn error_rows(errors: &ErrorReading) -> Vec<Row> {
+    let row = |name: &str, found: Option<[String; 2]>| match found {
+        Some([force, shape]) => Row::Words(vec![
+            (format!("{name:<6} "), QUIET),
+            ("force ".into(), QUIET),
+            (format!("{force:<12}"), INK),
+            ("shape ".into(), QUIET),
+            (shape, INK),
+        ]),
+        None => Row::Words(vec![(format!("{name:<6} "), QUIET), ("not measured here".into(), BAD)]),
+    };
+    let of_model = |at: &ErrorsAt| [at.wrench().map_or_else(|| "none".into(), percent), percent(at.shape)];
+    let model = errors.model.iter().map(|at| row("model", at.as_ref().map(of_model)));
+    let mesh = errors.mesh.iter().map(|mesh| row("mesh", Some([mesh.wrench, mesh.shape].map(percent))));
+    std::iter::once(words("errors to expect, as measured on it", QUIET)).chain(model).chain(mesh).collect()
 }
 
 /// How far the body is bent, compared with the turn up to which its model is good.
@@ -330,6 +349,16 @@ fn control_rows(control: &ControlReading) -> Vec<Row> {
         }
     }
     rows
+}
+
+/// The words of what errors to expect.
+#[cfg(test)]
+pub(super) fn error_words(body: &BodyReading) -> Vec<String> {
+    let text = |row: Row| match row {
+        Row::Words(words) => words.into_iter().map(|(text, _)| text).collect(),
+        _ => String::new(),
+    };
+    body.errors.iter().flat_map(error_rows).map(text).collect()
 }
 
 /// The words of a body's gauge.

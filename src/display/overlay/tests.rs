@@ -75,6 +75,7 @@ fn readings(turn: f64) -> Readings {
             turn,
             limits: TurnLimits::of_model("linear"),
             energy: Some(0.1234),
+            errors: None,
         }],
         warnings: vec![(
             12.3,

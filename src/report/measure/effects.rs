@@ -54,7 +54,7 @@ fn run(
     folder: &Path,
 ) -> Result<[f64; 4], GreenError> {
     let solution = green::solve(scene, body, &requirements, &Silent)?;
-    let offline_s = solution.times.stiffness_s;
+    let stiffness_s = solution.times.stiffness_s;
     let mut precomputed = Precomputed {
         name: body.to_owned(),
         fingerprint: String::new(),
@@ -64,10 +64,14 @@ fn run(
         solution,
         sections: BTreeMap::new(),
     };
+    let started = Instant::now();
     add_sections(
+        scene,
         scene.body[body].effects.iter().filter_map(|name| find_effect(name).ok()),
         &mut precomputed,
+        &Silent,
     )?;
+    let offline_s = stiffness_s + started.elapsed().as_secs_f64();
     let path = folder.join("effects.green");
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
     let file = Arc::new(GreenFile::open(&path)?);
