@@ -1,9 +1,11 @@
 //! `greenstage precompute`: the offline stage.
 
+use super::expected;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
+use crate::effect;
 use crate::green::{self, Precomputed};
 use crate::prepare;
 use crate::scene::Scene;
@@ -51,9 +53,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let size = green::write(&path, &bodies).map_err(|error| prepare::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
+    let errors: String = bodies
+        .iter()
+        .filter_map(|body| Some(expected::sentences(&body.name, &effect::expected::of_precomputed(body)?)))
+        .collect();
     let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));
     print(&format!(
-        "{tables}{}: {} written in {}\nwhole offline stage {}{peak}\n",
+        "{tables}{errors}{}: {} written in {}\nwhole offline stage {}{peak}\n",
         path.display(),
         bytes(size as f64),
         seconds(written_s),

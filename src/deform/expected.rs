@@ -92,11 +92,10 @@ impl ErrorsAt {
     }
 }
 
-/// An error as a part, in per cent: `13 %`, `0.4 %`, `below 0.1 %`.
+/// An error as a part, in per cent: `13 %`, `0.4 %`; a small one, up to which it lies, is `0.1 %`.
 pub fn percent(part: f64) -> String {
     match 100.0 * part {
-        value if value < 0.095 => "below 0.1 %".into(),
-        value if value < 9.95 => format!("{value:.1} %"),
+        value if value < 9.95 => format!("{:.1} %", value.max(0.1)),
         value => format!("{value:.0} %"),
     }
 }
@@ -125,10 +124,9 @@ impl ExpectedErrors {
     /// The largest that the mesh adds; `None` where it could not be told of one of the control elements.
     pub fn mesh(&self) -> Option<MeshErrors> {
         let found = self.moved.iter().map(|moved| moved.mesh).collect::<Option<Vec<_>>>()?;
-        found.into_iter().reduce(|a, b| MeshErrors {
-            wrench: a.wrench.max(b.wrench),
-            shape: a.shape.max(b.shape),
-        })
+        found
+            .into_iter()
+            .reduce(|a, b| MeshErrors { wrench: a.wrench.max(b.wrench), shape: a.shape.max(b.shape) })
     }
 
     /// Errors at the first number that no measurement gives.
@@ -136,7 +134,14 @@ impl ExpectedErrors {
         let is_error = |x: f64| x.is_finite() && x >= 0.0;
         for MovedErrors { control, model, mesh } in &self.moved {
             for at in model {
-                let numbers = [at.angle, at.turn, at.stretch, at.shape, at.force.unwrap_or(0.0), at.torque.unwrap_or(0.0)];
+                let numbers = [
+                    at.angle,
+                    at.turn,
+                    at.stretch,
+                    at.shape,
+                    at.force.unwrap_or(0.0),
+                    at.torque.unwrap_or(0.0),
+                ];
                 if let Some(wrong) = numbers.into_iter().find(|x| !is_error(*x)) {
                     return Err(format!("{control} at {}°: {wrong} is no error", at.angle));
                 }
@@ -144,7 +149,9 @@ impl ExpectedErrors {
             if model.windows(2).any(|two| two[1].turn < two[0].turn || two[1].stretch < two[0].stretch) {
                 return Err(format!("{control}: the measured poses are not in the order of their reach"));
             }
-            if let Some(wrong) = mesh.iter().flat_map(|mesh| [mesh.wrench, mesh.shape]).find(|x| !is_error(*x)) {
+            if let Some(wrong) =
+                mesh.iter().flat_map(|mesh| [mesh.wrench, mesh.shape]).find(|x| !is_error(*x))
+            {
                 return Err(format!("{control}: {wrong} is no error of the mesh"));
             }
         }
@@ -157,7 +164,14 @@ mod tests {
     use super::*;
 
     fn at(angle: f64, stretch: f64, force: f64) -> ErrorsAt {
-        ErrorsAt { angle, turn: angle.to_radians(), stretch, force: Some(force), torque: Some(0.01), shape: 0.1 * force }
+        ErrorsAt {
+            angle,
+            turn: angle.to_radians(),
+            stretch,
+            force: Some(force),
+            torque: Some(0.01),
+            shape: 0.1 * force,
+        }
     }
 
     fn measured() -> ExpectedErrors {
@@ -170,7 +184,7 @@ mod tests {
     #[test]
     fn parts_are_told_in_per_cent() {
         let told = [0.0, 0.00094, 0.004, 0.0994, 0.0996, 0.13, 38.58].map(percent);
-        assert_eq!(told, ["below 0.1 %", "below 0.1 %", "0.4 %", "9.9 %", "10 %", "13 %", "3858 %"]);
+        assert_eq!(told, ["0.1 %", "0.1 %", "0.4 %", "9.9 %", "10 %", "13 %", "3858 %"]);
     }
 
     #[test]
@@ -182,7 +196,11 @@ mod tests {
         };
         assert_eq!((force(0.0, 0.0), force(10.0, 0.01)), (Some(0.02), Some(0.02)));
         assert_eq!((force(20.0, 0.0), force(30.0, 0.05)), (Some(0.07), Some(0.12)));
-        assert_eq!((force(5.0, 0.03), force(20.0, 0.04)), (Some(0.07), Some(0.095)), "the farther of both counts");
+        assert_eq!(
+            (force(5.0, 0.03), force(20.0, 0.04)),
+            (Some(0.07), Some(0.095)),
+            "the farther of both counts"
+        );
         assert_eq!((force(61.0, 0.0), force(5.0, 0.08)), (None, None));
         assert_eq!(ExpectedErrors::default().at(Reach::default()), None, "nothing was measured");
         assert_eq!(ExpectedErrors::default().mesh(), None);
@@ -207,10 +225,16 @@ mod tests {
     fn numbers_that_no_measurement_gives_are_refused() {
         assert_eq!(measured().check(), Ok(()));
         for (spoil, words) in [
-            ((|all| all.moved[0].model[0].shape = -0.1) as fn(&mut ExpectedErrors), "right at 10°: -0.1 is no error"),
+            (
+                (|all| all.moved[0].model[0].shape = -0.1) as fn(&mut ExpectedErrors),
+                "right at 10°: -0.1 is no error",
+            ),
             (|all| all.moved[0].model[1].force = Some(f64::INFINITY), "right at 30°: inf is no error"),
             (|all| all.moved[0].model.swap(0, 2), "not in the order"),
-            (|all| all.moved[0].mesh = Some(MeshErrors { wrench: f64::NAN, shape: 0.0 }), "NaN is no error of the mesh"),
+            (
+                |all| all.moved[0].mesh = Some(MeshErrors { wrench: f64::NAN, shape: 0.0 }),
+                "NaN is no error of the mesh",
+            ),
         ] {
             let mut wrong = measured();
             spoil(&mut wrong);

@@ -9,7 +9,8 @@ use crate::solve::Progress;
 use crate::world::World;
 
 /// Makes the tensors of an effect's own section for a solved body of a scene, each with its name.
-pub type Precompute = fn(&Scene, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
+pub type Precompute =
+    fn(&Scene, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
 
 /// A scene in which some bodies list an effect.
 pub struct Listed<'a> {

@@ -4,7 +4,7 @@ use super::readings::{BodyReading, ControlReading, ErrorReading, Readings, Senso
 use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
 use super::rows::{hand_rows, haptic_rows};
 use super::times::{FRAMES, History, STEPS};
-use crate::deform::{ErrorsAt, StateAge, percent};
+use crate::deform::{ErrorsAt, MeshErrors, StateAge, percent};
 use crate::display::lettering::{DARK, INK, QUIET};
 use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
@@ -273,20 +273,18 @@ fn age_row(age: StateAge) -> Row {
 
 /// What errors to expect, as they were measured on this body; no number beyond what was measured.
 fn error_rows(errors: &ErrorReading) -> Vec<Row> {
-    let row = |name: &str, found: Option<[String; 2]>| match found {
-        Some([force, shape]) => Row::Words(vec![
-            (format!("{name:<6} "), QUIET),
-            ("force ".into(), QUIET),
-            (format!("{force:<12}"), INK),
-            ("shape ".into(), QUIET),
-            (shape, INK),
-        ]),
-        None => Row::Words(vec![(format!("{name:<6} "), QUIET), ("not measured here".into(), BAD)]),
+    let of_model = |at: &Option<ErrorsAt>| match at {
+        Some(at) => vec![
+            ("expect force ±".into(), QUIET),
+            (format!("{:<8}", at.wrench().map_or("none".into(), percent)), INK),
+            ("shape ±".into(), QUIET),
+            (percent(at.shape), INK),
+        ],
+        None => vec![("errors not measured here".into(), BAD)],
     };
-    let of_model = |at: &ErrorsAt| [at.wrench().map_or_else(|| "none".into(), percent), percent(at.shape)];
-    let model = errors.model.iter().map(|at| row("model", at.as_ref().map(of_model)));
-    let mesh = errors.mesh.iter().map(|mesh| row("mesh", Some([mesh.wrench, mesh.shape].map(percent))));
-    std::iter::once(words("errors to expect, as measured on it", QUIET)).chain(model).chain(mesh).collect()
+    let of_mesh = |mesh: &MeshErrors| vec![("its mesh: force ±".into(), QUIET), (percent(mesh.wrench), INK)];
+    let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
+    model.chain(mesh).map(Row::Words).collect()
 }
 
 /// How far the body is bent, compared with the turn up to which its model is good.

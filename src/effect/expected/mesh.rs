@@ -124,9 +124,8 @@ fn rigid_stiffness(solution: &Solution, e: usize, about: &Vector3<f64>) -> Optio
 
 /// Displacements of nodes for the six motions, a row for each axis of each node.
 fn rigid_fields(solution: &Solution, e: usize, about: &Vector3<f64>, nodes: &[usize]) -> DMatrix<f64> {
-    let entry = |row: usize, field: usize| {
-        solution.fields.row(3 * nodes[row / 3] + row % 3)[FIELDS * e + field]
-    };
+    let entry =
+        |row: usize, field: usize| solution.fields.row(3 * nodes[row / 3] + row % 3)[FIELDS * e + field];
     DMatrix::from_fn(3 * nodes.len(), FIELDS, entry) * rigid(&solution.controls[e], about)
 }
 
@@ -137,12 +136,9 @@ fn largest_ratio(a: Matrix6<f64>, b: Matrix6<f64>) -> Option<f64> {
     let b = scaled(&b).symmetric_eigen();
     let most = b.eigenvalues.max();
     let whiten = b.eigenvalues.map(|x| if x > 1e-9 * most { x.sqrt().recip() } else { 0.0 });
-    if !(most > 0.0) {
-        return None;
-    }
     let w = b.eigenvectors * Matrix6::from_diagonal(&whiten);
     let ratio = (w.transpose() * scaled(&a) * w).symmetric_eigenvalues();
-    Some(ratio.amax()).filter(|ratio| ratio.is_finite())
+    Some(ratio.amax()).filter(|ratio| most > 0.0 && ratio.is_finite())
 }
 
 /// Those of these nodes that stand under the same number in the other mesh: all corners.

@@ -6,6 +6,8 @@
 
 pub mod mesh;
 pub mod model;
+#[cfg(test)]
+mod tests;
 
 use super::entry::{EffectEntry, Listed};
 use super::running::RunningEffect;
@@ -24,8 +26,11 @@ pub const HAPTIC_NODES: usize = 4000;
 /// So many control elements are moved, the first ones that a hand can grab.
 pub const MOST_MOVED: usize = 2;
 
+/// Asks for what `haptics` has of small bodies alone.
+pub const NAME: &str = "expected_errors";
+
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
-    name: "expected_errors",
+    name: NAME,
     summary: "errors of force and shape to expect, measured on the body: of its model, and by its mesh and element",
     requirements: &[STIFFNESS],
     needs_energy: true,
@@ -56,15 +61,15 @@ pub(super) fn haptic_section(
     progress: &dyn Progress,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
     let nodes = body.solution.mesh.nodes.len();
-    let lists_both = scene.body[&body.name].effects.iter().any(|effect| effect == ENTRY.name);
+    let lists_both = scene.body[&body.name].effects.iter().any(|effect| effect == NAME);
     let mut errors = of(&scene.body[&body.name]);
     if lists_both {
-        errors.left_out.push(format!("stands in the section {}", ENTRY.name));
+        errors.left_out.push(format!("stands in the section {}", NAME));
     } else if nodes > HAPTIC_NODES {
         errors.left_out.push(format!(
             "the mesh has {nodes} nodes, and haptics measures bodies of up to {HAPTIC_NODES}: list the effect \
              \"{}\" too, which takes its time, or measure the same body on a coarser mesh",
-            ENTRY.name
+            NAME
         ));
     } else {
         errors = measure(scene, body, progress);
@@ -77,13 +82,20 @@ fn written(errors: &ExpectedErrors) -> Tensor {
     Tensor::new(&[text.len()], text)
 }
 
+/// What was measured of a body that is not written yet.
+pub fn of_precomputed(body: &Precomputed) -> Option<ExpectedErrors> {
+    let section = |effect: &str| body.sections.get(&format!("{effect}/{TENSOR}"));
+    let all: Vec<&Tensor> = body.requirements.sections().filter_map(section).collect();
+    serde_json::from_slice(&section(NAME).or(all.first().copied())?.bytes).ok()
+}
+
 /// What was measured of a body, where the file holds it. Errors where that is not what [`measure`] writes.
 pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, GreenError> {
     let Some(meta) = file.meta.bodies.get(body) else { return Ok(None) };
     let name = |effect: &str| format!("{body}/{effect}/{TENSOR}");
     let has = |effect: &&str| file.tensors().any(|(tensor, ..)| tensor == name(effect));
     let all: Vec<&str> = meta.requirements.sections().filter(has).collect();
-    let Some(effect) = all.iter().find(|effect| **effect == ENTRY.name).or(all.first()) else {
+    let Some(effect) = all.iter().find(|effect| **effect == NAME).or(all.first()) else {
         return Ok(None);
     };
     let damaged = |reason: String| GreenError::Damaged {
@@ -118,12 +130,14 @@ fn of(body: &Body) -> ExpectedErrors {
 pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
     let mut errors = of(asked);
-    let grabbed: Vec<usize> = (0..asked.control.len()).filter(|&e| asked.control[e].grab == Grab::Dragger).collect();
+    let grabbed: Vec<usize> =
+        (0..asked.control.len()).filter(|&e| asked.control[e].grab == Grab::Dragger).collect();
     if asked.control.len() < 2 {
         errors.left_out.push("it has one control element, with which it moves as a whole".into());
         return errors;
     }
-    let Some(moved) = Some(&grabbed[..grabbed.len().min(MOST_MOVED)]).filter(|moved| !moved.is_empty()) else {
+    let Some(moved) = Some(&grabbed[..grabbed.len().min(MOST_MOVED)]).filter(|moved| !moved.is_empty())
+    else {
         errors.left_out.push("no control element can be grabbed".into());
         return errors;
     };
@@ -159,7 +173,8 @@ fn mesh_errors(
             let control = &body.solution.controls[e].name;
             left_out.push(format!("{control}: what the mesh adds: it is too coarse to tell"));
         }
-        found.map(|MeshErrors { wrench, shape }| MeshErrors { wrench: rounded(wrench), shape: rounded(shape) })
+        found
+            .map(|MeshErrors { wrench, shape }| MeshErrors { wrench: rounded(wrench), shape: rounded(shape) })
     };
     match better {
         Ok(better) => moved.iter().map(|&e| of_one(&better, e, left_out)).collect(),

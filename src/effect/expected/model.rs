@@ -5,9 +5,7 @@
 //! with the same element ([`Trial`]).
 
 use crate::base::failure::Failure;
-use crate::deform::{
-    Deformer, ErrorsAt, Motion, Moved, Statics, Trial, reach, trials,
-};
+use crate::deform::{Deformer, ErrorsAt, Motion, Moved, Statics, Trial, reach, trials};
 use crate::fem::STVK;
 use crate::green::{self, GreenFile, Precomputed};
 use crate::scene::Scene;
@@ -67,7 +65,8 @@ impl Measured {
             of(Motion::Bend).chain(of(Motion::Twist)).chain(SHIFTS.map(Motion::Shift)).collect();
         let mut told = |motion: Motion, why: String| left_out(format!("{}: {why}", motion.name()));
         let held = trials(&mut self.statics, &moved, &motions, progress, &mut told).map_err(Failure::work)?;
-        let found: Vec<(Motion, ErrorsAt)> = held.iter().map(|trial| (trial.motion, self.at(trial))).collect();
+        let found: Vec<(Motion, ErrorsAt)> =
+            held.iter().map(|trial| (trial.motion, self.at(trial))).collect();
         Ok(by_reach(&found))
     }
 

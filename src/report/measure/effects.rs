@@ -26,9 +26,12 @@ pub fn measure(
         .iter()
         .map(|effect| {
             let listed = scene.body[body].effects.iter().any(|name| name == effect.name);
-            let mut without = scene.clone();
-            without.body[body].effects.retain(|name| name != effect.name);
-            let without = run(&without)?;
+            let mut without = as_listed;
+            if listed {
+                let mut scene = scene.clone();
+                scene.body[body].effects.retain(|name| name != effect.name);
+                without = run(&scene)?;
+            }
             let [offline_s, file_bytes, memory_bytes, frame_s] =
                 std::array::from_fn(|cost| (as_listed[cost] - without[cost]).max(0.0));
             Ok(EffectCost {
