@@ -48,7 +48,7 @@ pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
     if !parts.is_empty() {
         let (parts, model) = (parts.join(", "), &errors.model);
         text.push_str(&format!(
-            "{name}: bent or twisted {parts} (model {model} against static equilibrium, measured on this body)\n"
+            "{name}: bent or twisted {parts}: model {model} against static equilibrium, measured on this body\n"
         ));
     }
     if let Some(mesh) = errors.mesh() {
@@ -65,17 +65,9 @@ pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
 }
 
 fn within(at: &ErrorsAt) -> String {
-    let shape = percent(at.shape);
-    match at.wrench() {
-        Some(wrench) => {
-            format!(
-                "by up to {}° expect forces within {} and shapes within {shape}",
-                at.angle,
-                percent(wrench)
-            )
-        }
-        None => format!("by up to {}° expect no forces and shapes within {shape}", at.angle),
-    }
+    let forces =
+        at.wrench().map_or("no forces".into(), |wrench| format!("errors of {} in forces", percent(wrench)));
+    format!("by up to {}° expect {forces} and of {} in shapes", at.angle, percent(at.shape))
 }
 
 /// What is known of a scene's body by its .green file; or what to do to know it.

@@ -92,11 +92,12 @@ impl ErrorsAt {
     }
 }
 
-/// An error as a part, in per cent: `13 %`, `0.4 %`; a small one, up to which it lies, is `0.1 %`.
+/// An error as a part, in per cent: `13 %`, `0.4 %`; it lies below `0.1 %` where it is told as that.
 pub fn percent(part: f64) -> String {
     match 100.0 * part {
         value if value < 9.95 => format!("{:.1} %", value.max(0.1)),
-        value => format!("{value:.0} %"),
+        value if value < 1000.0 => format!("{value:.0} %"),
+        _ => ">1000 %".into(),
     }
 }
 
@@ -183,8 +184,8 @@ mod tests {
 
     #[test]
     fn parts_are_told_in_per_cent() {
-        let told = [0.0, 0.00094, 0.004, 0.0994, 0.0996, 0.13, 38.58].map(percent);
-        assert_eq!(told, ["0.1 %", "0.1 %", "0.4 %", "9.9 %", "10 %", "13 %", "3858 %"]);
+        let told = [0.0, 0.00094, 0.004, 0.0994, 0.0996, 0.13, 9.4, 38.58].map(percent);
+        assert_eq!(told, ["0.1 %", "0.1 %", "0.4 %", "9.9 %", "10 %", "13 %", "940 %", ">1000 %"]);
     }
 
     #[test]

@@ -66,6 +66,8 @@ pub struct Moved {
     pub element: usize,
     pub elements: usize,
     pub axis: Vector3<f64>,
+    /// About which it is bent and turned, and along which it is shifted; perpendicular to the axis.
+    pub across: Vector3<f64>,
     /// m.
     pub length: f64,
 }
@@ -77,7 +79,17 @@ impl Moved {
         let mean = others.sum::<Vector3<f64>>() / (origins.len() - 1) as f64;
         let way = origins[element] - mean;
         let (length, elements) = (way.norm(), origins.len());
-        (length > 0.0 && length.is_finite()).then(|| Moved { element, elements, axis: way / length, length })
+        (length > 0.0 && length.is_finite()).then(|| {
+            let axis = way / length;
+            let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
+            Moved { element, elements, axis, across, length }
+        })
+    }
+
+    /// The same, bent about another direction, as far as it is perpendicular to the axis.
+    pub fn about(self, across: Vector3<f64>) -> Moved {
+        let across = across - self.axis * self.axis.dot(&across);
+        Moved { across: across.try_normalize(1e-9).unwrap_or(self.across), ..self }
     }
 
     /// The poses of all control elements.
@@ -88,8 +100,7 @@ impl Moved {
     }
 
     fn pose(&self, motion: Motion) -> ControlPose {
-        let Moved { axis, length, .. } = self;
-        let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
+        let Moved { axis, across, length, .. } = self;
         let lateral = across.cross(axis);
         let turned = |about: Vector3<f64>, degrees: f64| {
             *Rotation3::from_scaled_axis(about * degrees.to_radians()).matrix()
@@ -99,11 +110,11 @@ impl Moved {
             Motion::Bend(degrees) => {
                 let angle = degrees.to_radians();
                 let end = (axis * angle.sin() + lateral * (1.0 - angle.cos())) / angle;
-                ((end - axis) * *length, turned(across, degrees))
+                ((end - axis) * *length, turned(*across, degrees))
             }
             Motion::Twist(degrees) => (Vector3::zeros(), turned(*axis, degrees)),
             Motion::Shift([along, aside]) => ((axis * along + across * aside) * *length, Matrix3::identity()),
-            Motion::Mixed(degrees, aside) => (lateral * (aside * *length), turned(across, degrees)),
+            Motion::Mixed(degrees, aside) => (lateral * (aside * *length), turned(*across, degrees)),
         };
         ControlPose { translation, matrix }
     }

@@ -275,14 +275,14 @@ fn age_row(age: StateAge) -> Row {
 fn error_rows(errors: &ErrorReading) -> Vec<Row> {
     let of_model = |at: &Option<ErrorsAt>| match at {
         Some(at) => vec![
-            ("expect force ±".into(), QUIET),
+            ("errors: force ".into(), QUIET),
             (format!("{:<8}", at.wrench().map_or("none".into(), percent)), INK),
-            ("shape ±".into(), QUIET),
+            ("shape ".into(), QUIET),
             (percent(at.shape), INK),
         ],
-        None => vec![("errors not measured here".into(), BAD)],
+        None => vec![("errors: ".into(), QUIET), ("not measured here".into(), BAD)],
     };
-    let of_mesh = |mesh: &MeshErrors| vec![("its mesh: force ±".into(), QUIET), (percent(mesh.wrench), INK)];
+    let of_mesh = |mesh: &MeshErrors| vec![("by its mesh   ".into(), QUIET), (percent(mesh.wrench), INK)];
     let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
     model.chain(mesh).map(Row::Words).collect()
 }

@@ -16,7 +16,7 @@ use crate::mesh::refine::refine;
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Generate, Scene};
 use crate::solve::Silent;
-use nalgebra::{DMatrix, Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix3x2, Matrix6, Vector3};
 
 /// A better solution of a body, with its control elements on the same parts of it.
 pub struct BetterBody {
@@ -120,6 +120,17 @@ fn rigid_stiffness(solution: &Solution, e: usize, about: &Vector3<f64>) -> Optio
     let own = s.view((FIELDS * e, FIELDS * e), (FIELDS, FIELDS));
     let k = r.transpose() * own * r;
     Some(Matrix6::from_iterator((0.5 * (&k + k.transpose())).iter().copied()))
+}
+
+/// About which direction perpendicular to `axis` control element `e` turns most easily; `None` where all are alike, to 5 %.
+pub fn softest_turn(solution: &Solution, e: usize, axis: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let k = rigid_stiffness(solution, e, &solution.controls[e].origin)?;
+    let one = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).try_normalize(0.0)?;
+    let plane = Matrix3x2::from_columns(&[one, axis.cross(&one)]);
+    let turns = (plane.transpose() * k.fixed_view::<3, 3>(3, 3) * plane).symmetric_eigen();
+    let (soft, stiff) = (turns.eigenvalues.imin(), turns.eigenvalues.imax());
+    let differ = turns.eigenvalues[stiff] > 1.05 * turns.eigenvalues[soft];
+    differ.then(|| plane * turns.eigenvectors.column(soft))
 }
 
 /// Displacements of nodes for the six motions, a row for each axis of each node.

@@ -18,7 +18,7 @@ use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
 use crate::world::World;
 use mesh::BetterBody;
-use model::{MOTIONS, Measured};
+use model::{Measured, motions};
 
 /// Nodes of a mesh up to which `haptics` measures: some ten seconds on one thread.
 pub const HAPTIC_NODES: usize = 4000;
@@ -198,14 +198,14 @@ fn model_errors(
         left_out.push(format!("the model \"{model}\" is static equilibrium itself"));
         return Vec::new();
     }
-    progress.begin("errors of the model", 1000 * (MOTIONS * moved.len()) as u64);
+    progress.begin("errors of the model", 1000 * (motions().len() * moved.len()) as u64);
     let mut measured = Measured::new(scene, body);
     let mut all = Vec::new();
     for &e in moved {
         let control = body.solution.controls[e].name.clone();
         let mut told = |why: String| left_out.push(format!("{control}: {why}"));
         let found = match &mut measured {
-            Ok(measured) => measured.errors(e, progress, &mut told).unwrap_or_else(|error| {
+            Ok(measured) => measured.errors(&body.solution, e, progress, &mut told).unwrap_or_else(|error| {
                 told(error.to_string());
                 Vec::new()
             }),

@@ -1,23 +1,49 @@
 //! How far a body's model is from static equilibrium, measured on the body itself.
 //!
-//! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] bends and twists of
-//! [`ANGLES`] and shifts by a tenth of the length, all others resting, against St. Venant-Kirchhoff equilibrium on the same mesh
-//! with the same element ([`Trial`]).
+//! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] each of [`LEVELS`], all others
+//! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]). It is bent in the plane in
+//! which that is easiest, where hands bend it.
 
+use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::{Deformer, ErrorsAt, Motion, Moved, Statics, Trial, reach, trials};
 use crate::fem::STVK;
-use crate::green::{self, GreenFile, Precomputed};
+use crate::green::{self, GreenFile, Precomputed, Solution};
 use crate::scene::Scene;
 use crate::solve::{Progress, Silent, Solver};
 use std::sync::Arc;
 
-/// Of bends and twists, °.
-pub const ANGLES: [f64; 4] = [10.0, 30.0, 60.0, 90.0];
-/// Across and along, in parts of the length.
-const SHIFTS: [[f64; 2]; 2] = [[0.0, 0.1], [0.1, 0.0]];
-/// Motions of one control element.
-pub const MOTIONS: usize = 2 * ANGLES.len() + SHIFTS.len();
+/// How far a control element is moved: its bend and its twist, °, and by what parts of the length it is shifted.
+struct Level {
+    angle: f64,
+    across: f64,
+    along: Option<f64>,
+}
+
+const LEVELS: [Level; 4] = [
+    Level { angle: 10.0, across: 0.05, along: None },
+    Level { angle: 30.0, across: 0.1, along: Some(0.05) },
+    Level { angle: 60.0, across: 0.2, along: Some(0.1) },
+    Level { angle: 90.0, across: 0.3, along: None },
+];
+
+impl Level {
+    /// Without a bend and a twist nothing is told of a level.
+    fn turns(&self) -> [Motion; 2] {
+        [Motion::Bend(self.angle), Motion::Twist(self.angle)]
+    }
+
+    fn shifts(&self) -> impl Iterator<Item = Motion> {
+        let along = self.along.map(|along| Motion::Shift([along, 0.0]));
+        std::iter::once(Motion::Mixed(0.0, self.across)).chain(along)
+    }
+}
+
+/// Of all levels, bends first, then twists and shifts: the order in which they go on from each other.
+pub fn motions() -> Vec<Motion> {
+    let turns = (0..2).flat_map(|kind| LEVELS.iter().map(move |level| level.turns()[kind]));
+    turns.chain(LEVELS.iter().flat_map(Level::shifts)).collect()
+}
 
 /// A body in its equilibria, and as its model has it.
 pub struct Measured {
@@ -47,55 +73,47 @@ impl Measured {
         Ok(Measured { statics, deformer, nodes })
     }
 
-    /// Of control element `e`; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of
-    /// [`MOTIONS`].
+    /// Of control element `e` of the body, which was solved as `solution`; `left_out` hears what could not be measured.
+    /// `progress` is advanced by 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
+        solution: &Solution,
         e: usize,
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
     ) -> Result<Vec<ErrorsAt>, Failure> {
         let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
-        let Some(moved) = Moved::new(&origins, e) else {
+        let Some(mut moved) = Moved::new(&origins, e) else {
             left_out("no axis leads from the other control elements to it".into());
             return Ok(Vec::new());
         };
-        let of = |motion: fn(f64) -> Motion| ANGLES.into_iter().map(motion);
-        let motions: Vec<Motion> =
-            of(Motion::Bend).chain(of(Motion::Twist)).chain(SHIFTS.map(Motion::Shift)).collect();
+        if let Some(across) = softest_turn(solution, e, &moved.axis) {
+            moved = moved.about(across);
+        }
         let mut told = |motion: Motion, why: String| left_out(format!("{}: {why}", motion.name()));
-        let held = trials(&mut self.statics, &moved, &motions, progress, &mut told).map_err(Failure::work)?;
+        let held =
+            trials(&mut self.statics, &moved, &motions(), progress, &mut told).map_err(Failure::work)?;
         let found: Vec<(Motion, ErrorsAt)> =
             held.iter().map(|trial| (trial.motion, self.at(trial))).collect();
-        Ok(by_reach(&found))
+        Ok(by_level(&found))
     }
 
     fn at(&mut self, trial: &Trial) -> ErrorsAt {
         let deviation = trial.deviation(&mut self.deformer, &self.nodes);
-        let angle = match trial.motion {
-            Motion::Bend(degrees) | Motion::Twist(degrees) | Motion::Mixed(degrees, _) => degrees,
-            Motion::Shift(_) => 0.0,
-        };
-        ErrorsAt::new(angle, reach(&self.deformer), &deviation)
+        ErrorsAt::new(0.0, reach(&self.deformer), &deviation)
     }
 }
 
-/// One entry for each angle at which both bend and twist were found, as far as all smaller ones were; each with the errors of all
-/// before it, and of the shifts that do not go farther.
-fn by_reach(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
+/// Of each level whose bend and twist were found, as far as those of all smaller ones were: the largest errors and reach of all
+/// motions up to it.
+fn by_level(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
     let at = |wanted: Motion| found.iter().find(|(motion, _)| *motion == wanted).map(|(_, at)| *at);
     let mut levels: Vec<ErrorsAt> = Vec::new();
-    for angle in ANGLES {
-        let (Some(bend), Some(twist)) = (at(Motion::Bend(angle)), at(Motion::Twist(angle))) else { break };
-        let here = bend.and(&twist);
+    for level in &LEVELS {
+        let [Some(bend), Some(twist)] = level.turns().map(at) else { break };
+        let of_turns = ErrorsAt { angle: level.angle, ..bend.and(&twist) };
+        let here = level.shifts().filter_map(at).fold(of_turns, |all, shift| all.and(&shift));
         levels.push(levels.last().map_or(here, |last| last.and(&here)));
-    }
-    for shift in SHIFTS.into_iter().filter_map(|shift| at(Motion::Shift(shift))) {
-        let within = |level: &ErrorsAt| shift.turn <= level.turn && shift.stretch <= level.stretch;
-        let first = levels.iter().position(within).unwrap_or(levels.len().saturating_sub(1));
-        for level in levels.iter_mut().skip(first) {
-            *level = level.and(&shift);
-        }
     }
     levels
 }
@@ -106,9 +124,9 @@ mod tests {
 
     #[test]
     fn a_level_has_the_errors_of_all_that_goes_no_farther() {
-        let at = |angle: f64, stretch: f64, force: f64| ErrorsAt {
-            angle,
-            turn: angle.to_radians(),
+        let at = |degrees: f64, stretch: f64, force: f64| ErrorsAt {
+            angle: 0.0,
+            turn: degrees.to_radians(),
             stretch,
             force: Some(force),
             torque: Some(0.0),
@@ -123,14 +141,12 @@ mod tests {
             (Motion::Twist(90.0), at(90.0, 0.06, 0.9)),
         ];
         let told = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, f64, Option<f64>)> {
-            by_reach(found).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
+            by_level(found).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
         };
         assert_eq!(told(&found), [(10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))], "no twist by 60°");
-        found.push((Motion::Shift(SHIFTS[0]), at(0.0, 0.03, 0.7)));
-        assert_eq!(told(&found)[1], (30.0, 0.04, Some(0.7)), "the shift is within 30°");
-        assert_eq!(told(&found)[0], (10.0, 0.02, Some(0.2)));
-        found.push((Motion::Shift(SHIFTS[1]), at(0.0, 0.1, 0.8)));
-        assert_eq!(told(&found)[1], (30.0, 0.1, Some(0.8)), "a shift beyond all belongs to the last");
+        found.push((Motion::Mixed(0.0, 0.1), at(3.0, 0.1, 0.7)));
+        assert_eq!(told(&found), [(10.0, 0.02, Some(0.2)), (30.0, 0.1, Some(0.7))]);
         assert_eq!(told(&found[6..]), [], "shifts alone say nothing of turns");
+        assert_eq!(motions().len(), 14);
     }
 }

@@ -56,11 +56,11 @@ fn models_are_measured_on_the_body_itself() {
     let [linear, rotation] = ["linear", "rotation"].map(measured);
     let angles =
         |errors: &ExpectedErrors| errors.moved[0].model.iter().map(|at| at.angle).collect::<Vec<_>>();
-    assert_eq!(angles(&linear), model::ANGLES);
+    assert_eq!(angles(&linear), [10.0, 30.0, 60.0, 90.0]);
     let force = |errors: &ExpectedErrors, i: usize| errors.moved[0].model[i].force.unwrap();
     println!("linear {:?}\nrotation {:?}", linear.moved[0].model, rotation.moved[0].model);
     assert!(force(&linear, 1) > 5.0 && (0.02..0.3).contains(&force(&rotation, 1)));
-    assert!(force(&rotation, 0) < 0.02 && force(&rotation, 3) > force(&rotation, 1));
+    assert!(force(&rotation, 0) < 0.04 && force(&rotation, 3) > force(&rotation, 1));
     assert_eq!(linear.mesh(), rotation.mesh(), "the mesh is the same");
 }
 
