@@ -10,22 +10,27 @@ use crate::scene::{Body, Scene};
 /// Turns that the sentence names, °: up to which `rotation` and up to which all may serve.
 const NAMED: [f64; 2] = [30.0, 90.0];
 
+/// What is done to a control element, as the table says it, and what of its errors that is.
+const MOTIONS: [(&str, fn(&MovedErrors) -> &[ErrorsAt]); 2] =
+    [("bent, twisted", |moved| &moved.bent), ("turned in place, shifted", |moved| &moved.shifted)];
+
 /// A row for each angle of each control element that was moved, and one for what the mesh adds.
 pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>) -> Table {
-    let heading = ["body", "moved", "by", "errors of", "force", "torque", "shape"];
-    let mut table = Table::new(&heading);
+    let mut table = Table::new(&["body", "moved", "by", "errors of", "force", "torque", "shape"]);
     for (name, errors) in bodies {
-        for MovedErrors { control, model, mesh } in &errors.moved {
-            for at in model {
-                let [force, torque] = [at.force, at.torque].map(|part| part.map_or("none".into(), percent));
-                let of = format!("model {}", errors.model);
-                let by = format!("up to {}°", at.angle);
-                table.row(&[name, control, &by, &of, &force, &torque, &percent(at.shape)]);
+        for moved in &errors.moved {
+            for (motion, of) in MOTIONS {
+                for at in of(moved) {
+                    let [force, torque] =
+                        [at.force, at.torque].map(|part| part.map_or("none".into(), percent));
+                    let (by, of) = (format!("{motion} to {}°", at.angle), format!("model {}", errors.model));
+                    table.row(&[name, &moved.control, &by, &of, &force, &torque, &percent(at.shape)]);
+                }
             }
-            if let Some(mesh) = mesh {
+            if let Some(mesh) = moved.mesh {
                 let (wrench, shape) = (percent(mesh.wrench), percent(mesh.shape));
                 let of = format!("mesh of {}", errors.element);
-                table.row(&[name, control, "a little", &of, &wrench, &wrench, &shape]);
+                table.row(&[name, &moved.control, "a little", &of, &wrench, &wrench, &shape]);
             }
         }
     }
@@ -36,20 +41,22 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
 pub const PARTS: &str = "model: force, and torque over the length, as parts of the largest of both in static equilibrium on the \
                          same mesh, shape as a part of the length; mesh: relative, by a better solution of the linear body";
 
-/// One sentence on the model, one on the mesh, and what could not be measured.
+/// A sentence on each kind of motion, one on the mesh, and what could not be measured.
 pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
     let mut text = String::new();
-    let worst = |angle: f64| {
-        let at = |moved: &MovedErrors| moved.model.iter().find(|at| at.angle == angle).copied();
-        let found = errors.moved.iter().map(at).collect::<Option<Vec<ErrorsAt>>>()?;
-        found.into_iter().reduce(|a, b| a.and(&b))
-    };
-    let parts: Vec<String> = NAMED.into_iter().filter_map(worst).map(|at| within(&at)).collect();
-    if !parts.is_empty() {
-        let (parts, model) = (parts.join(", "), &errors.model);
-        text.push_str(&format!(
-            "{name}: bent or twisted {parts}: model {model} against static equilibrium, measured on this body\n"
-        ));
+    for (motion, of) in MOTIONS {
+        let worst = |angle: f64| {
+            let at = |moved: &MovedErrors| of(moved).iter().find(|at| at.angle == angle).copied();
+            let found = errors.moved.iter().map(at).collect::<Option<Vec<ErrorsAt>>>()?;
+            found.into_iter().reduce(|a, b| a.and(&b))
+        };
+        let parts: Vec<String> = NAMED.into_iter().filter_map(worst).map(|at| within(&at)).collect();
+        if !parts.is_empty() {
+            let (parts, model) = (parts.join(", "), &errors.model);
+            text.push_str(&format!(
+                "{name}: {motion} {parts}: model {model} against static equilibrium, measured on this body\n"
+            ));
+        }
     }
     if let Some(mesh) = errors.mesh() {
         let (element, wrench, shape) = (&errors.element, percent(mesh.wrench), percent(mesh.shape));
@@ -67,7 +74,7 @@ pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
 fn within(at: &ErrorsAt) -> String {
     let forces =
         at.wrench().map_or("no forces".into(), |wrench| format!("errors of {} in forces", percent(wrench)));
-    format!("by up to {}° expect {forces} and of {} in shapes", at.angle, percent(at.shape))
+    format!("to {}° expect {forces} and of {} in shapes", at.angle, percent(at.shape))
 }
 
 /// What is known of a scene's body by its .green file; or what to do to know it.

@@ -23,8 +23,11 @@ pub struct ExpectedErrors {
 #[serde(deny_unknown_fields)]
 pub struct MovedErrors {
     pub control: String,
-    /// Of the model against static equilibrium on the same mesh, each as far as the one before and farther.
-    pub model: Vec<ErrorsAt>,
+    /// Of the model against static equilibrium on the same mesh, each as far as the one before and farther: bent along an arc
+    /// and twisted, so that the body keeps its length …
+    pub bent: Vec<ErrorsAt>,
+    /// … and turned in place or shifted, so that it is stretched.
+    pub shifted: Vec<ErrorsAt>,
     /// What mesh and element add, relative, where it could be told.
     pub mesh: Option<MeshErrors>,
 }
@@ -33,7 +36,7 @@ pub struct MovedErrors {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorsAt {
-    /// Of bend and twist, °.
+    /// Of the turns, °.
     pub angle: f64,
     /// The reach, rad and 1.
     pub turn: f64,
@@ -101,16 +104,21 @@ pub fn percent(part: f64) -> String {
     }
 }
 
+/// The errors at a reach: between the measured ones, those of the first up to it, `None` beyond the last.
+fn between(measured: &[ErrorsAt], reach: Reach) -> Option<ErrorsAt> {
+    let next = measured.iter().position(|at| reach.turn <= at.turn && reach.stretch <= at.stretch)?;
+    let (to, Some(from)) = (measured[next], next.checked_sub(1).map(|last| measured[last])) else {
+        return Some(measured[next]);
+    };
+    let share = |x: f64, from: f64, to: f64| if x > from { (x - from) / (to - from) } else { 0.0 };
+    let turn = share(reach.turn, from.turn, to.turn);
+    Some(from.towards(&to, turn.max(share(reach.stretch, from.stretch, to.stretch))))
+}
+
 impl MovedErrors {
-    /// The model's errors at a reach: between the measured ones, those of the first up to it, `None` beyond the last.
+    /// The larger of both kinds of motion.
     fn at(&self, reach: Reach) -> Option<ErrorsAt> {
-        let next = self.model.iter().position(|at| reach.turn <= at.turn && reach.stretch <= at.stretch)?;
-        let (to, Some(from)) = (self.model[next], next.checked_sub(1).map(|last| self.model[last])) else {
-            return Some(self.model[next]);
-        };
-        let share = |x: f64, from: f64, to: f64| if x > from { (x - from) / (to - from) } else { 0.0 };
-        let turn = share(reach.turn, from.turn, to.turn);
-        Some(from.towards(&to, turn.max(share(reach.stretch, from.stretch, to.stretch))))
+        Some(between(&self.bent, reach)?.and(&between(&self.shifted, reach)?))
     }
 }
 
@@ -133,8 +141,8 @@ impl ExpectedErrors {
     /// Errors at the first number that no measurement gives.
     pub fn check(&self) -> Result<(), String> {
         let is_error = |x: f64| x.is_finite() && x >= 0.0;
-        for MovedErrors { control, model, mesh } in &self.moved {
-            for at in model {
+        for MovedErrors { control, bent, shifted, mesh } in &self.moved {
+            for at in bent.iter().chain(shifted) {
                 let numbers = [
                     at.angle,
                     at.turn,
@@ -147,7 +155,8 @@ impl ExpectedErrors {
                     return Err(format!("{control} at {}°: {wrong} is no error", at.angle));
                 }
             }
-            if model.windows(2).any(|two| two[1].turn < two[0].turn || two[1].stretch < two[0].stretch) {
+            let falls = |two: &[ErrorsAt]| two[1].turn < two[0].turn || two[1].stretch < two[0].stretch;
+            if [bent, shifted].into_iter().any(|all| all.windows(2).any(falls)) {
                 return Err(format!("{control}: the measured poses are not in the order of their reach"));
             }
             if let Some(wrong) =
@@ -176,9 +185,10 @@ mod tests {
     }
 
     fn measured() -> ExpectedErrors {
-        let model = vec![at(10.0, 0.01, 0.02), at(30.0, 0.05, 0.12), at(60.0, 0.07, 0.5)];
+        let bent = vec![at(10.0, 0.01, 0.02), at(30.0, 0.05, 0.12), at(60.0, 0.07, 0.5)];
         let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01 });
-        let moved = vec![MovedErrors { control: "right".into(), model, mesh }];
+        let shifted = bent.iter().map(|at| ErrorsAt { force: Some(0.03), ..*at }).collect();
+        let moved = vec![MovedErrors { control: "right".into(), bent, shifted, mesh }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
     }
 
@@ -195,7 +205,7 @@ mod tests {
             let found = measured.at(Reach { turn: degrees.to_radians(), stretch })?;
             Some((1e9 * found.wrench()?).round() / 1e9)
         };
-        assert_eq!((force(0.0, 0.0), force(10.0, 0.01)), (Some(0.02), Some(0.02)));
+        assert_eq!((force(0.0, 0.0), force(10.0, 0.01)), (Some(0.03), Some(0.03)), "shifts are worse there");
         assert_eq!((force(20.0, 0.0), force(30.0, 0.05)), (Some(0.07), Some(0.12)));
         assert_eq!(
             (force(5.0, 0.03), force(20.0, 0.04)),
@@ -211,13 +221,13 @@ mod tests {
     fn of_several_control_elements_the_worst_counts_and_all_must_be_measured() {
         let mut both = measured();
         let mut other = both.moved[0].clone();
-        other.model.iter_mut().for_each(|at| at.shape = 0.3);
-        other.model[1].force = None;
+        other.bent.iter_mut().for_each(|at| at.shape = 0.3);
+        other.bent[1].force = None;
         both.moved.push(other);
         let at = |degrees: f64| both.at(Reach { turn: f64::to_radians(degrees), stretch: 0.0 });
-        assert_eq!(at(10.0).map(|at| (at.wrench(), at.shape)), Some((Some(0.02), 0.3)));
+        assert_eq!(at(10.0).map(|at| (at.wrench(), at.shape)), Some((Some(0.03), 0.3)));
         assert_eq!(at(30.0).map(|at| at.wrench()), Some(None), "one has no forces there");
-        both.moved[1].model.pop();
+        both.moved[1].bent.pop();
         both.moved[1].mesh = None;
         assert_eq!((both.at(Reach { turn: 1.0, stretch: 0.0 }), both.mesh()), (None, None));
     }
@@ -227,11 +237,11 @@ mod tests {
         assert_eq!(measured().check(), Ok(()));
         for (spoil, words) in [
             (
-                (|all| all.moved[0].model[0].shape = -0.1) as fn(&mut ExpectedErrors),
+                (|all| all.moved[0].bent[0].shape = -0.1) as fn(&mut ExpectedErrors),
                 "right at 10°: -0.1 is no error",
             ),
-            (|all| all.moved[0].model[1].force = Some(f64::INFINITY), "right at 30°: inf is no error"),
-            (|all| all.moved[0].model.swap(0, 2), "not in the order"),
+            (|all| all.moved[0].bent[1].force = Some(f64::INFINITY), "right at 30°: inf is no error"),
+            (|all| all.moved[0].bent.swap(0, 2), "not in the order"),
             (
                 |all| all.moved[0].mesh = Some(MeshErrors { wrench: f64::NAN, shape: 0.0 }),
                 "NaN is no error of the mesh",

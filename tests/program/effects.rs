@@ -86,17 +86,20 @@ fn check_tells_the_errors_that_were_measured_and_how_to_measure_them() {
     let (told, _) = said(&place, &["check", "tube.toml"]);
     assert!(told.contains("`greenstage precompute tube.toml` measures them"), "{told}");
     let (made, _) = said(&place, &["precompute", "tube.toml"]);
-    assert!(made.contains("tube: bent or twisted by up to 30° expect errors of "), "{made}");
+    assert!(made.contains("tube: bent, twisted to 30° expect errors of "), "{made}");
     let (told, _) = said(&place, &["check", "tube.toml"]);
     let rows: Vec<&str> = told.lines().filter(|line| line.starts_with("tube  right")).collect();
-    assert!(rows.len() == 5 && rows[4].contains("mesh of tet4"), "four angles and the mesh: {told}");
+    assert!(
+        rows.len() == 9 && rows[8].contains("mesh of tet4"),
+        "two motions by four angles, and the mesh: {told}"
+    );
     let (json, _) = said(&place, &["check", "tube.toml", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let model = &json["expected_errors"]["tube"]["moved"][0]["model"];
+    let model = &json["expected_errors"]["tube"]["moved"][0]["bent"];
     assert_eq!((model[1]["angle"].as_f64(), model.as_array().map(Vec::len)), (Some(30.0), Some(4)));
     assert!(model[1]["force"].as_f64().is_some_and(|force| (0.01..0.5).contains(&force)), "{model}");
     let (shown, _) = said(&place, &["inspect", "tube.green"]);
-    assert!(shown.contains("bent or twisted by up to 30°"), "{shown}");
+    assert!(shown.contains("bent, twisted to 30° expect"), "{shown}");
 }
 
 #[test]

@@ -273,16 +273,19 @@ fn age_row(age: StateAge) -> Row {
 
 /// What errors to expect, as they were measured on this body; no number beyond what was measured.
 fn error_rows(errors: &ErrorReading) -> Vec<Row> {
+    let part = |name: &str, part: String| [(format!("{part:<7}"), INK), (name.to_owned(), QUIET)];
     let of_model = |at: &Option<ErrorsAt>| match at {
-        Some(at) => vec![
-            ("errors: force ".into(), QUIET),
-            (format!("{:<8}", at.wrench().map_or("none".into(), percent)), INK),
-            ("shape ".into(), QUIET),
-            (percent(at.shape), INK),
-        ],
-        None => vec![("errors: ".into(), QUIET), ("not measured here".into(), BAD)],
+        Some(at) => {
+            let force = at.wrench().map_or("none".into(), percent);
+            let parts = part("force  ", force).into_iter().chain(part("shape", percent(at.shape)));
+            std::iter::once(("errors to ".into(), QUIET)).chain(parts).collect()
+        }
+        None => vec![("errors    ".into(), QUIET), ("not measured here".into(), BAD)],
     };
-    let of_mesh = |mesh: &MeshErrors| vec![("by its mesh   ".into(), QUIET), (percent(mesh.wrench), INK)];
+    let of_mesh = |mesh: &MeshErrors| {
+        let parts = part("force", percent(mesh.wrench));
+        std::iter::once(("by mesh   ".into(), QUIET)).chain(parts).collect()
+    };
     let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
     model.chain(mesh).map(Row::Words).collect()
 }

@@ -173,7 +173,7 @@ fn hands(world: &World) -> Vec<HandReading> {
 /// `None` where nothing of the body was measured.
 fn error_reading(body: &PlacedBody) -> Option<ErrorReading> {
     let expected = body.expected.as_ref()?;
-    let is_measured = expected.moved.iter().any(|moved| !moved.model.is_empty());
+    let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
     let model = is_measured.then(|| expected.at(reach(&body.deformer)));
     let mesh = expected.mesh();
     (model.is_some() || mesh.is_some()).then_some(ErrorReading { model, mesh })

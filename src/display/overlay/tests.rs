@@ -168,17 +168,18 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
     };
     let moved = MovedErrors {
         control: "right".into(),
-        model: vec![at(10.0, 0.02), at(30.0, 0.12)],
+        bent: vec![at(10.0, 0.02), at(30.0, 0.12)],
+        shifted: vec![at(10.0, 0.01), at(30.0, 0.03)],
         mesh: Some(MeshErrors { wrench: 0.09, shape: 0.01 }),
     };
     let measured = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });
     assert_eq!(told(None, 5.0), Vec::<String>::new());
     assert_eq!(told(Some(ExpectedErrors::default()), 5.0), Vec::<String>::new());
     let [first, mesh] = &told(measured.clone(), 5.0)[..] else { panic!() };
-    assert_eq!((&first[..], &mesh[..]), ("errors: force 2.0 %   shape 0.2 %", "by its mesh   9.0 %"));
+    assert_eq!((&first[..], &mesh[..]), ("errors to 2.0 %  force  0.2 %  shape", "by mesh   9.0 %  force"));
     let between = told(measured.clone(), 20.0);
-    assert!(between[0].starts_with("errors: force 7."), "{between:?}");
-    assert_eq!(told(measured, 35.0)[0], "errors: not measured here");
+    assert!(between[0].starts_with("errors to 7."), "{between:?}");
+    assert_eq!(told(measured, 35.0)[0], "errors    not measured here");
 }
 
 #[test]

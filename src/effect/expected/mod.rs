@@ -21,7 +21,7 @@ use mesh::BetterBody;
 use model::{Measured, motions};
 
 /// Nodes of a mesh up to which `haptics` measures: some ten seconds on one thread.
-pub const HAPTIC_NODES: usize = 4000;
+pub const HAPTIC_NODES: usize = 3000;
 
 /// So many control elements are moved, the first ones that a hand can grab.
 pub const MOST_MOVED: usize = 2;
@@ -145,14 +145,15 @@ pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -
         let (most, all) = (moved.len(), grabbed.len());
         errors.left_out.push(format!("of {all} control elements that can be grabbed, {most} were moved"));
     }
-    let mut mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
-    let mut model = model_errors(scene, body, moved, progress, &mut errors.left_out);
-    let of_one = |e: &usize| MovedErrors {
+    let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
+    let model = model_errors(scene, body, moved, progress, &mut errors.left_out);
+    let of_one = |((e, [bent, shifted]), mesh): ((&usize, [Vec<ErrorsAt>; 2]), _)| MovedErrors {
         control: body.solution.controls[*e].name.clone(),
-        model: if model.is_empty() { Vec::new() } else { model.remove(0) },
-        mesh: if mesh.is_empty() { None } else { mesh.remove(0) },
+        bent,
+        shifted,
+        mesh,
     };
-    errors.moved = moved.iter().map(of_one).collect();
+    errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
     errors
 }
 
@@ -185,18 +186,19 @@ fn mesh_errors(
     }
 }
 
-/// Of each moved control element; none of a model that is static equilibrium itself.
+/// Of each moved control element, bent and shifted; nothing of a model that is static equilibrium itself.
 fn model_errors(
     scene: &Scene,
     body: &mut Precomputed,
     moved: &[usize],
     progress: &dyn Progress,
     left_out: &mut Vec<String>,
-) -> Vec<Vec<ErrorsAt>> {
+) -> Vec<[Vec<ErrorsAt>; 2]> {
+    let nothing = || [Vec::new(), Vec::new()];
     let model = &scene.body[&body.name].model;
     if find_model(model).is_ok_and(|entry| matches!(entry.kind, Kind::Background(_))) {
         left_out.push(format!("the model \"{model}\" is static equilibrium itself"));
-        return Vec::new();
+        return moved.iter().map(|_| nothing()).collect();
     }
     progress.begin("errors of the model", 1000 * (motions().len() * moved.len()) as u64);
     let mut measured = Measured::new(scene, body);
@@ -205,16 +207,16 @@ fn model_errors(
         let control = body.solution.controls[e].name.clone();
         let mut told = |why: String| left_out.push(format!("{control}: {why}"));
         let found = match &mut measured {
-            Ok(measured) => measured.errors(&body.solution, e, progress, &mut told).unwrap_or_else(|error| {
-                told(error.to_string());
-                Vec::new()
-            }),
-            Err(error) => {
-                told(error.to_string());
-                Vec::new()
+            Ok(measured) => {
+                measured.errors(&body.solution, e, progress, &mut told).map_err(|error| error.to_string())
             }
+            Err(error) => Err(error.to_string()),
         };
-        all.push(found.iter().map(three_digits).collect());
+        let found = found.unwrap_or_else(|why| {
+            told(why);
+            nothing()
+        });
+        all.push(found.map(|kind| kind.iter().map(three_digits).collect()));
     }
     progress.end();
     all

@@ -13,36 +13,36 @@ use crate::scene::Scene;
 use crate::solve::{Progress, Silent, Solver};
 use std::sync::Arc;
 
-/// How far a control element is moved: its bend and its twist, °, and by what parts of the length it is shifted.
+/// How far a control element is moved: bent, twisted and turned in place, °, and shifted, in parts of the length.
 struct Level {
     angle: f64,
-    across: f64,
+    across: Option<f64>,
     along: Option<f64>,
 }
 
 const LEVELS: [Level; 4] = [
-    Level { angle: 10.0, across: 0.05, along: None },
-    Level { angle: 30.0, across: 0.1, along: Some(0.05) },
-    Level { angle: 60.0, across: 0.2, along: Some(0.1) },
-    Level { angle: 90.0, across: 0.3, along: None },
+    Level { angle: 10.0, across: Some(0.1), along: None },
+    Level { angle: 30.0, across: Some(0.2), along: Some(0.05) },
+    Level { angle: 60.0, across: None, along: Some(0.1) },
+    Level { angle: 90.0, across: None, along: None },
 ];
 
 impl Level {
-    /// Without a bend and a twist nothing is told of a level.
-    fn turns(&self) -> [Motion; 2] {
-        [Motion::Bend(self.angle), Motion::Twist(self.angle)]
+    fn bends(&self) -> Vec<Motion> {
+        vec![Motion::Bend(self.angle), Motion::Twist(self.angle)]
     }
 
-    fn shifts(&self) -> impl Iterator<Item = Motion> {
+    fn shifts(&self) -> Vec<Motion> {
+        let across = self.across.map(|across| Motion::Mixed(0.0, across));
         let along = self.along.map(|along| Motion::Shift([along, 0.0]));
-        std::iter::once(Motion::Mixed(0.0, self.across)).chain(along)
+        std::iter::once(Motion::Mixed(self.angle, 0.0)).chain(across).chain(along).collect()
     }
 }
 
-/// Of all levels, bends first, then twists and shifts: the order in which they go on from each other.
+/// Of all levels: bends, twists and shifts, in the order in which they go on from each other.
 pub fn motions() -> Vec<Motion> {
-    let turns = (0..2).flat_map(|kind| LEVELS.iter().map(move |level| level.turns()[kind]));
-    turns.chain(LEVELS.iter().flat_map(Level::shifts)).collect()
+    let bends = (0..2).flat_map(|kind| LEVELS.iter().map(move |level| level.bends()[kind]));
+    bends.chain(LEVELS.iter().flat_map(Level::shifts)).collect()
 }
 
 /// A body in its equilibria, and as its model has it.
@@ -73,7 +73,7 @@ impl Measured {
         Ok(Measured { statics, deformer, nodes })
     }
 
-    /// Of control element `e` of the body, which was solved as `solution`; `left_out` hears what could not be measured.
+    /// Of control element `e` of the body, [`MovedErrors::bent`](crate::deform::MovedErrors) and `shifted`; the body was solved as `solution`; `left_out` hears what could not be measured.
     /// `progress` is advanced by 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
@@ -81,11 +81,11 @@ impl Measured {
         e: usize,
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
-    ) -> Result<Vec<ErrorsAt>, Failure> {
+    ) -> Result<[Vec<ErrorsAt>; 2], Failure> {
         let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
         let Some(mut moved) = Moved::new(&origins, e) else {
             left_out("no axis leads from the other control elements to it".into());
-            return Ok(Vec::new());
+            return Ok([Vec::new(), Vec::new()]);
         };
         if let Some(across) = softest_turn(solution, e, &moved.axis) {
             moved = moved.about(across);
@@ -95,7 +95,7 @@ impl Measured {
             trials(&mut self.statics, &moved, &motions(), progress, &mut told).map_err(Failure::work)?;
         let found: Vec<(Motion, ErrorsAt)> =
             held.iter().map(|trial| (trial.motion, self.at(trial))).collect();
-        Ok(by_level(&found))
+        Ok([Level::bends, Level::shifts].map(|motions| by_level(&found, motions)))
     }
 
     fn at(&mut self, trial: &Trial) -> ErrorsAt {
@@ -104,16 +104,15 @@ impl Measured {
     }
 }
 
-/// Of each level whose bend and twist were found, as far as those of all smaller ones were: the largest errors and reach of all
-/// motions up to it.
-fn by_level(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
-    let at = |wanted: Motion| found.iter().find(|(motion, _)| *motion == wanted).map(|(_, at)| *at);
+/// Of each level whose motions were all found, as far as those of all smaller ones were: the largest errors and reach up to it.
+fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) -> Vec<ErrorsAt> {
+    let at = |wanted: &Motion| found.iter().find(|(motion, _)| motion == wanted).map(|(_, at)| *at);
     let mut levels: Vec<ErrorsAt> = Vec::new();
     for level in &LEVELS {
-        let [Some(bend), Some(twist)] = level.turns().map(at) else { break };
-        let of_turns = ErrorsAt { angle: level.angle, ..bend.and(&twist) };
-        let here = level.shifts().filter_map(at).fold(of_turns, |all, shift| all.and(&shift));
-        levels.push(levels.last().map_or(here, |last| last.and(&here)));
+        let here = motions(level).iter().map(at).collect::<Option<Vec<ErrorsAt>>>();
+        let Some(here) = here.and_then(|all| all.into_iter().reduce(|a, b| a.and(&b))) else { break };
+        let all = levels.last().map_or(here, |last| last.and(&here));
+        levels.push(ErrorsAt { angle: level.angle, ..all });
     }
     levels
 }
@@ -141,12 +140,17 @@ mod tests {
             (Motion::Twist(90.0), at(90.0, 0.06, 0.9)),
         ];
         let told = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, f64, Option<f64>)> {
-            by_level(found).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
+            by_level(found, Level::bends).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
         };
         assert_eq!(told(&found), [(10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))], "no twist by 60°");
-        found.push((Motion::Mixed(0.0, 0.1), at(3.0, 0.1, 0.7)));
-        assert_eq!(told(&found), [(10.0, 0.02, Some(0.2)), (30.0, 0.1, Some(0.7))]);
-        assert_eq!(told(&found[6..]), [], "shifts alone say nothing of turns");
-        assert_eq!(motions().len(), 14);
+        let shifts: Vec<_> =
+            LEVELS[0].shifts().into_iter().map(|motion| (motion, at(7.0, 0.1, 0.7))).collect();
+        found.extend(shifts);
+        assert_eq!(told(&found).len(), 2, "shifts say nothing of bends");
+        let shifted = by_level(&found, Level::shifts);
+        assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 10.0, Some(0.7)));
+        found.pop();
+        assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
+        assert_eq!(motions().len(), 16);
     }
 }

@@ -54,11 +54,12 @@ fn models_are_measured_on_the_body_itself() {
         errors
     };
     let [linear, rotation] = ["linear", "rotation"].map(measured);
-    let angles =
-        |errors: &ExpectedErrors| errors.moved[0].model.iter().map(|at| at.angle).collect::<Vec<_>>();
+    let angles = |errors: &ExpectedErrors| errors.moved[0].bent.iter().map(|at| at.angle).collect::<Vec<_>>();
     assert_eq!(angles(&linear), [10.0, 30.0, 60.0, 90.0]);
-    let force = |errors: &ExpectedErrors, i: usize| errors.moved[0].model[i].force.unwrap();
-    println!("linear {:?}\nrotation {:?}", linear.moved[0].model, rotation.moved[0].model);
+    let force = |errors: &ExpectedErrors, i: usize| errors.moved[0].bent[i].force.unwrap();
+    println!("linear {:?}\nrotation {:?}", linear.moved[0].bent, rotation.moved[0].bent);
+    let in_place = rotation.moved[0].shifted[1].force.unwrap();
+    assert!(in_place > force(&rotation, 1), "an end that is turned in place stretches the body: {in_place}");
     assert!(force(&linear, 1) > 5.0 && (0.02..0.3).contains(&force(&rotation, 1)));
     assert!(force(&rotation, 0) < 0.04 && force(&rotation, 3) > force(&rotation, 1));
     assert_eq!(linear.mesh(), rotation.mesh(), "the mesh is the same");
@@ -105,12 +106,12 @@ fn a_damaged_section_is_refused_with_a_message() {
     };
     let at = |force: &str, control: &str| {
         format!(
-            r#"{{"model":"linear","element":"tet4","left_out":[],"moved":[{{"control":"{control}","mesh":null,"model":[
+            r#"{{"model":"linear","element":"tet4","left_out":[],"moved":[{{"control":"{control}","mesh":null,"shifted":[],"bent":[
             {{"angle":10.0,"turn":0.1,"stretch":0.1,"force":{force},"torque":null,"shape":0.1}}]}}]}}"#
         )
     };
     let good = opened(&at("0.1", "high")).unwrap().unwrap();
-    assert_eq!(good.moved[0].model[0].force, Some(0.1));
+    assert_eq!(good.moved[0].bent[0].force, Some(0.1));
     for (text, words) in [
         (String::new(), "EOF"),
         ("{".into(), "EOF"),
