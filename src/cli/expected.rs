@@ -10,8 +10,10 @@ use crate::scene::{Body, Scene};
 /// Turns that the sentence names, °: up to which `rotation` and up to which all may serve.
 const NAMED: [f64; 2] = [30.0, 90.0];
 
+type Of = fn(&MovedErrors) -> &[ErrorsAt];
+
 /// What is done to a control element, as the table says it, and what of its errors that is.
-const MOTIONS: [(&str, fn(&MovedErrors) -> &[ErrorsAt]); 2] =
+const MOTIONS: [(&str, Of); 2] =
     [("bent, twisted", |moved| &moved.bent), ("turned in place, shifted", |moved| &moved.shifted)];
 
 /// A row for each angle of each control element that was moved, and one for what the mesh adds.

@@ -41,6 +41,7 @@ pub struct ErrorsAt {
     /// The reach, rad and 1.
     pub turn: f64,
     pub stretch: f64,
+    pub off: f64,
     /// As [`Deviation`] has them; `None` where the model has no forces.
     pub force: Option<f64>,
     pub torque: Option<f64>,
@@ -60,7 +61,8 @@ pub struct MeshErrors {
 impl ErrorsAt {
     pub fn new(angle: f64, reach: Reach, deviation: &Deviation) -> ErrorsAt {
         let Deviation { force, torque, shape, .. } = *deviation;
-        ErrorsAt { angle, turn: reach.turn, stretch: reach.stretch, force, torque, shape }
+        let Reach { turn, stretch, off } = reach;
+        ErrorsAt { angle, turn, stretch, off, force, torque, shape }
     }
 
     /// The larger of each of both; no forces where one has none.
@@ -69,6 +71,7 @@ impl ErrorsAt {
             angle: self.angle.max(other.angle),
             turn: self.turn.max(other.turn),
             stretch: self.stretch.max(other.stretch),
+            off: self.off.max(other.off),
             force: self.force.zip(other.force).map(|(a, b)| a.max(b)),
             torque: self.torque.zip(other.torque).map(|(a, b)| a.max(b)),
             shape: self.shape.max(other.shape),
@@ -83,6 +86,7 @@ impl ErrorsAt {
             angle: between(self.angle, next.angle),
             turn: between(self.turn, next.turn),
             stretch: between(self.stretch, next.stretch),
+            off: between(self.off, next.off),
             force: both(self.force, next.force),
             torque: both(self.torque, next.torque),
             shape: between(self.shape, next.shape),
@@ -106,19 +110,35 @@ pub fn percent(part: f64) -> String {
 
 /// The errors at a reach: between the measured ones, those of the first up to it, `None` beyond the last.
 fn between(measured: &[ErrorsAt], reach: Reach) -> Option<ErrorsAt> {
-    let next = measured.iter().position(|at| reach.turn <= at.turn && reach.stretch <= at.stretch)?;
+    let covers = |at: &ErrorsAt| reach.turn <= at.turn && reach.stretch <= at.stretch && reach.off <= at.off;
+    let next = measured.iter().position(covers)?;
     let (to, Some(from)) = (measured[next], next.checked_sub(1).map(|last| measured[last])) else {
         return Some(measured[next]);
     };
     let share = |x: f64, from: f64, to: f64| if x > from { (x - from) / (to - from) } else { 0.0 };
-    let turn = share(reach.turn, from.turn, to.turn);
-    Some(from.towards(&to, turn.max(share(reach.stretch, from.stretch, to.stretch))))
+    let shares = [
+        share(reach.turn, from.turn, to.turn),
+        share(reach.stretch, from.stretch, to.stretch),
+        share(reach.off, from.off, to.off),
+    ];
+    Some(from.towards(&to, shares.into_iter().fold(0.0, f64::max)))
 }
 
+/// So near an arc a body counts as bent along it.
+const ARC: f64 = 0.01;
+
 impl MovedErrors {
-    /// The larger of both kinds of motion.
+    /// On an arc those of bends; off it at least those of the first shifts, and on the way to those of the shifts that go as far.
     fn at(&self, reach: Reach) -> Option<ErrorsAt> {
-        Some(between(&self.bent, reach)?.and(&between(&self.shifted, reach)?))
+        let Reach { turn, stretch, off } = reach;
+        let on_arc = self.bent.last()?.off + ARC;
+        if off <= on_arc {
+            return between(&self.bent, Reach { turn, stretch, off: 0.0 });
+        }
+        let bent = between(&self.bent, Reach { turn, ..Reach::default() })?;
+        let shifted = between(&self.shifted, reach)?;
+        let least = bent.and(self.shifted.first()?);
+        Some(least.towards(&least.and(&shifted), (off / shifted.off).min(1.0)))
     }
 }
 
@@ -144,6 +164,7 @@ impl ExpectedErrors {
         for MovedErrors { control, bent, shifted, mesh } in &self.moved {
             for at in bent.iter().chain(shifted) {
                 let numbers = [
+                    at.off,
                     at.angle,
                     at.turn,
                     at.stretch,
@@ -155,7 +176,9 @@ impl ExpectedErrors {
                     return Err(format!("{control} at {}°: {wrong} is no error", at.angle));
                 }
             }
-            let falls = |two: &[ErrorsAt]| two[1].turn < two[0].turn || two[1].stretch < two[0].stretch;
+            let falls = |two: &[ErrorsAt]| {
+                two[1].turn < two[0].turn || two[1].stretch < two[0].stretch || two[1].off < two[0].off
+            };
             if [bent, shifted].into_iter().any(|all| all.windows(2).any(falls)) {
                 return Err(format!("{control}: the measured poses are not in the order of their reach"));
             }
@@ -173,21 +196,15 @@ impl ExpectedErrors {
 mod tests {
     use super::*;
 
-    fn at(angle: f64, stretch: f64, force: f64) -> ErrorsAt {
-        ErrorsAt {
-            angle,
-            turn: angle.to_radians(),
-            stretch,
-            force: Some(force),
-            torque: Some(0.01),
-            shape: 0.1 * force,
-        }
+    fn at(angle: f64, [stretch, off]: [f64; 2], force: f64) -> ErrorsAt {
+        let turn = angle.to_radians();
+        ErrorsAt { angle, turn, stretch, off, force: Some(force), torque: Some(0.01), shape: 0.1 * force }
     }
 
     fn measured() -> ExpectedErrors {
-        let bent = vec![at(10.0, 0.01, 0.02), at(30.0, 0.05, 0.12), at(60.0, 0.07, 0.5)];
+        let bent = vec![at(10.0, [0.01, 0.0], 0.02), at(30.0, [0.05, 0.0], 0.12), at(60.0, [0.07, 0.0], 0.5)];
+        let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
         let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01 });
-        let shifted = bent.iter().map(|at| ErrorsAt { force: Some(0.03), ..*at }).collect();
         let moved = vec![MovedErrors { control: "right".into(), bent, shifted, mesh }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
     }
@@ -201,18 +218,29 @@ mod tests {
     #[test]
     fn errors_stand_between_the_measured_ones_and_nothing_stands_beyond() {
         let measured = measured();
-        let force = |degrees: f64, stretch: f64| {
-            let found = measured.at(Reach { turn: degrees.to_radians(), stretch })?;
-            Some((1e9 * found.wrench()?).round() / 1e9)
+        let force = |degrees: f64, stretch: f64, off: f64| {
+            let found = measured.at(Reach { turn: f64::to_radians(degrees), stretch, off })?;
+            Some((1e4 * found.wrench()?).round() / 1e4)
         };
-        assert_eq!((force(0.0, 0.0), force(10.0, 0.01)), (Some(0.03), Some(0.03)), "shifts are worse there");
-        assert_eq!((force(20.0, 0.0), force(30.0, 0.05)), (Some(0.07), Some(0.12)));
-        assert_eq!(
-            (force(5.0, 0.03), force(20.0, 0.04)),
-            (Some(0.07), Some(0.095)),
-            "the farther of both counts"
-        );
-        assert_eq!((force(61.0, 0.0), force(5.0, 0.08)), (None, None));
+        for (degrees, stretch, off, expected, what) in [
+            (0.0, 0.0, 0.0, Some(0.02), "at rest those of the first"),
+            (10.0, 0.01, 0.0, Some(0.02), "measured"),
+            (20.0, 0.0, 0.0, Some(0.07), "between two"),
+            (5.0, 0.03, 0.0, Some(0.07), "the farther of turn …"),
+            (20.0, 0.04, 0.0, Some(0.095), "… and stretch"),
+            (40.0, 0.0, 0.005, Some(0.2467), "bent, but for a little"),
+            (61.0, 0.0, 0.0, None, "beyond the turns"),
+            (5.0, 0.08, 0.0, None, "beyond the stretches"),
+            (10.0, 0.01, 0.1, Some(0.04), "a shift as it was measured"),
+            (10.0, 0.01, 0.05, Some(0.04), "half as far off the arc"),
+            (20.0, 0.0, 0.2, Some(0.17), "shifts between two"),
+            (20.0, 0.0, 0.1, Some(0.12), "shifts between two, half as far off"),
+            (30.0, 0.06, 0.3, Some(0.3), "the last shift"),
+            (40.0, 0.0, 0.1, None, "no shift went so far"),
+            (5.0, 0.0, 0.35, None, "farther off than any"),
+        ] {
+            assert_eq!(force(degrees, stretch, off), expected, "{what}");
+        }
         assert_eq!(ExpectedErrors::default().at(Reach::default()), None, "nothing was measured");
         assert_eq!(ExpectedErrors::default().mesh(), None);
     }
@@ -224,12 +252,12 @@ mod tests {
         other.bent.iter_mut().for_each(|at| at.shape = 0.3);
         other.bent[1].force = None;
         both.moved.push(other);
-        let at = |degrees: f64| both.at(Reach { turn: f64::to_radians(degrees), stretch: 0.0 });
-        assert_eq!(at(10.0).map(|at| (at.wrench(), at.shape)), Some((Some(0.03), 0.3)));
+        let at = |degrees: f64| both.at(Reach { turn: f64::to_radians(degrees), ..Reach::default() });
+        assert_eq!(at(10.0).map(|at| (at.wrench(), at.shape)), Some((Some(0.02), 0.3)));
         assert_eq!(at(30.0).map(|at| at.wrench()), Some(None), "one has no forces there");
         both.moved[1].bent.pop();
         both.moved[1].mesh = None;
-        assert_eq!((both.at(Reach { turn: 1.0, stretch: 0.0 }), both.mesh()), (None, None));
+        assert_eq!((both.at(Reach { turn: 1.0, ..Reach::default() }), both.mesh()), (None, None));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! is deformed.
 
 use super::deformer::Deformer;
+use super::se3::slide_matrix;
 use crate::fem::nearest_turn;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -36,6 +37,22 @@ pub struct Reach {
     pub turn: f64,
     /// The largest |λ - 1| of the stretches λ of a piece of the surface.
     pub stretch: f64,
+    /// How far two control elements are at most from where an arc of their own length would bring them with their turn, as a
+    /// part of it: with V(φ) d of the helicoidal motion with the turn φ between them.
+    pub off: f64,
+}
+
+fn off_the_arc(deformer: &Deformer) -> f64 {
+    let Deformer { controls, poses, .. } = deformer;
+    let off = |a: usize, b: usize| {
+        let way = controls[b].origin - controls[a].origin;
+        let to_a = nearest_turn(&poses[a].matrix).inverse();
+        let turn = (to_a * nearest_turn(&poses[b].matrix)).scaled_axis();
+        let arrived = to_a * (way + poses[b].translation - poses[a].translation);
+        (arrived - slide_matrix(&turn) * way).norm() / way.norm()
+    };
+    let pairs = (0..controls.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+    pairs.map(|(a, b)| off(a, b)).filter(|off| off.is_finite()).fold(0.0, f64::max)
 }
 
 /// So many triangles are looked at, spread over the surface: where errors are measured and where they are told.
@@ -46,7 +63,7 @@ pub fn reach(deformer: &Deformer) -> Reach {
     let base = deformer.poses.first().map_or(UnitQuaternion::identity(), |pose| nearest_turn(&pose.matrix));
     let triangles = deformer.triangles();
     let step = triangles.len().div_ceil(PIECES).max(1);
-    let mut reach = Reach { turn: deformer.largest_turn(), stretch: 0.0 };
+    let mut reach = Reach { turn: deformer.largest_turn(), stretch: 0.0, off: off_the_arc(deformer) };
     for triangle in triangles.iter().step_by(step) {
         let rest = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());
         let moved = [0, 1, 2].map(|k| rest[k] + deformer.displacement(triangle[k] as usize));

@@ -278,13 +278,13 @@ fn error_rows(errors: &ErrorReading) -> Vec<Row> {
         Some(at) => {
             let force = at.wrench().map_or("none".into(), percent);
             let parts = part("force  ", force).into_iter().chain(part("shape", percent(at.shape)));
-            std::iter::once(("errors to ".into(), QUIET)).chain(parts).collect()
+            std::iter::once(("errors ~".into(), QUIET)).chain(parts).collect()
         }
-        None => vec![("errors    ".into(), QUIET), ("not measured here".into(), BAD)],
+        None => vec![("errors ".into(), QUIET), ("not measured here".into(), BAD)],
     };
     let of_mesh = |mesh: &MeshErrors| {
         let parts = part("force", percent(mesh.wrench));
-        std::iter::once(("by mesh   ".into(), QUIET)).chain(parts).collect()
+        std::iter::once(("of mesh ~".into(), QUIET)).chain(parts).collect()
     };
     let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
     model.chain(mesh).map(Row::Words).collect()

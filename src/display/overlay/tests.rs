@@ -162,6 +162,7 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
         angle: degrees,
         turn: f64::to_radians(degrees),
         stretch: 10.0,
+        off: 0.0,
         force: Some(force),
         torque: Some(0.01),
         shape: 0.1 * force,
@@ -176,10 +177,10 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
     assert_eq!(told(None, 5.0), Vec::<String>::new());
     assert_eq!(told(Some(ExpectedErrors::default()), 5.0), Vec::<String>::new());
     let [first, mesh] = &told(measured.clone(), 5.0)[..] else { panic!() };
-    assert_eq!((&first[..], &mesh[..]), ("errors to 2.0 %  force  0.2 %  shape", "by mesh   9.0 %  force"));
+    assert_eq!((&first[..], &mesh[..]), ("errors ~2.0 %  force  0.2 %  shape", "of mesh ~9.0 %  force"));
     let between = told(measured.clone(), 20.0);
-    assert!(between[0].starts_with("errors to 7."), "{between:?}");
-    assert_eq!(told(measured, 35.0)[0], "errors    not measured here");
+    assert!(between[0].starts_with("errors ~7."), "{between:?}");
+    assert_eq!(told(measured, 35.0)[0], "errors not measured here");
 }
 
 #[test]

@@ -227,6 +227,7 @@ fn three_digits(at: &ErrorsAt) -> ErrorsAt {
         angle: at.angle,
         turn: rounded(at.turn),
         stretch: rounded(at.stretch),
+        off: rounded(at.off),
         force: at.force.map(rounded),
         torque: at.torque.map(rounded),
         shape: rounded(at.shape),

@@ -127,6 +127,7 @@ mod tests {
             angle: 0.0,
             turn: degrees.to_radians(),
             stretch,
+            off: 0.0,
             force: Some(force),
             torque: Some(0.0),
             shape: 0.0,

@@ -107,7 +107,7 @@ fn a_damaged_section_is_refused_with_a_message() {
     let at = |force: &str, control: &str| {
         format!(
             r#"{{"model":"linear","element":"tet4","left_out":[],"moved":[{{"control":"{control}","mesh":null,"shifted":[],"bent":[
-            {{"angle":10.0,"turn":0.1,"stretch":0.1,"force":{force},"torque":null,"shape":0.1}}]}}]}}"#
+            {{"angle":10.0,"turn":0.1,"stretch":0.1,"off":0.0,"force":{force},"torque":null,"shape":0.1}}]}}]}}"#
         )
     };
     let good = opened(&at("0.1", "high")).unwrap().unwrap();
