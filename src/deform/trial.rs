@@ -6,6 +6,7 @@
 use super::deformer::Deformer;
 use super::force::Wrench;
 use super::pose::{ControlPose, ControlPoses};
+use super::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::base::statistics::median;
 use crate::solve::Progress;
@@ -20,6 +21,8 @@ pub enum Motion {
     Bend(f64),
     /// About the axis, °.
     Twist(f64),
+    /// About an axis that is as far from the way as from both directions across it, °, along a helix that keeps its length.
+    Skew(f64),
     /// By parts of the length, along and across.
     Shift([f64; 2]),
     /// Turned across the axis, °, and shifted across it.
@@ -31,6 +34,7 @@ impl Motion {
         match self {
             Motion::Bend(degrees) => format!("bent by {degrees}°"),
             Motion::Twist(degrees) => format!("twisted by {degrees}°"),
+            Motion::Skew(degrees) => format!("bent and twisted by {degrees}°"),
             Motion::Shift([0.0, across]) => format!("across by {} %", 100.0 * across),
             Motion::Shift([along, _]) => format!("along by {} %", 100.0 * along),
             Motion::Mixed(degrees, across) => {
@@ -44,6 +48,7 @@ impl Motion {
         match self {
             Motion::Bend(degrees) => Motion::Bend(share * degrees),
             Motion::Twist(degrees) => Motion::Twist(share * degrees),
+            Motion::Skew(degrees) => Motion::Skew(share * degrees),
             Motion::Shift(parts) => Motion::Shift(parts.map(|part| share * part)),
             Motion::Mixed(degrees, across) => Motion::Mixed(share * degrees, share * across),
         }
@@ -113,6 +118,11 @@ impl Moved {
                 ((end - axis) * *length, turned(*across, degrees))
             }
             Motion::Twist(degrees) => (Vector3::zeros(), turned(*axis, degrees)),
+            Motion::Skew(degrees) => {
+                let about = (axis + across + lateral).normalize();
+                let end = slide_matrix(&(about * degrees.to_radians())) * axis;
+                ((end - axis) * *length, turned(about, degrees))
+            }
             Motion::Shift([along, aside]) => ((axis * along + across * aside) * *length, Matrix3::identity()),
             Motion::Mixed(degrees, aside) => (lateral * (aside * *length), turned(*across, degrees)),
         };

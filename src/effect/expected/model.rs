@@ -13,7 +13,7 @@ use crate::scene::Scene;
 use crate::solve::{Progress, Silent, Solver};
 use std::sync::Arc;
 
-/// How far a control element is moved: its bend and its twist, °, and shifts that stretch the body.
+/// How far a control element is moved: its bend, its twist and both at once, °, and shifts that stretch the body.
 struct Level {
     angle: f64,
     shifts: &'static [Motion],
@@ -33,7 +33,7 @@ const LEVELS: [Level; 4] = [
 
 impl Level {
     fn bends(&self) -> Vec<Motion> {
-        vec![Motion::Bend(self.angle), Motion::Twist(self.angle)]
+        vec![Motion::Bend(self.angle), Motion::Twist(self.angle), Motion::Skew(self.angle)]
     }
 
     fn shifts(&self) -> Vec<Motion> {
@@ -92,10 +92,10 @@ impl Measured {
             moved = moved.about(across);
         }
         let mut found = Vec::new();
-        let [bends, twists] =
-            [0, 1].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
+        let [bends, twists, both] =
+            [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
         let shifts: Vec<Vec<Motion>> = LEVELS.iter().map(Level::shifts).collect();
-        for kind in [bends, twists, shifts] {
+        for kind in [bends, twists, both, shifts] {
             self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
         Ok([Level::bends, Level::shifts].map(|motions| by_level(&found, motions)))
@@ -165,6 +165,8 @@ mod tests {
             (Motion::Twist(30.0), at(30.0, 0.04, 0.12)),
             (Motion::Bend(60.0), at(60.0, 0.05, 0.5)),
             (Motion::Twist(90.0), at(90.0, 0.06, 0.9)),
+            (Motion::Skew(10.0), at(10.0, 0.02, 0.05)),
+            (Motion::Skew(30.0), at(30.0, 0.02, 0.05)),
         ];
         let told = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, f64, Option<f64>)> {
             by_level(found, Level::bends).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
@@ -178,6 +180,6 @@ mod tests {
         assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 10.0, Some(0.7)));
         found.pop();
         assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
-        assert_eq!(motions(), 15);
+        assert_eq!(motions(), 18);
     }
 }
