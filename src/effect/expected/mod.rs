@@ -234,7 +234,7 @@ fn three_digits(at: &ErrorsAt) -> ErrorsAt {
     }
 }
 
-/// To three digits: the last ones of a float depend on how many threads summed it.
+/// To three digits, and to 0 what is nothing: the last digits of a float depend on how many threads summed it.
 fn rounded(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
+    if value < 1e-9 { 0.0 } else { format!("{value:.2e}").parse().unwrap_or(value) }
 }

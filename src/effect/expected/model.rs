@@ -180,6 +180,6 @@ mod tests {
         assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 10.0, Some(0.7)));
         found.pop();
         assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
-        assert_eq!(motions(), 18);
+        assert_eq!(motions(), 19);
     }
 }
