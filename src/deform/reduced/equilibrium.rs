@@ -16,6 +16,9 @@ const MOST_STEPS: usize = 60;
 const SHORTEST: f64 = 1e-3;
 /// Rounding errors of V, as a part of it.
 const ROUNDING: f64 = 1e-12;
+/// A change of y that is smaller than this, in metres and parts, says nothing of the tangent: what is left of q by rounding,
+/// over so little, would be taken for its slope, and the next prediction would lead to another equilibrium.
+const SAYS_NOTHING: f64 = 1e-6;
 /// y beyond those of undeformed elements count as 0 below this.
 const NOTHING: f64 = 1e-9;
 
@@ -134,7 +137,7 @@ impl ReducedBody {
             if (q..q + fields).contains(&at) { 0.0 } else { z[at] - before[at] }
         };
         let square: f64 = (0..n).map(|at| change(at, &self.z, &self.before).powi(2)).sum();
-        if square <= f64::MIN_POSITIVE {
+        if square <= SAYS_NOTHING * SAYS_NOTHING {
             return;
         }
         for i in 0..fields {
@@ -289,6 +292,42 @@ impl Factor {
             for j in 0..i {
                 x[j] -= l[i * n + j] * value;
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::QuarticShape;
+
+    /// V = (q + q² - y₀²)² + 10³ y₀² + y₁², moved and then held still but for rounding: what the search leaves of q for the next
+    /// call is no slope by y₁.
+    #[test]
+    fn stillness_teaches_the_tangent_nothing() {
+        let shape = QuarticShape { variables: 4 };
+        let mut coefficients = vec![0.0; shape.len()];
+        // z = (1, y₀, y₁, q).
+        for (term, value) in [
+            ([0, 0, 3, 3], 1.0),
+            ([0, 3, 3, 3], 2.0),
+            ([3, 3, 3, 3], 1.0),
+            ([0, 1, 1, 3], -2.0),
+            ([1, 1, 3, 3], -2.0),
+            ([1, 1, 1, 1], 1.0),
+            ([0, 0, 1, 1], 1e3),
+            ([0, 0, 2, 2], 1.0),
+        ] {
+            coefficients[shape.at(term)] = value;
+        }
+        let mut body = ReducedBody::new(2, 0, 1, coefficients).unwrap();
+        for k in 0..40 {
+            let y = 0.3 + 1e-3 * f64::from(k);
+            for still in 0..4 {
+                body.settle(&[y, 1e-9 * (1.0 + 1e-15 * f64::from(still))]).unwrap();
+            }
+            let steepest = body.tangent.iter().fold(0.0, |most: f64, slope| most.max(slope.abs()));
+            assert!(steepest < 1.0, "dq/dy₀ is below 0.7 and dq/dy₁ is 0: {steepest:e}");
         }
     }
 }
