@@ -18,7 +18,8 @@ use std::path::PathBuf;
 ///
 /// Prints one line for each finding, the most severe first: errors (it is refused), warnings (it is solved or shown, but may
 /// not be what was meant), notes (what was repaired, what is worth knowing). The exit status is 2 if there is an error. `precompute`
-/// runs a scene's checks first. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
+/// runs a scene's checks first. Then what the effects add, and the errors of force and shape to expect, where the .green file
+/// beside the scene has them; else how to have them measured. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
 /// monitors of the running display (without one, of the file's `monitor` tables).
 #[derive(Debug, clap::Args)]
 pub struct Args {

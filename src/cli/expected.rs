@@ -84,12 +84,17 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
     let Ok(requirements) = prepare::requirements(scene, name, body) else {
         return Err("the body is refused".into());
     };
+    if requirements.sections().next().is_none() {
+        let name = expected::NAME;
+        return Err(format!("list effects = [\"{name}\"], and `greenstage precompute` measures them"));
+    }
     let path = prepare::green_path(scene);
-    let to_do = if requirements.sections().next().is_some() {
-        format!("`greenstage precompute {}` measures them", scene.path.display())
-    } else {
-        format!("list effects = [\"{}\"], and `greenstage precompute` measures them", expected::NAME)
-    };
+    if body.accuracy_target().is_some() {
+        let path = path.display();
+        return Err(format!(
+            "`greenstage precompute` chooses its settings, and `greenstage inspect {path}` then tells them"
+        ));
+    }
     let read = || -> Result<Option<ExpectedErrors>, GreenError> {
         let file = GreenFile::open(&path)?;
         file.check_belongs(scene, name, &requirements)?;
@@ -98,6 +103,6 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
     match read() {
         Ok(Some(errors)) if errors.model == body.model => Ok(errors),
         Err(damaged @ GreenError::Damaged { .. }) => Err(damaged.to_string()),
-        _ => Err(to_do),
+        _ => Err(format!("`greenstage precompute {}` measures them", scene.path.display())),
     }
 }

@@ -16,7 +16,8 @@ use std::time::Instant;
 /// Run the offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
 ///
 /// Does nothing if the file is there and still belongs to the scene (same mesh, materials, control elements, solver,
-/// requirements of model and effects, program version). Prints the time of each step. A file is overwritten where it is a
+/// requirements of model and effects, program version). Prints the time of each step, and what errors of force and shape to
+/// expect where an effect of the scene has them measured. A file is overwritten where it is a
 /// .green file or empty; any other, and what the scene reads, never is, not with --force either.
 #[derive(Debug, clap::Args)]
 pub struct Args {

@@ -20,7 +20,7 @@ use crate::world::World;
 use mesh::BetterBody;
 use model::{Measured, motions};
 
-/// Entries of K up to which `haptics` measures, within some fifteen seconds on one thread: of about 4000 nodes of tet4, 1600 of
+/// Entries of K up to which `haptics` measures, within some ten to twenty seconds on one thread: of about 4000 nodes of tet4, 1600 of
 /// tet10, and 700 of tet4_anp.
 pub const HAPTIC_ENTRIES: usize = 400_000;
 
