@@ -136,7 +136,9 @@ fn written(
 ) -> Result<(Arc<GreenFile>, Cost), MeasureError> {
     let mut scene = request.scene.clone();
     model.name.clone_into(&mut scene.body[request.body].model);
-    let requirements = (request.requirements_of)(&scene).and(Requirements::of(model.requirements));
+    // Sections of effects are no part of what is compared here.
+    let requirements = (request.requirements_of)(&scene).without_sections();
+    let requirements = requirements.and(Requirements::of(model.requirements));
     let name = format!(
         "{}-{}-{}-{}-{}.green",
         candidate.refine,
