@@ -1,0 +1,318 @@
+//! A Kirchhoff–Love shell at one place of its middle surface r: strains, and what they do to the control points.
+//!
+//! In: derivatives of the nine splines by arc lengths along two orthogonal directions of the surface at rest. Out: membrane
+//! strains and changes of curvature, energy, its gradient and Hessian by the control points.
+//!
+//! ```text
+//! ε_ab = ½ (a_a·a_b - δ_ab)    κ_ab = b_ab - b⁰_ab    a_a = r,a    b_ab = r,ab·n    n = a_1 × a_2/|a_1 × a_2|
+//! V = ∫ ½ εᵀ A ε + ½ κᵀ D κ    δb_ab = n·(δr,ab - Γ^c_ab δa_c)    Γ^c_ab = r,ab·aᶜ
+//! δ²b_ab = -2 (n·δa_c) aᶜ·(δr,ab - Γ^d_ab δa_d) - b_ab a^cd (n·δa_c)(n·δa_d)
+//! ```
+//!
+//! with St. Venant and Kirchhoff's law for plane stress, ε = (ε₁₁, ε₂₂, 2 ε₁₂) and κ alike (Kiendl, Bletzinger, Linhard
+//! and Wüchner, CMAME 198, 2009, 3902-3914; Ciarlet, An Introduction to Differential Geometry, section 4.1).
+
+use super::band::Band;
+use super::spline::Shape;
+use nalgebra::{Matrix2, Matrix3, Vector3};
+
+/// Stiffness against strains along both directions, their product, and shear: of (ε₁₁, ε₂₂, 2 ε₁₂).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Law {
+    pub first: f64,
+    pub second: f64,
+    pub mixed: f64,
+    pub shear: f64,
+}
+
+impl Law {
+    /// Plane stress, E/(1 - ν²) and the like.
+    pub fn isotropic(young: f64, poisson: f64) -> Law {
+        let plane = young / (1.0 - poisson * poisson);
+        Law { first: plane, second: plane, mixed: poisson * plane, shear: 0.5 * young / (1.0 + poisson) }
+    }
+
+    #[inline]
+    pub fn stress(&self, e: [f64; 3]) -> [f64; 3] {
+        [self.first * e[0] + self.mixed * e[1], self.second * e[1] + self.mixed * e[0], self.shear * e[2]]
+    }
+
+    pub fn scaled(&self, by: f64) -> Law {
+        Law { first: self.first * by, second: self.second * by, mixed: self.mixed * by, shear: self.shear * by }
+    }
+}
+
+/// A place of integration.
+#[derive(Clone, Debug)]
+pub struct Point {
+    pub nodes: [usize; 9],
+    /// First derivatives of the splines, 1/m, and the second ones by 11, 22 and 12, 1/m².
+    pub slope: [[f64; 2]; 9],
+    pub second: [[f64; 3]; 9],
+    /// b⁰_11, b⁰_22 and 2 b⁰_12, 1/m.
+    pub curvature: [f64; 3],
+    /// The area that it stands for at rest, m², and the thickness there, m.
+    pub area: f64,
+    pub thickness: f64,
+    /// A and D times the area.
+    pub membrane: Law,
+    pub bending: Law,
+}
+
+/// The surface at a point.
+pub struct Local {
+    /// a_1, a_2 and n, a¹ and a², and a^11, a^22, a^12.
+    pub tangents: [Vector3<f64>; 2],
+    pub normal: Vector3<f64>,
+    up: [Vector3<f64>; 2],
+    metric: [f64; 3],
+    /// b_11, b_22, 2 b_12.
+    bent: [f64; 3],
+    /// n·δr,ab less Γ, for each control point: ∂b/∂q_i = m_i n, the last one doubled.
+    m: [[f64; 3]; 9],
+    /// ε and κ.
+    pub strain: [[f64; 3]; 2],
+}
+
+impl Point {
+    /// The splines at a place, where the surface at rest has these control points; `None` where it has no tangent plane.
+    pub fn new(shape: &Shape, rest: &[Vector3<f64>], cell_area: f64, thickness: f64) -> Option<Point> {
+        let [x, y] = shape.tangents(rest);
+        let normal = x.cross(&y);
+        let first = x.try_normalize(0.0)?;
+        let second = normal.cross(&x).try_normalize(0.0)?;
+        // (x, y) of arc lengths.
+        let lengths = Matrix2::new(first.dot(&x), first.dot(&y), second.dot(&x), second.dot(&y));
+        let t = lengths.try_inverse()?;
+        let by = |k: usize| {
+            let [x, y] = shape.slope[k];
+            [x * t[(0, 0)] + y * t[(1, 0)], x * t[(0, 1)] + y * t[(1, 1)]]
+        };
+        let twice = |k: usize| {
+            let [xx, yy, xy] = shape.second[k];
+            let of = |a: usize, b: usize| {
+                xx * t[(0, a)] * t[(0, b)]
+                    + yy * t[(1, a)] * t[(1, b)]
+                    + xy * (t[(0, a)] * t[(1, b)] + t[(1, a)] * t[(0, b)])
+            };
+            [of(0, 0), of(1, 1), of(0, 1)]
+        };
+        let mut point = Point {
+            nodes: shape.nodes,
+            slope: std::array::from_fn(by),
+            second: std::array::from_fn(twice),
+            curvature: [0.0; 3],
+            area: cell_area * normal.norm(),
+            thickness,
+            membrane: Law::default(),
+            bending: Law::default(),
+        };
+        point.curvature = point.local(rest)?.bent;
+        Some(point)
+    }
+
+    #[inline]
+    pub fn local(&self, q: &[Vector3<f64>]) -> Option<Local> {
+        let (mut tangents, mut second) = ([Vector3::zeros(); 2], [Vector3::zeros(); 3]);
+        for k in 0..9 {
+            let q = &q[self.nodes[k]];
+            for axis in 0..2 {
+                tangents[axis] += q * self.slope[k][axis];
+            }
+            for pair in 0..3 {
+                second[pair] += q * self.second[k][pair];
+            }
+        }
+        let [a, b] = tangents;
+        let cross = a.cross(&b);
+        let size = cross.norm();
+        if size.is_nan() || size <= 1e-12 {
+            return None;
+        }
+        let normal = cross / size;
+        let (aa, bb, ab) = (a.norm_squared(), b.norm_squared(), a.dot(&b));
+        let metric = [bb, aa, -ab].map(|x| x / (size * size));
+        let up = [a * metric[0] + b * metric[2], a * metric[2] + b * metric[1]];
+        let gamma = second.map(|h| up.map(|up| up.dot(&h)));
+        let twice = [1.0, 1.0, 2.0];
+        let m = std::array::from_fn(|k| {
+            std::array::from_fn(|pair| {
+                let slope = &self.slope[k];
+                twice[pair] * (self.second[k][pair] - gamma[pair][0] * slope[0] - gamma[pair][1] * slope[1])
+            })
+        });
+        let bent: [f64; 3] = std::array::from_fn(|pair| twice[pair] * second[pair].dot(&normal));
+        let strain = [
+            [0.5 * (aa - 1.0), 0.5 * (bb - 1.0), ab],
+            std::array::from_fn(|pair| bent[pair] - self.curvature[pair]),
+        ];
+        Some(Local { tangents, normal, up, metric, bent, m, strain })
+    }
+
+    pub fn stress(&self, strain: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
+        [self.membrane.stress(strain[0]), self.bending.stress(strain[1])]
+    }
+
+    pub fn energy(&self, strain: &[[f64; 3]; 2]) -> f64 {
+        let stress = self.stress(strain);
+        0.5 * (0..3).map(|i| stress[0][i] * strain[0][i] + stress[1][i] * strain[1][i]).sum::<f64>()
+    }
+
+    /// The change of the strains, to first order, with that of the control points.
+    pub fn strain_by(&self, local: &Local, change: impl Fn(usize) -> Vector3<f64>) -> [[f64; 3]; 2] {
+        let [a, b] = local.tangents;
+        let (mut tangents, mut bent) = ([Vector3::zeros(); 2], [0.0; 3]);
+        for k in 0..9 {
+            let by = change(self.nodes[k]);
+            tangents[0] += by * self.slope[k][0];
+            tangents[1] += by * self.slope[k][1];
+            let along = by.dot(&local.normal);
+            for (bent, m) in bent.iter_mut().zip(&local.m[k]) {
+                *bent += m * along;
+            }
+        }
+        let [by_a, by_b] = tangents;
+        [[a.dot(&by_a), b.dot(&by_b), a.dot(&by_b) + b.dot(&by_a)], bent]
+    }
+
+    /// Adds ∂V by the control points.
+    #[inline]
+    pub fn add_gradient(&self, local: &Local, stress: &[[f64; 3]; 2], gradient: &mut [f64]) {
+        let [n, moment] = stress;
+        for k in 0..9 {
+            let [x, y] = self.slope[k];
+            let m = &local.m[k];
+            let force = local.tangents[0] * (n[0] * x + n[2] * y)
+                + local.tangents[1] * (n[1] * y + n[2] * x)
+                + local.normal * (moment[0] * m[0] + moment[1] * m[1] + moment[2] * m[2]);
+            let at = 3 * self.nodes[k];
+            (0..3).for_each(|axis| gradient[at + axis] += force[axis]);
+        }
+    }
+
+    /// Adds ∂²V by the control points, where the strains' own second derivatives meet the stresses `stress`.
+    #[inline]
+    pub fn add_hessian(&self, local: &Local, stress: &[[f64; 3]; 2], hessian: &mut Band) {
+        let [n, moment] = stress;
+        let (a, d) = (&self.membrane, &self.bending);
+        let ([a1, a2], normal) = (local.tangents, local.normal);
+        let dot = |x: &[f64; 3], y: &[f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+        let stiff: [[f64; 3]; 9] = std::array::from_fn(|k| d.stress(local.m[k]));
+        let turned: [f64; 9] = std::array::from_fn(|k| dot(moment, &local.m[k]));
+        let lever: [Vector3<f64>; 9] =
+            std::array::from_fn(|k| local.up[0] * self.slope[k][0] + local.up[1] * self.slope[k][1]);
+        let beta = dot(moment, &local.bent);
+        for i in 0..9 {
+            let [ix, iy] = self.slope[i];
+            for j in 0..=i {
+                let [jx, jy] = self.slope[j];
+                let along = a1 * (a.first * ix * jx + a.shear * iy * jy)
+                    + a2 * (a.mixed * ix * jy + a.shear * iy * jx);
+                let across = a1 * (a.mixed * iy * jx + a.shear * ix * jy)
+                    + a2 * (a.second * iy * jy + a.shear * ix * jx);
+                let lift = local.metric[0] * ix * jx + local.metric[1] * iy * jy + local.metric[2] * (ix * jy + iy * jx);
+                let out = normal * (dot(&stiff[i], &local.m[j]) - beta * lift) - lever[i] * turned[j];
+                let pull = n[0] * ix * jx + n[1] * iy * jy + n[2] * (ix * jy + iy * jx);
+                let back = lever[j] * -turned[i];
+                // a_1 ⊗ along + a_2 ⊗ across + n ⊗ out + back ⊗ n + pull I.
+                let (row, column) = (3 * self.nodes[i], 3 * self.nodes[j]);
+                for r in 0..3 {
+                    let most = if i == j { r } else { 2 };
+                    for c in 0..=most {
+                        let value = a1[r] * along[c] + a2[r] * across[c] + normal[r] * out[c] + back[r] * normal[c];
+                        hessian.add(row + r, column + c, if r == c { value + pull } else { value });
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Where a control element holds the surface: with springs that are stiff beside the shell's own.
+///
+/// ```text
+/// V = ½ k |r - (p + M y)|² + ½ k_t Σ_a (a_a·M N)²
+/// ```
+#[derive(Clone, Debug)]
+pub struct Grip {
+    pub control: usize,
+    pub nodes: [usize; 9],
+    pub value: [f64; 9],
+    pub slope: [[f64; 2]; 9],
+    /// y: from the control element's origin to the middle surface at rest, m; N there.
+    pub arm: Vector3<f64>,
+    pub normal: Vector3<f64>,
+    /// k, N/m, and k_t, N·m.
+    pub pull: f64,
+    pub turn: f64,
+}
+
+/// How a control element is held: its origin's place p = o + T, and M.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hold {
+    pub place: Vector3<f64>,
+    pub matrix: Matrix3<f64>,
+}
+
+/// What a grip's springs do.
+pub struct Pulled {
+    /// r less where it should be, and both a_a·M N.
+    pub off: Vector3<f64>,
+    pub tilt: [f64; 2],
+    tangents: [Vector3<f64>; 2],
+    fibre: Vector3<f64>,
+}
+
+impl Grip {
+    pub fn pulled(&self, q: &[Vector3<f64>], hold: &Hold) -> Pulled {
+        let (mut place, mut tangents) = (Vector3::zeros(), [Vector3::zeros(); 2]);
+        for k in 0..9 {
+            let q = &q[self.nodes[k]];
+            place += q * self.value[k];
+            tangents[0] += q * self.slope[k][0];
+            tangents[1] += q * self.slope[k][1];
+        }
+        let fibre = hold.matrix * self.normal;
+        let off = place - hold.place - hold.matrix * self.arm;
+        Pulled { off, tilt: tangents.map(|a| a.dot(&fibre)), tangents, fibre }
+    }
+
+    pub fn energy(&self, pulled: &Pulled) -> f64 {
+        let [x, y] = pulled.tilt;
+        0.5 * (self.pull * pulled.off.norm_squared() + self.turn * (x * x + y * y))
+    }
+
+    pub fn add_gradient(&self, pulled: &Pulled, gradient: &mut [f64]) {
+        let (force, [x, y]) = (pulled.off * self.pull, pulled.tilt);
+        for k in 0..9 {
+            let [by_x, by_y] = self.slope[k];
+            let total = force * self.value[k] + pulled.fibre * (self.turn * (x * by_x + y * by_y));
+            (0..3).for_each(|axis| gradient[3 * self.nodes[k] + axis] += total[axis]);
+        }
+    }
+
+    pub fn add_hessian(&self, pulled: &Pulled, hessian: &mut Band) {
+        let fibre = &pulled.fibre;
+        for i in 0..9 {
+            for j in 0..=i {
+                let pull = self.pull * self.value[i] * self.value[j];
+                let turn = self.turn * (self.slope[i][0] * self.slope[j][0] + self.slope[i][1] * self.slope[j][1]);
+                for r in 0..3 {
+                    let most = if i == j { r } else { 2 };
+                    for c in 0..=most {
+                        let value = turn * fibre[r] * fibre[c] + if r == c { pull } else { 0.0 };
+                        hessian.add(3 * self.nodes[i] + r, 3 * self.nodes[j] + c, value);
+                    }
+                }
+            }
+        }
+    }
+
+    /// ∂V by p and M.
+    pub fn slope(&self, pulled: &Pulled) -> (Vector3<f64>, Matrix3<f64>) {
+        let force = pulled.off * -self.pull;
+        let [x, y] = pulled.tilt;
+        let turned = (pulled.tangents[0] * x + pulled.tangents[1] * y) * self.turn;
+        (force, force * self.arm.transpose() + turned * self.normal.transpose())
+    }
+}
