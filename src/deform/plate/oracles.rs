@@ -3,7 +3,7 @@
 use super::point::{Grip, Hold, Law, Point};
 use super::sheet::{Sheet, Standing};
 use super::spline::Grid;
-use crate::deform::frames::PoseSlope;
+use super::super::frames::{PoseSlope, axial};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::f64::consts::PI;
 
@@ -54,6 +54,8 @@ fn clamp(sheet: &mut Sheet, control: usize, axis: usize, at_end: bool, origin: V
             slope: point.slope,
             arm: shape.point(&sheet.rest) - origin,
             normal: tangents[0].cross(&tangents[1]).normalize(),
+            share: 0.0,
+            spread: 0.0,
             pull,
             turn,
         });
@@ -164,7 +166,7 @@ fn a_strip_rolls_up_into_a_circle() {
         let standing = sheet.settle(&holds).unwrap();
         let mut slopes = [PoseSlope::default(); 2];
         sheet.slopes(&holds, &mut slopes);
-        let moment = crate::deform::axial(&(slopes[1].matrix * matrix.transpose()));
+        let moment = axial(&(slopes[1].matrix * matrix.transpose()));
         let (energy, torque) = (0.5 * bending * angle * angle / length, bending * angle / length);
         println!(
             "{:.0}: {:?} {:.5} {:.5} force {:.5}",

@@ -242,6 +242,9 @@ pub struct Grip {
     /// y: from the control element's origin to the middle surface at rest, m; N there.
     pub arm: Vector3<f64>,
     pub normal: Vector3<f64>,
+    /// Its part of what a cell holds, times the thickness there, m; the mean square of the heights of what is held, m².
+    pub share: f64,
+    pub spread: f64,
     /// k, N/m, and k_t, N·m.
     pub pull: f64,
     pub turn: f64,

@@ -12,8 +12,8 @@
 use super::band::Band;
 use super::point::{Grip, Hold, Point};
 use super::spline::Grid;
-use crate::deform::frames::PoseSlope;
-use nalgebra::Vector3;
+use super::super::frames::PoseSlope;
+use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
 const CONVERGED: f64 = 1e-9;
@@ -91,11 +91,36 @@ impl Sheet {
         self.relax();
     }
 
+    /// Another state.
+    pub fn put(&mut self, q: &[Vector3<f64>]) {
+        self.q.clone_from_slice(q);
+        self.relax();
+    }
+
+    /// Moves the whole, which it does not feel.
+    pub fn carry(&mut self, motion: &Isometry3<f64>) {
+        self.q.iter_mut().for_each(|q| *q = motion * Point3::from(*q) - Point3::origin());
+    }
+
     /// The stresses are those of the state again.
     fn relax(&mut self) {
         for (point, stress) in self.points.iter().zip(&mut self.stress) {
             *stress = point.local(&self.q).map_or([[0.0; 3]; 2], |local| point.stress(&local.strain));
         }
+    }
+
+    /// The largest distance of a control point from the first.
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
+    /// The first step from rest towards these holds: the linear answer.
+    pub fn answer(&mut self, holds: &[Hold]) -> Option<Vec<Vector3<f64>>> {
+        self.reset();
+        self.assemble(holds, Geometric::Own)?;
+        self.factorise()?;
+        self.solve();
+        Some(self.step.chunks_exact(3).map(Vector3::from_column_slice).collect())
     }
 
     /// Equilibrium with the control elements held so, from the present state; `None`, and the state as it was, where none is

@@ -1,0 +1,162 @@
+//! The plate's constants, from the body's own handle stiffness.
+//!
+//! In: S, and a shell with its grips. Out: four moduli, against stretching and shearing, bending and twisting, with which the
+//! shell answers small rigid motions of the control elements as the body does: the thickness enters as h and h³/12, so that
+//! a homogeneous plate of elements that do not lock has four equal ones, E.
+//!
+//! ```text
+//! min over f of ‖Wᵀ S_plate(f) W - I‖²     Wᵀ S W = I     S_plate = Σ_k f_k ∂S/∂f_k + grips
+//! ```
+//!
+//! Relative errors of all motions count alike, soft or stiff. ∂S/∂f_k are the energies of the answers, by the envelope theorem.
+
+use super::point::{Hold, Law, Point};
+use super::sheet::Sheet;
+use crate::green::FIELDS;
+use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
+
+/// Poisson's ratio: little of it is to be seen in S.
+pub const POISSON: f64 = 0.3;
+/// The grips' springs, beside a cell's own stiffness.
+const GRIP: f64 = 300.0;
+/// How much unlike moduli cost, where S does not tell them.
+const ALIKE: f64 = 1e-4;
+const ROUNDS: usize = 20;
+
+/// Young's moduli, Pa, that four kinds of strain feel: stretching, shearing, bending, twisting.
+pub type Moduli = [f64; 4];
+
+/// Gives the shell these moduli; its grips are as strong as that needs.
+pub fn apply(sheet: &mut Sheet, moduli: &Moduli) {
+    for point in &mut sheet.points {
+        let [stretch, shear, bend, twist] = *moduli;
+        let (h, area) = (point.thickness, point.area);
+        let law = |normal: f64, shear: f64| Law {
+            shear: Law::isotropic(shear, POISSON).shear,
+            ..Law::isotropic(normal, POISSON)
+        };
+        point.membrane = law(stretch, shear).scaled(h * area);
+        point.bending = law(bend, twist).scaled(h.powi(3) / 12.0 * area);
+    }
+    for grip in &mut sheet.grips {
+        grip.pull = GRIP * moduli[0] * grip.share;
+        grip.turn = GRIP * moduli[2] * grip.share * grip.spread;
+    }
+}
+
+/// The moduli with which the shell is nearest to S, and how far it then is: the root mean square of the relative errors of
+/// all motions.
+pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> (Moduli, f64) {
+    let mut moduli = [1.0; 4];
+    apply(sheet, &moduli);
+    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size()) else { return (moduli, 0.0) };
+    let count = whitened.ncols();
+    let target = DMatrix::identity(count, count);
+    let mut off = f64::INFINITY;
+    for round in 0..ROUNDS {
+        let Some(parts) = energies(sheet, origins) else { break };
+        let parts: Vec<DMatrix<f64>> = parts.iter().map(|part| whitened.transpose() * part * &whitened).collect();
+        let whole: DMatrix<f64> = parts.iter().sum();
+        if round == 0 {
+            // All alike first.
+            let scale = whole.trace() / whole.norm_squared();
+            moduli = moduli.map(|modulus| modulus * scale);
+            apply(sheet, &moduli);
+            continue;
+        }
+        let left = &whole - &target;
+        off = left.norm() / (count as f64).sqrt();
+        let mean = moduli.iter().map(|modulus| modulus.ln()).sum::<f64>() / 4.0;
+        let normal = Matrix4::from_fn(|i, j| parts[i].dot(&parts[j]))
+            + (Matrix4::identity() - Matrix4::repeat(0.25)) * ALIKE
+            + Matrix4::identity() * 1e-9;
+        let slope = Vector4::from_fn(|i, _| parts[i].dot(&left) + ALIKE * (moduli[i].ln() - mean));
+        let Some(step) = normal.lu().solve(&-slope) else { break };
+        for (modulus, step) in moduli.iter_mut().zip(step.iter()) {
+            *modulus *= step.clamp(-1.0, 1.0).exp();
+        }
+        apply(sheet, &moduli);
+        if step.amax() < 1e-4 {
+            break;
+        }
+    }
+    (moduli, off)
+}
+
+/// W of the rigid motions of all control elements but the first; motions that meet no resistance are left out. `None` where
+/// none is left.
+fn whitened(stiffness: &DMatrix<f64>, controls: usize, size: f64) -> Option<DMatrix<f64>> {
+    if stiffness.shape() != (FIELDS * controls, FIELDS * controls) || controls < 2 {
+        return None;
+    }
+    let motions = 6 * (controls - 1);
+    let mut fields = DMatrix::zeros(FIELDS * controls, motions);
+    for motion in 0..motions {
+        let (first, kind) = (FIELDS * (1 + motion / 6), motion % 6);
+        if kind < 3 {
+            fields[(first + kind, motion)] = 1.0;
+        } else {
+            let turn = Vector3::ith(kind - 3, 1.0).cross_matrix();
+            (0..9).for_each(|k| fields[(first + 3 + k, motion)] = turn[(k / 3, k % 3)] / size);
+        }
+    }
+    let s = fields.transpose() * stiffness * fields;
+    let eigen = ((&s + s.transpose()) * 0.5).symmetric_eigen();
+    let most = eigen.eigenvalues.max();
+    let resisting: Vec<usize> = (0..motions).filter(|&k| eigen.eigenvalues[k] > 1e-8 * most).collect();
+    let column = |i: usize, k: usize| {
+        let unit = if i % 6 < 3 { 1.0 } else { 1.0 / size };
+        unit * eigen.eigenvectors[(i, resisting[k])] / eigen.eigenvalues[resisting[k]].sqrt()
+    };
+    (!resisting.is_empty()).then(|| DMatrix::from_fn(motions, resisting.len(), column))
+}
+
+/// The energies of the answers to rigid motions of all control elements but the first, by the four moduli and in the grips.
+fn energies(sheet: &mut Sheet, origins: &[Vector3<f64>]) -> Option<[DMatrix<f64>; 5]> {
+    // So small that what is of second order does not matter.
+    let small = 1e-7;
+    let motions = 6 * (origins.len() - 1);
+    let (mut strains, mut pulls) = (Vec::new(), Vec::new());
+    for motion in 0..motions {
+        let (element, kind) = (1 + motion / 6, motion % 6);
+        let mut holds: Vec<Hold> =
+            origins.iter().map(|&place| Hold { place, matrix: Matrix3::identity() }).collect();
+        if kind < 3 {
+            holds[element].place[kind] += small * sheet.size();
+        } else {
+            holds[element].matrix += Vector3::ith(kind - 3, small).cross_matrix();
+        }
+        let unit = if kind < 3 { small * sheet.size() } else { small };
+        let answer = sheet.answer(&holds)?;
+        strains.push(sheet.points.iter().map(|point| strain(point, sheet, &answer, unit)).collect::<Option<Vec<_>>>()?);
+        let moved: Vec<Vector3<f64>> = sheet.rest.iter().zip(&answer).map(|(x, u)| x + u).collect();
+        let pulled = |grip: &super::point::Grip| {
+            let pulled = grip.pulled(&moved, &holds[grip.control]);
+            let (pull, turn) = (grip.pull.sqrt() / unit, grip.turn.sqrt() / unit);
+            let [x, y] = pulled.tilt;
+            [pulled.off.x * pull, pulled.off.y * pull, pulled.off.z * pull, x * turn, y * turn]
+        };
+        pulls.push(sheet.grips.iter().flat_map(pulled).collect::<Vec<f64>>());
+    }
+    let of_moduli = |kind: usize| {
+        DMatrix::from_fn(motions, motions, |i, j| {
+            let pairs = strains[i].iter().zip(&strains[j]).zip(&sheet.points);
+            pairs.map(|((one, two), point)| part(point, kind, &one[kind / 2], &two[kind / 2])).sum()
+        })
+    };
+    let dot = |i: usize, j: usize| pulls[i].iter().zip(&pulls[j]).map(|(a, b): (&f64, &f64)| a * b).sum();
+    let grips = DMatrix::from_fn(motions, motions, dot);
+    Some([of_moduli(0), of_moduli(1), of_moduli(2), of_moduli(3), grips])
+}
+
+fn strain(point: &Point, sheet: &Sheet, answer: &[Vector3<f64>], unit: f64) -> Option<[[f64; 3]; 2]> {
+    let local = point.local(&sheet.rest)?;
+    Some(point.strain_by(&local, |node| answer[node]).map(|part| part.map(|strain| strain / unit)))
+}
+
+/// One kind's share in the energy of two strains.
+fn part(point: &Point, kind: usize, one: &[f64; 3], two: &[f64; 3]) -> f64 {
+    let law = if kind < 2 { &point.membrane } else { &point.bending };
+    let stress = law.stress(*two);
+    if kind % 2 == 0 { one[0] * stress[0] + one[1] * stress[1] } else { one[2] * stress[2] }
+}

@@ -1,0 +1,385 @@
+//! The middle surface of a thin body.
+//!
+//! In: the body's surface at rest. Out: a spline surface half-way between its two faces, places of integration with the
+//! thickness there, and how nodes stand beside it. The body is looked at along its thinnest direction: rays on a fine grid
+//! over its smallest bounding rectangle meet each face once. A body that is not thin, or lies over itself, is refused.
+
+use super::spline::Grid;
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SymmetricEigen, Vector2, Vector3};
+
+/// Cells of the grid, about.
+const CELLS: f64 = 48.0;
+const MOST_ALONG: usize = 24;
+/// Rays along each side of a cell; an even number.
+const RAYS: usize = 6;
+/// A body is thin up to this part of its width.
+const THIN: f64 = 0.2;
+/// Rays through a fold, of all that meet the body, and the height that the splines leave, in thicknesses.
+const FOLDED: f64 = 0.01;
+const CRUMPLED: f64 = 0.25;
+/// Cells without material are filled with so much of it, so that all control points are held.
+const FILLING: f64 = 1e-4;
+
+/// Where a part of a cell is integrated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    pub place: [f64; 2],
+    /// Of the cell's area, and of the material's stiffness.
+    pub share: f64,
+    pub thickness: f64,
+}
+
+/// A spline surface in the middle of a body.
+pub struct Middle {
+    pub grid: Grid,
+    pub rest: Vec<Vector3<f64>>,
+    pub parts: Vec<Part>,
+    /// Mean, m.
+    pub thickness: f64,
+    plane: Plane,
+    cell: Vector2<f64>,
+}
+
+/// A rectangle around the body as it is seen along its thinnest direction: a corner, and the directions along it, across
+/// it and through it as columns.
+struct Plane {
+    corner: Vector3<f64>,
+    axes: Matrix3<f64>,
+    size: Vector2<f64>,
+}
+
+/// What the rays along the thinnest direction find: the heights of both faces, where they meet the body.
+struct Rays {
+    along: usize,
+    across: usize,
+    faces: Vec<Option<[f64; 2]>>,
+    folded: usize,
+}
+
+impl Middle {
+    pub fn of(nodes: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Middle, String> {
+        let nodes: Vec<Vector3<f64>> = nodes.iter().map(|x| Vector3::from(*x).cast::<f64>()).collect();
+        let corners = |triangle: &[u32; 3]| -> Option<[Vector3<f64>; 3]> {
+            let [a, b, c] = triangle.map(|node| nodes.get(node as usize).copied());
+            Some([a?, b?, c?])
+        };
+        let triangles: Vec<[Vector3<f64>; 3]> = triangles.iter().filter_map(corners).collect();
+        let plane = Plane::around(&nodes, &triangles).ok_or("its surface has no area")?;
+        let grid = Grid { cells: cells(&plane.size) };
+        let cell = Vector2::new(plane.size.x / grid.cells[0] as f64, plane.size.y / grid.cells[1] as f64);
+        let rays = Rays::cast(&plane, &grid, &cell, &triangles);
+        let met = rays.faces.iter().flatten().count();
+        if met == 0 || rays.folded as f64 > FOLDED * (met + rays.folded) as f64 {
+            return Err(format!(
+                "seen along its thinnest direction, {:.1} % of it lies over itself (at most {:.0} %)",
+                100.0 * rays.folded as f64 / (met + rays.folded).max(1) as f64,
+                100.0 * FOLDED
+            ));
+        }
+        let mut middle = Middle { grid, rest: Vec::new(), parts: Vec::new(), thickness: 0.0, plane, cell };
+        let left = middle.fit_heights(&rays);
+        middle.find_parts(&rays);
+        let width = middle.plane.size.y;
+        let (thickness, [along, across]) = (middle.thickness, grid.cells);
+        if thickness.is_nan() || thickness > THIN * width {
+            return Err(format!(
+                "it is {thickness:.3e} m thick and {width:.3e} m wide, 1 : {:.1}; a plate is 1 : {:.0} at least",
+                width / thickness,
+                1.0 / THIN
+            ));
+        }
+        if left > CRUMPLED * thickness {
+            return Err(format!(
+                "its middle surface is off by {left:.3e} m from a smooth one of {along} × {across} cells, \
+                 {:.2} of its thickness (at most {CRUMPLED})",
+                left / thickness
+            ));
+        }
+        Ok(middle)
+    }
+
+    /// The control points' heights, by least squares; returns the root mean square of what is left.
+    fn fit_heights(&mut self, rays: &Rays) -> f64 {
+        let (grid, count) = (self.grid, self.grid.nodes());
+        let (mut a, mut b) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let heights = || {
+            let height = |(ray, faces): (usize, &Option<[f64; 2]>)| {
+                faces.map(|[low, high]| (rays.place(ray), 0.5 * (low + high)))
+            };
+            rays.faces.iter().enumerate().filter_map(height)
+        };
+        for (place, height) in heights() {
+            let shape = grid.at(place);
+            for i in 0..9 {
+                b[shape.nodes[i]] += shape.value[i] * height;
+                for j in 0..9 {
+                    a[(shape.nodes[i], shape.nodes[j])] += shape.value[i] * shape.value[j];
+                }
+            }
+        }
+        // Second differences are kept small, which tells the heights of control points that no ray reaches.
+        let across = grid.cells[1] + 2;
+        let mut smooth = |nodes: [usize; 3]| {
+            for (i, x) in nodes.into_iter().zip([1.0, -2.0, 1.0]) {
+                for (j, y) in nodes.into_iter().zip([1.0, -2.0, 1.0]) {
+                    a[(i, j)] += 1e-4 * x * y;
+                }
+            }
+        };
+        for node in 0..count {
+            if node % across + 2 < across {
+                smooth([node, node + 1, node + 2]);
+            }
+            if node + 2 * across < count {
+                smooth([node, node + across, node + 2 * across]);
+            }
+        }
+        let heights_of_nodes = a.cholesky().map_or_else(|| DVector::zeros(count), |factor| factor.solve(&b));
+        let place = |node: usize| {
+            let [x, y] = grid.place_of(node);
+            self.plane.corner
+                + self.plane.axes
+                    * Vector3::new(x * self.cell.x, y * self.cell.y, heights_of_nodes[node])
+        };
+        self.rest = (0..count).map(place).collect();
+        let (mut sum, mut met) = (0.0, 0.0);
+        for (place, height) in heights() {
+            let shape = grid.at(place);
+            let found: f64 = (0..9).map(|k| heights_of_nodes[shape.nodes[k]] * shape.value[k]).sum();
+            sum += (found - height).powi(2);
+            met += 1.0;
+        }
+        f64::sqrt(sum / f64::max(met, 1.0))
+    }
+
+    /// Four places in each cell: Gauss's, where it is full of material, and else the middle of each quarter's.
+    fn find_parts(&mut self, rays: &Rays) {
+        let gauss = 0.5 / 3f64.sqrt();
+        let (mut volume, mut area) = (0.0, 0.0);
+        let mut empty = Vec::new();
+        for cell in 0..self.grid.cells[0] * self.grid.cells[1] {
+            let corner = [cell / self.grid.cells[1], cell % self.grid.cells[1]];
+            let quarters = [0, 1, 2, 3].map(|quarter| rays.quarter(corner, quarter));
+            let is_full = quarters.iter().all(|quarter| quarter.outside == 0);
+            for (k, quarter) in quarters.iter().enumerate() {
+                let rays_of_cell = (RAYS * RAYS) as f64;
+                if quarter.inside > 0 {
+                    let whole = [k / 2, k % 2].map(|at| if at == 0 { 0.5 - gauss } else { 0.5 + gauss });
+                    let place = match is_full {
+                        true => [corner[0] as f64 + whole[0], corner[1] as f64 + whole[1]],
+                        false => quarter.place_inside,
+                    };
+                    let [x, y] = self.grid.at(place).tangents(&self.rest);
+                    let slant = x.cross(&y);
+                    let upright = slant.dot(&self.plane.axes.column(2)) / slant.norm();
+                    let (share, thickness) =
+                        (quarter.inside as f64 / rays_of_cell, quarter.height * upright.abs());
+                    volume += share * slant.norm() * thickness;
+                    area += share * slant.norm();
+                    self.parts.push(Part { place, share, thickness });
+                }
+                if quarter.outside > 0 {
+                    let share = quarter.outside as f64 / rays_of_cell * FILLING;
+                    empty.push(Part { place: quarter.place_outside, share, thickness: 0.0 });
+                }
+            }
+        }
+        self.thickness = volume / area;
+        self.parts.extend(empty.into_iter().map(|part| Part { thickness: self.thickness, ..part }));
+    }
+
+    /// The place of the middle surface that is nearest to x, in cells.
+    pub fn place_of(&self, x: &Vector3<f64>) -> [f64; 2] {
+        let flat = self.plane.axes.transpose() * (x - self.plane.corner);
+        let inside = |place: [f64; 2]| [0, 1].map(|k| place[k].clamp(0.0, self.grid.cells[k] as f64));
+        let mut place = inside([flat.x / self.cell.x, flat.y / self.cell.y]);
+        for _ in 0..4 {
+            let shape = self.grid.at(place);
+            let [by_x, by_y] = shape.tangents(&self.rest);
+            let off = x - shape.point(&self.rest);
+            let metric =
+                Matrix2::new(by_x.norm_squared(), by_x.dot(&by_y), by_x.dot(&by_y), by_y.norm_squared());
+            let Some(step) = metric.lu().solve(&Vector2::new(by_x.dot(&off), by_y.dot(&off))) else { break };
+            place = inside([place[0] + step.x, place[1] + step.y]);
+        }
+        place
+    }
+
+    /// The unit normal of the middle surface at a place.
+    pub fn normal(&self, place: [f64; 2]) -> Vector3<f64> {
+        let [x, y] = self.grid.at(place).tangents(&self.rest);
+        x.cross(&y).normalize()
+    }
+
+    /// The largest extent, m.
+    pub fn size(&self) -> f64 {
+        self.plane.size.norm()
+    }
+}
+
+/// Cells along and across a rectangle, as square as the numbers allow.
+fn cells(size: &Vector2<f64>) -> [usize; 2] {
+    let across = (CELLS * size.y / size.x).sqrt().round().max(2.0);
+    let along = (CELLS / across).round();
+    [(along as usize).clamp(2, MOST_ALONG), across as usize]
+}
+
+impl Plane {
+    fn around(nodes: &[Vector3<f64>], triangles: &[[Vector3<f64>; 3]]) -> Option<Plane> {
+        let areas = || triangles.iter().map(|[a, b, c]| (0.5 * (b - a).cross(&(c - a)).norm(), (a + b + c) / 3.0));
+        let area: f64 = areas().map(|(area, _)| area).sum();
+        let centre = areas().map(|(area, middle)| middle * area).sum::<Vector3<f64>>() / area;
+        if area.is_nan() || area <= 0.0 {
+            return None;
+        }
+        // Exact for triangles: a quarter from the corners, three quarters from the middles.
+        let mut spread = Matrix3::zeros();
+        for ((area, middle), corners) in areas().zip(triangles) {
+            let square = |x: &Vector3<f64>| (x - centre) * (x - centre).transpose();
+            spread += (corners.iter().map(square).sum::<Matrix3<f64>>() + square(&middle) * 9.0) * (area / 12.0);
+        }
+        let eigen = SymmetricEigen::new(spread);
+        let through = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned().try_normalize(0.0)?;
+        let aside = through.cross(&Vector3::ith(through.iamin(), 1.0)).try_normalize(0.0)?;
+        let flat = [aside, through.cross(&aside)];
+        let points: Vec<Vector2<f64>> = nodes
+            .iter()
+            .map(|x| Vector2::new((x - centre).dot(&flat[0]), (x - centre).dot(&flat[1])))
+            .collect();
+        let (direction, low, size) = smallest_rectangle(points)?;
+        let along = flat[0] * direction.x + flat[1] * direction.y;
+        let across = through.cross(&along);
+        let corner = centre + along * low.x + across * low.y;
+        Some(Plane { corner, axes: Matrix3::from_columns(&[along, across, through]), size })
+    }
+}
+
+/// Of all rectangles around the points the one with the least area: one of its sides lies along their hull. Its longer
+/// direction, its corner and its size.
+fn smallest_rectangle(mut points: Vec<Vector2<f64>>) -> Option<(Vector2<f64>, Vector2<f64>, Vector2<f64>)> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let half = |points: &mut dyn Iterator<Item = &Vector2<f64>>| {
+        let mut hull: Vec<Vector2<f64>> = Vec::new();
+        for point in points {
+            while let [.., a, b] = hull[..] {
+                if (b - a).perp(&(point - b)) > 0.0 {
+                    break;
+                }
+                hull.pop();
+            }
+            hull.push(*point);
+        }
+        hull
+    };
+    let mut hull = half(&mut points.iter());
+    hull.extend(half(&mut points.iter().rev()));
+    let extent = |direction: &Vector2<f64>| {
+        let aside = Vector2::new(-direction.y, direction.x);
+        let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
+        for point in &hull {
+            let seen = Vector2::new(point.dot(direction), point.dot(&aside));
+            (low, high) = (low.inf(&seen), high.sup(&seen));
+        }
+        (low, high - low)
+    };
+    let sides = hull.windows(2).filter_map(|pair| (pair[1] - pair[0]).try_normalize(1e-12));
+    let area = |direction: &Vector2<f64>| extent(direction).1.product();
+    // The first of equal ones, which rounding alone tells apart.
+    let best = sides.fold(None, |best: Option<(Vector2<f64>, f64)>, side| match best {
+        Some((_, least)) if area(&side) >= least * (1.0 - 1e-6) => best,
+        _ => Some((side, area(&side))),
+    });
+    let (mut direction, _) = best?;
+    if extent(&direction).1.x < extent(&direction).1.y {
+        direction = Vector2::new(-direction.y, direction.x);
+    }
+    let (low, size) = extent(&direction);
+    (size.min() > 0.0).then_some((direction, low, size))
+}
+
+/// Rays of a quarter of a cell.
+struct Quarter {
+    inside: usize,
+    outside: usize,
+    /// Their mean places and the mean height between the faces.
+    place_inside: [f64; 2],
+    place_outside: [f64; 2],
+    height: f64,
+}
+
+impl Rays {
+    fn cast(plane: &Plane, grid: &Grid, cell: &Vector2<f64>, triangles: &[[Vector3<f64>; 3]]) -> Rays {
+        let (along, across) = (RAYS * grid.cells[0], RAYS * grid.cells[1]);
+        let mut met: Vec<Vec<f64>> = vec![Vec::new(); along * across];
+        let step = cell / RAYS as f64;
+        for triangle in triangles {
+            // In steps between rays, the first of which stands at 0.
+            let [a, b, c] = triangle.map(|x| {
+                let x = plane.axes.transpose() * (x - plane.corner);
+                Vector3::new(x.x / step.x - 0.5 - ASIDE[0], x.y / step.y - 0.5 - ASIDE[1], x.z)
+            });
+            let whole = (b - a).xy().perp(&(c - a).xy());
+            if whole == 0.0 {
+                continue;
+            }
+            let (low, high) = (a.inf(&b).inf(&c), a.sup(&b).sup(&c));
+            let range = |axis: usize, count: usize| {
+                low[axis].ceil().max(0.0) as usize..((high[axis].floor() + 1.0).clamp(0.0, count as f64) as usize)
+            };
+            for i in range(0, along) {
+                for j in range(1, across) {
+                    let ray = Vector2::new(i as f64, j as f64);
+                    let part = |from: &Vector3<f64>, to: &Vector3<f64>| {
+                        (to.xy() - from.xy()).perp(&(ray - from.xy())) / whole
+                    };
+                    let shares = [part(&b, &c), part(&c, &a), part(&a, &b)];
+                    if shares.iter().all(|share| *share >= 0.0) {
+                        met[i * across + j].push(a.z * shares[0] + b.z * shares[1] + c.z * shares[2]);
+                    }
+                }
+            }
+        }
+        let folded = met.iter().filter(|heights| heights.len() > 2).count();
+        let faces = met.into_iter().map(|heights| match heights[..] {
+            [a, b] => Some([a.min(b), a.max(b)]),
+            _ => None,
+        });
+        Rays { along, across, faces: faces.collect(), folded }
+    }
+
+    /// In cells.
+    fn place(&self, ray: usize) -> [f64; 2] {
+        let (i, j) = (ray / self.across, ray % self.across);
+        [(i as f64 + 0.5 + ASIDE[0]) / RAYS as f64, (j as f64 + 0.5 + ASIDE[1]) / RAYS as f64]
+    }
+
+    fn quarter(&self, corner: [usize; 2], quarter: usize) -> Quarter {
+        let half = RAYS / 2;
+        let (first_i, first_j) = (corner[0] * RAYS + quarter / 2 * half, corner[1] * RAYS + quarter % 2 * half);
+        let mut found =
+            Quarter { inside: 0, outside: 0, place_inside: [0.0; 2], place_outside: [0.0; 2], height: 0.0 };
+        for ray in (0..half * half).map(|k| (first_i + k / half) * self.across + first_j + k % half) {
+            let place = self.place(ray);
+            let sum = match self.faces[ray] {
+                Some([low, high]) => {
+                    found.inside += 1;
+                    found.height += high - low;
+                    &mut found.place_inside
+                }
+                None => {
+                    found.outside += 1;
+                    &mut found.place_outside
+                }
+            };
+            (0..2).for_each(|axis| sum[axis] += place[axis]);
+        }
+        let (inside, outside) = (found.inside.max(1) as f64, found.outside.max(1) as f64);
+        found.place_inside = found.place_inside.map(|x| x / inside);
+        found.place_outside = found.place_outside.map(|x| x / outside);
+        found.height /= inside;
+        found
+    }
+}
+
+/// Rays stand a little aside of where edges of a regular mesh are, in parts of their distance.
+const ASIDE: [f64; 2] = [0.003_141_59, 0.002_718_28];

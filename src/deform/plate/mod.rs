@@ -1,0 +1,241 @@
+//! Method 3b of the paper's appendix for thin bodies: a Kirchhoff–Love shell between control elements.
+//!
+//! In: the poses of the control elements, which hold the middle surface of the body ([`Middle`]). Out: that surface in
+//! equilibrium with large rotations ([`Sheet`]), on which the surface of the finite-element body is skinned; its energy and
+//! its gradient. The shell's four moduli come from the body's own handle stiffness ([`constants`]).
+
+mod band;
+mod constants;
+mod middle;
+mod path;
+mod point;
+mod sheet;
+mod skin;
+mod spline;
+
+use super::frames::{ControlFrame, PoseSlope};
+use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::pose::ControlPose;
+use crate::green::STIFFNESS;
+use middle::Middle;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use path::Path;
+use point::{Grip, Hold, Point};
+use sheet::{Sheet, Standing};
+use skin::Skin;
+
+pub(super) const ENTRY: ModelEntry = ModelEntry {
+    name: "plate",
+    summary: "method 3b: a Kirchhoff-Love shell between control elements, for thin bodies",
+    requirements: &[STIFFNESS],
+    frame: Frame::MeanMotion,
+    energy: Some(&[]),
+    turn_limits_deg: [30.0, 90.0],
+    kind: Kind::Online(|input| Ok(Box::new(Plate::new(input)?))),
+};
+
+/// A thin body.
+pub struct Plate {
+    controls: Vec<ControlRest>,
+    sheet: Sheet,
+    skin: Skin,
+    /// How the control elements are held; the frames of the last state that was found.
+    holds: Vec<Hold>,
+    frames: Vec<ControlFrame>,
+    target: Vec<ControlFrame>,
+    turns: Vec<Option<UnitQuaternion<f64>>>,
+    /// The poses of the last evaluation, and what was found.
+    poses: Vec<ControlPose>,
+    standing: Standing,
+    is_defined: bool,
+}
+
+impl Plate {
+    pub fn new(input: &ModelInput<'_>) -> Result<Plate, String> {
+        let refuse = |why: String| {
+            format!("model \"plate\" does not suit this body: {why}; write model = \"rotation\" or \"substructured\"")
+        };
+        let stiffness = (input.table)(STIFFNESS.name)
+            .ok_or("model \"plate\" needs the handle stiffness of the .green file")?;
+        let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
+        let held: Vec<Vec<u32>> = (0..origins.len()).map(|e| (input.control_nodes)(e)).collect();
+        let middle = Middle::of(input.rest, input.triangles).map_err(refuse)?;
+        let points = middle.parts.iter().filter_map(|part| {
+            let shape = middle.grid.at(part.place);
+            Point::new(&shape, &middle.rest, part.share, part.thickness)
+        });
+        let mut grips = Vec::new();
+        for (e, nodes) in held.iter().enumerate() {
+            let place = |&node: &u32| input.rest.get(node as usize).map(|x| Vector3::from(*x).cast::<f64>());
+            let nodes: Vec<Vector3<f64>> = nodes.iter().filter_map(place).collect();
+            grips.extend(grips_of(&middle, e, &origins[e], &nodes));
+        }
+        let mut sheet = Sheet::new(middle.grid, middle.rest.clone(), points.collect(), grips);
+        constants::fit(&mut sheet, &origins, &stiffness);
+        sheet.reset();
+        let skin = Skin::new(&middle, &origins, input.rest, &held, constants::POISSON);
+        let hold = |&place: &Vector3<f64>| Hold { place, matrix: Matrix3::identity() };
+        let frame = |&place: &Vector3<f64>| ControlFrame {
+            place,
+            turn: UnitQuaternion::identity(),
+            stretch: Matrix3::identity(),
+        };
+        let frames: Vec<ControlFrame> = origins.iter().map(frame).collect();
+        Ok(Plate {
+            controls: input.controls.to_vec(),
+            sheet,
+            skin,
+            holds: origins.iter().map(hold).collect(),
+            target: frames.clone(),
+            frames,
+            turns: vec![None; origins.len()],
+            poses: Vec::new(),
+            standing: Standing { energy: 0.0, iterations: 0, buckled: false },
+            is_defined: true,
+        })
+    }
+
+    /// The shell held at these poses; where no equilibrium is found, the last one is kept.
+    fn hold(&mut self, poses: &[ControlPose]) {
+        if poses.len() != self.controls.len() || poses == self.poses {
+            return;
+        }
+        self.poses.clear();
+        self.poses.extend_from_slice(poses);
+        self.is_defined = false;
+        self.target.clear();
+        for (e, (pose, control)) in poses.iter().zip(&self.controls).enumerate() {
+            let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns[e].as_ref()) else { return };
+            self.target.push(frame);
+        }
+        let found = self.go().or_else(|| self.go_from_rest());
+        if let Some(standing) = found {
+            self.standing = standing;
+            self.frames.clone_from_slice(&self.target);
+            for (turn, frame) in self.turns.iter_mut().zip(&self.frames) {
+                *turn = Some(frame.turn);
+            }
+            self.is_defined = true;
+        }
+    }
+
+    /// From the last state to the target.
+    fn go(&mut self) -> Option<Standing> {
+        let path = Path::between(&self.frames, &self.target, self.sheet.size());
+        let back = self.holds.clone();
+        self.sheet.carry(&path.carried);
+        let found = path.follow(&self.frames, &self.target, &mut self.holds, &mut self.sheet);
+        if found.is_none() {
+            self.sheet.carry(&path.carried.inverse());
+            self.holds = back;
+        }
+        found
+    }
+
+    /// A way from rest may exist where none from the last state was found.
+    fn go_from_rest(&mut self) -> Option<Standing> {
+        let (kept, frames) = (self.sheet.q.clone(), self.frames.clone());
+        self.rest();
+        let found = self.go();
+        if found.is_none() {
+            self.sheet.put(&kept);
+            self.frames = frames;
+            for (hold, frame) in self.holds.iter_mut().zip(&self.frames) {
+                *hold = path::held(frame);
+            }
+        }
+        found
+    }
+
+    /// The sheet and its holds at rest.
+    fn rest(&mut self) {
+        self.sheet.reset();
+        for ((frame, hold), control) in self.frames.iter_mut().zip(&mut self.holds).zip(&self.controls) {
+            let (turn, stretch) = (UnitQuaternion::identity(), Matrix3::identity());
+            *frame = ControlFrame { place: control.origin, turn, stretch };
+            *hold = path::held(frame);
+        }
+    }
+}
+
+/// Where a control element that holds these nodes grips the middle surface: once in each quarter of a cell.
+fn grips_of(middle: &Middle, control: usize, origin: &Vector3<f64>, nodes: &[Vector3<f64>]) -> Vec<Grip> {
+    let across = 2 * middle.grid.cells[1];
+    let places: Vec<[f64; 2]> = nodes.iter().map(|x| middle.place_of(x)).collect();
+    let height = |(x, place): (&Vector3<f64>, &[f64; 2])| {
+        middle.normal(*place).dot(&(x - middle.grid.at(*place).point(&middle.rest)))
+    };
+    let heights: Vec<f64> = nodes.iter().zip(&places).map(height).collect();
+    let count = nodes.len().max(1) as f64;
+    let mean = heights.iter().sum::<f64>() / count;
+    let spread = heights.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / count;
+    let quarter = |place: &[f64; 2]| {
+        let at = |axis: usize| ((2.0 * place[axis]) as usize).min(2 * middle.grid.cells[axis] - 1);
+        at(0) * across + at(1)
+    };
+    let mut of_quarters: Vec<Vec<[f64; 2]>> = vec![Vec::new(); across * 2 * middle.grid.cells[0]];
+    places.iter().for_each(|place| of_quarters[quarter(place)].push(*place));
+    let cell_of = |quarter: usize| (quarter / across / 2, quarter % across / 2);
+    let mut of_cells = vec![0usize; of_quarters.len()];
+    for (quarter, places) in of_quarters.iter().enumerate() {
+        let (i, j) = cell_of(quarter);
+        of_cells[i * across + j] += places.len();
+    }
+    let grip = |(quarter, places): (usize, &Vec<[f64; 2]>)| {
+        let sum = places.iter().fold([0.0; 2], |sum, place| [sum[0] + place[0], sum[1] + place[1]]);
+        let place = sum.map(|x| x / places.len() as f64);
+        let shape = middle.grid.at(place);
+        let point = Point::new(&shape, &middle.rest, 1.0, middle.thickness)?;
+        let (i, j) = cell_of(quarter);
+        Some(Grip {
+            control,
+            nodes: shape.nodes,
+            value: shape.value,
+            slope: point.slope,
+            arm: shape.point(&middle.rest) - origin,
+            normal: middle.normal(place),
+            share: middle.thickness * places.len() as f64 / of_cells[i * across + j] as f64,
+            spread,
+            pull: 0.0,
+            turn: 0.0,
+        })
+    };
+    of_quarters.iter().enumerate().filter(|(_, places)| !places.is_empty()).filter_map(grip).collect()
+}
+
+impl DeformationModel for Plate {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        self.hold(poses);
+        self.skin.update(&self.sheet.q, &self.holds);
+        BodyState { rotation_undefined: !self.is_defined, ..BodyState::at_rest(0) }
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.hold(poses);
+        self.sheet.slopes(&self.holds, slopes);
+        Some(Response { energy: self.standing.energy, is_defined: self.is_defined })
+    }
+
+    fn field(&self) -> Option<&[[f32; 3]]> {
+        Some(self.skin.field())
+    }
+
+    fn forget(&mut self) {
+        self.rest();
+        self.turns.fill(None);
+        self.poses.clear();
+        self.standing = Standing { energy: 0.0, iterations: 0, buckled: false };
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        if let Some(place) = self.turns.get_mut(e) {
+            *place = Some(turn);
+            self.poses.clear();
+        }
+    }
+}
+
+#[cfg(test)]
+mod oracles;
+#[cfg(test)]
+mod tests;

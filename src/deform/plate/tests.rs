@@ -1,0 +1,1 @@
+//! The plate in a body.
