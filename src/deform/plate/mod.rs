@@ -62,7 +62,9 @@ impl Plate {
         let middle = Middle::of(input.rest, input.triangles).map_err(refuse)?;
         let points = middle.parts.iter().filter_map(|part| {
             let shape = middle.grid.at(part.place);
-            Point::new(&shape, &middle.rest, part.share, part.thickness)
+            let mut point = Point::new(&shape, &middle.rest, part.share, part.thickness)?;
+            point.stretch_with_bending(constants::POISSON);
+            Some(point)
         });
         let mut grips = Vec::new();
         for (e, nodes) in held.iter().enumerate() {
@@ -71,7 +73,8 @@ impl Plate {
             grips.extend(grips_of(&middle, e, &origins[e], &nodes));
         }
         let mut sheet = Sheet::new(middle.grid, middle.rest.clone(), points.collect(), grips);
-        constants::fit(&mut sheet, &origins, &stiffness);
+        let _fit = constants::fit(&mut sheet, &origins, &stiffness);
+        if std::env::var("FORCES").is_ok() { println!("{_fit:?}"); }
         sheet.reset();
         let skin = Skin::new(&middle, &origins, input.rest, &held, constants::POISSON);
         let hold = |&place: &Vector3<f64>| Hold { place, matrix: Matrix3::identity() };

@@ -4,13 +4,16 @@
 //! strains and changes of curvature, energy, its gradient and Hessian by the control points.
 //!
 //! ```text
-//! ε_ab = ½ (a_a·a_b - δ_ab)    κ_ab = b_ab - b⁰_ab    a_a = r,a    b_ab = r,ab·n    n = a_1 × a_2/|a_1 × a_2|
+//! ε_ab = ½ (a_a·a_b - δ_ab) + s_ab    κ_ab = b_ab - b⁰_ab    a_a = r,a    b_ab = r,ab·n    n = a_1 × a_2/|a_1 × a_2|
+//! s_ab = h²/24 (b_ac b_cb - ν' b_cc b_ab) less that at rest    ν' = ν/(1 - ν)
 //! V = ∫ ½ εᵀ A ε + ½ κᵀ D κ    δb_ab = n·(δr,ab - Γ^c_ab δa_c)    Γ^c_ab = r,ab·aᶜ
 //! δ²b_ab = -2 (n·δa_c) aᶜ·(δr,ab - Γ^d_ab δa_d) - b_ab a^cd (n·δa_c)(n·δa_d)
 //! ```
 //!
 //! with St. Venant and Kirchhoff's law for plane stress, ε = (ε₁₁, ε₂₂, 2 ε₁₂) and κ alike (Kiendl, Bletzinger, Linhard
-//! and Wüchner, CMAME 198, 2009, 3902-3914; Ciarlet, An Introduction to Differential Geometry, section 4.1).
+//! and Wüchner, CMAME 198, 2009, 3902-3914; Ciarlet, An Introduction to Differential Geometry, section 4.1). s is the mean over
+//! the thickness of Green's strain of second order in z b, for fibres z that contract as plane stress has them: what is
+//! bent is also stretched.
 
 use super::band::Band;
 use super::spline::Shape;
@@ -51,6 +54,10 @@ pub struct Point {
     pub second: [[f64; 3]; 9],
     /// b⁰_11, b⁰_22 and 2 b⁰_12, 1/m.
     pub curvature: [f64; 3],
+    /// s at rest; h²/24, m², and ν'.
+    pub stretched: [f64; 3],
+    pub second_order: f64,
+    pub contraction: f64,
     /// The area that it stands for at rest, m², and the thickness there, m.
     pub area: f64,
     pub thickness: f64,
@@ -68,10 +75,25 @@ pub struct Local {
     metric: [f64; 3],
     /// b_11, b_22, 2 b_12.
     bent: [f64; 3],
+    /// ∂s/∂b.
+    by_bending: [[f64; 3]; 3],
     /// n·δr,ab less Γ, for each control point: ∂b/∂q_i = m_i n, the last one doubled.
     m: [[f64; 3]; 9],
     /// ε and κ.
     pub strain: [[f64; 3]; 2],
+}
+
+impl Local {
+    /// What works on b: M + (∂s/∂b)ᵀ N.
+    #[inline]
+    fn moment(&self, [n, m]: &[[f64; 3]; 2]) -> [f64; 3] {
+        std::array::from_fn(|i| m[i] + dot(&self.by_bending.map(|row| row[i]), n))
+    }
+}
+
+#[inline]
+fn dot(x: &[f64; 3], y: &[f64; 3]) -> f64 {
+    x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 }
 
 impl Point {
@@ -102,6 +124,9 @@ impl Point {
             slope: std::array::from_fn(by),
             second: std::array::from_fn(twice),
             curvature: [0.0; 3],
+            stretched: [0.0; 3],
+            second_order: 0.0,
+            contraction: 0.0,
             area: cell_area * normal.norm(),
             thickness,
             membrane: Law::default(),
@@ -109,6 +134,42 @@ impl Point {
         };
         point.curvature = point.local(rest)?.bent;
         Some(point)
+    }
+
+    /// What is bent is also stretched, for a Poisson's ratio.
+    pub fn stretch_with_bending(&mut self, poisson: f64) {
+        self.contraction = poisson / (1.0 - poisson);
+        self.second_order = self.thickness * self.thickness / 24.0;
+        self.stretched = self.stretch_of(&self.curvature).0;
+    }
+
+    /// s of b = (b_11, b_22, 2 b_12), and ∂s/∂b.
+    #[inline]
+    fn stretch_of(&self, b: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+        let (g, c, [x, y, z]) = (self.second_order, self.contraction, *b);
+        let stretch = [
+            g * (x * x + 0.25 * z * z - c * (x + y) * x),
+            g * (y * y + 0.25 * z * z - c * (x + y) * y),
+            g * (1.0 - c) * (x + y) * z,
+        ];
+        let slope = [
+            [g * (2.0 * x - c * (2.0 * x + y)), -g * c * x, 0.5 * g * z],
+            [-g * c * y, g * (2.0 * y - c * (x + 2.0 * y)), 0.5 * g * z],
+            [g * (1.0 - c) * z, g * (1.0 - c) * z, g * (1.0 - c) * (x + y)],
+        ];
+        (stretch, slope)
+    }
+
+    /// Σ N ∂²s/∂b².
+    #[inline]
+    fn second_stretch(&self, n: &[f64; 3]) -> [[f64; 3]; 3] {
+        let (g, c) = (self.second_order, self.contraction);
+        let (own, mixed, shear) = (2.0 * g * (1.0 - c), -g * c * (n[0] + n[1]), g * (1.0 - c) * n[2]);
+        [
+            [own * n[0], mixed, shear],
+            [mixed, own * n[1], shear],
+            [shear, shear, 0.5 * g * (n[0] + n[1])],
+        ]
     }
 
     #[inline]
@@ -142,11 +203,13 @@ impl Point {
             })
         });
         let bent: [f64; 3] = std::array::from_fn(|pair| twice[pair] * second[pair].dot(&normal));
+        let (s, by_bending) = self.stretch_of(&bent);
+        let s: [f64; 3] = std::array::from_fn(|pair| s[pair] - self.stretched[pair]);
         let strain = [
-            [0.5 * (aa - 1.0), 0.5 * (bb - 1.0), ab],
+            [0.5 * (aa - 1.0) + s[0], 0.5 * (bb - 1.0) + s[1], ab + s[2]],
             std::array::from_fn(|pair| bent[pair] - self.curvature[pair]),
         ];
-        Some(Local { tangents, normal, up, metric, bent, m, strain })
+        Some(Local { tangents, normal, up, metric, bent, by_bending, m, strain })
     }
 
     pub fn stress(&self, strain: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
@@ -172,13 +235,14 @@ impl Point {
             }
         }
         let [by_a, by_b] = tangents;
-        [[a.dot(&by_a), b.dot(&by_b), a.dot(&by_b) + b.dot(&by_a)], bent]
+        let s = local.by_bending.map(|row| dot(&row, &bent));
+        [[a.dot(&by_a) + s[0], b.dot(&by_b) + s[1], a.dot(&by_b) + b.dot(&by_a) + s[2]], bent]
     }
 
     /// Adds ∂V by the control points.
     #[inline]
     pub fn add_gradient(&self, local: &Local, stress: &[[f64; 3]; 2], gradient: &mut [f64]) {
-        let [n, moment] = stress;
+        let (n, moment) = (&stress[0], local.moment(stress));
         for k in 0..9 {
             let [x, y] = self.slope[k];
             let m = &local.m[k];
@@ -193,11 +257,21 @@ impl Point {
     /// Adds ∂²V by the control points, where the strains' own second derivatives meet the stresses `stress`.
     #[inline]
     pub fn add_hessian(&self, local: &Local, stress: &[[f64; 3]; 2], hessian: &mut Band) {
-        let [n, moment] = stress;
+        let (n, moment) = (&stress[0], &local.moment(stress));
         let (a, d) = (&self.membrane, &self.bending);
         let ([a1, a2], normal) = (local.tangents, local.normal);
-        let dot = |x: &[f64; 3], y: &[f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
-        let stiff: [[f64; 3]; 9] = std::array::from_fn(|k| d.stress(local.m[k]));
+        let second = self.second_stretch(n);
+        // A ∂s/∂b m, and (D + (∂s/∂b)ᵀ A ∂s/∂b + N ∂²s/∂b²) m.
+        let pulled: [[f64; 3]; 9] =
+            std::array::from_fn(|k| a.stress(local.by_bending.map(|row| dot(&row, &local.m[k]))));
+        let stiff: [[f64; 3]; 9] = std::array::from_fn(|k| {
+            let (m, pulled) = (&local.m[k], &pulled[k]);
+            let own = d.stress(*m);
+            std::array::from_fn(|i| {
+                let by = local.by_bending.map(|row| row[i]);
+                own[i] + dot(&by, pulled) + dot(&second[i], m)
+            })
+        });
         let turned: [f64; 9] = std::array::from_fn(|k| dot(moment, &local.m[k]));
         let lever: [Vector3<f64>; 9] =
             std::array::from_fn(|k| local.up[0] * self.slope[k][0] + local.up[1] * self.slope[k][1]);
@@ -211,9 +285,13 @@ impl Point {
                 let across = a1 * (a.mixed * iy * jx + a.shear * ix * jy)
                     + a2 * (a.second * iy * jy + a.shear * ix * jx);
                 let lift = local.metric[0] * ix * jx + local.metric[1] * iy * jy + local.metric[2] * (ix * jy + iy * jx);
-                let out = normal * (dot(&stiff[i], &local.m[j]) - beta * lift) - lever[i] * turned[j];
+                let (pi, pj) = (&pulled[i], &pulled[j]);
+                let out = normal * (dot(&stiff[i], &local.m[j]) - beta * lift) - lever[i] * turned[j]
+                    + a1 * (jx * pi[0] + jy * pi[2])
+                    + a2 * (jy * pi[1] + jx * pi[2]);
                 let pull = n[0] * ix * jx + n[1] * iy * jy + n[2] * (ix * jy + iy * jx);
-                let back = lever[j] * -turned[i];
+                let back = a1 * (ix * pj[0] + iy * pj[2]) + a2 * (iy * pj[1] + ix * pj[2])
+                    - lever[j] * turned[i];
                 // a_1 ⊗ along + a_2 ⊗ across + n ⊗ out + back ⊗ n + pull I.
                 let (row, column) = (3 * self.nodes[i], 3 * self.nodes[j]);
                 for r in 0..3 {
