@@ -9,11 +9,19 @@
 //! ```
 //!
 //! Relative errors of all motions count alike, soft or stiff. ∂S/∂f_k are the energies of the answers, by the envelope theorem.
+//!
+//! Between two control elements, the body's energy to the third order ([`Helicoidal`]) also tells with which force it pulls at
+//! them when it is bent or twisted a little: p and q of the [`Point`]s are such that the shell pulls as strongly. Elements
+//! that lock in bending or twisting feel these stretches differently.
 
+use super::super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::super::helicoidal::Helicoidal;
+use super::super::se3::exp;
+use super::path::held;
 use super::point::{Hold, Law, Point};
 use super::sheet::Sheet;
 use crate::green::FIELDS;
-use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
+use nalgebra::{DMatrix, Matrix3, Matrix4, UnitQuaternion, Vector3, Vector4, Vector6};
 
 /// Poisson's ratio: little of it is to be seen in S.
 pub const POISSON: f64 = 0.3;
@@ -81,6 +89,65 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
         }
     }
     (moduli, off)
+}
+
+/// Gives the shell the p and q with which it pulls at two control elements as the body does; `normal` to the plate.
+/// Without a body's energy to the third order, they are 1.
+pub fn fit_second(sheet: &mut Sheet, origins: &[Vector3<f64>], normal: &Vector3<f64>, energy: Option<Helicoidal>) {
+    let mut shares = [1.0; 2];
+    stretch(sheet, shares);
+    let (&[first, last], Some(mut energy)) = (origins, energy) else { return };
+    let chord: Vector3<f64> = last - first;
+    let (Some(axis), Some(across)) = (chord.try_normalize(1e-9 * sheet.size()), normal.cross(&chord).try_normalize(1e-9 * sheet.size()))
+    else {
+        return;
+    };
+    // So little that the plate does not rise by its thickness.
+    let angle = 0.3 * sheet.thickness() / chord.norm();
+    for (kind, turn) in [across, axis].into_iter().enumerate() {
+        let frames = apart(first, &chord, &(turn * angle));
+        let along = UnitQuaternion::from_scaled_axis(turn * (0.5 * angle)) * axis;
+        let mut of_body = [FrameSlope { force: Vector3::zeros(), torque: Vector3::zeros(), stretch: Matrix3::zeros() }; 2];
+        if energy.respond(&frames, &mut of_body).is_none() {
+            continue;
+        }
+        let wanted = of_body[1].force.dot(&along);
+        let mut pull = |share: f64| {
+            let mut trial = shares;
+            trial[kind] = share;
+            stretch(sheet, trial);
+            sheet.reset();
+            let holds = frames.each_ref().map(held);
+            let mut slopes = [PoseSlope::default(); 2];
+            sheet.settle(&holds)?;
+            sheet.slopes(&holds, &mut slopes);
+            Some(slopes[1].translation.dot(&along))
+        };
+        // It is linear in the share.
+        if let (Some(none), Some(some)) = (pull(0.0), pull(SHARE)) {
+            let share = SHARE * (wanted - none) / (some - none);
+            if share.is_finite() {
+                shares[kind] = share.clamp(-MOST_SHARE, MOST_SHARE);
+            }
+        }
+    }
+    stretch(sheet, shares);
+    sheet.reset();
+}
+
+/// Shares with which the pull is measured, and the largest that is believed.
+const SHARE: f64 = 10.0;
+const MOST_SHARE: f64 = 200.0;
+
+fn stretch(sheet: &mut Sheet, shares: [f64; 2]) {
+    sheet.points.iter_mut().for_each(|point| point.stretch_with_bending(POISSON, shares));
+}
+
+/// Frames of two control elements, the last of which is turned and stands on an arc, or a straight line, of its length.
+fn apart(first: Vector3<f64>, chord: &Vector3<f64>, turn: &Vector3<f64>) -> [ControlFrame; 2] {
+    let end = exp(&Vector6::new(chord.x, chord.y, chord.z, turn.x, turn.y, turn.z));
+    let frame = |place, turn| ControlFrame { place, turn, stretch: Matrix3::identity() };
+    [frame(first, UnitQuaternion::identity()), frame(first + end.translation.vector, end.rotation)]
 }
 
 /// W of the rigid motions of all control elements but the first; motions that meet no resistance are left out. `None` where

@@ -211,9 +211,9 @@ impl Middle {
         x.cross(&y).normalize()
     }
 
-    /// The largest extent, m.
-    pub fn size(&self) -> f64 {
-        self.plane.size.norm()
+    /// The thinnest direction of the whole.
+    pub fn through(&self) -> Vector3<f64> {
+        self.plane.axes.column(2).into_owned()
     }
 }
 

@@ -13,10 +13,12 @@ mod sheet;
 mod skin;
 mod spline;
 
+use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, PoseSlope};
+use super::helicoidal::Helicoidal;
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
-use crate::green::STIFFNESS;
+use crate::green::{CUBIC, FIELDS, STIFFNESS};
 use middle::Middle;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use path::Path;
@@ -27,7 +29,7 @@ use skin::Skin;
 pub(super) const ENTRY: ModelEntry = ModelEntry {
     name: "plate",
     summary: "method 3b: a Kirchhoff-Love shell between control elements, for thin bodies",
-    requirements: &[STIFFNESS],
+    requirements: &[STIFFNESS, CUBIC],
     frame: Frame::MeanMotion,
     energy: Some(&[]),
     turn_limits_deg: [30.0, 90.0],
@@ -62,9 +64,7 @@ impl Plate {
         let middle = Middle::of(input.rest, input.triangles).map_err(refuse)?;
         let points = middle.parts.iter().filter_map(|part| {
             let shape = middle.grid.at(part.place);
-            let mut point = Point::new(&shape, &middle.rest, part.share, part.thickness)?;
-            point.stretch_with_bending(constants::POISSON);
-            Some(point)
+            Point::new(&shape, &middle.rest, part.share, part.thickness)
         });
         let mut grips = Vec::new();
         for (e, nodes) in held.iter().enumerate() {
@@ -75,7 +75,11 @@ impl Plate {
         let mut sheet = Sheet::new(middle.grid, middle.rest.clone(), points.collect(), grips);
         let _fit = constants::fit(&mut sheet, &origins, &stiffness);
         if std::env::var("FORCES").is_ok() { println!("{_fit:?}"); }
-        sheet.reset();
+        let cubic = (input.table)(CUBIC.name)
+            .and_then(|table| CubicForm::new(FIELDS * origins.len(), table.as_slice().to_vec()));
+        let energy = cubic.map(|cubic| Helicoidal::new(&origins, stiffness, Some(cubic))).transpose()?;
+        constants::fit_second(&mut sheet, &origins, &middle.through(), energy);
+        if std::env::var("FORCES").is_ok() { println!("{:?} {:?}", sheet.points[0].second_order, sheet.points[0].thickness.powi(2)/24.); }
         let skin = Skin::new(&middle, &origins, input.rest, &held, constants::POISSON);
         let hold = |&place: &Vector3<f64>| Hold { place, matrix: Matrix3::identity() };
         let frame = |&place: &Vector3<f64>| ControlFrame {

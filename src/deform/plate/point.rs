@@ -5,15 +5,15 @@
 //!
 //! ```text
 //! ε_ab = ½ (a_a·a_b - δ_ab) + s_ab    κ_ab = b_ab - b⁰_ab    a_a = r,a    b_ab = r,ab·n    n = a_1 × a_2/|a_1 × a_2|
-//! s_ab = h²/24 (b_ac b_cb - ν' b_cc b_ab) less that at rest    ν' = ν/(1 - ν)
+//! s = h²/24 (p (b₁₁² - ν' b₁₁ b_cc, b₂₂² - ν' b₂₂ b_cc, 2 (1 - ν') b₁₂ b_cc) + q (b₁₂², b₁₂², 0)) less that at rest
 //! V = ∫ ½ εᵀ A ε + ½ κᵀ D κ    δb_ab = n·(δr,ab - Γ^c_ab δa_c)    Γ^c_ab = r,ab·aᶜ
 //! δ²b_ab = -2 (n·δa_c) aᶜ·(δr,ab - Γ^d_ab δa_d) - b_ab a^cd (n·δa_c)(n·δa_d)
 //! ```
 //!
-//! with St. Venant and Kirchhoff's law for plane stress, ε = (ε₁₁, ε₂₂, 2 ε₁₂) and κ alike (Kiendl, Bletzinger, Linhard
+//! with St. Venant and Kirchhoff's law for plane stress, ε = (ε₁₁, ε₂₂, 2 ε₁₂), κ and s alike (Kiendl, Bletzinger, Linhard
 //! and Wüchner, CMAME 198, 2009, 3902-3914; Ciarlet, An Introduction to Differential Geometry, section 4.1). s is the mean over
-//! the thickness of Green's strain of second order in z b, for fibres z that contract as plane stress has them: what is
-//! bent is also stretched.
+//! the thickness of Green's strain of second order in z b, for fibres z that contract as plane stress has them, with
+//! p = q = 1 and ν' = ν/(1 - ν): what is bent is also stretched.
 
 use super::band::Band;
 use super::spline::Shape;
@@ -54,9 +54,9 @@ pub struct Point {
     pub second: [[f64; 3]; 9],
     /// b⁰_11, b⁰_22 and 2 b⁰_12, 1/m.
     pub curvature: [f64; 3],
-    /// s at rest; h²/24, m², and ν'.
+    /// s at rest; h²/24 p and h²/24 q, m², and ν'.
     pub stretched: [f64; 3],
-    pub second_order: f64,
+    pub second_order: [f64; 2],
     pub contraction: f64,
     /// The area that it stands for at rest, m², and the thickness there, m.
     pub area: f64,
@@ -125,7 +125,7 @@ impl Point {
             second: std::array::from_fn(twice),
             curvature: [0.0; 3],
             stretched: [0.0; 3],
-            second_order: 0.0,
+            second_order: [0.0; 2],
             contraction: 0.0,
             area: cell_area * normal.norm(),
             thickness,
@@ -136,25 +136,25 @@ impl Point {
         Some(point)
     }
 
-    /// What is bent is also stretched, for a Poisson's ratio.
-    pub fn stretch_with_bending(&mut self, poisson: f64) {
+    /// What is bent is also stretched, by p and q.
+    pub fn stretch_with_bending(&mut self, poisson: f64, shares: [f64; 2]) {
         self.contraction = poisson / (1.0 - poisson);
-        self.second_order = self.thickness * self.thickness / 24.0;
+        self.second_order = shares.map(|share| share * self.thickness * self.thickness / 24.0);
         self.stretched = self.stretch_of(&self.curvature).0;
     }
 
     /// s of b = (b_11, b_22, 2 b_12), and ∂s/∂b.
     #[inline]
     fn stretch_of(&self, b: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
-        let (g, c, [x, y, z]) = (self.second_order, self.contraction, *b);
+        let ([g, t], c, [x, y, z]) = (self.second_order, self.contraction, *b);
         let stretch = [
-            g * (x * x + 0.25 * z * z - c * (x + y) * x),
-            g * (y * y + 0.25 * z * z - c * (x + y) * y),
+            g * (x * x - c * (x + y) * x) + 0.25 * t * z * z,
+            g * (y * y - c * (x + y) * y) + 0.25 * t * z * z,
             g * (1.0 - c) * (x + y) * z,
         ];
         let slope = [
-            [g * (2.0 * x - c * (2.0 * x + y)), -g * c * x, 0.5 * g * z],
-            [-g * c * y, g * (2.0 * y - c * (x + 2.0 * y)), 0.5 * g * z],
+            [g * (2.0 * x - c * (2.0 * x + y)), -g * c * x, 0.5 * t * z],
+            [-g * c * y, g * (2.0 * y - c * (x + 2.0 * y)), 0.5 * t * z],
             [g * (1.0 - c) * z, g * (1.0 - c) * z, g * (1.0 - c) * (x + y)],
         ];
         (stretch, slope)
@@ -163,12 +163,12 @@ impl Point {
     /// Σ N ∂²s/∂b².
     #[inline]
     fn second_stretch(&self, n: &[f64; 3]) -> [[f64; 3]; 3] {
-        let (g, c) = (self.second_order, self.contraction);
+        let ([g, t], c) = (self.second_order, self.contraction);
         let (own, mixed, shear) = (2.0 * g * (1.0 - c), -g * c * (n[0] + n[1]), g * (1.0 - c) * n[2]);
         [
             [own * n[0], mixed, shear],
             [mixed, own * n[1], shear],
-            [shear, shear, 0.5 * g * (n[0] + n[1])],
+            [shear, shear, 0.5 * t * (n[0] + n[1])],
         ]
     }
 

@@ -114,6 +114,12 @@ impl Sheet {
         self.size
     }
 
+    /// The mean thickness, m.
+    pub fn thickness(&self) -> f64 {
+        let sum = |of: fn(&Point) -> f64| self.points.iter().map(of).sum::<f64>();
+        sum(|point| point.thickness * point.area) / sum(|point| point.area)
+    }
+
     /// The first step from rest towards these holds: the linear answer.
     pub fn answer(&mut self, holds: &[Hold]) -> Option<Vec<Vector3<f64>>> {
         self.reset();
