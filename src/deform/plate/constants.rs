@@ -93,7 +93,13 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
 
 /// Gives the shell the p and q with which it pulls at two control elements as the body does; `normal` to the plate.
 /// Without a body's energy to the third order, they are 1.
-pub fn fit_second(sheet: &mut Sheet, origins: &[Vector3<f64>], normal: &Vector3<f64>, energy: Option<Helicoidal>) {
+pub fn fit_second(
+    sheet: &mut Sheet,
+    moduli: &Moduli,
+    origins: &[Vector3<f64>],
+    normal: &Vector3<f64>,
+    energy: Option<Helicoidal>,
+) {
     let mut shares = [1.0; 2];
     stretch(sheet, shares);
     let (&[first, last], Some(mut energy)) = (origins, energy) else { return };
@@ -127,7 +133,8 @@ pub fn fit_second(sheet: &mut Sheet, origins: &[Vector3<f64>], normal: &Vector3<
         if let (Some(none), Some(some)) = (pull(0.0), pull(SHARE)) {
             let share = SHARE * (wanted - none) / (some - none);
             if share.is_finite() {
-                shares[kind] = share.clamp(-MOST_SHARE, MOST_SHARE);
+                let most = MOST_SHARE * moduli[2 + kind] / moduli[0];
+                shares[kind] = share.clamp(-most, most);
             }
         }
     }
@@ -135,9 +142,10 @@ pub fn fit_second(sheet: &mut Sheet, origins: &[Vector3<f64>], normal: &Vector3<
     sheet.reset();
 }
 
-/// Shares with which the pull is measured, and the largest that is believed.
+/// The share with which the pull is measured; and the largest, where bending is as stiff as the body: a membrane strain ε
+/// changes the stiffness against bending by about this part of it, times ε.
 const SHARE: f64 = 10.0;
-const MOST_SHARE: f64 = 200.0;
+const MOST_SHARE: f64 = 6.0;
 
 fn stretch(sheet: &mut Sheet, shares: [f64; 2]) {
     sheet.points.iter_mut().for_each(|point| point.stretch_with_bending(POISSON, shares));

@@ -73,12 +73,12 @@ impl Plate {
             grips.extend(grips_of(&middle, e, &origins[e], &nodes));
         }
         let mut sheet = Sheet::new(middle.grid, middle.rest.clone(), points.collect(), grips);
-        let _fit = constants::fit(&mut sheet, &origins, &stiffness);
-        if std::env::var("FORCES").is_ok() { println!("{_fit:?}"); }
+        let (moduli, _) = constants::fit(&mut sheet, &origins, &stiffness);
+        if std::env::var("FORCES").is_ok() { println!("{moduli:?}"); }
         let cubic = (input.table)(CUBIC.name)
             .and_then(|table| CubicForm::new(FIELDS * origins.len(), table.as_slice().to_vec()));
         let energy = cubic.map(|cubic| Helicoidal::new(&origins, stiffness, Some(cubic))).transpose()?;
-        constants::fit_second(&mut sheet, &origins, &middle.through(), energy);
+        constants::fit_second(&mut sheet, &moduli, &origins, &middle.through(), energy);
         if std::env::var("FORCES").is_ok() { println!("{:?} {:?}", sheet.points[0].second_order, sheet.points[0].thickness.powi(2)/24.); }
         let skin = Skin::new(&middle, &origins, input.rest, &held, constants::POISSON);
         let hold = |&place: &Vector3<f64>| Hold { place, matrix: Matrix3::identity() };

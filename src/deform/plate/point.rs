@@ -5,14 +5,14 @@
 //!
 //! ```text
 //! ε_ab = ½ (a_a·a_b - δ_ab) + s_ab    κ_ab = b_ab - b⁰_ab    a_a = r,a    b_ab = r,ab·n    n = a_1 × a_2/|a_1 × a_2|
-//! s = h²/24 (p (b₁₁² - ν' b₁₁ b_cc, b₂₂² - ν' b₂₂ b_cc, 2 (1 - ν') b₁₂ b_cc) + q (b₁₂², b₁₂², 0)) less that at rest
+//! s = h²/24 (p (κ₁₁² - ν' κ₁₁ κ_cc, κ₂₂² - ν' κ₂₂ κ_cc, 2 (1 - ν') κ₁₂ κ_cc) + q (κ₁₂², κ₁₂², 0))
 //! V = ∫ ½ εᵀ A ε + ½ κᵀ D κ    δb_ab = n·(δr,ab - Γ^c_ab δa_c)    Γ^c_ab = r,ab·aᶜ
 //! δ²b_ab = -2 (n·δa_c) aᶜ·(δr,ab - Γ^d_ab δa_d) - b_ab a^cd (n·δa_c)(n·δa_d)
 //! ```
 //!
 //! with St. Venant and Kirchhoff's law for plane stress, ε = (ε₁₁, ε₂₂, 2 ε₁₂), κ and s alike (Kiendl, Bletzinger, Linhard
 //! and Wüchner, CMAME 198, 2009, 3902-3914; Ciarlet, An Introduction to Differential Geometry, section 4.1). s is the mean over
-//! the thickness of Green's strain of second order in z b, for fibres z that contract as plane stress has them, with
+//! the thickness of Green's strain of second order in z κ, for fibres z that contract as plane stress has them, with
 //! p = q = 1 and ν' = ν/(1 - ν): what is bent is also stretched.
 
 use super::band::Band;
@@ -54,8 +54,7 @@ pub struct Point {
     pub second: [[f64; 3]; 9],
     /// b⁰_11, b⁰_22 and 2 b⁰_12, 1/m.
     pub curvature: [f64; 3],
-    /// s at rest; h²/24 p and h²/24 q, m², and ν'.
-    pub stretched: [f64; 3],
+    /// h²/24 p and h²/24 q, m², and ν'.
     pub second_order: [f64; 2],
     pub contraction: f64,
     /// The area that it stands for at rest, m², and the thickness there, m.
@@ -75,7 +74,7 @@ pub struct Local {
     metric: [f64; 3],
     /// b_11, b_22, 2 b_12.
     bent: [f64; 3],
-    /// ∂s/∂b.
+    /// ∂s/∂κ.
     by_bending: [[f64; 3]; 3],
     /// n·δr,ab less Γ, for each control point: ∂b/∂q_i = m_i n, the last one doubled.
     m: [[f64; 3]; 9],
@@ -84,7 +83,7 @@ pub struct Local {
 }
 
 impl Local {
-    /// What works on b: M + (∂s/∂b)ᵀ N.
+    /// What works on κ: M + (∂s/∂κ)ᵀ N.
     #[inline]
     fn moment(&self, [n, m]: &[[f64; 3]; 2]) -> [f64; 3] {
         std::array::from_fn(|i| m[i] + dot(&self.by_bending.map(|row| row[i]), n))
@@ -124,7 +123,6 @@ impl Point {
             slope: std::array::from_fn(by),
             second: std::array::from_fn(twice),
             curvature: [0.0; 3],
-            stretched: [0.0; 3],
             second_order: [0.0; 2],
             contraction: 0.0,
             area: cell_area * normal.norm(),
@@ -140,13 +138,12 @@ impl Point {
     pub fn stretch_with_bending(&mut self, poisson: f64, shares: [f64; 2]) {
         self.contraction = poisson / (1.0 - poisson);
         self.second_order = shares.map(|share| share * self.thickness * self.thickness / 24.0);
-        self.stretched = self.stretch_of(&self.curvature).0;
     }
 
-    /// s of b = (b_11, b_22, 2 b_12), and ∂s/∂b.
+    /// s of κ, and ∂s/∂κ.
     #[inline]
-    fn stretch_of(&self, b: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
-        let ([g, t], c, [x, y, z]) = (self.second_order, self.contraction, *b);
+    fn stretch_of(&self, bending: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+        let ([g, t], c, [x, y, z]) = (self.second_order, self.contraction, *bending);
         let stretch = [
             g * (x * x - c * (x + y) * x) + 0.25 * t * z * z,
             g * (y * y - c * (x + y) * y) + 0.25 * t * z * z,
@@ -160,7 +157,7 @@ impl Point {
         (stretch, slope)
     }
 
-    /// Σ N ∂²s/∂b².
+    /// Σ N ∂²s/∂κ².
     #[inline]
     fn second_stretch(&self, n: &[f64; 3]) -> [[f64; 3]; 3] {
         let ([g, t], c) = (self.second_order, self.contraction);
@@ -203,11 +200,11 @@ impl Point {
             })
         });
         let bent: [f64; 3] = std::array::from_fn(|pair| twice[pair] * second[pair].dot(&normal));
-        let (s, by_bending) = self.stretch_of(&bent);
-        let s: [f64; 3] = std::array::from_fn(|pair| s[pair] - self.stretched[pair]);
+        let bending = std::array::from_fn(|pair| bent[pair] - self.curvature[pair]);
+        let (s, by_bending) = self.stretch_of(&bending);
         let strain = [
             [0.5 * (aa - 1.0) + s[0], 0.5 * (bb - 1.0) + s[1], ab + s[2]],
-            std::array::from_fn(|pair| bent[pair] - self.curvature[pair]),
+            bending,
         ];
         Some(Local { tangents, normal, up, metric, bent, by_bending, m, strain })
     }
@@ -261,7 +258,7 @@ impl Point {
         let (a, d) = (&self.membrane, &self.bending);
         let ([a1, a2], normal) = (local.tangents, local.normal);
         let second = self.second_stretch(n);
-        // A ∂s/∂b m, and (D + (∂s/∂b)ᵀ A ∂s/∂b + N ∂²s/∂b²) m.
+        // A ∂s/∂κ m, and (D + (∂s/∂κ)ᵀ A ∂s/∂κ + N ∂²s/∂κ²) m.
         let pulled: [[f64; 3]; 9] =
             std::array::from_fn(|k| a.stress(local.by_bending.map(|row| dot(&row, &local.m[k]))));
         let stiff: [[f64; 3]; 9] = std::array::from_fn(|k| {
