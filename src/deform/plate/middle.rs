@@ -7,9 +7,10 @@
 use super::spline::Grid;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SymmetricEigen, Vector2, Vector3};
 
-/// Cells of the grid, about.
-const CELLS: f64 = 48.0;
-const MOST_ALONG: usize = 24;
+/// Cells that the body fills, about, and bounds of those along and across.
+const CELLS: f64 = 60.0;
+const FEWEST: usize = 3;
+const MOST: usize = 24;
 /// Rays along each side of a cell; an even number.
 const RAYS: usize = 6;
 /// A body is thin up to this part of its width.
@@ -46,6 +47,8 @@ struct Plane {
     corner: Vector3<f64>,
     axes: Matrix3<f64>,
     size: Vector2<f64>,
+    /// Of the body as it is seen so.
+    area: f64,
 }
 
 /// What the rays along the thinnest direction find: the heights of both faces, where they meet the body.
@@ -65,7 +68,9 @@ impl Middle {
         };
         let triangles: Vec<[Vector3<f64>; 3]> = triangles.iter().filter_map(corners).collect();
         let plane = Plane::around(&nodes, &triangles).ok_or("its surface has no area")?;
-        let grid = Grid { cells: cells(&plane.size) };
+        let cell = (plane.area / CELLS).sqrt();
+        let cells = |axis: usize| (plane.size[axis] / cell).round().clamp(FEWEST as f64, MOST as f64) as usize;
+        let grid = Grid { cells: [cells(0), cells(1)] };
         let cell = Vector2::new(plane.size.x / grid.cells[0] as f64, plane.size.y / grid.cells[1] as f64);
         let rays = Rays::cast(&plane, &grid, &cell, &triangles);
         let met = rays.faces.iter().flatten().count();
@@ -217,13 +222,6 @@ impl Middle {
     }
 }
 
-/// Cells along and across a rectangle, as square as the numbers allow.
-fn cells(size: &Vector2<f64>) -> [usize; 2] {
-    let across = (CELLS * size.y / size.x).sqrt().round().max(2.0);
-    let along = (CELLS / across).round();
-    [(along as usize).clamp(2, MOST_ALONG), across as usize]
-}
-
 impl Plane {
     fn around(nodes: &[Vector3<f64>], triangles: &[[Vector3<f64>; 3]]) -> Option<Plane> {
         let areas = || triangles.iter().map(|[a, b, c]| (0.5 * (b - a).cross(&(c - a)).norm(), (a + b + c) / 3.0));
@@ -250,7 +248,9 @@ impl Plane {
         let along = flat[0] * direction.x + flat[1] * direction.y;
         let across = through.cross(&along);
         let corner = centre + along * low.x + across * low.y;
-        Some(Plane { corner, axes: Matrix3::from_columns(&[along, across, through]), size })
+        let seen = |[a, b, c]: &[Vector3<f64>; 3]| 0.25 * (b - a).cross(&(c - a)).dot(&through).abs();
+        let area = triangles.iter().map(seen).sum();
+        Some(Plane { corner, axes: Matrix3::from_columns(&[along, across, through]), size, area })
     }
 }
 

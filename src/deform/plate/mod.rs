@@ -20,8 +20,7 @@ use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelE
 use super::pose::ControlPose;
 use crate::green::{CUBIC, FIELDS, STIFFNESS};
 use middle::Middle;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use path::Path;
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use point::{Grip, Hold, Point};
 use sheet::{Sheet, Standing};
 use skin::Skin;
@@ -41,7 +40,9 @@ pub struct Plate {
     controls: Vec<ControlRest>,
     sheet: Sheet,
     skin: Skin,
-    /// How the control elements are held; the frames of the last state that was found.
+    /// Of the whole body, with the first control element; what follows is seen from it.
+    motion: Isometry3<f64>,
+    /// How the control elements are held; the frames of the last state that was found, and of the next one.
     holds: Vec<Hold>,
     frames: Vec<ControlFrame>,
     target: Vec<ControlFrame>,
@@ -92,6 +93,7 @@ impl Plate {
             controls: input.controls.to_vec(),
             sheet,
             skin,
+            motion: Isometry3::identity(),
             holds: origins.iter().map(hold).collect(),
             target: frames.clone(),
             frames,
@@ -115,28 +117,42 @@ impl Plate {
             let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns[e].as_ref()) else { return };
             self.target.push(frame);
         }
-        let found = self.go().or_else(|| self.go_from_rest());
-        if let Some(standing) = found {
-            self.standing = standing;
+        let turns = self.target.iter().map(|frame| Some(frame.turn)).collect();
+        let motion = self.take_motion();
+        if let Some(standing) = self.go().or_else(|| self.go_from_rest()) {
+            (self.standing, self.motion, self.turns) = (standing, motion, turns);
             self.frames.clone_from_slice(&self.target);
-            for (turn, frame) in self.turns.iter_mut().zip(&self.frames) {
-                *turn = Some(frame.turn);
-            }
             self.is_defined = true;
         }
     }
 
+    /// The motion of the first control element is that of the whole body, which does not feel it: it is taken out of the
+    /// target.
+    fn take_motion(&mut self) -> Isometry3<f64> {
+        let first = self.target.first().zip(self.controls.first());
+        let motion = first.map_or_else(Isometry3::identity, |(frame, control)| {
+            path::placed(frame) * Translation3::from(-control.origin)
+        });
+        for frame in &mut self.target {
+            let seen = motion.inverse() * path::placed(frame);
+            (frame.place, frame.turn) = (seen.translation.vector, seen.rotation);
+        }
+        motion
+    }
+
     /// From the last state to the target.
     fn go(&mut self) -> Option<Standing> {
-        let path = Path::between(&self.frames, &self.target, self.sheet.size());
-        let back = self.holds.clone();
-        self.sheet.carry(&path.carried);
-        let found = path.follow(&self.frames, &self.target, &mut self.holds, &mut self.sheet);
+        let found = path::follow(&self.frames, &self.target, &mut self.holds, &mut self.sheet);
         if found.is_none() {
-            self.sheet.carry(&path.carried.inverse());
-            self.holds = back;
+            self.take_holds();
         }
         found
+    }
+
+    fn take_holds(&mut self) {
+        for (hold, frame) in self.holds.iter_mut().zip(&self.frames) {
+            *hold = path::held(frame);
+        }
     }
 
     /// A way from rest may exist where none from the last state was found.
@@ -147,9 +163,7 @@ impl Plate {
         if found.is_none() {
             self.sheet.put(&kept);
             self.frames = frames;
-            for (hold, frame) in self.holds.iter_mut().zip(&self.frames) {
-                *hold = path::held(frame);
-            }
+            self.take_holds();
         }
         found
     }
@@ -157,11 +171,11 @@ impl Plate {
     /// The sheet and its holds at rest.
     fn rest(&mut self) {
         self.sheet.reset();
-        for ((frame, hold), control) in self.frames.iter_mut().zip(&mut self.holds).zip(&self.controls) {
+        for (frame, control) in self.frames.iter_mut().zip(&self.controls) {
             let (turn, stretch) = (UnitQuaternion::identity(), Matrix3::identity());
             *frame = ControlFrame { place: control.origin, turn, stretch };
-            *hold = path::held(frame);
         }
+        self.take_holds();
     }
 }
 
@@ -214,12 +228,20 @@ impl DeformationModel for Plate {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         self.hold(poses);
         self.skin.update(&self.sheet.q, &self.holds);
-        BodyState { rotation_undefined: !self.is_defined, ..BodyState::at_rest(0) }
+        BodyState {
+            parts: vec![self.motion],
+            rotation_undefined: !self.is_defined,
+            ..BodyState::at_rest(0)
+        }
     }
 
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         self.hold(poses);
         self.sheet.slopes(&self.holds, slopes);
+        let turn = self.motion.rotation.to_rotation_matrix();
+        for slope in slopes.iter_mut() {
+            *slope = PoseSlope { translation: turn * slope.translation, matrix: turn * slope.matrix };
+        }
         Some(Response { energy: self.standing.energy, is_defined: self.is_defined })
     }
 
@@ -229,6 +251,7 @@ impl DeformationModel for Plate {
 
     fn forget(&mut self) {
         self.rest();
+        self.motion = Isometry3::identity();
         self.turns.fill(None);
         self.poses.clear();
         self.standing = Standing { energy: 0.0, iterations: 0, buckled: false };

@@ -1,13 +1,12 @@
 //! The way of all control elements from one set of frames to another.
 //!
-//! In: frames before and after, whose quaternions tell turns up to 360° apart. Out: the motion of the first control element,
-//! which the whole body makes and does not feel, and steps of the others seen from it, each along a screw.
+//! In: frames before and after, whose quaternions tell turns up to 360° apart. Out: steps between them, each along a screw.
 
 use super::super::frames::ControlFrame;
 use super::super::se3::{exp, log, long_turn};
 use super::point::Hold;
 use super::sheet::{Sheet, Standing};
-use nalgebra::{Isometry3, Translation3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::f64::consts::PI;
 
 /// No step turns a control element by more, rad, moves it by more than this part of the body's size, or stretches it by more.
@@ -16,72 +15,60 @@ const MOVE: f64 = 0.2;
 const STRETCH: f64 = 0.1;
 const MOST_STEPS: f64 = 64.0;
 
-pub struct Path {
-    /// The first element's motion.
-    pub carried: Isometry3<f64>,
-    steps: usize,
-}
-
 /// As the shell sees a control element.
 pub fn held(frame: &ControlFrame) -> Hold {
     Hold { place: frame.place, matrix: frame.turn.to_rotation_matrix() * frame.stretch }
 }
 
-fn placed(frame: &ControlFrame) -> Isometry3<f64> {
+/// A control element's frame as a motion.
+pub fn placed(frame: &ControlFrame) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(frame.place), frame.turn)
 }
 
-impl Path {
-    pub fn between(from: &[ControlFrame], to: &[ControlFrame], size: f64) -> Path {
-        let carried = match (from.first(), to.first()) {
-            (Some(from), Some(to)) => placed(to) * placed(from).inverse(),
-            _ => Isometry3::identity(),
-        };
-        let steps = from.iter().zip(to).map(|(from, to)| {
-            let motion = placed(to) * (carried * placed(from)).inverse();
-            let moved = to.place - (carried * placed(from)).translation.vector;
-            let turn = long_turn(&motion.rotation).norm() / TURN;
-            turn.max(moved.norm() / (MOVE * size)).max((to.stretch - from.stretch).norm() / STRETCH)
-        });
-        let steps = steps.fold(1.0, f64::max).ceil();
-        // Where it is not a number, one step will fail.
-        Path { carried, steps: steps.min(MOST_STEPS) as usize }
-    }
-
-    /// Leads the sheet, which was carried already, to the last frames, with its holds.
-    pub fn follow(
-        &self,
-        from: &[ControlFrame],
-        to: &[ControlFrame],
-        holds: &mut [Hold],
-        sheet: &mut Sheet,
-    ) -> Option<Standing> {
-        let (mut iterations, mut buckled) = (0, false);
-        let mut last = None;
-        for step in 1..=self.steps {
-            let share = step as f64 / self.steps as f64;
-            for ((hold, from), to) in holds.iter_mut().zip(from).zip(to) {
-                *hold = if step == self.steps { held(to) } else { self.at(from, to, share) };
-            }
-            let found = sheet.settle(holds)?;
-            iterations += found.iterations;
-            buckled |= found.buckled;
-            last = Some(Standing { iterations, buckled, ..found });
+/// Leads the sheet to these frames.
+pub fn follow(
+    from: &[ControlFrame],
+    to: &[ControlFrame],
+    holds: &mut [Hold],
+    sheet: &mut Sheet,
+) -> Option<Standing> {
+    let steps = steps(from, to, sheet.size());
+    let (mut iterations, mut buckled) = (0, false);
+    for step in 1.. {
+        let share = step as f64 / steps;
+        for ((hold, from), to) in holds.iter_mut().zip(from).zip(to) {
+            *hold = if share >= 1.0 { held(to) } else { at(from, to, share) };
         }
-        last
+        let found = sheet.settle(holds)?;
+        iterations += found.iterations;
+        buckled |= found.buckled;
+        if share >= 1.0 {
+            return Some(Standing { iterations, buckled, ..found });
+        }
     }
+    None
+}
 
-    fn at(&self, from: &ControlFrame, to: &ControlFrame, share: f64) -> Hold {
-        let start = self.carried * placed(from);
-        let motion = placed(to) * start.inverse();
-        let turn = long_turn(&motion.rotation);
-        let place = if turn.norm() <= PI {
-            exp(&(log(&motion.rotation, &motion.translation.vector) * share)) * start
-        } else {
-            let turned = nalgebra::UnitQuaternion::from_scaled_axis(turn * share) * start.rotation;
-            Isometry3::from_parts(start.translation.vector.lerp(&to.place, share).into(), turned)
-        };
-        let stretch = from.stretch * (1.0 - share) + to.stretch * share;
-        held(&ControlFrame { place: place.translation.vector, turn: place.rotation, stretch })
-    }
+fn steps(from: &[ControlFrame], to: &[ControlFrame], size: f64) -> f64 {
+    let of = |(from, to): (&ControlFrame, &ControlFrame)| {
+        let turn = long_turn(&(to.turn * from.turn.inverse())).norm() / TURN;
+        let moved = (to.place - from.place).norm() / (MOVE * size);
+        turn.max(moved).max((to.stretch - from.stretch).norm() / STRETCH)
+    };
+    from.iter().zip(to).map(of).fold(1.0, f64::max).ceil().min(MOST_STEPS)
+}
+
+/// So far on the way from one frame to another.
+fn at(from: &ControlFrame, to: &ControlFrame, share: f64) -> Hold {
+    let start = placed(from);
+    let motion = placed(to) * start.inverse();
+    let turn = long_turn(&motion.rotation);
+    let place = if turn.norm() <= PI {
+        exp(&(log(&motion.rotation, &motion.translation.vector) * share)) * start
+    } else {
+        let turned = UnitQuaternion::from_scaled_axis(turn * share) * start.rotation;
+        Isometry3::from_parts(from.place.lerp(&to.place, share).into(), turned)
+    };
+    let stretch = from.stretch * (1.0 - share) + to.stretch * share;
+    held(&ControlFrame { place: place.translation.vector, turn: place.rotation, stretch })
 }

@@ -253,7 +253,7 @@ impl Point {
 
     /// Adds ∂²V by the control points, where the strains' own second derivatives meet the stresses `stress`.
     #[inline]
-    pub fn add_hessian(&self, local: &Local, stress: &[[f64; 3]; 2], hessian: &mut Band) {
+    pub fn add_hessian(&self, local: &Local, stress: &[[f64; 3]; 2], block: &mut Block) {
         let (n, moment) = (&stress[0], &local.moment(stress));
         let (a, d) = (&self.membrane, &self.bending);
         let ([a1, a2], normal) = (local.tangents, local.normal);
@@ -269,36 +269,61 @@ impl Point {
                 own[i] + dot(&by, pulled) + dot(&second[i], m)
             })
         });
+        // What meets n from the side of each control point: the stretch by bending less aᶜ times the moment.
+        let beta = dot(moment, &local.bent);
         let turned: [f64; 9] = std::array::from_fn(|k| dot(moment, &local.m[k]));
         let lever: [Vector3<f64>; 9] =
             std::array::from_fn(|k| local.up[0] * self.slope[k][0] + local.up[1] * self.slope[k][1]);
-        let beta = dot(moment, &local.bent);
+        let mut at = 0;
         for i in 0..9 {
             let [ix, iy] = self.slope[i];
             for j in 0..=i {
                 let [jx, jy] = self.slope[j];
-                let along = a1 * (a.first * ix * jx + a.shear * iy * jy)
-                    + a2 * (a.mixed * ix * jy + a.shear * iy * jx);
-                let across = a1 * (a.mixed * iy * jx + a.shear * ix * jy)
-                    + a2 * (a.second * iy * jy + a.shear * ix * jx);
-                let lift = local.metric[0] * ix * jx + local.metric[1] * iy * jy + local.metric[2] * (ix * jy + iy * jx);
+                let (xx, yy, mixed) = (ix * jx, iy * jy, ix * jy + iy * jx);
+                let along = a1 * (a.first * xx + a.shear * yy) + a2 * (a.mixed * ix * jy + a.shear * iy * jx);
+                let across = a1 * (a.mixed * iy * jx + a.shear * ix * jy) + a2 * (a.second * yy + a.shear * xx);
+                let lift = local.metric[0] * xx + local.metric[1] * yy + local.metric[2] * mixed;
                 let (pi, pj) = (&pulled[i], &pulled[j]);
                 let out = normal * (dot(&stiff[i], &local.m[j]) - beta * lift) - lever[i] * turned[j]
                     + a1 * (jx * pi[0] + jy * pi[2])
                     + a2 * (jy * pi[1] + jx * pi[2]);
-                let pull = n[0] * ix * jx + n[1] * iy * jy + n[2] * (ix * jy + iy * jx);
                 let back = a1 * (ix * pj[0] + iy * pj[2]) + a2 * (iy * pj[1] + ix * pj[2])
                     - lever[j] * turned[i];
-                // a_1 ⊗ along + a_2 ⊗ across + n ⊗ out + back ⊗ n + pull I.
-                let (row, column) = (3 * self.nodes[i], 3 * self.nodes[j]);
-                for r in 0..3 {
-                    let most = if i == j { r } else { 2 };
-                    for c in 0..=most {
-                        let value = a1[r] * along[c] + a2[r] * across[c] + normal[r] * out[c] + back[r] * normal[c];
-                        hessian.add(row + r, column + c, if r == c { value + pull } else { value });
+                let pull = n[0] * xx + n[1] * yy + n[2] * mixed;
+                // a_1 ⊗ along + a_2 ⊗ across + n ⊗ out + back ⊗ n + pull I, column by column.
+                let entries = &mut block.entries[at];
+                for c in 0..3 {
+                    for r in 0..3 {
+                        entries[3 * c + r] +=
+                            a1[r] * along[c] + a2[r] * across[c] + normal[r] * out[c] + back[r] * normal[c];
                     }
+                    entries[4 * c] += pull;
+                }
+                at += 1;
+            }
+        }
+    }
+}
+
+/// ∂²V by the nine control points of a cell: 3 × 3 numbers, column by column, of each pair i, j ≤ i.
+pub struct Block {
+    entries: [[f64; 9]; 45],
+}
+
+impl Block {
+    pub const ZERO: Block = Block { entries: [[0.0; 9]; 45] };
+
+    /// Adds the numbers to those of all control points, and is zero again.
+    pub fn spill(&mut self, nodes: &[usize; 9], hessian: &mut Band) {
+        let pairs = (0..9).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        for ((i, j), entries) in pairs.zip(&mut self.entries) {
+            let (row, column) = (3 * nodes[i], 3 * nodes[j]);
+            for c in 0..3 {
+                for r in if i == j { c } else { 0 }..3 {
+                    hessian.add(row + r, column + c, entries[3 * c + r]);
                 }
             }
+            entries.fill(0.0);
         }
     }
 }

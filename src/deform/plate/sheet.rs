@@ -7,17 +7,24 @@
 //! order, and that meets the large membrane stiffness. The geometric part of the Hessian is therefore taken with the stress
 //! that the last step was to lead to, σ + C B δq, which has no such part; both agree in equilibrium (Magisano, Leonetti and
 //! Garcea, CMAME 313, 2017, 986-1005). Where that does not converge, energy is led down with the true Hessian, shifted until
-//! it is positive definite; a state that is stationary but not stable is left along its mode.
+//! it is positive definite; a state that is stationary but not stable is left along its mode. Near an equilibrium that was
+//! found so, its factor serves on, and an iteration costs a gradient.
 
 use super::band::Band;
-use super::point::{Grip, Hold, Point};
+use super::point::{Block, Grip, Hold, Point};
 use super::spline::Grid;
 use super::super::frames::PoseSlope;
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::Vector3;
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
 const CONVERGED: f64 = 1e-9;
-/// Iterations at full length, and along the energy's way down.
+/// The same with the factor of an earlier state, where each iteration wins so much less than the one before.
+const COASTED: f64 = 1e-14;
+const COASTS: f64 = 0.05;
+/// It serves until a control element has turned by more, rad, or moved by more than this part of the size.
+const NEAR: f64 = 0.03;
+/// Iterations with an earlier factor, at full length, and along the energy's way down.
+const CHEAP: usize = 6;
 const FAST: usize = 16;
 const SAFE: usize = 150;
 
@@ -37,6 +44,8 @@ pub struct Sheet {
     step: Vec<f64>,
     hessian: Band,
     factor: Band,
+    /// The holds of the equilibrium that the factor is of.
+    factored: Vec<Hold>,
     trial: Vec<Vector3<f64>>,
     kept: Vec<Vector3<f64>>,
     size: f64,
@@ -78,6 +87,7 @@ impl Sheet {
             step: vec![0.0; unknowns],
             hessian: band.clone(),
             factor: band,
+            factored: Vec::new(),
             trial: rest.clone(),
             kept: rest.clone(),
             rest,
@@ -87,19 +97,16 @@ impl Sheet {
 
     /// Back to rest.
     pub fn reset(&mut self) {
+        self.factored.clear();
         self.q.clone_from_slice(&self.rest);
         self.relax();
     }
 
     /// Another state.
     pub fn put(&mut self, q: &[Vector3<f64>]) {
+        self.factored.clear();
         self.q.clone_from_slice(q);
         self.relax();
-    }
-
-    /// Moves the whole, which it does not feel.
-    pub fn carry(&mut self, motion: &Isometry3<f64>) {
-        self.q.iter_mut().for_each(|q| *q = motion * Point3::from(*q) - Point3::origin());
     }
 
     /// The stresses are those of the state again.
@@ -134,8 +141,17 @@ impl Sheet {
     pub fn settle(&mut self, holds: &[Hold]) -> Option<Standing> {
         self.kept.clone_from_slice(&self.q);
         let (mut iterations, mut buckled) = (0, false);
+        if self.is_near(holds) {
+            if let Some(energy) = self.coast(holds, &mut iterations) {
+                return Some(Standing { energy, iterations, buckled });
+            }
+            self.q.clone_from_slice(&self.kept);
+        }
+        self.factored.clear();
+        self.relax();
         if let Some((energy, is_stable)) = self.newton(holds, &mut iterations) {
             if is_stable {
+                self.factored.extend_from_slice(holds);
                 return Some(Standing { energy, iterations, buckled });
             }
         } else {
@@ -147,6 +163,33 @@ impl Sheet {
             self.relax();
         }
         found.map(|energy| Standing { energy, iterations, buckled })
+    }
+
+    fn is_near(&self, holds: &[Hold]) -> bool {
+        let near = |(from, to): (&Hold, &Hold)| {
+            (to.matrix - from.matrix).amax() < NEAR && (to.place - from.place).amax() < NEAR * self.size
+        };
+        self.factored.len() == holds.len() && self.factored.iter().zip(holds).all(near)
+    }
+
+    /// Iterations with the last factor: the energy.
+    fn coast(&mut self, holds: &[Hold], iterations: &mut usize) -> Option<f64> {
+        let mut before = f64::INFINITY;
+        for _ in 0..CHEAP {
+            *iterations += 1;
+            let energy = self.slope(holds)?;
+            let gain = self.solve();
+            if gain.is_nan() || gain > COASTS * before {
+                return None;
+            }
+            before = gain;
+            self.go(1.0);
+            self.q.clone_from_slice(&self.trial);
+            if gain <= COASTED * energy.abs().max(self.least_energy()) {
+                return Some(energy - 0.5 * gain);
+            }
+        }
+        None
     }
 
     /// Newton's iteration in full steps: the energy, and whether the state is stable.
@@ -230,24 +273,46 @@ impl Sheet {
 
     /// Energy, gradient and Hessian; `None` where the surface has lost its tangent plane.
     fn assemble(&mut self, holds: &[Hold], geometric: Geometric) -> Option<f64> {
-        let Sheet { q, gradient, hessian, .. } = self;
+        let energy = self.slope(holds)?;
+        let Sheet { q, hessian, .. } = self;
         hessian.clear();
+        let (mut block, mut nodes) = (Block::ZERO, None);
+        for (point, led) in self.points.iter().zip(&self.stress) {
+            // Points of a cell stand one after the other.
+            if let Some(cell) = nodes.replace(point.nodes).filter(|cell| *cell != point.nodes) {
+                block.spill(&cell, hessian);
+            }
+            let local = point.local(q)?;
+            match geometric {
+                Geometric::Led => point.add_hessian(&local, led, &mut block),
+                Geometric::Own => point.add_hessian(&local, &point.stress(&local.strain), &mut block),
+            }
+        }
+        if let Some(cell) = nodes {
+            block.spill(&cell, hessian);
+        }
+        for grip in &self.grips {
+            grip.add_hessian(&grip.pulled(q, holds.get(grip.control)?), hessian);
+        }
+        Some(energy)
+    }
+
+    /// Energy and gradient.
+    fn slope(&mut self, holds: &[Hold]) -> Option<f64> {
+        let Sheet { q, gradient, .. } = self;
         let mut energy = -self.loads.iter().zip(&*q).map(|(load, q)| load.dot(q)).sum::<f64>();
         for (own, load) in gradient.chunks_exact_mut(3).zip(&self.loads) {
             (0..3).for_each(|axis| own[axis] = -load[axis]);
         }
-        for (point, led) in self.points.iter().zip(&self.stress) {
+        for point in &self.points {
             let local = point.local(q)?;
-            let stress = point.stress(&local.strain);
             energy += point.energy(&local.strain);
-            point.add_gradient(&local, &stress, gradient);
-            point.add_hessian(&local, if geometric == Geometric::Led { led } else { &stress }, hessian);
+            point.add_gradient(&local, &point.stress(&local.strain), gradient);
         }
         for grip in &self.grips {
             let pulled = grip.pulled(q, holds.get(grip.control)?);
             energy += grip.energy(&pulled);
             grip.add_gradient(&pulled, gradient);
-            grip.add_hessian(&pulled, hessian);
         }
         energy.is_finite().then_some(energy)
     }
