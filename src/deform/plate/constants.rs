@@ -27,8 +27,9 @@ use nalgebra::{DMatrix, Matrix3, Matrix4, UnitQuaternion, Vector3, Vector4, Vect
 pub const POISSON: f64 = 0.3;
 /// The grips' springs, beside a cell's own stiffness.
 const GRIP: f64 = 300.0;
-/// How much unlike moduli cost, where S does not tell them.
-const ALIKE: f64 = 1e-4;
+/// What the square of a ratio's logarithm costs: of two moduli of one pair, and of bending's to stretching's. Locking
+/// makes twisting up to twenty times stiffer than bending, shearing hardly stiffer than stretching.
+const ALIKE: [f64; 3] = [1e-2, 1e-4, 1e-4];
 const ROUNDS: usize = 20;
 
 /// Young's moduli, Pa, that four kinds of strain feel: stretching, shearing, bending, twisting.
@@ -74,11 +75,11 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
         }
         let left = &whole - &target;
         off = left.norm() / (count as f64).sqrt();
-        let mean = moduli.iter().map(|modulus| modulus.ln()).sum::<f64>() / 4.0;
-        let normal = Matrix4::from_fn(|i, j| parts[i].dot(&parts[j]))
-            + (Matrix4::identity() - Matrix4::repeat(0.25)) * ALIKE
-            + Matrix4::identity() * 1e-9;
-        let slope = Vector4::from_fn(|i, _| parts[i].dot(&left) + ALIKE * (moduli[i].ln() - mean));
+        let logarithms = Vector4::from(moduli.map(f64::ln));
+        let unlike = unlike();
+        let normal =
+            Matrix4::from_fn(|i, j| parts[i].dot(&parts[j])) + unlike + Matrix4::identity() * 1e-9;
+        let slope = Vector4::from_fn(|i, _| parts[i].dot(&left)) + unlike * logarithms;
         let Some(step) = normal.lu().solve(&-slope) else { break };
         for (modulus, step) in moduli.iter_mut().zip(step.iter()) {
             *modulus *= step.clamp(-1.0, 1.0).exp();
@@ -89,6 +90,12 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
         }
     }
     (moduli, off)
+}
+
+/// The quadratic form of the moduli's logarithms that [`ALIKE`] tells.
+fn unlike() -> Matrix4<f64> {
+    let ratios = [Vector4::new(1.0, -1.0, 0.0, 0.0), Vector4::new(0.0, 0.0, 1.0, -1.0), Vector4::new(1.0, 1.0, -1.0, -1.0) * 0.5];
+    ratios.iter().zip(ALIKE).map(|(ratio, cost)| ratio * ratio.transpose() * cost).sum()
 }
 
 /// Gives the shell the p and q with which it pulls at two control elements as the body does; `normal` to the plate.

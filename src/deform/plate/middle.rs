@@ -12,7 +12,7 @@ const CELLS: f64 = 60.0;
 const FEWEST: usize = 3;
 const MOST: usize = 24;
 /// Rays along each side of a cell; an even number.
-const RAYS: usize = 6;
+const RAYS: usize = 16;
 /// A body is thin up to this part of its width.
 const THIN: f64 = 0.2;
 /// Rays through a fold, of all that meet the body, and the height that the splines leave, in thicknesses.

@@ -6,6 +6,7 @@
 
 mod band;
 mod constants;
+mod grips;
 mod middle;
 mod path;
 mod point;
@@ -19,9 +20,10 @@ use super::helicoidal::Helicoidal;
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use crate::green::{CUBIC, FIELDS, STIFFNESS};
+use grips::grips_of;
 use middle::Middle;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
-use point::{Grip, Hold, Point};
+use point::{Hold, Point};
 use sheet::{Sheet, Standing};
 use skin::Skin;
 
@@ -177,51 +179,6 @@ impl Plate {
         }
         self.take_holds();
     }
-}
-
-/// Where a control element that holds these nodes grips the middle surface: once in each quarter of a cell.
-fn grips_of(middle: &Middle, control: usize, origin: &Vector3<f64>, nodes: &[Vector3<f64>]) -> Vec<Grip> {
-    let across = 2 * middle.grid.cells[1];
-    let places: Vec<[f64; 2]> = nodes.iter().map(|x| middle.place_of(x)).collect();
-    let height = |(x, place): (&Vector3<f64>, &[f64; 2])| {
-        middle.normal(*place).dot(&(x - middle.grid.at(*place).point(&middle.rest)))
-    };
-    let heights: Vec<f64> = nodes.iter().zip(&places).map(height).collect();
-    let count = nodes.len().max(1) as f64;
-    let mean = heights.iter().sum::<f64>() / count;
-    let spread = heights.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / count;
-    let quarter = |place: &[f64; 2]| {
-        let at = |axis: usize| ((2.0 * place[axis]) as usize).min(2 * middle.grid.cells[axis] - 1);
-        at(0) * across + at(1)
-    };
-    let mut of_quarters: Vec<Vec<[f64; 2]>> = vec![Vec::new(); across * 2 * middle.grid.cells[0]];
-    places.iter().for_each(|place| of_quarters[quarter(place)].push(*place));
-    let cell_of = |quarter: usize| (quarter / across / 2, quarter % across / 2);
-    let mut of_cells = vec![0usize; of_quarters.len()];
-    for (quarter, places) in of_quarters.iter().enumerate() {
-        let (i, j) = cell_of(quarter);
-        of_cells[i * across + j] += places.len();
-    }
-    let grip = |(quarter, places): (usize, &Vec<[f64; 2]>)| {
-        let sum = places.iter().fold([0.0; 2], |sum, place| [sum[0] + place[0], sum[1] + place[1]]);
-        let place = sum.map(|x| x / places.len() as f64);
-        let shape = middle.grid.at(place);
-        let point = Point::new(&shape, &middle.rest, 1.0, middle.thickness)?;
-        let (i, j) = cell_of(quarter);
-        Some(Grip {
-            control,
-            nodes: shape.nodes,
-            value: shape.value,
-            slope: point.slope,
-            arm: shape.point(&middle.rest) - origin,
-            normal: middle.normal(place),
-            share: middle.thickness * places.len() as f64 / of_cells[i * across + j] as f64,
-            spread,
-            pull: 0.0,
-            turn: 0.0,
-        })
-    };
-    of_quarters.iter().enumerate().filter(|(_, places)| !places.is_empty()).filter_map(grip).collect()
 }
 
 impl DeformationModel for Plate {
