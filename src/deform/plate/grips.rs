@@ -19,14 +19,14 @@ pub fn grips_of(middle: &Middle, control: usize, origin: &Vector3<f64>, nodes: &
     let mean = heights.iter().sum::<f64>() / count;
     let spread = heights.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / count;
 
-    let [along, across] = middle.grid.cells;
+    let [along, across] = middle.grid.cells();
     let mut of_cells: Vec<Vec<[f64; 2]>> = vec![Vec::new(); along * across];
     for place in places {
-        let [i, j] = [0, 1].map(|axis| (place[axis] as usize).min(middle.grid.cells[axis] - 1));
+        let [i, j] = [0, 1].map(|axis| middle.grid.cell_at(axis, place[axis]));
         of_cells[i * across + j].push(place);
     }
     let grips = of_cells.iter().flat_map(|places| {
-        let chosen = spread_out(places);
+        let chosen = spread_out(places, CLOSE * middle.thickness);
         let share = middle.thickness / chosen.len().max(1) as f64;
         chosen.into_iter().filter_map(move |place| {
             let shape = middle.grid.at(place);
@@ -49,7 +49,7 @@ pub fn grips_of(middle: &Middle, control: usize, origin: &Vector3<f64>, nodes: &
 }
 
 /// The places of a cell that lie farthest out in eight directions, and the one nearest to the mean; each once.
-fn spread_out(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
+fn spread_out(places: &[[f64; 2]], close: f64) -> Vec<[f64; 2]> {
     const DIRECTIONS: [[f64; 2]; 8] = [
         [1.0, 0.0],
         [-1.0, 0.0],
@@ -67,7 +67,7 @@ fn spread_out(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let inner = least(&|place| (place[0] - mean[0]).powi(2) + (place[1] - mean[1]).powi(2));
     let mut chosen: Vec<[f64; 2]> = Vec::new();
     for place in outer.chain([inner]).flatten() {
-        let is_new = |old: &[f64; 2]| (old[0] - place[0]).abs().max((old[1] - place[1]).abs()) > CLOSE;
+        let is_new = |old: &[f64; 2]| (old[0] - place[0]).abs().max((old[1] - place[1]).abs()) > close;
         if chosen.iter().all(is_new) {
             chosen.push(place);
         }
@@ -75,5 +75,5 @@ fn spread_out(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
     chosen
 }
 
-/// Places so near to each other, in cells, are one.
-const CLOSE: f64 = 0.02;
+/// Places so near to each other, in thicknesses, are one.
+const CLOSE: f64 = 0.05;

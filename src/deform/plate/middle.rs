@@ -25,8 +25,8 @@ const FILLING: f64 = 1e-4;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
     pub place: [f64; 2],
-    /// Of the cell's area, and of the material's stiffness.
-    pub share: f64,
+    /// Its area as seen along the thinnest direction, m², times the share of the material's stiffness that is there.
+    pub seen: f64,
     pub thickness: f64,
 }
 
@@ -38,7 +38,6 @@ pub struct Middle {
     /// Mean, m.
     pub thickness: f64,
     plane: Plane,
-    cell: Vector2<f64>,
 }
 
 /// A rectangle around the body as it is seen along its thinnest direction: a corner, and the directions along it, across
@@ -53,26 +52,26 @@ struct Plane {
 
 /// What the rays along the thinnest direction find: the heights of both faces, where they meet the body.
 struct Rays {
-    along: usize,
-    across: usize,
+    places: [Vec<f64>; 2],
     faces: Vec<Option<[f64; 2]>>,
     folded: usize,
 }
 
 impl Middle {
-    pub fn of(nodes: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Middle, String> {
-        let nodes: Vec<Vector3<f64>> = nodes.iter().map(|x| Vector3::from(*x).cast::<f64>()).collect();
+    /// `held`: the nodes of each control element; cells end where held regions do.
+    pub fn of(
+        nodes: &[Vector3<f64>],
+        triangles: &[[u32; 3]],
+        held: &[Vec<Vector3<f64>>],
+    ) -> Result<Middle, String> {
         let corners = |triangle: &[u32; 3]| -> Option<[Vector3<f64>; 3]> {
             let [a, b, c] = triangle.map(|node| nodes.get(node as usize).copied());
             Some([a?, b?, c?])
         };
         let triangles: Vec<[Vector3<f64>; 3]> = triangles.iter().filter_map(corners).collect();
-        let plane = Plane::around(&nodes, &triangles).ok_or("its surface has no area")?;
-        let cell = (plane.area / CELLS).sqrt();
-        let cells = |axis: usize| (plane.size[axis] / cell).round().clamp(FEWEST as f64, MOST as f64) as usize;
-        let grid = Grid { cells: [cells(0), cells(1)] };
-        let cell = Vector2::new(plane.size.x / grid.cells[0] as f64, plane.size.y / grid.cells[1] as f64);
-        let rays = Rays::cast(&plane, &grid, &cell, &triangles);
+        let plane = Plane::around(nodes, &triangles).ok_or("its surface has no area")?;
+        let grid = plane.grid(held);
+        let rays = Rays::cast(&plane, &grid, &triangles);
         let met = rays.faces.iter().flatten().count();
         if met == 0 || rays.folded as f64 > FOLDED * (met + rays.folded) as f64 {
             return Err(format!(
@@ -81,11 +80,12 @@ impl Middle {
                 100.0 * FOLDED
             ));
         }
-        let mut middle = Middle { grid, rest: Vec::new(), parts: Vec::new(), thickness: 0.0, plane, cell };
+        let cells = grid.cells();
+        let mut middle = Middle { grid, rest: Vec::new(), parts: Vec::new(), thickness: 0.0, plane };
         let left = middle.fit_heights(&rays);
         middle.find_parts(&rays);
         let width = middle.plane.size.y;
-        let (thickness, [along, across]) = (middle.thickness, grid.cells);
+        let (thickness, [along, across]) = (middle.thickness, cells);
         if thickness.is_nan() || thickness > THIN * width {
             return Err(format!(
                 "it is {thickness:.3e} m thick and {width:.3e} m wide, 1 : {:.1}; a plate is 1 : {:.0} at least",
@@ -105,7 +105,7 @@ impl Middle {
 
     /// The control points' heights, by least squares; returns the root mean square of what is left.
     fn fit_heights(&mut self, rays: &Rays) -> f64 {
-        let (grid, count) = (self.grid, self.grid.nodes());
+        let (grid, count) = (&self.grid, self.grid.nodes());
         let (mut a, mut b) = (DMatrix::zeros(count, count), DVector::zeros(count));
         let heights = || {
             let height = |(ray, faces): (usize, &Option<[f64; 2]>)| {
@@ -123,7 +123,7 @@ impl Middle {
             }
         }
         // Second differences are kept small, which tells the heights of control points that no ray reaches.
-        let across = grid.cells[1] + 2;
+        let across = grid.cells()[1] + 2;
         let mut smooth = |nodes: [usize; 3]| {
             for (i, x) in nodes.into_iter().zip([1.0, -2.0, 1.0]) {
                 for (j, y) in nodes.into_iter().zip([1.0, -2.0, 1.0]) {
@@ -142,9 +142,7 @@ impl Middle {
         let heights_of_nodes = a.cholesky().map_or_else(|| DVector::zeros(count), |factor| factor.solve(&b));
         let place = |node: usize| {
             let [x, y] = grid.place_of(node);
-            self.plane.corner
-                + self.plane.axes
-                    * Vector3::new(x * self.cell.x, y * self.cell.y, heights_of_nodes[node])
+            self.plane.corner + self.plane.axes * Vector3::new(x, y, heights_of_nodes[node])
         };
         self.rest = (0..count).map(place).collect();
         let (mut sum, mut met) = (0.0, 0.0);
@@ -162,30 +160,32 @@ impl Middle {
         let gauss = 0.5 / 3f64.sqrt();
         let (mut volume, mut area) = (0.0, 0.0);
         let mut empty = Vec::new();
-        for cell in 0..self.grid.cells[0] * self.grid.cells[1] {
-            let corner = [cell / self.grid.cells[1], cell % self.grid.cells[1]];
+        let [along, across] = self.grid.cells();
+        for corner in (0..along * across).map(|cell| [cell / across, cell % across]) {
             let quarters = [0, 1, 2, 3].map(|quarter| rays.quarter(corner, quarter));
             let is_full = quarters.iter().all(|quarter| quarter.outside == 0);
+            let from_to = |axis: usize| (self.grid.knots[axis][corner[axis]], self.grid.knots[axis][corner[axis] + 1]);
+            let cell: f64 = [0, 1].map(|axis| from_to(axis).1 - from_to(axis).0).iter().product();
             for (k, quarter) in quarters.iter().enumerate() {
-                let rays_of_cell = (RAYS * RAYS) as f64;
+                let of_ray = cell / (RAYS * RAYS) as f64;
                 if quarter.inside > 0 {
-                    let whole = [k / 2, k % 2].map(|at| if at == 0 { 0.5 - gauss } else { 0.5 + gauss });
-                    let place = match is_full {
-                        true => [corner[0] as f64 + whole[0], corner[1] as f64 + whole[1]],
-                        false => quarter.place_inside,
-                    };
+                    let whole = [0, 1].map(|axis| {
+                        let (from, to) = from_to(axis);
+                        let side = if [k / 2, k % 2][axis] == 0 { -gauss } else { gauss };
+                        from + (0.5 + side) * (to - from)
+                    });
+                    let place = if is_full { whole } else { quarter.place_inside };
                     let [x, y] = self.grid.at(place).tangents(&self.rest);
                     let slant = x.cross(&y);
                     let upright = slant.dot(&self.plane.axes.column(2)) / slant.norm();
-                    let (share, thickness) =
-                        (quarter.inside as f64 / rays_of_cell, quarter.height * upright.abs());
-                    volume += share * slant.norm() * thickness;
-                    area += share * slant.norm();
-                    self.parts.push(Part { place, share, thickness });
+                    let (seen, thickness) = (quarter.inside as f64 * of_ray, quarter.height * upright.abs());
+                    volume += seen * slant.norm() * thickness;
+                    area += seen * slant.norm();
+                    self.parts.push(Part { place, seen, thickness });
                 }
                 if quarter.outside > 0 {
-                    let share = quarter.outside as f64 / rays_of_cell * FILLING;
-                    empty.push(Part { place: quarter.place_outside, share, thickness: 0.0 });
+                    let seen = quarter.outside as f64 * of_ray * FILLING;
+                    empty.push(Part { place: quarter.place_outside, seen, thickness: 0.0 });
                 }
             }
         }
@@ -193,11 +193,11 @@ impl Middle {
         self.parts.extend(empty.into_iter().map(|part| Part { thickness: self.thickness, ..part }));
     }
 
-    /// The place of the middle surface that is nearest to x, in cells.
+    /// The place of the middle surface that is nearest to x.
     pub fn place_of(&self, x: &Vector3<f64>) -> [f64; 2] {
         let flat = self.plane.axes.transpose() * (x - self.plane.corner);
-        let inside = |place: [f64; 2]| [0, 1].map(|k| place[k].clamp(0.0, self.grid.cells[k] as f64));
-        let mut place = inside([flat.x / self.cell.x, flat.y / self.cell.y]);
+        let inside = |place: [f64; 2]| [0, 1].map(|k| place[k].clamp(0.0, self.plane.size[k]));
+        let mut place = inside([flat.x, flat.y]);
         for _ in 0..4 {
             let shape = self.grid.at(place);
             let [by_x, by_y] = shape.tangents(&self.rest);
@@ -254,6 +254,39 @@ impl Plane {
     }
 }
 
+impl Plane {
+    /// Cells as square as the numbers allow, which end where held regions do.
+    fn grid(&self, held: &[Vec<Vector3<f64>>]) -> Grid {
+        let cell = (self.area / CELLS).sqrt();
+        let knots = [0, 1].map(|axis| {
+            let (size, direction) = (self.size[axis], self.axes.column(axis));
+            let mut ends = vec![0.0, size];
+            for nodes in held {
+                let places = nodes.iter().map(|x| direction.dot(&(x - self.corner)));
+                let (low, high) = places.fold((size, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
+                let is_apart = |x: f64, ends: &[f64]| ends.iter().all(|end| (end - x).abs() > NARROW * cell);
+                for x in [low, high] {
+                    if is_apart(x, &ends) {
+                        ends.push(x);
+                    }
+                }
+            }
+            ends.sort_by(f64::total_cmp);
+            let longest = cell.max(size / MOST as f64).min(size / FEWEST as f64);
+            let mut knots = vec![0.0];
+            for pair in ends.windows(2) {
+                let cells = ((pair[1] - pair[0]) / longest).round().max(1.0);
+                knots.extend((1..=cells as usize).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / cells));
+            }
+            knots
+        });
+        Grid { knots }
+    }
+}
+
+/// The narrowest cell, in usual ones.
+const NARROW: f64 = 0.2;
+
 /// Of all rectangles around the points the one with the least area: one of its sides lies along their hull. Its longer
 /// direction, its corner and its size.
 fn smallest_rectangle(mut points: Vec<Vector2<f64>>) -> Option<(Vector2<f64>, Vector2<f64>, Vector2<f64>)> {
@@ -308,33 +341,36 @@ struct Quarter {
 }
 
 impl Rays {
-    fn cast(plane: &Plane, grid: &Grid, cell: &Vector2<f64>, triangles: &[[Vector3<f64>; 3]]) -> Rays {
-        let (along, across) = (RAYS * grid.cells[0], RAYS * grid.cells[1]);
-        let mut met: Vec<Vec<f64>> = vec![Vec::new(); along * across];
-        let step = cell / RAYS as f64;
+    fn cast(plane: &Plane, grid: &Grid, triangles: &[[Vector3<f64>; 3]]) -> Rays {
+        let places = [0, 1].map(|axis| {
+            let rays = |pair: &[f64]| {
+                let (from, step) = (pair[0], (pair[1] - pair[0]) / RAYS as f64);
+                (0..RAYS).map(move |k| from + (k as f64 + 0.5 + ASIDE[axis]) * step)
+            };
+            grid.knots[axis].windows(2).flat_map(rays).collect::<Vec<f64>>()
+        });
+        let mut met: Vec<Vec<f64>> = vec![Vec::new(); places[0].len() * places[1].len()];
         for triangle in triangles {
-            // In steps between rays, the first of which stands at 0.
-            let [a, b, c] = triangle.map(|x| {
-                let x = plane.axes.transpose() * (x - plane.corner);
-                Vector3::new(x.x / step.x - 0.5 - ASIDE[0], x.y / step.y - 0.5 - ASIDE[1], x.z)
-            });
+            let [a, b, c] = triangle.map(|x| plane.axes.transpose() * (x - plane.corner));
             let whole = (b - a).xy().perp(&(c - a).xy());
             if whole == 0.0 {
                 continue;
             }
             let (low, high) = (a.inf(&b).inf(&c), a.sup(&b).sup(&c));
-            let range = |axis: usize, count: usize| {
-                low[axis].ceil().max(0.0) as usize..((high[axis].floor() + 1.0).clamp(0.0, count as f64) as usize)
+            let range = |axis: usize| {
+                let before = |x: f64| places[axis].partition_point(|place| *place < x);
+                before(low[axis])..before(high[axis])
             };
-            for i in range(0, along) {
-                for j in range(1, across) {
-                    let ray = Vector2::new(i as f64, j as f64);
+            for i in range(0) {
+                for j in range(1) {
+                    let ray = Vector2::new(places[0][i], places[1][j]);
                     let part = |from: &Vector3<f64>, to: &Vector3<f64>| {
                         (to.xy() - from.xy()).perp(&(ray - from.xy())) / whole
                     };
                     let shares = [part(&b, &c), part(&c, &a), part(&a, &b)];
                     if shares.iter().all(|share| *share >= 0.0) {
-                        met[i * across + j].push(a.z * shares[0] + b.z * shares[1] + c.z * shares[2]);
+                        met[i * places[1].len() + j]
+                            .push(a.z * shares[0] + b.z * shares[1] + c.z * shares[2]);
                     }
                 }
             }
@@ -344,13 +380,12 @@ impl Rays {
             [a, b] => Some([a.min(b), a.max(b)]),
             _ => None,
         });
-        Rays { along, across, faces: faces.collect(), folded }
+        Rays { faces: faces.collect(), places, folded }
     }
 
-    /// In cells.
     fn place(&self, ray: usize) -> [f64; 2] {
-        let (i, j) = (ray / self.across, ray % self.across);
-        [(i as f64 + 0.5 + ASIDE[0]) / RAYS as f64, (j as f64 + 0.5 + ASIDE[1]) / RAYS as f64]
+        let across = self.places[1].len();
+        [self.places[0][ray / across], self.places[1][ray % across]]
     }
 
     fn quarter(&self, corner: [usize; 2], quarter: usize) -> Quarter {
@@ -358,7 +393,7 @@ impl Rays {
         let (first_i, first_j) = (corner[0] * RAYS + quarter / 2 * half, corner[1] * RAYS + quarter % 2 * half);
         let mut found =
             Quarter { inside: 0, outside: 0, place_inside: [0.0; 2], place_outside: [0.0; 2], height: 0.0 };
-        for ray in (0..half * half).map(|k| (first_i + k / half) * self.across + first_j + k % half) {
+        for ray in (0..half * half).map(|k| (first_i + k / half) * self.places[1].len() + first_j + k % half) {
             let place = self.place(ray);
             let sum = match self.faces[ray] {
                 Some([low, high]) => {

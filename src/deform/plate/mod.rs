@@ -64,18 +64,21 @@ impl Plate {
             .ok_or("model \"plate\" needs the handle stiffness of the .green file")?;
         let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
         let held: Vec<Vec<u32>> = (0..origins.len()).map(|e| (input.control_nodes)(e)).collect();
-        let middle = Middle::of(input.rest, input.triangles).map_err(refuse)?;
+        let place = |x: &[f32; 3]| Vector3::from(*x).cast::<f64>();
+        let nodes: Vec<Vector3<f64>> = input.rest.iter().map(place).collect();
+        let place_of = |&node: &u32| nodes.get(node as usize).copied();
+        let of_controls: Vec<Vec<Vector3<f64>>> =
+            held.iter().map(|held| held.iter().filter_map(place_of).collect()).collect();
+        let middle = Middle::of(&nodes, input.triangles, &of_controls).map_err(refuse)?;
         let points = middle.parts.iter().filter_map(|part| {
             let shape = middle.grid.at(part.place);
-            Point::new(&shape, &middle.rest, part.share, part.thickness)
+            Point::new(&shape, &middle.rest, part.seen, part.thickness)
         });
         let mut grips = Vec::new();
-        for (e, nodes) in held.iter().enumerate() {
-            let place = |&node: &u32| input.rest.get(node as usize).map(|x| Vector3::from(*x).cast::<f64>());
-            let nodes: Vec<Vector3<f64>> = nodes.iter().filter_map(place).collect();
-            grips.extend(grips_of(&middle, e, &origins[e], &nodes));
+        for (e, nodes) in of_controls.iter().enumerate() {
+            grips.extend(grips_of(&middle, e, &origins[e], nodes));
         }
-        let mut sheet = Sheet::new(middle.grid, middle.rest.clone(), points.collect(), grips);
+        let mut sheet = Sheet::new(middle.grid.clone(), middle.rest.clone(), points.collect(), grips);
         let (moduli, _) = constants::fit(&mut sheet, &origins, &stiffness);
         if std::env::var("FORCES").is_ok() { println!("{moduli:?}"); }
         let cubic = (input.table)(CUBIC.name)

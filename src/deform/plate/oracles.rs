@@ -10,11 +10,11 @@ use std::f64::consts::PI;
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
 /// A shell of uniform thickness over the whole grid.
-fn uniform(grid: Grid, rest: Vec<Vector3<f64>>, [young, poisson, thickness]: [f64; 3]) -> Sheet {
+fn uniform(grid: &Grid, rest: Vec<Vector3<f64>>, [young, poisson, thickness]: [f64; 3]) -> Sheet {
     let mut points = Vec::new();
     let plane = Law::isotropic(young, poisson);
-    for cell in 0..grid.cells[0] * grid.cells[1] {
-        let corner = [(cell / grid.cells[1]) as f64, (cell % grid.cells[1]) as f64];
+    for cell in 0..grid.cells()[0] * grid.cells()[1] {
+        let corner = [(cell / grid.cells()[1]) as f64, (cell % grid.cells()[1]) as f64];
         for (x, y) in (0..4).map(|k| (GAUSS[k / 2], GAUSS[k % 2])) {
             let shape = grid.at([corner[0] + x, corner[1] + y]);
             let mut point = Point::new(&shape, &rest, 0.25, thickness).unwrap();
@@ -23,21 +23,21 @@ fn uniform(grid: Grid, rest: Vec<Vector3<f64>>, [young, poisson, thickness]: [f6
             points.push(point);
         }
     }
-    Sheet::new(grid, rest, points, Vec::new())
+    Sheet::new(grid.clone(), rest, points, Vec::new())
 }
 
 /// The control points of a rectangle in the plane z = 0.
-fn rectangle(grid: Grid, size: [f64; 2]) -> Vec<Vector3<f64>> {
+fn rectangle(grid: &Grid, size: [f64; 2]) -> Vec<Vector3<f64>> {
     let place = |node: usize| {
         let [x, y] = grid.place_of(node);
-        Vector3::new(x * size[0] / grid.cells[0] as f64, y * size[1] / grid.cells[1] as f64, 0.0)
+        Vector3::new(x * size[0] / grid.cells()[0] as f64, y * size[1] / grid.cells()[1] as f64, 0.0)
     };
     (0..grid.nodes()).map(place).collect()
 }
 
 /// Clamps an edge of the grid, x or y (`axis`) being at one of its ends, with an origin there.
 fn clamp(sheet: &mut Sheet, control: usize, axis: usize, at_end: bool, origin: Vector3<f64>, stiffness: [f64; 2]) {
-    let cells = sheet.grid.cells;
+    let cells = sheet.grid.cells();
     let count = 3 * cells[1 - axis];
     for k in 0..count {
         let mut place = [0.0; 2];
@@ -68,7 +68,7 @@ fn at(sheet: &Sheet, place: [f64; 2]) -> Vector3<f64> {
 
 /// A dead force spread along an edge where x is at its end.
 fn load_edge(sheet: &mut Sheet, axis: usize, at_end: bool, force: Vector3<f64>) {
-    let cells = sheet.grid.cells;
+    let cells = sheet.grid.cells();
     let (count, mut place) = (3 * cells[1 - axis], [0.0; 2]);
     place[axis] = if at_end { cells[axis] as f64 } else { 0.0 };
     sheet.loads.fill(Vector3::zeros());
@@ -94,8 +94,8 @@ const REST: Hold = Hold { place: Vector3::new(0.0, 0.0, 0.0), matrix: Matrix3::n
 /// force, L = 10, b = 1, h = 0.1, E = 1.2e6, ν = 0; 4 at most.
 #[test]
 fn a_cantilever_under_end_shear_goes_where_sze_publishes() {
-    let grid = Grid { cells: [16, 2] };
-    let mut sheet = uniform(grid, rectangle(grid, [10.0, 1.0]), [1.2e6, 0.0, 0.1]);
+    let grid = Grid::even([16, 2]);
+    let mut sheet = uniform(&grid, rectangle(&grid, [10.0, 1.0]), [1.2e6, 0.0, 0.1]);
     clamp(&mut sheet, 0, 0, false, Vector3::zeros(), [1e8, 1e5]);
     let mut most: f64 = 0.0;
     for (share, axial, across) in
@@ -116,12 +116,12 @@ fn a_cantilever_under_end_shear_goes_where_sze_publishes() {
 /// 17.528.
 #[test]
 fn a_slit_annulus_is_lifted_as_sze_publishes() {
-    let grid = Grid { cells: [40, 4] };
-    let rest = fitted(grid, |x, y| {
+    let grid = Grid::even([40, 4]);
+    let rest = fitted(&grid, |x, y| {
         let (angle, radius) = (2.0 * PI * x / 40.0, 6.0 + y);
         Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
     });
-    let mut sheet = uniform(grid, rest, [21e6, 0.0, 0.03]);
+    let mut sheet = uniform(&grid, rest, [21e6, 0.0, 0.03]);
     clamp(&mut sheet, 0, 0, false, Vector3::zeros(), [1e8, 1e4]);
     let mut iterations = 0;
     for step in 1..=10 {
@@ -135,7 +135,7 @@ fn a_slit_annulus_is_lifted_as_sze_publishes() {
 }
 
 /// Control points whose surface passes through a given one at as many places.
-fn fitted(grid: Grid, surface: impl Fn(f64, f64) -> Vector3<f64>) -> Vec<Vector3<f64>> {
+fn fitted(grid: &Grid, surface: impl Fn(f64, f64) -> Vector3<f64>) -> Vec<Vector3<f64>> {
     use nalgebra::DMatrix;
     let count = grid.nodes();
     let (mut a, mut b) = (DMatrix::zeros(count, count), DMatrix::zeros(count, 3));
@@ -152,9 +152,9 @@ fn fitted(grid: Grid, surface: impl Fn(f64, f64) -> Vector3<f64>) -> Vec<Vector3
 /// A strip rolled up: V = ½ E I θ²/L, moment E I θ/L and no force at all.
 #[test]
 fn a_strip_rolls_up_into_a_circle() {
-    let grid = Grid { cells: [16, 2] };
+    let grid = Grid::even([16, 2]);
     let (young, length, width, thickness) = (1.2e6, 10.0, 1.0, 0.1);
-    let mut sheet = uniform(grid, rectangle(grid, [length, width]), [young, 0.0, thickness]);
+    let mut sheet = uniform(&grid, rectangle(&grid, [length, width]), [young, 0.0, thickness]);
     clamp(&mut sheet, 0, 0, false, Vector3::zeros(), [1e8, 1e5]);
     clamp(&mut sheet, 1, 0, true, Vector3::x() * length, [1e8, 1e5]);
     let bending = young * width * thickness.powi(3) / 12.0;

@@ -1,15 +1,16 @@
 //! Quadratic B-splines on a grid of cells, open at its ends (de Boor, A Practical Guide to Splines, chapter IX).
 //!
-//! In: a place (x, y) in cells, 0 ≤ x ≤ n. Out: the nine control points that stand there, with the values of their splines
-//! and the first and second derivatives by x and y. A function of these splines has continuous slopes, and its first and
-//! last row of control points lie on its border.
+//! In: where the cells begin and end along two axes, and a place (x, y). Out: the nine control points that stand there, with
+//! the values of their splines and the first and second derivatives by x and y. A function of these splines has continuous
+//! slopes, its second derivatives jump at the knots, and its first and last row of control points lie on its border.
 
 use nalgebra::Vector3;
 
 /// A grid of n × m cells with (n + 2) × (m + 2) control points, those along the second axis side by side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    pub cells: [usize; 2],
+    /// Where cells begin and end, growing: n + 1 and m + 1 numbers, two at least.
+    pub knots: [Vec<f64>; 2],
 }
 
 /// What the nine splines of a cell do at a place, control point after control point.
@@ -24,29 +25,46 @@ pub struct Shape {
 }
 
 impl Grid {
+    /// Cells of length 1.
+    #[cfg(test)]
+    pub fn even(cells: [usize; 2]) -> Grid {
+        Grid { knots: cells.map(|cells| (0..=cells).map(|k| k as f64).collect()) }
+    }
+
+    pub fn cells(&self) -> [usize; 2] {
+        [0, 1].map(|axis| self.knots[axis].len().saturating_sub(1))
+    }
+
     pub fn nodes(&self) -> usize {
-        (self.cells[0] + 2) * (self.cells[1] + 2)
+        let [along, across] = self.cells();
+        (along + 2) * (across + 2)
     }
 
     /// The largest difference of the numbers of two control points that share a cell.
     pub fn reach(&self) -> usize {
-        2 * (self.cells[1] + 2) + 2
+        2 * (self.cells()[1] + 2) + 2
     }
 
-    /// The place, in cells, where the control point `node` moves a linear function: the mean of its inner knots.
+    /// The cell at x along an axis; the first or the last one outside the grid.
+    pub fn cell_at(&self, axis: usize, x: f64) -> usize {
+        let inner = self.knots[axis].get(1..self.cells()[axis]).unwrap_or_default();
+        inner.partition_point(|knot| *knot <= x)
+    }
+
+    /// The place where the control point `node` moves a linear function: the mean of its inner knots.
     pub fn place_of(&self, node: usize) -> [f64; 2] {
-        let across = self.cells[1] + 2;
+        let across = self.cells()[1] + 2;
         [0, 1].map(|axis| {
             let at = if axis == 0 { node / across } else { node % across };
-            let knot = |k: usize| k.saturating_sub(2).min(self.cells[axis]) as f64;
+            let knot = |k: usize| self.knots[axis][k.saturating_sub(2).min(self.cells()[axis])];
             0.5 * (knot(at + 1) + knot(at + 2))
         })
     }
 
     /// The splines at a place; outside the grid, those of the nearest cell go on as polynomials.
     pub fn at(&self, place: [f64; 2]) -> Shape {
-        let [(first_x, x), (first_y, y)] = [0, 1].map(|axis| along(place[axis], self.cells[axis]));
-        let across = self.cells[1] + 2;
+        let [(first_x, x), (first_y, y)] = [0, 1].map(|axis| self.along(axis, place[axis]));
+        let across = self.cells()[1] + 2;
         let each = |k: usize| (x[k / 3], y[k % 3]);
         Shape {
             nodes: std::array::from_fn(|k| (first_x + k / 3) * across + first_y + k % 3),
@@ -57,6 +75,20 @@ impl Grid {
                 [x[2] * y[0], x[0] * y[2], x[1] * y[1]]
             }),
         }
+    }
+
+    /// The first of the three splines at x, and value, slope and second derivative of each.
+    fn along(&self, axis: usize, x: f64) -> (usize, [[f64; 3]; 3]) {
+        let (knots, cells, cell) = (&self.knots[axis], self.cells()[axis], self.cell_at(axis, x));
+        // Knots of the cell: one before it, its own two, one behind it.
+        let (low, high) = (knots[cell], knots[cell + 1]);
+        let (before, after) = (knots[cell.saturating_sub(1)], knots[(cell + 2).min(cells)]);
+        let (wide, narrow) = (1.0 / ((high - before) * (high - low)), 1.0 / ((after - low) * (high - low)));
+        let (to, from) = (high - x, x - low);
+        let last = [from * from * narrow, 2.0 * from * narrow, 2.0 * narrow];
+        let first = [to * to * wide, -2.0 * to * wide, 2.0 * wide];
+        let middle = [1.0 - first[0] - last[0], -first[1] - last[1], -first[2] - last[2]];
+        (cell, [first, middle, last])
     }
 }
 
@@ -71,20 +103,6 @@ impl Shape {
     }
 }
 
-/// The first of the three splines at x, and value, slope and second derivative of each.
-fn along(x: f64, cells: usize) -> (usize, [[f64; 3]; 3]) {
-    let cell = (x.max(0.0) as usize).min(cells.saturating_sub(1));
-    // Knots of the cell: one before it, its own two, one behind it.
-    let (low, high) = (cell as f64, (cell + 1) as f64);
-    let (before, after) = ((low - 1.0).max(0.0), (high + 1.0).min(cells as f64));
-    let (wide, narrow) = (1.0 / (high - before), 1.0 / (after - low));
-    let (to, from) = (high - x, x - low);
-    let last = [from * from * narrow, 2.0 * from * narrow, 2.0 * narrow];
-    let first = [to * to * wide, -2.0 * to * wide, 2.0 * wide];
-    let middle = [1.0 - first[0] - last[0], -first[1] - last[1], -first[2] - last[2]];
-    (cell, [first, middle, last])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,7 +110,7 @@ mod tests {
     /// Splines reproduce a quadratic function with its derivatives, and x from the control points' own places.
     #[test]
     fn derivatives_are_those_of_the_values_and_linear_functions_come_back() {
-        let grid = Grid { cells: [4, 3] };
+        let grid = Grid { knots: [vec![0.0, 1.0, 1.7, 3.2, 4.0], vec![0.0, 0.4, 2.0, 3.0]] };
         let wave = |node: usize| Vector3::new((1.7 * node as f64).sin(), (0.6 * node as f64).cos(), 0.0);
         let of: Vec<_> = (0..grid.nodes()).map(wave).collect();
         let places: Vec<_> = (0..grid.nodes())
