@@ -24,6 +24,7 @@ mod normals;
 mod partial;
 mod parts;
 mod perturbation;
+mod plate;
 mod pose;
 pub mod pose_file;
 mod reduced;

@@ -39,6 +39,20 @@ impl Band {
         self.entries.iter_mut().skip(self.width).step_by(self.width + 1).for_each(|entry| *entry += value);
     }
 
+    /// A x, of the matrix itself.
+    #[cfg(test)]
+    pub fn times(&self, x: &[f64]) -> Vec<f64> {
+        let mut product = vec![0.0; self.rows];
+        for i in 0..self.rows {
+            for j in i.saturating_sub(self.width)..=i {
+                let entry = self.entries[i * (self.width + 1) + j + self.width - i];
+                product[i] += entry * x[j];
+                product[j] += if i == j { 0.0 } else { entry * x[i] };
+            }
+        }
+        product
+    }
+
     /// Replaces the matrix by its factor; false where it is not positive definite.
     pub fn factor(&mut self) -> bool {
         let (width, stride) = (self.width, self.width + 1);
@@ -106,7 +120,8 @@ mod tests {
     #[test]
     fn solutions_are_those_of_the_dense_matrix() {
         let (rows, width) = (40, 11);
-        let entry = |i: usize, j: usize| (1.3 * i as f64 + 0.7 * j as f64).sin() + if i == j { 12.0 } else { 0.0 };
+        let entry =
+            |i: usize, j: usize| (1.3 * i as f64 + 0.7 * j as f64).sin() + if i == j { 12.0 } else { 0.0 };
         let (mut band, mut dense) = (Band::new(rows, width), DMatrix::zeros(rows, rows));
         for i in 0..rows {
             for j in i.saturating_sub(width)..=i {
@@ -117,6 +132,8 @@ mod tests {
         }
         assert!((band.trace() - dense.trace()).abs() < 1e-12);
         let b = DVector::from_fn(rows, |i, _| (0.3 * i as f64).cos());
+        let product = DVector::from_vec(band.times(b.as_slice()));
+        assert!((product - &dense * &b).amax() < 1e-12);
         let mut x = b.as_slice().to_vec();
         let mut turned = band.clone();
         assert!(band.factor());

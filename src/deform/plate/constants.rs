@@ -29,7 +29,7 @@ pub const POISSON: f64 = 0.3;
 const GRIP: f64 = 300.0;
 /// What the square of a ratio's logarithm costs: of two moduli of one pair, and of bending's to stretching's. Locking
 /// makes twisting up to twenty times stiffer than bending, shearing hardly stiffer than stretching.
-const ALIKE: [f64; 3] = [1e-2, 1e-4, 1e-4];
+const ALIKE: [f64; 3] = [1e-1, 1e-4, 1e-4];
 const ROUNDS: usize = 20;
 
 /// Young's moduli, Pa, that four kinds of strain feel: stretching, shearing, bending, twisting.
@@ -53,18 +53,18 @@ pub fn apply(sheet: &mut Sheet, moduli: &Moduli) {
     }
 }
 
-/// The moduli with which the shell is nearest to S, and how far it then is: the root mean square of the relative errors of
-/// all motions.
-pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> (Moduli, f64) {
+/// Gives the shell the moduli with which it is nearest to S. A body with one control element, which resists nothing, has
+/// moduli of 1 Pa.
+pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> Moduli {
     let mut moduli = [1.0; 4];
     apply(sheet, &moduli);
-    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size()) else { return (moduli, 0.0) };
+    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size()) else { return moduli };
     let count = whitened.ncols();
     let target = DMatrix::identity(count, count);
-    let mut off = f64::INFINITY;
     for round in 0..ROUNDS {
         let Some(parts) = energies(sheet, origins) else { break };
-        let parts: Vec<DMatrix<f64>> = parts.iter().map(|part| whitened.transpose() * part * &whitened).collect();
+        let parts: Vec<DMatrix<f64>> =
+            parts.iter().map(|part| whitened.transpose() * part * &whitened).collect();
         let whole: DMatrix<f64> = parts.iter().sum();
         if round == 0 {
             // All alike first.
@@ -74,11 +74,9 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
             continue;
         }
         let left = &whole - &target;
-        off = left.norm() / (count as f64).sqrt();
         let logarithms = Vector4::from(moduli.map(f64::ln));
         let unlike = unlike();
-        let normal =
-            Matrix4::from_fn(|i, j| parts[i].dot(&parts[j])) + unlike + Matrix4::identity() * 1e-9;
+        let normal = Matrix4::from_fn(|i, j| parts[i].dot(&parts[j])) + unlike + Matrix4::identity() * 1e-9;
         let slope = Vector4::from_fn(|i, _| parts[i].dot(&left)) + unlike * logarithms;
         let Some(step) = normal.lu().solve(&-slope) else { break };
         for (modulus, step) in moduli.iter_mut().zip(step.iter()) {
@@ -89,12 +87,16 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
             break;
         }
     }
-    (moduli, off)
+    moduli
 }
 
 /// The quadratic form of the moduli's logarithms that [`ALIKE`] tells.
 fn unlike() -> Matrix4<f64> {
-    let ratios = [Vector4::new(1.0, -1.0, 0.0, 0.0), Vector4::new(0.0, 0.0, 1.0, -1.0), Vector4::new(1.0, 1.0, -1.0, -1.0) * 0.5];
+    let ratios = [
+        Vector4::new(1.0, -1.0, 0.0, 0.0),
+        Vector4::new(0.0, 0.0, 1.0, -1.0),
+        Vector4::new(1.0, 1.0, -1.0, -1.0) * 0.5,
+    ];
     ratios.iter().zip(ALIKE).map(|(ratio, cost)| ratio * ratio.transpose() * cost).sum()
 }
 
@@ -111,7 +113,8 @@ pub fn fit_second(
     stretch(sheet, shares);
     let (&[first, last], Some(mut energy)) = (origins, energy) else { return };
     let chord: Vector3<f64> = last - first;
-    let (Some(axis), Some(across)) = (chord.try_normalize(1e-9 * sheet.size()), normal.cross(&chord).try_normalize(1e-9 * sheet.size()))
+    let (Some(axis), Some(across)) =
+        (chord.try_normalize(1e-9 * sheet.size()), normal.cross(&chord).try_normalize(1e-9 * sheet.size()))
     else {
         return;
     };
@@ -120,7 +123,8 @@ pub fn fit_second(
     for (kind, turn) in [across, axis].into_iter().enumerate() {
         let frames = apart(first, &chord, &(turn * angle));
         let along = UnitQuaternion::from_scaled_axis(turn * (0.5 * angle)) * axis;
-        let mut of_body = [FrameSlope { force: Vector3::zeros(), torque: Vector3::zeros(), stretch: Matrix3::zeros() }; 2];
+        let mut of_body =
+            [FrameSlope { force: Vector3::zeros(), torque: Vector3::zeros(), stretch: Matrix3::zeros() }; 2];
         if energy.respond(&frames, &mut of_body).is_none() {
             continue;
         }
@@ -198,20 +202,15 @@ fn energies(sheet: &mut Sheet, origins: &[Vector3<f64>]) -> Option<[DMatrix<f64>
     // So small that what is of second order does not matter.
     let small = 1e-7;
     let motions = 6 * (origins.len() - 1);
+    let unit_of = |motion: usize| if motion % 6 < 3 { small * sheet.size() } else { small };
+    let units: Vec<f64> = (0..motions).map(unit_of).collect();
+    let holds: Vec<Vec<Hold>> = (0..motions).map(|motion| moved(origins, motion, units[motion])).collect();
+    let answers = sheet.answers(&holds)?;
     let (mut strains, mut pulls) = (Vec::new(), Vec::new());
-    for motion in 0..motions {
-        let (element, kind) = (1 + motion / 6, motion % 6);
-        let mut holds: Vec<Hold> =
-            origins.iter().map(|&place| Hold { place, matrix: Matrix3::identity() }).collect();
-        if kind < 3 {
-            holds[element].place[kind] += small * sheet.size();
-        } else {
-            holds[element].matrix += Vector3::ith(kind - 3, small).cross_matrix();
-        }
-        let unit = if kind < 3 { small * sheet.size() } else { small };
-        let answer = sheet.answer(&holds)?;
-        strains.push(sheet.points.iter().map(|point| strain(point, sheet, &answer, unit)).collect::<Option<Vec<_>>>()?);
-        let moved: Vec<Vector3<f64>> = sheet.rest.iter().zip(&answer).map(|(x, u)| x + u).collect();
+    for ((answer, holds), unit) in answers.iter().zip(&holds).zip(units) {
+        let strain = |point: &Point| strain(point, sheet, answer, unit);
+        strains.push(sheet.points.iter().map(strain).collect::<Option<Vec<_>>>()?);
+        let moved: Vec<Vector3<f64>> = sheet.rest.iter().zip(answer).map(|(x, u)| x + u).collect();
         let pulled = |grip: &super::point::Grip| {
             let pulled = grip.pulled(&moved, &holds[grip.control]);
             let (pull, turn) = (grip.pull.sqrt() / unit, grip.turn.sqrt() / unit);
@@ -229,6 +228,19 @@ fn energies(sheet: &mut Sheet, origins: &[Vector3<f64>]) -> Option<[DMatrix<f64>
     let dot = |i: usize, j: usize| pulls[i].iter().zip(&pulls[j]).map(|(a, b): (&f64, &f64)| a * b).sum();
     let grips = DMatrix::from_fn(motions, motions, dot);
     Some([of_moduli(0), of_moduli(1), of_moduli(2), of_moduli(3), grips])
+}
+
+/// The holds at rest, but for one rigid motion of one control element, behind the first.
+fn moved(origins: &[Vector3<f64>], motion: usize, by: f64) -> Vec<Hold> {
+    let hold = |&place: &Vector3<f64>| Hold { place, matrix: Matrix3::identity() };
+    let mut holds: Vec<Hold> = origins.iter().map(hold).collect();
+    let (hold, kind) = (&mut holds[1 + motion / 6], motion % 6);
+    if kind < 3 {
+        hold.place[kind] += by;
+    } else {
+        hold.matrix += Vector3::ith(kind - 3, by).cross_matrix();
+    }
+    holds
 }
 
 fn strain(point: &Point, sheet: &Sheet, answer: &[Vector3<f64>], unit: f64) -> Option<[[f64; 3]; 2]> {

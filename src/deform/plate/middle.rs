@@ -164,7 +164,8 @@ impl Middle {
         for corner in (0..along * across).map(|cell| [cell / across, cell % across]) {
             let quarters = [0, 1, 2, 3].map(|quarter| rays.quarter(corner, quarter));
             let is_full = quarters.iter().all(|quarter| quarter.outside == 0);
-            let from_to = |axis: usize| (self.grid.knots[axis][corner[axis]], self.grid.knots[axis][corner[axis] + 1]);
+            let from_to =
+                |axis: usize| (self.grid.knots[axis][corner[axis]], self.grid.knots[axis][corner[axis] + 1]);
             let cell: f64 = [0, 1].map(|axis| from_to(axis).1 - from_to(axis).0).iter().product();
             for (k, quarter) in quarters.iter().enumerate() {
                 let of_ray = cell / (RAYS * RAYS) as f64;
@@ -224,7 +225,8 @@ impl Middle {
 
 impl Plane {
     fn around(nodes: &[Vector3<f64>], triangles: &[[Vector3<f64>; 3]]) -> Option<Plane> {
-        let areas = || triangles.iter().map(|[a, b, c]| (0.5 * (b - a).cross(&(c - a)).norm(), (a + b + c) / 3.0));
+        let areas =
+            || triangles.iter().map(|[a, b, c]| (0.5 * (b - a).cross(&(c - a)).norm(), (a + b + c) / 3.0));
         let area: f64 = areas().map(|(area, _)| area).sum();
         let centre = areas().map(|(area, middle)| middle * area).sum::<Vector3<f64>>() / area;
         if area.is_nan() || area <= 0.0 {
@@ -234,7 +236,8 @@ impl Plane {
         let mut spread = Matrix3::zeros();
         for ((area, middle), corners) in areas().zip(triangles) {
             let square = |x: &Vector3<f64>| (x - centre) * (x - centre).transpose();
-            spread += (corners.iter().map(square).sum::<Matrix3<f64>>() + square(&middle) * 9.0) * (area / 12.0);
+            spread +=
+                (corners.iter().map(square).sum::<Matrix3<f64>>() + square(&middle) * 9.0) * (area / 12.0);
         }
         let eigen = SymmetricEigen::new(spread);
         let through = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned().try_normalize(0.0)?;
@@ -263,7 +266,8 @@ impl Plane {
             let mut ends = vec![0.0, size];
             for nodes in held {
                 let places = nodes.iter().map(|x| direction.dot(&(x - self.corner)));
-                let (low, high) = places.fold((size, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
+                let (low, high) =
+                    places.fold((size, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
                 let is_apart = |x: f64, ends: &[f64]| ends.iter().all(|end| (end - x).abs() > NARROW * cell);
                 for x in [low, high] {
                     if is_apart(x, &ends) {
@@ -390,10 +394,12 @@ impl Rays {
 
     fn quarter(&self, corner: [usize; 2], quarter: usize) -> Quarter {
         let half = RAYS / 2;
-        let (first_i, first_j) = (corner[0] * RAYS + quarter / 2 * half, corner[1] * RAYS + quarter % 2 * half);
+        let (first_i, first_j) =
+            (corner[0] * RAYS + quarter / 2 * half, corner[1] * RAYS + quarter % 2 * half);
         let mut found =
             Quarter { inside: 0, outside: 0, place_inside: [0.0; 2], place_outside: [0.0; 2], height: 0.0 };
-        for ray in (0..half * half).map(|k| (first_i + k / half) * self.places[1].len() + first_j + k % half) {
+        for ray in (0..half * half).map(|k| (first_i + k / half) * self.places[1].len() + first_j + k % half)
+        {
             let place = self.place(ray);
             let sum = match self.faces[ray] {
                 Some([low, high]) => {

@@ -1,8 +1,11 @@
 //! Method 3b of the paper's appendix for thin bodies: a Kirchhoff–Love shell between control elements.
 //!
 //! In: the poses of the control elements, which hold the middle surface of the body ([`Middle`]). Out: that surface in
-//! equilibrium with large rotations ([`Sheet`]), on which the surface of the finite-element body is skinned; its energy and
-//! its gradient. The shell's four moduli come from the body's own handle stiffness ([`constants`]).
+//! equilibrium with large rotations ([`Sheet`]), on which the surface of the finite-element body is skinned ([`Skin`]); the
+//! shell's energy and its gradient. Its moduli come from the body's own handle stiffness and cubic energy ([`constants`]).
+//!
+//! The springs with which control elements hold the shell ([`point::Grip`]) are part of the energy, and take poses as they are,
+//! stretches included: forces are its exact gradient.
 
 mod band;
 mod constants;
@@ -21,7 +24,7 @@ use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelE
 use super::pose::ControlPose;
 use crate::green::{CUBIC, FIELDS, STIFFNESS};
 use grips::grips_of;
-use middle::Middle;
+use middle::{Middle, Part};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use point::{Hold, Point};
 use sheet::{Sheet, Standing};
@@ -33,7 +36,8 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     requirements: &[STIFFNESS, CUBIC],
     frame: Frame::MeanMotion,
     energy: Some(&[]),
-    turn_limits_deg: [30.0, 90.0],
+    // Measured against St. Venant-Kirchhoff statics up to 180°.
+    turn_limits_deg: [60.0, 180.0],
     kind: Kind::Online(|input| Ok(Box::new(Plate::new(input)?))),
 };
 
@@ -49,6 +53,9 @@ pub struct Plate {
     frames: Vec<ControlFrame>,
     target: Vec<ControlFrame>,
     turns: Vec<Option<UnitQuaternion<f64>>>,
+    next_turns: Vec<Option<UnitQuaternion<f64>>>,
+    /// The last state, while a way from rest is tried.
+    kept: (Vec<Vector3<f64>>, Vec<ControlFrame>),
     /// The poses of the last evaluation, and what was found.
     poses: Vec<ControlPose>,
     standing: Standing,
@@ -57,54 +64,34 @@ pub struct Plate {
 
 impl Plate {
     pub fn new(input: &ModelInput<'_>) -> Result<Plate, String> {
-        let refuse = |why: String| {
-            format!("model \"plate\" does not suit this body: {why}; write model = \"rotation\" or \"substructured\"")
-        };
         let stiffness = (input.table)(STIFFNESS.name)
             .ok_or("model \"plate\" needs the handle stiffness of the .green file")?;
         let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
         let held: Vec<Vec<u32>> = (0..origins.len()).map(|e| (input.control_nodes)(e)).collect();
-        let place = |x: &[f32; 3]| Vector3::from(*x).cast::<f64>();
-        let nodes: Vec<Vector3<f64>> = input.rest.iter().map(place).collect();
-        let place_of = |&node: &u32| nodes.get(node as usize).copied();
-        let of_controls: Vec<Vec<Vector3<f64>>> =
-            held.iter().map(|held| held.iter().filter_map(place_of).collect()).collect();
-        let middle = Middle::of(&nodes, input.triangles, &of_controls).map_err(refuse)?;
-        let points = middle.parts.iter().filter_map(|part| {
-            let shape = middle.grid.at(part.place);
-            Point::new(&shape, &middle.rest, part.seen, part.thickness)
-        });
-        let mut grips = Vec::new();
-        for (e, nodes) in of_controls.iter().enumerate() {
-            grips.extend(grips_of(&middle, e, &origins[e], nodes));
-        }
-        let mut sheet = Sheet::new(middle.grid.clone(), middle.rest.clone(), points.collect(), grips);
-        let (moduli, _) = constants::fit(&mut sheet, &origins, &stiffness);
-        if std::env::var("FORCES").is_ok() { println!("{moduli:?}"); }
+        let (middle, mut sheet) = unfitted(input, &origins, &held).map_err(|why| {
+            format!(
+                "model \"plate\" does not suit this body: {why}; write model = \"rotation\" or \"substructured\""
+            )
+        })?;
+        let moduli = constants::fit(&mut sheet, &origins, &stiffness);
         let cubic = (input.table)(CUBIC.name)
             .and_then(|table| CubicForm::new(FIELDS * origins.len(), table.as_slice().to_vec()));
         let energy = cubic.map(|cubic| Helicoidal::new(&origins, stiffness, Some(cubic))).transpose()?;
         constants::fit_second(&mut sheet, &moduli, &origins, &middle.through(), energy);
-        if std::env::var("FORCES").is_ok() { println!("{:?} {:?}", sheet.points[0].second_order, sheet.points[0].thickness.powi(2)/24.); }
-        let skin = Skin::new(&middle, &origins, input.rest, &held, constants::POISSON);
-        let hold = |&place: &Vector3<f64>| Hold { place, matrix: Matrix3::identity() };
-        let frame = |&place: &Vector3<f64>| ControlFrame {
-            place,
-            turn: UnitQuaternion::identity(),
-            stretch: Matrix3::identity(),
-        };
-        let frames: Vec<ControlFrame> = origins.iter().map(frame).collect();
+        let frames: Vec<ControlFrame> = origins.iter().map(|&origin| at_rest(origin)).collect();
         Ok(Plate {
             controls: input.controls.to_vec(),
-            sheet,
-            skin,
+            skin: Skin::new(&middle, &origins, input.rest, &held, constants::POISSON),
             motion: Isometry3::identity(),
-            holds: origins.iter().map(hold).collect(),
+            holds: frames.iter().map(path::held).collect(),
             target: frames.clone(),
-            frames,
             turns: vec![None; origins.len()],
-            poses: Vec::new(),
-            standing: Standing { energy: 0.0, iterations: 0, buckled: false },
+            next_turns: Vec::with_capacity(origins.len()),
+            kept: (sheet.q.clone(), frames.clone()),
+            frames,
+            sheet,
+            poses: Vec::with_capacity(origins.len()),
+            standing: REST,
             is_defined: true,
         })
     }
@@ -119,15 +106,20 @@ impl Plate {
         self.is_defined = false;
         self.target.clear();
         for (e, (pose, control)) in poses.iter().zip(&self.controls).enumerate() {
-            let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns[e].as_ref()) else { return };
+            let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns[e].as_ref()) else {
+                // As many as there are holds, whatever comes next.
+                self.target.clone_from(&self.frames);
+                return;
+            };
             self.target.push(frame);
         }
-        let turns = self.target.iter().map(|frame| Some(frame.turn)).collect();
+        self.next_turns.clear();
+        self.next_turns.extend(self.target.iter().map(|frame| Some(frame.turn)));
         let motion = self.take_motion();
         if let Some(standing) = self.go().or_else(|| self.go_from_rest()) {
-            (self.standing, self.motion, self.turns) = (standing, motion, turns);
-            self.frames.clone_from_slice(&self.target);
-            self.is_defined = true;
+            (self.standing, self.motion, self.is_defined) = (standing, motion, true);
+            self.turns.clone_from(&self.next_turns);
+            self.frames.clone_from(&self.target);
         }
     }
 
@@ -162,12 +154,13 @@ impl Plate {
 
     /// A way from rest may exist where none from the last state was found.
     fn go_from_rest(&mut self) -> Option<Standing> {
-        let (kept, frames) = (self.sheet.q.clone(), self.frames.clone());
+        self.kept.0.clone_from(&self.sheet.q);
+        self.kept.1.clone_from(&self.frames);
         self.rest();
         let found = self.go();
         if found.is_none() {
-            self.sheet.put(&kept);
-            self.frames = frames;
+            self.sheet.put(&self.kept.0);
+            self.frames.clone_from(&self.kept.1);
             self.take_holds();
         }
         found
@@ -177,22 +170,43 @@ impl Plate {
     fn rest(&mut self) {
         self.sheet.reset();
         for (frame, control) in self.frames.iter_mut().zip(&self.controls) {
-            let (turn, stretch) = (UnitQuaternion::identity(), Matrix3::identity());
-            *frame = ControlFrame { place: control.origin, turn, stretch };
+            *frame = at_rest(control.origin);
         }
         self.take_holds();
     }
+}
+
+/// How the shell stands at rest.
+const REST: Standing = Standing { energy: 0.0, iterations: 0, buckled: false };
+
+fn at_rest(origin: Vector3<f64>) -> ControlFrame {
+    ControlFrame { place: origin, turn: UnitQuaternion::identity(), stretch: Matrix3::identity() }
+}
+
+/// The middle surface, and the shell on it before its moduli are known.
+fn unfitted(
+    input: &ModelInput<'_>,
+    origins: &[Vector3<f64>],
+    held: &[Vec<u32>],
+) -> Result<(Middle, Sheet), String> {
+    let nodes: Vec<Vector3<f64>> = input.rest.iter().map(|x| Vector3::from(*x).cast()).collect();
+    let place_of = |&node: &u32| nodes.get(node as usize).copied();
+    let held: Vec<Vec<Vector3<f64>>> =
+        held.iter().map(|held| held.iter().filter_map(place_of).collect()).collect();
+    let middle = Middle::of(&nodes, input.triangles, &held)?;
+    let point =
+        |part: &Part| Point::new(&middle.grid.at(part.place), &middle.rest, part.seen, part.thickness);
+    let points = middle.parts.iter().filter_map(point).collect();
+    let grips = held.iter().enumerate().flat_map(|(e, nodes)| grips_of(&middle, e, &origins[e], nodes));
+    let sheet = Sheet::new(middle.grid.clone(), middle.rest.clone(), points, grips.collect());
+    Ok((middle, sheet))
 }
 
 impl DeformationModel for Plate {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         self.hold(poses);
         self.skin.update(&self.sheet.q, &self.holds);
-        BodyState {
-            parts: vec![self.motion],
-            rotation_undefined: !self.is_defined,
-            ..BodyState::at_rest(0)
-        }
+        BodyState { parts: vec![self.motion], rotation_undefined: !self.is_defined, ..BodyState::at_rest(0) }
     }
 
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
@@ -214,7 +228,7 @@ impl DeformationModel for Plate {
         self.motion = Isometry3::identity();
         self.turns.fill(None);
         self.poses.clear();
-        self.standing = Standing { energy: 0.0, iterations: 0, buckled: false };
+        self.standing = REST;
     }
 
     fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {

@@ -41,7 +41,12 @@ impl Law {
     }
 
     pub fn scaled(&self, by: f64) -> Law {
-        Law { first: self.first * by, second: self.second * by, mixed: self.mixed * by, shear: self.shear * by }
+        Law {
+            first: self.first * by,
+            second: self.second * by,
+            mixed: self.mixed * by,
+            shear: self.shear * by,
+        }
     }
 }
 
@@ -162,11 +167,7 @@ impl Point {
     fn second_stretch(&self, n: &[f64; 3]) -> [[f64; 3]; 3] {
         let ([g, t], c) = (self.second_order, self.contraction);
         let (own, mixed, shear) = (2.0 * g * (1.0 - c), -g * c * (n[0] + n[1]), g * (1.0 - c) * n[2]);
-        [
-            [own * n[0], mixed, shear],
-            [mixed, own * n[1], shear],
-            [shear, shear, 0.5 * t * (n[0] + n[1])],
-        ]
+        [[own * n[0], mixed, shear], [mixed, own * n[1], shear], [shear, shear, 0.5 * t * (n[0] + n[1])]]
     }
 
     #[inline]
@@ -202,10 +203,7 @@ impl Point {
         let bent: [f64; 3] = std::array::from_fn(|pair| twice[pair] * second[pair].dot(&normal));
         let bending = std::array::from_fn(|pair| bent[pair] - self.curvature[pair]);
         let (s, by_bending) = self.stretch_of(&bending);
-        let strain = [
-            [0.5 * (aa - 1.0) + s[0], 0.5 * (bb - 1.0) + s[1], ab + s[2]],
-            bending,
-        ];
+        let strain = [[0.5 * (aa - 1.0) + s[0], 0.5 * (bb - 1.0) + s[1], ab + s[2]], bending];
         Some(Local { tangents, normal, up, metric, bent, by_bending, m, strain })
     }
 
@@ -281,14 +279,15 @@ impl Point {
                 let [jx, jy] = self.slope[j];
                 let (xx, yy, mixed) = (ix * jx, iy * jy, ix * jy + iy * jx);
                 let along = a1 * (a.first * xx + a.shear * yy) + a2 * (a.mixed * ix * jy + a.shear * iy * jx);
-                let across = a1 * (a.mixed * iy * jx + a.shear * ix * jy) + a2 * (a.second * yy + a.shear * xx);
+                let across =
+                    a1 * (a.mixed * iy * jx + a.shear * ix * jy) + a2 * (a.second * yy + a.shear * xx);
                 let lift = local.metric[0] * xx + local.metric[1] * yy + local.metric[2] * mixed;
                 let (pi, pj) = (&pulled[i], &pulled[j]);
                 let out = normal * (dot(&stiff[i], &local.m[j]) - beta * lift) - lever[i] * turned[j]
                     + a1 * (jx * pi[0] + jy * pi[2])
                     + a2 * (jy * pi[1] + jx * pi[2]);
-                let back = a1 * (ix * pj[0] + iy * pj[2]) + a2 * (iy * pj[1] + ix * pj[2])
-                    - lever[j] * turned[i];
+                let back =
+                    a1 * (ix * pj[0] + iy * pj[2]) + a2 * (iy * pj[1] + ix * pj[2]) - lever[j] * turned[i];
                 let pull = n[0] * xx + n[1] * yy + n[2] * mixed;
                 // a_1 ⊗ along + a_2 ⊗ across + n ⊗ out + back ⊗ n + pull I, column by column.
                 let entries = &mut block.entries[at];
@@ -399,7 +398,8 @@ impl Grip {
         for i in 0..9 {
             for j in 0..=i {
                 let pull = self.pull * self.value[i] * self.value[j];
-                let turn = self.turn * (self.slope[i][0] * self.slope[j][0] + self.slope[i][1] * self.slope[j][1]);
+                let turn =
+                    self.turn * (self.slope[i][0] * self.slope[j][0] + self.slope[i][1] * self.slope[j][1]);
                 for r in 0..3 {
                     let most = if i == j { r } else { 2 };
                     for c in 0..=most {

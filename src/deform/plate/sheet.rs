@@ -10,10 +10,10 @@
 //! it is positive definite; a state that is stationary but not stable is left along its mode. Near an equilibrium that was
 //! found so, its factor serves on, and an iteration costs a gradient.
 
+use super::super::frames::PoseSlope;
 use super::band::Band;
 use super::point::{Block, Grip, Hold, Point};
 use super::spline::Grid;
-use super::super::frames::PoseSlope;
 use nalgebra::Vector3;
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
@@ -127,13 +127,18 @@ impl Sheet {
         sum(|point| point.thickness * point.area) / sum(|point| point.area)
     }
 
-    /// The first step from rest towards these holds: the linear answer.
-    pub fn answer(&mut self, holds: &[Hold]) -> Option<Vec<Vector3<f64>>> {
+    /// The linear answers to holds that are all close to rest.
+    pub fn answers(&mut self, holds: &[Vec<Hold>]) -> Option<Vec<Vec<Vector3<f64>>>> {
         self.reset();
-        self.assemble(holds, Geometric::Own)?;
+        self.assemble(holds.first()?, Geometric::Own)?;
         self.factorise()?;
-        self.solve();
-        Some(self.step.chunks_exact(3).map(Vector3::from_column_slice).collect())
+        let mut answers = Vec::with_capacity(holds.len());
+        for holds in holds {
+            self.slope(holds)?;
+            self.solve();
+            answers.push(self.step.chunks_exact(3).map(Vector3::from_column_slice).collect());
+        }
+        Some(answers)
     }
 
     /// Equilibrium with the control elements held so, from the present state; `None`, and the state as it was, where none is
@@ -298,7 +303,7 @@ impl Sheet {
     }
 
     /// Energy and gradient.
-    fn slope(&mut self, holds: &[Hold]) -> Option<f64> {
+    pub fn slope(&mut self, holds: &[Hold]) -> Option<f64> {
         let Sheet { q, gradient, .. } = self;
         let mut energy = -self.loads.iter().zip(&*q).map(|(load, q)| load.dot(q)).sum::<f64>();
         for (own, load) in gradient.chunks_exact_mut(3).zip(&self.loads) {
@@ -370,7 +375,8 @@ impl Sheet {
         let step = &self.step;
         for (point, led) in self.points.iter().zip(&mut self.stress) {
             let Some(local) = point.local(&self.q) else { continue };
-            let by = point.strain_by(&local, |node| Vector3::from_column_slice(&step[3 * node..3 * node + 3]));
+            let by =
+                point.strain_by(&local, |node| Vector3::from_column_slice(&step[3 * node..3 * node + 3]));
             let strain = [0, 1].map(|part| std::array::from_fn(|i| local.strain[part][i] + by[part][i]));
             *led = point.stress(&strain);
         }
@@ -399,5 +405,16 @@ impl Sheet {
                 slope.matrix += matrix;
             }
         }
+    }
+}
+
+#[cfg(test)]
+impl Sheet {
+    /// V, its derivative along d, and Hd·d, at the present state.
+    pub fn along(&mut self, holds: &[Hold], d: &[Vector3<f64>]) -> Option<[f64; 3]> {
+        let energy = self.assemble(holds, Geometric::Own)?;
+        let flat: Vec<f64> = d.iter().flat_map(|d| [d.x, d.y, d.z]).collect();
+        let dot = |a: &[f64]| a.iter().zip(&flat).map(|(a, d)| a * d).sum::<f64>();
+        Some([energy, dot(&self.gradient), dot(&self.hessian.times(&flat))])
     }
 }

@@ -88,8 +88,7 @@ impl Skin {
             let size = cross.norm();
             let normal = if size > 0.0 { cross / size } else { cross };
             let [xx, yy, xy] = place.metric;
-            let strain =
-                0.5 * (x.norm_squared() * xx + y.norm_squared() * yy + 2.0 * x.dot(&y) * xy - 2.0);
+            let strain = 0.5 * (x.norm_squared() * xx + y.norm_squared() * yy + 2.0 * x.dot(&y) * xy - 2.0);
             let height = place.height * (1.0 - self.contraction * strain);
             let moved = r + x * place.beside[0] + y * place.beside[1] + normal * height;
             *field = (moved - Vector3::from(*rest)).into();

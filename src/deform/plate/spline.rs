@@ -122,10 +122,12 @@ mod tests {
             let found = shape.point(&places);
             assert!((found - Vector3::new(place[0], place[1], 0.0)).amax() < 1e-14, "{found}");
             // Of the polynomials of this cell.
-            let inside = place.map(|x: f64| if x.fract() == 0.0 { if x == 0.0 { x + 0.01 } else { x - 0.01 } } else { x });
+            let inside = place
+                .map(|x: f64| if x.fract() == 0.0 { if x == 0.0 { x + 0.01 } else { x - 0.01 } } else { x });
             let shape = grid.at(inside);
             let at = |by: [f64; 2]| grid.at([inside[0] + by[0], inside[1] + by[1]]).point(&of);
-            let second = |k: usize| (0..9).map(|i| of[shape.nodes[i]] * shape.second[i][k]).sum::<Vector3<f64>>();
+            let second =
+                |k: usize| (0..9).map(|i| of[shape.nodes[i]] * shape.second[i][k]).sum::<Vector3<f64>>();
             let along = |x: f64, y: f64| (at([x, y]) - at([-x, -y])) / (2.0 * step);
             let bent = |x: f64, y: f64| (at([x, y]) + at([-x, -y]) - at([0.0, 0.0]) * 2.0) / (step * step);
             let [by_x, by_y] = shape.tangents(&of);
