@@ -58,7 +58,7 @@ pub fn apply(sheet: &mut Sheet, moduli: &Moduli) {
 pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> Moduli {
     let mut moduli = [1.0; 4];
     apply(sheet, &moduli);
-    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size()) else { return moduli };
+    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size) else { return moduli };
     let count = whitened.ncols();
     let target = DMatrix::identity(count, count);
     for round in 0..ROUNDS {
@@ -114,12 +114,12 @@ pub fn fit_second(
     let (&[first, last], Some(mut energy)) = (origins, energy) else { return };
     let chord: Vector3<f64> = last - first;
     let (Some(axis), Some(across)) =
-        (chord.try_normalize(1e-9 * sheet.size()), normal.cross(&chord).try_normalize(1e-9 * sheet.size()))
+        (chord.try_normalize(1e-9 * sheet.size), normal.cross(&chord).try_normalize(1e-9 * sheet.size))
     else {
         return;
     };
     // So little that the plate does not rise by its thickness.
-    let angle = 0.3 * sheet.thickness() / chord.norm();
+    let angle = 0.3 * sheet.thickness / chord.norm();
     for (kind, turn) in [across, axis].into_iter().enumerate() {
         let frames = apart(first, &chord, &(turn * angle));
         let along = UnitQuaternion::from_scaled_axis(turn * (0.5 * angle)) * axis;
@@ -202,7 +202,7 @@ fn energies(sheet: &mut Sheet, origins: &[Vector3<f64>]) -> Option<[DMatrix<f64>
     // So small that what is of second order does not matter.
     let small = 1e-7;
     let motions = 6 * (origins.len() - 1);
-    let unit_of = |motion: usize| if motion % 6 < 3 { small * sheet.size() } else { small };
+    let unit_of = |motion: usize| if motion % 6 < 3 { small * sheet.size } else { small };
     let units: Vec<f64> = (0..motions).map(unit_of).collect();
     let holds: Vec<Vec<Hold>> = (0..motions).map(|motion| moved(origins, motion, units[motion])).collect();
     let answers = sheet.answers(&holds)?;
@@ -252,5 +252,5 @@ fn strain(point: &Point, sheet: &Sheet, answer: &[Vector3<f64>], unit: f64) -> O
 fn part(point: &Point, kind: usize, one: &[f64; 3], two: &[f64; 3]) -> f64 {
     let law = if kind < 2 { &point.membrane } else { &point.bending };
     let stress = law.stress(*two);
-    if kind % 2 == 0 { one[0] * stress[0] + one[1] * stress[1] } else { one[2] * stress[2] }
+    if kind.is_multiple_of(2) { one[0] * stress[0] + one[1] * stress[1] } else { one[2] * stress[2] }
 }

@@ -198,7 +198,7 @@ fn unfitted(
         |part: &Part| Point::new(&middle.grid.at(part.place), &middle.rest, part.seen, part.thickness);
     let points = middle.parts.iter().filter_map(point).collect();
     let grips = held.iter().enumerate().flat_map(|(e, nodes)| grips_of(&middle, e, &origins[e], nodes));
-    let sheet = Sheet::new(middle.grid.clone(), middle.rest.clone(), points, grips.collect());
+    let sheet = Sheet::new(&middle.grid, middle.rest.clone(), points, grips.collect());
     Ok((middle, sheet))
 }
 

@@ -32,7 +32,7 @@ pub fn follow(
     holds: &mut [Hold],
     sheet: &mut Sheet,
 ) -> Option<Standing> {
-    let steps = steps(from, to, sheet.size());
+    let steps = steps(from, to, sheet.size);
     let (mut iterations, mut buckled) = (0, false);
     for step in 1.. {
         let share = step as f64 / steps;

@@ -21,8 +21,10 @@ const CONVERGED: f64 = 1e-9;
 /// The same with the factor of an earlier state, where each iteration wins so much less than the one before.
 const COASTED: f64 = 1e-14;
 const COASTS: f64 = 0.05;
-/// It serves until a control element has turned by more, rad, or moved by more than this part of the size.
-const NEAR: f64 = 0.03;
+/// It serves until a control element has turned by more, rad, or moved by more than this part of the thickness: before that, a
+/// loss of stability is not seen.
+const NEAR_TURN: f64 = 0.02;
+const NEAR_MOVE: f64 = 0.05;
 /// Iterations with an earlier factor, at full length, and along the energy's way down.
 const CHEAP: usize = 6;
 const FAST: usize = 16;
@@ -31,7 +33,6 @@ const SAFE: usize = 150;
 /// A shell in the state in which it was last held.
 #[derive(Clone)]
 pub struct Sheet {
-    pub grid: Grid,
     pub rest: Vec<Vector3<f64>>,
     pub q: Vec<Vector3<f64>>,
     pub points: Vec<Point>,
@@ -48,7 +49,9 @@ pub struct Sheet {
     factored: Vec<Hold>,
     trial: Vec<Vector3<f64>>,
     kept: Vec<Vector3<f64>>,
-    size: f64,
+    /// The largest distance of a control point from the first, and the mean thickness, m.
+    pub size: f64,
+    pub thickness: f64,
 }
 
 /// How the shell stands.
@@ -71,13 +74,14 @@ enum Geometric {
 }
 
 impl Sheet {
-    pub fn new(grid: Grid, rest: Vec<Vector3<f64>>, points: Vec<Point>, grips: Vec<Grip>) -> Sheet {
+    pub fn new(grid: &Grid, rest: Vec<Vector3<f64>>, points: Vec<Point>, grips: Vec<Grip>) -> Sheet {
         let unknowns = 3 * rest.len();
         let band = Band::new(unknowns, 3 * grid.reach() + 2);
         let first = rest.first().copied().unwrap_or_else(Vector3::zeros);
         let size = rest.iter().map(|x| (x - first).norm()).fold(0.0, f64::max);
+        let sum = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>();
+        let thickness = sum(|point| point.thickness * point.area) / sum(|point| point.area);
         Sheet {
-            grid,
             q: rest.clone(),
             stress: vec![[[0.0; 3]; 2]; points.len()],
             points,
@@ -92,6 +96,7 @@ impl Sheet {
             kept: rest.clone(),
             rest,
             size,
+            thickness,
         }
     }
 
@@ -114,17 +119,6 @@ impl Sheet {
         for (point, stress) in self.points.iter().zip(&mut self.stress) {
             *stress = point.local(&self.q).map_or([[0.0; 3]; 2], |local| point.stress(&local.strain));
         }
-    }
-
-    /// The largest distance of a control point from the first.
-    pub fn size(&self) -> f64 {
-        self.size
-    }
-
-    /// The mean thickness, m.
-    pub fn thickness(&self) -> f64 {
-        let sum = |of: fn(&Point) -> f64| self.points.iter().map(of).sum::<f64>();
-        sum(|point| point.thickness * point.area) / sum(|point| point.area)
     }
 
     /// The linear answers to holds that are all close to rest.
@@ -172,7 +166,8 @@ impl Sheet {
 
     fn is_near(&self, holds: &[Hold]) -> bool {
         let near = |(from, to): (&Hold, &Hold)| {
-            (to.matrix - from.matrix).amax() < NEAR && (to.place - from.place).amax() < NEAR * self.size
+            (to.matrix - from.matrix).amax() < NEAR_TURN
+                && (to.place - from.place).amax() < NEAR_MOVE * self.thickness
         };
         self.factored.len() == holds.len() && self.factored.iter().zip(holds).all(near)
     }
