@@ -40,15 +40,17 @@ type WriteModel = fn(&ModelAtPose) -> String;
 /// What stands in a table of forces, and how it is written.
 const FORCE_TABLES: &[(&str, WriteModel)] = &[
     ("errors of force and torque in parts of the largest wrench of the equilibrium, %", |at| {
-        match (at.force, at.torque) {
+        match (at.deviation.force, at.deviation.torque) {
             (Some(force), Some(torque)) => format!("{} / {}", rounded(force), rounded(torque)),
             _ => "none".into(),
         }
     }),
     ("strain energy over that of the equilibrium", |at| {
-        at.energy.map_or("none".into(), |ratio| format!("{ratio:.3}"))
+        at.deviation.energy.map_or("none".into(), |ratio| format!("{ratio:.3}"))
     }),
-    ("error of the shape, root mean square over length, %", |at| format!("{:.3}", 100.0 * at.shape)),
+    ("error of the shape, root mean square over length, %", |at| {
+        format!("{:.3}", 100.0 * at.deviation.shape)
+    }),
     ("time of a frame: state, forces, surface, normals", |at| seconds(at.frame_s)),
 ];
 

@@ -152,12 +152,12 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
         ];
         let cells = row.iter().map(|settled| settled.as_ref().map_or("none".to_owned(), settled_cell));
         table.rows.push(head.into_iter().chain(cells).collect());
-        for (young, SettlingResult { swing_m, speed, made_j, state: felt }) in
+        for (young, SettlingResult { swing_m, turned_rad, speed, made_j, state: felt }) in
             MODULI.iter().zip(&row).filter_map(|(young, settled)| Some((young, (*settled)?)))
         {
             found.push(json!({
                 "every_s": every_s, "delay_s": delay_s, "jitter_s": jitter_s, "hand": hand, "young_pa": young,
-                "swing_m": swing_m, "speed": speed, "made_j": made_j, "bearable": felt.bearable, "age_s": felt.age_s,
+                "swing_m": swing_m, "turned_rad": turned_rad, "speed": speed, "made_j": made_j, "bearable": felt.bearable, "age_s": felt.age_s,
             }));
         }
     }
@@ -166,6 +166,8 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
 
 /// Moved by less than this in the last second it is at rest, m: a sensor resolves no less.
 const REST_M: f64 = 2e-3 * START_M;
+/// And turned by less than this, rad: as much, a tenth of a metre away.
+const REST_RAD: f64 = 1e-4;
 
 /// One digit, because a limit cycle does not repeat exactly.
 pub(super) fn settled_cell(settled: &SettlingResult) -> String {
@@ -174,8 +176,15 @@ pub(super) fn settled_cell(settled: &SettlingResult) -> String {
         let power = 10f64.powf(digits);
         format!("{:.*}", (-digits).max(0.0) as usize, (value / power).round() * power)
     };
-    let swing =
-        if settled.swing_m < REST_M { "rest".to_owned() } else { round(1e3 * settled.swing_m) + " mm" };
+    let turned = settled.turned_rad >= REST_RAD;
+    let swing = match settled.swing_m >= REST_M {
+        false if turned => round(settled.turned_rad.to_degrees()) + "°",
+        false => "rest".to_owned(),
+        true if turned => {
+            format!("{} mm {}°", round(1e3 * settled.swing_m), round(settled.turned_rad.to_degrees()))
+        }
+        true => round(1e3 * settled.swing_m) + " mm",
+    };
     let made = if settled.made_j < NOTHING_J { "0".to_owned() } else { round(1e3 * settled.made_j) + " mJ" };
     format!("{swing}, {made}")
 }

@@ -17,25 +17,19 @@
 
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, axial};
-use super::se3::{halves, inverse_left_jacobian, inverse_right_jacobian, log};
+use super::mean_frame::MeanFrame;
+use super::se3::{halves, inverse_left_jacobian, inverse_right_jacobian};
 use crate::green::FIELDS;
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
-
-/// The mean turn is not defined where the sum of E quaternions is shorter than this part of E.
-const DEFINED: f64 = 0.1;
-/// The mean is found when a step is smaller than this, rad, or part of the body's size.
-const STEP: f64 = 1e-13;
-const MOST_STEPS: usize = 30;
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 
 /// A body's energy in the coordinates of its control elements.
 #[derive(Clone, Debug)]
 pub struct Helicoidal {
     /// a_e, m.
     arms: Vec<Vector3<f64>>,
-    size: f64,
     stiffness: DMatrix<f64>,
     cubic: Option<CubicForm>,
-    screws: Vec<Vector6<f64>>,
+    mean: MeanFrame,
     /// c, c', S c, S c', ∂Θ/∂c.
     first: DVector<f64>,
     second: DVector<f64>,
@@ -66,8 +60,7 @@ impl Helicoidal {
         let arms: Vec<Vector3<f64>> = origins.iter().map(|origin| origin - mean).collect();
         let none = DVector::zeros(fields);
         Ok(Helicoidal {
-            size: arms.iter().map(|arm| arm.norm()).fold(f64::MIN_POSITIVE, f64::max),
-            screws: vec![Vector6::zeros(); arms.len()],
+            mean: MeanFrame::new(arms.len()),
             arms,
             stiffness,
             cubic,
@@ -81,23 +74,21 @@ impl Helicoidal {
 
     /// V, and its derivatives by the frames; `None` where the frames have no mean.
     pub fn respond(&mut self, frames: &[ControlFrame], slopes: &mut [FrameSlope]) -> Option<f64> {
-        self.find_mean(frames)?;
+        self.mean.find(frames)?;
         for (e, frame) in frames.iter().enumerate() {
             self.take_coefficients(e, &frame.stretch);
         }
         let (energy, [alpha, beta]) = self.energy();
-        let (mut common, mut sum) = (Vector6::zeros(), Matrix6::zeros());
+        let mut common = Vector6::zeros();
         for (e, frame) in frames.iter().enumerate() {
             let (screw, stretch) = self.pull_back(e, &frame.stretch, alpha, beta);
-            let left = inverse_left_jacobian(&self.screws[e]);
-            common += left.transpose() * screw;
-            sum += left;
+            common += inverse_left_jacobian(&self.mean.screws[e]).transpose() * screw;
             // Kept here until the share of the mean frame is known.
             let (force, torque) = halves(&screw);
             slopes[e] = FrameSlope { force, torque, stretch };
         }
-        let of_mean = sum.transpose().lu().solve(&common)?;
-        for ((slope, frame), screw) in slopes.iter_mut().zip(frames).zip(&self.screws) {
+        let of_mean = self.mean.share(&common)?;
+        for ((slope, frame), screw) in slopes.iter_mut().zip(frames).zip(&self.mean.screws) {
             let own = stacked(&slope.force, &slope.torque) - of_mean;
             let (force, torque) = halves(&(inverse_right_jacobian(screw).transpose() * own));
             (slope.force, slope.torque) = (frame.turn * force, frame.turn * torque);
@@ -105,33 +96,8 @@ impl Helicoidal {
         energy.is_finite().then_some(energy)
     }
 
-    /// ξ_e, by Newton's iteration for m from the mean of the quaternions; `None` where it finds none.
-    fn find_mean(&mut self, frames: &[ControlFrame]) -> Option<()> {
-        let count = frames.len() as f64;
-        let sum: nalgebra::Vector4<f64> = frames.iter().map(|frame| frame.turn.coords).sum();
-        let rotation = UnitQuaternion::try_new(Quaternion::from(sum / count), DEFINED)?;
-        let place = frames.iter().map(|frame| frame.place).sum::<Vector3<f64>>() / count;
-        let mut mean = Isometry3::from_parts(place.into(), rotation);
-        for _ in 0..MOST_STEPS {
-            let (mut rest, mut jacobian) = (Vector6::zeros(), Matrix6::zeros());
-            for (screw, frame) in self.screws.iter_mut().zip(frames) {
-                let inverse = mean.rotation.inverse();
-                *screw = log(&(inverse * frame.turn), &(inverse * (frame.place - mean.translation.vector)));
-                rest += *screw;
-                jacobian += inverse_left_jacobian(screw);
-            }
-            let step = jacobian.lu().solve(&rest)?;
-            let (slide, turn) = halves(&step);
-            if turn.norm() <= STEP && slide.norm() <= STEP * self.size.max(place.norm()) {
-                return Some(());
-            }
-            mean *= super::se3::exp(&step);
-        }
-        None
-    }
-
     fn take_coefficients(&mut self, e: usize, stretch: &Matrix3<f64>) {
-        let (slide, turn) = halves(&self.screws[e]);
+        let (slide, turn) = halves(&self.mean.screws[e]);
         let (a, strain) = (self.arms[e], stretch - Matrix3::identity());
         let (d, cross) = (slide - a, turn.cross_matrix());
         put(&mut self.first, e, &(d + turn.cross(&a) * 0.5), &(cross + strain));
@@ -164,7 +130,7 @@ impl Helicoidal {
         alpha: f64,
         beta: f64,
     ) -> (Vector6<f64>, Matrix3<f64>) {
-        let (slide, turn) = halves(&self.screws[e]);
+        let (slide, turn) = halves(&self.mean.screws[e]);
         let (a, strain) = (self.arms[e], stretch - Matrix3::identity());
         let (d, cross) = (slide - a, turn.cross_matrix());
         let rows = FIELDS * e..FIELDS * (e + 1);

@@ -36,6 +36,7 @@ mod solved;
 mod statics;
 mod substructured;
 mod superposition;
+mod trial;
 mod turn;
 
 pub use critical::{CriticalPose, ModeShape};
@@ -61,4 +62,5 @@ pub use screw::{Screw, Way};
 pub use solved::{model_of, volume_model_of};
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
+pub use trial::{Deviation, Motion, Moved, Trial, trials};
 pub use turn::local_turn;

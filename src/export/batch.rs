@@ -138,7 +138,10 @@ fn surface_results(
     all: &[Asked<'_>],
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
-    let found = own.iter().map(|asked| surface_result(asked, all, body, &mut deformer)).collect();
+    let before = std::iter::once(None).chain(own.iter().copied().map(Some));
+    let result =
+        |(asked, standing): (&&Asked<'_>, _)| surface_result(asked, all, standing, body, &mut deformer);
+    let found = own.iter().zip(before).map(result).collect();
     Ok((Geometry::surface(&deformer), found))
 }
 
@@ -146,13 +149,15 @@ fn surface_results(
 /// sees which way they go.
 const STEPS: usize = 16;
 
-/// Leads the body through the poses that `asked` goes on from, the first of them as it stands.
-fn lead(asked: &Asked<'_>, all: &[Asked<'_>], body: &mut Deformer) {
+/// Leads the body through the poses that `asked` goes on from, the first of them as it stands; it is in that of `standing`.
+fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked<'_>>, body: &mut Deformer) {
     let Some(before) = asked.after.and_then(|before| all.get(before)) else {
         return body.forget();
     };
-    lead(before, all, body);
-    body.evaluate(&before.control);
+    if !standing.is_some_and(|standing| std::ptr::eq(standing, before)) {
+        lead(before, all, None, body);
+        body.evaluate(&before.control);
+    }
     let ways: Vec<Way> =
         before.control.iter().zip(&asked.control).map(|(from, to)| Way::onwards(from, to)).collect();
     for step in 1..STEPS {
@@ -165,10 +170,11 @@ fn lead(asked: &Asked<'_>, all: &[Asked<'_>], body: &mut Deformer) {
 fn surface_result(
     asked: &Asked<'_>,
     all: &[Asked<'_>],
+    standing: Option<&Asked<'_>>,
     scene_body: &Body,
     body: &mut Deformer,
 ) -> PoseResult {
-    lead(asked, all, body);
+    lead(asked, all, standing, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
             "warning: pose \"{}\": body.{}: the model \"{}\" finds no frame or no equilibrium of its control elements, which are \

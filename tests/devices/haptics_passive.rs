@@ -370,18 +370,28 @@ fn a_reading_that_was_overtaken_is_not_taken() {
     assert!((test.control.state.room_from_handle.unwrap().translation.x - 0.004).abs() < 1e-12);
 }
 
-/// Bodies bent by 30° and 90° let go, whatever their stiffness and however their poses come: the loop makes no energy.
+/// Bodies bent by 30° and 90° let go, whatever their stiffness and however their poses come: the loop makes no energy, and
+/// all that friction can move come to rest, in place and turn.
 #[test]
 fn a_bent_body_that_is_let_go_makes_no_energy() {
-    let model = greenstage::deform::find_model("rotation").unwrap();
-    for young in [1e3, 1e6, 1e8] {
-        let body = bent::beam(model, young).unwrap();
+    let bodies = [
+        ("rotation", 1e3),
+        ("rotation", 1e6),
+        ("rotation", 1e8),
+        ("linear", 1e7),
+        ("reduced", 1e5),
+        ("rod", 1e8),
+    ];
+    for (model, young) in bodies {
+        let body = bent::beam(greenstage::deform::find_model(model).unwrap(), young).unwrap();
         for reports in [REPORTS[0], REPORTS[4]] {
             for degrees in [30.0, 90.0] {
                 let haptic = Haptic::simulated("bent");
                 let run = bent::let_go(&body, degrees, &haptic, reports, Hand::NONE).unwrap();
-                assert!(run.made_j < 1e-9, "{young:e} Pa, {degrees}°, {reports:?}: {run:?}");
-                assert_eq!(run.state.faults.undefined, 0, "{young:e} Pa, {degrees}°");
+                let of = format!("{model}, {young:e} Pa, {degrees}°, {reports:?}: {run:?}");
+                assert!(run.made_j < 1e-9 && run.state.faults.undefined == 0, "{of}");
+                let is_at_rest = run.swing_m < 1e-5 && run.turned_rad < 1e-4;
+                assert!(is_at_rest || young <= 1e4, "{of}");
             }
         }
     }

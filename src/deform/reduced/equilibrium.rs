@@ -16,6 +16,9 @@ const MOST_STEPS: usize = 60;
 const SHORTEST: f64 = 1e-3;
 /// Rounding errors of V, as a part of it.
 const ROUNDING: f64 = 1e-12;
+/// A change of y that is smaller than this, in metres and parts, says nothing of the tangent: what is left of q by rounding,
+/// over so little, would be taken for its slope, and the next prediction would lead to another equilibrium.
+const SAYS_NOTHING: f64 = 1e-6;
 /// y beyond those of undeformed elements count as 0 below this.
 const NOTHING: f64 = 1e-9;
 
@@ -134,7 +137,7 @@ impl ReducedBody {
             if (q..q + fields).contains(&at) { 0.0 } else { z[at] - before[at] }
         };
         let square: f64 = (0..n).map(|at| change(at, &self.z, &self.before).powi(2)).sum();
-        if square <= f64::MIN_POSITIVE {
+        if square <= SAYS_NOTHING * SAYS_NOTHING {
             return;
         }
         for i in 0..fields {

@@ -35,6 +35,8 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
 pub struct Reduced {
     posed: Posed,
     body: ReducedBody,
+    /// Those that were settled last; none where they had no equilibrium.
+    poses: Vec<ControlPose>,
     /// Of the last poses that had an equilibrium.
     energy: f64,
     slopes: Vec<PoseSlope>,
@@ -61,6 +63,7 @@ impl Reduced {
         Ok(Reduced {
             posed: Posed::new(input.controls),
             body: body.ok_or_else(|| format!("the table {QUARTIC} does not suit the control elements"))?,
+            poses: Vec::with_capacity(elements),
             energy: 0.0,
             slopes: vec![PoseSlope::default(); elements],
         })
@@ -68,8 +71,13 @@ impl Reduced {
 
     /// Finds m, c and q of the poses; `None` where there are none.
     fn settle(&mut self, poses: &[ControlPose]) -> Option<()> {
+        if self.poses == poses {
+            return Some(());
+        }
+        self.poses.clear();
         self.posed.take(poses)?;
         self.energy = self.body.settle(self.posed.coordinates())?;
+        self.poses.extend_from_slice(poses);
         Some(())
     }
 }
@@ -96,11 +104,13 @@ impl DeformationModel for Reduced {
     }
 
     fn forget(&mut self) {
+        self.poses.clear();
         self.posed.forget();
         self.body.forget();
     }
 
     fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        self.poses.clear();
         self.posed.set_turn(e, turn);
     }
 }

@@ -21,7 +21,7 @@
 //! those of [`super::delay`]. A stiffer body is felt through a virtual coupling ([`super::coupling`]).
 
 use super::device::Push;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
 /// The fraction of the theoretically passive stiffness that is used: the coupling is updated only when the lag has changed by
 /// 1 %, a delay that is no multiple of the period is slightly worse than the bound, and the body's stiffness is that at the
@@ -41,6 +41,13 @@ pub struct Motion {
     pub turn: Vector3<f64>,
     /// s.
     pub time_s: f64,
+}
+
+impl Motion {
+    pub fn stacked(&self) -> Vector6<f64> {
+        let (place, turn) = (&self.dx, &self.turn);
+        Vector6::new(place.x, place.y, place.z, turn.x, turn.y, turn.z)
+    }
 }
 
 /// Measures the energy that sampling generates, and brakes until it is taken back (B. Hannaford and J.-H. Ryu, "Time-domain passivity

@@ -38,6 +38,8 @@ pub const REPORTS: [Reports; 5] = [
 pub struct SettlingResult {
     /// Largest distance from rest in the last second, m.
     pub swing_m: f64,
+    /// Largest turn from rest in the last second, rad.
+    pub turned_rad: f64,
     /// Greatest speed in the last second, m/s.
     pub speed: f64,
     /// The maximum over time of the push's work, less the dissipation by the device's friction and the body's initial energy,
@@ -89,7 +91,8 @@ pub(super) fn release(
     let period_s = haptic.period_s();
     let frame = (FRAME_S / period_s).ceil() as u64;
     let mut held_j = 0.0;
-    let mut settled = SettlingResult { swing_m: 0.0, speed: 0.0, made_j: 0.0, state: control.state };
+    let mut settled =
+        SettlingResult { swing_m: 0.0, turned_rad: 0.0, speed: 0.0, made_j: 0.0, state: control.state };
     for tick in 0..((HELD_S + FREE_S) / period_s) as u64 {
         let now_s = tick as f64 * period_s;
         if now_s <= HELD_S {
@@ -107,6 +110,7 @@ pub(super) fn release(
         settled.made_j = settled.made_j.max(device.push_work - device.eaten - held_j);
         if now_s > HELD_S + FREE_S - 1.0 {
             settled.swing_m = settled.swing_m.max(device.device_from_handle.translation.vector.norm());
+            settled.turned_rad = settled.turned_rad.max(device.device_from_handle.rotation.angle());
             settled.speed = settled.speed.max(device.velocity[0].norm());
         }
     }

@@ -9,10 +9,10 @@ use super::coupling::{Coupling, CouplingState};
 use super::delay::Delay;
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held, room_from_handle};
+use super::grasp::{Grasp, Held, device_from_handle, room_from_handle};
 use super::passivity::{MARGIN, Motion, Observer, largest_stiffness};
 use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
 
 /// A new hold reaches its full force within this time, s.
 pub const RAMP_S: f64 = 0.25;
@@ -33,8 +33,6 @@ pub const TURNED: f64 = 0.1;
 const MOVED: f64 = 0.02;
 /// or when the lag of the force has changed by this factor.
 const SLOWER: f64 = 1.01;
-/// Beyond this factor the earlier pushes belong to another potential and are forgotten.
-const OTHER: f64 = 1.05;
 /// The most steps of the hold in one tick.
 const MOST_STEPS: usize = 4;
 /// Time constant of the velocity for the virtual damper, s.
@@ -120,6 +118,8 @@ pub struct Control {
     coupled_at: Option<(UnitQuaternion<f64>, f64)>,
     /// The state of the coupling, with the push before the gain.
     give: CouplingState,
+    /// Where the hold was in the device's frame, and the body's push there.
+    felt: Option<(Isometry3<f64>, Vector6<f64>)>,
     /// Stored energy at the last reading; `None` if the next one belongs to another potential.
     stored: Option<f64>,
     /// The body's torque, for a device that cannot render it.
@@ -151,9 +151,10 @@ impl Control {
             bodies,
             held: None,
             hold_at: None,
-            coupling: Coupling::default(),
+            coupling: Coupling::new([1.0; 2], true, None),
             coupled_at: None,
             give: CouplingState::default(),
+            felt: None,
             stored: None,
             unfelt: Vector3::zeros(),
             fading: (Push::NONE, 0.0),
@@ -314,6 +315,9 @@ impl Control {
         self.couple(held, &handle)?;
         let haptic = &self.haptic;
         let scale = held.energy_scale(haptic);
+        if let Some(motion) = &self.motion {
+            self.give = self.coupling.follow(&motion.stacked(), &self.give);
+        }
         let body = self.bodies.get_mut(held.body)?;
         let (mut stored, mut torque, mut is_unsettled, mut energy) = (f64::NAN, Vector3::zeros(), false, 0.0);
         // Usually one step; more if the hold is far from its place.
@@ -327,8 +331,12 @@ impl Control {
             if haptic.max_torque_nm <= 0.0 {
                 push.torque = Vector3::zeros();
             }
+            let felt = (device_from_handle(haptic, &hold), push.stacked());
+            if let Some((from, before)) = self.felt.replace(felt) {
+                self.coupling.learn(&way(&from, &felt.0), &(felt.1 - before));
+            }
             // Limited before the gain; otherwise the force of a bent body would reach the limit too early in the ramp.
-            self.give = self.coupling.settle(&push.stacked(), &self.give);
+            self.give = self.coupling.settle(&self.give.by_offset(&felt.1), &self.give);
             energy = response.energy;
             stored = energy * scale + self.give.energy;
             if !push.is_finite() || !stored.is_finite() {
@@ -348,7 +356,7 @@ impl Control {
         let ramp = if self.give.is_on_the_way { 0.0 } else { dt / RAMP_S };
         let gain = (self.state.gain + ramp).min(1.0);
         (self.state.gain, self.state.strain_energy, self.state.stored_energy) = (gain, energy, stored);
-        let mut wanted = Push::unstacked(&self.give.push).scaled(gain);
+        let mut wanted = Push::unstacked(&self.give.on_handle()).scaled(gain);
         let [v, w] = &self.velocity;
         wanted.force -= v * haptic.virtual_damping * gain;
         if self.measures.brake {
@@ -404,29 +412,34 @@ impl Control {
     fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
         let (period_s, age_s, lag_s) = (self.period_s(), self.age_s(), self.lag_s());
         let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
-        if let Some((last, last_s)) = &self.coupled_at {
-            let is_turned = last.angle_to(&handle.rotation) >= TURNED || body.moved() >= MOVED;
-            let change = (lag_s / last_s).max(last_s / lag_s);
-            if !is_turned && change < SLOWER {
-                return Some(());
+        let has_torque = haptic.max_torque_nm > 0.0;
+        let anew = || {
+            let limits = self.measures.limits.then_some([haptic.max_force_n, haptic.max_torque_nm]);
+            Coupling::new([haptic.damping, haptic.rotational_damping], has_torque, limits)
+        };
+        match &self.coupled_at {
+            // A coupling without energy can be replaced by a stiffer one.
+            Some(_) if self.coupling.is_too_soft && self.give.is_slack(&self.coupling.compliance) => {
+                self.coupling = anew();
             }
-            if is_turned || change > OTHER {
-                self.acting.clear();
+            Some((last, last_s)) => {
+                let is_turned = last.angle_to(&handle.rotation) >= TURNED || body.moved() >= MOVED;
+                if !is_turned && (lag_s / last_s).max(last_s / lag_s) < SLOWER {
+                    return Some(());
+                }
             }
-        } else {
-            self.give = CouplingState::default();
+            None => {
+                (self.coupling, self.give, self.felt, self.stored) =
+                    (anew(), CouplingState::default(), None, None)
+            }
         }
         self.coupled_at = Some((handle.rotation, lag_s));
-        self.stored = None;
         body.mark();
         let stiffness = held.stiffness(haptic, &self.give.hold(handle), body)?;
         // Per unit of friction.
         let b = haptic.virtual_damping / haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, period_s, age_s);
-        let damping = [haptic.damping, haptic.rotational_damping];
-        let limits = self.measures.limits.then_some([haptic.max_force_n, haptic.max_torque_nm]);
-        let bound = if self.measures.coupling { bearable } else { f64::INFINITY };
-        self.coupling = Coupling::new(&stiffness, damping, haptic.max_torque_nm > 0.0, bound, limits);
+        self.coupling.suit(&stiffness, if self.measures.coupling { bearable } else { f64::INFINITY });
         (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * haptic.damping);
         Some(())
     }
@@ -462,6 +475,13 @@ impl Control {
 /// The factor that reduces a length to at most `most`.
 fn part(length: f64, most: f64) -> f64 {
     if length > most { most / length } else { 1.0 }
+}
+
+/// Translation and rotation vector from one pose to another.
+fn way(from: &Isometry3<f64>, to: &Isometry3<f64>) -> Vector6<f64> {
+    let place = to.translation.vector - from.translation.vector;
+    let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
+    Vector6::new(place.x, place.y, place.z, turn.x, turn.y, turn.z)
 }
 
 fn is_sane(pose: &Isometry3<f64>) -> bool {

@@ -1,0 +1,222 @@
+//! Trials of a body: motions of one of its control elements whose static equilibrium is known, and how far a model is from it.
+//!
+//! In: [`Statics`] of the body, which element moves, [`Motion`]s. Out: [`Trial`]s, and the [`Deviation`] of a [`Deformer`] in
+//! each: force and torque as parts of the largest wrench, energy over energy, shape over length.
+
+use super::deformer::Deformer;
+use super::force::Wrench;
+use super::pose::{ControlPose, ControlPoses};
+use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
+use crate::base::statistics::median;
+use crate::solve::Progress;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use serde::Serialize;
+use std::time::Instant;
+
+/// How one control element moves against the others, which rest, along an axis towards it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// Along a circular arc that keeps its length, °.
+    Bend(f64),
+    /// About the axis, °.
+    Twist(f64),
+    /// By parts of the length, along and across.
+    Shift([f64; 2]),
+    /// Turned across the axis, °, and shifted across it.
+    Mixed(f64, f64),
+}
+
+impl Motion {
+    pub fn name(self) -> String {
+        match self {
+            Motion::Bend(degrees) => format!("bent by {degrees}°"),
+            Motion::Twist(degrees) => format!("twisted by {degrees}°"),
+            Motion::Shift([0.0, across]) => format!("across by {} %", 100.0 * across),
+            Motion::Shift([along, _]) => format!("along by {} %", 100.0 * along),
+            Motion::Mixed(degrees, across) => {
+                format!("turned by {degrees}°, across by {} %", 100.0 * across)
+            }
+        }
+    }
+
+    /// This share of the way from rest.
+    pub fn part(self, share: f64) -> Motion {
+        match self {
+            Motion::Bend(degrees) => Motion::Bend(share * degrees),
+            Motion::Twist(degrees) => Motion::Twist(share * degrees),
+            Motion::Shift(parts) => Motion::Shift(parts.map(|part| share * part)),
+            Motion::Mixed(degrees, across) => Motion::Mixed(share * degrees, share * across),
+        }
+    }
+
+    /// Whether `other` goes on where this motion ends.
+    fn leads_to(self, other: Motion) -> bool {
+        match (self, other) {
+            (Motion::Bend(from), Motion::Bend(to)) | (Motion::Twist(from), Motion::Twist(to)) => {
+                from * to > 0.0 && (to - from).abs() < 180.0
+            }
+            _ => false,
+        }
+    }
+}
+
+/// A control element that is moved in trials: the axis from the mean origin of the others to its own, and their distance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moved {
+    pub element: usize,
+    pub elements: usize,
+    pub axis: Vector3<f64>,
+    /// m.
+    pub length: f64,
+}
+
+impl Moved {
+    /// `None` where the others' mean origin is its own, or there are no others.
+    pub fn new(origins: &[Vector3<f64>], element: usize) -> Option<Moved> {
+        let others = origins.iter().enumerate().filter(|(e, _)| *e != element).map(|(_, origin)| origin);
+        let mean = others.sum::<Vector3<f64>>() / (origins.len() - 1) as f64;
+        let way = origins[element] - mean;
+        let (length, elements) = (way.norm(), origins.len());
+        (length > 0.0 && length.is_finite()).then(|| Moved { element, elements, axis: way / length, length })
+    }
+
+    /// The poses of all control elements.
+    pub fn poses(&self, motion: Motion) -> ControlPoses {
+        let mut poses = vec![ControlPose::REST; self.elements];
+        poses[self.element] = self.pose(motion);
+        poses
+    }
+
+    fn pose(&self, motion: Motion) -> ControlPose {
+        let Moved { axis, length, .. } = self;
+        let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
+        let lateral = across.cross(axis);
+        let turned = |about: Vector3<f64>, degrees: f64| {
+            *Rotation3::from_scaled_axis(about * degrees.to_radians()).matrix()
+        };
+        let (translation, matrix) = match motion {
+            Motion::Bend(0.0) => (Vector3::zeros(), Matrix3::identity()),
+            Motion::Bend(degrees) => {
+                let angle = degrees.to_radians();
+                let end = (axis * angle.sin() + lateral * (1.0 - angle.cos())) / angle;
+                ((end - axis) * *length, turned(across, degrees))
+            }
+            Motion::Twist(degrees) => (Vector3::zeros(), turned(*axis, degrees)),
+            Motion::Shift([along, aside]) => ((axis * along + across * aside) * *length, Matrix3::identity()),
+            Motion::Mixed(degrees, aside) => (lateral * (aside * *length), turned(across, degrees)),
+        };
+        ControlPose { translation, matrix }
+    }
+}
+
+/// A motion and its equilibrium.
+pub struct Trial {
+    pub moved: Moved,
+    pub motion: Motion,
+    pub poses: ControlPoses,
+    pub settled: EquilibriumResult,
+}
+
+/// Solves the motions one after the other; a bend or twist goes on from the one before where it is of the same kind, so that
+/// turns add up. `told` hears of motions without an equilibrium. `progress` is advanced by 1000 for each motion.
+pub fn trials(
+    statics: &mut Statics,
+    moved: &Moved,
+    motions: &[Motion],
+    progress: &dyn Progress,
+    told: &mut dyn FnMut(Motion, String),
+) -> Result<Vec<Trial>, StaticsError> {
+    let mut found = Vec::new();
+    let mut last: Option<(Motion, HeldBody)> = None;
+    for &motion in motions {
+        let poses = moved.poses(motion);
+        let solved = match last.take().filter(|(before, _)| before.leads_to(motion)) {
+            Some((before, held)) => statics.solve_after(&before.name(), &held, &poses, progress),
+            None => statics.solve(&poses, progress),
+        };
+        match solved {
+            Ok(settled) => {
+                last = statics.held().cloned().map(|held| (motion, held));
+                found.push(Trial { moved: moved.clone(), motion, poses, settled });
+            }
+            Err(StaticsError::Stopped { share, from, .. }) => {
+                let way = 100.0 * share;
+                told(motion, format!("no equilibrium beyond {way:.0} % of the way from {from}"));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(found)
+}
+
+/// How far a model is from static equilibrium.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Deviation {
+    /// Largest error of a control element's force, and of its torque over the length, as parts of the largest force or
+    /// torque over length of the equilibrium; `None` where the model says that it has none.
+    pub force: Option<f64>,
+    pub torque: Option<f64>,
+    /// V over that of the equilibrium.
+    pub energy: Option<f64>,
+    /// Root mean square of the surface nodes' errors, as a part of the length.
+    pub shape: f64,
+}
+
+impl Trial {
+    /// The mesh node of each of the deformer's surface nodes.
+    pub fn surface_nodes(statics: &Statics, deformer: &Deformer) -> Vec<usize> {
+        let place = |tag: &u64| statics.mesh.tags.iter().position(|own| own == tag).unwrap_or(0);
+        deformer.tags().iter().map(place).collect()
+    }
+
+    /// Brings the deformer to the poses in steps from rest, as a hand does, and compares; `nodes` are those of
+    /// [`Trial::surface_nodes`].
+    pub fn deviation(&self, deformer: &mut Deformer, nodes: &[usize]) -> Deviation {
+        let Trial { moved, settled, poses, .. } = self;
+        self.follow(deformer);
+        let held = deformer.wrenches();
+        let error = |i: usize| (deformer.displacement(i) - settled.displacement[nodes[i]]).norm_squared();
+        let shape = ((0..nodes.len()).map(error).sum::<f64>() / nodes.len() as f64).sqrt() / moved.length;
+        let placed = |wrenches: &[Wrench]| -> Vec<Wrench> {
+            wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect()
+        };
+        let truth = placed(&settled.wrenches);
+        let sizes = truth.iter().map(|w| w.force.norm().max(w.moment.norm() / moved.length));
+        let size = sizes.fold(f64::MIN_POSITIVE, f64::max);
+        let off = |of: &dyn Fn(&Wrench) -> Vector3<f64>| {
+            let found = placed(&held.as_ref()?.0);
+            Some(found.iter().zip(&truth).map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max) / size)
+        };
+        let (force, torque) = (off(&|w| w.force), off(&|w| w.moment / moved.length));
+        let energy = held.as_ref().map(|(_, energy)| energy / settled.energy);
+        Deviation { force, torque, energy, shape }
+    }
+
+    /// About 10° a step at most.
+    fn follow(&self, deformer: &mut Deformer) {
+        const STEPS: u32 = 36;
+        deformer.forget();
+        for step in 1..STEPS {
+            let share = f64::from(step) / f64::from(STEPS);
+            deformer.take(&self.moved.poses(self.motion.part(share)));
+        }
+        deformer.evaluate(&self.poses);
+    }
+
+    /// Median time from poses to the deformed surface with its forces, s, between two poses that are a hundredth of a degree
+    /// apart, of a deformer that has come to the poses.
+    pub fn frame_time(&self, deformer: &mut Deformer) -> f64 {
+        const ROUNDS: usize = 21;
+        let mut times = Vec::with_capacity(ROUNDS);
+        for round in 0..ROUNDS {
+            let mut near = self.poses.clone();
+            let sway = Rotation3::from_axis_angle(&Vector3::y_axis(), 1e-4 * (round % 2) as f64);
+            let matrix = &mut near[self.moved.element].matrix;
+            *matrix = sway.matrix() * *matrix;
+            let started = Instant::now();
+            deformer.evaluate(&near);
+            times.push(started.elapsed().as_secs_f64());
+        }
+        median(times)
+    }
+}
