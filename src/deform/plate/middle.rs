@@ -50,10 +50,19 @@ struct Plane {
     area: f64,
 }
 
+/// Where a ray enters and leaves the body.
+#[derive(Clone, Copy)]
+struct Faces {
+    low: f64,
+    high: f64,
+    /// They stand one behind the other: one of them is no side wall.
+    are_opposite: bool,
+}
+
 /// What the rays along the thinnest direction find: the heights of both faces, where they meet the body.
 struct Rays {
     places: [Vec<f64>; 2],
-    faces: Vec<Option<[f64; 2]>>,
+    faces: Vec<Option<Faces>>,
     folded: usize,
 }
 
@@ -108,8 +117,9 @@ impl Middle {
         let (grid, count) = (&self.grid, self.grid.nodes());
         let (mut a, mut b) = (DMatrix::zeros(count, count), DVector::zeros(count));
         let heights = || {
-            let height = |(ray, faces): (usize, &Option<[f64; 2]>)| {
-                faces.map(|[low, high]| (rays.place(ray), 0.5 * (low + high)))
+            let height = |(ray, faces): (usize, &Option<Faces>)| {
+                let faces = faces.filter(|faces| faces.are_opposite)?;
+                Some((rays.place(ray), 0.5 * (faces.low + faces.high)))
             };
             rays.faces.iter().enumerate().filter_map(height)
         };
@@ -179,9 +189,11 @@ impl Middle {
                     let [x, y] = self.grid.at(place).tangents(&self.rest);
                     let slant = x.cross(&y);
                     let upright = slant.dot(&self.plane.axes.column(2)) / slant.norm();
-                    let (seen, thickness) = (quarter.inside as f64 * of_ray, quarter.height * upright.abs());
-                    volume += seen * slant.norm() * thickness;
-                    area += seen * slant.norm();
+                    let (seen, thickness) = (quarter.filled * of_ray, quarter.height * upright.abs());
+                    if thickness > 0.0 {
+                        volume += seen * slant.norm() * thickness;
+                        area += seen * slant.norm();
+                    }
                     self.parts.push(Part { place, seen, thickness });
                 }
                 if quarter.outside > 0 {
@@ -191,7 +203,10 @@ impl Middle {
             }
         }
         self.thickness = volume / area;
-        self.parts.extend(empty.into_iter().map(|part| Part { thickness: self.thickness, ..part }));
+        self.parts.extend(empty);
+        for part in self.parts.iter_mut().filter(|part| part.thickness == 0.0) {
+            part.thickness = self.thickness;
+        }
     }
 
     /// The place of the middle surface that is nearest to x.
@@ -288,6 +303,9 @@ impl Plane {
     }
 }
 
+/// Normals of opposite faces have a larger product, whatever their signs.
+const OPPOSITE: f64 = 0.8;
+
 /// The narrowest cell, in usual ones.
 const NARROW: f64 = 0.2;
 
@@ -338,10 +356,13 @@ fn smallest_rectangle(mut points: Vec<Vector2<f64>>) -> Option<(Vector2<f64>, Ve
 struct Quarter {
     inside: usize,
     outside: usize,
-    /// Their mean places and the mean height between the faces.
+    /// Their mean places.
     place_inside: [f64; 2],
     place_outside: [f64; 2],
+    /// The mean height between faces that are opposite, and how many rays of that height the others amount to: at a slanted
+    /// border a ray meets a part of the thickness.
     height: f64,
+    filled: f64,
 }
 
 impl Rays {
@@ -353,13 +374,14 @@ impl Rays {
             };
             grid.knots[axis].windows(2).flat_map(rays).collect::<Vec<f64>>()
         });
-        let mut met: Vec<Vec<f64>> = vec![Vec::new(); places[0].len() * places[1].len()];
+        let mut met: Vec<Vec<(f64, Vector3<f64>)>> = vec![Vec::new(); places[0].len() * places[1].len()];
         for triangle in triangles {
             let [a, b, c] = triangle.map(|x| plane.axes.transpose() * (x - plane.corner));
             let whole = (b - a).xy().perp(&(c - a).xy());
             if whole == 0.0 {
                 continue;
             }
+            let normal = (b - a).cross(&(c - a)).normalize();
             let (low, high) = (a.inf(&b).inf(&c), a.sup(&b).sup(&c));
             let range = |axis: usize| {
                 let before = |x: f64| places[axis].partition_point(|place| *place < x);
@@ -373,15 +395,17 @@ impl Rays {
                     };
                     let shares = [part(&b, &c), part(&c, &a), part(&a, &b)];
                     if shares.iter().all(|share| *share >= 0.0) {
-                        met[i * places[1].len() + j]
-                            .push(a.z * shares[0] + b.z * shares[1] + c.z * shares[2]);
+                        let height = a.z * shares[0] + b.z * shares[1] + c.z * shares[2];
+                        met[i * places[1].len() + j].push((height, normal));
                     }
                 }
             }
         }
         let folded = met.iter().filter(|heights| heights.len() > 2).count();
         let faces = met.into_iter().map(|heights| match heights[..] {
-            [a, b] => Some([a.min(b), a.max(b)]),
+            [(a, one), (b, other)] => {
+                Some(Faces { low: a.min(b), high: a.max(b), are_opposite: one.dot(&other).abs() > OPPOSITE })
+            }
             _ => None,
         });
         Rays { faces: faces.collect(), places, folded }
@@ -396,30 +420,35 @@ impl Rays {
         let half = RAYS / 2;
         let (first_i, first_j) =
             (corner[0] * RAYS + quarter / 2 * half, corner[1] * RAYS + quarter % 2 * half);
-        let mut found =
-            Quarter { inside: 0, outside: 0, place_inside: [0.0; 2], place_outside: [0.0; 2], height: 0.0 };
-        for ray in (0..half * half).map(|k| (first_i + k / half) * self.places[1].len() + first_j + k % half)
-        {
-            let place = self.place(ray);
-            let sum = match self.faces[ray] {
-                Some([low, high]) => {
-                    found.inside += 1;
-                    found.height += high - low;
-                    &mut found.place_inside
-                }
-                None => {
-                    found.outside += 1;
-                    &mut found.place_outside
-                }
-            };
-            (0..2).for_each(|axis| sum[axis] += place[axis]);
+        let (mut inside, mut outside) = (Vec::new(), Vec::new());
+        for k in 0..half * half {
+            let ray = (first_i + k / half) * self.places[1].len() + first_j + k % half;
+            match self.faces[ray] {
+                Some(faces) => inside.push((self.place(ray), faces)),
+                None => outside.push(self.place(ray)),
+            }
         }
-        let (inside, outside) = (found.inside.max(1) as f64, found.outside.max(1) as f64);
-        found.place_inside = found.place_inside.map(|x| x / inside);
-        found.place_outside = found.place_outside.map(|x| x / outside);
-        found.height /= inside;
-        found
+        let heights = |faces: &Faces| faces.high - faces.low;
+        let (opposite, sum) = inside
+            .iter()
+            .filter(|(_, faces)| faces.are_opposite)
+            .fold((0.0, 0.0), |(count, sum), (_, faces)| (count + 1.0, sum + heights(faces)));
+        let height = if opposite > 0.0 { sum / opposite } else { 0.0 };
+        let whole: f64 = inside.iter().map(|(_, faces)| heights(faces)).sum();
+        let places: Vec<[f64; 2]> = inside.iter().map(|(place, _)| *place).collect();
+        Quarter {
+            inside: inside.len(),
+            outside: outside.len(),
+            place_inside: mean(&places),
+            place_outside: mean(&outside),
+            height,
+            filled: if height > 0.0 { whole / height } else { inside.len() as f64 },
+        }
     }
+}
+
+fn mean(places: &[[f64; 2]]) -> [f64; 2] {
+    [0, 1].map(|axis| places.iter().map(|place| place[axis]).sum::<f64>() / places.len().max(1) as f64)
 }
 
 /// Rays stand a little aside of where edges of a regular mesh are, in parts of their distance.
