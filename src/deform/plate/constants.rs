@@ -53,14 +53,15 @@ pub fn apply(sheet: &mut Sheet, moduli: &Moduli) {
     }
 }
 
-/// Gives the shell the moduli with which it is nearest to S. A body with one control element, which resists nothing, has
-/// moduli of 1 Pa.
-pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> Moduli {
+/// Gives the shell the moduli with which it is nearest to S, and tells how far it then is: the root mean square of the
+/// relative errors of all motions. A body with one control element, which resists nothing, has moduli of 1 Pa.
+pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> (Moduli, f64) {
     let mut moduli = [1.0; 4];
     apply(sheet, &moduli);
-    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size) else { return moduli };
+    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size) else { return (moduli, 0.0) };
     let count = whitened.ncols();
     let target = DMatrix::identity(count, count);
+    let mut off = f64::INFINITY;
     for round in 0..ROUNDS {
         let Some(parts) = energies(sheet, origins) else { break };
         let parts: Vec<DMatrix<f64>> =
@@ -74,6 +75,7 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
             continue;
         }
         let left = &whole - &target;
+        off = left.norm() / (count as f64).sqrt();
         let logarithms = Vector4::from(moduli.map(f64::ln));
         let unlike = unlike();
         let normal = Matrix4::from_fn(|i, j| parts[i].dot(&parts[j])) + unlike + Matrix4::identity() * 1e-9;
@@ -87,7 +89,7 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
             break;
         }
     }
-    moduli
+    (moduli, off)
 }
 
 /// The quadratic form of the moduli's logarithms that [`ALIKE`] tells.

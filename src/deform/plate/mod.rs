@@ -43,6 +43,9 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     kind: Kind::Online(|input| Ok(Box::new(Plate::new(input)?))),
 };
 
+/// So far its answers to small motions may be from those of the body, as the root mean square of relative errors.
+const UNFIT: f64 = 0.1;
+
 /// A thin body.
 pub struct Plate {
     controls: Vec<ControlRest>,
@@ -70,12 +73,22 @@ impl Plate {
             .ok_or("model \"plate\" needs the handle stiffness of the .green file")?;
         let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
         let held: Vec<Vec<u32>> = (0..origins.len()).map(|e| (input.control_nodes)(e)).collect();
-        let (middle, mut sheet) = unfitted(input, &origins, &held).map_err(|why| {
+        let refused = |why: String| {
             format!(
                 "model \"plate\" does not suit this body: {why}; write model = \"rotation\" or \"substructured\""
             )
-        })?;
-        let moduli = constants::fit(&mut sheet, &origins, &stiffness);
+        };
+        let (middle, mut sheet) = unfitted(input, &origins, &held).map_err(refused)?;
+        let (moduli, off) = constants::fit(&mut sheet, &origins, &stiffness);
+        if std::env::var("FORCES").is_ok() { println!("{moduli:?} {off}"); }
+        if off.is_nan() || off > UNFIT {
+            return Err(refused(format!(
+                "its shell would answer small motions of the control elements off by {:.0} % (at most {:.0} %): \
+                 hold it at edges or on bands along its sides",
+                100.0 * off,
+                100.0 * UNFIT
+            )));
+        }
         let cubic = (input.table)(CUBIC.name)
             .and_then(|table| CubicForm::new(FIELDS * origins.len(), table.as_slice().to_vec()));
         let energy = cubic.map(|cubic| Helicoidal::new(&origins, stiffness, Some(cubic))).transpose()?;
