@@ -7,8 +7,9 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector2, Vector3};
 const CELLS: f64 = 60.0;
 const FEWEST: usize = 3;
 const MOST: usize = 24;
-/// The narrowest cell, in usual ones.
-const NARROW: f64 = 0.2;
+/// The narrowest cell, and where those beside a held region end, in usual ones.
+const NARROW: f64 = 0.15;
+const BESIDE: [f64; 2] = [0.2, 0.55];
 
 /// A rectangle around the body as it is seen along its thinnest direction: a corner, and the directions along it, across
 /// it and through it as columns.
@@ -66,8 +67,10 @@ impl Plane {
                 let (low, high) =
                     places.fold((size, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
                 let is_apart = |x: f64, ends: &[f64]| ends.iter().all(|end| (end - x).abs() > NARROW * cell);
-                for x in [low, high] {
-                    if is_apart(x, &ends) {
+                // Beside a held region curvature changes quickly.
+                let beside = BESIDE.map(|x| [low - x * cell, high + x * cell]);
+                for x in [[low, high], beside[0], beside[1]].concat() {
+                    if x > 0.0 && x < size && is_apart(x, &ends) {
                         ends.push(x);
                     }
                 }
