@@ -83,7 +83,8 @@ impl Plate {
         if off.is_nan() || off > UNFIT {
             return Err(refused(format!(
                 "its shell would answer small motions of the control elements off by {:.0} % (at most {:.0} %): \
-                 hold it at edges or on bands along its sides",
+                 hold it at edges or on bands along its sides; tet4 needs six cells or more across its width, or write \
+                 element = \"tet10\"",
                 100.0 * off,
                 100.0 * UNFIT
             )));

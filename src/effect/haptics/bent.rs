@@ -25,7 +25,7 @@ const LENGTH_M: f64 = 0.3;
 /// Its section, m, and cells: a tenth as wide as it is long; or, for models of thin bodies, which refuse that, a leaf that is
 /// bent out of its plane.
 const BEAM: ([f64; 2], [u32; 3]) = ([0.03, 0.03], [2, 2, 12]);
-const LEAF: ([f64; 2], [u32; 3]) = ([0.006, 0.06], [2, 4, 12]);
+const LEAF: ([f64; 2], [u32; 3]) = ([0.006, 0.06], [1, 6, 30]);
 
 /// By how much its end is bent, °.
 pub const BENDS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
