@@ -6,7 +6,7 @@ use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
 use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, Statics, find_model};
-use crate::effect::{self, EffectEntry, find_effect};
+use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::Law;
 use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
 use crate::mesh::formats::files_of;
@@ -125,6 +125,7 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
             Err(stale @ GreenError::Stale { .. }) => return Ok(Err(stale)),
             other => other?,
         }
+        expected::read(&file, name)?;
         let Some(meta) = file.meta.bodies.get(name) else { continue };
         let failed = |source| GreenError::Solve { body: format!("{}: body.{name}", path.display()), source };
         if let Some(warning) =
@@ -144,8 +145,9 @@ pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failur
         .iter()
         .map(|(name, body)| {
             let requirements = requirements(scene, name, body)?;
-            let mut precomputed = green::precompute(scene, name, &requirements, &Bars::new(name, quiet))?;
-            effect::add_sections(effects(body), &mut precomputed)?;
+            let bars = Bars::new(name, quiet);
+            let mut precomputed = green::precompute(scene, name, &requirements, &bars)?;
+            effect::add_sections(scene, effects(body), &mut precomputed, &bars)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
             }

@@ -1,23 +1,25 @@
 //! `greenstage check`: lists all that can be found wrong with a scene, without solving it.
 
 use super::print::print;
-use super::{check_stage, inspect};
+use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{Statics, find_model};
+use crate::deform::{ExpectedErrors, Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, GreenError};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::session::open;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// List all that can be found wrong with a scene, without solving it, or with a stage
 ///
 /// Prints one line for each finding, the most severe first: errors (it is refused), warnings (it is solved or shown, but may
 /// not be what was meant), notes (what was repaired, what is worth knowing). The exit status is 2 if there is an error. `precompute`
-/// runs a scene's checks first. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
+/// runs a scene's checks first. Then what the effects add, and the errors of force and shape to expect, where the .green file
+/// beside the scene has them; else how to have them measured. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
 /// monitors of the running display (without one, of the file's `monitor` tables).
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -57,8 +59,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     findings.sort_by_key(|finding| finding.severity);
     let effects = effects(&scene);
+    let known: Vec<(&String, Result<ExpectedErrors, String>)> =
+        scene.body.iter().map(|(name, body)| (name, expected::known(&scene, name, body))).collect();
     if args.json {
-        let value = serde_json::json!({ "scene": args.scene.to_string_lossy(), "findings": findings, "effects": effects });
+        let errors: BTreeMap<&str, Option<&ExpectedErrors>> =
+            known.iter().map(|(name, errors)| (name.as_str(), errors.as_ref().ok())).collect();
+        let value = serde_json::json!({
+            "scene": args.scene.to_string_lossy(), "findings": findings, "effects": effects, "expected_errors": errors,
+        });
         print(&format!("{value:#}\n"))?;
     } else {
         let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
@@ -67,9 +75,32 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let listed = if cost.listed { "listed" } else { "not listed" };
             table.row(&[&cost.body, cost.effect, listed, &bytes(cost.bytes as f64)]);
         }
-        print(&format!("{lines}{}\n\n{}", tally(&findings), table.text()))?;
+        print(&format!("{lines}{}\n\n{}\n{}", tally(&findings), table.text(), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
+}
+
+/// The table of what is known, and for each other body what to do.
+fn errors_text(known: &[(&String, Result<ExpectedErrors, String>)]) -> String {
+    let mut text = String::new();
+    let measured: Vec<_> =
+        known.iter().filter_map(|(name, errors)| Some((name.as_str(), errors.as_ref().ok()?))).collect();
+    if measured.iter().any(|(_, errors)| !errors.moved.is_empty()) {
+        let table = expected::table(measured.iter().copied());
+        text.push_str(&format!("errors to expect, as measured ({})\n\n{}\n", expected::PARTS, table.text()));
+    }
+    for (name, errors) in known {
+        match errors {
+            Ok(errors) => errors
+                .left_out
+                .iter()
+                .for_each(|why| text.push_str(&format!("{name}: expected errors: {why}\n"))),
+            Err(to_do) => {
+                text.push_str(&format!("{name}: its errors of force and shape are not known: {to_do}\n"))
+            }
+        }
+    }
+    text
 }
 
 /// The bytes that one effect adds to one body's file and memory; `greenstage accuracy` measures its times too.

@@ -1,8 +1,10 @@
 //! `greenstage inspect`: shows what is in a mesh, .green, scene or stage file.
 
+use super::expected;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
+use crate::effect;
 use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::prepare;
@@ -218,6 +220,9 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
                 "  control {}: {} nodes, {} of 12 fields independent{zero}\n",
                 control.name, control.nodes, control.independent
             ));
+        }
+        if let Some(errors) = effect::expected::read(&file, name)? {
+            text.push_str(&expected::sentences(name, &errors));
         }
     }
     let mut tensors = Table::new(&["tensor", "type", "shape", "size"]);

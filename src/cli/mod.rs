@@ -12,6 +12,7 @@ mod check;
 mod check_stage;
 mod convert;
 mod deform;
+mod expected;
 mod forces;
 mod inspect;
 mod manual;

@@ -1,9 +1,11 @@
 //! `greenstage precompute`: the offline stage.
 
+use super::expected;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
+use crate::effect;
 use crate::green::{self, Precomputed};
 use crate::prepare;
 use crate::scene::Scene;
@@ -14,7 +16,8 @@ use std::time::Instant;
 /// Run the offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
 ///
 /// Does nothing if the file is there and still belongs to the scene (same mesh, materials, control elements, solver,
-/// requirements of model and effects, program version). Prints the time of each step. A file is overwritten where it is a
+/// requirements of model and effects, program version). Prints the time of each step, and what errors of force and shape to
+/// expect where an effect of the scene has them measured. A file is overwritten where it is a
 /// .green file or empty; any other, and what the scene reads, never is, not with --force either.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -51,9 +54,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let size = green::write(&path, &bodies).map_err(|error| prepare::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
+    let errors: String = bodies
+        .iter()
+        .filter_map(|body| Some(expected::sentences(&body.name, &effect::expected::of_precomputed(body)?)))
+        .collect();
     let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));
     print(&format!(
-        "{tables}{}: {} written in {}\nwhole offline stage {}{peak}\n",
+        "{tables}{errors}{}: {} written in {}\nwhole offline stage {}{peak}\n",
         path.display(),
         bytes(size as f64),
         seconds(written_s),

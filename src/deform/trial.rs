@@ -6,6 +6,7 @@
 use super::deformer::Deformer;
 use super::force::Wrench;
 use super::pose::{ControlPose, ControlPoses};
+use super::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::base::statistics::median;
 use crate::solve::Progress;
@@ -20,6 +21,8 @@ pub enum Motion {
     Bend(f64),
     /// About the axis, °.
     Twist(f64),
+    /// About an axis that is as far from the way as from both directions across it, °, along a helix that keeps its length.
+    Skew(f64),
     /// By parts of the length, along and across.
     Shift([f64; 2]),
     /// Turned across the axis, °, and shifted across it.
@@ -31,6 +34,7 @@ impl Motion {
         match self {
             Motion::Bend(degrees) => format!("bent by {degrees}°"),
             Motion::Twist(degrees) => format!("twisted by {degrees}°"),
+            Motion::Skew(degrees) => format!("bent and twisted by {degrees}°"),
             Motion::Shift([0.0, across]) => format!("across by {} %", 100.0 * across),
             Motion::Shift([along, _]) => format!("along by {} %", 100.0 * along),
             Motion::Mixed(degrees, across) => {
@@ -44,6 +48,7 @@ impl Motion {
         match self {
             Motion::Bend(degrees) => Motion::Bend(share * degrees),
             Motion::Twist(degrees) => Motion::Twist(share * degrees),
+            Motion::Skew(degrees) => Motion::Skew(share * degrees),
             Motion::Shift(parts) => Motion::Shift(parts.map(|part| share * part)),
             Motion::Mixed(degrees, across) => Motion::Mixed(share * degrees, share * across),
         }
@@ -66,6 +71,8 @@ pub struct Moved {
     pub element: usize,
     pub elements: usize,
     pub axis: Vector3<f64>,
+    /// About which it is bent and turned, and along which it is shifted; perpendicular to the axis.
+    pub across: Vector3<f64>,
     /// m.
     pub length: f64,
 }
@@ -77,7 +84,17 @@ impl Moved {
         let mean = others.sum::<Vector3<f64>>() / (origins.len() - 1) as f64;
         let way = origins[element] - mean;
         let (length, elements) = (way.norm(), origins.len());
-        (length > 0.0 && length.is_finite()).then(|| Moved { element, elements, axis: way / length, length })
+        (length > 0.0 && length.is_finite()).then(|| {
+            let axis = way / length;
+            let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
+            Moved { element, elements, axis, across, length }
+        })
+    }
+
+    /// The same, bent about another direction, as far as it is perpendicular to the axis.
+    pub fn about(self, across: Vector3<f64>) -> Moved {
+        let across = across - self.axis * self.axis.dot(&across);
+        Moved { across: across.try_normalize(1e-9).unwrap_or(self.across), ..self }
     }
 
     /// The poses of all control elements.
@@ -88,8 +105,7 @@ impl Moved {
     }
 
     fn pose(&self, motion: Motion) -> ControlPose {
-        let Moved { axis, length, .. } = self;
-        let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
+        let Moved { axis, across, length, .. } = self;
         let lateral = across.cross(axis);
         let turned = |about: Vector3<f64>, degrees: f64| {
             *Rotation3::from_scaled_axis(about * degrees.to_radians()).matrix()
@@ -99,11 +115,16 @@ impl Moved {
             Motion::Bend(degrees) => {
                 let angle = degrees.to_radians();
                 let end = (axis * angle.sin() + lateral * (1.0 - angle.cos())) / angle;
-                ((end - axis) * *length, turned(across, degrees))
+                ((end - axis) * *length, turned(*across, degrees))
             }
             Motion::Twist(degrees) => (Vector3::zeros(), turned(*axis, degrees)),
+            Motion::Skew(degrees) => {
+                let about = (axis + across + lateral).normalize();
+                let end = slide_matrix(&(about * degrees.to_radians())) * axis;
+                ((end - axis) * *length, turned(about, degrees))
+            }
             Motion::Shift([along, aside]) => ((axis * along + across * aside) * *length, Matrix3::identity()),
-            Motion::Mixed(degrees, aside) => (lateral * (aside * *length), turned(across, degrees)),
+            Motion::Mixed(degrees, aside) => (lateral * (aside * *length), turned(*across, degrees)),
         };
         ControlPose { translation, matrix }
     }

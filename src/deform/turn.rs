@@ -1,8 +1,10 @@
-//! How far linear theory is strained: the largest rotation in the part of a deformation that it computes.
+//! How far linear theory is strained, by the largest rotation in the part of a deformation that it computes, and how far a body
+//! is deformed.
 
 use super::deformer::Deformer;
+use super::se3::slide_matrix;
 use crate::fem::nearest_turn;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// The largest rotation of a piece of the surface by u alone, rad; what the model took out of the poses as a rigid motion
 /// is not in it. Looks at `most` triangles at the most, spread over the surface.
@@ -26,4 +28,52 @@ pub fn local_turn(deformer: &Deformer, most: usize) -> f64 {
 fn frame(corners: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
     let (a, b) = (corners[1] - corners[0], corners[2] - corners[0]);
     Some(Matrix3::from_columns(&[a, b, a.cross(&b).try_normalize(0.0)?]))
+}
+
+/// How far a body is deformed: what tells one pose from another where errors are asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reach {
+    /// The largest turn of a piece of the surface, or of another control element, against the first control element, rad.
+    pub turn: f64,
+    /// The largest |λ - 1| of the stretches λ of a piece of the surface.
+    pub stretch: f64,
+    /// How far two control elements are at most from where an arc of their own length would bring them with their turn, as a
+    /// part of it: with V(φ) d of the helicoidal motion with the turn φ between them.
+    pub off: f64,
+}
+
+fn off_the_arc(deformer: &Deformer) -> f64 {
+    let Deformer { controls, poses, .. } = deformer;
+    let off = |a: usize, b: usize| {
+        let way = controls[b].origin - controls[a].origin;
+        let to_a = nearest_turn(&poses[a].matrix).inverse();
+        let turn = (to_a * nearest_turn(&poses[b].matrix)).scaled_axis();
+        let arrived = to_a * (way + poses[b].translation - poses[a].translation);
+        (arrived - slide_matrix(&turn) * way).norm() / way.norm()
+    };
+    let pairs = (0..controls.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+    pairs.map(|(a, b)| off(a, b)).filter(|off| off.is_finite()).fold(0.0, f64::max)
+}
+
+/// So many triangles are looked at, spread over the surface: where errors are measured and where they are told.
+const PIECES: usize = 256;
+
+/// The reach of a body in its pose, whatever its model.
+pub fn reach(deformer: &Deformer) -> Reach {
+    let base = deformer.poses.first().map_or(UnitQuaternion::identity(), |pose| nearest_turn(&pose.matrix));
+    let triangles = deformer.triangles();
+    let step = triangles.len().div_ceil(PIECES).max(1);
+    let mut reach = Reach { turn: deformer.largest_turn(), stretch: 0.0, off: off_the_arc(deformer) };
+    for triangle in triangles.iter().step_by(step) {
+        let rest = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());
+        let moved = [0, 1, 2].map(|k| rest[k] + deformer.displacement(triangle[k] as usize));
+        let gradient = frame(&moved).zip(frame(&rest).and_then(|rest| rest.try_inverse()));
+        let Some(f) = gradient.map(|(moved, inverse)| moved * inverse) else { continue };
+        if f.iter().all(|x| x.is_finite()) {
+            reach.turn = reach.turn.max(nearest_turn(&f).angle_to(&base));
+            let stretches = f.singular_values();
+            reach.stretch = stretches.iter().fold(reach.stretch, |most, s| most.max((s - 1.0).abs()));
+        }
+    }
+    reach
 }

@@ -3,12 +3,14 @@
 use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::deform::ModelEntry;
-use crate::green::{FAMILIES, Family, GreenError, GreenFile, Requirements, Solution, Tensor};
+use crate::green::{FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
 use crate::scene::Scene;
+use crate::solve::Progress;
 use crate::world::World;
 
-/// Makes the tensors of an effect's own section from the solution of a body, each with its name.
-pub type Precompute = fn(&Solution) -> Result<Vec<(String, Tensor)>, GreenError>;
+/// Makes the tensors of an effect's own section for a solved body of a scene, each with its name.
+pub type Precompute =
+    fn(&Scene, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
 
 /// A scene in which some bodies list an effect.
 pub struct Listed<'a> {

@@ -7,6 +7,7 @@
 //! and after each frame, and may draw with a shader of their own ([`World::strips`]).
 
 mod entry;
+pub mod expected;
 pub mod haptics;
 mod running;
 
@@ -17,10 +18,11 @@ use crate::base::failure::Failure;
 use crate::deform::ModelEntry;
 use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements};
 use crate::scene::{Body, Scene};
+use crate::solve::Progress;
 use crate::world::World;
 
 /// All effects; a new one is one file and one line here.
-pub const EFFECTS: &[EffectEntry] = &[haptics::live::ENTRY];
+pub const EFFECTS: &[EffectEntry] = &[haptics::live::ENTRY, expected::ENTRY];
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
@@ -49,13 +51,16 @@ pub fn any_requires(effects: &[String], family: Family) -> bool {
 
 /// Makes the tensors of those effects that own some, and leaves them in what is written of the body.
 pub fn add_sections<'a>(
+    scene: &Scene,
     effects: impl IntoIterator<Item = &'a EffectEntry>,
     body: &mut Precomputed,
+    progress: &dyn Progress,
 ) -> Result<(), GreenError> {
     for effect in effects {
         let Some(precompute) = effect.precompute else { continue };
         let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
-        body.sections.extend(precompute(&body.solution)?.into_iter().map(named));
+        let tensors = precompute(scene, body, progress)?;
+        body.sections.extend(tensors.into_iter().map(named));
     }
     Ok(())
 }
@@ -115,8 +120,8 @@ mod tests {
         summary: "the mean of every column",
         requirements: &[AFFINE],
         needs_energy: false,
-        precompute: Some(|solution| {
-            let fields = &solution.fields;
+        precompute: Some(|_, body, _| {
+            let fields = &body.solution.fields;
             let mean = |column: usize| {
                 let sum: f64 = (0..3 * fields.nodes).map(|row| fields.row(row)[column]).sum();
                 sum / (3 * fields.nodes) as f64
@@ -150,7 +155,7 @@ mod tests {
         let error = GreenFile::open(&path).unwrap_err().to_string();
         assert!(error.contains("the section b/means/ of the effect means is missing"), "{error}");
 
-        add_sections([&MEANS], &mut body).unwrap();
+        add_sections(&scene, [&MEANS], &mut body, &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = GreenFile::open(&path).unwrap();
         file.check_belongs(&scene, "b", &required).unwrap();

@@ -111,12 +111,13 @@ fn nearly_incompressible(element: &Element) -> (Severity, &'static str) {
     if element.locks {
         let advice = "linear tetrahedra lock and the body is too stiff, the more the nearer to 0.5 and the coarser the \
                       mesh; write element = \"tet10\" (least error for its nodes) or \"tet4_anp\" (same nodes, does \
-                      not lock), with any model (chapter method has measured figures)";
+                      not lock), with any model; effects = [\"expected_errors\"] measures what each adds to your forces";
         return (Severity::Warning, advice);
     }
     let advice = "this element does not lock, but a coarse mesh is still too stiff: at 0.4999 the moment of a bent bar \
                   errs by 31 % with 4 cells of tet4_anp through its thickness and by 10 % with 8, by 9 % with 2 of \
-                  tet10 and by 2 % with 4; refine = 1 shows how far yours is (chapter method)";
+                  tet10 and by 2 % with 4. Keep the element, and refine where that is too much: effects = \
+                  [\"expected_errors\"] measures it on this body, and this command then tells it";
     (Severity::Note, advice)
 }
 

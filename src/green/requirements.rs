@@ -50,6 +50,11 @@ impl Requirements {
         self
     }
 
+    /// The families alone.
+    pub fn without_sections(&self) -> Requirements {
+        Requirements { families: self.families.clone(), sections: BTreeSet::new() }
+    }
+
     pub fn has(&self, family: Family) -> bool {
         self.families.contains(family.name)
     }

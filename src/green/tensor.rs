@@ -27,7 +27,7 @@ macro_rules! number {
     };
 }
 
-number!(f32: F32, f64: F64, u32: U32, u64: U64);
+number!(u8: U8, f32: F32, f64: F64, u32: U32, u64: U64);
 
 impl Tensor {
     /// `numbers` row by row; as many as the shape has places.

@@ -3,7 +3,7 @@
 use super::force_scale::ForceScale;
 use super::highlight::Highlight;
 use super::times::StepTimes;
-use crate::deform::{ControlPose, Deformer, PoseLimiter};
+use crate::deform::{ControlPose, Deformer, ExpectedErrors, PoseLimiter};
 use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
@@ -30,6 +30,8 @@ pub struct PlacedBody {
     pub effects: Vec<String>,
     /// Where an effect shows forces: how.
     pub force_scale: Option<ForceScale>,
+    /// What errors to expect of it, where that was measured for its model.
+    pub expected: Option<ExpectedErrors>,
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
     /// Whether a warning has told that the range was left.
@@ -75,6 +77,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
             home,
             ball,
             force_scale: None,
+            expected: None,
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
             model: body.model.clone(),
             effects: body.effects.clone(),

@@ -16,12 +16,14 @@ const STIFFNESS_BYTES: usize = 24 * 24 * 8;
 /// Of the model `rotation`, whose energy has a cubic part.
 const CUBIC_BYTES: usize = 24 * 25 * 26 / 6 * 8;
 
-/// The coarse demo in a folder of its own, with or without force and torque.
+/// The demo with few nodes in a folder of its own, with or without force and torque.
 fn tube(name: &str, effects: &str) -> PathBuf {
     let place = folder(name);
     let scene = coarse_demo(&place);
     let text = std::fs::read_to_string(&scene).unwrap();
-    assert!(text.contains("effects = []"));
+    let coarse = "radial = 2, around = 20, along = 31";
+    assert!(text.contains("effects = []") && text.contains(coarse));
+    let text = text.replace(coarse, "radial = 1, around = 12, along = 16");
     std::fs::write(&scene, text.replace("effects = []", &format!("effects = [{effects}]"))).unwrap();
     let poses = r#"pose = [{ name = "moved", control.right = { translation = [0.01, 0.02, 0.0] } }]"#;
     std::fs::write(place.join("poses.toml"), poses).unwrap();
@@ -49,20 +51,55 @@ fn without_haptics_there_is_no_stiffness_step_and_no_section_of_the_file() {
     let (table, progress) = said(&plain, &["precompute", "tube.toml"]);
     assert!(table.contains("assembly") && !table.contains("stiffness"), "{table}");
     assert!(progress.contains("assembly") && !progress.contains("stiffness"), "{progress}");
+    assert!(!progress.contains("errors of") && !table.contains("expect errors"), "{progress}\n{table}");
     let (table, progress) = said(&haptic, &["precompute", "tube.toml"]);
     assert!(table.contains("stiffness") && progress.contains("stiffness"), "{table}\n{progress}");
+    assert!(
+        progress.contains("errors of the model") && table.contains("expect errors"),
+        "{progress}\n{table}"
+    );
 
     let [(plain, plain_bytes), (haptic, haptic_bytes)] =
         [plain, haptic].map(|place| tensors(&place.join("tube.green")));
     println!("tensors: {plain_bytes} bytes, with haptics {haptic_bytes}");
-    assert_eq!(haptic_bytes - plain_bytes, STIFFNESS_BYTES + CUBIC_BYTES);
+    let errors = haptic["tube/haptics/errors"].len();
+    assert!(errors < 2000, "{errors} bytes");
+    assert_eq!(haptic_bytes - plain_bytes, STIFFNESS_BYTES + CUBIC_BYTES + errors);
     assert_eq!(haptic["tube/cubic"].len(), CUBIC_BYTES);
     assert_eq!(haptic["tube/stiffness"].len(), STIFFNESS_BYTES);
     let others: BTreeMap<_, _> = haptic
         .into_iter()
-        .filter(|(name, _)| !["tube/stiffness", "tube/cubic"].contains(&name.as_str()))
+        .filter(|(name, _)| !["tube/stiffness", "tube/cubic", "tube/haptics/errors"].contains(&name.as_str()))
         .collect();
     assert_eq!(plain, others, "the other tensors are the same to the byte");
+}
+
+/// `check` says how to learn the errors to expect, and tells them once they are measured, with haptics or for themselves.
+#[test]
+fn check_tells_the_errors_that_were_measured_and_how_to_measure_them() {
+    let place = tube("effects-errors", "");
+    let (told, _) = said(&place, &["check", "tube.toml"]);
+    assert!(told.contains("list effects = [\"expected_errors\"]"), "{told}");
+    let scene = place.join("tube.toml");
+    let text = std::fs::read_to_string(&scene).unwrap();
+    std::fs::write(&scene, text.replace("effects = []", "effects = [\"expected_errors\"]")).unwrap();
+    let (told, _) = said(&place, &["check", "tube.toml"]);
+    assert!(told.contains("`greenstage precompute tube.toml` measures them"), "{told}");
+    let (made, _) = said(&place, &["precompute", "tube.toml"]);
+    assert!(made.contains("tube: bent, twisted to 30° expect errors of "), "{made}");
+    let (told, _) = said(&place, &["check", "tube.toml"]);
+    let rows: Vec<&str> = told.lines().filter(|line| line.starts_with("tube  right")).collect();
+    assert!(
+        rows.len() == 8 && rows[7].contains("mesh of tet4"),
+        "bends to four angles, shifts to three, and the mesh: {told}"
+    );
+    let (json, _) = said(&place, &["check", "tube.toml", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let model = &json["expected_errors"]["tube"]["moved"][0]["bent"];
+    assert_eq!((model[1]["angle"].as_f64(), model.as_array().map(Vec::len)), (Some(30.0), Some(4)));
+    assert!(model[1]["force"].as_f64().is_some_and(|force| (0.01..0.5).contains(&force)), "{model}");
+    let (shown, _) = said(&place, &["inspect", "tube.green"]);
+    assert!(shown.contains("bent, twisted to 30° expect"), "{shown}");
 }
 
 #[test]

@@ -295,3 +295,39 @@ impl Factor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::QuarticShape;
+
+    /// V = (q + q² - y₀²)² + 10³ y₀² + y₁², moved and then held still but for rounding: what the search leaves of q for the next
+    /// call is no slope by y₁.
+    #[test]
+    fn stillness_teaches_the_tangent_nothing() {
+        let shape = QuarticShape { variables: 4 };
+        let mut coefficients = vec![0.0; shape.len()];
+        // z = (1, y₀, y₁, q).
+        for (term, value) in [
+            ([0, 0, 3, 3], 1.0),
+            ([0, 3, 3, 3], 2.0),
+            ([3, 3, 3, 3], 1.0),
+            ([0, 1, 1, 3], -2.0),
+            ([1, 1, 3, 3], -2.0),
+            ([1, 1, 1, 1], 1.0),
+            ([0, 0, 1, 1], 1e3),
+            ([0, 0, 2, 2], 1.0),
+        ] {
+            coefficients[shape.at(term)] = value;
+        }
+        let mut body = ReducedBody::new(2, 0, 1, coefficients).unwrap();
+        for k in 0..40 {
+            let y = 0.3 + 1e-3 * f64::from(k);
+            for still in 0..4 {
+                body.settle(&[y, 1e-9 * (1.0 + 1e-15 * f64::from(still))]).unwrap();
+            }
+            let steepest = body.tangent.iter().fold(0.0, |most: f64, slope| most.max(slope.abs()));
+            assert!(steepest < 1.0, "dq/dy₀ is below 0.7 and dq/dy₁ is 0: {steepest:e}");
+        }
+    }
+}

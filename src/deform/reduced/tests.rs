@@ -256,23 +256,3 @@ fn the_file_holds_what_the_model_needs() {
         }
     }
 }
-
-/// A bar that stays at rest for long, but for motions as small as rounding, answers the next pose as a fresh one does: the
-/// search for its equilibrium learns nothing from what is no motion.
-#[test]
-fn a_long_rest_leaves_no_trace() {
-    let (mut model, ..) = made(&bar(RIGHT));
-    let (mut fresh, ..) = made(&bar(RIGHT));
-    let mut slopes = [PoseSlope::default(); 2];
-    let still = Isometry3::identity();
-    for k in 0..2000 {
-        let far = if k < 20 { 1e-2 * 0.3_f64.powi(k) } else { 1e-14 * f64::from(k).sin() };
-        model.respond(&poses([far, -far, 0.0], [far, 0.3 * far, far], &still), &mut slopes);
-    }
-    for turn in [1e-4, 1e-2, 0.1] {
-        let next = poses([0.0; 3], [turn, turn, 0.0], &still);
-        let found = model.respond(&next, &mut slopes).unwrap().energy;
-        let expected = fresh.respond(&next, &mut slopes).unwrap().energy;
-        assert!((found - expected).abs() < 1e-6 * expected, "{turn}: {found} J, a fresh one {expected} J");
-    }
-}

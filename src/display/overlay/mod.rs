@@ -10,7 +10,9 @@ mod rows;
 mod times;
 
 pub use panel::Panel;
-pub use readings::{BodyReading, ControlReading, HandDoes, HandReading, Readings, SensorReading, TurnLimits};
+pub use readings::{
+    BodyReading, ControlReading, ErrorReading, HandDoes, HandReading, Readings, SensorReading, TurnLimits,
+};
 pub use times::{ACQUIRE, FrameSteps, History, STEPS};
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Paints the overlay: rows in a font of one width on dark translucent plates.
 
-use super::readings::{BodyReading, ControlReading, Readings, SensorReading};
+use super::readings::{BodyReading, ControlReading, ErrorReading, Readings, SensorReading};
 use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
 use super::rows::{hand_rows, haptic_rows};
 use super::times::{FRAMES, History, STEPS};
-use crate::deform::StateAge;
+use crate::deform::{ErrorsAt, MeshErrors, StateAge, percent};
 use crate::display::lettering::{DARK, INK, QUIET};
 use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
@@ -254,6 +254,7 @@ fn body_rows(body: &BodyReading) -> Vec<Row> {
             (" J".into(), QUIET),
         ]));
     }
+    rows.extend(body.errors.iter().flat_map(error_rows));
     for control in &body.controls {
         rows.push(Row::Gap);
         rows.extend(control_rows(control));
@@ -268,6 +269,25 @@ fn age_row(age: StateAge) -> Row {
         StateAge::Old { seconds } => words(format!("equilibrium {seconds:.2} s old"), FAIR),
         StateAge::Lost => words("no equilibrium beyond this one".to_owned(), BAD),
     }
+}
+
+/// What errors to expect, as they were measured on this body; no number beyond what was measured.
+fn error_rows(errors: &ErrorReading) -> Vec<Row> {
+    let part = |name: &str, part: String| [(format!("{part:<7}"), INK), (name.to_owned(), QUIET)];
+    let of_model = |at: &Option<ErrorsAt>| match at {
+        Some(at) => {
+            let force = at.wrench().map_or("none".into(), percent);
+            let parts = part("force  ", force).into_iter().chain(part("shape", percent(at.shape)));
+            std::iter::once(("errors ~".into(), QUIET)).chain(parts).collect()
+        }
+        None => vec![("errors ".into(), QUIET), ("not measured here".into(), BAD)],
+    };
+    let of_mesh = |mesh: &MeshErrors| {
+        let parts = part("force", percent(mesh.wrench));
+        std::iter::once(("of mesh ~".into(), QUIET)).chain(parts).collect()
+    };
+    let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
+    model.chain(mesh).map(Row::Words).collect()
 }
 
 /// How far the body is bent, compared with the turn up to which its model is good.
@@ -330,6 +350,16 @@ fn control_rows(control: &ControlReading) -> Vec<Row> {
         }
     }
     rows
+}
+
+/// The words of what errors to expect.
+#[cfg(test)]
+pub(super) fn error_words(body: &BodyReading) -> Vec<String> {
+    let text = |row: Row| match row {
+        Row::Words(words) => words.into_iter().map(|(text, _)| text).collect(),
+        _ => String::new(),
+    };
+    body.errors.iter().flat_map(error_rows).map(text).collect()
 }
 
 /// The words of a body's gauge.

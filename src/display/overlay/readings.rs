@@ -1,6 +1,6 @@
 //! The readings of the overlay beside times: plain values that are taken from a world.
 
-use crate::deform::{ControlPose, StateAge, Wrench, find_model, local_turn};
+use crate::deform::{ControlPose, ErrorsAt, MeshErrors, StateAge, Wrench, find_model, local_turn, reach};
 use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
@@ -70,6 +70,17 @@ pub struct BodyReading {
     pub age: Option<StateAge>,
     /// Strain energy, J, where the scene asks for forces.
     pub energy: Option<f64>,
+    /// What errors to expect here, where they were measured for the body.
+    pub errors: Option<ErrorReading>,
+}
+
+/// What errors to expect of a body in its pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorReading {
+    /// Of a model that is no static equilibrium itself: those at the body's reach, or `None` beyond what was measured.
+    pub model: Option<Option<ErrorsAt>>,
+    /// What the mesh adds, where that could be told.
+    pub mesh: Option<MeshErrors>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -159,6 +170,15 @@ fn hands(world: &World) -> Vec<HandReading> {
     world.fields.styli.iter().enumerate().filter_map(of).collect()
 }
 
+/// `None` where nothing of the body was measured.
+fn error_reading(body: &PlacedBody) -> Option<ErrorReading> {
+    let expected = body.expected.as_ref()?;
+    let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
+    let model = is_measured.then(|| expected.at(reach(&body.deformer)));
+    let mesh = expected.mesh();
+    (model.is_some() || mesh.is_some()).then_some(ErrorReading { model, mesh })
+}
+
 pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
     let deformer = &body.deformer;
     // A file may hold S for its model alone; force is shown where the scene asks for it.
@@ -186,5 +206,6 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
         limits,
         age: deformer.age(),
         energy,
+        errors: error_reading(body),
     }
 }

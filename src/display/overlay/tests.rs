@@ -75,6 +75,7 @@ fn readings(turn: f64) -> Readings {
             turn,
             limits: TurnLimits::of_model("linear"),
             energy: Some(0.1234),
+            errors: None,
         }],
         warnings: vec![(
             12.3,
@@ -143,6 +144,43 @@ fn the_history_keeps_the_last_120_frames() {
     assert_eq!((history.frames.len(), history.worst_s()), (120, 499.0));
     assert_eq!(history.mean(|frame| frame.whole_s), 439.5);
     assert_eq!(History::default().mean(|frame| frame.whole_s), 0.0);
+}
+
+/// Numbers between those that were measured, none beyond, and not a word of a body of which nothing was.
+#[test]
+fn errors_are_told_as_they_were_measured_and_nowhere_else() {
+    use crate::deform::{ErrorsAt, ExpectedErrors, MeshErrors, MovedErrors};
+    let mut world = crate::world::tests::world("overlay-errors");
+    let body = &mut world.bodies[0];
+    let mut told = |expected: Option<ExpectedErrors>, degrees: f64| {
+        body.expected = expected;
+        let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), degrees.to_radians()).matrix();
+        body.deformer.evaluate(&[ControlPose::REST, ControlPose { matrix, ..ControlPose::REST }]);
+        panel::error_words(&readings::body_reading(body))
+    };
+    let at = |degrees: f64, force: f64| ErrorsAt {
+        angle: degrees,
+        turn: f64::to_radians(degrees),
+        stretch: 10.0,
+        off: 0.0,
+        force: Some(force),
+        torque: Some(0.01),
+        shape: 0.1 * force,
+    };
+    let moved = MovedErrors {
+        control: "right".into(),
+        bent: vec![at(10.0, 0.02), at(30.0, 0.12)],
+        shifted: vec![at(10.0, 0.01), at(30.0, 0.03)],
+        mesh: Some(MeshErrors { wrench: 0.09, shape: 0.01 }),
+    };
+    let measured = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });
+    assert_eq!(told(None, 5.0), Vec::<String>::new());
+    assert_eq!(told(Some(ExpectedErrors::default()), 5.0), Vec::<String>::new());
+    let [first, mesh] = &told(measured.clone(), 5.0)[..] else { panic!() };
+    assert_eq!((&first[..], &mesh[..]), ("errors ~2.0 %  force  0.2 %  shape", "of mesh ~9.0 %  force"));
+    let between = told(measured.clone(), 20.0);
+    assert!(between[0].starts_with("errors ~7."), "{between:?}");
+    assert_eq!(told(measured, 35.0)[0], "errors not measured here");
 }
 
 #[test]

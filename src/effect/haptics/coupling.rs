@@ -124,7 +124,9 @@ const SOFTEST: f64 = 1e-6;
 const TOO_SOFT: f64 = 0.01;
 /// A change of the push is learned from if it is greater than this part of the limits, …
 const LEARN: f64 = 1e-4;
-/// … and at once between these factors.
+/// … no greater than expected by this factor, …
+const UNLIKELY: f64 = 100.0;
+/// … and at once between these.
 const LEAST: f64 = 0.2;
 const MOST: f64 = 5.0;
 
@@ -186,11 +188,15 @@ impl Coupling {
 
     /// Corrects K by the change of the body's push on a hold that has moved, so that the next step is true along this one
     /// (the BFGS formula, damped to keep K positive: J. Nocedal and S. Wright, Numerical Optimization, 2006, procedure 18.2).
+    /// Without torque the force changes by turns too, of which K knows nothing: then K stays.
     pub fn learn(&mut self, moved: &Vector6<f64>, push_change: &Vector6<f64>) {
         let expected = self.stiffness * moved;
         let (work, felt) = (moved.dot(&expected), -push_change.dot(moved));
-        let size = push_change.component_mul(&self.per_limit).norm();
-        if !(work > 0.0 && felt.is_finite() && size > LEARN) {
+        let size = |force: &Vector6<f64>| force.component_mul(&self.per_limit).norm();
+        let sizes = [size(&expected), size(push_change)];
+        let is_known = self.counted == 6 && work > 0.0 && felt.is_finite();
+        // A push that changes much without a motion says nothing of the stiffness.
+        if !(is_known && sizes[1] > LEARN && sizes[1] < UNLIKELY * sizes[0]) {
             return;
         }
         let share = match felt / work {

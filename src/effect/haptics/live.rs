@@ -5,6 +5,7 @@
 //! device, there is no [`HapticSession`], and a frame makes no call here.
 
 use super::super::entry::{EffectEntry, Listed};
+use super::super::expected;
 use super::super::running::RunningEffect;
 use super::device::Device;
 use super::elastic::Elastic;
@@ -93,7 +94,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "force and torque on every control element, by the strain energy of the body's model; felt with a device of the stage",
     requirements: &[STIFFNESS],
     needs_energy: true,
-    precompute: None,
+    precompute: Some(expected::haptic_section),
     attach: Some(show_forces),
     start: Some(|listed, world| {
         Ok(HapticSession::start(listed, world)?.map(|session| Box::new(session) as Box<dyn RunningEffect>))
@@ -107,6 +108,7 @@ fn show_forces(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn 
         body.deformer.feel();
         body.force_scale = listed.file.stiffness(name).map(|s| ForceScale::new(&s, body.ball.1));
     }
+    expected::show(listed, world)?;
     Ok(None)
 }
 

@@ -182,6 +182,8 @@ impl Control {
             self.hold_at = None;
         }
         self.held = held;
+        // What the others' motion changes in the push is no stiffness of this hold.
+        self.felt = None;
         let Some(held) = held else { return };
         let body = &mut self.bodies[held.body];
         let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
@@ -407,8 +409,8 @@ impl Control {
         self.state.observer.moved(&given.push, given.gain * (stored - before), &motion, damping);
     }
 
-    /// Makes the coupling for a new hold. Updates it when handle or body have moved, since the stiffness moves with them, and
-    /// when the lag of the force has changed; the energy stored before then belongs to another potential.
+    /// Makes the coupling for a new hold. Softens it when handle or body have moved, since the stiffness moves with them, and
+    /// when the lag of the force has changed.
     fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
         let (period_s, age_s, lag_s) = (self.period_s(), self.age_s(), self.lag_s());
         let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);

@@ -238,7 +238,8 @@ fn written(
     candidate: &Candidate,
     storage: Storage,
 ) -> Result<(Arc<GreenFile>, Cost), MeasureError> {
-    let requirements = (request.requirements_of)(request.scene);
+    // Sections of effects are no part of what is compared here.
+    let requirements = (request.requirements_of)(request.scene).without_sections();
     let name = format!(
         "{}-{}-{}-{}.green",
         candidate.refine,

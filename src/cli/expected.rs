@@ -1,0 +1,108 @@
+//! What errors to expect of bodies, for `check`, `precompute` and `inspect`: a table, and a sentence for each body.
+
+use crate::base::table::Table;
+use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
+use crate::effect::expected;
+use crate::green::{GreenError, GreenFile};
+use crate::prepare;
+use crate::scene::{Body, Scene};
+
+/// Turns that the sentence names, °: up to which `rotation` and up to which all may serve.
+const NAMED: [f64; 2] = [30.0, 90.0];
+
+type Of = fn(&MovedErrors) -> &[ErrorsAt];
+
+/// What is done to a control element, as the table says it, and what of its errors that is.
+const MOTIONS: [(&str, Of); 2] =
+    [("bent, twisted", |moved| &moved.bent), ("turned in place, shifted", |moved| &moved.shifted)];
+
+/// A row for each angle of each control element that was moved, and one for what the mesh adds.
+pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>) -> Table {
+    let mut table = Table::new(&["body", "moved", "by", "errors of", "force", "torque", "shape"]);
+    for (name, errors) in bodies {
+        for moved in &errors.moved {
+            for (motion, of) in MOTIONS {
+                for at in of(moved) {
+                    let [force, torque] =
+                        [at.force, at.torque].map(|part| part.map_or("none".into(), percent));
+                    let (by, of) = (format!("{motion} to {}°", at.angle), format!("model {}", errors.model));
+                    table.row(&[name, &moved.control, &by, &of, &force, &torque, &percent(at.shape)]);
+                }
+            }
+            if let Some(mesh) = moved.mesh {
+                let (wrench, shape) = (percent(mesh.wrench), percent(mesh.shape));
+                let of = format!("mesh of {}", errors.element);
+                table.row(&[name, &moved.control, "a little", &of, &wrench, &wrench, &shape]);
+            }
+        }
+    }
+    table
+}
+
+/// What the table's numbers are parts of.
+pub const PARTS: &str = "model: force, and torque over the length, as parts of the largest of both in static equilibrium on the \
+                         same mesh, shape as a part of the length; mesh: relative, by a better solution of the linear body";
+
+/// A sentence on each kind of motion, one on the mesh, and what could not be measured.
+pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
+    let mut text = String::new();
+    for (motion, of) in MOTIONS {
+        let worst = |angle: f64| {
+            let at = |moved: &MovedErrors| of(moved).iter().find(|at| at.angle == angle).copied();
+            let found = errors.moved.iter().map(at).collect::<Option<Vec<ErrorsAt>>>()?;
+            found.into_iter().reduce(|a, b| a.and(&b))
+        };
+        let parts: Vec<String> = NAMED.into_iter().filter_map(worst).map(|at| within(&at)).collect();
+        if !parts.is_empty() {
+            let (parts, model) = (parts.join(", "), &errors.model);
+            text.push_str(&format!(
+                "{name}: {motion} {parts}: model {model} against static equilibrium, measured on this body\n"
+            ));
+        }
+    }
+    if let Some(mesh) = errors.mesh() {
+        let (element, wrench, shape) = (&errors.element, percent(mesh.wrench), percent(mesh.shape));
+        text.push_str(&format!(
+            "{name}: the mesh of {element} itself adds about {wrench} to forces and {shape} to displacements, estimated \
+             by a better solution of this body\n"
+        ));
+    }
+    for why in &errors.left_out {
+        text.push_str(&format!("{name}: expected errors: {why}\n"));
+    }
+    text
+}
+
+fn within(at: &ErrorsAt) -> String {
+    let forces =
+        at.wrench().map_or("no forces".into(), |wrench| format!("errors of {} in forces", percent(wrench)));
+    format!("to {}° expect {forces} and of {} in shapes", at.angle, percent(at.shape))
+}
+
+/// What is known of a scene's body by its .green file; or what to do to know it.
+pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, String> {
+    let Ok(requirements) = prepare::requirements(scene, name, body) else {
+        return Err("the body is refused".into());
+    };
+    if requirements.sections().next().is_none() {
+        let name = expected::NAME;
+        return Err(format!("list effects = [\"{name}\"], and `greenstage precompute` measures them"));
+    }
+    let path = prepare::green_path(scene);
+    if body.accuracy_target().is_some() {
+        let path = path.display();
+        return Err(format!(
+            "`greenstage precompute` chooses its settings, and `greenstage inspect {path}` then tells them"
+        ));
+    }
+    let read = || -> Result<Option<ExpectedErrors>, GreenError> {
+        let file = GreenFile::open(&path)?;
+        file.check_belongs(scene, name, &requirements)?;
+        expected::read(&file, name)
+    };
+    match read() {
+        Ok(Some(errors)) if errors.model == body.model => Ok(errors),
+        Err(damaged @ GreenError::Damaged { .. }) => Err(damaged.to_string()),
+        _ => Err(format!("`greenstage precompute {}` measures them", scene.path.display())),
+    }
+}

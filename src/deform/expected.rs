@@ -1,0 +1,284 @@
+//! What errors to expect of a body, as they were measured on it.
+//!
+//! In: [`Trial`](super::Trial)s of a body with their [`Deviation`]s and [`Reach`]es, and what the mesh adds. Out: the errors to expect
+//! at a reach, between the measured ones, and nothing beyond them.
+
+use super::trial::Deviation;
+use super::turn::Reach;
+use serde::{Deserialize, Serialize};
+
+/// What was measured on a body for its model, by moving some of its control elements alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExpectedErrors {
+    pub model: String,
+    pub element: String,
+    pub moved: Vec<MovedErrors>,
+    /// What could not be measured, and why, in sentences.
+    pub left_out: Vec<String>,
+}
+
+/// Of one control element.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MovedErrors {
+    pub control: String,
+    /// Of the model against static equilibrium on the same mesh, each as far as the one before and farther: bent along an arc
+    /// and twisted, so that the body keeps its length …
+    pub bent: Vec<ErrorsAt>,
+    /// … and turned in place or shifted, so that it is stretched.
+    pub shifted: Vec<ErrorsAt>,
+    /// What mesh and element add, relative, where it could be told.
+    pub mesh: Option<MeshErrors>,
+}
+
+/// The largest errors of all motions up to a reach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorsAt {
+    /// Of the turns, °.
+    pub angle: f64,
+    /// The reach, rad and 1.
+    pub turn: f64,
+    pub stretch: f64,
+    pub off: f64,
+    /// As [`Deviation`] has them; `None` where the model has no forces.
+    pub force: Option<f64>,
+    pub torque: Option<f64>,
+    pub shape: f64,
+}
+
+/// Estimated errors of a linear body by its mesh and element, in the small rigid motion where they are largest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshErrors {
+    /// Of force and torque, relative.
+    pub wrench: f64,
+    /// Of the displacements of the surface, relative, root mean square.
+    pub shape: f64,
+}
+
+impl ErrorsAt {
+    pub fn new(angle: f64, reach: Reach, deviation: &Deviation) -> ErrorsAt {
+        let Deviation { force, torque, shape, .. } = *deviation;
+        let Reach { turn, stretch, off } = reach;
+        ErrorsAt { angle, turn, stretch, off, force, torque, shape }
+    }
+
+    /// The larger of each of both; no forces where one has none.
+    pub fn and(&self, other: &ErrorsAt) -> ErrorsAt {
+        ErrorsAt {
+            angle: self.angle.max(other.angle),
+            turn: self.turn.max(other.turn),
+            stretch: self.stretch.max(other.stretch),
+            off: self.off.max(other.off),
+            force: self.force.zip(other.force).map(|(a, b)| a.max(b)),
+            torque: self.torque.zip(other.torque).map(|(a, b)| a.max(b)),
+            shape: self.shape.max(other.shape),
+        }
+    }
+
+    /// `share` of the way to `next`.
+    fn towards(&self, next: &ErrorsAt, share: f64) -> ErrorsAt {
+        let between = |a: f64, b: f64| a + share * (b - a);
+        let both = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| between(a, b));
+        ErrorsAt {
+            angle: between(self.angle, next.angle),
+            turn: between(self.turn, next.turn),
+            stretch: between(self.stretch, next.stretch),
+            off: between(self.off, next.off),
+            force: both(self.force, next.force),
+            torque: both(self.torque, next.torque),
+            shape: between(self.shape, next.shape),
+        }
+    }
+
+    /// The larger of the errors of force and torque.
+    pub fn wrench(&self) -> Option<f64> {
+        self.force.zip(self.torque).map(|(force, torque)| force.max(torque))
+    }
+}
+
+/// An error as a part, in per cent: `13 %`, `0.4 %`; it lies below `0.1 %` where it is told as that.
+pub fn percent(part: f64) -> String {
+    match 100.0 * part {
+        value if value < 9.95 => format!("{:.1} %", value.max(0.1)),
+        value if value < 1000.0 => format!("{value:.0} %"),
+        _ => ">1000 %".into(),
+    }
+}
+
+/// The errors at a reach: between the measured ones, those of the first up to it, `None` beyond the last.
+fn between(measured: &[ErrorsAt], reach: Reach) -> Option<ErrorsAt> {
+    let covers = |at: &ErrorsAt| reach.turn <= at.turn && reach.stretch <= at.stretch && reach.off <= at.off;
+    let next = measured.iter().position(covers)?;
+    let (to, Some(from)) = (measured[next], next.checked_sub(1).map(|last| measured[last])) else {
+        return Some(measured[next]);
+    };
+    let share = |x: f64, from: f64, to: f64| if x > from { (x - from) / (to - from) } else { 0.0 };
+    let shares = [
+        share(reach.turn, from.turn, to.turn),
+        share(reach.stretch, from.stretch, to.stretch),
+        share(reach.off, from.off, to.off),
+    ];
+    Some(from.towards(&to, shares.into_iter().fold(0.0, f64::max)))
+}
+
+/// So near an arc a body counts as bent along it.
+const ARC: f64 = 0.01;
+
+impl MovedErrors {
+    /// On an arc those of bends; off it at least those of the first shifts, and on the way to those of the shifts that go as far.
+    fn at(&self, reach: Reach) -> Option<ErrorsAt> {
+        let Reach { turn, stretch, off } = reach;
+        let on_arc = self.bent.last()?.off + ARC;
+        if off <= on_arc {
+            return between(&self.bent, Reach { turn, stretch, off: 0.0 });
+        }
+        let bent = between(&self.bent, Reach { turn, ..Reach::default() })?;
+        let shifted = between(&self.shifted, reach)?;
+        let least = bent.and(self.shifted.first()?);
+        Some(least.towards(&least.and(&shifted), (off / shifted.off).min(1.0)))
+    }
+}
+
+impl ExpectedErrors {
+    /// The largest errors to expect of the model, whichever of the measured control elements was moved to this reach; `None` where
+    /// that was not measured.
+    pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
+        let found = self.moved.iter().map(|moved| moved.at(reach)).collect::<Option<Vec<_>>>()?;
+        found.into_iter().reduce(|a, b| a.and(&b))
+    }
+
+    /// The largest that the mesh adds; `None` where it could not be told of one of the control elements.
+    pub fn mesh(&self) -> Option<MeshErrors> {
+        let found = self.moved.iter().map(|moved| moved.mesh).collect::<Option<Vec<_>>>()?;
+        found
+            .into_iter()
+            .reduce(|a, b| MeshErrors { wrench: a.wrench.max(b.wrench), shape: a.shape.max(b.shape) })
+    }
+
+    /// Errors at the first number that no measurement gives.
+    pub fn check(&self) -> Result<(), String> {
+        let is_error = |x: f64| x.is_finite() && x >= 0.0;
+        for MovedErrors { control, bent, shifted, mesh } in &self.moved {
+            for at in bent.iter().chain(shifted) {
+                let numbers = [
+                    at.off,
+                    at.angle,
+                    at.turn,
+                    at.stretch,
+                    at.shape,
+                    at.force.unwrap_or(0.0),
+                    at.torque.unwrap_or(0.0),
+                ];
+                if let Some(wrong) = numbers.into_iter().find(|x| !is_error(*x)) {
+                    return Err(format!("{control} at {}°: {wrong} is no error", at.angle));
+                }
+            }
+            let falls = |two: &[ErrorsAt]| {
+                two[1].turn < two[0].turn || two[1].stretch < two[0].stretch || two[1].off < two[0].off
+            };
+            if [bent, shifted].into_iter().any(|all| all.windows(2).any(falls)) {
+                return Err(format!("{control}: the measured poses are not in the order of their reach"));
+            }
+            if let Some(wrong) =
+                mesh.iter().flat_map(|mesh| [mesh.wrench, mesh.shape]).find(|x| !is_error(*x))
+            {
+                return Err(format!("{control}: {wrong} is no error of the mesh"));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(angle: f64, [stretch, off]: [f64; 2], force: f64) -> ErrorsAt {
+        let turn = angle.to_radians();
+        ErrorsAt { angle, turn, stretch, off, force: Some(force), torque: Some(0.01), shape: 0.1 * force }
+    }
+
+    fn measured() -> ExpectedErrors {
+        let bent = vec![at(10.0, [0.01, 0.0], 0.02), at(30.0, [0.05, 0.0], 0.12), at(60.0, [0.07, 0.0], 0.5)];
+        let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
+        let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01 });
+        let moved = vec![MovedErrors { control: "right".into(), bent, shifted, mesh }];
+        ExpectedErrors { moved, ..ExpectedErrors::default() }
+    }
+
+    #[test]
+    fn parts_are_told_in_per_cent() {
+        let told = [0.0, 0.00094, 0.004, 0.0994, 0.0996, 0.13, 9.4, 38.58].map(percent);
+        assert_eq!(told, ["0.1 %", "0.1 %", "0.4 %", "9.9 %", "10 %", "13 %", "940 %", ">1000 %"]);
+    }
+
+    #[test]
+    fn errors_stand_between_the_measured_ones_and_nothing_stands_beyond() {
+        let measured = measured();
+        let force = |degrees: f64, stretch: f64, off: f64| {
+            let found = measured.at(Reach { turn: f64::to_radians(degrees), stretch, off })?;
+            Some((1e4 * found.wrench()?).round() / 1e4)
+        };
+        for (degrees, stretch, off, expected, what) in [
+            (0.0, 0.0, 0.0, Some(0.02), "at rest those of the first"),
+            (10.0, 0.01, 0.0, Some(0.02), "measured"),
+            (20.0, 0.0, 0.0, Some(0.07), "between two"),
+            (5.0, 0.03, 0.0, Some(0.07), "the farther of turn …"),
+            (20.0, 0.04, 0.0, Some(0.095), "… and stretch"),
+            (40.0, 0.0, 0.005, Some(0.2467), "bent, but for a little"),
+            (61.0, 0.0, 0.0, None, "beyond the turns"),
+            (5.0, 0.08, 0.0, None, "beyond the stretches"),
+            (10.0, 0.01, 0.1, Some(0.04), "a shift as it was measured"),
+            (10.0, 0.01, 0.05, Some(0.04), "half as far off the arc"),
+            (20.0, 0.0, 0.2, Some(0.17), "shifts between two"),
+            (20.0, 0.0, 0.1, Some(0.12), "shifts between two, half as far off"),
+            (30.0, 0.06, 0.3, Some(0.3), "the last shift"),
+            (40.0, 0.0, 0.1, None, "no shift went so far"),
+            (5.0, 0.0, 0.35, None, "farther off than any"),
+        ] {
+            assert_eq!(force(degrees, stretch, off), expected, "{what}");
+        }
+        assert_eq!(ExpectedErrors::default().at(Reach::default()), None, "nothing was measured");
+        assert_eq!(ExpectedErrors::default().mesh(), None);
+    }
+
+    #[test]
+    fn of_several_control_elements_the_worst_counts_and_all_must_be_measured() {
+        let mut both = measured();
+        let mut other = both.moved[0].clone();
+        other.bent.iter_mut().for_each(|at| at.shape = 0.3);
+        other.bent[1].force = None;
+        both.moved.push(other);
+        let at = |degrees: f64| both.at(Reach { turn: f64::to_radians(degrees), ..Reach::default() });
+        assert_eq!(at(10.0).map(|at| (at.wrench(), at.shape)), Some((Some(0.02), 0.3)));
+        assert_eq!(at(30.0).map(|at| at.wrench()), Some(None), "one has no forces there");
+        both.moved[1].bent.pop();
+        both.moved[1].mesh = None;
+        assert_eq!((both.at(Reach { turn: 1.0, ..Reach::default() }), both.mesh()), (None, None));
+    }
+
+    #[test]
+    fn numbers_that_no_measurement_gives_are_refused() {
+        assert_eq!(measured().check(), Ok(()));
+        for (spoil, words) in [
+            (
+                (|all| all.moved[0].bent[0].shape = -0.1) as fn(&mut ExpectedErrors),
+                "right at 10°: -0.1 is no error",
+            ),
+            (|all| all.moved[0].bent[1].force = Some(f64::INFINITY), "right at 30°: inf is no error"),
+            (|all| all.moved[0].bent.swap(0, 2), "not in the order"),
+            (
+                |all| all.moved[0].mesh = Some(MeshErrors { wrench: f64::NAN, shape: 0.0 }),
+                "NaN is no error of the mesh",
+            ),
+        ] {
+            let mut wrong = measured();
+            spoil(&mut wrong);
+            let error = wrong.check().unwrap_err();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

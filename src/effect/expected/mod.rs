@@ -1,0 +1,240 @@
+//! What errors of force and shape to expect of a body, measured on it while it is precomputed.
+//!
+//! In: a body of a scene and its solution. Out: a section of the .green file with [`ExpectedErrors`]: of the model against static
+//! equilibrium ([`model`]), and what mesh and element add ([`mesh`]). The effect `haptics` has it of bodies of up to
+//! [`HAPTIC_ENTRIES`], `expected_errors` of all. It is shown by `check`, `precompute` and `inspect`, and in the overlay.
+
+pub mod mesh;
+pub mod model;
+#[cfg(test)]
+mod tests;
+
+use super::entry::{EffectEntry, Listed};
+use super::running::RunningEffect;
+use crate::base::failure::Failure;
+use crate::deform::{ErrorsAt, ExpectedErrors, Kind, MeshErrors, MovedErrors, find_model};
+use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
+use crate::scene::{Body, Grab, Scene};
+use crate::solve::Progress;
+use crate::world::World;
+use mesh::BetterBody;
+use model::{Measured, motions};
+
+/// Entries of K up to which `haptics` measures, within some ten to twenty seconds on one thread: of about 4000 nodes of tet4, 1600 of
+/// tet10, and 700 of tet4_anp.
+pub const HAPTIC_ENTRIES: usize = 400_000;
+
+/// So many control elements are moved, the first ones that a hand can grab.
+pub const MOST_MOVED: usize = 2;
+
+/// Asks for what `haptics` has of small bodies alone.
+pub const NAME: &str = "expected_errors";
+
+pub(crate) const ENTRY: EffectEntry = EffectEntry {
+    name: NAME,
+    summary: "errors of force and shape to expect, measured on the body: of its model, and by its mesh and element",
+    requirements: &[STIFFNESS],
+    needs_energy: true,
+    precompute: Some(section),
+    attach: Some(|listed, world| {
+        show(listed, world)?;
+        Ok(None::<Box<dyn RunningEffect>>)
+    }),
+    start: None,
+};
+
+/// The one tensor of a section: [`ExpectedErrors`] as JSON, numbers with three digits.
+const TENSOR: &str = "errors";
+
+/// The section of `expected_errors`.
+fn section(
+    scene: &Scene,
+    body: &mut Precomputed,
+    progress: &dyn Progress,
+) -> Result<Vec<(String, Tensor)>, GreenError> {
+    Ok(vec![(TENSOR.into(), written(&measure(scene, body, progress)))])
+}
+
+/// The section of `haptics`: the same of small bodies, and nothing where the body lists `expected_errors` too.
+pub(super) fn haptic_section(
+    scene: &Scene,
+    body: &mut Precomputed,
+    progress: &dyn Progress,
+) -> Result<Vec<(String, Tensor)>, GreenError> {
+    let entries = body.solution.matrix_entries;
+    let lists_both = scene.body[&body.name].effects.iter().any(|effect| effect == NAME);
+    let mut errors = of(&scene.body[&body.name]);
+    if lists_both {
+        errors.left_out.push(format!("stands in the section {}", NAME));
+    } else if entries > HAPTIC_ENTRIES {
+        errors.left_out.push(format!(
+            "the stiffness matrix has {entries} entries, and haptics measures bodies of up to {HAPTIC_ENTRIES}: list \
+             the effect \"{NAME}\" too, which takes its time, or measure the same body on a coarser mesh"
+        ));
+    } else {
+        errors = measure(scene, body, progress);
+    }
+    Ok(vec![(TENSOR.into(), written(&errors))])
+}
+
+fn written(errors: &ExpectedErrors) -> Tensor {
+    let text = serde_json::to_vec(errors).unwrap_or_default();
+    Tensor::new(&[text.len()], text)
+}
+
+/// What was measured of a body that is not written yet.
+pub fn of_precomputed(body: &Precomputed) -> Option<ExpectedErrors> {
+    let section = |effect: &str| body.sections.get(&format!("{effect}/{TENSOR}"));
+    let all: Vec<&Tensor> = body.requirements.sections().filter_map(section).collect();
+    serde_json::from_slice(&section(NAME).or(all.first().copied())?.bytes).ok()
+}
+
+/// What was measured of a body, where the file holds it. Errors where that is not what [`measure`] writes.
+pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, GreenError> {
+    let Some(meta) = file.meta.bodies.get(body) else { return Ok(None) };
+    let name = |effect: &str| format!("{body}/{effect}/{TENSOR}");
+    let has = |effect: &&str| file.tensors().any(|(tensor, ..)| tensor == name(effect));
+    let all: Vec<&str> = meta.requirements.sections().filter(has).collect();
+    let Some(effect) = all.iter().find(|effect| **effect == NAME).or(all.first()) else {
+        return Ok(None);
+    };
+    let damaged = |reason: String| GreenError::Damaged {
+        path: file.path.clone(),
+        reason: format!("tensor {}: {reason}", name(effect)),
+    };
+    let (_, text) = file.section::<u8>(body, effect, TENSOR)?;
+    let errors: ExpectedErrors = serde_json::from_slice(text).map_err(|error| damaged(error.to_string()))?;
+    errors.check().map_err(damaged)?;
+    let known = |moved: &MovedErrors| meta.controls.iter().any(|control| control.name == moved.control);
+    if let Some(unknown) = errors.moved.iter().find(|moved| !known(moved)) {
+        return Err(damaged(format!("the body has no control element {}", unknown.control)));
+    }
+    Ok(Some(errors))
+}
+
+/// Leaves with each body of a world what was measured of it for its model.
+pub(super) fn show(listed: &Listed<'_>, world: &mut World) -> Result<(), Failure> {
+    for &(b, name) in &listed.bodies {
+        let body = &mut world.bodies[b];
+        body.expected = read(listed.file, name)?.filter(|errors| errors.model == body.model);
+    }
+    Ok(())
+}
+
+fn of(body: &Body) -> ExpectedErrors {
+    let (model, element) = (body.model.clone(), body.element.name.to_owned());
+    ExpectedErrors { model, element, ..ExpectedErrors::default() }
+}
+
+/// Measures the body. What cannot be measured is left out with the reason; nothing of it keeps the body from being written.
+pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
+    let asked = &scene.body[&body.name];
+    let mut errors = of(asked);
+    let grabbed: Vec<usize> =
+        (0..asked.control.len()).filter(|&e| asked.control[e].grab == Grab::Dragger).collect();
+    if asked.control.len() < 2 {
+        errors.left_out.push("it has one control element, with which it moves as a whole".into());
+        return errors;
+    }
+    let Some(moved) = Some(&grabbed[..grabbed.len().min(MOST_MOVED)]).filter(|moved| !moved.is_empty())
+    else {
+        errors.left_out.push("no control element can be grabbed".into());
+        return errors;
+    };
+    if moved.len() < grabbed.len() {
+        let (most, all) = (moved.len(), grabbed.len());
+        errors.left_out.push(format!("of {all} control elements that can be grabbed, {most} were moved"));
+    }
+    let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
+    let model = model_errors(scene, body, moved, progress, &mut errors.left_out);
+    let of_one = |((e, [bent, shifted]), mesh): ((&usize, [Vec<ErrorsAt>; 2]), _)| MovedErrors {
+        control: body.solution.controls[*e].name.clone(),
+        bent,
+        shifted,
+        mesh,
+    };
+    errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
+    errors
+}
+
+/// Of each moved control element.
+fn mesh_errors(
+    scene: &Scene,
+    body: &Precomputed,
+    moved: &[usize],
+    progress: &dyn Progress,
+    left_out: &mut Vec<String>,
+) -> Vec<Option<MeshErrors>> {
+    progress.begin("errors of the mesh", 0);
+    let better = BetterBody::new(scene, &body.name);
+    progress.end();
+    let of_one = |better: &BetterBody, e: usize, left_out: &mut Vec<String>| {
+        let found = better.share(&body.solution, e);
+        if found.is_none() {
+            let control = &body.solution.controls[e].name;
+            left_out.push(format!("{control}: what the mesh adds: it is too coarse to tell"));
+        }
+        found
+            .map(|MeshErrors { wrench, shape }| MeshErrors { wrench: rounded(wrench), shape: rounded(shape) })
+    };
+    match better {
+        Ok(better) => moved.iter().map(|&e| of_one(&better, e, left_out)).collect(),
+        Err(error) => {
+            left_out.push(format!("what the mesh adds: {error}"));
+            vec![None; moved.len()]
+        }
+    }
+}
+
+/// Of each moved control element, bent and shifted; nothing of a model that is static equilibrium itself.
+fn model_errors(
+    scene: &Scene,
+    body: &mut Precomputed,
+    moved: &[usize],
+    progress: &dyn Progress,
+    left_out: &mut Vec<String>,
+) -> Vec<[Vec<ErrorsAt>; 2]> {
+    let nothing = || [Vec::new(), Vec::new()];
+    let model = &scene.body[&body.name].model;
+    if find_model(model).is_ok_and(|entry| matches!(entry.kind, Kind::Background(_))) {
+        left_out.push(format!("the model \"{model}\" is static equilibrium itself"));
+        return moved.iter().map(|_| nothing()).collect();
+    }
+    progress.begin("errors of the model", 1000 * (motions() * moved.len()) as u64);
+    let mut measured = Measured::new(scene, body);
+    let mut all = Vec::new();
+    for &e in moved {
+        let control = body.solution.controls[e].name.clone();
+        let mut told = |why: String| left_out.push(format!("{control}: {why}"));
+        let found = match &mut measured {
+            Ok(measured) => {
+                measured.errors(&body.solution, e, progress, &mut told).map_err(|error| error.to_string())
+            }
+            Err(error) => Err(error.to_string()),
+        };
+        let found = found.unwrap_or_else(|why| {
+            told(why);
+            nothing()
+        });
+        all.push(found.map(|kind| kind.iter().map(three_digits).collect()));
+    }
+    progress.end();
+    all
+}
+
+fn three_digits(at: &ErrorsAt) -> ErrorsAt {
+    ErrorsAt {
+        angle: at.angle,
+        turn: rounded(at.turn),
+        stretch: rounded(at.stretch),
+        off: rounded(at.off),
+        force: at.force.map(rounded),
+        torque: at.torque.map(rounded),
+        shape: rounded(at.shape),
+    }
+}
+
+/// To three digits, and to 0 what is nothing: the last digits of a float depend on how many threads summed it.
+fn rounded(value: f64) -> f64 {
+    if value < 1e-9 { 0.0 } else { format!("{value:.2e}").parse().unwrap_or(value) }
+}

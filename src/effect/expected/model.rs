@@ -1,0 +1,185 @@
+//! How far a body's model is from static equilibrium, measured on the body itself.
+//!
+//! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] each of [`LEVELS`], all others
+//! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]). It is bent in the plane in
+//! which that is easiest, where hands bend it.
+
+use super::mesh::softest_turn;
+use crate::base::failure::Failure;
+use crate::deform::{Deformer, ErrorsAt, Motion, Moved, Statics, Trial, reach, trials};
+use crate::fem::STVK;
+use crate::green::{self, GreenFile, Precomputed, Solution};
+use crate::scene::Scene;
+use crate::solve::{Progress, Silent, Solver};
+use std::sync::Arc;
+
+/// How far a control element is moved: its bend, its twist and both at once, °, and shifts that stretch the body.
+struct Level {
+    angle: f64,
+    shifts: &'static [Motion],
+}
+
+/// An end that is turned in place by more than some 40° mostly has no equilibrium: at 60° it is turned where the arc would bring it
+/// sideways, which stretches the body as well.
+const LEVELS: [Level; 4] = [
+    Level { angle: 10.0, shifts: &[Motion::Mixed(10.0, 0.0), Motion::Mixed(0.0, 0.1)] },
+    Level {
+        angle: 30.0,
+        shifts: &[Motion::Mixed(30.0, 0.0), Motion::Mixed(0.0, 0.2), Motion::Shift([0.05, 0.0])],
+    },
+    Level { angle: 60.0, shifts: &[Motion::Mixed(60.0, 0.48), Motion::Shift([0.1, 0.0])] },
+    Level { angle: 90.0, shifts: &[] },
+];
+
+impl Level {
+    fn bends(&self) -> Vec<Motion> {
+        vec![Motion::Bend(self.angle), Motion::Twist(self.angle), Motion::Skew(self.angle)]
+    }
+
+    fn shifts(&self) -> Vec<Motion> {
+        self.shifts.to_vec()
+    }
+}
+
+/// Motions of one control element.
+pub fn motions() -> usize {
+    LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
+}
+
+/// A body in its equilibria, and as its model has it.
+pub struct Measured {
+    statics: Statics,
+    deformer: Deformer,
+    nodes: Vec<usize>,
+}
+
+impl Measured {
+    /// Writes the body into a file that is gone afterwards, and opens it as a session does.
+    pub fn new(scene: &Scene, body: &mut Precomputed) -> Result<Measured, Failure> {
+        let mut factorised = scene.clone();
+        factorised.body[&body.name].solver = Solver::default();
+        let statics = Statics::new(&factorised, &body.name, &STVK, &Silent).map_err(Failure::work)?;
+        let folder = tempfile::tempdir().map_err(Failure::work)?;
+        let path = folder.path().join("measured.green");
+        // Sections of effects are not there yet.
+        let families = body.requirements.without_sections();
+        let asked = std::mem::replace(&mut body.requirements, families);
+        let written = green::write(&path, std::slice::from_ref(body));
+        body.requirements = asked;
+        written.map_err(Failure::work)?;
+        let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
+        let model = &scene.body[&body.name].model;
+        let deformer = Deformer::new(file, &body.name, model).map_err(Failure::wrong)?;
+        let nodes = Trial::surface_nodes(&statics, &deformer);
+        Ok(Measured { statics, deformer, nodes })
+    }
+
+    /// Of control element `e` of the body, [`MovedErrors::bent`](crate::deform::MovedErrors) and `shifted`; the body was solved as `solution`; `left_out` hears what could not be measured.
+    /// `progress` is advanced by 1000 for each of [`motions`].
+    pub fn errors(
+        &mut self,
+        solution: &Solution,
+        e: usize,
+        progress: &dyn Progress,
+        left_out: &mut dyn FnMut(String),
+    ) -> Result<[Vec<ErrorsAt>; 2], Failure> {
+        let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
+        let Some(mut moved) = Moved::new(&origins, e) else {
+            left_out("no axis leads from the other control elements to it".into());
+            return Ok([Vec::new(), Vec::new()]);
+        };
+        if let Some(across) = softest_turn(solution, e, &moved.axis) {
+            moved = moved.about(across);
+        }
+        let mut found = Vec::new();
+        let [bends, twists, both] =
+            [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
+        let shifts: Vec<Vec<Motion>> = LEVELS.iter().map(Level::shifts).collect();
+        for kind in [bends, twists, both, shifts] {
+            self.go(&moved, &kind, progress, left_out, &mut found)?;
+        }
+        Ok([Level::bends, Level::shifts].map(|motions| by_level(&found, motions)))
+    }
+
+    /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.
+    fn go(
+        &mut self,
+        moved: &Moved,
+        levels: &[Vec<Motion>],
+        progress: &dyn Progress,
+        left_out: &mut dyn FnMut(String),
+        found: &mut Vec<(Motion, ErrorsAt)>,
+    ) -> Result<(), Failure> {
+        for motions in levels {
+            let before = found.len();
+            let mut told = |motion: Motion, why: String| left_out(format!("{}: {why}", motion.name()));
+            let held =
+                trials(&mut self.statics, moved, motions, progress, &mut told).map_err(Failure::work)?;
+            found.extend(held.iter().map(|trial| (trial.motion, self.at(trial))));
+            if found.len() < before + motions.len() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn at(&mut self, trial: &Trial) -> ErrorsAt {
+        let deviation = trial.deviation(&mut self.deformer, &self.nodes);
+        ErrorsAt::new(0.0, reach(&self.deformer), &deviation)
+    }
+}
+
+/// Of each level whose motions were all found, as far as those of all smaller ones were: the largest errors and reach up to it.
+fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) -> Vec<ErrorsAt> {
+    let at = |wanted: &Motion| found.iter().find(|(motion, _)| motion == wanted).map(|(_, at)| *at);
+    let mut levels: Vec<ErrorsAt> = Vec::new();
+    for level in &LEVELS {
+        let here = motions(level).iter().map(at).collect::<Option<Vec<ErrorsAt>>>();
+        // None of a level without motions of this kind either.
+        let Some(here) = here.and_then(|all| all.into_iter().reduce(|a, b| a.and(&b))) else { break };
+        let all = levels.last().map_or(here, |last| last.and(&here));
+        levels.push(ErrorsAt { angle: level.angle, ..all });
+    }
+    levels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_has_the_errors_of_all_that_goes_no_farther() {
+        let at = |degrees: f64, stretch: f64, force: f64| ErrorsAt {
+            angle: 0.0,
+            turn: degrees.to_radians(),
+            stretch,
+            off: 0.0,
+            force: Some(force),
+            torque: Some(0.0),
+            shape: 0.0,
+        };
+        let mut found = vec![
+            (Motion::Bend(10.0), at(10.0, 0.01, 0.1)),
+            (Motion::Twist(10.0), at(10.0, 0.02, 0.2)),
+            (Motion::Bend(30.0), at(30.0, 0.03, 0.15)),
+            (Motion::Twist(30.0), at(30.0, 0.04, 0.12)),
+            (Motion::Bend(60.0), at(60.0, 0.05, 0.5)),
+            (Motion::Twist(90.0), at(90.0, 0.06, 0.9)),
+            (Motion::Skew(10.0), at(10.0, 0.02, 0.05)),
+            (Motion::Skew(30.0), at(30.0, 0.02, 0.05)),
+        ];
+        let told = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, f64, Option<f64>)> {
+            by_level(found, Level::bends).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
+        };
+        assert_eq!(told(&found), [(10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))], "no twist by 60°");
+        let shifts: Vec<_> =
+            LEVELS[0].shifts().into_iter().map(|motion| (motion, at(7.0, 0.1, 0.7))).collect();
+        found.extend(shifts);
+        assert_eq!(told(&found).len(), 2, "shifts say nothing of bends");
+        let shifted = by_level(&found, Level::shifts);
+        assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 10.0, Some(0.7)));
+        found.pop();
+        assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
+        assert_eq!(motions(), 19);
+    }
+}
