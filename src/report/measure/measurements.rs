@@ -9,7 +9,7 @@ use super::reference::References;
 use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPoses, MODELS, ModelEntry};
-use crate::green::{self, GreenFile, Precomputed, Requirements};
+use crate::green::{self, GreenFile, Precomputed};
 use crate::report::data::{Cost, Measurement, Setting};
 use crate::scene::Storage;
 use crate::solve::Progress;
@@ -134,11 +134,7 @@ fn written(
     storage: Storage,
     files: &mut Files,
 ) -> Result<(Arc<GreenFile>, Cost), MeasureError> {
-    let mut scene = request.scene.clone();
-    model.name.clone_into(&mut scene.body[request.body].model);
-    // Sections of effects are no part of what is compared here.
-    let requirements = (request.requirements_of)(&scene).without_sections();
-    let requirements = requirements.and(Requirements::of(model.requirements));
+    let requirements = request.requirements(model);
     let name = format!(
         "{}-{}-{}-{}-{}.green",
         candidate.refine,
