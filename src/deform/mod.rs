@@ -25,6 +25,7 @@ mod normals;
 mod partial;
 mod parts;
 mod perturbation;
+mod plate;
 mod pose;
 pub mod pose_file;
 mod reduced;

@@ -1,12 +1,19 @@
 //! The list of deformation models.
 
 use super::model::{DeformationModel, Kind, ModelEntry, ModelInput};
-use super::{equilibria, linear, perturbation, reduced, rod, rotation, statics, substructured};
+use super::{equilibria, linear, perturbation, plate, reduced, rod, rotation, statics, substructured};
 use crate::fem::LAWS;
 
 /// The models of the precomputed columns. A new one is a file with an entry, a `mod` line, and a line here.
-const ONLINE: &[ModelEntry] =
-    &[linear::ENTRY, rotation::ENTRY, perturbation::ENTRY, reduced::ENTRY, substructured::ENTRY, rod::ENTRY];
+const ONLINE: &[ModelEntry] = &[
+    linear::ENTRY,
+    rotation::ENTRY,
+    perturbation::ENTRY,
+    reduced::ENTRY,
+    substructured::ENTRY,
+    rod::ENTRY,
+    plate::ENTRY,
+];
 
 /// All models: those of the precomputed columns, then one for each of [`LAWS`].
 pub const MODELS: &[ModelEntry] = &{

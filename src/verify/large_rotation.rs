@@ -1,6 +1,6 @@
 //! Forces and shapes of every model of the .green file at large rotations, against static equilibrium.
 //!
-//! In: a hollow tube and a slender beam, held at both ends and moved from 1° to 180°. Out: [`HeldPose`]s with the wrench of the
+//! In: a hollow tube, a slender beam and a thin plate, held at both ends and moved from 1° to 180°. Out: [`HeldPose`]s with the wrench of the
 //! St. Venant–Kirchhoff equilibrium on the same mesh, and for each model how far its wrench, energy and shape are from it,
 //! and the time of a frame. A model is judged as a session uses it: from a .green file, in single precision.
 
@@ -21,7 +21,7 @@ struct HeldBody {
     ends: [&'static str; 2],
 }
 
-const BODIES: [HeldBody; 2] = [
+const BODIES: [HeldBody; 3] = [
     HeldBody {
         name: "tube",
         generate: "tube = { inner_radius = 0.07, outer_radius = 0.1, length = 1.0, radial = 2, around = 20, along = 40, control_length = 0.1 }",
@@ -30,6 +30,12 @@ const BODIES: [HeldBody; 2] = [
     HeldBody {
         name: "beam",
         generate: "block = { size = [0.1, 0.1, 1.0], cells = [3, 3, 30] }",
+        ends: ["zmin", "zmax"],
+    },
+    // It is bent out of its plane.
+    HeldBody {
+        name: "plate",
+        generate: "block = { size = [0.03, 0.4, 1.0], cells = [2, 8, 20] }",
         ends: ["zmin", "zmax"],
     },
 ];

@@ -19,16 +19,29 @@ use nalgebra::{Isometry3, Matrix4, Similarity3, Translation3, UnitQuaternion, Ve
 use std::path::Path;
 use std::sync::Arc;
 
-/// Length of the beam, m; it is a tenth as wide.
+/// Length of the beam, m.
 const LENGTH_M: f64 = 0.3;
+
+/// Its section, m, and cells: a tenth as wide as it is long; or, for models of thin bodies, which refuse that, a leaf that is
+/// bent out of its plane.
+const BEAM: ([f64; 2], [u32; 3]) = ([0.03, 0.03], [2, 2, 12]);
+const LEAF: ([f64; 2], [u32; 3]) = ([0.006, 0.06], [1, 6, 30]);
 
 /// By how much its end is bent, °.
 pub const BENDS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
 
 /// The beam as a session has it, of Young's modulus `young`, Pa.
 pub fn beam(model: &ModelEntry, young: f64) -> Result<Deformer, Failure> {
+    of_section(model, young, BEAM).or_else(|_| of_section(model, young, LEAF))
+}
+
+fn of_section(
+    model: &ModelEntry,
+    young: f64,
+    ([thick, wide], cells): ([f64; 2], [u32; 3]),
+) -> Result<Deformer, Failure> {
     let text = format!(
-        "[body.beam]\ngenerate = {{ block = {{ size = [0.03, 0.03, {LENGTH_M}], cells = [2, 2, 12] }} }}\n\
+        "[body.beam]\ngenerate = {{ block = {{ size = [{thick}, {wide}, {LENGTH_M}], cells = {cells:?} }} }}\n\
          material = {{ young = {young:e}, poisson = 0.3 }}\nmodel = \"{}\"\n\
          control.low = {{ nodes = {{ group = \"zmin\" }}, grab = \"fixed\" }}\n\
          control.high = {{ nodes = {{ group = \"zmax\" }}, grab = \"dragger\" }}\n",

@@ -1,0 +1,260 @@
+//! Method 3b of the paper's appendix for thin bodies: a Kirchhoff–Love shell between control elements.
+//!
+//! In: the poses of the control elements, which hold the middle surface of the body ([`Middle`]). Out: that surface in
+//! equilibrium with large rotations ([`Sheet`]), on which the surface of the finite-element body is skinned ([`Skin`]); the
+//! shell's energy and its gradient. Its moduli come from the body's own handle stiffness and cubic energy ([`constants`]).
+//!
+//! The springs with which control elements hold the shell ([`point::Grip`]) are part of the energy, and take poses as they are,
+//! stretches included: forces are its exact gradient.
+
+mod band;
+mod constants;
+mod grips;
+mod middle;
+mod path;
+mod plane;
+mod point;
+mod rays;
+mod sheet;
+mod skin;
+mod spline;
+
+use super::cubic_form::CubicForm;
+use super::frames::{ControlFrame, PoseSlope};
+use super::helicoidal::Helicoidal;
+use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::pose::ControlPose;
+use crate::green::{CUBIC, FIELDS, STIFFNESS};
+use grips::grips_of;
+use middle::{Middle, Part};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use point::{Hold, Point};
+use sheet::{Sheet, Standing};
+use skin::Skin;
+
+pub(super) const ENTRY: ModelEntry = ModelEntry {
+    name: "plate",
+    summary: "method 3b: a Kirchhoff-Love shell between control elements, for thin bodies",
+    requirements: &[STIFFNESS, CUBIC],
+    frame: Frame::MeanMotion,
+    energy: Some(&[]),
+    // Measured against St. Venant-Kirchhoff statics up to 180°.
+    turn_limits_deg: [60.0, 180.0],
+    kind: Kind::Online(|input| Ok(Box::new(Plate::new(input)?))),
+};
+
+/// So far its answers to small motions may be from those of the body, as the root mean square of relative errors.
+const UNFIT: f64 = 0.15;
+
+/// A thin body.
+pub struct Plate {
+    controls: Vec<ControlRest>,
+    sheet: Sheet,
+    skin: Skin,
+    /// Of the whole body, with the first control element; what follows is seen from it.
+    motion: Isometry3<f64>,
+    /// How the control elements are held; the frames of the last state that was found, and of the next one.
+    holds: Vec<Hold>,
+    frames: Vec<ControlFrame>,
+    target: Vec<ControlFrame>,
+    turns: Vec<Option<UnitQuaternion<f64>>>,
+    next_turns: Vec<Option<UnitQuaternion<f64>>>,
+    /// The last state, while a way from rest is tried.
+    kept: (Vec<Vector3<f64>>, Vec<ControlFrame>),
+    /// The poses of the last evaluation, and what was found.
+    poses: Vec<ControlPose>,
+    standing: Standing,
+    is_defined: bool,
+}
+
+impl Plate {
+    pub fn new(input: &ModelInput<'_>) -> Result<Plate, String> {
+        let stiffness = (input.table)(STIFFNESS.name)
+            .ok_or("model \"plate\" needs the handle stiffness of the .green file")?;
+        let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
+        let held: Vec<Vec<u32>> = (0..origins.len()).map(|e| (input.control_nodes)(e)).collect();
+        let refused = |why: String| {
+            format!(
+                "model \"plate\" does not suit this body: {why}; write model = \"rotation\" or \"substructured\""
+            )
+        };
+        let (middle, mut sheet) = unfitted(input, &origins, &held).map_err(refused)?;
+        let (moduli, off) = constants::fit(&mut sheet, &origins, &stiffness);
+        if off.is_nan() || off > UNFIT {
+            return Err(refused(format!(
+                "its shell would answer small motions of the control elements off by {:.0} % (at most {:.0} %): \
+                 hold it at edges or on bands along its sides; tet4 needs six cells or more across its width, or write \
+                 element = \"tet10\"",
+                100.0 * off,
+                100.0 * UNFIT
+            )));
+        }
+        let cubic = (input.table)(CUBIC.name)
+            .and_then(|table| CubicForm::new(FIELDS * origins.len(), table.as_slice().to_vec()));
+        let energy = cubic.map(|cubic| Helicoidal::new(&origins, stiffness, Some(cubic))).transpose()?;
+        constants::fit_second(&mut sheet, &moduli, &origins, &middle.through(), energy);
+        let frames: Vec<ControlFrame> = origins.iter().map(|&origin| at_rest(origin)).collect();
+        Ok(Plate {
+            controls: input.controls.to_vec(),
+            skin: Skin::new(&middle, &origins, input.rest, &held, constants::POISSON),
+            motion: Isometry3::identity(),
+            holds: frames.iter().map(path::held).collect(),
+            target: frames.clone(),
+            turns: vec![None; origins.len()],
+            next_turns: Vec::with_capacity(origins.len()),
+            kept: (sheet.q.clone(), frames.clone()),
+            frames,
+            sheet,
+            poses: Vec::with_capacity(origins.len()),
+            standing: REST,
+            is_defined: true,
+        })
+    }
+
+    /// The shell held at these poses; where no equilibrium is found, the last one is kept.
+    fn hold(&mut self, poses: &[ControlPose]) {
+        if poses.len() != self.controls.len() || poses == self.poses {
+            return;
+        }
+        self.poses.clear();
+        self.poses.extend_from_slice(poses);
+        self.is_defined = false;
+        self.target.clear();
+        for (e, (pose, control)) in poses.iter().zip(&self.controls).enumerate() {
+            let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns[e].as_ref()) else {
+                // As many as there are holds, whatever comes next.
+                self.target.clone_from(&self.frames);
+                return;
+            };
+            self.target.push(frame);
+        }
+        self.next_turns.clear();
+        self.next_turns.extend(self.target.iter().map(|frame| Some(frame.turn)));
+        let motion = self.take_motion();
+        if let Some(standing) = self.go().or_else(|| self.go_from_rest()) {
+            (self.standing, self.motion, self.is_defined) = (standing, motion, true);
+            self.turns.clone_from(&self.next_turns);
+            self.frames.clone_from(&self.target);
+        }
+    }
+
+    /// The motion of the first control element is that of the whole body, which does not feel it: it is taken out of the
+    /// target.
+    fn take_motion(&mut self) -> Isometry3<f64> {
+        let first = self.target.first().zip(self.controls.first());
+        let motion = first.map_or_else(Isometry3::identity, |(frame, control)| {
+            path::placed(frame) * Translation3::from(-control.origin)
+        });
+        for frame in &mut self.target {
+            let seen = motion.inverse() * path::placed(frame);
+            (frame.place, frame.turn) = (seen.translation.vector, seen.rotation);
+        }
+        motion
+    }
+
+    /// From the last state to the target.
+    fn go(&mut self) -> Option<Standing> {
+        let found = path::follow(&self.frames, &self.target, &mut self.holds, &mut self.sheet);
+        if found.is_none() {
+            self.take_holds();
+        }
+        found
+    }
+
+    fn take_holds(&mut self) {
+        for (hold, frame) in self.holds.iter_mut().zip(&self.frames) {
+            *hold = path::held(frame);
+        }
+    }
+
+    /// A way from rest may exist where none from the last state was found.
+    fn go_from_rest(&mut self) -> Option<Standing> {
+        self.kept.0.clone_from(&self.sheet.q);
+        self.kept.1.clone_from(&self.frames);
+        self.rest();
+        let found = self.go();
+        if found.is_none() {
+            self.sheet.put(&self.kept.0);
+            self.frames.clone_from(&self.kept.1);
+            self.take_holds();
+        }
+        found
+    }
+
+    /// The sheet and its holds at rest.
+    fn rest(&mut self) {
+        self.sheet.reset();
+        for (frame, control) in self.frames.iter_mut().zip(&self.controls) {
+            *frame = at_rest(control.origin);
+        }
+        self.take_holds();
+    }
+}
+
+/// How the shell stands at rest.
+const REST: Standing = Standing { energy: 0.0, iterations: 0, buckled: false };
+
+fn at_rest(origin: Vector3<f64>) -> ControlFrame {
+    ControlFrame { place: origin, turn: UnitQuaternion::identity(), stretch: Matrix3::identity() }
+}
+
+/// The middle surface, and the shell on it before its moduli are known.
+fn unfitted(
+    input: &ModelInput<'_>,
+    origins: &[Vector3<f64>],
+    held: &[Vec<u32>],
+) -> Result<(Middle, Sheet), String> {
+    let nodes: Vec<Vector3<f64>> = input.rest.iter().map(|x| Vector3::from(*x).cast()).collect();
+    let place_of = |&node: &u32| nodes.get(node as usize).copied();
+    let held: Vec<Vec<Vector3<f64>>> =
+        held.iter().map(|held| held.iter().filter_map(place_of).collect()).collect();
+    let middle = Middle::of(&nodes, input.triangles, &held)?;
+    let point =
+        |part: &Part| Point::new(&middle.grid.at(part.place), &middle.rest, part.seen, part.thickness);
+    let points = middle.parts.iter().filter_map(point).collect();
+    let grips = held.iter().enumerate().flat_map(|(e, nodes)| grips_of(&middle, e, &origins[e], nodes));
+    let sheet = Sheet::new(&middle.grid, middle.rest.clone(), points, grips.collect());
+    Ok((middle, sheet))
+}
+
+impl DeformationModel for Plate {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        self.hold(poses);
+        self.skin.update(&self.sheet.q, &self.holds);
+        BodyState { parts: vec![self.motion], rotation_undefined: !self.is_defined, ..BodyState::at_rest(0) }
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.hold(poses);
+        self.sheet.slopes(&self.holds, slopes);
+        let turn = self.motion.rotation.to_rotation_matrix();
+        for slope in slopes.iter_mut() {
+            *slope = PoseSlope { translation: turn * slope.translation, matrix: turn * slope.matrix };
+        }
+        Some(Response { energy: self.standing.energy, is_defined: self.is_defined })
+    }
+
+    fn field(&self) -> Option<&[[f32; 3]]> {
+        Some(self.skin.field())
+    }
+
+    fn forget(&mut self) {
+        self.rest();
+        self.motion = Isometry3::identity();
+        self.turns.fill(None);
+        self.poses.clear();
+        self.standing = REST;
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        if let Some(place) = self.turns.get_mut(e) {
+            *place = Some(turn);
+            self.poses.clear();
+        }
+    }
+}
+
+#[cfg(test)]
+mod oracles;
+#[cfg(test)]
+mod tests;

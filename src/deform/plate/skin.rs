@@ -1,0 +1,122 @@
+//! The surface of the finite-element body on its middle surface.
+//!
+//! In: the surface at rest and the middle one. Out: the displacement of every node:
+//!
+//! ```text
+//! x = r + α_1 r,1 + α_2 r,2 + z (1 - ν' (ε₁₁ + ε₂₂)) n     ν' = ν/(1 - ν)
+//! ```
+//!
+//! with the node's place (r, α, z) at rest, and the contraction across the plate of plane stress. Nodes of the control
+//! elements go exactly where they are held.
+
+use super::middle::Middle;
+use super::point::Hold;
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+/// A node on the middle surface.
+struct Place {
+    nodes: [u32; 9],
+    value: [f32; 9],
+    slope: [[f32; 2]; 9],
+    /// α and z.
+    beside: [f32; 2],
+    height: f32,
+    /// The inverse of the metric at rest: 11, 22, 12.
+    metric: [f32; 3],
+}
+
+/// A node of a control element, and y from its origin.
+struct Held {
+    node: usize,
+    control: usize,
+    arm: Vector3<f64>,
+}
+
+pub struct Skin {
+    rest: Vec<[f32; 3]>,
+    places: Vec<Place>,
+    held: Vec<Held>,
+    /// ν/(1 - ν).
+    contraction: f32,
+    control_points: Vec<Vector3<f32>>,
+    field: Vec<[f32; 3]>,
+}
+
+impl Skin {
+    /// `held`: the surface nodes of each control element; `poisson`: ν.
+    pub fn new(
+        middle: &Middle,
+        origins: &[Vector3<f64>],
+        rest: &[[f32; 3]],
+        held: &[Vec<u32>],
+        poisson: f64,
+    ) -> Skin {
+        let held = held.iter().enumerate().flat_map(|(control, nodes)| {
+            nodes.iter().filter_map(move |&node| {
+                let x = Vector3::from(*rest.get(node as usize)?).cast::<f64>();
+                Some(Held { node: node as usize, control, arm: x - origins.get(control)? })
+            })
+        });
+        Skin {
+            places: rest.iter().map(|x| Place::of(middle, &Vector3::from(*x).cast())).collect(),
+            held: held.collect(),
+            contraction: (poisson / (1.0 - poisson)) as f32,
+            control_points: middle.rest.iter().map(|q| q.cast()).collect(),
+            field: vec![[0.0; 3]; rest.len()],
+            rest: rest.to_vec(),
+        }
+    }
+
+    pub fn field(&self) -> &[[f32; 3]] {
+        &self.field
+    }
+
+    /// Displacements for these control points.
+    pub fn update(&mut self, q: &[Vector3<f64>], holds: &[Hold]) {
+        for (own, q) in self.control_points.iter_mut().zip(q) {
+            *own = q.cast();
+        }
+        for ((place, rest), field) in self.places.iter().zip(&self.rest).zip(&mut self.field) {
+            let (mut r, mut x, mut y) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+            for k in 0..9 {
+                let q = &self.control_points[place.nodes[k] as usize];
+                r += q * place.value[k];
+                x += q * place.slope[k][0];
+                y += q * place.slope[k][1];
+            }
+            let cross = x.cross(&y);
+            let size = cross.norm();
+            let normal = if size > 0.0 { cross / size } else { cross };
+            let [xx, yy, xy] = place.metric;
+            let strain = 0.5 * (x.norm_squared() * xx + y.norm_squared() * yy + 2.0 * x.dot(&y) * xy - 2.0);
+            let height = place.height * (1.0 - self.contraction * strain);
+            let moved = r + x * place.beside[0] + y * place.beside[1] + normal * height;
+            *field = (moved - Vector3::from(*rest)).into();
+        }
+        for Held { node, control, arm } in &self.held {
+            let Some(hold) = holds.get(*control) else { continue };
+            let moved = hold.place + hold.matrix * arm - Vector3::from(self.rest[*node]).cast();
+            self.field[*node] = moved.cast::<f32>().into();
+        }
+    }
+}
+
+impl Place {
+    fn of(middle: &Middle, x: &Vector3<f64>) -> Place {
+        let place = middle.place_of(x);
+        let shape = middle.grid.at(place);
+        let [by_x, by_y] = shape.tangents(&middle.rest);
+        let off = x - shape.point(&middle.rest);
+        let metric = Matrix2::new(by_x.norm_squared(), by_x.dot(&by_y), by_x.dot(&by_y), by_y.norm_squared());
+        let inverse = metric.try_inverse().unwrap_or_else(Matrix2::zeros);
+        let beside = inverse * Vector2::new(by_x.dot(&off), by_y.dot(&off));
+        Place {
+            nodes: shape.nodes.map(|node| node as u32),
+            value: shape.value.map(|x| x as f32),
+            slope: shape.slope.map(|slope| slope.map(|x| x as f32)),
+            beside: [beside.x as f32, beside.y as f32],
+            height: off.dot(&middle.normal(place)) as f32,
+            metric: [inverse[(0, 0)] as f32, inverse[(1, 1)] as f32, inverse[(0, 1)] as f32],
+        }
+    }
+}
