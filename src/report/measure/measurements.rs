@@ -3,7 +3,7 @@
 use super::candidates::{Candidate, Meshes};
 use super::fields::stored;
 use super::frame::{TimedDeformer, time_in_turn};
-use super::of_models::of_affine_columns;
+use super::of_models::{moves_inside, of_affine_columns};
 use super::pose_errors::{Compared, PoseErrors, spread};
 use super::reference::References;
 use super::request::{MeasureError, Request};
@@ -39,7 +39,10 @@ pub fn measurements(
         let is_measured = |model: &&ModelEntry| {
             references.models_of_settings.iter().any(|measured| measured.name == model.name)
         };
-        let models: Vec<&'static ModelEntry> = candidate.models.iter().copied().filter(is_measured).collect();
+        // What the solver does to displacements of the surface alone is not known.
+        let is_known = |model: &&ModelEntry| candidate.solver.method.is_direct || moves_inside(model);
+        let models = candidate.models.iter().copied().filter(is_measured).filter(is_known);
+        let models: Vec<&'static ModelEntry> = models.collect();
         let is_wide = candidate.solver.method.is_direct && models.len() > 1;
         let storages = if is_wide { Storage::ALL.to_vec() } else { vec![Storage::F32] };
         let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
