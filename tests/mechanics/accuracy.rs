@@ -440,7 +440,8 @@ fn what_goes_on_from_a_lost_equilibrium_is_not_solved() {
 }
 
 /// The discretisation of a model that is made on the scene's mesh alone is carried on by the most accurate model that is made
-/// on finer ones: of `substructured` with tet4 it is that of `reduced` from tet4 to tet10, in forces.
+/// on finer ones: of `substructured` with tet4 it is that of `reduced` from tet4 to tet10, in forces. An effect's own families are
+/// made beside those of each model.
 #[test]
 fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
     let bar = "generate = { block = { size = [0.6, 0.1, 0.1], cells = [8, 1, 1] } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
@@ -448,7 +449,6 @@ fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
     let (folder, poses) = (folder("accuracy-carried"), poses(&scene, &[0.8]));
     let request = Request {
         limits: Limits { largest: 20_000.0, largest_of_models: 2_000.0, refinements: 0, rounds: 3 },
-        requirements_of: &|scene| Requirements::of(find_model(&scene.body["b"].model).unwrap().requirements),
         ..request(&scene, &poses, &folder, 0)
     };
     let report = measure(&request, &Silent).unwrap();

@@ -6,7 +6,7 @@ use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::deform::ModelEntry;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
-use crate::green::{self, Solution};
+use crate::green::{self, Requirements, Solution};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Generate, Scene, Storage};
 use crate::solve::{Progress, SOLVERS, Solver};
@@ -177,7 +177,9 @@ pub fn solved(
 ) -> Result<Candidate, MeasureError> {
     let body = &scene.body[request.body];
     let (element, solver) = (body.element, body.solver);
-    let (requirements, models) = (families(models), models.to_vec());
+    let of_files = models.iter().map(|model| request.requirements(model));
+    let requirements = of_files.fold(families(models), Requirements::and);
+    let models = models.to_vec();
     let mut times = Vec::new();
     loop {
         let solution = green::solve(scene, request.body, &requirements, progress)?;

@@ -3,13 +3,13 @@
 use super::candidates::{Candidate, Meshes};
 use super::fields::stored;
 use super::frame::{TimedDeformer, time_in_turn};
-use super::of_models::of_affine_columns;
+use super::of_models::{moves_inside, of_affine_columns};
 use super::pose_errors::{Compared, PoseErrors, spread};
 use super::reference::References;
 use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPoses, MODELS, ModelEntry};
-use crate::green::{self, GreenFile, Precomputed, Requirements};
+use crate::green::{self, GreenFile, Precomputed};
 use crate::report::data::{Cost, Measurement, Setting};
 use crate::scene::Storage;
 use crate::solve::Progress;
@@ -39,7 +39,10 @@ pub fn measurements(
         let is_measured = |model: &&ModelEntry| {
             references.models_of_settings.iter().any(|measured| measured.name == model.name)
         };
-        let models: Vec<&'static ModelEntry> = candidate.models.iter().copied().filter(is_measured).collect();
+        // What the solver does to displacements of the surface alone is not known.
+        let is_known = |model: &&ModelEntry| candidate.solver.method.is_direct || moves_inside(model);
+        let models = candidate.models.iter().copied().filter(is_measured).filter(is_known);
+        let models: Vec<&'static ModelEntry> = models.collect();
         let is_wide = candidate.solver.method.is_direct && models.len() > 1;
         let storages = if is_wide { Storage::ALL.to_vec() } else { vec![Storage::F32] };
         let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
@@ -134,11 +137,7 @@ fn written(
     storage: Storage,
     files: &mut Files,
 ) -> Result<(Arc<GreenFile>, Cost), MeasureError> {
-    let mut scene = request.scene.clone();
-    model.name.clone_into(&mut scene.body[request.body].model);
-    // Sections of effects are no part of what is compared here.
-    let requirements = (request.requirements_of)(&scene).without_sections();
-    let requirements = requirements.and(Requirements::of(model.requirements));
+    let requirements = request.requirements(model);
     let name = format!(
         "{}-{}-{}-{}-{}.green",
         candidate.refine,

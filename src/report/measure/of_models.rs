@@ -4,7 +4,7 @@
 //! candidate has ([`is_common`]), and what they need.
 
 use crate::deform::{Kind, MODELS, ModelEntry};
-use crate::green::{AFFINE, CUBIC, Family, Requirements, STIFFNESS, SUBSTRUCTURES};
+use crate::green::{AFFINE, CUBIC, Family, Requirements, STIFFNESS};
 
 /// What every candidate has.
 const COMMON: &[Family] = &[AFFINE, STIFFNESS, CUBIC];
@@ -33,7 +33,8 @@ pub fn of_affine_columns() -> impl Iterator<Item = &'static ModelEntry> {
     online().filter(|model| model.requirements.iter().all(|family| family.name == AFFINE.name))
 }
 
-/// Whether the model moves the nodes inside the body too, which are in no .green file.
+/// Whether the model moves the nodes inside the body too, which are in no .green file: those that sum the affine columns do.
+/// Others, such as `substructured` and `plate`, have displacements of the surface alone.
 pub fn moves_inside(model: &ModelEntry) -> bool {
-    !model.requirements.iter().any(|family| family.name == SUBSTRUCTURES.name)
+    model.requirements.iter().any(|family| family.name == AFFINE.name)
 }

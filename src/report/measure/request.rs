@@ -1,6 +1,6 @@
 //! What is to be measured, and the errors of measuring.
 
-use crate::deform::{ControlPoses, StaticsError};
+use crate::deform::{ControlPoses, ModelEntry, StaticsError};
 use crate::fem::AssemblyError;
 use crate::green::{GreenError, Requirements};
 use crate::scene::{Scene, SceneError};
@@ -39,6 +39,17 @@ pub struct Request<'a> {
     pub command: String,
     /// A folder for temporary files.
     pub scratch: &'a Path,
+}
+
+impl Request<'_> {
+    /// What the .green file of the body holds with this model and the scene's effects. Sections of effects are no part of what
+    /// is compared here.
+    pub fn requirements(&self, model: &ModelEntry) -> Requirements {
+        let mut scene = self.scene.clone();
+        model.name.clone_into(&mut scene.body[self.body].model);
+        let requirements = (self.requirements_of)(&scene).without_sections();
+        requirements.and(Requirements::of(model.requirements))
+    }
 }
 
 #[derive(Debug, thiserror::Error)]
