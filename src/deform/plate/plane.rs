@@ -10,6 +10,8 @@ const MOST: usize = 24;
 /// The narrowest cell, and where those beside a held region end, in usual ones.
 const NARROW: f64 = 0.15;
 const BESIDE: [f64; 2] = [0.2, 0.55];
+const LEVELS: usize = 1 + BESIDE.len();
+const MOST_CELLS: usize = 256;
 
 /// A rectangle around the body as it is seen along its thinnest direction: a corner, and the directions along it, across
 /// it and through it as columns.
@@ -56,35 +58,40 @@ impl Plane {
 }
 
 impl Plane {
-    /// Cells as square as the numbers allow, which end where held regions do.
+    /// Cells as square as the numbers allow, which end where held regions do, and are narrow beside them. Where that would be
+    /// too many, they are less so.
     pub fn grid(&self, held: &[Vec<Vector3<f64>>]) -> Grid {
+        let of = |level: usize| Grid { knots: [0, 1].map(|axis| self.knots(axis, held, level)) };
+        let fits = |grid: &Grid| grid.cells().iter().product::<usize>() <= MOST_CELLS;
+        (1..=LEVELS).rev().map(of).find(fits).unwrap_or_else(|| of(0))
+    }
+
+    /// Level 0 knows no held regions, 1 where they end, the others also narrow cells beside them.
+    fn knots(&self, axis: usize, held: &[Vec<Vector3<f64>>], level: usize) -> Vec<f64> {
+        let (size, direction) = (self.size[axis], self.axes.column(axis));
         let cell = (self.area / CELLS).sqrt();
-        let knots = [0, 1].map(|axis| {
-            let (size, direction) = (self.size[axis], self.axes.column(axis));
-            let mut ends = vec![0.0, size];
-            for nodes in held {
-                let places = nodes.iter().map(|x| direction.dot(&(x - self.corner)));
-                let (low, high) =
-                    places.fold((size, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
-                let is_apart = |x: f64, ends: &[f64]| ends.iter().all(|end| (end - x).abs() > NARROW * cell);
-                // Beside a held region curvature changes quickly.
-                let beside = BESIDE.map(|x| [low - x * cell, high + x * cell]);
-                for x in [[low, high], beside[0], beside[1]].concat() {
-                    if x > 0.0 && x < size && is_apart(x, &ends) {
+        let mut ends = vec![0.0, size];
+        for nodes in held {
+            let places = nodes.iter().map(|x| direction.dot(&(x - self.corner)));
+            let (low, high) =
+                places.fold((size, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
+            for beside in [0.0, BESIDE[0], BESIDE[1]].into_iter().take(level) {
+                for x in [low - beside * cell, high + beside * cell] {
+                    let is_apart = ends.iter().all(|end| (end - x).abs() > NARROW * cell);
+                    if x > 0.0 && x < size && is_apart {
                         ends.push(x);
                     }
                 }
             }
-            ends.sort_by(f64::total_cmp);
-            let longest = cell.max(size / MOST as f64).min(size / FEWEST as f64);
-            let mut knots = vec![0.0];
-            for pair in ends.windows(2) {
-                let cells = ((pair[1] - pair[0]) / longest).round().max(1.0);
-                knots.extend((1..=cells as usize).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / cells));
-            }
-            knots
-        });
-        Grid { knots }
+        }
+        ends.sort_by(f64::total_cmp);
+        let longest = cell.max(size / MOST as f64).min(size / FEWEST as f64);
+        let mut knots = vec![0.0];
+        for pair in ends.windows(2) {
+            let cells = ((pair[1] - pair[0]) / longest).round().max(1.0);
+            knots.extend((1..=cells as usize).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / cells));
+        }
+        knots
     }
 }
 

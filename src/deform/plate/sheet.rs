@@ -28,7 +28,7 @@ const NEAR_MOVE: f64 = 0.05;
 /// Iterations with an earlier factor, at full length, and along the energy's way down.
 const CHEAP: usize = 6;
 const FAST: usize = 16;
-const SAFE: usize = 150;
+const SAFE: usize = 80;
 
 /// A shell in the state in which it was last held.
 #[derive(Clone)]
