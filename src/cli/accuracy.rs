@@ -36,7 +36,7 @@ pub struct Args {
     /// Seed of random poses, which are then taken even if the scene has a script
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Take fewer poses and angles, no refinement and one timing each: some minutes for ten thousand nodes
+    /// Take fewer poses and angles, no refinement and one timing of each offline stage: some minutes for ten thousand nodes
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
@@ -51,8 +51,6 @@ pub struct Args {
 }
 
 const LARGEST: f64 = 300_000.0;
-/// Part of it for models with column families of their own.
-const MODELS_SHARE: f64 = 0.2;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
@@ -77,7 +75,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         pose_source,
         limits: Limits {
             largest: args.largest,
-            largest_of_models: MODELS_SHARE * args.largest,
+            largest_of_models: Limits::MODELS_SHARE * args.largest,
             refinements: if args.quick { 0 } else { 2 },
             rounds: if args.quick { 60 } else { 300 },
         },

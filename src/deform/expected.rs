@@ -99,10 +99,11 @@ impl ErrorsAt {
     }
 }
 
-/// An error as a part, in per cent: `13 %`, `0.4 %`; it lies below `0.1 %` where it is told as that.
+/// An error as a part, in per cent: `13 %`, `0.4 %`, `<0.1 %`.
 pub fn percent(part: f64) -> String {
     match 100.0 * part {
-        value if value < 9.95 => format!("{:.1} %", value.max(0.1)),
+        value if value < 0.1 => "<0.1 %".into(),
+        value if value < 9.95 => format!("{value:.1} %"),
         value if value < 1000.0 => format!("{value:.0} %"),
         _ => ">1000 %".into(),
     }

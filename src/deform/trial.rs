@@ -38,7 +38,7 @@ impl Motion {
             Motion::Shift([0.0, across]) => format!("across by {} %", 100.0 * across),
             Motion::Shift([along, _]) => format!("along by {} %", 100.0 * along),
             Motion::Mixed(degrees, across) => {
-                format!("turned by {degrees}°, across by {} %", 100.0 * across)
+                format!("turned by {degrees}°, aside by {} %", 100.0 * across)
             }
         }
     }
@@ -78,13 +78,16 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// `None` where the others' mean origin is its own, or there are no others.
+    /// `None` where there are no others, or their mean origin is too near its own to tell an axis, such as that of two at
+    /// either side of it.
     pub fn new(origins: &[Vector3<f64>], element: usize) -> Option<Moved> {
         let others = origins.iter().enumerate().filter(|(e, _)| *e != element).map(|(_, origin)| origin);
         let mean = others.sum::<Vector3<f64>>() / (origins.len() - 1) as f64;
         let way = origins[element] - mean;
         let (length, elements) = (way.norm(), origins.len());
-        (length > 0.0 && length.is_finite()).then(|| {
+        let centre = origins.iter().sum::<Vector3<f64>>() / elements as f64;
+        let size = origins.iter().map(|origin| (origin - centre).norm()).fold(f64::MIN_POSITIVE, f64::max);
+        (length > 0.1 * size && length.is_finite()).then(|| {
             let axis = way / length;
             let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
             Moved { element, elements, axis, across, length }
@@ -139,7 +142,8 @@ pub struct Trial {
 }
 
 /// Solves the motions one after the other; a bend or twist goes on from the one before where it is of the same kind, so that
-/// turns add up; where that one has no equilibrium, neither is it solved. `told` hears of motions without an equilibrium. `progress` is advanced by 1000 for each motion.
+/// turns add up; where that one has no equilibrium, neither is it solved. `told` hears of motions without an equilibrium, and of
+/// those that turn tetrahedra inside out. `progress` is advanced by 1000 for each motion.
 pub fn trials(
     statics: &mut Statics,
     moved: &Moved,
@@ -163,14 +167,19 @@ pub fn trials(
             None => statics.solve(&poses, progress),
         };
         match solved {
+            Ok(settled) if !settled.inverted.is_empty() => {
+                lost = Some(motion);
+                told(motion, format!("{} tetrahedra turn inside out", settled.inverted.len()));
+            }
             Ok(settled) => {
                 last = statics.held().cloned().map(|held| (motion, held));
                 found.push(Trial { moved: moved.clone(), motion, poses, settled });
             }
-            Err(StaticsError::Stopped { share, from, .. }) => {
+            Err(StaticsError::Stopped { share, critical, .. }) => {
                 let way = 100.0 * share;
+                let how = critical.map(|critical| format!(": {critical}")).unwrap_or_default();
                 lost = Some(motion);
-                told(motion, format!("no equilibrium beyond {way:.0} % of the way from {from}"));
+                told(motion, format!("no equilibrium beyond {way:.0} % of the way there{how}"));
             }
             Err(error) => return Err(error),
         }
@@ -185,7 +194,7 @@ pub struct Deviation {
     /// torque over length of the equilibrium; `None` where the model says that it has none.
     pub force: Option<f64>,
     pub torque: Option<f64>,
-    /// V over that of the equilibrium.
+    /// V over that of the equilibrium; `None` too where that stores none.
     pub energy: Option<f64>,
     /// Root mean square of the surface nodes' errors, as a part of the length.
     pub shape: f64,
@@ -212,12 +221,14 @@ impl Trial {
         let truth = placed(&settled.wrenches);
         let sizes = truth.iter().map(|w| w.force.norm().max(w.moment.norm() / moved.length));
         let size = sizes.fold(f64::MIN_POSITIVE, f64::max);
+        let part = |error: f64| Some(error / size).filter(|part| part.is_finite());
         let off = |of: &dyn Fn(&Wrench) -> Vector3<f64>| {
             let found = placed(&held.as_ref()?.0);
-            Some(found.iter().zip(&truth).map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max) / size)
+            part(found.iter().zip(&truth).map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max))
         };
         let (force, torque) = (off(&|w| w.force), off(&|w| w.moment / moved.length));
-        let energy = held.as_ref().map(|(_, energy)| energy / settled.energy);
+        let energy =
+            held.as_ref().map(|(_, energy)| energy / settled.energy).filter(|ratio| ratio.is_finite());
         Deviation { force, torque, energy, shape }
     }
 

@@ -35,8 +35,6 @@ struct MeasuredTable {
 
 /// Unknowns of the largest solve while a table is measured, unless the scene says otherwise.
 const LARGEST: f64 = 200_000.0;
-/// Part of it for models with column families of their own.
-const MODELS_SHARE: f64 = 0.2;
 
 /// Where a body's table comes from: the scene without what it asks for, the body's name, the key that the table must
 /// have, and what is asked for.
@@ -138,7 +136,12 @@ fn measure(
         body: name,
         poses: &poses,
         pose_source,
-        limits: Limits { largest, largest_of_models: MODELS_SHARE * largest, refinements: 1, rounds: 60 },
+        limits: Limits {
+            largest,
+            largest_of_models: Limits::MODELS_SHARE * largest,
+            refinements: 1,
+            rounds: 60,
+        },
         largest_key: format!("body.{name}.{}.largest", demand.key()),
         quick: true,
         packs: false,

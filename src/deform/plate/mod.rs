@@ -59,8 +59,10 @@ pub struct Plate {
     target: Vec<ControlFrame>,
     turns: Vec<Option<UnitQuaternion<f64>>>,
     next_turns: Vec<Option<UnitQuaternion<f64>>>,
-    /// The last state, while a way from rest is tried.
+    /// The last state, while a way to the next one is tried.
     kept: (Vec<Vector3<f64>>, Vec<ControlFrame>),
+    /// The last target, where it had no equilibrium; otherwise none.
+    lost: Vec<ControlFrame>,
     /// The poses of the last evaluation, and what was found.
     poses: Vec<ControlPose>,
     standing: Standing,
@@ -103,6 +105,7 @@ impl Plate {
             turns: vec![None; origins.len()],
             next_turns: Vec::with_capacity(origins.len()),
             kept: (sheet.q.clone(), frames.clone()),
+            lost: Vec::with_capacity(origins.len()),
             frames,
             sheet,
             poses: Vec::with_capacity(origins.len()),
@@ -131,10 +134,28 @@ impl Plate {
         self.next_turns.clear();
         self.next_turns.extend(self.target.iter().map(|frame| Some(frame.turn)));
         let motion = self.take_motion();
-        if let Some(standing) = self.go().or_else(|| self.go_from_rest()) {
-            (self.standing, self.motion, self.is_defined) = (standing, motion, true);
-            self.turns.clone_from(&self.next_turns);
-            self.frames.clone_from(&self.target);
+        let from_lost = match self.lost.is_empty() {
+            true => f64::INFINITY,
+            false => path::distance(&self.lost, &self.target, self.sheet.size),
+        };
+        if from_lost < AGAIN {
+            return;
+        }
+        self.kept.0.clone_from(&self.sheet.q);
+        self.kept.1.clone_from(&self.frames);
+        match self.go().or_else(|| self.go_from_rest(from_lost)) {
+            Some(standing) => {
+                (self.standing, self.motion, self.is_defined) = (standing, motion, true);
+                self.turns.clone_from(&self.next_turns);
+                self.frames.clone_from(&self.target);
+                self.lost.clear();
+            }
+            None => {
+                self.sheet.put(&self.kept.0);
+                self.frames.clone_from(&self.kept.1);
+                self.take_holds();
+                self.lost.clone_from(&self.target);
+            }
         }
     }
 
@@ -152,13 +173,9 @@ impl Plate {
         motion
     }
 
-    /// From the last state to the target.
+    /// From the last state to the target; where it fails, the sheet stands somewhere on the way.
     fn go(&mut self) -> Option<Standing> {
-        let found = path::follow(&self.frames, &self.target, &mut self.holds, &mut self.sheet);
-        if found.is_none() {
-            self.take_holds();
-        }
-        found
+        path::follow(&self.frames, &self.target, &mut self.holds, &mut self.sheet)
     }
 
     fn take_holds(&mut self) {
@@ -167,18 +184,13 @@ impl Plate {
         }
     }
 
-    /// A way from rest may exist where none from the last state was found.
-    fn go_from_rest(&mut self) -> Option<Standing> {
-        self.kept.0.clone_from(&self.sheet.q);
-        self.kept.1.clone_from(&self.frames);
-        self.rest();
-        let found = self.go();
-        if found.is_none() {
-            self.sheet.put(&self.kept.0);
-            self.frames.clone_from(&self.kept.1);
-            self.take_holds();
+    /// A way from rest may exist where none from the last state was found; not tried again beside poses that had none.
+    fn go_from_rest(&mut self, from_lost: f64) -> Option<Standing> {
+        if from_lost < 1.0 {
+            return None;
         }
-        found
+        self.rest();
+        self.go()
     }
 
     /// The sheet and its holds at rest.
@@ -190,6 +202,9 @@ impl Plate {
         self.take_holds();
     }
 }
+
+/// A target as near as this to one that had no equilibrium, in steps of [`path`], is not tried: each attempt takes long.
+const AGAIN: f64 = 0.125;
 
 /// How the shell stands at rest.
 const REST: Standing = Standing { energy: 0.0, iterations: 0, buckled: false };
@@ -240,6 +255,7 @@ impl DeformationModel for Plate {
 
     fn forget(&mut self) {
         self.rest();
+        self.lost.clear();
         self.motion = Isometry3::identity();
         self.turns.fill(None);
         self.poses.clear();

@@ -32,7 +32,7 @@ pub fn follow(
     holds: &mut [Hold],
     sheet: &mut Sheet,
 ) -> Option<Standing> {
-    let steps = steps(from, to, sheet.size);
+    let steps = distance(from, to, sheet.size).max(1.0).ceil().min(MOST_STEPS);
     let (mut iterations, mut buckled) = (0, false);
     for step in 1.. {
         let share = step as f64 / steps;
@@ -49,13 +49,14 @@ pub fn follow(
     None
 }
 
-fn steps(from: &[ControlFrame], to: &[ControlFrame], size: f64) -> f64 {
+/// How far the farthest control element goes, in the largest steps.
+pub fn distance(from: &[ControlFrame], to: &[ControlFrame], size: f64) -> f64 {
     let of = |(from, to): (&ControlFrame, &ControlFrame)| {
         let turn = long_turn(&(to.turn * from.turn.inverse())).norm() / TURN;
         let moved = (to.place - from.place).norm() / (MOVE * size);
         turn.max(moved).max((to.stretch - from.stretch).norm() / STRETCH)
     };
-    from.iter().zip(to).map(of).fold(1.0, f64::max).ceil().min(MOST_STEPS)
+    from.iter().zip(to).map(of).fold(0.0, f64::max)
 }
 
 /// So far on the way from one frame to another.

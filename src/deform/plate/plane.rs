@@ -12,6 +12,8 @@ const NARROW: f64 = 0.15;
 const BESIDE: [f64; 2] = [0.2, 0.55];
 const LEVELS: usize = 1 + BESIDE.len();
 const MOST_CELLS: usize = 256;
+/// Where there are more, cells become wider, so many times by a fifth.
+const WIDER: i32 = 12;
 
 /// A rectangle around the body as it is seen along its thinnest direction: a corner, and the directions along it, across
 /// it and through it as columns.
@@ -61,15 +63,20 @@ impl Plane {
     /// Cells as square as the numbers allow, which end where held regions do, and are narrow beside them. Where that would be
     /// too many, they are less so.
     pub fn grid(&self, held: &[Vec<Vector3<f64>>]) -> Grid {
-        let of = |level: usize| Grid { knots: [0, 1].map(|axis| self.knots(axis, held, level)) };
+        let of = |(level, wider): (usize, f64)| Grid {
+            knots: [0, 1].map(|axis| self.knots(axis, held, level, wider)),
+        };
         let fits = |grid: &Grid| grid.cells().iter().product::<usize>() <= MOST_CELLS;
-        (1..=LEVELS).rev().map(of).find(fits).unwrap_or_else(|| of(0))
+        let fine = (1..=LEVELS).rev().map(|level| (level, 1.0));
+        // A ring fills little of its rectangle.
+        let wide = (0..WIDER).map(|k| (0, 1.2_f64.powi(k)));
+        fine.chain(wide).map(of).find(fits).unwrap_or_else(|| of((0, 1.2_f64.powi(WIDER))))
     }
 
     /// Level 0 knows no held regions, 1 where they end, the others also narrow cells beside them.
-    fn knots(&self, axis: usize, held: &[Vec<Vector3<f64>>], level: usize) -> Vec<f64> {
+    fn knots(&self, axis: usize, held: &[Vec<Vector3<f64>>], level: usize, wider: f64) -> Vec<f64> {
         let (size, direction) = (self.size[axis], self.axes.column(axis));
-        let cell = (self.area / CELLS).sqrt();
+        let cell = wider * (self.area / CELLS).sqrt();
         let mut ends = vec![0.0, size];
         for nodes in held {
             let places = nodes.iter().map(|x| direction.dot(&(x - self.corner)));

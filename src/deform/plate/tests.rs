@@ -272,6 +272,29 @@ fn a_pressed_leaf_buckles() {
     assert!((0.04..0.1).contains(&aside), "{aside}");
 }
 
+/// A pose so far away that no number holds its energy: the shell stays as it was, and goes on from there.
+#[test]
+fn a_pose_without_equilibrium_leaves_the_last_one() {
+    let mut body = Body::new(&scene(LEAF, "tet4"));
+    let bent = bend(20.0);
+    let (energy, slopes) = body.respond(&bent);
+    let shape = body.shape(&bent);
+    for far in [1e100, 1e154, 1e300] {
+        let nowhere = pose(Vector3::z() * 2.0, Vector3::new(far, far, 0.0));
+        let mut kept = [PoseSlope::default(); 3];
+        let response = body.model.respond(&nowhere, &mut kept).unwrap();
+        assert!(!response.is_defined && response.energy == energy, "{far:e}: {response:?}");
+        for (kept, slope) in kept.iter().zip(&slopes) {
+            let off = (kept.translation - slope.translation).norm() + (kept.matrix - slope.matrix).norm();
+            assert!(off <= 1e-9 * energy, "{far:e}: {kept:?} {slope:?}");
+        }
+        assert_eq!(body.shape(&nowhere), shape, "{far:e}");
+    }
+    let (again, _) = body.respond(&bend(25.0));
+    let (fresh, _) = Body::new(&scene(LEAF, "tet4")).respond(&bend(25.0));
+    assert!((again - fresh).abs() < 1e-6 * fresh, "{again} {fresh}");
+}
+
 #[test]
 fn a_body_that_is_no_plate_is_refused() {
     let thick = scene("block = { size = [1.0, 0.1, 0.4], cells = [8, 1, 4] }", "tet4");

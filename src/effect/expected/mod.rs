@@ -154,6 +154,10 @@ pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -
         mesh,
     };
     errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
+    if let Err(why) = errors.check() {
+        errors.moved.clear();
+        errors.left_out.push(format!("what was measured is no error: {why}"));
+    }
     errors
 }
 
@@ -172,7 +176,8 @@ fn mesh_errors(
         let found = better.share(&body.solution, e);
         if found.is_none() {
             let control = &body.solution.controls[e].name;
-            left_out.push(format!("{control}: what the mesh adds: it is too coarse to tell"));
+            left_out
+                .push(format!("{control}: what the mesh adds: it is too coarse to tell, or nothing resists"));
         }
         found
             .map(|MeshErrors { wrench, shape }| MeshErrors { wrench: rounded(wrench), shape: rounded(shape) })

@@ -74,8 +74,8 @@ impl Measured {
         Ok(Measured { statics, deformer, nodes })
     }
 
-    /// Of control element `e` of the body, [`MovedErrors::bent`](crate::deform::MovedErrors) and `shifted`; the body was solved as `solution`; `left_out` hears what could not be measured.
-    /// `progress` is advanced by 1000 for each of [`motions`].
+    /// Measures `bent` and `shifted` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
+    /// solved as `solution`; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
         solution: &Solution,
@@ -135,7 +135,7 @@ fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) ->
     let mut levels: Vec<ErrorsAt> = Vec::new();
     for level in &LEVELS {
         let here = motions(level).iter().map(at).collect::<Option<Vec<ErrorsAt>>>();
-        // None of a level without motions of this kind either.
+        // A level without motions of this kind ends the list too.
         let Some(here) = here.and_then(|all| all.into_iter().reduce(|a, b| a.and(&b))) else { break };
         let all = levels.last().map_or(here, |last| last.and(&here));
         levels.push(ErrorsAt { angle: level.angle, ..all });

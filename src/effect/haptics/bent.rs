@@ -22,9 +22,10 @@ use std::sync::Arc;
 /// Length of the beam, m.
 const LENGTH_M: f64 = 0.3;
 
-/// Its section, m, and cells: a tenth as wide as it is long; or, for models of thin bodies, which refuse that, a leaf that is
+/// Its section, m, and cells: a tenth as wide as it is long; for the model of thin bodies, which refuses that, a leaf that is
 /// bent out of its plane.
 const BEAM: ([f64; 2], [u32; 3]) = ([0.03, 0.03], [2, 2, 12]);
+const THIN: &str = "plate";
 const LEAF: ([f64; 2], [u32; 3]) = ([0.006, 0.06], [1, 6, 30]);
 
 /// By how much its end is bent, °.
@@ -32,7 +33,7 @@ pub const BENDS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
 
 /// The beam as a session has it, of Young's modulus `young`, Pa.
 pub fn beam(model: &ModelEntry, young: f64) -> Result<Deformer, Failure> {
-    of_section(model, young, BEAM).or_else(|_| of_section(model, young, LEAF))
+    of_section(model, young, if model.name == THIN { LEAF } else { BEAM })
 }
 
 fn of_section(

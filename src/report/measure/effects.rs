@@ -21,19 +21,20 @@ pub fn measure(
     folder: &Path,
 ) -> Result<Vec<EffectCost>, GreenError> {
     let run = |scene: &Scene| run(scene, body, requirements_of(scene), model, poses, folder);
-    let as_listed = run(scene)?;
+    // Each effect alone beside none: two may share what they need.
+    let with = |effects: &[&str]| {
+        let mut scene = scene.clone();
+        scene.body[body].effects = effects.iter().map(|name| (*name).to_owned()).collect();
+        run(&scene)
+    };
+    let without = with(&[])?;
     EFFECTS
         .iter()
         .map(|effect| {
             let listed = scene.body[body].effects.iter().any(|name| name == effect.name);
-            let mut without = as_listed;
-            if listed {
-                let mut scene = scene.clone();
-                scene.body[body].effects.retain(|name| name != effect.name);
-                without = run(&scene)?;
-            }
+            let found = if listed { with(&[effect.name])? } else { without };
             let [offline_s, file_bytes, memory_bytes, frame_s] =
-                std::array::from_fn(|cost| (as_listed[cost] - without[cost]).max(0.0));
+                std::array::from_fn(|cost| (found[cost] - without[cost]).max(0.0));
             Ok(EffectCost {
                 effect: effect.name.into(),
                 listed,

@@ -49,19 +49,23 @@ pub fn measurements(
         let parts = Compared { meshes, candidates, candidate, references };
         let mut files = Files::new();
         for (turn, model) in models.into_iter().enumerate() {
-            let errors = match parts.errors(model, &rounded) {
-                Ok(errors) => errors,
+            let mut made = || -> Result<Vec<(Measurement, TimedDeformer)>, MeasureError> {
+                let errors = parts.errors(model, &rounded)?;
+                let stored = storages.iter().zip(&errors);
+                stored
+                    .map(|(&storage, errors)| row(request, candidate, model, storage, errors, &mut files))
+                    .collect()
+            };
+            match made() {
+                Ok(made) => {
+                    untimed.extend(made.into_iter().map(|(row, deformer)| Untimed { row, deformer, turn }));
+                }
                 Err(MeasureError::Model(why)) if !of_affine_columns().any(|m| m.name == model.name) => {
                     if !left_out.contains(&why) {
                         left_out.push(why);
                     }
-                    continue;
                 }
                 Err(error) => return Err(error),
-            };
-            for (&storage, errors) in storages.iter().zip(&errors) {
-                let (row, deformer) = row(request, candidate, model, storage, errors, &mut files)?;
-                untimed.push(Untimed { row, deformer, turn });
             }
         }
         progress.advance(1);

@@ -20,6 +20,11 @@ pub struct Limits {
     pub rounds: usize,
 }
 
+impl Limits {
+    /// What `largest_of_models` is of `largest`.
+    pub const MODELS_SHARE: f64 = 0.2;
+}
+
 /// What is to be measured, and in which poses.
 pub struct Request<'a> {
     pub scene: &'a Scene,

@@ -11,6 +11,7 @@ use super::request::{MeasureError, Request};
 use crate::deform::{
     Deformer, Kind, MODELS, ModelEntry, Motion, Moved, Statics, StaticsError, Trial, trials,
 };
+use crate::effect::expected::mesh::softest_turn;
 use crate::fem::{STVK, TET4};
 use crate::green::{self, GreenFile, Precomputed, Solution};
 use crate::report::data::{ModelTrial, ModelTrials, TrialMotion};
@@ -50,10 +51,14 @@ pub fn measure(
         }
         Err(error) => return Err(error.into()),
     };
-    let Some(moved) = moved(request, &statics) else {
+    let Some(mut moved) = moved(request, &statics) else {
         found.about.push("Not measured: no control element can be moved against others.".into());
         return Ok(found);
     };
+    let own = nodes.and_then(|c| softest_turn(&c.solution, moved.element, &moved.axis));
+    if let Some(across) = own {
+        moved = moved.about(across);
+    }
     found.about = about(request, &scene, &statics, &moved);
     let held = equilibria(request, &mut statics, &moved, &mut found.about, progress)?;
     for model in online() {
@@ -110,7 +115,7 @@ fn about(request: &Request<'_>, scene: &Scene, statics: &Statics, moved: &Moved)
     };
     vec![
         format!(
-            "The control element {name} is bent along a circular arc and twisted about the axis from the others, which rest; \
+            "The control element {name} is bent along a circular arc, in the plane in which that is easiest, and twisted about the axis from the others, which rest; \
              it comes there in steps of 10° at most, as a hand does."
         ),
         format!(

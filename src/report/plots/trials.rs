@@ -118,7 +118,7 @@ impl Quantity {
             let good = rows.iter().take_while(|row| (self.of)(row).is_some_and(|error| error <= bearable));
             match good.last() {
                 Some(row) => format!("{model} up to {}°", digits(row.degrees, 4)),
-                None => format!("{model} in none"),
+                None => format!("{model} at no angle that was tried"),
             }
         };
         let sentences: Vec<String> = models(report).into_iter().map(sentence).collect();
