@@ -426,16 +426,17 @@ fn what_goes_on_from_a_lost_equilibrium_is_not_solved() {
     let mut statics = Statics::new(&scene, "b", &STVK, &Silent).unwrap();
     let origins: Vec<_> = statics.controls.iter().map(|control| control.origin).collect();
     let moved = Moved::new(&origins, 1).unwrap();
-    let motions = [150.0, 300.0, 360.0, 420.0].map(Motion::Bend).into_iter().chain([Motion::Twist(20.0)]);
+    let motions = [60.0, 230.0, 360.0, 420.0].map(Motion::Bend).into_iter().chain([Motion::Twist(20.0)]);
     let mut told = Vec::new();
     let motions: Vec<Motion> = motions.collect();
     let found = trials(&mut statics, &moved, &motions, &Silent, &mut |motion, why| told.push((motion, why)));
     let found: Vec<Motion> = found.unwrap().iter().map(|trial| trial.motion).collect();
-    assert_eq!(found, [Motion::Bend(150.0), Motion::Twist(20.0)]);
+    assert_eq!(found, [Motion::Bend(60.0), Motion::Twist(20.0)]);
     let whys: Vec<&str> = told.iter().map(|(_, why)| why.as_str()).collect();
-    assert!(whys[0].starts_with("no equilibrium beyond "), "{told:?}");
+    let is_told = whys[0].starts_with("no equilibrium beyond ") || whys[0].ends_with(" turn inside out");
+    assert!(is_told, "{told:?}");
     let on_the_way =
-        ["300°", "360°"].map(|angle| format!("no equilibrium on the way, where it is bent by {angle}"));
+        ["230°", "360°"].map(|angle| format!("no equilibrium on the way, where it is bent by {angle}"));
     assert_eq!(whys[1..], on_the_way);
 }
 
