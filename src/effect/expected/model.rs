@@ -1,6 +1,6 @@
 //! How far a body's model is from static equilibrium, measured on the body itself.
 //!
-//! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] each of [`LEVELS`], all others
+//! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] each of `LEVELS`, all others
 //! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]). It is bent in the plane in
 //! which that is easiest, where hands bend it.
 

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A model with column families of its own is made on fewer meshes. From the finest of them on, its discretisation is what
-//! refinement changes in the most accurate model that is made on finer ones. Beside the settings, each model is tried alone at rotations from 1° to 360° ([`trials`]).
+//! refinement changes in the most accurate model that is made on finer ones. Beside the settings, each model is tried alone at rotations from 1° to 360° (`trials`).
 //!
 //! The parts are fields on one finest mesh. Their sum, node by node, is the whole error, so its norm is at most the sum of
 //! their norms. u* is thus the nonlinear equilibrium on the scene's mesh, corrected by what refinement changes in the
