@@ -59,8 +59,8 @@ fn bent() -> Result<(Table, Vec<serde_json::Value>), Failure> {
             for (young, run) in MODULI.iter().zip(runs.iter().map(|runs| runs[way])) {
                 found.push(json!({
                     "model": model.name, "every_s": reports.every_s, "jitter_s": reports.jitter_s,
-                    "degrees": degrees, "young_pa": young, "swing_m": run.swing_m, "turned_rad": run.turned_rad, "speed": run.speed,
-                    "made_j": run.made_j,
+                    "degrees": degrees, "young_pa": young, "swing_m": run.swing_m,
+                    "turned_rad": run.turned_rad, "speed": run.speed, "made_j": run.made_j,
                 }));
             }
         }

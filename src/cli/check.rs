@@ -73,7 +73,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let mut table = Table::new(&["body", "effect", "", "file and memory"]);
         for cost in &effects {
             let listed = if cost.listed { "listed" } else { "not listed" };
-            table.row(&[&cost.body, cost.effect, listed, &bytes(cost.bytes as f64)]);
+            let own = if cost.has_section { ", and its section" } else { "" };
+            table.row(&[&cost.body, cost.effect, listed, &format!("{}{own}", bytes(cost.bytes as f64))]);
         }
         print(&format!("{lines}{}\n\n{}\n{}", tally(&findings), table.text(), errors_text(&known)))?;
     }
@@ -103,13 +104,15 @@ fn errors_text(known: &[(&String, Result<ExpectedErrors, String>)]) -> String {
     text
 }
 
-/// The bytes that one effect adds to one body's file and memory; `greenstage accuracy` measures its times too.
+/// The bytes that one effect adds to one body's file and memory, but for a section of its own, whose size is known when it is
+/// written; `greenstage accuracy` measures its times too.
 #[derive(serde::Serialize)]
 struct Cost {
     body: String,
     effect: &'static str,
     listed: bool,
     bytes: usize,
+    has_section: bool,
 }
 
 /// Every effect of every body: one that is not listed adds nothing.
@@ -121,7 +124,8 @@ fn effects(scene: &Scene) -> Vec<Cost> {
                 Ok(model) if listed => effect.bytes(model, body.control.len()),
                 _ => 0,
             };
-            Cost { body: name.clone(), effect: effect.name, listed, bytes }
+            let has_section = listed && effect.precompute.is_some();
+            Cost { body: name.clone(), effect: effect.name, listed, bytes, has_section }
         };
         EFFECTS.iter().map(cost).collect()
     };

@@ -18,7 +18,7 @@
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, axial};
 use super::mean_frame::MeanFrame;
-use super::se3::{halves, inverse_left_jacobian, inverse_right_jacobian};
+use super::se3::{halves, inverse_left_jacobian, inverse_right_jacobian, joined};
 use crate::green::FIELDS;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 
@@ -89,7 +89,7 @@ impl Helicoidal {
         }
         let of_mean = self.mean.share(&common)?;
         for ((slope, frame), screw) in slopes.iter_mut().zip(frames).zip(&self.mean.screws) {
-            let own = stacked(&slope.force, &slope.torque) - of_mean;
+            let own = joined(&slope.force, &slope.torque) - of_mean;
             let (force, torque) = halves(&(inverse_right_jacobian(screw).transpose() * own));
             (slope.force, slope.torque) = (frame.turn * force, frame.turn * torque);
         }
@@ -152,12 +152,8 @@ impl Helicoidal {
             - turn * second_matrix.trace()
             + axial(&(second_matrix * strain));
         let by_stretch = matrix - cross * second_matrix;
-        (stacked(&by_place, &by_turn), (by_stretch + by_stretch.transpose()) * 0.5)
+        (joined(&by_place, &by_turn), (by_stretch + by_stretch.transpose()) * 0.5)
     }
-}
-
-fn stacked(force: &Vector3<f64>, torque: &Vector3<f64>) -> Vector6<f64> {
-    Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
 }
 
 /// The twelve coefficients of element `e`: a translation, then a matrix row by row.

@@ -101,6 +101,11 @@ fn adjoint(screw: &Vector6<f64>) -> Matrix6<f64> {
     ad
 }
 
+/// (v, ω) in one vector.
+pub fn joined(first: &Vector3<f64>, second: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(first.x, first.y, first.z, second.x, second.y, second.z)
+}
+
 /// (v, ω).
 pub fn halves(screw: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
     (screw.fixed_rows::<3>(0).into_owned(), screw.fixed_rows::<3>(3).into_owned())

@@ -62,10 +62,6 @@ pub fn log(frame: &Isometry3<f64>) -> Vector6<f64> {
     se3::log(&frame.rotation, &frame.translation.vector)
 }
 
-pub fn joined(first: &Vector3<f64>, second: &Vector3<f64>) -> Vector6<f64> {
-    Vector6::new(first.x, first.y, first.z, second.x, second.y, second.z)
-}
-
 fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, c: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
     let mut m = Matrix6::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(a);
@@ -158,7 +154,7 @@ mod tests {
         let last = Vector6::new(-0.7, 0.2, 0.1, -0.3, 0.6, 0.8);
         for angle in [0.0, 1e-3, 0.3, 0.599, 0.601, 1.5, 3.0] {
             let turn = Vector3::new(0.3, -0.5, 0.7).normalize() * angle;
-            let h = joined(&Vector3::new(0.2, -1.0, 0.4), &turn);
+            let h = se3::joined(&Vector3::new(0.2, -1.0, 0.4), &turn);
             let moved = |t: f64| log(&(exp(&(first * -t)) * exp(&h) * exp(&(last * t))));
             let tangent = Tangent::of(&h);
             let slope = (moved(step) - moved(-step)) / (2.0 * step);

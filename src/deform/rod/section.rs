@@ -24,7 +24,8 @@
 use super::super::frames::{ControlFrame, FrameSlope};
 use super::super::helicoidal::Helicoidal;
 use super::super::se3::exp;
-use super::screws::{joined, shift};
+use super::super::se3::joined;
+use super::screws::shift;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, SMatrix, SVector, Translation3, Vector3, Vector6};
 
 /// The nine numbers of U - I of an end, row by row.

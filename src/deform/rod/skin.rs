@@ -16,8 +16,9 @@
 //! its sections (Saint-Venant), and what happens close to its ends are in it.
 
 use super::super::se3::halves;
+use super::super::se3::joined;
 use super::chain::Chain;
-use super::screws::{joined, shift};
+use super::screws::shift;
 use super::section::{Section, rigid_fields};
 use crate::base::parts::PartWeights;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};

@@ -11,7 +11,7 @@
 //! A push that were clipped to its limit would do work if a body is stiffer in one direction than in another.
 
 use crate::deform::se3;
-use nalgebra::{Const, Isometry3, Matrix6, SymmetricEigen, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Const, Isometry3, Matrix6, SymmetricEigen, Translation3, UnitQuaternion, Vector6};
 
 /// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ reduces
 /// every λ greater than k, the stiffness that friction bears, to k. Where K changes, Γ only grows: the least U over the
@@ -81,14 +81,14 @@ impl CouplingState {
     pub fn by_offset(&self, push: &Vector6<f64>) -> Vector6<f64> {
         let (force, torque) = se3::halves(push);
         let turn = self.offset.fixed_rows::<3>(3).into_owned();
-        stacked(&force, &(se3::slide_matrix(&turn).transpose() * torque))
+        se3::joined(&force, &(se3::slide_matrix(&turn).transpose() * torque))
     }
 
     /// Force and torque on the handle, whose turning changes θ by -V⁻ᵀ(θ) ω.
     pub fn on_handle(&self) -> Vector6<f64> {
         let (force, torque) = se3::halves(&self.push);
         let turn = self.offset.fixed_rows::<3>(3).into_owned();
-        stacked(&force, &(se3::inverse_slide_matrix(&turn) * torque))
+        se3::joined(&force, &(se3::inverse_slide_matrix(&turn) * torque))
     }
 
     /// Whether the coupling holds no energy that its replacement would change, J.
@@ -106,10 +106,6 @@ impl CouplingState {
 
 /// Energies below are nothing, J.
 const SLACK_J: f64 = 1e-9;
-
-fn stacked(force: &Vector3<f64>, torque: &Vector3<f64>) -> Vector6<f64> {
-    Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
-}
 
 /// The longest step: faster than any hand in a tick, and short enough for the stiffness at the handle to be valid.
 const RADIUS_M: f64 = 5e-3;
@@ -237,7 +233,7 @@ impl Coupling {
     pub fn follow(&self, moved: &Vector6<f64>, last: &CouplingState) -> CouplingState {
         let (place, turn) = se3::halves(moved);
         let angle = last.offset.fixed_rows::<3>(3).into_owned();
-        let moved = stacked(&place, &(se3::inverse_slide_matrix(&-angle) * turn));
+        let moved = se3::joined(&place, &(se3::inverse_slide_matrix(&-angle) * turn));
         let slipping = Matrix6::from_diagonal(&self.per_limit.component_mul(&self.per_limit)) * last.slip;
         let compliance = self.compliance + slipping;
         let push = (Matrix6::identity() + self.stiffness * compliance).lu().solve(&(self.stiffness * moved));
@@ -286,6 +282,7 @@ impl Coupling {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
 
     #[test]
     fn the_coupling_softens_what_is_too_stiff_and_nothing_else() {
@@ -391,11 +388,11 @@ mod tests {
         let slope = |hold: &Isometry3<f64>, stiffness: &Matrix6<f64>| {
             let turn = hold.rotation.scaled_axis();
             let place = hold.translation.vector;
-            let apart = stacked(&place, &turn);
+            let apart = se3::joined(&place, &turn);
             let force = stiffness * apart;
             // By a spin of the hold, dθ = V⁻¹(θ) ω.
             let (force, torque) = se3::halves(&force);
-            let by_motion = stacked(&force, &(se3::inverse_slide_matrix(&turn).transpose() * torque));
+            let by_motion = se3::joined(&force, &(se3::inverse_slide_matrix(&turn).transpose() * torque));
             (0.5 * apart.dot(&(stiffness * apart)), by_motion)
         };
         let stiffness = Matrix6::from_diagonal(&Vector6::new(900.0, 40.0, 10.0, 4.0, 0.3, 1.0));

@@ -1,5 +1,6 @@
 //! Force-feedback devices: the handle's pose comes in, force and torque go out.
 
+use crate::deform::se3;
 use crate::track::Flow;
 use nalgebra::{Isometry3, Vector3, Vector6};
 
@@ -64,12 +65,12 @@ impl Push {
 
     /// The force above the torque in one vector.
     pub fn stacked(&self) -> Vector6<f64> {
-        let (f, t) = (&self.force, &self.torque);
-        Vector6::new(f.x, f.y, f.z, t.x, t.y, t.z)
+        se3::joined(&self.force, &self.torque)
     }
 
     pub fn unstacked(both: &Vector6<f64>) -> Push {
-        Push { force: both.fixed_rows::<3>(0).into_owned(), torque: both.fixed_rows::<3>(3).into_owned() }
+        let (force, torque) = se3::halves(both);
+        Push { force, torque }
     }
 
     pub fn plus(&self, other: &Push) -> Push {

@@ -21,6 +21,7 @@
 //! those of [`super::delay`]. A stiffer body is felt through a virtual coupling ([`super::coupling`]).
 
 use super::device::Push;
+use crate::deform::se3;
 use nalgebra::{Vector3, Vector6};
 
 /// The fraction of the theoretically passive stiffness that is used: the coupling is updated only when the lag has changed by
@@ -45,8 +46,7 @@ pub struct Motion {
 
 impl Motion {
     pub fn stacked(&self) -> Vector6<f64> {
-        let (place, turn) = (&self.dx, &self.turn);
-        Vector6::new(place.x, place.y, place.z, turn.x, turn.y, turn.z)
+        se3::joined(&self.dx, &self.turn)
     }
 }
 

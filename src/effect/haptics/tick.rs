@@ -11,6 +11,7 @@ use super::device::{Push, Reading};
 use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, device_from_handle, room_from_handle};
 use super::passivity::{MARGIN, Motion, Observer, largest_stiffness};
+use crate::deform::se3;
 use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
 
@@ -483,7 +484,7 @@ fn part(length: f64, most: f64) -> f64 {
 fn way(from: &Isometry3<f64>, to: &Isometry3<f64>) -> Vector6<f64> {
     let place = to.translation.vector - from.translation.vector;
     let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
-    Vector6::new(place.x, place.y, place.z, turn.x, turn.y, turn.z)
+    se3::joined(&place, &turn)
 }
 
 fn is_sane(pose: &Isometry3<f64>) -> bool {

@@ -1,6 +1,6 @@
 //! The rod against twists, arcs and rolls in closed form, the elastica, tabulated tips and the twist at which it buckles.
 
-use super::super::screws::joined;
+use super::super::super::se3::joined;
 use super::*;
 use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::PI;
