@@ -236,6 +236,11 @@ impl Scene {
         SceneError::Invalid { path: self.path.clone(), entity: entity.to_owned(), message: message.into() }
     }
 
+    /// A scene that was changed in the program, as it would be read from its file.
+    pub fn checked(&self) -> Result<Scene, SceneError> {
+        self.check().map(|()| self.clone())
+    }
+
     fn check(&self) -> Result<(), SceneError> {
         if self.body.is_empty() {
             return Err(self.invalid("body", "the scene has no body; add a [body.NAME] table"));
