@@ -16,6 +16,8 @@ pub type Comments = BTreeMap<String, String>;
 const WIDTH: usize = 120;
 /// A comment stands behind lines up to this length, and over longer ones.
 const BEHIND: usize = 72;
+/// A list of more numbers than this is written over several lines.
+const LONG: usize = 12;
 /// Keys that are written though they have their default: what one changes first.
 const ALWAYS: [&str; 2] = ["model", "effects"];
 
@@ -161,6 +163,7 @@ fn wrap(text: &mut String, comment: &str) {
 fn inline(value: &Value) -> String {
     match value {
         Value::Float(number) => float(*number),
+        Value::Array(values) if values.len() > LONG && values.iter().all(Value::is_integer) => tags(values),
         Value::Array(values) => format!("[{}]", values.iter().map(inline).collect::<Vec<_>>().join(", ")),
         Value::Table(table) => {
             let entry = |(key, value): (&String, &Value)| format!("{} = {}", quoted_key(key), inline(value));
@@ -168,6 +171,20 @@ fn inline(value: &Value) -> String {
         }
         other => other.to_string(),
     }
+}
+
+/// A long list of whole numbers, over several lines.
+fn tags(values: &[Value]) -> String {
+    let mut lines = vec![String::new()];
+    for value in values {
+        let word = format!("{value}, ");
+        if lines.last().is_some_and(|line| line.len() + word.len() > WIDTH - 4) {
+            lines.push(String::new());
+        }
+        lines.last_mut().into_iter().for_each(|line| line.push_str(&word));
+    }
+    let lines: String = lines.iter().map(|line| format!("    {}\n", line.trim_end())).collect();
+    format!("[\n{lines}]")
 }
 
 /// The shortest text of the same number: 0.07, 250.0, 2.1e11.
