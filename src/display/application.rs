@@ -118,12 +118,22 @@ impl WindowApp for Application {
     }
 
     fn input(&mut self, input: Input) {
-        if let Some(desk) = &mut self.desk
-            && desk.input(&input, &self.session)
-        {
-            return;
+        let Application { desk, shows, session, .. } = self;
+        let ray = |window: usize, position: [f32; 2], session: &Session| match shows {
+            Shows::Screens(screens) => screens.ray(window, position, session),
+            Shows::Model(_) => None,
+        };
+        let meant = match desk {
+            Some(desk) => desk.input(input, session, ray),
+            None => Some(input),
+        };
+        if let Some(input) = meant {
+            self.shows.input(input, &mut self.session);
         }
-        self.shows.input(input, &mut self.session);
+    }
+
+    fn quits(&mut self) -> bool {
+        !self.desk.as_mut().is_some_and(Desk::keeps_open)
     }
 
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
@@ -147,7 +157,11 @@ impl WindowApp for Application {
         if let Some(desk) = &mut self.desk {
             desk.lay_out(windows, session);
         }
-        self.shows.draw(&mut WindowFrame { windows, session, bodies, step_s, track_s })?;
+        let edited = match &mut self.desk {
+            Some(desk) => desk.edited(&windows.gpu, session)?,
+            None => None,
+        };
+        self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, step_s, track_s })?;
         self.frames += 1;
         self.change(windows)?;
         let is_over = |limit_s| self.started.elapsed().as_secs_f64() >= limit_s;

@@ -61,13 +61,18 @@ impl Canvas {
         };
         let hit = pick(ray, &[target])?;
         let point: Point3<f64> = room_from_mesh.inverse_transform_point(&hit.point_in_room.cast());
-        let distance = |(place, vertex): (&Vector3<f64>, u32)| ((place - point.coords).norm_squared(), vertex);
+        let distance =
+            |(place, vertex): (&Vector3<f64>, u32)| ((place - point.coords).norm_squared(), vertex);
         let nearest = self.places.iter().zip(0..).map(distance).min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some(Touch { point: point.coords, vertex: nearest.1 })
     }
 
     /// The vertices of nodes of the mesh, ascending.
     pub fn vertices(&self, nodes: &[u32]) -> Vec<u32> {
-        nodes.iter().filter_map(|node| self.nodes.binary_search(node).ok()).map(|vertex| vertex as u32).collect()
+        nodes
+            .iter()
+            .filter_map(|node| self.nodes.binary_search(node).ok())
+            .map(|vertex| vertex as u32)
+            .collect()
     }
 }

@@ -25,7 +25,8 @@ impl Roads {
             .collect();
         edges.sort_unstable();
         edges.dedup();
-        let starts = (0..=positions.len() as u32).map(|v| edges.partition_point(|edge| edge[0] < v) as u32).collect();
+        let starts =
+            (0..=positions.len() as u32).map(|v| edges.partition_point(|edge| edge[0] < v) as u32).collect();
         let length = |[a, b]: [u32; 2]| (b, (positions[b as usize] - positions[a as usize]).norm());
         Roads {
             starts,
@@ -84,14 +85,19 @@ mod tests {
         let (mesh, surface) = fingers();
         let places: Vec<_> = surface.nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
         let mut roads = Roads::new(&places, &surface.triangles);
-        let at = |place: [f64; 3]| places.iter().position(|x| (x - Vector3::from(place)).norm() < 1e-9).unwrap() as u32;
+        let at = |place: [f64; 3]| {
+            places.iter().position(|x| (x - Vector3::from(place)).norm() < 1e-9).unwrap() as u32
+        };
         let start = at([-0.1, 0.0, 0.5]);
         for radius in [0.0, 0.15, 0.5, 0.97] {
             let reached = roads.within(&BTreeSet::from([start]), radius);
             assert!(reached.iter().all(|&v| places[v as usize].x < 0.05), "{radius}");
             // Edges of the surface are edges of the mesh: what they reach, a path in the body reaches as well.
             let through = geodesic::within(&mesh, surface.nodes[start as usize], radius);
-            assert!(reached.iter().all(|&v| through.binary_search(&surface.nodes[v as usize]).is_ok()), "{radius}");
+            assert!(
+                reached.iter().all(|&v| through.binary_search(&surface.nodes[v as usize]).is_ok()),
+                "{radius}"
+            );
             assert!(radius == 0.0 || reached.len() > 1);
         }
         let across = roads.within(&BTreeSet::from([start]), 1.03);

@@ -17,11 +17,17 @@ const LONG: usize = 400;
 
 const SCENE: Kind =
     Kind { name: "a scene file", recognizes: |head| head.windows(6).any(|window| window == b"[body.") };
-const TAGS: Kind = Kind { name: "a file of node tags by greenstage", recognizes: |head| head.starts_with(TAGS_HEAD) };
+const TAGS: Kind =
+    Kind { name: "a file of node tags by greenstage", recognizes: |head| head.starts_with(TAGS_HEAD) };
 const TAGS_HEAD: &[u8] = b"# greenstage: nodes of ";
 
 /// Writes `scene` to `path`; returns it as it is read from there. A file that is there is left as it is.
-pub fn save(scene: &Scene, comments: &Comments, file: Option<&GreenFile>, path: &Path) -> Result<Scene, Failure> {
+pub fn save(
+    scene: &Scene,
+    comments: &Comments,
+    file: Option<&GreenFile>,
+    path: &Path,
+) -> Result<Scene, Failure> {
     if path.extension().is_none_or(|extension| extension != "toml") {
         return Err(Failure::wrong(format!("{}: a scene file's name ends in .toml", path.display())));
     }
@@ -37,7 +43,8 @@ pub fn save(scene: &Scene, comments: &Comments, file: Option<&GreenFile>, path: 
     if is_file(Path::new(&scene.stage)) {
         moved.stage = there(Path::new(&scene.stage)).display().to_string();
     }
-    moved.script = scene.script.as_ref().map(|script| if is_file(script) { there(script) } else { script.clone() });
+    moved.script =
+        scene.script.as_ref().map(|script| if is_file(script) { there(script) } else { script.clone() });
     for (name, body) in &mut moved.body {
         body.mesh = body.mesh.as_deref().map(there);
         for (control_name, control) in &mut body.control {

@@ -26,11 +26,29 @@ impl Tool {
     pub const ALL: &[(Tool, &str, &str)] = &[
         (Tool::Paint, "Paint", "drag over the surface: what the brush touches is added"),
         (Tool::Erase, "Erase", "drag over the surface: what the brush touches is taken away"),
-        (Tool::Ball, "Draw a ball", "press at its centre and drag: all nodes in the ball, inside the body too"),
+        (
+            Tool::Ball,
+            "Draw a ball",
+            "press at its centre and drag: all nodes in the ball, inside the body too",
+        ),
         (Tool::Box, "Draw a box", "drag from corner to corner: all nodes in the box, inside the body too"),
-        (Tool::Grow, "Grow from a point", "press and drag: all nodes within that way through the body, across no gap"),
+        (
+            Tool::Grow,
+            "Grow from a point",
+            "press and drag: all nodes within that way through the body, across no gap",
+        ),
     ];
 }
+
+impl Tool {
+    /// Whether it acts at once, wherever the ray touches.
+    fn is_brush(self) -> bool {
+        matches!(self, Tool::Paint | Tool::Erase)
+    }
+}
+
+/// Changes that can be taken back.
+const KEPT: usize = 100;
 
 /// A control element on its way.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,6 +76,8 @@ pub struct Sketch {
     /// Of the brush, m.
     pub radius: f64,
     stroke: Option<Stroke>,
+    /// The elements before each change, and which was chosen.
+    history: Vec<(Vec<Element>, usize)>,
     /// Counts the changes of what is held.
     pub version: u64,
 }
@@ -81,7 +101,27 @@ impl Sketch {
             tool: Tool::Paint,
             radius,
             stroke: None,
+            history: Vec::new(),
             version: 0,
+        }
+    }
+
+    fn remember(&mut self) {
+        if self.history.len() == KEPT {
+            self.history.remove(0);
+        }
+        self.history.push((self.elements.clone(), self.chosen));
+    }
+
+    pub fn can_undo(&self) -> bool {
+        !self.history.is_empty()
+    }
+
+    /// Takes the last change back.
+    pub fn undo(&mut self) {
+        if let Some((elements, chosen)) = self.history.pop() {
+            (self.elements, self.chosen, self.stroke) = (elements, chosen, None);
+            self.version += 1;
         }
     }
 
@@ -92,6 +132,7 @@ impl Sketch {
         let is_free = |name: &String| self.elements.iter().all(|element| element.name != *name);
         let numbered = (2..).map(|number| format!("{stem}{number}"));
         let name = std::iter::once(stem.to_owned()).chain(numbered).find(is_free).unwrap_or_default();
+        self.remember();
         self.elements.push(Element { name, grab, nodes: None, held: BTreeSet::new() });
         self.chosen = self.elements.len() - 1;
         self.version += 1;
@@ -99,6 +140,7 @@ impl Sketch {
 
     pub fn delete(&mut self, number: usize) {
         if number < self.elements.len() {
+            self.remember();
             self.elements.remove(number);
             self.chosen = self.chosen.min(self.elements.len().saturating_sub(1));
             self.version += 1;
@@ -114,6 +156,9 @@ impl Sketch {
         if self.elements.is_empty() {
             self.add();
         }
+        if self.tool.is_brush() {
+            self.remember();
+        }
         self.stroke = Some(Stroke { from: touch, to: touch });
         self.brush(canvas, touch);
     }
@@ -125,7 +170,7 @@ impl Sketch {
         // A quick hand leaves no gaps.
         let way = touch.point - before.point;
         let steps = (way.norm() / (0.5 * self.radius)).ceil().clamp(1.0, 50.0) as u32;
-        if !matches!(self.tool, Tool::Paint | Tool::Erase) || steps == 1 {
+        if !self.tool.is_brush() || steps == 1 {
             return self.brush(canvas, touch);
         }
         for step in 1..=steps {
@@ -153,7 +198,11 @@ impl Sketch {
         let held: BTreeSet<u32> = chosen.into_iter().filter(|node| !self.is_taken(*node)).collect();
         // Where a part of the shape belongs to another element, the shape does not say what is held.
         let is_whole = nodes.select(&canvas.mesh).is_ok_and(|all| all.len() == held.len());
-        if let Some(element) = self.elements.get_mut(self.chosen).filter(|_| !held.is_empty()) {
+        if held.is_empty() {
+            return;
+        }
+        self.remember();
+        if let Some(element) = self.elements.get_mut(self.chosen) {
             element.nodes = Some(if is_whole { nodes } else { list(canvas, &held) });
             element.held = held;
             self.version += 1;
@@ -163,7 +212,8 @@ impl Sketch {
     /// The chosen element grows along the surface by a distance, or shrinks where that is negative, m.
     pub fn spread(&mut self, canvas: &mut Canvas, distance: f64) {
         let Some(element) = self.elements.get(self.chosen) else { return };
-        let own: BTreeSet<u32> = canvas.vertices(&element.held.iter().copied().collect::<Vec<_>>()).into_iter().collect();
+        let own: BTreeSet<u32> =
+            canvas.vertices(&element.held.iter().copied().collect::<Vec<_>>()).into_iter().collect();
         let kept: BTreeSet<u32> = if distance >= 0.0 {
             canvas.roads.within(&own, distance).into_iter().collect()
         } else {
@@ -172,6 +222,7 @@ impl Sketch {
             own.difference(&lost).copied().collect()
         };
         let nodes: BTreeSet<u32> = kept.iter().map(|&vertex| canvas.nodes[vertex as usize]).collect();
+        self.remember();
         self.hold(canvas, nodes.into_iter().filter(|&node| !self.is_taken(node)).collect());
     }
 
@@ -199,7 +250,8 @@ impl Sketch {
         let held = || self.elements.iter().filter(|element| !element.held.is_empty());
         let empty = self.elements.iter().find(|element| element.held.is_empty());
         let doubled = self.elements.iter().enumerate().find(|(i, element)| {
-            element.name.trim().is_empty() || self.elements[..*i].iter().any(|other| other.name == element.name)
+            element.name.trim().is_empty()
+                || self.elements[..*i].iter().any(|other| other.name == element.name)
         });
         if let Some((_, element)) = doubled {
             return Some(match element.name.trim() {

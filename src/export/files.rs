@@ -23,7 +23,9 @@ impl Files {
         let surfaces = surfaces.iter().map(|name| find_surface(name));
         let surfaces: Vec<&Exporter> = surfaces.collect::<Result<_, _>>().map_err(Failure::wrong)?;
         for (i, pose) in poses.iter().enumerate().filter(|_| !surfaces.is_empty()) {
-            if let Some(other) = poses[..i].iter().find(|other| *other != pose && in_name(other) == in_name(pose)) {
+            if let Some(other) =
+                poses[..i].iter().find(|other| *other != pose && in_name(other) == in_name(pose))
+            {
                 return Err(Failure::wrong(format!(
                     "poses \"{other}\" and \"{pose}\" would be written into one file: rename one"
                 )));

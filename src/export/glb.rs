@@ -151,7 +151,10 @@ mod tests {
         let binary = 20 + word(12);
         assert_eq!((&bytes[binary + 4..binary + 8], binary + 8 + word(binary)), (&b"BIN\0"[..], bytes.len()));
         assert_eq!(root["buffers"][0]["byteLength"], word(binary));
-        assert_eq!((root["scenes"][0]["nodes"].as_array().unwrap().len(), &root["nodes"][1]["mesh"]), (2, &json!(1)));
+        assert_eq!(
+            (root["scenes"][0]["nodes"].as_array().unwrap().len(), &root["nodes"][1]["mesh"]),
+            (2, &json!(1))
+        );
         assert_eq!(root["nodes"][0]["name"], "a \"part\"");
         let primitive = &root["meshes"][1]["primitives"][0];
         let array = |accessor: &Value| {
@@ -166,7 +169,10 @@ mod tests {
         assert_eq!((position["count"].as_u64(), raw.len()), (Some(3), 36));
         assert_eq!(f32::from_le_bytes(raw[28..32].try_into().unwrap()), -3.0);
         let (indices, raw) = array(&primitive["indices"]);
-        assert_eq!((indices["count"].as_u64(), &raw[..]), (Some(3), &[0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0][..]));
+        assert_eq!(
+            (indices["count"].as_u64(), &raw[..]),
+            (Some(3), &[0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0][..])
+        );
     }
 
     #[test]

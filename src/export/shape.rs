@@ -64,12 +64,8 @@ fn boundary(geometry: &Geometry) -> (Vec<u32>, Vec<[u32; 3]>) {
     }
     let tets = geometry.cells.iter().filter(|cell| cell.len() >= 4);
     let tets = tets.map(|cell| [cell[0], cell[1], cell[2], cell[3]]).collect();
-    let mesh = TetMesh {
-        nodes: geometry.rest.clone(),
-        tags: geometry.tags.clone(),
-        tets,
-        ..TetMesh::default()
-    };
+    let mesh =
+        TetMesh { nodes: geometry.rest.clone(), tags: geometry.tags.clone(), tets, ..TetMesh::default() };
     let Surface { nodes, triangles } = Surface::of(&mesh);
     (nodes, triangles)
 }

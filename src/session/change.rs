@@ -55,7 +55,8 @@ impl Steps {
 
 impl Progress for Steps {
     fn begin(&self, step: &str, units: u64) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Step { name: step.to_owned(), units, done: 0 };
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
+            Step { name: step.to_owned(), units, done: 0 };
     }
 
     fn advance(&self, units: u64) {
@@ -87,7 +88,8 @@ impl Change {
             let deformers = World::deformers(&scene, &file)?;
             Ok(Changed { scene, file, deformers, stage, is_other_stage })
         };
-        let thread = std::thread::Builder::new().name("change".into()).spawn(compute).map_err(Failure::work)?;
+        let thread =
+            std::thread::Builder::new().name("change".into()).spawn(compute).map_err(Failure::work)?;
         Ok(Change { steps, thread })
     }
 
@@ -97,7 +99,8 @@ impl Change {
 
     /// What it came to; waits for it.
     pub fn finish(self) -> Result<Changed, Failure> {
-        let panicked = || Failure::Work(anyhow::anyhow!("the computation broke off; this is a fault of greenstage"));
+        let panicked =
+            || Failure::Work(anyhow::anyhow!("the computation broke off; this is a fault of greenstage"));
         self.thread.join().unwrap_or_else(|_| Err(panicked()))
     }
 }

@@ -17,7 +17,11 @@ impl World {
         old.let_go();
         let mut posed: Vec<(usize, Posed)> = Vec::new();
         for (target, &(b, c)) in self.fields.targets.iter().enumerate() {
-            let same = old.fields.targets.iter().position(|&(old_b, old_c)| self.is_same((b, c), old, (old_b, old_c)));
+            let same = old
+                .fields
+                .targets
+                .iter()
+                .position(|&(old_b, old_c)| self.is_same((b, c), old, (old_b, old_c)));
             posed.extend(same.map(|same| (target, old.posed(same))));
         }
         self.put_targets(posed);

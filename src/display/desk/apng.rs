@@ -39,7 +39,8 @@ impl<W: Write + Seek> Apng<W> {
         }
         let milliseconds = (1e3 * shown_s).round().clamp(1.0, 65535.0) as u16;
         let mut frame = self.next_number();
-        frame.extend([picture.width(), picture.height(), 0, 0].iter().flat_map(|number| number.to_be_bytes()));
+        frame
+            .extend([picture.width(), picture.height(), 0, 0].iter().flat_map(|number| number.to_be_bytes()));
         frame.extend(milliseconds.to_be_bytes());
         frame.extend(1000_u16.to_be_bytes());
         // Kept when the next is shown, which covers it.

@@ -66,7 +66,12 @@ impl PanelInput {
             Button::Middle => PointerButton::Middle,
             Button::Right | Button::Other(_) => PointerButton::Secondary,
         };
-        self.events.push(Event::PointerButton { pos: self.pointer, button, pressed, modifiers: self.modifiers });
+        self.events.push(Event::PointerButton {
+            pos: self.pointer,
+            button,
+            pressed,
+            modifiers: self.modifiers,
+        });
         true
     }
 
@@ -107,7 +112,13 @@ impl PanelInput {
         };
         let modifiers = self.modifiers;
         for pressed in [true, false] {
-            self.events.push(Event::Key { key: named, physical_key: None, pressed, repeat: false, modifiers });
+            self.events.push(Event::Key {
+                key: named,
+                physical_key: None,
+                pressed,
+                repeat: false,
+                modifiers,
+            });
         }
         true
     }
@@ -127,7 +138,10 @@ mod tests {
         panel.is_over = true;
         assert!(panel.take(&press(true), SIZE));
         panel.is_over = false;
-        assert!(panel.take(&Input::Cursor { window: 0, position: [0.5, 0.5] }, SIZE), "a drag that leaves it");
+        assert!(
+            panel.take(&Input::Cursor { window: 0, position: [0.5, 0.5] }, SIZE),
+            "a drag that leaves it"
+        );
         assert_eq!(panel.pointer, pos2(100.0, 50.0));
         assert!(panel.take(&press(false), SIZE));
         assert!(!panel.take(&Input::Cursor { window: 0, position: [0.5, 0.5] }, SIZE));

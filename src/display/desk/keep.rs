@@ -45,7 +45,9 @@ impl Keeper {
         let video = self.video.take()?;
         let path = video.path.clone();
         Some(match video.finish() {
-            Ok(recorded) => Ok(format!("{why}Video of {} pictures: {}", recorded.pictures, recorded.path.display())),
+            Ok(recorded) => {
+                Ok(format!("{why}Video of {} pictures: {}", recorded.pictures, recorded.path.display()))
+            }
             Err(error) => Err(format!("The video {} was not written: {error}", path.display())),
         })
     }

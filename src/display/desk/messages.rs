@@ -42,7 +42,11 @@ impl Messages {
     fn add(&mut self, text: &str, is_wrong: bool) {
         notice!("{}{text}", if is_wrong { "note: " } else { "" });
         let until = Instant::now() + if is_wrong { WRONG_SHOWN } else { SHOWN };
-        self.0.push(Message { text: text.lines().map(one_line).collect::<Vec<_>>().join("\n"), is_wrong, until });
+        self.0.push(Message {
+            text: text.lines().map(one_line).collect::<Vec<_>>().join("\n"),
+            is_wrong,
+            until,
+        });
         let surplus = self.0.len().saturating_sub(MOST);
         self.0.drain(..surplus);
     }
@@ -93,7 +97,9 @@ pub fn progress(ui: &mut Ui, step: &Step) {
     let name = if step.name.is_empty() { "begins" } else { &step.name };
     if step.units > 0 {
         let share = step.done as f32 / step.units as f32;
-        ui.add(ProgressBar::new(share.clamp(0.0, 1.0)).text(format!("{name} {:.0} %", 100.0 * share.min(1.0))));
+        ui.add(
+            ProgressBar::new(share.clamp(0.0, 1.0)).text(format!("{name} {:.0} %", 100.0 * share.min(1.0))),
+        );
     } else {
         ui.horizontal(|ui| {
             ui.spinner();

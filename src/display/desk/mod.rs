@@ -6,6 +6,8 @@
 //! told, nothing is laid out or drawn.
 
 pub mod apng;
+mod editor;
+mod editor_panel;
 pub mod input;
 pub mod keep;
 mod messages;
@@ -16,10 +18,17 @@ pub mod video;
 use super::bodies::GpuBodies;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
+use crate::edit::save;
 use crate::green::GreenFile;
+use crate::interact::PickRay;
 use crate::render::Overlay;
+use crate::render::window::Button;
 use crate::render::window::{AppError, Glass, Input, Key, Windows};
+use crate::render::{BodyInstance, Gpu, RenderError};
+use crate::session::change::Step;
+use crate::session::keys::scale;
 use crate::session::{Change, Session};
+use editor::{Editor, Loading};
 use input::PanelInput;
 use keep::{Keeper, said};
 use messages::Messages;
@@ -42,6 +51,10 @@ pub enum Order {
     /// The bodies as they are, in the format of this name.
     Export(&'static str),
     Close,
+    /// Make control elements on the body of this name, or end that.
+    Edit(Option<String>),
+    /// Write the scene to the file of this name.
+    Save(PathBuf),
 }
 
 /// The panel, and what it has begun.
@@ -55,10 +68,14 @@ pub struct Desk {
     keeper: Keeper,
     draft: Option<Draft>,
     change: Option<Change>,
+    loading: Option<Loading>,
+    editor: Option<Editor>,
     /// The files of earlier changes, so that the way back costs nothing, and where they are.
     known: Vec<Arc<GreenFile>>,
     folder: Option<tempfile::TempDir>,
     orders: Vec<Order>,
+    /// Whether the loss of what was not saved was told.
+    is_warned: bool,
     started: Instant,
 }
 
@@ -83,23 +100,75 @@ impl Default for Desk {
             keeper: Keeper::default(),
             draft: None,
             change: None,
+            loading: None,
+            editor: None,
             known: Vec::new(),
             folder: None,
             orders: Vec::new(),
+            is_warned: false,
             started: Instant::now(),
         }
     }
 }
 
 impl Desk {
-    /// Takes an input; true where it is not meant for the scene.
-    pub fn input(&mut self, input: &Input, session: &Session) -> bool {
+    /// Takes an input; returns what of it is meant for the scene. `ray` is that of the mouse at a place of a window.
+    pub fn input(
+        &mut self,
+        input: Input,
+        session: &mut Session,
+        ray: impl FnOnce(usize, [f32; 2], &Session) -> Option<PickRay>,
+    ) -> Option<Input> {
+        if self.takes(&input, session) {
+            self.editor.iter_mut().filter(|_| self.input.is_over).for_each(Editor::leave);
+            return None;
+        }
+        let Some(editor) = self.editor.as_mut().filter(|_| self.is_open) else { return Some(input) };
+        match input {
+            Input::Cursor { window, position } => {
+                let is_drawing = editor.point(ray(window, position, session), &session.world);
+                (!is_drawing).then_some(input)
+            }
+            Input::Button { button: Button::Left, pressed, .. } => {
+                editor.press(pressed);
+                None
+            }
+            Input::Button { window, button: Button::Right, pressed } => {
+                Some(Input::Button { window, button: Button::Middle, pressed })
+            }
+            Input::Wheel { lines, .. } if !self.input.modifiers.ctrl => {
+                session.world.act(scale(lines.into()));
+                None
+            }
+            Input::Key { key: Key::Char('z'), pressed, .. } if self.input.modifiers.ctrl => {
+                if pressed {
+                    editor.sketch.undo();
+                }
+                None
+            }
+            _ => Some(input),
+        }
+    }
+
+    /// Whether an input is meant for the panel alone.
+    fn takes(&mut self, input: &Input, session: &Session) -> bool {
         if let Input::Key { window, key, pressed, .. } = *input {
             let is_free = !(self.is_open && self.input.is_writing);
             match key {
                 Key::Tab if is_free => {
                     if pressed {
                         self.toggle(window, session);
+                    }
+                    return true;
+                }
+                Key::Char('c') if is_free && !self.input.modifiers.ctrl => {
+                    if pressed {
+                        if !self.is_open {
+                            self.toggle(window, session);
+                        }
+                        let is_editing = self.editor.is_some();
+                        let body = self.draft.as_ref().and_then(Draft::chosen).filter(|_| !is_editing);
+                        self.orders.push(Order::Edit(body));
                     }
                     return true;
                 }
@@ -141,6 +210,14 @@ impl Desk {
         for order in std::mem::take(&mut self.orders) {
             self.follow(order, session);
         }
+        if let Some(loading) = self.loading.take_if(|loading| loading.is_done())
+            && let Some(scene) = self.draft.as_ref().map(|draft| &draft.scene)
+        {
+            match loading.finish(scene) {
+                Ok(editor) => self.editor = Some(editor),
+                Err(failure) => self.messages.wrong(&said(&failure)),
+            }
+        }
         let Some(change) = self.change.take_if(|change| change.is_done()) else { return After::Nothing };
         match change.finish() {
             Ok(changed) => {
@@ -153,13 +230,17 @@ impl Desk {
                         return After::Nothing;
                     }
                 } else {
-                    self.messages.tell("Changed.");
+                    let was_made = self.editor.take().is_some();
+                    self.messages.tell(if was_made { "Ready: grab the body." } else { "Changed." });
                 }
-                self.known.extend(before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))));
+                self.known.extend(
+                    before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))),
+                );
                 if after == After::NewWindows {
                     self.window = 0;
                 }
-                self.draft = session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
+                self.draft =
+                    session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
                 after
             }
             Err(failure) => {
@@ -169,7 +250,7 @@ impl Desk {
         }
     }
 
-    fn follow(&mut self, order: Order, session: &Session) {
+    fn follow(&mut self, order: Order, session: &mut Session) {
         match order {
             Order::Apply => {
                 if let Err(failure) = self.begin(session) {
@@ -186,17 +267,60 @@ impl Desk {
                 self.messages.say(exported.map_err(|failure| said(&failure)));
             }
             Order::Close => (self.is_open, self.draft) = (false, None),
+            Order::Edit(None) => (self.editor, self.loading) = (None, None),
+            Order::Edit(Some(body)) => {
+                let begun = self.draft.as_ref().map(|draft| Loading::begin(&draft.scene, &body)).transpose();
+                match begun {
+                    Ok(loading) => self.loading = loading,
+                    Err(failure) => self.messages.wrong(&said(&failure)),
+                }
+            }
+            Order::Save(path) => match self.save(session, &path) {
+                Ok(()) => self.messages.tell(&format!("Saved: {}", path.display())),
+                Err(failure) => self.messages.wrong(&format!("Not saved: {}", said(&failure))),
+            },
         }
     }
 
     /// Begins to compute what the panel says.
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
-        let (scene, stage) = draft.wanted(session)?;
+        let (scene, stage) = draft.wanted(session, self.editor.as_ref())?;
         let path = self.path()?;
         let known = session.file.iter().chain(&self.known).cloned().collect();
         self.change = Some(Change::begin(session, scene, stage, path, known)?);
         Ok(())
+    }
+
+    /// Writes what the panel says as a scene file; from then on it is the scene that is shown, where it is shown.
+    fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
+        let Some(draft) = &mut self.draft else { return Ok(()) };
+        let (scene, _) = draft.wanted(session, self.editor.as_ref())?;
+        let is_shown = session.scene.as_ref() == Some(&scene);
+        let file = session.file.as_deref().filter(|_| is_shown);
+        let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
+        draft.was_saved(&saved);
+        if is_shown {
+            session.scene = Some(saved);
+        }
+        Ok(())
+    }
+
+    /// The body on which control elements are made, which is drawn in place of the scene's.
+    pub fn edited(&mut self, gpu: &Gpu, session: &Session) -> Result<Option<BodyInstance<'_>>, RenderError> {
+        let editor = self.editor.as_mut().filter(|_| self.is_open);
+        editor.map(|editor| editor.instance(gpu, &session.world)).transpose()
+    }
+
+    /// Whether something was made that no file holds; told once, so that a second Escape quits.
+    pub fn keeps_open(&mut self) -> bool {
+        let is_unsaved = self.editor.as_ref().is_some_and(|editor| editor.sketch.can_undo());
+        let is_new = is_unsaved && !std::mem::replace(&mut self.is_warned, true);
+        if is_new {
+            self.messages
+                .wrong("The control elements are not saved: press Escape again to quit without them.");
+        }
+        is_new
     }
 
     /// Where the next .green file goes: beside nothing of the user's, until a scene is saved.
@@ -215,7 +339,11 @@ impl Desk {
         let time_s = self.started.elapsed().as_secs_f64();
         self.keeper.ask(windows, self.window, time_s);
         self.messages.forget_old();
-        let is_seen = self.is_open || self.change.is_some() || !self.messages.is_empty() || self.keeper.is_recording();
+        let is_seen = self.is_open
+            || self.loading.is_some()
+            || self.change.is_some()
+            || !self.messages.is_empty()
+            || self.keeper.is_recording();
         if !is_seen {
             windows.glass = None;
             return;
@@ -232,16 +360,20 @@ impl Desk {
             events: std::mem::take(&mut self.input.events),
             ..Default::default()
         };
-        let Desk { draft, messages, change, keeper, orders, is_open, .. } = self;
+        let Desk { draft, messages, change, keeper, orders, is_open, editor, loading, .. } = self;
         let (mut is_over, mut is_writing) = (false, false);
         let mesh = overlay.lay_out_widgets(size, input, |context| {
             if is_new {
                 style::apply(context);
             }
-            orders.clear();
-            let step = change.as_ref().map(|change| change.steps.now());
+            let reads = || Step { name: "reading the mesh".into(), ..Step::default() };
+            let step = change
+                .as_ref()
+                .map(|change| change.steps.now())
+                .or_else(|| loading.as_ref().map(|_| reads()));
             if let Some(draft) = draft.as_mut().filter(|_| *is_open) {
-                panel::show(context, draft, session, step.as_ref(), keeper.is_recording(), orders);
+                let now = panel::Now { session, step: step.as_ref(), is_recording: keeper.is_recording() };
+                panel::show(context, draft, editor.as_mut(), &now, orders);
             } else if let Some(step) = &step {
                 messages::show_step(context, step);
             }

@@ -24,7 +24,7 @@ pub fn apply(context: &Context) {
         style.spacing.slider_width = 170.0;
         style.visuals = Visuals::dark();
         style.visuals.override_text_color = Some(INK);
-        style.visuals.window_fill = Color32::from_rgba_unmultiplied(DARK.r(), DARK.g(), DARK.b(), 238);
+        style.visuals.window_fill = DARK;
         style.visuals.panel_fill = style.visuals.window_fill;
         style.animation_time = 0.0;
     });

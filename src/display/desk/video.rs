@@ -94,7 +94,15 @@ fn ffmpeg(program: &str, path: &Path, [width, height]: [u32; 2]) -> Result<Child
         .args(["-loglevel", "error", "-f", "rawvideo", "-pixel_format", "rgb24"])
         .args(["-video_size", &format!("{width}x{height}"), "-framerate", &RATE.to_string(), "-i", "-"])
         // Players ask for even sides and for colours at half the resolution.
-        .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-n"])
+        .args([
+            "-vf",
+            "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+            "-pix_fmt",
+            "yuv420p",
+            "-movflags",
+            "+faststart",
+            "-n",
+        ])
         .arg(path)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
@@ -110,7 +118,8 @@ fn write_mp4(mut child: Child, received: &Receiver<(RgbImage, f64)>) -> Result<u
     let output = child.wait_with_output()?;
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr);
-        let last = said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").to_owned();
+        let last =
+            said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").to_owned();
         return Err(Error::other(format!("ffmpeg failed ({}): {last}", output.status)));
     }
     written
@@ -183,7 +192,11 @@ mod tests {
         let (_folder, recorded) = record(program.to_str().unwrap());
         let Recorded { path, pictures } = recorded.unwrap();
         assert!(path.ends_with("film.mp4") && pictures == 3);
-        assert_eq!(std::fs::metadata(path).unwrap().len(), 7 * 4 * 2 * 3, "0.2 s at 30 pictures a second, both ends");
+        assert_eq!(
+            std::fs::metadata(path).unwrap().len(),
+            7 * 4 * 2 * 3,
+            "0.2 s at 30 pictures a second, both ends"
+        );
         std::fs::write(&program, "#!/bin/sh\ncat > /dev/null\necho no codec >&2\nexit 1\n").unwrap();
         let (_folder, recorded) = record(program.to_str().unwrap());
         assert!(recorded.err().unwrap().to_string().contains("no codec"));

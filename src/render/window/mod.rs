@@ -18,9 +18,9 @@ pub use spec::{Monitor, MonitorChoice, WindowSpec};
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
+use super::overlay::{Overlay, OverlayMesh};
 use super::renderer::Renderer;
 use super::tiles::{Paint, Target, Tile, TilePainter};
-use super::overlay::{Overlay, OverlayMesh};
 use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};
 use image::RgbaImage;
@@ -55,13 +55,18 @@ pub enum Flow {
 /// What an application may return as its own error.
 pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 
-/// The application behind the windows. Escape and closing any window quit without asking it.
+/// The application behind the windows. Closing any window quits without asking it.
 pub trait WindowApp {
     /// Called once, when the windows are open and the device is there to make buffers on.
     /// Errors: any error ends [`run`] with it.
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError>;
 
     fn input(&mut self, input: Input);
+
+    /// Whether Escape quits.
+    fn quits(&mut self) -> bool {
+        true
+    }
 
     /// Called once per frame, when all input that came while waiting for the displays was passed on: ask trackers,
     /// update, upload, then [`Windows::draw`] once. What is asked here is in the picture that is shown next.
@@ -236,19 +241,18 @@ impl<A: WindowApp> Handler<'_, A> {
         let renderer = Renderer::new(&gpu, format, self.options.samples)?;
         let painter = TilePainter::new(format);
         self.app.start(&gpu).map_err(RenderError::App)?;
-        self.windows =
-            Some(Windows {
-                gpu,
-                renderer,
-                waited: Duration::ZERO,
-                glass: None,
-                wanted: None,
-                taken: None,
-                reopen: None,
-                is_ready: false,
-                painter,
-                surfaces,
-            });
+        self.windows = Some(Windows {
+            gpu,
+            renderer,
+            waited: Duration::ZERO,
+            glass: None,
+            wanted: None,
+            taken: None,
+            reopen: None,
+            is_ready: false,
+            painter,
+            surfaces,
+        });
         Ok(())
     }
 
@@ -304,6 +308,9 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
         }
         if let Some(input) = input::neutral(index, windows.surfaces[index].size, &event) {
             if let Input::Key { key: Key::Escape, pressed: true, .. } = input {
+                if !self.app.quits() {
+                    return;
+                }
                 return self.finish(event_loop, Ok(()));
             }
             self.app.input(input);
