@@ -51,9 +51,9 @@ pub const MATERIALS: &[Known] = &[
         young: 113.8e9,
         poisson: 0.342,
         density: 4430.0,
-        yield_stress: Some(880e6),
-        what: "Ti-6Al-4V, annealed",
-        source: "Boyer, Welsch and Collings, Materials Properties Handbook: Titanium Alloys, ASM 1994, Ti-6Al-4V",
+        yield_stress: Some(790e6),
+        what: "Ti-6Al-4V ELI, annealed, as in implants",
+        source: "ASM data sheet MTP643, Titanium Ti-6Al-4V (Grade 5), ELI, Annealed (asm.matweb.com)",
     },
     Known {
         name: "rubber",
@@ -157,5 +157,30 @@ impl<'de> Deserialize<'de> for Written {
             }
         }
         deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chapter_shows_the_library() {
+        let chapter = include_str!("../manual/materials.md");
+        for known in MATERIALS {
+            let stress = known.yield_stress.map_or("–".to_owned(), |stress| format!("{}", stress * 1e-6));
+            let young = match known.young {
+                young if young >= 1e9 => format!("{:?}e9", young * 1e-9),
+                young if young >= 1e6 => format!("{:?}e6", young * 1e-6),
+                young => format!("{:?}e3", young * 1e-3),
+            };
+            let row = format!(
+                "| `{}` | {young} | {} | {} | {stress} | {} | {} |",
+                known.name, known.poisson, known.density, known.what, known.source
+            );
+            assert!(chapter.contains(&row), "the chapter lacks\n{row}");
+        }
+        let rows = chapter.lines().filter(|line| line.starts_with("| `")).count();
+        assert_eq!(rows, MATERIALS.len());
     }
 }

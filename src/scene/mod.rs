@@ -459,6 +459,41 @@ grab = "fixed"
     }
 
     #[test]
+    fn a_material_is_named_changed_or_given() {
+        let material = |text: &str| {
+            let text = BLOCK.replace("{ young = 1.0e6, poisson = 0.3 }", text);
+            Scene::parse(&text, Path::new("scene.toml")).unwrap().body["block"].material
+        };
+        let steel = material("\"steel\"");
+        assert_eq!((steel.young, steel.poisson, steel.density), (210e9, 0.3, Some(7850.0)));
+        let soft = material("{ name = \"steel\", young = 1.0e9 }");
+        assert_eq!(soft, Material { young: 1e9, ..steel });
+        let given = material("{ young = 210e9, poisson = 0.3, density = 7850 }");
+        assert_eq!(given, Material { known: None, ..steel });
+    }
+
+    /// A file in millimetres gives the numbers of one in metres.
+    #[test]
+    fn a_meshs_unit_is_one_of_two_keys() {
+        let text = BLOCK.replace(
+            "generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }",
+            "mesh = \"a.msh\"\nunit = \"mm\"",
+        );
+        let told = |text: &str| Scene::parse(text, Path::new("scene.toml"));
+        assert_eq!(told(&text).unwrap().body["block"].mesh_scale(), Scale(0.001));
+        let scaled = told(&text.replace("unit = \"mm\"", "scale = 0.0254")).unwrap();
+        assert_eq!(scaled.body["block"].mesh_scale(), Scale(0.0254));
+        for (line, expected) in [
+            ("unit = \"mm\"\nscale = 0.001", "name either unit or scale"),
+            ("unit = \"millimetres\"", "unknown unit of length"),
+            ("scale = 0.0", "body.block.scale: 0 must lie between"),
+        ] {
+            let error = told(&text.replace("unit = \"mm\"", line)).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+
+    #[test]
     fn mistakes_name_the_entity_and_the_remedy() {
         for (from, to, expected) in [
             ("young = 1.0e6", "young = -1.0", "body.block.material: Young's modulus -1 Pa"),
@@ -469,6 +504,12 @@ grab = "fixed"
             ),
             ("poisson = 0.3", "poisson = 0.7", "must lie between -1 and 0.5"),
             ("poisson = 0.3", "poisson = nan", "must lie between -1 and 0.5"),
+            ("{ young = 1.0e6, poisson = 0.3 }", "\"stel\"", "scene.toml:4:12: unknown material \"stel\""),
+            ("{ young = 1.0e6, poisson = 0.3 }", "\"stel\"", "did you mean \"steel\"?"),
+            ("young = 1.0e6, ", "", "scene.toml:4:12: missing field `young`; write"),
+            ("young = 1.0e6, ", "name = \"wood\", ", "unknown material \"wood\""),
+            ("{ young = 1.0e6, poisson = 0.3 }", "3.0", "expected a table, or a name of"),
+            ("material", "unit = \"mm\"\nmaterial", "body.block.unit: only the coordinates of a mesh file"),
             ("poisson = 0.3", "poison = 0.3", "scene.toml:4:"),
             ("poisson = 0.3", "poison = 0.3", "did you mean `poisson`?"),
             ("generate = {", "generat = {", "did you mean `generate`?"),

@@ -278,3 +278,6 @@ fn least_body() -> Result<Body, SceneError> {
     let mut scene = Scene::parse(LEAST, Path::new(""))?;
     scene.body.shift_remove("a").ok_or_else(|| scene.invalid("body", "no body"))
 }
+
+#[cfg(test)]
+mod tests;
