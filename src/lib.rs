@@ -17,6 +17,7 @@
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
 //! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
+//! | [`edit`] | control elements made with a ray: brush, ball, box, growing; a scene written as a file |
 //! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
 //! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
@@ -64,6 +65,7 @@ pub mod cli;
 pub mod config;
 pub mod deform;
 pub mod display;
+pub mod edit;
 pub mod effect;
 pub mod export;
 pub mod fem;

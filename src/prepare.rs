@@ -4,6 +4,7 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
+use crate::base::progress::Progress;
 use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, Statics, find_model};
 use crate::effect::{self, EffectEntry, expected, find_effect};
@@ -179,6 +180,44 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
     drop(unwritten);
     green::write(&path, &bodies).map_err(|error| unwritable(error, &path))?;
     Ok(Arc::new(GreenFile::open(&path)?))
+}
+
+/// The .green file of a scene that is changed while it is shown. Bodies that one of `known` holds as they are now are taken
+/// from there; the others are precomputed, and the file is made at `path`. It is one of `known` where that holds them all.
+pub fn changed_file(
+    scene: &Scene,
+    path: &Path,
+    known: &[Arc<GreenFile>],
+    progress: &dyn Progress,
+) -> Result<Arc<GreenFile>, Failure> {
+    let names = scene.body.iter();
+    let required = names.map(|(name, body)| Ok((name.as_str(), requirements(scene, name, body)?)));
+    let required: Vec<(&str, Requirements)> = required.collect::<Result<_, Failure>>()?;
+    let holds = |file: &GreenFile, (name, required): &(&str, Requirements)| {
+        file.check_belongs(scene, name, required).is_ok() && expected::read(file, name).is_ok()
+    };
+    let of_all = known.iter().find(|file| {
+        file.meta.bodies.len() == required.len() && required.iter().all(|body| holds(file, body))
+    });
+    if let Some(file) = of_all {
+        return Ok(file.clone());
+    }
+    let (mut kept, mut made) = (Vec::new(), Vec::new());
+    for body @ (name, required) in &required {
+        match known.iter().find(|file| holds(file, body)) {
+            Some(file) => kept.push((file.as_ref(), *name)),
+            None => {
+                let mut precomputed = green::precompute(scene, name, required, progress)?;
+                effect::add_sections(scene, effects(&scene.body[*name]), &mut precomputed, progress)?;
+                for notice in &precomputed.solution.notices {
+                    notice!("{notice}");
+                }
+                made.push(precomputed);
+            }
+        }
+    }
+    green::write_with(path, &made, &kept).map_err(|error| unwritable(error, path))?;
+    Ok(Arc::new(GreenFile::open(path)?))
 }
 
 /// Tells what a signal to end costs before `path` is written.

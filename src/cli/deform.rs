@@ -36,12 +36,18 @@ pub struct Args {
     /// All nodes, those inside too, solved again in f64 and not taken from the .green file (model linear only)
     #[arg(long, conflicts_with = "green")]
     pub all_nodes: bool,
+    /// Write the deformed surface of every pose as well, into OUT.POSE.stl, .ply or .glb (stl,ply writes two of them); m, in the
+    /// mesh's coordinates
+    #[arg(long, value_delimiter = ',', value_name = "FORMAT")]
+    pub surface: Vec<String>,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
     let poses = pose_file::load(&args.poses)?;
-    let files = Files::of(&args.output)?;
+    // A pose may stand once for each body.
+    let names: indexmap::IndexSet<String> = poses.iter().map(|pose| pose.name.clone()).collect();
+    let files = Files::of(&args.output, &args.surface, names.into_iter().collect())?;
     try_outputs(args, &files, &scene)?;
     let scene = tuning::settle(scene, false, false)?;
     let asked: Vec<Asked> =

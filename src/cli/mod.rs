@@ -17,6 +17,8 @@ mod forces;
 mod inspect;
 mod manual;
 mod marks;
+mod new;
+mod opening;
 mod pack;
 mod parsers;
 mod pattern;
@@ -40,6 +42,7 @@ use std::path::PathBuf;
 const AFTER_HELP: &str = "\
 A first tour:
   greenstage                                          the demo: bend a tube on the workbench
+  greenstage new part.msh                             a scene file for a mesh or surface of your own
   greenstage precompute configs/scenes/tube.toml      the offline stage alone
   greenstage render configs/scenes/tube.toml --stage cyberstage -o out/cave
   greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
@@ -59,6 +62,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    New(new::Args),
     Precompute(precompute::Args),
     View(view::Args),
     Render(render::Args),
@@ -86,6 +90,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         ThreadsError::Start { .. } => Failure::work(error),
     })?;
     match cli.command {
+        Some(Command::New(args)) => new::run(&args),
         Some(Command::Precompute(args)) => precompute::run(&args),
         Some(Command::View(args)) => view::run(&args),
         Some(Command::Render(args)) => render::run(&args),

@@ -4,6 +4,7 @@
 //! Out: pictures of all windows, presented together, until a window is closed, the time is over, or a recording ends.
 
 use super::bodies::GpuBodies;
+use super::desk::{self, After, Desk};
 use super::device;
 use super::model_window::ModelWindow;
 use super::screen_windows::ScreenWindows;
@@ -66,12 +67,15 @@ pub struct Finished {
 /// Opens the windows and runs the session until they close.
 pub fn run(session: Session, shows: Shows, options: Options) -> Result<Finished, Failure> {
     let specs = shows.specs(&session);
+    let is_scene = session.scene.is_some() && matches!(shows, Shows::Screens(_));
+    let desk = is_scene.then(Desk::default);
     let now = Instant::now();
     let mut app = Application {
         session,
         shows,
         options,
         bodies: None,
+        desk,
         started: now,
         last: now,
         frames: 0,
@@ -79,6 +83,7 @@ pub fn run(session: Session, shows: Shows, options: Options) -> Result<Finished,
     };
     let drawn = WindowOptions { samples: options.samples, vsync: options.vsync };
     window::run(&specs, drawn, &mut app).map_err(Failure::work)?;
+    app.desk.iter_mut().for_each(Desk::end);
     match app.failure {
         Some(failure) => Err(failure),
         None => Ok(Finished {
@@ -94,6 +99,8 @@ struct Application {
     shows: Shows,
     options: Options,
     bodies: Option<GpuBodies>,
+    /// Where a scene is shown.
+    desk: Option<Desk>,
     started: Instant,
     last: Instant,
     frames: u32,
@@ -111,7 +118,22 @@ impl WindowApp for Application {
     }
 
     fn input(&mut self, input: Input) {
-        self.shows.input(input, &mut self.session);
+        let Application { desk, shows, session, .. } = self;
+        let ray = |window: usize, position: [f32; 2], session: &Session| match shows {
+            Shows::Screens(screens) => screens.ray(window, position, session),
+            Shows::Model(_) => None,
+        };
+        let meant = match desk {
+            Some(desk) => desk.input(input, session, ray),
+            None => Some(input),
+        };
+        if let Some(input) = meant {
+            self.shows.input(input, &mut self.session);
+        }
+    }
+
+    fn quits(&mut self) -> bool {
+        !self.desk.as_mut().is_some_and(Desk::keeps_open)
     }
 
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
@@ -132,9 +154,35 @@ impl WindowApp for Application {
         let mechanics_s = self.session.world.times.total_s();
         let track_s = (self.last.elapsed().as_secs_f64() - mechanics_s).max(0.0);
         let session = &mut self.session;
-        self.shows.draw(&mut WindowFrame { windows, session, bodies, step_s, track_s })?;
+        if let Some(desk) = &mut self.desk {
+            desk.lay_out(windows, session);
+        }
+        let edited = match &mut self.desk {
+            Some(desk) => desk.edited(&windows.gpu, session)?,
+            None => None,
+        };
+        self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, step_s, track_s })?;
         self.frames += 1;
+        self.change(windows)?;
         let is_over = |limit_s| self.started.elapsed().as_secs_f64() >= limit_s;
         Ok(if self.options.limit_s.is_some_and(is_over) { Flow::Quit } else { Flow::Continue })
+    }
+}
+
+impl Application {
+    /// Carries out what was asked for at the desk, between two frames.
+    fn change(&mut self, windows: &mut Windows) -> Result<(), AppError> {
+        let Some(desk) = &mut self.desk else { return Ok(()) };
+        desk.take_picture(windows);
+        let after = desk.step(&mut self.session);
+        if after == After::Nothing {
+            return Ok(());
+        }
+        self.bodies = Some(desk::new_bodies(windows, &mut self.session, self.options.device)?);
+        if after == After::NewWindows {
+            self.shows = Shows::Screens(ScreenWindows::new(&self.session.world.stage, None));
+            windows.reopen = Some(self.shows.specs(&self.session));
+        }
+        Ok(())
     }
 }

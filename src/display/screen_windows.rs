@@ -5,10 +5,11 @@ use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
 use super::window_frame::WindowFrame;
 use super::window_layout;
+use crate::interact::PickRay;
 use crate::render::window::{AppError, Button, Input, Key, WindowSpec};
 use crate::render::{Gpu, Tile};
 use crate::session::Session;
-use crate::stage::{Stage, Window};
+use crate::stage::{Eye, Stage, Window};
 use crate::track::MouseInput;
 use crate::track::mouse::Button as MouseButton;
 use crate::world::StepTimes;
@@ -100,7 +101,7 @@ impl ScreenWindows {
     }
 
     pub(super) fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
-        let WindowFrame { windows, session, bodies, step_s, track_s } = frame;
+        let WindowFrame { windows, session, bodies, edited, step_s, track_s } = frame;
         self.sizes = windows.sizes().collect();
         let tiles = self.tiles(session);
         let StepTimes { interact_s, deform_s, normals_s } = session.world.times;
@@ -133,12 +134,25 @@ impl ScreenWindows {
             haptics,
             ..Readings::of(world)
         };
-        let instances = bodies.instances(world);
-        let contents = contents(world, &instances);
+        let instances = edited.map_or_else(|| bodies.instances(world), |edited| vec![edited]);
+        let mut contents = contents(world, &instances);
+        if edited.is_some() {
+            (contents.styli, contents.arrows) = (&[], &[]);
+        }
         let drawn = self.overlays.draw(windows, &stage_frame, tiles, &contents, readings)?;
         let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
         self.times.steps = [*track_s, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, present_s];
         Ok(())
+    }
+
+    /// The ray from the eye through a place of a window.
+    pub(super) fn ray(&self, window: usize, position: [f32; 2], session: &Session) -> Option<PickRay> {
+        let world = &session.world;
+        let (layout, size) = (self.layout.get(window)?, *self.sizes.get(window)?);
+        let (screen, ndc) = window_layout::at_cursor(&world.stage, layout, size, position.map(f64::from))?;
+        let eye = world.stage.viewer.eye_in_room(&world.room_from_head, Eye::Centre);
+        let towards = (world.stage.screens.get(screen)?.point(ndc) - eye).try_normalize(1e-9)?;
+        Some(PickRay { origin_in_room: eye.cast(), direction_in_room: towards.cast() })
     }
 
     fn tiles(&self, session: &mut Session) -> Vec<Vec<Tile>> {

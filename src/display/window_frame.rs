@@ -1,6 +1,7 @@
 //! The parts that drawing one frame into windows needs.
 
 use super::bodies::GpuBodies;
+use crate::render::BodyInstance;
 use crate::render::window::Windows;
 use crate::session::Session;
 
@@ -9,6 +10,8 @@ pub struct WindowFrame<'a> {
     pub windows: &'a mut Windows,
     pub session: &'a mut Session,
     pub bodies: &'a mut GpuBodies,
+    /// A body that is shown in place of the scene's, while control elements are made on it.
+    pub edited: Option<BodyInstance<'a>>,
     /// From the frame before to this one, s.
     pub step_s: f64,
     /// What reading trackers took, s.

@@ -1,6 +1,6 @@
 //! Tables: `pose,node,ux,uy,uz` and `pose,control,fx,fy,fz,mx,my,mz,energy`, in m, N, N·m and J.
 
-use super::exporter::Exporter;
+use super::exporter::{Exporter, Spread};
 use super::result_set::ResultSet;
 use crate::base::csv::quoted;
 use crate::base::output::Kind;
@@ -18,6 +18,7 @@ pub const DISPLACEMENTS: Exporter = Exporter {
         recognizes: |head| head.starts_with(DISPLACEMENT_HEADING.as_bytes()),
     },
     needs_forces: false,
+    spread: Spread::AllPoses,
     write: displacements,
 };
 
@@ -29,6 +30,7 @@ pub const FORCES: Exporter = Exporter {
         recognizes: |head| head.starts_with(FORCE_HEADING.as_bytes()),
     },
     needs_forces: true,
+    spread: Spread::AllPoses,
     write: forces,
 };
 

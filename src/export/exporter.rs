@@ -11,5 +11,22 @@ pub struct Exporter {
     pub kind: Kind,
     /// Its file is only written if the results have forces.
     pub needs_forces: bool,
+    pub spread: Spread,
     pub write: fn(&ResultSet) -> Vec<u8>,
+}
+
+/// How the poses of a result set are spread over files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spread {
+    /// One file of all poses, always written.
+    AllPoses,
+    /// A file OUT.POSE.suffix for each pose, written where it is asked for.
+    EachPose,
+}
+
+impl Exporter {
+    /// By which it is asked for: its suffix without the dot.
+    pub fn name(&self) -> &'static str {
+        self.suffix.trim_start_matches('.')
+    }
 }

@@ -1,7 +1,21 @@
 //! The list of all exporters.
 
-use super::exporter::Exporter;
-use super::{csv, vtu};
+use super::exporter::{Exporter, Spread};
+use super::{csv, glb, ply, stl, vtu};
 
 /// In the order in which their files are written and named.
-pub const EXPORTERS: &[Exporter] = &[csv::DISPLACEMENTS, csv::FORCES, vtu::BODIES];
+pub const EXPORTERS: &[Exporter] =
+    &[csv::DISPLACEMENTS, csv::FORCES, vtu::BODIES, stl::SURFACE, ply::SURFACE, glb::SURFACE];
+
+/// Those of one pose a file, which are written where they are asked for.
+pub fn surfaces() -> impl Iterator<Item = &'static Exporter> {
+    EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::EachPose)
+}
+
+/// The one of [`surfaces`] called `name`, or what there is instead.
+pub fn find_surface(name: &str) -> Result<&'static Exporter, String> {
+    let known: Vec<&str> = surfaces().map(Exporter::name).collect();
+    surfaces()
+        .find(|exporter| exporter.name() == name)
+        .ok_or_else(|| crate::config::unknown_name("surface format", name, known.into_iter()))
+}

@@ -1,6 +1,7 @@
 //! The files into which a result set is written: either all of them, each whole, or none.
 
-use super::exporters::EXPORTERS;
+use super::exporter::{Exporter, Spread};
+use super::exporters::{EXPORTERS, find_surface};
 use super::result_set::ResultSet;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
@@ -11,18 +12,32 @@ use std::path::{Path, PathBuf};
 /// Files that share one name, to which each exporter appends its suffix.
 pub struct Files {
     stem: PathBuf,
+    /// Those of one pose a file that are asked for.
+    surfaces: Vec<&'static Exporter>,
+    poses: Vec<String>,
 }
 
 impl Files {
-    /// From the user's OUT, or OUT.csv.
-    pub fn of(output: &Path) -> Result<Files, Failure> {
+    /// From the user's OUT, or OUT.csv, and the names of surface formats of which a file for each of `poses` is wanted.
+    pub fn of(output: &Path, surfaces: &[String], poses: Vec<String>) -> Result<Files, Failure> {
+        let surfaces = surfaces.iter().map(|name| find_surface(name));
+        let surfaces: Vec<&Exporter> = surfaces.collect::<Result<_, _>>().map_err(Failure::wrong)?;
+        for (i, pose) in poses.iter().enumerate().filter(|_| !surfaces.is_empty()) {
+            if let Some(other) =
+                poses[..i].iter().find(|other| *other != pose && in_name(other) == in_name(pose))
+            {
+                return Err(Failure::wrong(format!(
+                    "poses \"{other}\" and \"{pose}\" would be written into one file: rename one"
+                )));
+            }
+        }
         let is_csv = output.extension().is_some_and(|extension| extension == "csv");
         let stem = if is_csv { output.with_extension("") } else { output.to_owned() };
         let is_named = stem.file_name().is_some() && !output.as_os_str().as_encoded_bytes().ends_with(b"/");
         let is_special = std::fs::metadata(output).is_ok_and(|found| !found.is_file() && !found.is_dir());
         if !is_named || is_special {
-            let mut files: Vec<String> =
-                EXPORTERS.iter().map(|exporter| format!("OUT{}", exporter.suffix)).collect();
+            let always = EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::AllPoses);
+            let mut files: Vec<String> = always.map(|exporter| format!("OUT{}", exporter.suffix)).collect();
             let last = files.pop().unwrap_or_default();
             return Err(Failure::wrong(format!(
                 "{}: {} and {last} are written: OUT names files in a folder, as out/part",
@@ -30,7 +45,7 @@ impl Files {
                 files.join(", ")
             )));
         }
-        Ok(Files { stem })
+        Ok(Files { stem, surfaces, poses })
     }
 
     fn path(&self, suffix: &str) -> PathBuf {
@@ -41,12 +56,24 @@ impl Files {
 
     /// Makes the folder and checks that everything can be written there, before anything is solved.
     pub fn try_all(&self, inputs: &[PathBuf], has_forces: bool) -> Result<(), Failure> {
-        for exporter in EXPORTERS.iter().filter(|exporter| has_forces || !exporter.needs_forces) {
+        let always = EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::AllPoses);
+        for exporter in always.filter(|exporter| has_forces || !exporter.needs_forces) {
             let path = self.path(exporter.suffix);
             output::make_folder_of(&path)?;
             output::try_path(&path, &exporter.kind, inputs)?;
         }
-        Ok(())
+        self.of_poses().try_for_each(|(exporter, _, path)| {
+            output::make_folder_of(&path)?;
+            Ok(output::try_path(&path, &exporter.kind, inputs)?)
+        })
+    }
+
+    /// The files of one pose each.
+    fn of_poses(&self) -> impl Iterator<Item = (&'static Exporter, &str, PathBuf)> {
+        self.poses.iter().flat_map(move |pose| {
+            let path = |exporter: &Exporter| self.path(&format!(".{}{}", in_name(pose), exporter.suffix));
+            self.surfaces.iter().map(move |exporter| (*exporter, pose.as_str(), path(exporter)))
+        })
     }
 
     /// Writes the files, and removes those of an earlier run that this run has no results for. `tell` is called with the path
@@ -57,13 +84,18 @@ impl Files {
         mut tell: impl FnMut(&Path) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let (mut staged, mut old) = (Vec::new(), Vec::new());
-        for exporter in EXPORTERS {
+        for exporter in EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::AllPoses) {
             let path = self.path(exporter.suffix);
             if exporter.needs_forces && !set.has_forces() {
                 old.extend(output::is(&path, &exporter.kind).then_some(path));
                 continue;
             }
             let contents = (exporter.write)(set);
+            staged.push((output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?, path));
+        }
+        let is_found = |pose: &str| set.results.iter().any(|result| result.pose == pose);
+        for (exporter, pose, path) in self.of_poses().filter(|(_, pose, _)| is_found(pose)) {
+            let contents = (exporter.write)(&set.of_pose(pose));
             staged.push((output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?, path));
         }
         for (staged, path) in staged {
@@ -78,4 +110,10 @@ impl Files {
         }
         Ok(())
     }
+}
+
+/// A pose's name as a part of a file's name: letters, digits, '-', '_' and '.', and '-' for all else.
+fn in_name(pose: &str) -> String {
+    let kept = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
+    pose.chars().map(kept).collect()
 }

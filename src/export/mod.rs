@@ -11,11 +11,15 @@ pub mod csv;
 pub mod exporter;
 pub mod exporters;
 pub mod files;
+pub mod glb;
+pub mod ply;
 pub mod result_set;
+pub mod shape;
 pub mod statics;
+pub mod stl;
 pub mod vtu;
 
-pub use exporter::Exporter;
-pub use exporters::EXPORTERS;
+pub use exporter::{Exporter, Spread};
+pub use exporters::{EXPORTERS, find_surface, surfaces};
 pub use files::Files;
 pub use result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet};

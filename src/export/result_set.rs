@@ -52,6 +52,15 @@ impl ResultSet {
         }
     }
 
+    /// What came of one pose.
+    pub fn of_pose(&self, pose: &str) -> ResultSet {
+        ResultSet {
+            geometry: self.geometry.clone(),
+            results: self.results.iter().filter(|result| result.pose == pose).cloned().collect(),
+            missed: self.missed.iter().filter(|missed| missed.pose == pose).cloned().collect(),
+        }
+    }
+
     pub fn has_forces(&self) -> bool {
         self.results.iter().any(|result| result.wrenches.is_some())
     }

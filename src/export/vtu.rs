@@ -1,6 +1,6 @@
 //! A VTU file for ParaView: the bodies at rest, and a displacement field for every pose.
 
-use super::exporter::Exporter;
+use super::exporter::{Exporter, Spread};
 use super::result_set::ResultSet;
 use crate::base::output::Kind;
 use crate::base::text::one_line;
@@ -19,6 +19,7 @@ pub const BODIES: Exporter = Exporter {
         },
     },
     needs_forces: false,
+    spread: Spread::AllPoses,
     write: bodies,
 };
 

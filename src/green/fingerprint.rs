@@ -7,7 +7,7 @@ use crate::mesh::formats::files_of;
 use crate::scene::{Control, Nodes, Scene};
 use std::path::Path;
 
-/// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]) and the
+/// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]), its scale and the
 /// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, parts, control
 /// elements with the bytes of their tag files, what its model and effects require, and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Result<String, GreenError> {
@@ -16,6 +16,7 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
     let asked = serde_json::json!({
         "program": env!("CARGO_PKG_VERSION"),
         "generate": body.generate,
+        "scale": body.mesh_scale().0,
         "tetrahedralise": body.tetrahedralise,
         "refine": body.refine,
         "element": body.element,

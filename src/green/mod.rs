@@ -49,4 +49,4 @@ pub use requirements::{Family, Requirements};
 pub use rigid::RigidMotion;
 pub use solution::{Precomputed, Solution, StepTimes};
 pub use tensor::{Number, Tensor};
-pub use write::write;
+pub use write::{write, write_with};

@@ -6,7 +6,7 @@
 use super::control::{ControlElement, FIELD_NAMES, FIELDS};
 use super::error::GreenError;
 use super::families::FAMILIES;
-use super::file::{Accuracy, BodyMeta, ControlMeta, FORMAT, KEY, Meta, Sealed};
+use super::file::{Accuracy, BodyMeta, ControlMeta, FORMAT, GreenFile, KEY, Meta, Sealed};
 use super::kind::GREEN;
 use super::solution::Precomputed;
 use super::tensor::Tensor;
@@ -19,6 +19,15 @@ use std::path::Path;
 
 /// Writes all bodies of a scene to `path`, whole or not at all ([`output::write`]). Returns its size.
 pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
+    write_with(path, bodies, &[])
+}
+
+/// The same with bodies, by their names, that are copied from other files as they are there.
+pub fn write_with(
+    path: &Path,
+    bodies: &[Precomputed],
+    kept: &[(&GreenFile, &str)],
+) -> Result<u64, GreenError> {
     let failed = |source| GreenError::Io { path: path.to_owned(), source };
     let mut tensors = BTreeMap::new();
     let mut meta = Meta {
@@ -32,6 +41,14 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
         let mut own = body_meta(body);
         add_tensors(body, &mut own, &mut tensors);
         meta.bodies.insert(body.name.clone(), own);
+    }
+    for (file, body) in kept {
+        let own = format!("{body}/");
+        for (name, (dtype, shape, place)) in file.tensors.iter().filter(|(name, _)| name.starts_with(&own)) {
+            let bytes = file.bytes.as_slice()[place.clone()].to_vec();
+            tensors.insert(name.clone(), Tensor { dtype: *dtype, shape: shape.clone(), bytes });
+        }
+        meta.bodies.extend(file.meta.bodies.get(*body).map(|meta| ((*body).to_owned(), meta.clone())));
     }
     for (name, tensor) in &tensors {
         meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());

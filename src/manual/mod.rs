@@ -19,6 +19,7 @@ macro_rules! chapters {
 chapters! {
     start: "the demo, and a mesh of your own bent in five minutes",
     scene: "every key of the scene file: bodies, materials, control elements, models, effects, solver, place",
+    materials: "steel, rubber, liver, …: a small library of materials, with sources",
     meshes: "mesh files: groups, regions, what is repaired and what is refused; the two generators",
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
     tracking: "trackers: what a stage file says of them, how to calibrate them, and how to see that they work",

@@ -29,6 +29,13 @@ pub fn nearest(mesh: &TetMesh, nodes: &[u32], point: &Vector3<f64>) -> Option<(u
 /// Ascending nodes whose shortest path to `start` is at most `radius` long, m: the sum of the lengths of the edges it
 /// takes. In a quadratic mesh an edge is its two halves, from corner to mid-side node to corner.
 pub fn within(mesh: &TetMesh, start: u32, radius: f64) -> Vec<u32> {
+    let limit = radius * (1.0 + ROUNDING);
+    let length = lengths(mesh, &[start], limit);
+    (0..mesh.nodes.len() as u32).filter(|&node| length[node as usize] <= limit).collect()
+}
+
+/// The length of each node's shortest path to the nearest of `starts`, m; infinite beyond `limit` and where no path leads.
+pub fn lengths(mesh: &TetMesh, starts: &[u32], limit: f64) -> Vec<f64> {
     let mut roads = match mesh.mids.is_empty() {
         true => edges(mesh),
         false => halves(mesh),
@@ -42,11 +49,10 @@ pub fn within(mesh: &TetMesh, start: u32, radius: f64) -> Vec<u32> {
         roads[first..].iter().take_while(move |road| road[0] == node).map(|road| road[1])
     };
 
-    let limit = radius * (1.0 + ROUNDING);
     let mut length = vec![f64::INFINITY; mesh.nodes.len()];
-    length[start as usize] = 0.0;
+    starts.iter().for_each(|&start| length[start as usize] = 0.0);
     // Bits of numbers that are not negative are in the numbers' order.
-    let mut queue = BinaryHeap::from([Reverse((0.0f64.to_bits(), start))]);
+    let mut queue: BinaryHeap<_> = starts.iter().map(|&start| Reverse((0.0f64.to_bits(), start))).collect();
     while let Some(Reverse((bits, node))) = queue.pop() {
         let here = f64::from_bits(bits);
         if here > length[node as usize] {
@@ -60,7 +66,7 @@ pub fn within(mesh: &TetMesh, start: u32, radius: f64) -> Vec<u32> {
             }
         }
     }
-    (0..mesh.nodes.len() as u32).filter(|&node| length[node as usize] <= limit).collect()
+    length
 }
 
 /// The halves of a quadratic mesh's edges once each, from corner to mid-side node.

@@ -12,6 +12,7 @@ pub mod generate;
 pub mod geodesic;
 mod groups;
 pub mod isosurface_stuffing;
+pub mod length_unit;
 pub mod near;
 pub mod quadratic;
 pub mod quality;

@@ -37,7 +37,22 @@ impl Overlay {
             ..Default::default()
         };
         let layer = egui::LayerId::background();
-        let mut output = self.context.run_pass(input, |context| paint(&context.layer_painter(layer)));
+        let output = self.context.run_pass(input, |context| paint(&context.layer_painter(layer)));
+        self.mesh(size, output)
+    }
+
+    /// A mesh of widgets that take `input`, for pictures of `size` pixels.
+    pub fn lay_out_widgets(
+        &mut self,
+        size: [u32; 2],
+        input: egui::RawInput,
+        show: impl FnMut(&egui::Context),
+    ) -> OverlayMesh {
+        let output = self.context.run_pass(input, show);
+        self.mesh(size, output)
+    }
+
+    fn mesh(&mut self, size: [u32; 2], mut output: egui::FullOutput) -> OverlayMesh {
         // The letters are the only texture: nobody loads another.
         let deltas = output.textures_delta.set.remove(&egui::TextureId::default());
         self.letters.extend(deltas.into_iter().flatten());

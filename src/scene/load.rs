@@ -61,10 +61,12 @@ impl Scene {
             body: name.to_owned(),
             source: Box::new(source),
         };
+        let scale = body.mesh_scale();
         match body.tetrahedralise {
-            Some(Tetrahedralise { cell }) => isosurface_stuffing::load(&file, cell).map_err(failed),
+            Some(Tetrahedralise { cell }) => isosurface_stuffing::load(&file, scale, cell).map_err(failed),
             None if surface_files::is_surface_file(&file) => {
-                let surface = surface_files::load(&file).map_err(failed)?.surface;
+                let mut surface = surface_files::load(&file).map_err(failed)?.surface;
+                scale.apply(&mut surface.vertices);
                 let message = format!(
                     "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a thirtieth of \
                      its longest extent)",
@@ -73,8 +75,10 @@ impl Scene {
                 );
                 Err(self.invalid(&format!("body.{name}.mesh"), message))
             }
-            None if body.element.order == 2 => mesh::load_quadratic(&file).map_err(failed),
-            None => mesh::load(&file).map_err(failed),
+            None if body.element.order == 2 => {
+                mesh::load_quadratic(&file).map(|mesh| scale.applied(mesh)).map_err(failed)
+            }
+            None => mesh::load(&file).map(|mesh| scale.applied(mesh)).map_err(failed),
         }
     }
 

@@ -5,8 +5,11 @@
 
 mod accuracy_target;
 mod load;
+pub mod materials;
 mod parts;
+pub mod proposal;
 mod select;
+pub mod write;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
@@ -16,9 +19,11 @@ pub use select::Nodes;
 use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::fem::Element;
+use crate::mesh::length_unit::{LengthUnit, Scale};
 use crate::mesh::{MeshError, generate, refine, surface_files};
 use crate::solve::Solver;
 use indexmap::IndexMap;
+use materials::{Known, Written, find_material};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -64,6 +69,10 @@ fn desktop() -> String {
 pub struct Body {
     /// Mesh file, relative to the scene; or else `generate`.
     pub mesh: Option<PathBuf>,
+    /// The unit of the mesh file's coordinates; metres where neither it nor `scale` is there.
+    pub unit: Option<&'static LengthUnit>,
+    /// Metres in one unit of the mesh file; or else `unit`.
+    pub scale: Option<f64>,
     pub generate: Option<Generate>,
     /// How a surface file is filled with tetrahedra.
     pub tetrahedralise: Option<Tetrahedralise>,
@@ -104,6 +113,11 @@ fn linear() -> String {
 }
 
 impl Body {
+    /// By what the mesh file's coordinates become metres.
+    pub fn mesh_scale(&self) -> Scale {
+        self.unit.map_or(self.scale.map_or(Scale::ONE, Scale), |unit| Scale(unit.metres))
+    }
+
     /// The target by which the settings are to be chosen, if there is one.
     pub fn accuracy_target(&self) -> Option<AccuracyTarget> {
         self.accuracy.map(AccuracyTarget::Accuracy).or(self.budget.map(AccuracyTarget::Budget))
@@ -157,13 +171,45 @@ pub struct Tetrahedralise {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "Written")]
 pub struct Material {
+    /// The entry of the library that it was written by. Its numbers may differ from the entry's.
+    #[serde(skip)]
+    pub known: Option<&'static Known>,
     /// Young's modulus, Pa.
     pub young: f64,
     pub poisson: f64,
     /// kg/m³, needed only by effects with inertia.
     pub density: Option<f64>,
+}
+
+impl From<&'static Known> for Material {
+    fn from(known: &'static Known) -> Material {
+        let Known { young, poisson, density, .. } = *known;
+        Material { known: Some(known), young, poisson, density: Some(density) }
+    }
+}
+
+impl TryFrom<Written> for Material {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Material, String> {
+        let known = written.name.as_deref().map(find_material).transpose()?;
+        let missing = |key: &str| {
+            format!(
+                "missing field `{key}`; write {{ young = 1.0e6, poisson = 0.3 }}, or a name of `greenstage manual materials`"
+            )
+        };
+        Ok(Material {
+            known,
+            young: written.young.or(known.map(|known| known.young)).ok_or_else(|| missing("young"))?,
+            poisson: written
+                .poisson
+                .or(known.map(|known| known.poisson))
+                .ok_or_else(|| missing("poisson"))?,
+            density: written.density.or(known.map(|known| known.density)),
+        })
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -236,6 +282,11 @@ impl Scene {
         SceneError::Invalid { path: self.path.clone(), entity: entity.to_owned(), message: message.into() }
     }
 
+    /// A scene that was changed in the program, as it would be read from its file.
+    pub fn checked(&self) -> Result<Scene, SceneError> {
+        self.check().map(|()| self.clone())
+    }
+
     fn check(&self) -> Result<(), SceneError> {
         if self.body.is_empty() {
             return Err(self.invalid("body", "the scene has no body; add a [body.NAME] table"));
@@ -256,6 +307,7 @@ impl Scene {
                 self.invalid(&entity, "name either mesh = \"file\" or generate = { … }, one of the two")
             );
         }
+        self.check_scale(&entity, body)?;
         self.check_tetrahedralise(&entity, body)?;
         if body.refine > refine::MOST {
             let asked = refine::RefineError::TooOften { asked: body.refine };
@@ -308,6 +360,26 @@ impl Scene {
         Ok(())
     }
 
+    fn check_scale(&self, entity: &str, body: &Body) -> Result<(), SceneError> {
+        if body.unit.is_some() && body.scale.is_some() {
+            return Err(self.invalid(entity, "name either unit or scale, one of the two"));
+        }
+        let key = if body.unit.is_some() { "unit" } else { "scale" };
+        if (body.unit.is_some() || body.scale.is_some()) && body.mesh.is_none() {
+            let message = "only the coordinates of a mesh file are scaled; what is generated is in metres";
+            return Err(self.invalid(&format!("{entity}.{key}"), message));
+        }
+        match body.scale {
+            Some(scale) if !(1e-12..=1e12).contains(&scale) => {
+                let message = format!(
+                    "{scale} must lie between 1e-12 and 1e12: metres in one unit of the mesh file, 0.001 for millimetres"
+                );
+                Err(self.invalid(&format!("{entity}.scale"), message))
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn check_tetrahedralise(&self, entity: &str, body: &Body) -> Result<(), SceneError> {
         let Some(Tetrahedralise { cell }) = body.tetrahedralise else {
             return Ok(());
@@ -325,7 +397,7 @@ impl Scene {
     }
 
     fn check_material(&self, entity: &str, material: &Material) -> Result<(), SceneError> {
-        let Material { young, poisson, density } = *material;
+        let Material { young, poisson, density, .. } = *material;
         if !YOUNG.contains(&young) {
             return Err(
                 self.invalid(entity, format!("Young's modulus {young} Pa must lie between 1e-12 and 1e24"))
@@ -387,6 +459,41 @@ grab = "fixed"
     }
 
     #[test]
+    fn a_material_is_named_changed_or_given() {
+        let material = |text: &str| {
+            let text = BLOCK.replace("{ young = 1.0e6, poisson = 0.3 }", text);
+            Scene::parse(&text, Path::new("scene.toml")).unwrap().body["block"].material
+        };
+        let steel = material("\"steel\"");
+        assert_eq!((steel.young, steel.poisson, steel.density), (210e9, 0.3, Some(7850.0)));
+        let soft = material("{ name = \"steel\", young = 1.0e9 }");
+        assert_eq!(soft, Material { young: 1e9, ..steel });
+        let given = material("{ young = 210e9, poisson = 0.3, density = 7850 }");
+        assert_eq!(given, Material { known: None, ..steel });
+    }
+
+    /// A file in millimetres gives the numbers of one in metres.
+    #[test]
+    fn a_meshs_unit_is_one_of_two_keys() {
+        let text = BLOCK.replace(
+            "generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }",
+            "mesh = \"a.msh\"\nunit = \"mm\"",
+        );
+        let told = |text: &str| Scene::parse(text, Path::new("scene.toml"));
+        assert_eq!(told(&text).unwrap().body["block"].mesh_scale(), Scale(0.001));
+        let scaled = told(&text.replace("unit = \"mm\"", "scale = 0.0254")).unwrap();
+        assert_eq!(scaled.body["block"].mesh_scale(), Scale(0.0254));
+        for (line, expected) in [
+            ("unit = \"mm\"\nscale = 0.001", "name either unit or scale"),
+            ("unit = \"millimetres\"", "unknown unit of length"),
+            ("scale = 0.0", "body.block.scale: 0 must lie between"),
+        ] {
+            let error = told(&text.replace("unit = \"mm\"", line)).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+
+    #[test]
     fn mistakes_name_the_entity_and_the_remedy() {
         for (from, to, expected) in [
             ("young = 1.0e6", "young = -1.0", "body.block.material: Young's modulus -1 Pa"),
@@ -397,6 +504,12 @@ grab = "fixed"
             ),
             ("poisson = 0.3", "poisson = 0.7", "must lie between -1 and 0.5"),
             ("poisson = 0.3", "poisson = nan", "must lie between -1 and 0.5"),
+            ("{ young = 1.0e6, poisson = 0.3 }", "\"stel\"", "scene.toml:4:12: unknown material \"stel\""),
+            ("{ young = 1.0e6, poisson = 0.3 }", "\"stel\"", "did you mean \"steel\"?"),
+            ("young = 1.0e6, ", "", "scene.toml:4:12: missing field `young`; write"),
+            ("young = 1.0e6, ", "name = \"wood\", ", "unknown material \"wood\""),
+            ("{ young = 1.0e6, poisson = 0.3 }", "3.0", "expected a table, or a name of"),
+            ("material", "unit = \"mm\"\nmaterial", "body.block.unit: only the coordinates of a mesh file"),
             ("poisson = 0.3", "poison = 0.3", "scene.toml:4:"),
             ("poisson = 0.3", "poison = 0.3", "did you mean `poisson`?"),
             ("generate = {", "generat = {", "did you mean `generate`?"),

@@ -36,6 +36,8 @@ pub enum Nodes {
         from: [f64; 3],
         radius: f64,
     },
+    /// Node tags, as the mesh's file has them; what is added between two of them belongs to them as well, as with a group.
+    List(Vec<u64>),
     /// A text file of node tags, one per line, with comments after #; the path is relative to the scene. Nodes that are
     /// added between two of them belong to them as well, as with a group.
     File(PathBuf),
@@ -70,17 +72,27 @@ impl Nodes {
                     ));
                 }
             }
-            Nodes::Group(_) | Nodes::File(_) => {}
+            Nodes::List(tags) if tags.is_empty() => return Err("list: name at least one node tag".to_owned()),
+            Nodes::Group(_) | Nodes::List(_) | Nodes::File(_) => {}
         }
         Ok(())
     }
 
-    /// Makes the node group for a selection by file, before nodes are added to `mesh`. `resolve` turns relative paths of
+    /// Makes the node group for a selection by file or list, before nodes are added to `mesh`. `resolve` turns relative paths of
     /// the scene into real ones.
     pub fn prepare(&self, mesh: &mut TetMesh, resolve: impl Fn(&Path) -> PathBuf) -> Result<(), String> {
         if let Nodes::File(path) = self {
             let nodes = tags(mesh, &resolve(path))?;
             mesh.groups.insert(file_group(path), nodes);
+        }
+        if let Nodes::List(tags) = self {
+            let index: BTreeMap<u64, u32> = mesh.tags.iter().copied().zip(0..).collect();
+            let missing = |tag: &u64| format!("list: the mesh has no used node with tag {tag}");
+            let nodes = tags.iter().map(|tag| index.get(tag).copied().ok_or_else(|| missing(tag)));
+            let mut nodes: Vec<u32> = nodes.collect::<Result<_, _>>()?;
+            nodes.sort_unstable();
+            nodes.dedup();
+            mesh.groups.insert(list_group(tags), nodes);
         }
         Ok(())
     }
@@ -107,6 +119,7 @@ impl Nodes {
                 within(&|x| normal.dot(&(x - point)).abs() <= *distance)
             }
             Nodes::Geodesic { from, radius } => grown(mesh, &Vector3::from(*from), *radius)?,
+            Nodes::List(tags) => group(mesh, &list_group(tags))?,
             Nodes::File(path) => group(mesh, &file_group(path))?,
         };
         if nodes.is_empty() {
@@ -121,6 +134,11 @@ impl Nodes {
         }
         Ok(nodes)
     }
+}
+
+/// The group of the nodes in a list.
+fn list_group(tags: &[u64]) -> String {
+    format!("list {tags:?}")
 }
 
 /// The group of the nodes in a tag file.
@@ -209,6 +227,8 @@ mod tests {
         assert_eq!(select(&Nodes::Group("low".into())).unwrap(), [0, 1, 2, 3]);
         assert_eq!(select(&Nodes::Box { min: [0.5, 0.0, 0.0], max: [1.0, 1.0, 0.0] }).unwrap(), [1, 3]);
         assert_eq!(select(&Nodes::Sphere { centre: [0.0; 3], radius: 1.0 }).unwrap(), [0, 1, 2, 4]);
+        assert_eq!(select(&Nodes::List(vec![80, 10, 80])).unwrap(), [0, 7]);
+        assert!(select(&Nodes::List(vec![10, 11])).unwrap_err().contains("tag 11"));
         let plane = Nodes::Plane { point: [9.0, 0.0, 1.0], normal: [0.0, 0.0, -3.0], distance: 0.0 };
         assert_eq!(select(&plane).unwrap(), [4, 5, 6, 7]);
     }

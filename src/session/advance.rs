@@ -23,6 +23,8 @@ pub struct Session {
     pub recorder: Option<Recorder>,
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
+    /// What is shown, as it was opened or was last changed; a stage alone has none.
+    pub scene: Option<Scene>,
 }
 
 /// Whether a session goes on.
@@ -38,7 +40,7 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
-        Session { effects: Vec::new(), world, input, recorder: None, file: None }
+        Session { effects: Vec::new(), world, input, recorder: None, file: None, scene: None }
     }
 
     /// Lets mouse and keyboard move what nothing else moves.

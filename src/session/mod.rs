@@ -5,6 +5,7 @@
 //! a file that plays the session again.
 
 pub mod advance;
+pub mod change;
 pub mod input;
 pub mod keys;
 pub mod lines;
@@ -14,6 +15,7 @@ pub mod recording;
 pub mod trackers;
 
 pub use advance::{Session, SessionProgress};
+pub use change::{Change, Changed, Steps};
 pub use input::{InputSource, Leader};
 pub use open::Request;
 pub use playback::Playback;

@@ -60,6 +60,7 @@ impl Session {
         let mut session = Session::new(world, script);
         (session.input.replay, session.recorder) = (replay, recorder);
         (session.effects, session.file) = (effects, Some(file));
+        session.scene = Some(scene.clone());
         Ok(session)
     }
 }

@@ -165,7 +165,7 @@ impl World {
     }
 
     /// Moves every body to its place after navigation and setting aside; what a hand holds moves along.
-    fn place_bodies(&mut self, time_s: f64) {
+    pub(super) fn place_bodies(&mut self, time_s: f64) {
         let Workspace { centre, radius_m } = self.stage.workspace;
         let mut moved = false;
         for b in 0..self.bodies.len() {
@@ -228,7 +228,7 @@ impl World {
         }
     }
 
-    fn change_hands(&mut self, change: impl FnOnce(&mut Hands)) {
+    pub(super) fn change_hands(&mut self, change: impl FnOnce(&mut Hands)) {
         let mut hands = self.graph.get(self.fields.hands).clone();
         change(&mut hands.hands);
         hands.asked = Asked::default();
@@ -240,13 +240,13 @@ impl World {
         *self.graph.get(self.fields.bodies[b].poses[c])
     }
 
-    fn posed(&self, target: usize) -> Posed {
+    pub(super) fn posed(&self, target: usize) -> Posed {
         let (b, c) = self.fields.targets[target];
         Posed { pose: self.pose(target), turn: self.bodies[b].deformer.turn(c) }
     }
 
     /// Sets poses of control elements that the program chose; the limits of a hand's motion do not apply.
-    fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
+    pub(super) fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
         for (target, posed) in targets {
             let (b, c) = self.fields.targets[target];
             self.bodies[b].controls[c].limiter = PoseLimiter::default();

@@ -71,8 +71,22 @@ pub struct World {
 impl World {
     /// The bodies of a scene, from its .green file, at their places on the stage.
     pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
+        World::of_bodies(scene, file, World::deformers(scene, file)?, stage)
+    }
+
+    /// What takes time of [`World::new`], for another thread.
+    pub fn deformers(scene: &Scene, file: &Arc<GreenFile>) -> Result<Vec<Deformer>, Failure> {
         let deformer = |(name, body): (&String, &Body)| Deformer::new(file.clone(), name, &body.model);
-        let deformers = scene.body.iter().map(deformer).collect::<Result<_, _>>().map_err(Failure::wrong)?;
+        scene.body.iter().map(deformer).collect::<Result<_, _>>().map_err(Failure::wrong)
+    }
+
+    /// The rest of it.
+    pub fn of_bodies(
+        scene: &Scene,
+        file: &GreenFile,
+        deformers: Vec<Deformer>,
+        stage: Stage,
+    ) -> Result<World, Failure> {
         let bodies = body::place(scene, file, deformers, &stage);
         let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
         Ok(World::of(stage, bodies, graph, fields))

@@ -5,6 +5,7 @@
 
 pub mod actions;
 pub mod body;
+pub mod carry_over;
 pub mod edit_state;
 pub mod flow;
 pub mod force;

@@ -30,7 +30,8 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("export", &["prepare world", BELOW_WORLD]),
     ("session", &["prepare effect world", BELOW_WORLD]),
     ("tuning", &["session report prepare world deform green scene mesh fem solve"]),
-    ("display", &["session effect world", BELOW_WORLD]),
+    ("edit", &["interact green prepare scene mesh config"]),
+    ("display", &["edit session export prepare effect world", BELOW_WORLD]),
     ("cli", &["display session export tuning report verify manual prepare effect world", BELOW_WORLD]),
 ];
 

@@ -13,6 +13,7 @@ mod stencil;
 use super::diagnostics::{digits, place};
 use super::error::MeshError;
 use super::generate::MEMORY;
+use super::length_unit::Scale;
 use super::quality;
 use super::surface::Surface;
 use super::surface_check::{SurfaceReport, check};
@@ -39,9 +40,11 @@ pub fn suggested_cell(surface: &TriangleSurface) -> f64 {
     format!("{cell:.1e}").parse().unwrap_or(cell)
 }
 
-/// Reads the surface file at `path` and fills it with tetrahedra of `cell` metres.
-pub fn load(path: &Path, cell: f64) -> Result<Loaded, MeshError> {
+/// Reads the surface file at `path`, whose coordinates become metres by `scale`, and fills it with tetrahedra of `cell`
+/// metres.
+pub fn load(path: &Path, scale: Scale, cell: f64) -> Result<Loaded, MeshError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(path)?;
+    scale.apply(&mut surface.vertices);
     let report = check(&mut surface, &mut notices);
     let refused = |reason| MeshError::Refused { path: path.to_owned(), reason };
     let mesh = tetrahedralise(&surface, &report, cell, &mut notices).map_err(refused)?;

@@ -18,10 +18,12 @@ pub use spec::{Monitor, MonitorChoice, WindowSpec};
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
+use super::overlay::{Overlay, OverlayMesh};
 use super::renderer::Renderer;
 use super::tiles::{Paint, Target, Tile, TilePainter};
 use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};
+use image::RgbaImage;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surface::WindowSurface;
@@ -53,7 +55,7 @@ pub enum Flow {
 /// What an application may return as its own error.
 pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 
-/// The application behind the windows. Escape and closing any window quit without asking it.
+/// The application behind the windows. Closing any window quits without asking it.
 pub trait WindowApp {
     /// Called once, when the windows are open and the device is there to make buffers on.
     /// Errors: any error ends [`run`] with it.
@@ -61,10 +63,22 @@ pub trait WindowApp {
 
     fn input(&mut self, input: Input);
 
+    /// Whether Escape quits.
+    fn quits(&mut self) -> bool {
+        true
+    }
+
     /// Called once per frame, when all input that came while waiting for the displays was passed on: ask trackers,
     /// update, upload, then [`Windows::draw`] once. What is asked here is in the picture that is shown next.
     /// Errors: any error ends [`run`] with it.
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError>;
+}
+
+/// What lies over the finished picture of a window.
+pub struct Glass {
+    pub window: usize,
+    pub overlay: Overlay,
+    pub mesh: OverlayMesh,
 }
 
 /// The open windows with their device and renderer.
@@ -73,6 +87,13 @@ pub struct Windows {
     pub renderer: Renderer,
     /// How long this frame's images were waited for, before it was begun; with vsync this is the display's time.
     pub waited: Duration,
+    /// What lies over the finished picture of one window, both eyes joined.
+    pub glass: Option<Glass>,
+    /// The window whose picture is to be read as it is shown next; what became of it stands in `taken` a frame or two later.
+    pub wanted: Option<usize>,
+    pub taken: Option<Result<RgbaImage, String>>,
+    /// Windows to be opened instead of those that are open, once this frame is over.
+    pub reopen: Option<Vec<WindowSpec>>,
     /// All windows that can be drawn have their image.
     is_ready: bool,
     painter: TilePainter,
@@ -132,6 +153,18 @@ impl Windows {
             })
             .collect();
         let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, paint)?;
+        drop(targets);
+        for (window, frame, surface, _) in &mut frames {
+            if let Some(glass) = self.glass.as_mut().filter(|glass| glass.window == *window) {
+                // Laid out before the window got another size, it would not fit.
+                let mesh = Some(&glass.mesh).filter(|mesh| mesh.size == surface.size);
+                glass.overlay.draw(&self.gpu, mesh.map(|mesh| (&frame.view, mesh)))?;
+            }
+            if self.wanted == Some(*window) {
+                self.taken = surface.read(&self.gpu, frame)?;
+                self.wanted = self.wanted.filter(|_| self.taken.is_none());
+            }
+        }
 
         let start = Instant::now();
         for (_, frame, surface, _) in frames {
@@ -188,29 +221,11 @@ impl<A: WindowApp> Handler<'_, A> {
     }
 
     fn open(&mut self, event_loop: &ActiveEventLoop) -> Result<(), RenderError> {
-        let mut opened = Vec::new();
-        for (index, spec) in self.specs.iter().enumerate() {
-            let (position, size) =
-                monitor::place(event_loop, spec).map_err(|reason| window_error(index, spec, reason))?;
-            let window = event_loop
-                .create_window(attributes(event_loop, spec, position, size))
-                .map_err(|error| window_error(index, spec, error.to_string()))?;
-            if let Some([x, y]) = position {
-                // Some window managers only heed the place once the window is there.
-                window.set_outer_position(PhysicalPosition::new(x, y));
-            }
-            opened.push(Arc::new(window));
-        }
+        let opened = create(event_loop, self.specs)?;
         let display = Box::new(event_loop.owned_display_handle());
         let instance =
             wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(display));
-        let mut surfaces = Vec::new();
-        for (index, (window, spec)) in opened.iter().zip(self.specs).enumerate() {
-            let surface = instance
-                .create_surface(window.clone())
-                .map_err(|error| window_error(index, spec, error.to_string()))?;
-            surfaces.push(surface);
-        }
+        let surfaces = present_on(&instance, &opened, self.specs)?;
         let gpu = Gpu::open(instance, surfaces.first())?;
         let offered: Vec<_> =
             surfaces.iter().map(|surface| surface.get_capabilities(&gpu.adapter).formats).collect();
@@ -226,8 +241,36 @@ impl<A: WindowApp> Handler<'_, A> {
         let renderer = Renderer::new(&gpu, format, self.options.samples)?;
         let painter = TilePainter::new(format);
         self.app.start(&gpu).map_err(RenderError::App)?;
-        self.windows =
-            Some(Windows { gpu, renderer, waited: Duration::ZERO, is_ready: false, painter, surfaces });
+        self.windows = Some(Windows {
+            gpu,
+            renderer,
+            waited: Duration::ZERO,
+            glass: None,
+            wanted: None,
+            taken: None,
+            reopen: None,
+            is_ready: false,
+            painter,
+            surfaces,
+        });
+        Ok(())
+    }
+
+    /// Opens other windows on the same device, and closes those that were open.
+    fn reopen(&mut self, event_loop: &ActiveEventLoop, specs: &[WindowSpec]) -> Result<(), RenderError> {
+        let Some(windows) = &mut self.windows else { return Ok(()) };
+        let opened = create(event_loop, specs)?;
+        let surfaces = present_on(&windows.gpu.instance, &opened, specs)?;
+        let format = windows.renderer.format;
+        for (index, surface) in surfaces.iter().enumerate() {
+            if !surface.get_capabilities(&windows.gpu.adapter).formats.contains(&format) {
+                let reason = format!("{} cannot present {format:?} pictures on it", windows.gpu.adapter_name);
+                return Err(window_error(index, &specs[index], reason));
+            }
+        }
+        let of = |(window, surface)| WindowSurface::new(window, surface, format, self.options.vsync);
+        windows.surfaces = opened.into_iter().zip(surfaces).map(of).collect();
+        (windows.is_ready, windows.glass, windows.wanted) = (false, None, None);
         Ok(())
     }
 }
@@ -265,6 +308,9 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
         }
         if let Some(input) = input::neutral(index, windows.surfaces[index].size, &event) {
             if let Input::Key { key: Key::Escape, pressed: true, .. } = input {
+                if !self.app.quits() {
+                    return;
+                }
                 return self.finish(event_loop, Ok(()));
             }
             self.app.input(input);
@@ -284,11 +330,46 @@ impl<A: WindowApp> ApplicationHandler for Handler<'_, A> {
             return;
         }
         match self.app.frame(windows) {
-            Ok(Flow::Continue) => {}
+            Ok(Flow::Continue) => {
+                let specs = self.windows.as_mut().and_then(|windows| windows.reopen.take());
+                if let Some(Err(error)) = specs.map(|specs| self.reopen(event_loop, &specs)) {
+                    self.finish(event_loop, Err(error));
+                }
+            }
             Ok(Flow::Quit) => self.finish(event_loop, Ok(())),
             Err(error) => self.finish(event_loop, Err(RenderError::App(error))),
         }
     }
+}
+
+/// Opens windows at their places.
+fn create(event_loop: &ActiveEventLoop, specs: &[WindowSpec]) -> Result<Vec<Arc<Window>>, RenderError> {
+    let open = |(index, spec): (usize, &WindowSpec)| {
+        let (position, size) =
+            monitor::place(event_loop, spec).map_err(|reason| window_error(index, spec, reason))?;
+        let window = event_loop
+            .create_window(attributes(event_loop, spec, position, size))
+            .map_err(|error| window_error(index, spec, error.to_string()))?;
+        if let Some([x, y]) = position {
+            // Some window managers only heed the place once the window is there.
+            window.set_outer_position(PhysicalPosition::new(x, y));
+        }
+        Ok(Arc::new(window))
+    };
+    specs.iter().enumerate().map(open).collect()
+}
+
+/// What each window presents its pictures on.
+fn present_on(
+    instance: &wgpu::Instance,
+    opened: &[Arc<Window>],
+    specs: &[WindowSpec],
+) -> Result<Vec<wgpu::Surface<'static>>, RenderError> {
+    let of = |(index, (window, spec)): (usize, (&Arc<Window>, &WindowSpec))| {
+        let surface = instance.create_surface(window.clone());
+        surface.map_err(|error| window_error(index, spec, error.to_string()))
+    };
+    opened.iter().zip(specs).enumerate().map(of).collect()
 }
 
 fn window_error(window: usize, spec: &WindowSpec, reason: String) -> RenderError {

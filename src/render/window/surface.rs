@@ -2,10 +2,12 @@
 
 use super::super::error::RenderError;
 use super::super::gpu::Gpu;
+use super::super::offscreen::Readback;
 use super::super::target::check_size;
 use super::super::tiles::Canvas;
 use super::monitor::described;
 use super::spec::Monitor;
+use image::RgbaImage;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use wgpu::{CurrentSurfaceTexture, TextureFormat};
@@ -154,6 +156,31 @@ impl WindowSurface {
         let view = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
         self.frame = Some(SurfaceFrame { texture, view });
         Ok(())
+    }
+
+    /// The picture in `frame` as it is shown next. `None` while the swap chain is being made anew, so that it can be read;
+    /// a sentence where it cannot be.
+    pub(super) fn read(
+        &mut self,
+        gpu: &Gpu,
+        frame: &SurfaceFrame,
+    ) -> Result<Option<Result<RgbaImage, String>>, RenderError> {
+        let readable = wgpu::TextureUsages::COPY_SRC;
+        let size = [frame.texture.texture.width(), frame.texture.texture.height()];
+        if frame.texture.texture.usage().contains(readable) {
+            let mut image = Readback::new(gpu, size)?.read(gpu, &frame.texture.texture, 0)?;
+            if matches!(self.config.format, TextureFormat::Bgra8UnormSrgb | TextureFormat::Bgra8Unorm) {
+                image.pixels_mut().for_each(|pixel| pixel.0.swap(0, 2));
+            }
+            image.pixels_mut().for_each(|pixel| pixel.0[3] = 255);
+            return Ok(Some(Ok(image)));
+        }
+        if !self.surface.get_capabilities(&gpu.adapter).usages.contains(readable) {
+            return Ok(Some(Err(format!("{} lets nobody read what a window shows", gpu.adapter_name))));
+        }
+        self.config.usage |= readable;
+        self.is_current = false;
+        Ok(None)
     }
 
     fn configure(&mut self, gpu: &Gpu) -> Result<(), RenderError> {

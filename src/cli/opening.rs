@@ -1,0 +1,95 @@
+//! What a command opens: a scene file, or a mesh or surface file for which a scene is proposed.
+
+use crate::base::failure::Failure;
+use crate::mesh::length_unit::{LengthUnit, find_unit};
+use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::Path;
+
+/// What is known of a mesh or surface file; all else is guessed.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Of a mesh or surface file")]
+pub struct Guess {
+    /// Unit of its coordinates: m, in, cm, mm, um; default: metres, if its size is plausible so
+    #[arg(long, value_parser = find_unit)]
+    pub unit: Option<&'static LengthUnit>,
+    /// What it is made of (`greenstage manual materials`); default: after the file's name, else rubber
+    #[arg(long, value_name = "NAME")]
+    pub material: Option<String>,
+}
+
+impl Guess {
+    pub fn wishes(&self) -> Wishes {
+        Wishes { unit: self.unit, material: self.material.clone(), ..Wishes::default() }
+    }
+}
+
+/// A scene at `scene_path` for a mesh or surface file. Where the file's unit is in doubt, a person at a terminal is asked;
+/// elsewhere the error names the commands that say it.
+pub fn propose(file: &Path, scene_path: &Path, mut wishes: Wishes) -> Result<Proposal, Failure> {
+    loop {
+        match proposal::propose(file, scene_path, &wishes) {
+            Err(ProposalError::Unit(doubt)) if is_a_person_there() => wishes.unit = Some(ask(&doubt)?),
+            Err(ProposalError::Unit(doubt)) => return Err(Failure::wrong(commands(&doubt))),
+            other => return Ok(other?),
+        }
+    }
+}
+
+fn is_a_person_there() -> bool {
+    std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
+}
+
+/// The same commands as this one, with a unit.
+fn commands(doubt: &UnitDoubt) -> String {
+    let words: Vec<String> = std::env::args().skip(1).map(|word| quoted(&word)).collect();
+    let choices: String = doubt
+        .candidates
+        .iter()
+        .map(|unit| {
+            format!(
+                "\n  greenstage {} --unit {}    for {} long",
+                words.join(" "),
+                unit.name,
+                doubt.extent_in(unit)
+            )
+        })
+        .collect();
+    format!(
+        "{}: in metres the body would be {} m long; say which unit the file is in:{choices}",
+        doubt.mesh.display(),
+        doubt.extent
+    )
+}
+
+/// As a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
+fn ask(doubt: &UnitDoubt) -> Result<&'static LengthUnit, Failure> {
+    let mut out = std::io::stderr().lock();
+    let mut question = format!("{}: in which unit is it?\n", doubt.mesh.display());
+    for (number, unit) in doubt.candidates.iter().enumerate() {
+        let extent = doubt.extent_in(unit);
+        question.push_str(&format!("  {}  {}: the body is {extent} long\n", number + 1, unit.plural));
+    }
+    question.push_str("1, 2, or a unit (m, in, cm, mm, um): ");
+    loop {
+        out.write_all(question.as_bytes()).and_then(|()| out.flush()).map_err(Failure::work)?;
+        let mut line = String::new();
+        if std::io::stdin().lock().read_line(&mut line).map_err(Failure::work)? == 0 {
+            return Err(Failure::wrong(commands(doubt)));
+        }
+        let answer = line.trim();
+        let chosen =
+            answer.parse::<usize>().ok().and_then(|number| doubt.candidates.get(number.wrapping_sub(1)));
+        if let Some(unit) = chosen.copied().or_else(|| find_unit(answer).ok()) {
+            return Ok(unit);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! A body while control elements are made on it: its surface at rest, coloured by what each element holds and by what the
+//! brush would take, and what the mouse does to it.
+//!
+//! In: a body's mesh, a ray per movement of the mouse. Out: a [`Sketch`], and the surface on the device in place of the
+//! scene's bodies.
+
+use crate::base::failure::Failure;
+use crate::edit::{Canvas, Sketch, Touch};
+use crate::interact::PickRay;
+use crate::render::{BodyBuffers, BodyInstance, Gpu, RenderError};
+use crate::scene::{Grab, Scene};
+use crate::world::World;
+use nalgebra::{Point3, Similarity3, Translation3};
+use std::thread::JoinHandle;
+
+/// sRGB and mark, as bodies have them.
+const BODY: [u8; 4] = [96, 142, 186, 0];
+const BRUSH: [u8; 4] = [236, 240, 245, 255];
+const FIXED: [u8; 3] = [150, 152, 158];
+/// Of elements that can be grabbed, one after the other.
+const GRABBED: [[u8; 3]; 5] =
+    [[224, 138, 52], [120, 180, 80], [196, 110, 190], [214, 190, 60], [90, 190, 180]];
+
+/// A body on which control elements are made.
+pub struct Editor {
+    /// Its name in the scene.
+    pub body: String,
+    pub canvas: Canvas,
+    pub sketch: Sketch,
+    touch: Option<Touch>,
+    buffers: Option<BodyBuffers>,
+    /// For what the colours on the device were made.
+    drawn: Option<(u64, Option<Touch>, usize)>,
+}
+
+/// A mesh that is being read for it.
+pub struct Loading {
+    pub body: String,
+    thread: JoinHandle<Result<Canvas, Failure>>,
+}
+
+impl Loading {
+    pub fn begin(scene: &Scene, body: &str) -> Result<Loading, Failure> {
+        let (own, name) = (scene.clone(), body.to_owned());
+        let load = move || Ok(Canvas::new(own.load_mesh(&name, &own.body[&name])?.mesh));
+        let thread = std::thread::Builder::new().name("mesh".into()).spawn(load).map_err(Failure::work)?;
+        Ok(Loading { body: body.to_owned(), thread })
+    }
+
+    pub fn is_done(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    pub fn finish(self, scene: &Scene) -> Result<Editor, Failure> {
+        let panicked =
+            || Failure::Work(anyhow::anyhow!("reading the mesh broke off; this is a fault of greenstage"));
+        let canvas = self.thread.join().unwrap_or_else(|_| Err(panicked()))?;
+        let body = scene
+            .body
+            .get(&self.body)
+            .ok_or_else(|| Failure::wrong(format!("there is no body {}", self.body)))?;
+        let sketch = Sketch::of(body, &canvas);
+        Ok(Editor { body: self.body, sketch, canvas, touch: None, buffers: None, drawn: None })
+    }
+}
+
+impl Editor {
+    /// The mouse points elsewhere; true while it draws.
+    pub fn point(&mut self, ray: Option<PickRay>, world: &World) -> bool {
+        let place = self.room_from_mesh(world);
+        self.touch = ray.and_then(|ray| self.canvas.touch(&ray, &place));
+        if let Some(touch) = self.touch.filter(|_| self.sketch.is_drawing()) {
+            self.sketch.drag(&mut self.canvas, touch);
+        }
+        self.sketch.is_drawing()
+    }
+
+    pub fn leave(&mut self) {
+        self.touch = None;
+    }
+
+    /// The left button goes down or up.
+    pub fn press(&mut self, pressed: bool) {
+        match self.touch {
+            Some(touch) if pressed => self.sketch.press(&mut self.canvas, touch),
+            _ if !pressed => self.sketch.release(&self.canvas),
+            _ => {}
+        }
+    }
+
+    /// Where it stands: where the scene's body does, or else where that would be put.
+    fn room_from_mesh(&self, world: &World) -> Similarity3<f64> {
+        if let Some(body) = world.bodies.iter().find(|body| body.deformer.body == self.body) {
+            return body.room_from_body * Translation3::from(-body.deformer.centre);
+        }
+        let [low, high] = self.canvas.bounds.map(Point3::from);
+        let fitted = world.stage.workspace.room_from_body(low, high).unwrap_or_else(Similarity3::identity);
+        world.edit.navigation.room_from_scene * fitted
+    }
+
+    /// The surface as it is drawn now.
+    pub fn instance(&mut self, gpu: &Gpu, world: &World) -> Result<BodyInstance<'_>, RenderError> {
+        let room_from_body = self.room_from_mesh(world).to_homogeneous().cast();
+        let now = (self.sketch.version, self.touch, self.sketch.chosen);
+        if self.drawn != Some(now) || self.sketch.is_drawing() {
+            let colours = self.colours();
+            let buffers = match self.buffers.take() {
+                Some(buffers) => buffers,
+                None => self.make(gpu, &colours)?,
+            };
+            let buffers = self.buffers.insert(buffers);
+            buffers.set_colors(gpu, &colours)?;
+            self.drawn = Some(now);
+        }
+        let buffers = match &mut self.buffers {
+            Some(buffers) => buffers,
+            None => return Err(RenderError::EmptyBody { vertices: 0, triangles: 0 }),
+        };
+        Ok(BodyInstance { buffers, room_from_body })
+    }
+
+    fn make(&self, gpu: &Gpu, colours: &[[u8; 4]]) -> Result<BodyBuffers, RenderError> {
+        let triangles = &self.canvas.shape.triangles;
+        let mut buffers = BodyBuffers::new(gpu, triangles, colours)?;
+        let mut normals = vec![[0.0; 3]; self.canvas.positions.len()];
+        crate::deform::vertex_normals(&self.canvas.positions, triangles, &mut Vec::new(), &mut normals);
+        buffers.upload(gpu, &self.canvas.positions, &normals)?;
+        Ok(buffers)
+    }
+
+    fn colours(&mut self) -> Vec<[u8; 4]> {
+        let mut colours = vec![BODY; self.canvas.positions.len()];
+        for (number, element) in self.sketch.elements.iter().enumerate() {
+            let [r, g, b] = colour(&self.sketch, number);
+            let held: Vec<u32> = element.held.iter().copied().collect();
+            for vertex in self.canvas.vertices(&held) {
+                colours[vertex as usize] = [r, g, b, 255];
+            }
+        }
+        for vertex in self.sketch.preview(&mut self.canvas, self.touch) {
+            colours[vertex as usize] = BRUSH;
+        }
+        colours
+    }
+}
+
+/// In which an element of a sketch is shown: grey where it is fixed.
+pub fn colour(sketch: &Sketch, number: usize) -> [u8; 3] {
+    match sketch.elements.get(number).map(|element| element.grab) {
+        Some(Grab::Dragger) => {
+            let before =
+                sketch.elements[..number].iter().filter(|element| element.grab == Grab::Dragger).count();
+            GRABBED[before % GRABBED.len()]
+        }
+        _ => FIXED,
+    }
+}

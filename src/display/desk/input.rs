@@ -1,0 +1,160 @@
+//! Turns a window's input into that of the panel, and decides what is meant for the panel and what for the scene.
+//!
+//! A button that is pressed over the panel belongs to it until it is let go, one that is pressed elsewhere to the scene. Keys
+//! belong to the panel while a text is being written.
+
+use crate::render::window::{Button, Input, Key};
+use egui::{Event, Modifiers, PointerButton, Pos2, pos2, vec2};
+
+/// What came for the panel since it was last laid out.
+#[derive(Default)]
+pub struct PanelInput {
+    pub events: Vec<Event>,
+    pub modifiers: Modifiers,
+    /// In pixels of the window.
+    pub pointer: Pos2,
+    /// Whether the pointer was over the panel, and whether a text was being written, when it was last laid out.
+    pub is_over: bool,
+    pub is_writing: bool,
+    /// Buttons that were pressed over the panel and are still down.
+    pressed: u32,
+}
+
+impl PanelInput {
+    /// Takes an input in the panel's window, of `size` pixels; true where it is meant for the panel alone.
+    pub fn take(&mut self, input: &Input, size: [u32; 2]) -> bool {
+        match *input {
+            Input::Cursor { position, .. } => {
+                self.pointer = pos2(position[0] * size[0] as f32, position[1] * size[1] as f32);
+                self.events.push(Event::PointerMoved(self.pointer));
+                self.pressed > 0
+            }
+            Input::CursorLeft { .. } => {
+                self.events.push(Event::PointerGone);
+                false
+            }
+            Input::Button { button, pressed, .. } => self.button(button, pressed),
+            Input::Wheel { lines, .. } => {
+                if self.is_over {
+                    self.events.push(Event::MouseWheel {
+                        unit: egui::MouseWheelUnit::Line,
+                        delta: vec2(0.0, lines),
+                        phase: egui::TouchPhase::Move,
+                        source: egui::MouseWheelSource::Unknown,
+                        modifiers: self.modifiers,
+                    });
+                }
+                self.is_over
+            }
+            Input::Key { key, pressed, .. } => self.key(key, pressed),
+            _ => false,
+        }
+    }
+
+    fn button(&mut self, button: Button, pressed: bool) -> bool {
+        let is_own = if pressed { self.is_over } else { self.pressed > 0 };
+        if !is_own {
+            if pressed {
+                // A click elsewhere closes lists, and ends the writing of a text.
+                self.click();
+            }
+            return false;
+        }
+        self.pressed = if pressed { self.pressed + 1 } else { self.pressed - 1 };
+        let button = match button {
+            Button::Left => PointerButton::Primary,
+            Button::Middle => PointerButton::Middle,
+            Button::Right | Button::Other(_) => PointerButton::Secondary,
+        };
+        self.events.push(Event::PointerButton {
+            pos: self.pointer,
+            button,
+            pressed,
+            modifiers: self.modifiers,
+        });
+        true
+    }
+
+    fn click(&mut self) {
+        let (pos, modifiers, button) = (self.pointer, self.modifiers, PointerButton::Primary);
+        let part = |pressed| Event::PointerButton { pos, button, pressed, modifiers };
+        self.events.extend([part(true), part(false)]);
+    }
+
+    fn key(&mut self, key: Key, pressed: bool) -> bool {
+        match key {
+            Key::Shift => self.modifiers.shift = pressed,
+            Key::Alt => self.modifiers.alt = pressed,
+            Key::Control => (self.modifiers.ctrl, self.modifiers.command) = (pressed, pressed),
+            _ => {}
+        }
+        // A key that was pressed for the scene is let go for it as well.
+        if !self.is_writing || !pressed {
+            return false;
+        }
+        if let (Key::Char(letter), false) = (key, self.modifiers.ctrl) {
+            self.events.push(Event::Text(letter.to_string()));
+            return true;
+        }
+        let named = match key {
+            Key::Char('a') => egui::Key::A,
+            Key::Enter => egui::Key::Enter,
+            Key::Backspace => egui::Key::Backspace,
+            Key::Delete => egui::Key::Delete,
+            Key::Left => egui::Key::ArrowLeft,
+            Key::Right => egui::Key::ArrowRight,
+            Key::Up => egui::Key::ArrowUp,
+            Key::Down => egui::Key::ArrowDown,
+            Key::Home => egui::Key::Home,
+            Key::End => egui::Key::End,
+            Key::Tab => egui::Key::Tab,
+            _ => return false,
+        };
+        let modifiers = self.modifiers;
+        for pressed in [true, false] {
+            self.events.push(Event::Key {
+                key: named,
+                physical_key: None,
+                pressed,
+                repeat: false,
+                modifiers,
+            });
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [u32; 2] = [200, 100];
+
+    #[test]
+    fn a_button_belongs_to_what_it_was_pressed_over() {
+        let mut panel = PanelInput::default();
+        let press = |pressed| Input::Button { window: 0, button: Button::Left, pressed };
+        assert!(!panel.take(&press(true), SIZE) && !panel.take(&press(false), SIZE));
+        panel.is_over = true;
+        assert!(panel.take(&press(true), SIZE));
+        panel.is_over = false;
+        assert!(
+            panel.take(&Input::Cursor { window: 0, position: [0.5, 0.5] }, SIZE),
+            "a drag that leaves it"
+        );
+        assert_eq!(panel.pointer, pos2(100.0, 50.0));
+        assert!(panel.take(&press(false), SIZE));
+        assert!(!panel.take(&Input::Cursor { window: 0, position: [0.5, 0.5] }, SIZE));
+    }
+
+    #[test]
+    fn keys_belong_to_a_text_only_while_it_is_written() {
+        let mut panel = PanelInput::default();
+        let typed = |pressed| Input::Key { window: 0, key: Key::Char('w'), pressed };
+        assert!(!panel.take(&typed(true), SIZE));
+        panel.is_writing = true;
+        assert!(!panel.take(&typed(false), SIZE), "the head would go on for ever");
+        assert!(panel.take(&typed(true), SIZE));
+        assert_eq!(panel.events, [Event::Text("w".into())]);
+    }
+}

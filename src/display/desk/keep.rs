@@ -1,0 +1,148 @@
+//! What a person takes home from a window: a picture of it, a video, the deformed bodies as a file for other programs.
+//!
+//! Files stand in the folder in which the program was started, with the date and time in their names. The surfaces are those
+//! that [`crate::export`] writes of a list of poses, in the coordinates of the bodies' meshes, m.
+
+use super::video::Video;
+use crate::base::failure::Failure;
+use crate::base::output::{self, Kind};
+use crate::export::{Exporter, Geometry, PoseResult, ResultSet};
+use crate::render::window::Windows;
+use crate::world::World;
+use image::RgbaImage;
+use std::path::{Path, PathBuf};
+
+const PNG: Kind = Kind { name: "a PNG file", recognizes: |head| head.starts_with(b"\x89PNG") };
+
+/// Pictures that are wanted of a window, and a video that is being recorded.
+#[derive(Default)]
+pub struct Keeper {
+    is_picture_wanted: bool,
+    is_video_wanted: bool,
+    video: Option<Video>,
+}
+
+impl Keeper {
+    pub fn want_picture(&mut self) {
+        self.is_picture_wanted = true;
+    }
+
+    pub fn is_recording(&self) -> bool {
+        self.is_video_wanted || self.video.is_some()
+    }
+
+    /// Begins a video with the next picture, or ends the one that is being recorded; what there is to tell then.
+    pub fn toggle_video(&mut self) -> Option<Result<String, String>> {
+        if self.video.is_none() {
+            self.is_video_wanted = !self.is_video_wanted;
+            return None;
+        }
+        self.end_video("")
+    }
+
+    /// Ends a video, where one is recorded.
+    pub fn end_video(&mut self, why: &str) -> Option<Result<String, String>> {
+        let video = self.video.take()?;
+        let path = video.path.clone();
+        Some(match video.finish() {
+            Ok(recorded) => {
+                Ok(format!("{why}Video of {} pictures: {}", recorded.pictures, recorded.path.display()))
+            }
+            Err(error) => Err(format!("The video {} was not written: {error}", path.display())),
+        })
+    }
+
+    /// Asks the window for its next picture, where one is wanted at `time_s`.
+    pub fn ask(&self, windows: &mut Windows, window: usize, time_s: f64) {
+        let is_due = self.is_video_wanted || self.video.as_ref().is_some_and(|video| video.is_due(time_s));
+        if self.is_picture_wanted || is_due {
+            windows.wanted = Some(window);
+        }
+    }
+
+    /// Takes the picture that was asked for; what there is to tell of it.
+    pub fn take(&mut self, windows: &mut Windows, time_s: f64) -> Option<Result<String, String>> {
+        let picture = match windows.taken.take()? {
+            Ok(picture) => picture,
+            Err(why) => {
+                (self.is_picture_wanted, self.is_video_wanted) = (false, false);
+                return Some(Err(why));
+            }
+        };
+        let is_wanted = std::mem::take(&mut self.is_picture_wanted);
+        let told = is_wanted.then(|| save(&picture).map_err(|failure| said(&failure)));
+        if std::mem::take(&mut self.is_video_wanted) {
+            match Video::begin(&stamped(""), [picture.width(), picture.height()]) {
+                Ok(video) => self.video = Some(video),
+                Err(error) => return Some(Err(format!("No video: {error}"))),
+            }
+        }
+        let goes_on = self.video.as_mut().is_none_or(|video| video.add(picture, time_s));
+        if goes_on { told } else { self.end_video("The window has changed. ") }
+    }
+}
+
+fn save(picture: &RgbaImage) -> Result<String, Failure> {
+    let path = stamped(".png");
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, image::ImageFormat::Png).map_err(Failure::work)?;
+    output::write(&path, &PNG, |file| file.write_all(bytes.get_ref()))?;
+    Ok(format!("Picture: {}", path.display()))
+}
+
+/// Writes the bodies as they are deformed now.
+pub fn export(world: &World, exporter: &Exporter) -> Result<String, Failure> {
+    let path = stamped(exporter.suffix);
+    let contents = (exporter.write)(&now(world));
+    output::write(&path, &exporter.kind, |file| file.write_all(&contents))?;
+    Ok(format!("Bodies as they are: {}", path.display()))
+}
+
+/// The bodies in the pose that they have now.
+pub fn now(world: &World) -> ResultSet {
+    let mut set = ResultSet::default();
+    for body in &world.bodies {
+        let deformer = &body.deformer;
+        set.geometry.push(Geometry::surface(deformer));
+        set.results.push(PoseResult {
+            pose: "now".to_owned(),
+            body: deformer.body.clone(),
+            displacement: (0..deformer.node_count()).map(|node| deformer.displacement(node)).collect(),
+            wrenches: None,
+        });
+    }
+    set
+}
+
+/// An error as a window tells it.
+pub fn said(failure: &Failure) -> String {
+    failure.to_string()
+}
+
+/// `greenstage-2026-07-04-173012` with the end of the file's name; where that stands already, with a number.
+fn stamped(end: &str) -> PathBuf {
+    let name = format!("greenstage-{}", date_and_time());
+    let is_free = |path: &Path| ["", ".png", ".mp4"].iter().all(|end| !with_end(path, end).exists());
+    let numbered = (2..1000).map(|number| PathBuf::from(format!("{name}-{number}{end}")));
+    let first = PathBuf::from(format!("{name}{end}"));
+    std::iter::once(first.clone()).chain(numbered).find(|path| is_free(path)).unwrap_or(first)
+}
+
+fn with_end(path: &Path, end: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(end);
+    name.into()
+}
+
+/// Local time.
+fn date_and_time() -> String {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    let seconds = now.as_secs() as libc::time_t;
+    // SAFETY: all fields are numbers, or a pointer that nobody follows.
+    let mut local: libc::tm = unsafe { std::mem::zeroed() };
+    // SAFETY: both point to what outlives the call.
+    unsafe { libc::localtime_r(&raw const seconds, &raw mut local) };
+    let (year, month) = (1900 + local.tm_year, 1 + local.tm_mon);
+    let libc::tm { tm_mday: day, tm_hour: hour, tm_min: minute, tm_sec: second, .. } = local;
+    format!("{year:04}-{month:02}-{day:02}-{hour:02}{minute:02}{second:02}")
+}

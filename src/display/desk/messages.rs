@@ -1,0 +1,117 @@
+//! What is told in the window for a few seconds, and how far a computation is.
+
+use super::style::{GOOD, WRONG};
+use crate::base::notice::notice;
+use crate::base::text::one_line;
+use crate::session::change::Step;
+use egui::{Align2, Area, Context, Frame, Id, ProgressBar, RichText, Ui, vec2};
+use std::time::{Duration, Instant};
+
+/// How long a message is shown, and how long an error is.
+const SHOWN: Duration = Duration::from_secs(5);
+const WRONG_SHOWN: Duration = Duration::from_secs(15);
+/// Messages at once.
+const MOST: usize = 4;
+
+#[derive(Default)]
+pub struct Messages(Vec<Message>);
+
+struct Message {
+    text: String,
+    is_wrong: bool,
+    until: Instant,
+}
+
+impl Messages {
+    pub fn tell(&mut self, text: &str) {
+        self.add(text, false);
+    }
+
+    pub fn wrong(&mut self, text: &str) {
+        self.add(text, true);
+    }
+
+    pub fn say(&mut self, told: Result<String, String>) {
+        match told {
+            Ok(text) => self.tell(&text),
+            Err(text) => self.wrong(&text),
+        }
+    }
+
+    /// On standard error as well, where it stays.
+    fn add(&mut self, text: &str, is_wrong: bool) {
+        notice!("{}{text}", if is_wrong { "note: " } else { "" });
+        let until = Instant::now() + if is_wrong { WRONG_SHOWN } else { SHOWN };
+        self.0.push(Message {
+            text: text.lines().map(one_line).collect::<Vec<_>>().join("\n"),
+            is_wrong,
+            until,
+        });
+        let surplus = self.0.len().saturating_sub(MOST);
+        self.0.drain(..surplus);
+    }
+
+    pub fn forget_old(&mut self) {
+        if !self.0.is_empty() {
+            let now = Instant::now();
+            self.0.retain(|message| message.until > now);
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// At the lower edge.
+    pub fn show(&self, context: &Context, is_recording: bool) {
+        if is_recording {
+            plate(context, "recording", Align2::LEFT_TOP, vec2(12.0, 12.0), |ui| {
+                ui.label(RichText::new("● video").color(WRONG).strong());
+                ui.label("F11 ends it");
+            });
+        }
+        if self.0.is_empty() {
+            return;
+        }
+        plate(context, "messages", Align2::CENTER_BOTTOM, vec2(0.0, -16.0), |ui| {
+            ui.vertical(|ui| {
+                for message in &self.0 {
+                    let colour = if message.is_wrong { WRONG } else { GOOD };
+                    ui.label(RichText::new(&message.text).color(colour));
+                }
+            });
+        });
+    }
+}
+
+/// The step of a computation while the panel is hidden.
+pub fn show_step(context: &Context, step: &Step) {
+    plate(context, "step", Align2::LEFT_BOTTOM, vec2(12.0, -16.0), |ui| {
+        ui.set_max_width(260.0);
+        progress(ui, step);
+    });
+}
+
+/// A bar with the name of the step.
+pub fn progress(ui: &mut Ui, step: &Step) {
+    let name = if step.name.is_empty() { "begins" } else { &step.name };
+    if step.units > 0 {
+        let share = step.done as f32 / step.units as f32;
+        ui.add(
+            ProgressBar::new(share.clamp(0.0, 1.0)).text(format!("{name} {:.0} %", 100.0 * share.min(1.0))),
+        );
+    } else {
+        ui.horizontal(|ui| {
+            ui.spinner();
+            ui.label(name);
+        });
+    }
+}
+
+fn plate(context: &Context, id: &str, anchor: Align2, offset: egui::Vec2, content: impl FnOnce(&mut Ui)) {
+    let most = (context.content_rect().width() - 40.0).clamp(80.0, 760.0);
+    Area::new(Id::unique(id)).anchor(anchor, offset).interactable(false).show(context, |ui| {
+        ui.set_max_width(most);
+        Frame::window(ui.style()).show(ui, |ui| ui.horizontal(content));
+    });
+}

@@ -1,0 +1,410 @@
+//! The desk: what a person does to a scene with the mouse while it is shown, and what is taken home from it.
+//!
+//! In: keys, and mouse and keyboard over a panel in one window. Out: a [`Session`] whose bodies have another model, material or
+//! effects, or that is on another stage (computed in the background, while the old bodies stay usable), pictures, videos and
+//! files for other programs. Messages are told in the window for a few seconds. As long as the panel is hidden and nothing is
+//! told, nothing is laid out or drawn.
+
+pub mod apng;
+mod editor;
+mod editor_panel;
+pub mod input;
+pub mod keep;
+mod messages;
+mod panel;
+mod style;
+pub mod video;
+
+use super::bodies::GpuBodies;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::edit::save;
+use crate::green::GreenFile;
+use crate::interact::PickRay;
+use crate::render::Overlay;
+use crate::render::window::Button;
+use crate::render::window::{AppError, Glass, Input, Key, Windows};
+use crate::render::{BodyInstance, Gpu, RenderError};
+use crate::session::change::Step;
+use crate::session::keys::scale;
+use crate::session::{Change, Session};
+use editor::{Editor, Loading};
+use input::PanelInput;
+use keep::{Keeper, said};
+use messages::Messages;
+use panel::Draft;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a person asks for in the panel.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Show what the panel says.
+    Apply,
+    /// Show on; what is being computed is forgotten.
+    GiveUp,
+    /// The panel says what is shown again.
+    Reset,
+    Picture,
+    Video,
+    /// The bodies as they are, in the format of this name.
+    Export(&'static str),
+    Close,
+    /// Make control elements on the body of this name, or end that.
+    Edit(Option<String>),
+    /// Write the scene to the file of this name.
+    Save(PathBuf),
+}
+
+/// The panel, and what it has begun.
+pub struct Desk {
+    pub is_open: bool,
+    /// The window in which it is.
+    window: usize,
+    sizes: Vec<[u32; 2]>,
+    input: PanelInput,
+    messages: Messages,
+    keeper: Keeper,
+    draft: Option<Draft>,
+    change: Option<Change>,
+    loading: Option<Loading>,
+    editor: Option<Editor>,
+    /// The files of earlier changes, so that the way back costs nothing, and where they are.
+    known: Vec<Arc<GreenFile>>,
+    folder: Option<tempfile::TempDir>,
+    orders: Vec<Order>,
+    /// Whether the loss of what was not saved was told.
+    is_warned: bool,
+    started: Instant,
+}
+
+/// What windows have to do after a change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum After {
+    Nothing,
+    /// The bodies are others.
+    NewBodies,
+    /// So is the stage, and the windows have to be opened anew.
+    NewWindows,
+}
+
+impl Default for Desk {
+    fn default() -> Desk {
+        Desk {
+            is_open: false,
+            window: 0,
+            sizes: Vec::new(),
+            input: PanelInput::default(),
+            messages: Messages::default(),
+            keeper: Keeper::default(),
+            draft: None,
+            change: None,
+            loading: None,
+            editor: None,
+            known: Vec::new(),
+            folder: None,
+            orders: Vec::new(),
+            is_warned: false,
+            started: Instant::now(),
+        }
+    }
+}
+
+impl Desk {
+    /// Takes an input; returns what of it is meant for the scene. `ray` is that of the mouse at a place of a window.
+    pub fn input(
+        &mut self,
+        input: Input,
+        session: &mut Session,
+        ray: impl FnOnce(usize, [f32; 2], &Session) -> Option<PickRay>,
+    ) -> Option<Input> {
+        if self.takes(&input, session) {
+            self.editor.iter_mut().filter(|_| self.input.is_over).for_each(Editor::leave);
+            return None;
+        }
+        let Some(editor) = self.editor.as_mut().filter(|_| self.is_open) else { return Some(input) };
+        match input {
+            Input::Cursor { window, position } => {
+                let is_drawing = editor.point(ray(window, position, session), &session.world);
+                (!is_drawing).then_some(input)
+            }
+            Input::Button { button: Button::Left, pressed, .. } => {
+                editor.press(pressed);
+                None
+            }
+            Input::Button { window, button: Button::Right, pressed } => {
+                Some(Input::Button { window, button: Button::Middle, pressed })
+            }
+            Input::Wheel { lines, .. } if !self.input.modifiers.ctrl => {
+                session.world.act(scale(lines.into()));
+                None
+            }
+            Input::Key { key: Key::Char('z'), pressed, .. } if self.input.modifiers.ctrl => {
+                if pressed {
+                    editor.sketch.undo();
+                }
+                None
+            }
+            _ => Some(input),
+        }
+    }
+
+    /// Whether an input is meant for the panel alone.
+    fn takes(&mut self, input: &Input, session: &Session) -> bool {
+        if let Input::Key { window, key, pressed, .. } = *input {
+            let is_free = !(self.is_open && self.input.is_writing);
+            match key {
+                Key::Tab if is_free => {
+                    if pressed {
+                        self.toggle(window, session);
+                    }
+                    return true;
+                }
+                Key::Char('c') if is_free && !self.input.modifiers.ctrl => {
+                    if pressed {
+                        if !self.is_open {
+                            self.toggle(window, session);
+                        }
+                        let is_editing = self.editor.is_some();
+                        let body = self.draft.as_ref().and_then(Draft::chosen).filter(|_| !is_editing);
+                        self.orders.push(Order::Edit(body));
+                    }
+                    return true;
+                }
+                Key::Function(number @ (9 | 11 | 12)) => {
+                    if pressed {
+                        self.window = if self.is_open { self.window } else { window };
+                        self.orders.push(match number {
+                            9 => Order::Export("glb"),
+                            11 => Order::Video,
+                            _ => Order::Picture,
+                        });
+                    }
+                    return true;
+                }
+                _ => {}
+            }
+        }
+        let of = match *input {
+            Input::Cursor { window, .. }
+            | Input::CursorLeft { window }
+            | Input::Button { window, .. }
+            | Input::Wheel { window, .. }
+            | Input::Key { window, .. } => window,
+            _ => return false,
+        };
+        let size = self.sizes.get(of).copied().unwrap_or([1, 1]);
+        self.is_open && of == self.window && self.input.take(input, size)
+    }
+
+    fn toggle(&mut self, window: usize, session: &Session) {
+        self.is_open = !self.is_open;
+        self.window = window;
+        self.input = PanelInput::default();
+        self.draft = session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
+    }
+
+    /// Does what was asked for, and puts into the place of what is shown what was computed meanwhile.
+    pub fn step(&mut self, session: &mut Session) -> After {
+        for order in std::mem::take(&mut self.orders) {
+            self.follow(order, session);
+        }
+        if let Some(loading) = self.loading.take_if(|loading| loading.is_done())
+            && let Some(scene) = self.draft.as_ref().map(|draft| &draft.scene)
+        {
+            match loading.finish(scene) {
+                Ok(editor) => self.editor = Some(editor),
+                Err(failure) => self.messages.wrong(&said(&failure)),
+            }
+        }
+        let Some(change) = self.change.take_if(|change| change.is_done()) else { return After::Nothing };
+        match change.finish() {
+            Ok(changed) => {
+                let after = if changed.is_other_stage { After::NewWindows } else { After::NewBodies };
+                let file = changed.file.clone();
+                let before = session.file.clone();
+                if let Err(failure) = session.take(changed) {
+                    self.messages.wrong(&said(&failure));
+                    if session.file.as_ref().is_none_or(|now| !Arc::ptr_eq(now, &file)) {
+                        return After::Nothing;
+                    }
+                } else {
+                    let was_made = self.editor.take().is_some();
+                    self.messages.tell(if was_made { "Ready: grab the body." } else { "Changed." });
+                }
+                self.known.extend(
+                    before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))),
+                );
+                if after == After::NewWindows {
+                    self.window = 0;
+                }
+                self.draft =
+                    session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
+                after
+            }
+            Err(failure) => {
+                self.messages.wrong(&format!("Not changed: {}", said(&failure)));
+                After::Nothing
+            }
+        }
+    }
+
+    fn follow(&mut self, order: Order, session: &mut Session) {
+        match order {
+            Order::Apply => {
+                if let Err(failure) = self.begin(session) {
+                    self.messages.wrong(&format!("Not changed: {}", said(&failure)));
+                }
+            }
+            Order::GiveUp => self.change = None,
+            Order::Reset => self.draft = session.scene.as_ref().map(|scene| Draft::of(scene, session)),
+            Order::Picture => self.keeper.want_picture(),
+            Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
+            Order::Export(name) => {
+                let exported = crate::export::find_surface(name).map_err(Failure::wrong);
+                let exported = exported.and_then(|exporter| keep::export(&session.world, exporter));
+                self.messages.say(exported.map_err(|failure| said(&failure)));
+            }
+            Order::Close => (self.is_open, self.draft) = (false, None),
+            Order::Edit(None) => (self.editor, self.loading) = (None, None),
+            Order::Edit(Some(body)) => {
+                let begun = self.draft.as_ref().map(|draft| Loading::begin(&draft.scene, &body)).transpose();
+                match begun {
+                    Ok(loading) => self.loading = loading,
+                    Err(failure) => self.messages.wrong(&said(&failure)),
+                }
+            }
+            Order::Save(path) => match self.save(session, &path) {
+                Ok(()) => self.messages.tell(&format!("Saved: {}", path.display())),
+                Err(failure) => self.messages.wrong(&format!("Not saved: {}", said(&failure))),
+            },
+        }
+    }
+
+    /// Begins to compute what the panel says.
+    fn begin(&mut self, session: &Session) -> Result<(), Failure> {
+        let Some(draft) = &self.draft else { return Ok(()) };
+        let (scene, stage) = draft.wanted(session, self.editor.as_ref())?;
+        let path = self.path()?;
+        let known = session.file.iter().chain(&self.known).cloned().collect();
+        self.change = Some(Change::begin(session, scene, stage, path, known)?);
+        Ok(())
+    }
+
+    /// Writes what the panel says as a scene file; from then on it is the scene that is shown, where it is shown.
+    fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
+        let Some(draft) = &mut self.draft else { return Ok(()) };
+        let (scene, _) = draft.wanted(session, self.editor.as_ref())?;
+        let is_shown = session.scene.as_ref() == Some(&scene);
+        let file = session.file.as_deref().filter(|_| is_shown);
+        let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
+        draft.was_saved(&saved);
+        if is_shown {
+            session.scene = Some(saved);
+        }
+        Ok(())
+    }
+
+    /// The body on which control elements are made, which is drawn in place of the scene's.
+    pub fn edited(&mut self, gpu: &Gpu, session: &Session) -> Result<Option<BodyInstance<'_>>, RenderError> {
+        let editor = self.editor.as_mut().filter(|_| self.is_open);
+        editor.map(|editor| editor.instance(gpu, &session.world)).transpose()
+    }
+
+    /// Whether something was made that no file holds; told once, so that a second Escape quits.
+    pub fn keeps_open(&mut self) -> bool {
+        let is_unsaved = self.editor.as_ref().is_some_and(|editor| editor.sketch.can_undo());
+        let is_new = is_unsaved && !std::mem::replace(&mut self.is_warned, true);
+        if is_new {
+            self.messages
+                .wrong("The control elements are not saved: press Escape again to quit without them.");
+        }
+        is_new
+    }
+
+    /// Where the next .green file goes: beside nothing of the user's, until a scene is saved.
+    fn path(&mut self) -> Result<PathBuf, Failure> {
+        let folder = match self.folder.take() {
+            Some(folder) => folder,
+            None => tempfile::Builder::new().prefix("greenstage-").tempdir().map_err(Failure::work)?,
+        };
+        let path = folder.path().join(format!("{}.green", self.known.len()));
+        self.folder = Some(folder);
+        Ok(path)
+    }
+
+    /// Lays out what is to be seen of it over the next picture.
+    pub fn lay_out(&mut self, windows: &mut Windows, session: &Session) {
+        let time_s = self.started.elapsed().as_secs_f64();
+        self.keeper.ask(windows, self.window, time_s);
+        self.messages.forget_old();
+        let is_seen = self.is_open
+            || self.loading.is_some()
+            || self.change.is_some()
+            || !self.messages.is_empty()
+            || self.keeper.is_recording();
+        if !is_seen {
+            windows.glass = None;
+            return;
+        }
+        self.sizes = windows.sizes().collect();
+        let Some(&size) = self.sizes.get(self.window).filter(|size| !size.contains(&0)) else { return };
+        let is_new = windows.glass.is_none();
+        let mut overlay =
+            windows.glass.take().map_or_else(|| Overlay::new(windows.renderer.format), |glass| glass.overlay);
+        let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(size[0] as f32, size[1] as f32));
+        let input = egui::RawInput {
+            screen_rect: Some(screen),
+            time: Some(time_s),
+            events: std::mem::take(&mut self.input.events),
+            ..Default::default()
+        };
+        let Desk { draft, messages, change, keeper, orders, is_open, editor, loading, .. } = self;
+        let (mut is_over, mut is_writing) = (false, false);
+        let mesh = overlay.lay_out_widgets(size, input, |context| {
+            if is_new {
+                style::apply(context);
+            }
+            let reads = || Step { name: "reading the mesh".into(), ..Step::default() };
+            let step = change
+                .as_ref()
+                .map(|change| change.steps.now())
+                .or_else(|| loading.as_ref().map(|_| reads()));
+            if let Some(draft) = draft.as_mut().filter(|_| *is_open) {
+                let now = panel::Now { session, step: step.as_ref(), is_recording: keeper.is_recording() };
+                panel::show(context, draft, editor.as_mut(), &now, orders);
+            } else if let Some(step) = &step {
+                messages::show_step(context, step);
+            }
+            messages.show(context, keeper.is_recording());
+            (is_over, is_writing) = (context.is_pointer_over_egui(), context.egui_wants_keyboard_input());
+        });
+        (self.input.is_over, self.input.is_writing) = (is_over && self.is_open, is_writing);
+        windows.glass = Some(Glass { window: self.window, overlay, mesh });
+    }
+
+    /// Takes the picture that was asked for.
+    pub fn take_picture(&mut self, windows: &mut Windows) {
+        let told = self.keeper.take(windows, self.started.elapsed().as_secs_f64());
+        told.into_iter().for_each(|told| self.messages.say(told));
+    }
+
+    /// Ends what goes on when the windows close.
+    pub fn end(&mut self) {
+        match self.keeper.end_video("") {
+            Some(Ok(told)) => notice!("{told}"),
+            Some(Err(wrong)) => notice!("note: {wrong}"),
+            None => {}
+        }
+    }
+}
+
+/// The bodies of a changed session on the device.
+pub fn new_bodies(
+    windows: &Windows,
+    session: &mut Session,
+    device: super::device::Args,
+) -> Result<GpuBodies, AppError> {
+    Ok(GpuBodies::new(&windows.gpu, &mut session.world, device)?)
+}

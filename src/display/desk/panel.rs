@@ -1,0 +1,387 @@
+//! The panel by which a shown scene is changed: model, material and effects of each body, the stage.
+//!
+//! In: the [`Draft`] of a scene. Out: the draft as a person changed it, and [`Order`]s. Nothing is checked here that the scene
+//! checks itself: what cannot be is told when it is tried, and the old state stays.
+
+use super::Order;
+use super::editor::Editor;
+use super::editor_panel;
+use super::messages::progress;
+use super::style::{ACTION, GOOD};
+use crate::base::failure::Failure;
+use crate::deform::{Frame as ModelFrame, MODELS};
+use crate::display::lettering::QUIET;
+use crate::effect::EFFECTS;
+use crate::export::surfaces;
+use crate::scene::materials::MATERIALS;
+use crate::scene::write::Comments;
+use crate::scene::{Body, Grab, Material, Nodes, Scene};
+use crate::session::Session;
+use crate::session::change::Step;
+use crate::session::open::stage;
+use crate::stage::{BUILT_IN, Stage};
+use egui::{Align2, Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window, vec2};
+use std::path::{Path, PathBuf};
+
+/// A scene as the panel says it.
+pub struct Draft {
+    pub scene: Scene,
+    /// As it was when the panel was opened.
+    shown: Scene,
+    /// The name or path of the stage.
+    stage: String,
+    shown_stage: String,
+    /// Number of the body whose settings are seen.
+    body: usize,
+    /// The name of the file to which it is saved.
+    file: String,
+}
+
+/// What goes on while the panel is shown.
+pub struct Now<'a> {
+    pub session: &'a Session,
+    pub step: Option<&'a Step>,
+    pub is_recording: bool,
+}
+
+impl Draft {
+    pub fn of(scene: &Scene, session: &Session) -> Draft {
+        let known = BUILT_IN
+            .iter()
+            .find(|(name, _)| Stage::find(name).is_ok_and(|stage| stage == session.world.stage));
+        let stage = known.map_or_else(|| scene.stage.clone(), |(name, _)| (*name).to_owned());
+        Draft {
+            file: free_name(&scene.path),
+            shown: scene.clone(),
+            scene: scene.clone(),
+            shown_stage: stage.clone(),
+            stage,
+            body: 0,
+        }
+    }
+
+    pub fn is_changed(&self) -> bool {
+        self.scene != self.shown || self.stage != self.shown_stage
+    }
+
+    /// The name of the body whose settings are seen.
+    pub fn chosen(&self) -> Option<String> {
+        self.scene.body.get_index(self.body).map(|(name, _)| name.clone())
+    }
+
+    /// Comments of the file to which it is saved.
+    pub fn comments(&self, scene: &Scene) -> Comments {
+        let mut comments = Comments::new();
+        let head = "Made in the window of `greenstage view`. `greenstage manual scene` explains every key.";
+        comments.insert(String::new(), head.to_owned());
+        for (name, body) in &scene.body {
+            if let Some(known) = body.material.known {
+                comments.insert(format!("body.{name}.material"), known.what.to_owned());
+            }
+            for (control_name, control) in &body.control {
+                let key = format!("body.{name}.control.{control_name}");
+                let grab = match control.grab {
+                    Grab::Fixed => "stays where it is",
+                    Grab::Dragger => "can be taken with the stylus or the mouse",
+                };
+                comments.insert(format!("{key}.grab"), grab.to_owned());
+                if let Nodes::List(tags) = &control.nodes {
+                    comments
+                        .insert(key, format!("Painted: {} nodes of the mesh, by their tags.", tags.len()));
+                }
+            }
+        }
+        comments
+    }
+
+    pub fn was_saved(&mut self, saved: &Scene) {
+        self.file = free_name(&saved.path);
+    }
+
+    /// Scene and stage that are to be shown; a scene that the program could not read from a file is refused.
+    pub fn wanted(&self, session: &Session, editor: Option<&Editor>) -> Result<(Scene, Stage), Failure> {
+        let mut scene = self.scene.clone();
+        if let Some(editor) = editor
+            && let Some(body) = scene.body.get_mut(&editor.body)
+        {
+            body.control = editor.sketch.controls();
+        }
+        scene.stage.clone_from(&self.stage);
+        let scene = scene.checked()?;
+        let stage = match self.stage == self.shown_stage {
+            true => session.world.stage.clone(),
+            false => stage(&scene, Some(&self.stage))?,
+        };
+        Ok((scene, stage))
+    }
+}
+
+/// Shows the panel at the right edge.
+pub fn show(
+    context: &Context,
+    draft: &mut Draft,
+    editor: Option<&mut Editor>,
+    now: &Now<'_>,
+    orders: &mut Vec<Order>,
+) {
+    let height = context.content_rect().height();
+    Window::new("Scene")
+        .anchor(Align2::RIGHT_TOP, vec2(-12.0, 12.0))
+        .resizable(false)
+        .collapsible(false)
+        .default_width(330.0)
+        .default_height((height - 60.0).max(120.0))
+        .max_height((height - 60.0).max(120.0))
+        .vscroll(true)
+        .show(context, |ui| {
+            ui.set_width(320.0);
+            let is_busy = now.step.is_some();
+            match editor {
+                Some(editor) => {
+                    editor_panel::show(ui, editor);
+                    ui.separator();
+                    settings(ui, draft);
+                    ui.separator();
+                    if is_busy {
+                        change(ui, draft, now, orders);
+                    } else {
+                        if editor_panel::precompute(ui, editor) {
+                            orders.push(Order::Apply);
+                        }
+                        if ui.button("Leave without precomputing (C)").clicked() {
+                            orders.push(Order::Edit(None));
+                        }
+                    }
+                }
+                None => {
+                    bodies(ui, draft);
+                    stages(ui, draft);
+                    ui.separator();
+                    change(ui, draft, now, orders);
+                    if !is_busy && ui.button("Make control elements (C)").clicked() {
+                        orders.push(Order::Edit(draft.chosen()));
+                    }
+                }
+            }
+            ui.separator();
+            save(ui, draft, orders);
+            keep(ui, now.is_recording, orders);
+            ui.separator();
+            if ui.button("Close the panel (Tab)").clicked() {
+                orders.push(Order::Close);
+            }
+        });
+}
+
+fn bodies(ui: &mut Ui, draft: &mut Draft) {
+    let names: Vec<String> = draft.scene.body.keys().cloned().collect();
+    draft.body = draft.body.min(names.len().saturating_sub(1));
+    if names.len() > 1 {
+        row(ui, "Body", |ui| {
+            ComboBox::from_id_salt("body").width(200.0).selected_text(&names[draft.body]).show_ui(ui, |ui| {
+                for (number, name) in names.iter().enumerate() {
+                    ui.selectable_value(&mut draft.body, number, name);
+                }
+            });
+        });
+    } else {
+        row(ui, "Body", |ui| ui.label(names.first().map_or("", String::as_str)));
+    }
+    settings(ui, draft);
+}
+
+/// Of the chosen body.
+fn settings(ui: &mut Ui, draft: &mut Draft) {
+    let Some((_, body)) = draft.scene.body.get_index_mut(draft.body) else { return };
+    model(ui, body);
+    material(ui, body);
+    effects(ui, body);
+}
+
+fn model(ui: &mut Ui, body: &mut Body) {
+    let before = body.model.clone();
+    row(ui, "Model", |ui| {
+        ComboBox::from_id_salt("model").width(200.0).height(400.0).selected_text(&body.model).show_ui(
+            ui,
+            |ui| {
+                for model in MODELS {
+                    let entry = ui.selectable_value(&mut body.model, model.name.to_owned(), model.name);
+                    entry.on_hover_text(model.summary);
+                }
+            },
+        );
+    });
+    if before != body.model {
+        // Chosen by hand now.
+        (body.accuracy, body.budget, body.plan) = (None, None, None);
+    }
+    if let Some(model) = MODELS.iter().find(|model| model.name == body.model) {
+        let [_, fair] = model.turn_limits_deg;
+        let range = match model.frame {
+            ModelFrame::Solved => "solved for every pose, in the background".to_owned(),
+            _ => format!("fair up to turns of {fair:.0}°"),
+        };
+        ui.label(RichText::new(format!("{}; {range}", model.summary)).color(QUIET).small());
+    }
+}
+
+fn material(ui: &mut Ui, body: &mut Body) {
+    row(ui, "Material", |ui| {
+        let own = "by its numbers";
+        let named = body.material.known.map_or(own, |known| known.name);
+        ComboBox::from_id_salt("material").width(200.0).height(400.0).selected_text(named).show_ui(
+            ui,
+            |ui| {
+                for known in MATERIALS {
+                    let is_chosen = named == known.name;
+                    let what = format!("{}\n{}", known.what, known.source);
+                    if ui.selectable_label(is_chosen, known.name).on_hover_text(what).clicked() {
+                        body.material = Material::from(known);
+                    }
+                }
+            },
+        );
+    });
+    row(ui, "Stiffness", |ui| {
+        ui.add(Slider::new(&mut body.material.young, 1e2..=1e12).logarithmic(true).show_value(false));
+        let speed = 0.01 * body.material.young;
+        ui.add(
+            DragValue::new(&mut body.material.young)
+                .speed(speed)
+                .range(1e-3..=1e15)
+                .custom_formatter(|young, _| pascal(young)),
+        );
+    })
+    .on_hover_text("Young's modulus E, Pa");
+    row(ui, "Poisson", |ui| {
+        ui.add(Slider::new(&mut body.material.poisson, 0.0..=0.499).max_decimals(3));
+    })
+    .on_hover_text("Poisson's ratio ν: 0.3 of steel, 0.49 of rubber and tissue");
+}
+
+/// "2.10 MPa".
+pub fn pascal(value: f64) -> String {
+    let scales = [(1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa"), (1.0, "Pa")];
+    let (scale, unit) = scales.into_iter().find(|(scale, _)| value.abs() >= *scale).unwrap_or((1.0, "Pa"));
+    let number = value / scale;
+    let decimals = if number >= 100.0 {
+        0
+    } else if number >= 10.0 {
+        1
+    } else {
+        2
+    };
+    format!("{number:.decimals$} {unit}")
+}
+
+fn effects(ui: &mut Ui, body: &mut Body) {
+    ui.label("Effects");
+    for effect in EFFECTS {
+        let mut is_listed = body.effects.iter().any(|name| name == effect.name);
+        let before = is_listed;
+        ui.checkbox(&mut is_listed, effect.name).on_hover_text(effect.summary);
+        if is_listed && !before {
+            body.effects.push(effect.name.to_owned());
+        } else if before && !is_listed {
+            body.effects.retain(|name| name != effect.name);
+        }
+    }
+}
+
+fn stages(ui: &mut Ui, draft: &mut Draft) {
+    row(ui, "Stage", |ui| {
+        ComboBox::from_id_salt("stage").width(200.0).height(400.0).selected_text(&draft.stage).show_ui(
+            ui,
+            |ui| {
+                let own = Some(draft.shown_stage.clone());
+                let own = own.filter(|own| BUILT_IN.iter().all(|(name, _)| name != own));
+                for name in own.into_iter().chain(BUILT_IN.iter().map(|(name, _)| (*name).to_owned())) {
+                    ui.selectable_value(&mut draft.stage, name.clone(), name);
+                }
+            },
+        );
+    });
+    if draft.stage != draft.shown_stage {
+        ui.label(RichText::new("its windows open in place of these").color(QUIET).small());
+    }
+}
+
+fn change(ui: &mut Ui, draft: &Draft, now: &Now<'_>, orders: &mut Vec<Order>) {
+    if let Some(step) = now.step {
+        progress(ui, step);
+        ui.horizontal(|ui| {
+            if ui.button("Stop computing").clicked() {
+                orders.push(Order::GiveUp);
+            }
+            ui.label(RichText::new("the body can be used meanwhile").color(QUIET).small());
+        });
+        return;
+    }
+    if let Err(failure) = now.session.may_change() {
+        ui.label(RichText::new(format!("Nothing can be changed now: {failure}")).color(QUIET).small());
+        return;
+    }
+    ui.horizontal(|ui| {
+        let is_changed = draft.is_changed();
+        let apply = Button::new(RichText::new("Apply").strong()).fill(ACTION);
+        if ui.add_enabled(is_changed, apply).clicked() {
+            orders.push(Order::Apply);
+        }
+        if ui.add_enabled(is_changed, Button::new("Put back")).clicked() {
+            orders.push(Order::Reset);
+        }
+        if !is_changed {
+            ui.label(RichText::new("as shown").color(GOOD).small());
+        }
+    });
+}
+
+fn save(ui: &mut Ui, draft: &mut Draft, orders: &mut Vec<Order>) {
+    ui.horizontal(|ui| {
+        ui.add(egui::TextEdit::singleline(&mut draft.file).desired_width(190.0).hint_text("scene.toml"));
+        if ui.button("Save the scene").clicked() {
+            orders.push(Order::Save(PathBuf::from(draft.file.trim())));
+        }
+    });
+}
+
+/// A name for a scene file that no file has: that of the scene itself, or the same with a number.
+fn free_name(path: &Path) -> String {
+    let stem = path.with_extension("");
+    let numbered = (2..1000).map(|number| PathBuf::from(format!("{}-{number}.toml", stem.display())));
+    let free = std::iter::once(path.with_extension("toml")).chain(numbered).find(|path| !path.exists());
+    free.unwrap_or_default().display().to_string()
+}
+
+fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Save a picture (F12)").clicked() {
+            orders.push(Order::Picture);
+        }
+        let video = if is_recording { "End the video (F11)" } else { "Record a video (F11)" };
+        if ui.button(video).clicked() {
+            orders.push(Order::Video);
+        }
+    });
+    ui.horizontal(|ui| {
+        ui.label("Export the bodies");
+        for exporter in surfaces() {
+            if ui.button(exporter.name().to_uppercase()).clicked() {
+                orders.push(Order::Export(exporter.name()));
+            }
+        }
+    });
+}
+
+/// A line with its name in a column of its own.
+pub fn row<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> egui::Response {
+    ui.horizontal(|ui| {
+        let size = vec2(74.0, ui.spacing().interact_size.y);
+        ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), |ui| {
+            ui.set_min_width(size.x);
+            ui.label(name);
+        });
+        content(ui);
+    })
+    .response
+}

@@ -1,0 +1,31 @@
+//! How the panel looks: the colours of the overlays, letters that are read from an arm's length.
+
+use crate::display::lettering::{DARK, INK};
+use egui::{Color32, Context, FontFamily, FontId, TextStyle, Visuals};
+
+pub const GOOD: Color32 = Color32::from_rgb(152, 195, 121);
+pub const WRONG: Color32 = Color32::from_rgb(236, 120, 100);
+pub const ACTION: Color32 = Color32::from_rgb(46, 98, 150);
+
+pub fn apply(context: &Context) {
+    context.set_theme(egui::Theme::Dark);
+    context.all_styles_mut(|style| {
+        let font = |size| FontId::new(size, FontFamily::Proportional);
+        style.text_styles = [
+            (TextStyle::Small, font(13.0)),
+            (TextStyle::Body, font(15.0)),
+            (TextStyle::Button, font(15.0)),
+            (TextStyle::Heading, font(18.0)),
+            (TextStyle::Monospace, FontId::new(14.0, FontFamily::Monospace)),
+        ]
+        .into();
+        style.spacing.item_spacing = egui::vec2(8.0, 7.0);
+        style.spacing.button_padding = egui::vec2(8.0, 4.0);
+        style.spacing.slider_width = 170.0;
+        style.visuals = Visuals::dark();
+        style.visuals.override_text_color = Some(INK);
+        style.visuals.window_fill = DARK;
+        style.visuals.panel_fill = style.visuals.window_fill;
+        style.animation_time = 0.0;
+    });
+}

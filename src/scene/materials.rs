@@ -1,0 +1,186 @@
+//! A small library of materials, and the two ways in which a scene names one.
+//!
+//! In: `material = "liver"`, `material = { name = "rubber", young = 2e6 }`, or the numbers themselves. Out: the numbers,
+//! which everything else uses, and the library's entry that they started from.
+
+use crate::config::unknown_name;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
+
+/// A material of the library: isotropic, for small strains.
+#[derive(Debug, PartialEq)]
+pub struct Known {
+    pub name: &'static str,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    pub poisson: f64,
+    /// kg/m³.
+    pub density: f64,
+    /// Largest von Mises stress that it bears without yielding, Pa, where there is such a thing.
+    pub yield_stress: Option<f64>,
+    /// What exactly was measured, and what is only assumed.
+    pub what: &'static str,
+    /// Author, year, table.
+    pub source: &'static str,
+}
+
+/// All of the library; a new one is an entry here and a row in the chapter `materials`.
+pub const MATERIALS: &[Known] = &[
+    Known {
+        name: "steel",
+        young: 210e9,
+        poisson: 0.3,
+        density: 7850.0,
+        yield_stress: Some(235e6),
+        what: "structural steel S235, up to 40 mm thick",
+        source: "EN 1993-1-1:2005, 3.2.6 and table 3.1; density: EN 1993-1-2:2005, 3.2.2",
+    },
+    Known {
+        name: "aluminium",
+        young: 70e9,
+        poisson: 0.3,
+        density: 2700.0,
+        yield_stress: Some(250e6),
+        what: "wrought alloy EN AW-6082 T6, extruded, up to 5 mm thick",
+        source: "EN 1999-1-1:2007, 3.2.5 and table 3.2b",
+    },
+    Known {
+        name: "titanium",
+        young: 113.8e9,
+        poisson: 0.342,
+        density: 4430.0,
+        yield_stress: Some(790e6),
+        what: "Ti-6Al-4V ELI, annealed, as in implants",
+        source: "ASM data sheet MTP643, Titanium Ti-6Al-4V (Grade 5), ELI, Annealed (asm.matweb.com)",
+    },
+    Known {
+        name: "rubber",
+        young: 2e6,
+        poisson: 0.49,
+        density: 925.0,
+        yield_stress: None,
+        what: "natural rubber, middle of 1.5 to 2.5 MPa; ν is assumed (nearly incompressible)",
+        source: "Ashby, Materials Selection in Mechanical Design, 3rd ed. 2005, appendix C, natural rubber",
+    },
+    Known {
+        name: "silicone",
+        young: 1.32e6,
+        poisson: 0.495,
+        density: 1030.0,
+        yield_stress: None,
+        what: "PDMS (Sylgard 184) cured at 25 °C; other silicones from 0.05 to 10 MPa",
+        source: "Johnston et al., J. Micromech. Microeng. 24, 2014, 035017; ν: Pritchard et al., Soft Matter 9, 2013, 6037; \
+                 density: the maker's data sheet",
+    },
+    Known {
+        name: "liver",
+        young: 5.5e3,
+        poisson: 0.49,
+        density: 1060.0,
+        yield_stress: None,
+        what: "healthy, living: mean of 429 people by transient elastography; ν is assumed (nearly incompressible)",
+        source: "Roulot et al., J. Hepatol. 48, 2008, 606; density: ICRU report 46, 1992",
+    },
+    Known {
+        name: "muscle",
+        young: 11.1e3,
+        poisson: 0.49,
+        density: 1050.0,
+        yield_stress: None,
+        what: "gastrocnemius at rest, by shear-wave elastography, fibres left out; ν is assumed (nearly incompressible)",
+        source: "Arda et al., Am. J. Roentgenol. 197, 2011, 532; density: ICRU report 46, 1992",
+    },
+    Known {
+        name: "cartilage",
+        young: 0.686e6,
+        poisson: 0.098,
+        density: 1100.0,
+        yield_stress: None,
+        what: "human, lateral femoral condyle, in equilibrium after its water has moved; E from the aggregate modulus 0.701 MPa",
+        source: "Athanasiou et al., J. Orthop. Res. 9, 1991, 330; density: ICRU report 46, 1992",
+    },
+    Known {
+        name: "bone",
+        young: 17e9,
+        poisson: 0.3,
+        density: 1920.0,
+        yield_stress: None,
+        what: "cortical, human femur along its axis (11.5 GPa across it, left out); ν is assumed",
+        source: "Reilly and Burstein, J. Biomech. 8, 1975, 393; density: ICRU report 46, 1992",
+    },
+];
+
+/// The material called `name`; the error lists the known ones.
+pub fn find_material(name: &str) -> Result<&'static Known, String> {
+    let found = MATERIALS.iter().find(|known| known.name == name);
+    found.ok_or_else(|| unknown_name("material", name, MATERIALS.iter().map(|known| known.name)))
+}
+
+/// A material as a scene writes it: what is left out comes from the library's entry.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Written {
+    pub name: Option<String>,
+    pub young: Option<f64>,
+    pub poisson: Option<f64>,
+    pub density: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    name: Option<String>,
+    young: Option<f64>,
+    poisson: Option<f64>,
+    density: Option<f64>,
+}
+
+impl<'de> Deserialize<'de> for Written {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Written, D::Error> {
+        struct NameOrTable;
+        impl<'de> Visitor<'de> for NameOrTable {
+            type Value = Written;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a table, or a name of `greenstage manual materials`")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<Written, E> {
+                Ok(Written { name: Some(name.to_owned()), ..Written::default() })
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Written, A::Error> {
+                let Table { name, young, poisson, density } =
+                    Table::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(Written { name, young, poisson, density })
+            }
+        }
+        deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chapter_shows_the_library() {
+        let chapter = include_str!("../manual/materials.md");
+        for known in MATERIALS {
+            let stress = known.yield_stress.map_or("–".to_owned(), |stress| format!("{}", stress * 1e-6));
+            let young = match known.young {
+                young if young >= 1e9 => format!("{:?}e9", young * 1e-9),
+                young if young >= 1e6 => format!("{:?}e6", young * 1e-6),
+                young => format!("{:?}e3", young * 1e-3),
+            };
+            let row = format!(
+                "| `{}` | {young} | {} | {} | {stress} | {} | {} |",
+                known.name, known.poisson, known.density, known.what, known.source
+            );
+            assert!(chapter.contains(&row), "the chapter lacks\n{row}");
+        }
+        let rows = chapter.lines().filter(|line| line.starts_with("| `")).count();
+        assert_eq!(rows, MATERIALS.len());
+    }
+}

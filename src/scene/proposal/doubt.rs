@@ -1,0 +1,65 @@
+//! Which unit a file is in, where its size does not tell; and all else for which nothing can be proposed.
+
+use super::super::SceneError;
+use crate::base::failure::Failure;
+use crate::mesh::MeshError;
+use crate::mesh::diagnostics::digits;
+use crate::mesh::length_unit::{LengthUnit, Scale, find_unit};
+use std::path::{Path, PathBuf};
+
+/// The file's extent is implausible in metres, and in which units it would be plausible.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnitDoubt {
+    pub mesh: PathBuf,
+    /// Longest side of the file's box, in the file's unit.
+    pub extent: f64,
+    /// The likeliest first; the last is what it would be without a word: metres.
+    pub candidates: Vec<&'static LengthUnit>,
+}
+
+impl UnitDoubt {
+    /// How long the body is if the file is in `unit`: "0.195 m".
+    pub fn extent_in(&self, unit: &LengthUnit) -> String {
+        format!("{} m", digits(self.extent * unit.metres))
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum ProposalError {
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("{}: the body would be {} m long", .0.mesh.display(), digits(.0.extent))]
+    Unit(UnitDoubt),
+    #[error("{0}")]
+    Wrong(String),
+}
+
+impl From<ProposalError> for Failure {
+    fn from(error: ProposalError) -> Failure {
+        match error {
+            ProposalError::Mesh(error) => error.into(),
+            ProposalError::Scene(error) => error.into(),
+            other => Failure::request(other),
+        }
+    }
+}
+
+/// Longest sides of bodies that are taken for metres without asking.
+pub const PLAUSIBLE_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
+/// The units in which a body of `extent` units would be plausible, the likeliest first, and metres.
+fn candidates(extent: f64) -> Vec<&'static LengthUnit> {
+    // CAD and medical images are in millimetres; little else is met.
+    let likely = ["mm", "um"].into_iter().filter_map(|name| find_unit(name).ok());
+    let fitting = likely.filter(|unit| PLAUSIBLE_M.contains(&(extent * unit.metres)));
+    fitting.take(1).chain(find_unit("m")).collect()
+}
+
+/// Whether a file of that extent is taken for metres, or `asked` says what it is in.
+pub fn plausible(file: &Path, extent: f64, asked: Option<Scale>) -> Result<(), ProposalError> {
+    if asked.is_some() || PLAUSIBLE_M.contains(&extent) {
+        return Ok(());
+    }
+    Err(ProposalError::Unit(UnitDoubt { mesh: file.to_owned(), extent, candidates: candidates(extent) }))
+}

@@ -1,0 +1,278 @@
+//! Where a body is to be held and where it is to be pulled if nothing says so: at two ends.
+//!
+//! In: a mesh. Out: two selections of nodes. A long body has its ends along the axis of least inertia, a body that fills
+//! its box at the far faces of it; any other, such as an organ, where two points of its surface are furthest apart through
+//! the material.
+
+use super::super::Nodes;
+use crate::base::disjoint::DisjointSets;
+use crate::mesh::diagnostics::digits;
+use crate::mesh::{Surface, TetMesh, geodesic, quality};
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+/// One end of a body.
+#[derive(Clone, Debug)]
+pub struct End {
+    /// "left", "top", …: where it lies as seen from the other.
+    pub name: &'static str,
+    pub nodes: Nodes,
+    /// The nodes it selects, ascending.
+    pub selected: Vec<u32>,
+    pub what: String,
+}
+
+/// The two ends, the one to be fixed first, and how they were found.
+pub struct Ends {
+    pub ends: [End; 2],
+    pub why: String,
+}
+
+/// Length over the next extent, both as standard deviations, from which a body has a long axis.
+const LONG: f64 = 1.5;
+/// Part of its box that a body fills, from which it has the box's faces.
+const BOXY: f64 = 0.85;
+/// A principal axis as near to a coordinate axis as this cosine is taken to be it.
+const ALIGNED: f64 = 0.985;
+/// Depth of an end against the body's length: the first that is tried, along an axis and through the body, and the last.
+const ALONG: f64 = 0.08;
+const THROUGH: f64 = 0.12;
+const DEEPEST: f64 = 0.35;
+/// An end holds so many nodes at least, unless it would be deeper than the last depth.
+const FEWEST: usize = 12;
+
+/// The ends of a body; `None` where no two can be told apart, as in a mesh of a few tetrahedra.
+pub fn find(mesh: &TetMesh) -> Option<Ends> {
+    let shape = Shape::of(mesh);
+    let surface = Surface::of(mesh);
+    if let Some((axis, why)) = shape.axis()
+        && let Some(ends) = along(mesh, &surface, &axis)
+    {
+        return Some(Ends { ends, why });
+    }
+    let ends = farthest(mesh, &surface)?;
+    Some(Ends {
+        ends,
+        why: "the two places of the surface that are furthest apart through the body".to_owned(),
+    })
+}
+
+/// The body's extent along its axis of least inertia, m.
+pub fn length(mesh: &TetMesh) -> f64 {
+    let axis = Shape::of(mesh).axes[0];
+    let (low, high) = span(mesh, &axis);
+    high - low
+}
+
+/// Of a body of uniform density: deviations along its principal axes, the greatest first.
+struct Shape {
+    axes: [Vector3<f64>; 3],
+    deviations: [f64; 3],
+    box_sides: Vector3<f64>,
+    volume: f64,
+}
+
+impl Shape {
+    fn of(mesh: &TetMesh) -> Shape {
+        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let middle = (low + high) * 0.5;
+        let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
+        for tet in 0..mesh.tets.len() {
+            let corners = mesh.corners(tet).map(|corner| corner - middle);
+            let part = quality::signed_volume(&corners);
+            let centre: Vector3<f64> = corners.iter().sum::<Vector3<f64>>() / 4.0;
+            volume += part;
+            first += centre * part;
+            // ∫ x xᵀ over a tetrahedron: V (Σ cᵢ cᵢᵀ + 16 c cᵀ)/20.
+            let corner_sum: Matrix3<f64> = corners.iter().map(|corner| corner * corner.transpose()).sum();
+            second += (corner_sum + centre * centre.transpose() * 16.0) * (part / 20.0);
+        }
+        let covariance = second / volume - first * first.transpose() / (volume * volume);
+        let eigen = SymmetricEigen::new(covariance);
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        Shape {
+            axes: order.map(|i| eigen.eigenvectors.column(i).into_owned()),
+            deviations: order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()),
+            box_sides: high - low,
+            volume,
+        }
+    }
+
+    /// The axis at whose ends the body is held, and why; `None` for a body without one.
+    fn axis(&self) -> Option<(Vector3<f64>, String)> {
+        let [long, next, _] = self.deviations;
+        if long > LONG * next {
+            let snapped =
+                (0..3).map(|i| Vector3::ith(i, 1.0)).find(|axis| axis.dot(&self.axes[0]).abs() > ALIGNED);
+            let axis = snapped.unwrap_or(upward(self.axes[0]).map(|x| (x * 1e3).round() / 1e3));
+            return Some((axis, "the ends of its long axis".to_owned()));
+        }
+        let fills = self.volume / self.box_sides.product();
+        (fills > BOXY).then(|| {
+            // Of about equal sides the upright one, on which a body stands.
+            let side = |axis: &usize| self.box_sides[*axis] * if *axis == 1 { 1.01 } else { 1.0 };
+            let longest = (0..3).max_by(|a, b| side(a).total_cmp(&side(b))).unwrap_or(1);
+            (Vector3::ith(longest, 1.0), "the far faces of its box".to_owned())
+        })
+    }
+}
+
+/// The same line, pointing along the coordinate axis that it is nearest to.
+fn upward(axis: Vector3<f64>) -> Vector3<f64> {
+    if axis[axis.iamax()] < 0.0 { -axis } else { axis }
+}
+
+fn span(mesh: &TetMesh, axis: &Vector3<f64>) -> (f64, f64) {
+    let along = mesh.nodes.iter().map(|node| node.dot(axis));
+    along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+}
+
+/// Where the end lies towards which `axis` points: "right", "top", "front" or their opposites.
+fn side(axis: &Vector3<f64>) -> &'static str {
+    let at = axis.iamax();
+    [["left", "right"], ["bottom", "top"], ["back", "front"]][at][usize::from(axis[at] > 0.0)]
+}
+
+/// The ends along `axis`: all nodes within a depth of the planes at which the body ends. The lower one, or the left, is
+/// fixed; but where only one of them is in one piece, that one is for the hand.
+fn along(mesh: &TetMesh, surface: &Surface, axis: &Vector3<f64>) -> Option<[End; 2]> {
+    let unit = axis.normalize();
+    let (low, high) = span(mesh, &unit);
+    let length = high - low;
+    let (coarse, middle) = (length * 5e-4, quality::centroid(mesh, &surface.nodes)?);
+    let end = |sign: f64| {
+        let at = if sign > 0.0 { high } else { low };
+        let point = match axis.iter().filter(|x| **x != 0.0).count() {
+            // On the axis itself.
+            1 => unit * at,
+            _ => middle + unit * (at - middle.dot(&unit)),
+        };
+        let point: [f64; 3] = point.map(|x| rounded(x, coarse)).into();
+        selection(mesh, surface, length, ALONG, |depth| Nodes::Plane {
+            point,
+            normal: (*axis).into(),
+            distance: rounded(depth, coarse),
+        })
+        .map(|(nodes, selected, depth)| End {
+            name: side(&(unit * sign)),
+            what: format!("all within {} m of the {} end", digits(depth), side(&(unit * sign))),
+            nodes,
+            selected,
+        })
+    };
+    let ends = [end(-1.0)?, end(1.0)?];
+    if are_apart(&ends[0].selected, &ends[1].selected) {
+        let [first, second] = [0, 1].map(|i: usize| pieces(mesh, &ends[i].selected));
+        match (first, second) {
+            (_, 1) => Some(ends),
+            (1, _) => {
+                let [first, second] = ends;
+                Some([second, first])
+            }
+            _ => None,
+        }
+    } else {
+        None
+    }
+}
+
+/// The ends at the two surface nodes that are furthest apart along the mesh's edges, found by going to the furthest node
+/// twice.
+fn farthest(mesh: &TetMesh, surface: &Surface) -> Option<[End; 2]> {
+    let furthest = |from: u32| {
+        let lengths = geodesic::lengths(mesh, &[from], f64::INFINITY);
+        let reached = |node: &&u32| lengths[**node as usize].is_finite();
+        let far = |a: &&u32, b: &&u32| lengths[**a as usize].total_cmp(&lengths[**b as usize]);
+        let &node = surface.nodes.iter().filter(reached).max_by(far)?;
+        Some((node, lengths[node as usize]))
+    };
+    let (first, _) = furthest(*surface.nodes.first()?)?;
+    let (second, distance) = furthest(first)?;
+    let apart = mesh.nodes[second as usize] - mesh.nodes[first as usize];
+    // The lower or the left one first.
+    let (first, second, apart) =
+        if apart[apart.iamax()] < 0.0 { (second, first, -apart) } else { (first, second, apart) };
+    let end = |node: u32, name: &'static str| {
+        let from: [f64; 3] = mesh.nodes[node as usize].map(|x| rounded(x, distance * 5e-5)).into();
+        selection(mesh, surface, distance, THROUGH, |depth| Nodes::Geodesic {
+            from,
+            radius: rounded(depth, distance * 5e-4),
+        })
+        .map(|(nodes, selected, depth)| End {
+            name,
+            what: format!("through the body up to {} m from its {name} end", digits(depth)),
+            nodes,
+            selected,
+        })
+    };
+    let ends = [end(first, side(&-apart))?, end(second, side(&apart))?];
+    are_apart(&ends[0].selected, &ends[1].selected).then_some(ends)
+}
+
+/// The selection of the least depth that a hand can hold.
+fn selection(
+    mesh: &TetMesh,
+    surface: &Surface,
+    length: f64,
+    first: f64,
+    nodes: impl Fn(f64) -> Nodes,
+) -> Option<(Nodes, Vec<u32>, f64)> {
+    let mut depth = first * length;
+    let mut found = None;
+    while depth <= DEEPEST * length {
+        let chosen = nodes(depth);
+        if let Ok(selected) = chosen.select(mesh)
+            && can_be_held(mesh, surface, &selected)
+        {
+            let is_enough = selected.len() >= FEWEST;
+            found = Some((chosen, selected, depth));
+            if is_enough {
+                break;
+            }
+        }
+        depth *= 1.25;
+    }
+    found
+}
+
+/// Whether a ray can hit a triangle of it, and it is not all on one line.
+pub fn can_be_held(mesh: &TetMesh, surface: &Surface, selected: &[u32]) -> bool {
+    let holds = |node: u32| selected.binary_search(&node).is_ok();
+    let is_whole = |triangle: &[u32; 3]| triangle.iter().all(|&corner| holds(surface.nodes[corner as usize]));
+    surface.triangles.iter().any(is_whole) && !on_one_line(mesh, selected)
+}
+
+fn on_one_line(mesh: &TetMesh, selected: &[u32]) -> bool {
+    let at = |node: &u32| mesh.nodes[*node as usize];
+    let Some(first) = selected.first().map(at) else { return true };
+    let far = selected
+        .iter()
+        .map(|node| at(node) - first)
+        .max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+    let far = far.unwrap_or_default();
+    let off = selected.iter().map(|node| far.cross(&(at(node) - first)).norm()).fold(0.0, f64::max);
+    off <= 1e-6 * far.norm_squared()
+}
+
+pub fn are_apart(a: &[u32], b: &[u32]) -> bool {
+    a.iter().all(|node| b.binary_search(node).is_err())
+}
+
+/// Into how many pieces a selection falls that edges of the mesh do not join.
+fn pieces(mesh: &TetMesh, selected: &[u32]) -> usize {
+    let mut joined = DisjointSets::new(selected.len());
+    for edge in geodesic::edges(mesh) {
+        if let [Ok(a), Ok(b)] = edge.map(|node| selected.binary_search(&node)) {
+            joined.join(a as u32, b as u32);
+        }
+    }
+    (0..selected.len() as u32).filter(|&i| joined.root(i) == i).count()
+}
+
+/// To a round number at most `coarse` away.
+fn rounded(value: f64, coarse: f64) -> f64 {
+    let step = 10f64.powf((2.0 * coarse).log10().floor());
+    let steps = (value / step).round();
+    let places = (-step.log10()).round().clamp(0.0, 17.0) as usize;
+    format!("{:.places$}", steps * step).parse().map_or(value, |value: f64| value + 0.0)
+}

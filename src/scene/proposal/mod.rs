@@ -1,0 +1,283 @@
+//! From a mesh or surface file to a scene that can be shown at once, with the reason for every choice.
+//!
+//! In: the file, where the scene is to stand, and [`Wishes`]. Out: a [`Proposal`]: the scene, the comments with which it is
+//! written, and what was guessed in words; or the question which unit the file is in ([`UnitDoubt`]).
+
+mod doubt;
+mod ends;
+mod filling;
+mod grouped;
+mod telling;
+mod wishes;
+
+pub use doubt::{PLAUSIBLE_M, ProposalError, UnitDoubt};
+pub use wishes::Wishes;
+
+use super::materials::{MATERIALS, find_material};
+use super::write::{self, Comments};
+use super::{Body, Material, Scene, SceneError, Tetrahedralise};
+use crate::fem::{TET4, TET4_ANP};
+use crate::mesh::diagnostics::digits;
+use crate::mesh::length_unit::Scale;
+use crate::mesh::{self, Loaded, TetMesh, quality, surface_files};
+use doubt::plausible;
+use indexmap::IndexMap;
+use std::path::{Path, PathBuf};
+use telling::Telling;
+
+pub struct Proposal {
+    pub scene: Scene,
+    /// The name of its one body.
+    pub body: String,
+    pub comments: Comments,
+    /// What was guessed and why, a sentence each.
+    pub reasons: Vec<String>,
+    /// What may go wrong and what to do about it, a sentence each.
+    pub warnings: Vec<String>,
+    /// The body's mesh, in metres, as the scene will load it.
+    pub mesh: TetMesh,
+}
+
+/// Length over mean thickness from which a body is slender.
+const SLENDER: f64 = 6.0;
+/// Poisson's ratio above which linear tetrahedra are too stiff.
+const INCOMPRESSIBLE: f64 = 0.45;
+/// What a body is made of where neither the user nor the file's name says so.
+pub const USUAL_MATERIAL: &str = "rubber";
+
+/// A scene at `scene_path` for the mesh or surface file at `file`.
+pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Proposal, ProposalError> {
+    let mut telling = Telling::default();
+    let name = body_name(file);
+    let key = |key: &str| format!("body.{name}.{key}");
+    let asked = wishes.asked_scale();
+    let (loaded, tetrahedralise) = if surface_files::is_surface_file(file) {
+        let filled = filling::fill(file, wishes)?;
+        (filled.loaded, Some(Tetrahedralise { cell: filled.cell }))
+    } else {
+        let loaded = mesh::load(file)?;
+        plausible(file, extent(&loaded.mesh), asked)?;
+        (asked.unwrap_or(Scale::ONE).applied(loaded), None)
+    };
+    let Loaded { mesh, notices } = loaded;
+    telling.warnings.extend(notices);
+    size(&mut telling, &key, &mesh, wishes, tetrahedralise);
+    let material = material(&mut telling, &key, file, wishes)?;
+    let element = if material.poisson > INCOMPRESSIBLE { &TET4_ANP } else { &TET4 };
+    if element == &TET4_ANP {
+        telling.comment(&key("element"), "does not lock where the material is nearly incompressible");
+    }
+    let model = model(&mut telling, &key, &mesh, element == &TET4, wishes);
+    telling.comment(&key("effects"), "\"haptics\" would add force and torque, in the hand and as numbers");
+    let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
+    let body = Body {
+        mesh: Some(relative(file, scene_path)),
+        unit: wishes.unit,
+        scale: wishes.scale,
+        tetrahedralise,
+        element,
+        material,
+        model,
+        control,
+        ..least_body()?
+    };
+    let stage = wishes.stage.clone().unwrap_or_else(|| "desktop".to_owned());
+    telling.comment("stage", "one window; other displays: `greenstage manual stages`");
+    telling.comment(
+        "",
+        &format!(
+            "{}, as `greenstage new` proposes to bend it: every line can be changed. `greenstage manual scene` explains \
+             each key.",
+            file.file_name().unwrap_or_default().display()
+        ),
+    );
+    let scene = Scene {
+        stage,
+        script: None,
+        body: IndexMap::from([(name.clone(), body)]),
+        path: scene_path.to_owned(),
+    };
+    let Telling { comments, reasons, warnings } = telling;
+    Ok(Proposal { scene, body: name, comments, reasons, warnings, mesh })
+}
+
+impl Proposal {
+    /// The scene file.
+    pub fn text(&self) -> Result<String, SceneError> {
+        write::text(&self.scene, &self.comments)
+    }
+}
+
+fn extent(mesh: &TetMesh) -> f64 {
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    (high - low).amax()
+}
+
+/// The body is called as the file, in letters that need no quotes.
+fn body_name(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let plain: String =
+        stem.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' }).collect();
+    let plain = plain.trim_matches('_');
+    if plain.is_empty() { "body".to_owned() } else { plain.to_owned() }
+}
+
+/// The file as seen from the scene's folder; from the root where they have no folder in common.
+pub fn relative(file: &Path, scene_path: &Path) -> PathBuf {
+    let folder =
+        scene_path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (Ok(file_there), Ok(folder)) = (std::path::absolute(file), std::path::absolute(folder)) else {
+        return file.to_owned();
+    };
+    let file_there = file_there.canonicalize().unwrap_or(file_there);
+    let folder = folder.canonicalize().unwrap_or(folder);
+    let shared = file_there.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    if shared < 2 {
+        return file_there;
+    }
+    let up = folder.components().skip(shared).map(|_| Path::new("..").as_os_str());
+    up.chain(file_there.components().skip(shared).map(|part| part.as_os_str())).collect()
+}
+
+/// Says how large the body is, in what unit the file was taken to be, and how it is filled.
+fn size(
+    telling: &mut Telling,
+    key: &impl Fn(&str) -> String,
+    mesh: &TetMesh,
+    wishes: &Wishes,
+    tetrahedralise: Option<Tetrahedralise>,
+) {
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let sides: Vec<String> = (high - low).iter().map(|side| digits(*side)).collect();
+    let sides = format!("{} m", sides.join(" × "));
+    let unit = match (wishes.unit, wishes.scale) {
+        (Some(unit), _) => {
+            telling.comment(&key("unit"), &format!("the file is in {}: the body is {sides}", unit.plural));
+            format!("the file is read in {}, as you asked", unit.plural)
+        }
+        (None, Some(scale)) => {
+            telling.comment(&key("scale"), &format!("metres in one unit of the file: the body is {sides}"));
+            format!("one unit of the file is {scale} m, as you asked")
+        }
+        (None, None) => {
+            telling.comment(&key("mesh"), &format!("in metres: {sides}; else write unit = \"mm\""));
+            "the file is taken to be in metres, in which its size is plausible".to_owned()
+        }
+    };
+    let (nodes, tets) = (mesh.nodes.len(), mesh.tets.len());
+    telling.reason(format!("size: {sides}; {unit}"));
+    match tetrahedralise {
+        Some(Tetrahedralise { cell }) => {
+            let comment = format!(
+                "m; fills the surface with {tets} tetrahedra, {nodes} nodes; half of it makes eight times as many"
+            );
+            telling.comment(&key("tetrahedralise"), &comment);
+            telling.reason(format!(
+                "filling: the file is a surface; cells of {cell} m fill it with {tets} tetrahedra and {nodes} nodes, which \
+                 are solved in seconds"
+            ));
+        }
+        None => telling.reason(format!("mesh: {nodes} nodes, {tets} tetrahedra, as in the file")),
+    }
+}
+
+fn material(
+    telling: &mut Telling,
+    key: &impl Fn(&str) -> String,
+    file: &Path,
+    wishes: &Wishes,
+) -> Result<Material, ProposalError> {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+    let said = |name: &&'static super::materials::Known| {
+        stem.split(|c: char| !c.is_alphabetic()).any(|word| word == name.name)
+    };
+    let (known, why) = match &wishes.material {
+        Some(name) => (find_material(name).map_err(ProposalError::Wrong)?, "as you asked"),
+        None => match MATERIALS.iter().find(said) {
+            Some(known) => (known, "after the file's name"),
+            None => {
+                let usual = find_material(USUAL_MATERIAL).map_err(ProposalError::Wrong)?;
+                (usual, "which nothing in the file says: choose with --material")
+            }
+        },
+    };
+    let modulus = pascals(known.young);
+    telling.comment(
+        &key("material"),
+        &format!(
+            "E = {modulus}, ν = {}: {}; others: `greenstage manual materials`",
+            known.poisson,
+            short(known.what)
+        ),
+    );
+    telling.reason(format!("material: {} (E = {modulus}, ν = {}), {why}", known.name, known.poisson));
+    Ok(Material::from(known))
+}
+
+/// Up to the first comma or semicolon.
+fn short(text: &str) -> &str {
+    text.split([',', ';']).next().unwrap_or(text)
+}
+
+/// A modulus in the unit that suits it.
+pub fn pascals(value: f64) -> String {
+    match value {
+        v if v >= 1e9 => format!("{} GPa", digits_of(v * 1e-9)),
+        v if v >= 1e6 => format!("{} MPa", digits_of(v * 1e-6)),
+        v if v >= 1e3 => format!("{} kPa", digits_of(v * 1e-3)),
+        v => format!("{} Pa", digits_of(v)),
+    }
+}
+
+/// At most four digits, without zeros at the end.
+fn digits_of(value: f64) -> String {
+    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
+    format!("{rounded}")
+}
+
+fn model(
+    telling: &mut Telling,
+    key: &impl Fn(&str) -> String,
+    mesh: &TetMesh,
+    can_reduce: bool,
+    wishes: &Wishes,
+) -> String {
+    if let Some(model) = &wishes.model {
+        telling.reason(format!("model: {model}, as you asked"));
+        return model.clone();
+    }
+    let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
+    let length = ends::length(mesh);
+    let slender = length / (volume / length).sqrt();
+    if slender >= SLENDER && can_reduce {
+        telling.comment(
+            &key("model"),
+            "a slender body bends far: forces too are near equilibrium up to 60° and more",
+        );
+        telling.reason(format!(
+            "model: reduced, because the body is slender ({slender:.0} times as long as thick) and bends far; \"rotation\" \
+             takes less time to precompute"
+        ));
+        return "reduced".to_owned();
+    }
+    telling.comment(
+        &key("model"),
+        "keeps its shape in large rotations; \"reduced\" for forces, and for bending far",
+    );
+    telling.reason(
+        "model: rotation, quick and good for shapes; for forces take \"reduced\" (`greenstage manual scene`)"
+            .into(),
+    );
+    "rotation".to_owned()
+}
+
+/// A body at all its defaults.
+fn least_body() -> Result<Body, SceneError> {
+    const LEAST: &str = "[body.a]\nmesh = \"a\"\nmaterial = { young = 1.0, poisson = 0.0 }\n\
+                         [body.a.control.a]\nnodes = { group = \"a\" }\ngrab = \"fixed\"\n";
+    let mut scene = Scene::parse(LEAST, Path::new(""))?;
+    scene.body.shift_remove("a").ok_or_else(|| scene.invalid("body", "no body"))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,168 @@
+use super::*;
+use crate::mesh::{Block, Tube, block, save, tube};
+use crate::scene::{Grab, Nodes};
+
+/// The proposal for a mesh in a folder of its own, its scene written, read again and its control elements selected.
+fn proposed(name: &str, mesh: &TetMesh, wishes: &Wishes) -> Result<Proposal, ProposalError> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join(name);
+    save(&file, mesh, None).unwrap();
+    let place = folder.path().join("scenes/part.toml");
+    std::fs::create_dir(folder.path().join("scenes")).unwrap();
+    let proposal = propose(&file, &place, wishes)?;
+    let written = Scene::parse(&proposal.text().unwrap(), &place).unwrap();
+    assert_eq!(written, proposal.scene, "what is written is what was proposed");
+    let body = &written.body[&proposal.body];
+    let loaded = written.load_mesh(&proposal.body, body).unwrap().mesh;
+    assert_eq!(loaded.nodes, proposal.mesh.nodes);
+    let chosen: Vec<Vec<u32>> = body.control.values().map(|c| c.nodes.select(&loaded).unwrap()).collect();
+    for (i, nodes) in chosen.iter().enumerate() {
+        assert!(nodes.len() >= 3 && chosen[..i].iter().all(|other| ends::are_apart(other, nodes)));
+    }
+    let grabs: Vec<Grab> = body.control.values().map(|control| control.grab).collect();
+    assert!(grabs.contains(&Grab::Fixed) && grabs.contains(&Grab::Dragger), "{grabs:?}");
+    assert!(body.mesh.as_ref().unwrap().starts_with(".."), "the mesh is named from the scene's folder");
+    Ok(proposal)
+}
+
+fn bar(size: [f64; 3], cells: [u32; 3]) -> TetMesh {
+    let mut mesh = block(&Block { size, cells }).unwrap();
+    mesh.groups.clear();
+    mesh
+}
+
+fn control_names(proposal: &Proposal) -> Vec<&str> {
+    proposal.scene.body[&proposal.body].control.keys().map(String::as_str).collect()
+}
+
+#[test]
+fn a_bar_is_held_at_its_left_end_and_pulled_at_its_right() {
+    let proposal = proposed("steel_bar.msh", &bar([0.5, 0.05, 0.05], [40, 4, 4]), &Wishes::default()).unwrap();
+    let body = &proposal.scene.body["steel_bar"];
+    assert_eq!(control_names(&proposal), ["left", "right"]);
+    // The material is that of the file's name, a slender body bends far.
+    assert_eq!((body.material.young, body.model.as_str(), body.element.name), (210e9, "reduced", "tet4"));
+    let left = body.control["left"].nodes.select(&proposal.mesh).unwrap();
+    assert!(left.iter().all(|&node| proposal.mesh.nodes[node as usize].x < -0.2));
+    let text = proposal.text().unwrap();
+    assert!(text.contains("material = \"steel\"") && text.contains("mesh = \"../steel_bar.msh\""), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 120), "{text}");
+}
+
+#[test]
+fn a_cube_stands_on_its_lower_face_and_a_turned_bar_has_ends_too() {
+    let cube = proposed("cube.msh", &bar([1.0; 3], [6; 3]), &Wishes::default()).unwrap();
+    assert_eq!(control_names(&cube), ["bottom", "top"]);
+    assert_eq!(cube.scene.body["cube"].element.name, "tet4_anp", "rubber is nearly incompressible");
+    let mut turned = bar([0.5, 0.05, 0.05], [40, 4, 4]);
+    let turn = nalgebra::Rotation3::from_euler_angles(0.4, 0.5, 0.9);
+    turned.nodes.iter_mut().for_each(|node| *node = turn * *node);
+    let turned = proposed("turned.msh", &turned, &Wishes::default()).unwrap();
+    let body = &turned.scene.body["turned"];
+    for control in body.control.values() {
+        let Nodes::Plane { normal, .. } = control.nodes else { panic!("{control:?}") };
+        assert!(turn.inverse().transform_vector(&normal.into()).normalize().x.abs() > 0.999);
+        assert_eq!(control.nodes.select(&turned.mesh).unwrap().len(), 4 * 25, "four layers of nodes");
+    }
+}
+
+/// Three quarters of a ring has no long axis: its ends are found along the ring.
+#[test]
+fn an_open_ring_is_held_at_its_ends() {
+    let mut ring = tube(&Tube {
+        inner_radius: 0.08,
+        outer_radius: 0.1,
+        length: 0.02,
+        radial: 2,
+        around: 80,
+        along: 2,
+        control_length: 0.0,
+    })
+    .unwrap();
+    ring.groups.clear();
+    let is_there = |tet: &usize| {
+        let middle = ring.corners(*tet).iter().sum::<nalgebra::Vector3<f64>>() / 4.0;
+        !(middle.y > 0.0 && middle.z > 0.0)
+    };
+    let kept: Vec<[u32; 4]> = (0..ring.tets.len()).filter(is_there).map(|tet| ring.tets[tet]).collect();
+    ring.regions.truncate(kept.len());
+    ring.tets = kept;
+    let proposal = proposed("ring.msh", &ring, &Wishes::default()).unwrap();
+    for control in proposal.scene.body["ring"].control.values() {
+        let nodes = control.nodes.select(&proposal.mesh).unwrap();
+        let middle = quality::centroid(&proposal.mesh, &nodes).unwrap();
+        // The gap's two sides are at +y and +z.
+        assert!(middle.y.max(middle.z) > 0.08 && middle.y.min(middle.z) > -0.04, "{middle}");
+    }
+}
+
+#[test]
+fn groups_are_taken_by_their_names_or_as_asked() {
+    let mesh = block(&Block { size: [0.2, 0.1, 0.1], cells: [8, 4, 4] }).unwrap();
+    let mut named = mesh.clone();
+    named.groups =
+        [("clamped", "xmin"), ("Load", "xmax")].map(|(new, old)| (new.to_owned(), mesh.groups[old].clone())).into();
+    let proposal = proposed("part.msh", &named, &Wishes::default()).unwrap();
+    let control = &proposal.scene.body["part"].control;
+    assert_eq!(control["clamped"].nodes, Nodes::Group("clamped".into()));
+    assert_eq!((control["clamped"].grab, control["Load"].grab), (Grab::Fixed, Grab::Dragger));
+    let wishes =
+        Wishes { fixed: vec!["ymax".into()], grab: vec!["ymin".into()], model: Some("linear".into()), ..Wishes::default() };
+    let proposal = proposed("part.msh", &mesh, &wishes).unwrap();
+    assert_eq!(control_names(&proposal), ["ymax", "ymin"]);
+    assert_eq!(proposal.scene.body["part"].model, "linear");
+    let told = |wishes: Wishes| proposed("part.msh", &mesh, &wishes).err().unwrap().to_string();
+    let wrong = told(Wishes { fixed: vec!["ymaxx".into()], ..Wishes::default() });
+    assert!(wrong.contains("did you mean \"ymax\"?"), "{wrong}");
+    let wrong = told(Wishes { fixed: vec!["ymax".into(), "xmax".into()], ..Wishes::default() });
+    assert!(wrong.contains("have nodes in common"), "{wrong}");
+    // One alone: the other is the end furthest from it.
+    let one = proposed("part.msh", &mesh, &Wishes { fixed: vec!["xmax".into()], ..Wishes::default() }).unwrap();
+    assert_eq!(control_names(&one), ["xmax", "left"]);
+}
+
+#[test]
+fn an_implausible_size_asks_back_and_a_unit_answers() {
+    let robot = bar([195.0, 30.0, 30.0], [26, 4, 4]);
+    let Err(ProposalError::Unit(doubt)) = proposed("robot.msh", &robot, &Wishes::default()) else {
+        panic!("195 m are taken for granted")
+    };
+    let units: Vec<&str> = doubt.candidates.iter().map(|unit| unit.name).collect();
+    assert_eq!((doubt.extent, units), (195.0, vec!["mm", "m"]));
+    assert_eq!(doubt.extent_in(doubt.candidates[0]), "0.1950 m");
+    let unit = Some(doubt.candidates[0]);
+    let proposal = proposed("robot.msh", &robot, &Wishes { unit, ..Wishes::default() }).unwrap();
+    let (low, high) = quality::bounding_box(&proposal.mesh.nodes);
+    assert_eq!((low.x, high.x), (-0.0975, 0.0975));
+    let scaled = proposed("robot.msh", &robot, &Wishes { scale: Some(0.001), ..Wishes::default() }).unwrap();
+    assert_eq!(scaled.mesh.nodes, proposal.mesh.nodes);
+}
+
+/// Two bars side by side: the ends hold both, and a third piece between them is held too.
+#[test]
+fn every_piece_is_held() {
+    let mut mesh = bar([0.5, 0.05, 0.05], [20, 2, 2]);
+    let small = bar([0.1, 0.02, 0.02], [4, 2, 2]);
+    let first = mesh.nodes.len() as u32;
+    mesh.nodes.extend(small.nodes.iter().map(|node| node + nalgebra::Vector3::new(0.0, 0.1, 0.0)));
+    mesh.tags = (1..=mesh.nodes.len() as u64).collect();
+    mesh.tets.extend(small.tets.iter().map(|tet| tet.map(|node| node + first)));
+    mesh.regions = vec![0; mesh.tets.len()];
+    let proposal = proposed("two.msh", &mesh, &Wishes::default()).unwrap();
+    assert_eq!(control_names(&proposal), ["left", "right", "piece_2"]);
+}
+
+#[test]
+fn a_surface_is_filled_with_some_ten_thousand_nodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plate.obj");
+    // A plate of 2 × 0.2 × 1 as eight corners and twelve triangles.
+    let corners = (0..8).map(|i| format!("v {} {} {}\n", 2 * (i & 1), 0.2 * f64::from(i >> 1 & 1), i >> 2));
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    std::fs::write(&file, corners.collect::<String>() + faces).unwrap();
+    let proposal = propose(&file, &folder.path().join("plate.toml"), &Wishes::default()).unwrap();
+    let nodes = proposal.mesh.nodes.len();
+    assert!((10_000..=20_000).contains(&nodes), "{nodes}");
+    assert_eq!(control_names(&proposal), ["left", "right"]);
+    assert!(proposal.text().unwrap().contains("tetrahedralise = { cell = 0.0"));
+}

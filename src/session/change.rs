@@ -1,0 +1,149 @@
+//! Changes of scene and stage while a session runs: computed in the background, then put in the place of what was shown.
+//!
+//! In: a running [`Session`] and the scene that is to be shown instead. Out: a [`Changed`] world, from the .green files that
+//! are known where they fit and else from a new one; [`Session::take`] puts it in place, with the poses of the control
+//! elements that are the same. A change that fails leaves the session as it was.
+
+use super::advance::Session;
+use crate::base::failure::Failure;
+use crate::base::progress::Progress;
+use crate::deform::Deformer;
+use crate::effect;
+use crate::green::GreenFile;
+use crate::prepare;
+use crate::scene::Scene;
+use crate::stage::Stage;
+use crate::track::Mouse;
+use crate::world::World;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+/// A change that is being computed.
+pub struct Change {
+    pub steps: Arc<Steps>,
+    thread: JoinHandle<Result<Changed, Failure>>,
+}
+
+/// What a change came to.
+pub struct Changed {
+    pub scene: Scene,
+    pub file: Arc<GreenFile>,
+    deformers: Vec<Deformer>,
+    pub stage: Stage,
+    /// Whether windows have to be opened anew.
+    pub is_other_stage: bool,
+}
+
+/// How far the computation of a change is.
+#[derive(Debug, Default)]
+pub struct Steps(Mutex<Step>);
+
+/// A step of the computation: its name, units of work, and how many of them are done.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Step {
+    pub name: String,
+    pub units: u64,
+    pub done: u64,
+}
+
+impl Steps {
+    pub fn now(&self) -> Step {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Progress for Steps {
+    fn begin(&self, step: &str, units: u64) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) =
+            Step { name: step.to_owned(), units, done: 0 };
+    }
+
+    fn advance(&self, units: u64) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).done += units;
+    }
+
+    fn end(&self) {}
+}
+
+impl Change {
+    /// Begins to compute `scene` on `stage`. A new .green file goes to `path`; `known` are those that may hold some of it.
+    ///
+    /// # Errors
+    /// While a session is recorded or replayed, of which the change could not be told.
+    pub fn begin(
+        session: &Session,
+        scene: Scene,
+        stage: Stage,
+        path: PathBuf,
+        known: Vec<Arc<GreenFile>>,
+    ) -> Result<Change, Failure> {
+        session.may_change()?;
+        let is_other_stage = stage != session.world.stage;
+        let steps = Arc::new(Steps::default());
+        let told = steps.clone();
+        let compute = move || {
+            let file = prepare::changed_file(&scene, &path, &known, &*told)?;
+            told.begin("model", 0);
+            let deformers = World::deformers(&scene, &file)?;
+            Ok(Changed { scene, file, deformers, stage, is_other_stage })
+        };
+        let thread =
+            std::thread::Builder::new().name("change".into()).spawn(compute).map_err(Failure::work)?;
+        Ok(Change { steps, thread })
+    }
+
+    pub fn is_done(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// What it came to; waits for it.
+    pub fn finish(self) -> Result<Changed, Failure> {
+        let panicked =
+            || Failure::Work(anyhow::anyhow!("the computation broke off; this is a fault of greenstage"));
+        self.thread.join().unwrap_or_else(|_| Err(panicked()))
+    }
+}
+
+impl Session {
+    /// Refuses a change that a recording could not tell of.
+    pub fn may_change(&self) -> Result<(), Failure> {
+        let why = match (&self.recorder, &self.input.replay) {
+            (Some(_), _) => "this session is being recorded, and a recording is of one scene: end it first",
+            (_, Some(_)) => "this session is a replay, which shows what was recorded",
+            _ => return Ok(()),
+        };
+        Err(Failure::wrong(why.to_owned()))
+    }
+
+    /// Shows what a change came to instead of what was shown. Devices and trackers of the scene are started anew.
+    ///
+    /// # Errors
+    /// Where an effect cannot join the new world, the session stays as it was; where a device or a tracker cannot be started,
+    /// all else is changed.
+    pub fn take(&mut self, changed: Changed) -> Result<(), Failure> {
+        let Changed { scene, file, deformers, stage, is_other_stage } = changed;
+        let mut world = World::of_bodies(&scene, &file, deformers, stage)?;
+        let effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
+        world.carry_over(&mut self.world);
+        // Devices are let go of before others are opened.
+        let was_live = self.input.mouse.is_some();
+        self.effects.clear();
+        (self.world, self.file, self.effects) = (world, Some(file), effects);
+        self.scene = Some(scene);
+        if is_other_stage {
+            self.input.trackers = None;
+            self.input.script = None;
+            if was_live {
+                self.input.mouse = Some(Mouse::new(self.world.stage.clone()));
+            }
+        }
+        if let (Some(scene), true) = (self.scene.clone(), was_live) {
+            self.start_effects(&scene)?;
+            if is_other_stage {
+                self.start_trackers()?;
+            }
+        }
+        Ok(())
+    }
+}

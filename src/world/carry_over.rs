@@ -1,0 +1,54 @@
+//! Takes poses over from another world of the same bodies, after a change of model, material, effects or stage.
+//!
+//! In: two worlds. Out: the new one, in which every control element of the same name that holds the same nodes stands as it
+//! stood in the old one. On the same stage the scene stays where it was moved to.
+
+use super::edit_state::Posed;
+use super::frame::World;
+use std::collections::BTreeSet;
+
+/// Two origins nearer to each other than this, in metres for a body of one metre, are one: they were stored as f64 and
+/// summed in the same order.
+const SAME: f64 = 1e-9;
+
+impl World {
+    /// Takes over what a person did in `old`; nothing is held then, and nothing can be undone.
+    pub fn carry_over(&mut self, old: &mut World) {
+        old.let_go();
+        let mut posed: Vec<(usize, Posed)> = Vec::new();
+        for (target, &(b, c)) in self.fields.targets.iter().enumerate() {
+            let same = old
+                .fields
+                .targets
+                .iter()
+                .position(|&(old_b, old_c)| self.is_same((b, c), old, (old_b, old_c)));
+            posed.extend(same.map(|same| (target, old.posed(same))));
+        }
+        self.put_targets(posed);
+        self.change_hands(|hands| hands.mode = old.mode());
+        if self.stage == old.stage {
+            self.edit.navigation = old.edit.navigation.clone();
+            for (b, body) in self.bodies.iter().enumerate() {
+                let same = old.bodies.iter().position(|other| other.deformer.body == body.deformer.body);
+                if let Some(aside) = same.and_then(|same| old.edit.asides.get(same)) {
+                    self.edit.asides[b] = aside.clone();
+                }
+            }
+            let time_s = *old.graph.get(old.fields.time);
+            self.put(self.fields.time, time_s);
+            self.place_bodies(time_s);
+        }
+        let told: BTreeSet<String> = self.warnings.iter().map(|(_, told)| told.clone()).collect();
+        self.warnings.extend(old.warnings.iter().filter(|(_, warning)| !told.contains(warning)).cloned());
+    }
+
+    /// Whether a control element is that of another world: of the same names, and of as many nodes at the same place.
+    fn is_same(&self, (b, c): (usize, usize), old: &World, (old_b, old_c): (usize, usize)) -> bool {
+        let (body, other) = (&self.bodies[b].deformer, &old.bodies[old_b].deformer);
+        let (control, before) = (&body.controls[c], &other.controls[old_c]);
+        let apart = control.origin + body.centre - before.origin - other.centre;
+        body.body == other.body
+            && (&control.name, control.nodes) == (&before.name, before.nodes)
+            && apart.norm() <= SAME * self.bodies[b].ball.1
+    }
+}
