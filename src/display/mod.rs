@@ -6,6 +6,7 @@
 
 pub mod application;
 pub mod bodies;
+pub mod caption;
 pub mod device;
 pub mod lettering;
 pub mod model_window;

@@ -31,7 +31,8 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("session", &["prepare effect world", BELOW_WORLD]),
     ("tuning", &["session report prepare world deform green scene mesh fem solve"]),
     ("display", &["session effect world", BELOW_WORLD]),
-    ("cli", &["display session export tuning report verify manual prepare effect world", BELOW_WORLD]),
+    ("demo", &["display session prepare effect world", BELOW_WORLD]),
+    ("cli", &["demo display session export tuning report verify manual prepare effect world", BELOW_WORLD]),
 ];
 
 /// The rooms of a row, in which [`BELOW_WORLD`] stands for several.
