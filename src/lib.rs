@@ -16,6 +16,7 @@
 //! | room | what it holds |
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
+//! | [`demo`] | the demo's chapters, told in one captioned window, or as pictures and a film |
 //! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
 //! | [`edit`] | control elements made with a ray: brush, ball, box, growing; a scene written as a file |
 //! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
@@ -64,6 +65,7 @@ pub mod base;
 pub mod cli;
 pub mod config;
 pub mod deform;
+pub mod demo;
 pub mod display;
 pub mod edit;
 pub mod effect;

@@ -141,14 +141,21 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
 
 /// Precomputes every body of the scene.
 pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failure> {
+    precompute_telling(scene, &|name| Box::new(Bars::new(name, quiet)))
+}
+
+/// Hears of the progress of a body, whose name it is given.
+pub type Teller<'a> = &'a dyn Fn(&str) -> Box<dyn Progress>;
+
+fn precompute_telling(scene: &Scene, teller: Teller<'_>) -> Result<Vec<Precomputed>, Failure> {
     scene
         .body
         .iter()
         .map(|(name, body)| {
             let requirements = requirements(scene, name, body)?;
-            let bars = Bars::new(name, quiet);
-            let mut precomputed = green::precompute(scene, name, &requirements, &bars)?;
-            effect::add_sections(scene, effects(body), &mut precomputed, &bars)?;
+            let progress = teller(name);
+            let mut precomputed = green::precompute(scene, name, &requirements, &*progress)?;
+            effect::add_sections(scene, effects(body), &mut precomputed, &*progress)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
             }
@@ -159,6 +166,15 @@ pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failur
 
 /// The scene's .green file, made now where it is missing or stale. A file named by the user is only read.
 pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>, Failure> {
+    green_file_telling(scene, named, &|name| Box::new(Bars::new(name, false)))
+}
+
+/// The same, with the progress told elsewhere.
+pub fn green_file_telling(
+    scene: &Scene,
+    named: Option<&Path>,
+    teller: Teller<'_>,
+) -> Result<Arc<GreenFile>, Failure> {
     if let Some(path) = named {
         return Ok(Arc::new(fresh(scene, path)??));
     }
@@ -176,7 +192,7 @@ pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>,
     let tried = output::try_path(&path, &green::GREEN, &inputs(scene));
     tried.map_err(|error: OutputError| unwritable(error.into(), &path))?;
     let unwritten = unwritten(&path);
-    let bodies = precompute(scene, false)?;
+    let bodies = precompute_telling(scene, teller)?;
     drop(unwritten);
     green::write(&path, &bodies).map_err(|error| unwritable(error, &path))?;
     Ok(Arc::new(GreenFile::open(&path)?))

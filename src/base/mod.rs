@@ -3,6 +3,7 @@
 //! It imports no other room.
 
 pub mod bars;
+pub mod cache;
 pub mod columns;
 pub mod csv;
 pub mod diagnostic;

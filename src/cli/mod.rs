@@ -12,6 +12,7 @@ mod check;
 mod check_stage;
 mod convert;
 mod deform;
+mod demo;
 mod expected;
 mod forces;
 mod inspect;
@@ -37,14 +38,14 @@ mod view;
 use crate::base::failure::Failure;
 use crate::base::machine::{self, ThreadsError};
 use clap::{Parser, Subcommand};
-use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
 A first tour:
-  greenstage                                          the demo: bend a tube on the workbench
+  greenstage                                          the demo: six chapters in one window
   greenstage new part.msh                             a scene file for a mesh or surface of your own
-  greenstage precompute configs/scenes/tube.toml      the offline stage alone
-  greenstage render configs/scenes/tube.toml --stage cyberstage -o out/cave
+  greenstage view bear                                a built-in scene: tube, hose, bar, bear, models
+  greenstage precompute tube                          the offline stage alone
+  greenstage render tube --stage cyberstage -o out/cave
   greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
   greenstage convert part.inp part.msh                a mesh from one format to another
   greenstage manual                                   the manual's chapters
@@ -63,6 +64,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     New(new::Args),
+    Demo(demo::Args),
     Precompute(precompute::Args),
     View(view::Args),
     Render(render::Args),
@@ -80,9 +82,6 @@ pub enum Command {
     Manual(manual::Args),
 }
 
-/// The demo's scene, from the package's folder.
-const DEMO: &str = "configs/scenes/tube.toml";
-
 /// Runs the command that was asked for; without one, the demo.
 pub fn run(cli: Cli) -> Result<(), Failure> {
     machine::start_threads().map_err(|error| match error {
@@ -91,6 +90,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     })?;
     match cli.command {
         Some(Command::New(args)) => new::run(&args),
+        Some(Command::Demo(args)) => demo::run(&args),
         Some(Command::Precompute(args)) => precompute::run(&args),
         Some(Command::View(args)) => view::run(&args),
         Some(Command::Render(args)) => render::run(&args),
@@ -106,7 +106,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Track(args)) => track::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
-        None => view::run(&view::Args::demo(PathBuf::from(DEMO))),
+        None => demo::run(&demo::Args::default()),
     }
 }
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct SessionArgs {
-    /// Scene file (TOML)
+    /// Scene file (TOML), or a built-in scene: tube, hose, bar, bear, models
     pub scene: PathBuf,
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
@@ -29,11 +29,6 @@ pub struct SessionArgs {
 }
 
 impl SessionArgs {
-    /// Of a scene with everything at its default.
-    pub fn of(scene: PathBuf) -> SessionArgs {
-        SessionArgs { scene, stage: None, script: None, record: None, replay: None, green: None }
-    }
-
     /// Whether the session's states are compared, so that its bodies deform on the CPU.
     pub fn is_recorded(&self) -> bool {
         self.record.is_some() || self.replay.is_some()

@@ -52,23 +52,6 @@ pub struct Args {
     pub device: device::Args,
 }
 
-impl Args {
-    /// The demo: everything at its default.
-    pub fn demo(scene: PathBuf) -> Args {
-        Args {
-            session: SessionArgs::of(scene),
-            check: false,
-            samples: 4,
-            scale: None,
-            no_vsync: false,
-            overlay: false,
-            seconds: None,
-            offscreen: "out/demo".into(),
-            device: device::Args::default(),
-        }
-    }
-}
-
 /// Pictures of a script or a recording where there is no display.
 const OFFSCREEN: usize = 20;
 

@@ -7,6 +7,7 @@
 pub mod application;
 pub mod bodies;
 pub mod desk;
+pub mod caption;
 pub mod device;
 pub mod lettering;
 pub mod model_window;

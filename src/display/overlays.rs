@@ -4,6 +4,7 @@
 //! same for both eyes, and is drawn before they are joined, so that it can be read in every kind of stereo. An overlay that
 //! is not called up costs nothing.
 
+use super::caption::{self, Caption};
 use super::overlay::{History, Panel, Readings};
 use super::plates::Plates;
 use super::pattern::Pattern;
@@ -21,6 +22,8 @@ pub struct Overlays {
     /// Per screen: is the overlay over it?
     pub panels: Vec<bool>,
     pub pattern: bool,
+    /// Written over the whole of every window.
+    pub caption: Option<Caption>,
     /// Steps of the frames since an overlay was called up.
     pub history: History,
     /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
@@ -54,6 +57,7 @@ impl Overlays {
         Self {
             panels: vec![false; stage.screens.len()],
             pattern: false,
+            caption: None,
             history: History::default(),
             leader: layout.iter().map(leader).collect(),
             outside: vec![None; layout.len()],
@@ -120,6 +124,13 @@ impl Overlays {
         }
     }
 
+    /// Shows the room from outside in every window.
+    pub fn show_room(&mut self, camera: Camera) {
+        for window in 0..self.outside.len() {
+            self.outside[self.leader[window]] = Some(Orbit::new(camera));
+        }
+    }
+
     /// Back to the window's screens; false where it shows them already.
     fn leave_room(&mut self, window: usize) -> bool {
         let leader = self.leader[window];
@@ -143,12 +154,14 @@ impl Overlays {
         let is_plain = !self.pattern
             && !self.has_panel()
             && frame.plates.is_empty()
+            && self.caption.is_none()
             && self.outside.iter().all(Option::is_none);
         if is_plain {
             return windows.draw(&tiles, |_| contents, None);
         }
         let tiles = self.tiles(frame, tiles);
-        let Self { leader, outside, overlay, panels, pattern, history, .. } = self;
+        let last: Vec<usize> = tiles.iter().map(|tiles| tiles.len().saturating_sub(1)).collect();
+        let Self { leader, outside, overlay, panels, pattern, history, caption, .. } = self;
         let of = |orbit: &Option<Orbit>| {
             let camera = orbit.as_ref()?.camera;
             let mut room = StageModel::new(frame.stage, &frame.room_from_head, &camera.eye());
@@ -203,6 +216,11 @@ impl Overlays {
                     }),
                 };
                 overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
+            }
+            if let Some(caption) = caption.as_ref().filter(|_| picture.tile == last[picture.window]) {
+                let whole = caption::whole(picture.texture_size);
+                let sheet = overlay.lay_out(picture.texture_size, |painter| caption.paint(painter, whole));
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             Ok(())
         };

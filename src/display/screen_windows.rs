@@ -61,11 +61,11 @@ impl ScreenWindows {
         screens
     }
 
-    pub(super) fn specs(&self, stage: &Stage) -> Vec<WindowSpec> {
+    pub fn specs(&self, stage: &Stage) -> Vec<WindowSpec> {
         window_layout::specs(stage, &self.layout, self.scale)
     }
 
-    pub(super) fn input(&mut self, input: Input, session: &mut Session) {
+    pub fn input(&mut self, input: Input, session: &mut Session) {
         if let Input::Key { key: Key::Function(4), pressed: true, .. } = input {
             self.swapped = !self.swapped;
         }
@@ -100,7 +100,7 @@ impl ScreenWindows {
         }
     }
 
-    pub(super) fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
+    pub fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
         let WindowFrame { windows, session, bodies, edited, step_s, track_s } = frame;
         self.sizes = windows.sizes().collect();
         let tiles = self.tiles(session);

@@ -86,6 +86,8 @@ pub enum GenerateError {
         "tetrahedron {tet} has volume {volume} m³: sizes so small, large or unlike cannot be computed with"
     )]
     Volume { tet: usize, volume: f64 },
+    #[error("{0}")]
+    Blobs(String),
 }
 
 impl Tube {
@@ -175,7 +177,7 @@ pub fn block(block: &Block) -> Result<TetMesh, GenerateError> {
     finish(nodes, split(cells, node), groups)
 }
 
-fn check_length(name: &'static str, value: f64) -> Result<(), GenerateError> {
+pub(super) fn check_length(name: &'static str, value: f64) -> Result<(), GenerateError> {
     let is_length = value.is_finite() && value > 0.0;
     if is_length { Ok(()) } else { Err(GenerateError::Length { name, value }) }
 }

@@ -5,6 +5,7 @@
 //! surface goes through [`surface_files`], [`surface_check`] and [`isosurface_stuffing`].
 
 pub mod assemble;
+pub mod blobs;
 pub mod diagnostics;
 mod error;
 pub mod formats;
@@ -25,6 +26,7 @@ pub mod surface_intersect;
 mod tet_mesh;
 
 pub use assemble::Order;
+pub use blobs::{Blob, Blobs, blobs};
 pub use error::{FormatFault, MeshError, Place};
 pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};

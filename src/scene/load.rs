@@ -2,7 +2,7 @@
 
 use super::{Body, Control, Generate, Scene, SceneError, Tetrahedralise};
 use crate::mesh::quadratic::{Curve, straight};
-use crate::mesh::{self, Loaded, TetMesh, generate, isosurface_stuffing, refine, surface_files};
+use crate::mesh::{self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_files};
 use std::path::Path;
 
 impl Scene {
@@ -83,15 +83,17 @@ impl Scene {
     }
 
     fn generate(&self, name: &str, generate: &Generate) -> Result<Loaded, SceneError> {
-        let mesh = match generate {
-            Generate::Tube(tube) => generate::tube(tube),
-            Generate::Block(block) => generate::block(block),
+        let alone = |mesh: TetMesh| Loaded { mesh, notices: Vec::new() };
+        let loaded = match generate {
+            Generate::Tube(tube) => generate::tube(tube).map(alone),
+            Generate::Block(block) => generate::block(block).map(alone),
+            Generate::Blobs(blobs) => blobs::blobs(blobs),
         };
         let failed = |source| SceneError::Generate {
             path: self.path.clone(),
             entity: format!("body.{name}.generate"),
             source,
         };
-        Ok(Loaded { mesh: mesh.map_err(failed)?, notices: Vec::new() })
+        loaded.map_err(failed)
     }
 }

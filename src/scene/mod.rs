@@ -4,6 +4,7 @@
 //! Models and effects stay names here, because their entries live in rooms above this one: `deform` and `effect` check them.
 
 mod accuracy_target;
+pub mod built_in;
 mod load;
 pub mod materials;
 mod parts;
@@ -20,7 +21,7 @@ use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::fem::Element;
 use crate::mesh::length_unit::{LengthUnit, Scale};
-use crate::mesh::{MeshError, generate, refine, surface_files};
+use crate::mesh::{MeshError, blobs, generate, refine, surface_files};
 use crate::solve::Solver;
 use indexmap::IndexMap;
 use materials::{Known, Written, find_material};
@@ -32,6 +33,8 @@ use std::path::{Path, PathBuf};
 pub enum SceneError {
     #[error(transparent)]
     Config(#[from] ConfigError),
+    #[error("{}: no such file, and {message}; give one of these, or the path of a .toml file", path.display())]
+    Unknown { path: PathBuf, message: String },
     #[error("{}: {entity}: {message}", path.display())]
     Invalid { path: PathBuf, entity: String, message: String },
     #[error("{}: body.{body}.mesh: {source}", path.display())]
@@ -161,6 +164,7 @@ fn check_target(body: &Body) -> Result<(), (&'static str, &'static str)> {
 pub enum Generate {
     Tube(generate::Tube),
     Block(generate::Block),
+    Blobs(blobs::Blobs),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
@@ -256,8 +260,16 @@ fn one() -> f64 {
 }
 
 impl Scene {
-    /// Reads and checks the scene file at `path`.
+    /// Reads and checks the scene file at `path`, or the built-in scene of this name.
     pub fn load(path: &Path) -> Result<Scene, SceneError> {
+        match built_in::named(path) {
+            Some(Ok((text, path))) => return Scene::parse(text, &path),
+            Some(Err(message)) => {
+                let path = path.to_owned();
+                return Err(SceneError::Unknown { path, message });
+            }
+            None => {}
+        }
         let mut scene: Scene = config::load(path)?;
         scene.path = path.to_owned();
         scene.check()?;

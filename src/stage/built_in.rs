@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// The files of the built-in stages, by name.
-pub const BUILT_IN: [(&str, &str); 9] = [
+pub const BUILT_IN: [(&str, &str); 11] = [
     ("workbench", include_str!("../../configs/stages/workbench.toml")),
     ("workbench-one-sided", include_str!("../../configs/stages/workbench-one-sided.toml")),
     ("cyberstage", include_str!("../../configs/stages/cyberstage.toml")),
@@ -16,6 +16,8 @@ pub const BUILT_IN: [(&str, &str); 9] = [
     ("cave6", include_str!("../../configs/stages/cave6.toml")),
     ("powerwall", include_str!("../../configs/stages/powerwall.toml")),
     ("laptop", include_str!("../../configs/stages/laptop.toml")),
+    ("demo", include_str!("../../configs/stages/demo.toml")),
+    ("workbench-in-a-window", include_str!("../../configs/stages/workbench-in-a-window.toml")),
 ];
 
 /// The text of a built-in stage or of a file, and the path that errors name.

@@ -69,14 +69,19 @@ struct StylusKey {
 }
 
 /// The built-in scripts, by name.
-pub const BUILT_IN: [(&str, &str); 1] = [("bend", include_str!("../../configs/scripts/bend.toml"))];
+pub const BUILT_IN: [(&str, &str); 4] = [
+    ("bend", include_str!("../../configs/scripts/bend.toml")),
+    ("pull", include_str!("../../configs/scripts/pull.toml")),
+    ("two-hands", include_str!("../../configs/scripts/two-hands.toml")),
+    ("models", include_str!("../../configs/scripts/models.toml")),
+];
 
 #[derive(Debug, thiserror::Error)]
 pub enum ScriptError {
     #[error(transparent)]
     File(#[from] ConfigError),
-    #[error("no script is named `{name}`; there is `bend`, or give the path of a .toml file")]
-    Unknown { name: String },
+    #[error("no script is named `{name}`; there are {known}, or give the path of a .toml file")]
+    Unknown { name: String, known: String },
     #[error("{}: the script has no key frame: add a [[key]] with time and what it moves", path.display())]
     Empty { path: PathBuf },
     #[error("{}:{line}: key frame {key}: {fault}", path.display())]
@@ -168,7 +173,10 @@ impl Script {
         }
         match BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
             Some((name, text)) => Self::parse(text, Path::new(&format!("configs/scripts/{name}.toml"))),
-            None => Err(ScriptError::Unknown { name: name_or_path.to_owned() }),
+            None => {
+                let known = BUILT_IN.map(|(name, _)| format!("`{name}`")).join(", ");
+                Err(ScriptError::Unknown { name: name_or_path.to_owned(), known })
+            }
         }
     }
 

@@ -29,7 +29,7 @@ use std::path::Path;
 /// More tetrahedra than this are refused.
 pub const MAX_TETRAHEDRA: f64 = 20e6;
 /// More lattice vertices than this, inside and outside, are refused.
-const MAX_VERTICES: usize = 40_000_000;
+pub(super) const MAX_VERTICES: usize = 40_000_000;
 /// A piece with less than this part of the volume is a leftover of a thin place and is removed.
 const CRUMB: f64 = 1e-3;
 
@@ -67,18 +67,7 @@ pub fn tetrahedralise(
         .map(|vertex| depth.at(&lattice.position(lattice.coordinates(vertex))))
         .collect();
     notices.extend(sides::agree(&lattice, &mut values)?);
-    let root = |from: [i64; 3], to: [i64; 3]| {
-        let (from, to) = (lattice.position(from), lattice.position(to));
-        root(|t| depth.at(&from.lerp(&to, t)))
-    };
-    let (nodes, tets) = core::stuff(&lattice, &values, root);
-    let mut mesh = TetMesh {
-        tags: (1..=nodes.len() as u64).collect(),
-        regions: vec![0; tets.len()],
-        nodes,
-        tets,
-        ..TetMesh::default()
-    };
+    let mut mesh = fill(&lattice, &values, |at| depth.at(at));
     let hint = format!("take a smaller cell, such as {:.1e}", cell / 3.0);
     if mesh.tets.is_empty() {
         return Err(format!("no tetrahedron of cell {cell} m fits inside: {hint}"));
@@ -86,6 +75,22 @@ pub fn tetrahedralise(
     let pieces = drop_crumbs(&mut mesh, notices);
     told(surface, report, &mesh, cell, pieces, notices);
     Ok(mesh)
+}
+
+/// Tetrahedra where `depth` is positive; `values` are the depths of the lattice's vertices.
+pub fn fill(lattice: &Lattice, values: &[f64], depth: impl Fn(&Vector3<f64>) -> f64 + Sync) -> TetMesh {
+    let cut = |from: [i64; 3], to: [i64; 3]| {
+        let (from, to) = (lattice.position(from), lattice.position(to));
+        root(|t| depth(&from.lerp(&to, t)))
+    };
+    let (nodes, tets) = core::stuff(lattice, values, cut);
+    TetMesh {
+        tags: (1..=nodes.len() as u64).collect(),
+        regions: vec![0; tets.len()],
+        nodes,
+        tets,
+        ..TetMesh::default()
+    }
 }
 
 /// The lattice, or why the surface cannot be filled.
@@ -162,7 +167,7 @@ fn root(f: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Removes isolated pieces with almost no volume. Returns how many pieces stay.
-fn drop_crumbs(mesh: &mut TetMesh, notices: &mut Vec<String>) -> usize {
+pub(super) fn drop_crumbs(mesh: &mut TetMesh, notices: &mut Vec<String>) -> usize {
     let components = quality::components(mesh);
     let mut volumes = vec![0.0; components.nodes.len()];
     for (tet, &piece) in components.of_tet.iter().enumerate() {

@@ -19,8 +19,9 @@ use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
 use super::overlay::{Overlay, OverlayMesh};
+use super::offscreen::{COLOR_FORMAT, Readable};
 use super::renderer::Renderer;
-use super::tiles::{Paint, Target, Tile, TilePainter};
+use super::tiles::{Canvas, Paint, Target, Tile, TilePainter};
 use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};
 use image::RgbaImage;
@@ -98,6 +99,8 @@ pub struct Windows {
     is_ready: bool,
     painter: TilePainter,
     surfaces: Vec<WindowSurface>,
+    /// Where no window is open: a picture in its place.
+    picture: Option<(Readable, Canvas)>,
 }
 
 /// Where a frame's time went on the CPU; with vsync, waiting for the display may be in `present`, too.
@@ -108,9 +111,38 @@ pub struct WindowTimes {
 }
 
 impl Windows {
+    /// A picture of `size` pixels in place of a window, for [`Windows::read`].
+    /// Errors: no graphics device, or a picture beyond its limits.
+    pub fn offscreen(size: [u32; 2], samples: u32) -> Result<Windows, RenderError> {
+        let gpu = Gpu::headless()?;
+        let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
+        let picture = Some((Readable::new(&gpu, size)?, Canvas::default()));
+        let (waited, painter) = (Duration::ZERO, TilePainter::new(COLOR_FORMAT));
+        Ok(Windows {
+            gpu,
+            renderer,
+            waited,
+            glass: None,
+            wanted: None,
+            taken: None,
+            reopen: None,
+            is_ready: true,
+            painter,
+            surfaces: Vec::new(),
+            picture,
+        })
+    }
+
+    /// The picture that was drawn in place of a window.
+    pub fn read(&self) -> Result<RgbaImage, RenderError> {
+        let (picture, _) = self.picture.as_ref().ok_or(RenderError::WindowCount { found: 0, expected: 1 })?;
+        Ok(picture.read(&self.gpu)?.0)
+    }
+
     /// Width and height of each window in pixels; zero while it is minimised.
     pub fn sizes(&self) -> impl Iterator<Item = [u32; 2]> {
-        self.surfaces.iter().map(|surface| surface.size)
+        let of_picture = self.picture.iter().map(|(picture, _)| picture.size);
+        self.surfaces.iter().map(|surface| surface.size).chain(of_picture)
     }
 
     /// Draws into each window's tiles what `contents` gives for it, and presents all windows together. A window that cannot be drawn just
@@ -122,9 +154,17 @@ impl Windows {
         contents: impl Fn(usize) -> &'c FrameContents<'c>,
         paint: Option<Paint<'_>>,
     ) -> Result<WindowTimes, RenderError> {
-        let (found, expected) = (tiles.len(), self.surfaces.len());
+        let (found, expected) = (tiles.len(), self.sizes().count());
         if found != expected {
             return Err(RenderError::WindowCount { found, expected });
+        }
+        if let Some((picture, canvas)) = &mut self.picture {
+            let (texture, size, tiles) = (&picture.view, picture.size, tiles[0].as_ref());
+            let target = Target { window: 0, canvas, texture, size, desktop: [0; 2], monitors: &[], tiles, contents: contents(0) };
+            let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint)?;
+            let start = Instant::now();
+            self.gpu.wait()?;
+            return Ok(WindowTimes { encode, present: start.elapsed() });
         }
         self.is_ready = false;
         let mut frames = Vec::new();
@@ -252,6 +292,7 @@ impl<A: WindowApp> Handler<'_, A> {
             is_ready: false,
             painter,
             surfaces,
+            picture: None,
         });
         Ok(())
     }

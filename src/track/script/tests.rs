@@ -51,7 +51,7 @@ fn poses_are_placed_in_the_stages_workspace_and_what_is_not_stated_holds() {
 #[test]
 fn a_script_is_found_by_name_or_by_path() {
     assert_eq!(Script::find("bend").unwrap().duration_s, 4.0);
-    assert!(Script::find("bnd").unwrap_err().to_string().contains("there is `bend`"));
+    assert!(Script::find("bnd").unwrap_err().to_string().contains("there are `bend`, "));
     assert!(Script::find("no/such.toml").unwrap_err().to_string().starts_with("no/such.toml: "));
 }
 

@@ -1,0 +1,75 @@
+//! `greenstage demo`, and `greenstage` alone: the story in one window; where there is no display, as pictures and a film.
+
+use super::parsers;
+use super::print::print;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::demo::{CHAPTERS, film, live};
+use crate::display::device;
+use crate::render::{Gpu, window};
+use std::path::{Path, PathBuf};
+
+/// Tell what greenstage is, in one window: chapters that anybody may stop and take over with the mouse
+///
+/// The window names the keys. Without a display, or with --output, the same as pictures, a contact sheet and a film. What has
+/// to be computed is computed once, into ~/.cache/greenstage.
+#[derive(Debug, Default, clap::Args)]
+pub struct Args {
+    /// The chapter to begin with, or the only one that pictures are made of
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=CHAPTERS.len() as i64))]
+    pub chapter: Option<u8>,
+    /// Make pictures and a film in this folder in place of opening a window; overwrites files of its own names, and nothing
+    /// else. Without a display: out/demo
+    #[arg(short, long)]
+    pub output: Option<PathBuf>,
+    /// Pictures alone, no film
+    #[arg(long)]
+    pub no_film: bool,
+    /// Width of a picture; its height is 5/8 of it, and a film is half as wide; default: 1280
+    #[arg(long, value_parser = clap::value_parser!(u32).range(64..=7680))]
+    pub width: Option<u32>,
+    /// Samples per pixel, 1 or 4; default: 4, and 1 where a program draws in place of a graphics device
+    #[arg(long, value_parser = parsers::samples)]
+    pub samples: Option<u32>,
+    /// Quit after so many seconds
+    #[arg(long, value_parser = parsers::positive)]
+    pub seconds: Option<f64>,
+    #[command(flatten)]
+    pub device: device::Args,
+}
+
+const WIDTH: u32 = 1280;
+const FOLDER: &str = "out/demo";
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let chapter = args.chapter.map(|number| usize::from(number) - 1);
+    let display = window::find_display();
+    if let (Ok(_), None) = (&display, &args.output) {
+        let samples = args.samples.unwrap_or_else(|| {
+            let is_software = Gpu::headless().is_ok_and(|gpu| gpu.is_software);
+            if is_software { 1 } else { 4 }
+        });
+        let options = live::Options { chapter: chapter.unwrap_or(0), samples, limit_s: args.seconds, device: args.device };
+        return live::run(options);
+    }
+    let width = args.width.unwrap_or(WIDTH);
+    let request = film::Request {
+        folder: args.output.clone().unwrap_or_else(folder),
+        chapters: chapter.map_or_else(|| (0..CHAPTERS.len()).collect(), |chapter| vec![chapter]),
+        size: [width, width * 5 / 8],
+        samples: args.samples.unwrap_or(4),
+        film: !args.no_film,
+        device: args.device,
+    };
+    if let (Err(reason), None) = (display, &args.output) {
+        notice!("{reason}: pictures go to {}", request.folder.display());
+    }
+    print(&request.make()?)
+}
+
+/// Where pictures go unless told otherwise: here, or among the temporary files where this folder takes none.
+fn folder() -> PathBuf {
+    let here = PathBuf::from(FOLDER);
+    let takes = |folder: &Path| std::fs::create_dir_all(folder).is_ok() && tempfile::tempfile_in(folder).is_ok();
+    if takes(&here) { here } else { std::env::temp_dir().join("greenstage-demo") }
+}

@@ -1,0 +1,121 @@
+//! The chapters of the demo, in the order in which they are told.
+
+use super::measure;
+use crate::base::failure::Failure;
+use crate::scene::Scene;
+use crate::world::World;
+use std::path::Path;
+
+/// One chapter: what is shown, said and measured.
+pub struct Chapter {
+    /// In names of files.
+    pub name: &'static str,
+    pub title: &'static str,
+    /// One or two sentences that stay as long as the chapter.
+    pub text: &'static str,
+    /// A built-in scene, whose script tells the chapter.
+    pub scene: &'static str,
+    /// Effects of all its bodies besides those that the scene lists.
+    pub effects: &'static [&'static str],
+    /// A built-in stage that has one window.
+    pub stage: &'static str,
+    pub looks: Looks,
+    /// Everything springs back to rest at this time of the script, s.
+    pub springs_back_s: Option<f64>,
+    /// What is measured in a frame; an empty text says nothing.
+    pub numbers: fn(&Scene, &World) -> String,
+    /// The times of the script at which pictures are taken, s.
+    pub stills_s: &'static [f64],
+}
+
+/// From where a chapter is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Looks {
+    /// By the viewer, on the screens of the stage.
+    AtScreens,
+    /// From outside, at the whole room.
+    AtRoom,
+}
+
+pub const CHAPTERS: &[Chapter] = &[
+    Chapter {
+        name: "hose",
+        title: "A hose is bent, and let go",
+        text: "The hand feels the force of finite elements: a weighted sum of Green's functions that were solved beforehand.",
+        scene: "hose",
+        effects: &[],
+        stage: "demo",
+        looks: Looks::AtScreens,
+        springs_back_s: Some(3.45),
+        numbers: measure::bend,
+        stills_s: &[1.75, 3.15],
+    },
+    Chapter {
+        name: "bar",
+        title: "A bar is pulled: is the force right?",
+        text: "Linear theory against its formula. Poisson's ratio is 0 here: the bar grows no thinner, so its clamped ends change \
+               nothing.",
+        scene: "bar",
+        effects: &[],
+        stage: "demo",
+        looks: Looks::AtScreens,
+        springs_back_s: Some(5.7),
+        numbers: measure::pull,
+        stills_s: &[2.0, 4.5],
+    },
+    Chapter {
+        name: "bear",
+        title: "A soft bear in two hands",
+        text: "Three control elements, 36 Green's functions. A frame costs the same however many nodes lie inside.",
+        scene: "bear",
+        effects: &[],
+        stage: "demo",
+        looks: Looks::AtScreens,
+        springs_back_s: Some(7.5),
+        numbers: measure::hands,
+        stills_s: &[2.6, 6.0],
+    },
+    Chapter {
+        name: "room",
+        title: "The room from outside",
+        text: "The same tube over a two-sided workbench: each eye sees each screen off-axis, from where the tracked head is.",
+        scene: "tube",
+        effects: &[],
+        stage: "workbench",
+        looks: Looks::AtRoom,
+        springs_back_s: None,
+        numbers: measure::room,
+        stills_s: &[3.0],
+    },
+    Chapter {
+        name: "workbench",
+        title: "What the workbench shows",
+        text: "Left eye and right eye, wall above table. `greenstage view tube` opens these four pictures as windows.",
+        scene: "tube",
+        effects: &[],
+        stage: "workbench-in-a-window",
+        looks: Looks::AtScreens,
+        springs_back_s: None,
+        numbers: measure::room,
+        stills_s: &[3.0],
+    },
+];
+
+/// The chapter that a key of its own calls.
+pub fn workbench() -> usize {
+    CHAPTERS.iter().position(|chapter| chapter.name == "workbench").unwrap_or(0)
+}
+
+impl Chapter {
+    /// The scene with the chapter's own effects. What is computed for it has a file of its own where it has some.
+    pub fn scene(&self) -> Result<Scene, Failure> {
+        let mut scene = Scene::load(Path::new(self.scene))?;
+        for body in scene.body.values_mut() {
+            body.effects.extend(self.effects.iter().map(|effect| (*effect).to_owned()));
+        }
+        if !self.effects.is_empty() {
+            scene.path.set_file_name(format!("{}-{}.toml", self.scene, self.effects.join("-")));
+        }
+        Ok(scene)
+    }
+}

@@ -1,0 +1,214 @@
+//! The demo without a display: a picture of each moment that the chapters name, a contact sheet of them, and a film.
+//!
+//! The film is an animated PNG, and an MP4 file too where `ffmpeg` is there.
+
+use super::animation::Animation;
+use super::chapters::CHAPTERS;
+use super::preparation::Preparation;
+use super::story::Story;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::base::output::{self, Kind};
+use crate::base::table;
+use crate::display::device;
+use crate::display::pictures::{PNG, save};
+use crate::render::window::Windows;
+use image::{RgbaImage, imageops};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+/// What is made, and where.
+#[derive(Clone, Debug)]
+pub struct Request {
+    pub folder: PathBuf,
+    /// Chapters, counted from 0.
+    pub chapters: Vec<usize>,
+    /// Of a picture; the film is half as wide and high.
+    pub size: [u32; 2],
+    pub samples: u32,
+    /// Whether a film is made.
+    pub film: bool,
+    pub device: device::Args,
+}
+
+const SHEET: &str = "contact-sheet.png";
+const FILM: &str = "demo.png";
+const MP4: &str = "demo.mp4";
+const VIDEO: Kind = Kind { name: "an MP4 file", recognizes: |head| head.get(4..8) == Some(b"ftyp") };
+/// Pictures of the animated PNG a second, and how many times as many the MP4 file has.
+const RATE_HZ: u16 = 8;
+const FINER: u32 = 3;
+/// What nobody sees between two pictures is told in steps of this length, s: a grab needs the moment of the press.
+const STEP_S: f64 = 1.0 / 48.0;
+/// How long the end of a chapter is seen in the film, s.
+const END_S: f64 = 0.8;
+const COLUMNS: u32 = 3;
+
+impl Request {
+    /// Makes the folder, and looks whether everything can be written there.
+    pub fn try_folder(&self) -> Result<(), Failure> {
+        output::make_folder(&self.folder)?;
+        for name in [SHEET, FILM] {
+            output::try_path(&self.folder.join(name), &PNG, &[])?;
+        }
+        Ok(output::try_path(&self.folder.join(MP4), &VIDEO, &[])?)
+    }
+
+    /// Makes the pictures and the film; tells what was written.
+    pub fn make(&self) -> Result<String, Failure> {
+        self.try_folder()?;
+        let stills = self.stills()?;
+        let film = if self.film { self.film()? } else { String::new() };
+        Ok(format!("{stills}{film}"))
+    }
+
+    fn windows(&self, size: [u32; 2]) -> Result<Windows, Failure> {
+        let mut windows = Windows::offscreen(size, self.samples)?;
+        self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+        Ok(windows)
+    }
+
+    fn story(&self) -> Result<Story, Failure> {
+        let preparation = Preparation::start(CHAPTERS).map_err(Failure::work)?;
+        Ok(Story::new(preparation, 0, self.device).without_keys())
+    }
+
+    fn stills(&self) -> Result<String, Failure> {
+        let (mut windows, mut story) = (self.windows(self.size)?, self.story()?);
+        notice!("demo: drawing on {}", windows.gpu.describe());
+        let mut pictures = Vec::new();
+        let mut names = Vec::new();
+        for &chapter in &self.chapters {
+            story.begin(chapter, &windows)?;
+            for (k, &at_s) in CHAPTERS[chapter].stills_s.iter().enumerate() {
+                story.tell_until(at_s)?;
+                story.frame(&mut windows, 0.0)?;
+                let picture = windows.read()?;
+                let name = format!("{}-{}-{}.png", chapter + 1, CHAPTERS[chapter].name, k + 1);
+                save(&picture, &self.folder.join(&name))?;
+                notice!("{}", self.folder.join(&name).display());
+                pictures.push(picture);
+                names.push(name);
+            }
+        }
+        let sheet = self.folder.join(SHEET);
+        save(&contact_sheet(&pictures), &sheet)?;
+        Ok(format!("{} pictures in {}, all on {}\n", names.len(), self.folder.display(), sheet.display()))
+    }
+
+    fn film(&self) -> Result<String, Failure> {
+        let size = self.size.map(|side| (side / 2).max(2) & !1);
+        let (mut windows, mut story) = (self.windows(size)?, self.story()?);
+        let mp4 = self.folder.join(MP4);
+        let mut video = Video::start(&mp4, size);
+        let finer = if video.is_some() { FINER } else { 1 };
+        let rate_hz = f64::from(RATE_HZ) * f64::from(finer);
+        let mut counts = Vec::new();
+        for &chapter in &self.chapters {
+            story.begin(chapter, &windows)?;
+            let length_s = story.duration_s().unwrap_or(1.0) + END_S;
+            counts.push((length_s * f64::from(RATE_HZ)) as u32 * finer);
+        }
+        let all: u32 = counts.iter().sum();
+        let bar = indicatif::ProgressBar::new(all.into()).with_message("film");
+        let mut bytes = Vec::new();
+        let failed = |error: png::EncodingError| Failure::work(error);
+        let mut animation = Animation::new(&mut bytes, size, all / finer, RATE_HZ).map_err(failed)?;
+        for (&chapter, count) in self.chapters.iter().zip(counts) {
+            story.begin(chapter, &windows)?;
+            for frame in 0..count {
+                story.tell_until(f64::from(frame) / rate_hz)?;
+                story.frame(&mut windows, 0.0)?;
+                let picture = windows.read()?;
+                if frame % finer == 0 {
+                    animation.push(&picture).map_err(failed)?;
+                }
+                video.as_mut().map_or(Ok(()), |video| video.push(&picture))?;
+                bar.inc(1);
+            }
+        }
+        bar.finish_and_clear();
+        animation.finish().map_err(failed)?;
+        let path = self.folder.join(FILM);
+        output::write(&path, &PNG, |file| file.write_all(&bytes))?;
+        let mut told = format!("film {} ({})\n", path.display(), table::bytes(bytes.len() as f64));
+        if let Some(video) = video {
+            video.finish()?;
+            told += &format!("film {}\n", mp4.display());
+        }
+        Ok(told)
+    }
+}
+
+impl Story {
+    /// Begins a chapter as soon as what it needs is made.
+    fn begin(&mut self, chapter: usize, windows: &Windows) -> Result<(), Failure> {
+        self.go_to(chapter);
+        self.open_ready(&windows.gpu)
+    }
+
+    /// Tells up to a time of the chapter, in fine steps that nobody sees.
+    fn tell_until(&mut self, time_s: f64) -> Result<(), Failure> {
+        while self.clock_s < time_s {
+            self.advance(STEP_S.min(time_s - self.clock_s).max(1e-9))?;
+        }
+        Ok(())
+    }
+}
+
+/// Pictures in rows, each a third of the sheet's width.
+fn contact_sheet(pictures: &[RgbaImage]) -> RgbaImage {
+    const GAP: u32 = 8;
+    let Some(first) = pictures.first() else { return RgbaImage::new(1, 1) };
+    let width = 480.min(first.width());
+    let height = (width * first.height() / first.width()).max(1);
+    let rows = (pictures.len() as u32).div_ceil(COLUMNS);
+    let size = [COLUMNS * (width + GAP) + GAP, rows * (height + GAP) + GAP];
+    let mut sheet = RgbaImage::from_pixel(size[0], size[1], image::Rgba([24, 26, 30, 255]));
+    for (k, picture) in (0..).zip(pictures) {
+        let small = imageops::resize(picture, width, height, imageops::FilterType::Triangle);
+        let place = [k % COLUMNS * (width + GAP) + GAP, k / COLUMNS * (height + GAP) + GAP];
+        imageops::replace(&mut sheet, &small, place[0].into(), place[1].into());
+    }
+    sheet
+}
+
+/// An MP4 file that `ffmpeg` makes of the pictures that it is given.
+struct Video {
+    child: Child,
+    path: PathBuf,
+}
+
+impl Video {
+    /// `None` where there is no `ffmpeg`.
+    fn start(path: &Path, [width, height]: [u32; 2]) -> Option<Video> {
+        let rate = (u32::from(RATE_HZ) * FINER).to_string();
+        let child = Command::new("ffmpeg")
+            .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgba"])
+            .args(["-s", &format!("{width}x{height}"), "-r", &rate, "-i", "-"])
+            .args(["-pix_fmt", "yuv420p", "-movflags", "+faststart"])
+            .arg(path)
+            .stdin(Stdio::piped())
+            .spawn()
+            .ok()?;
+        Some(Video { child, path: path.to_owned() })
+    }
+
+    fn push(&mut self, picture: &RgbaImage) -> Result<(), Failure> {
+        let failed = |error: std::io::Error| {
+            Failure::work(anyhow::anyhow!("ffmpeg did not take a picture for {}: {error}", self.path.display()))
+        };
+        let input = self.child.stdin.as_mut();
+        input.map_or(Ok(()), |input| input.write_all(picture.as_raw())).map_err(failed)
+    }
+
+    fn finish(mut self) -> Result<(), Failure> {
+        drop(self.child.stdin.take());
+        match self.child.wait() {
+            Ok(status) if status.success() => Ok(()),
+            Ok(status) => Err(Failure::work(anyhow::anyhow!("ffmpeg ended with {status}"))),
+            Err(error) => Err(Failure::work(error)),
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The demo in a window.
+
+use super::chapters::CHAPTERS;
+use super::preparation::Preparation;
+use super::story::Story;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::display::device;
+use crate::render::Gpu;
+use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, Windows};
+use std::time::Instant;
+
+/// How the window draws, and for how long.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// The chapter that is told first, counted from 0.
+    pub chapter: usize,
+    /// 1 or 4 samples a pixel.
+    pub samples: u32,
+    /// The window closes after so many seconds.
+    pub limit_s: Option<f64>,
+    pub device: device::Args,
+}
+
+/// A frame that took longer counts as this long, so that a story does not jump over what it tells, s.
+const LONGEST_STEP_S: f64 = 0.1;
+
+/// Opens the window and tells the story until it is closed.
+pub fn run(options: Options) -> Result<(), Failure> {
+    let preparation = Preparation::start(CHAPTERS).map_err(Failure::work)?;
+    let story = Story::new(preparation, options.chapter, options.device);
+    let spec = story.spec()?;
+    let now = Instant::now();
+    let mut app = Application { story, started: now, last: now, limit_s: options.limit_s, failure: None };
+    window::run(&[spec], WindowOptions { samples: options.samples, vsync: true }, &mut app).map_err(Failure::work)?;
+    app.failure.map_or(Ok(()), Err)
+}
+
+struct Application {
+    story: Story,
+    started: Instant,
+    last: Instant,
+    limit_s: Option<f64>,
+    failure: Option<Failure>,
+}
+
+impl WindowApp for Application {
+    fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
+        notice!("demo: drawing on {}", gpu.describe());
+        (self.started, self.last) = (Instant::now(), Instant::now());
+        Ok(())
+    }
+
+    fn input(&mut self, input: Input) {
+        self.story.input(input);
+    }
+
+    fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
+        let step_s = self.last.elapsed().as_secs_f64().min(LONGEST_STEP_S);
+        self.last = Instant::now();
+        if let Err(failure) = self.story.frame(windows, step_s) {
+            self.failure = Some(failure);
+            return Ok(Flow::Quit);
+        }
+        let is_over = self.limit_s.is_some_and(|limit_s| self.started.elapsed().as_secs_f64() >= limit_s);
+        Ok(if is_over { Flow::Quit } else { Flow::Continue })
+    }
+}

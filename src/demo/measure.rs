@@ -1,0 +1,117 @@
+//! What the captions of the demo measure: each function reads the world as it is in this frame.
+
+use crate::base::table;
+use crate::deform::{ControlPose, reach};
+use crate::scene::{Generate, Scene};
+use crate::world::{Highlight, PlacedBody, World};
+use nalgebra::Vector3;
+
+/// The control element that a hand holds, else the one that is farthest from its place; `None` at rest.
+fn moved(body: &PlacedBody) -> Option<usize> {
+    let held = body.controls.iter().position(|control| control.highlight == Highlight::Held);
+    held.or_else(|| (0..body.controls.len()).find(|&c| body.deformer.poses[c] != ControlPose::REST))
+}
+
+/// The force of a body on what holds control element `c`, N.
+fn force_n(body: &PlacedBody, c: usize) -> Option<Vector3<f64>> {
+    Some(-body.deformer.wrenches()?.0[c].force)
+}
+
+/// The error to expect of a force, by its model and by its mesh together, as a part of it; `None` where it was not measured.
+fn expected_part(body: &PlacedBody) -> Option<f64> {
+    let expected = body.expected.as_ref()?;
+    let of_model = expected.at(reach(&body.deformer))?.force?;
+    Some(of_model + expected.mesh().map_or(0.0, |mesh| mesh.wrench))
+}
+
+/// The bend of the first body in degrees, and the force in newtons with the error to expect of it.
+pub fn bend(_: &Scene, world: &World) -> String {
+    let Some(body) = world.bodies.first() else { return String::new() };
+    let angle = body.deformer.largest_turn().to_degrees();
+    let force = moved(body).and_then(|c| Some(force_n(body, c)?.norm()));
+    match (force, expected_part(body)) {
+        (Some(force), Some(part)) => format!("bent by {angle:.0}°     force {} ± {}", newtons(force), per_cent(part)),
+        _ => format!("bent by {angle:.0}°"),
+    }
+}
+
+/// The pull of the first body, a generated block, along x: the model's force beside E A ΔL / L.
+pub fn pull(scene: &Scene, world: &World) -> String {
+    let (Some(body), Some(asked)) = (world.bodies.first(), scene.body.values().next()) else {
+        return String::new();
+    };
+    let Some(Generate::Block(block)) = &asked.generate else { return String::new() };
+    let [length, width, height] = block.size;
+    let (longer, ours) = match moved(body).and_then(|c| Some((c, force_n(body, c)?))) {
+        Some((c, force)) => (body.deformer.poses[c].translation.x, -force.x),
+        None => (0.0, 0.0),
+    };
+    let theirs = asked.material.young * width * height * longer / length;
+    let off = expected_part(body).filter(|_| ours.abs() > 0.0).map(|part| {
+        format!("     (nonlinear equilibrium: within {})", per_cent(part))
+    });
+    format!(
+        "ΔL = {:.1} mm     ours {}     E A ΔL / L = {}{}",
+        1e3 * longer, newtons(ours), newtons(theirs), off.unwrap_or_default()
+    )
+}
+
+/// How far the hands are apart, and what a frame of the mechanics takes.
+pub fn hands(_: &Scene, world: &World) -> String {
+    let Some(body) = world.bodies.first() else { return String::new() };
+    let controls = &body.deformer.controls;
+    let now = |c: usize| controls[c].origin + body.deformer.poses[c].translation;
+    let paws: Vec<usize> =
+        (0..controls.len()).filter(|&c| body.controls[c].grab == crate::scene::Grab::Dragger).collect();
+    let [a, b] = paws[..] else { return String::new() };
+    let (rest, apart) = ((controls[a].origin - controls[b].origin).norm(), (now(a) - now(b)).norm());
+    format!(
+        "paws {:.0} mm apart, at rest {:.0} mm     mechanics of this frame {}",
+        1e3 * apart, 1e3 * rest, table::seconds(world.times.total_s())
+    )
+}
+
+/// The screens of the stage and where the head is.
+pub fn room(_: &Scene, world: &World) -> String {
+    let stage = &world.stage;
+    let head = world.room_from_head.translation.vector;
+    let sizes = stage.screens.iter().map(|screen| {
+        format!("{} {:.2} × {:.2} m", screen.name, screen.width_m(), screen.height_m())
+    });
+    let sizes: Vec<String> = sizes.collect();
+    format!("{}     head at ({:.2}, {:.2}, {:.2}) m", sizes.join(", "), head.x, head.y, head.z)
+}
+
+/// A force with three digits, in N or mN.
+pub fn newtons(force_n: f64) -> String {
+    let of = |value: f64, unit: &str| {
+        let digits = if value.abs() >= 99.95 { 0 } else if value.abs() >= 9.995 { 1 } else { 2 };
+        let text = format!("{value:.digits$}");
+        let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
+        format!("{} {unit}", if is_zero { text.trim_start_matches('-') } else { &text })
+    };
+    if force_n.abs() >= 0.0995 || force_n.abs() < 1e-5 { of(force_n, "N") } else { of(1e3 * force_n, "mN") }
+}
+
+fn per_cent(part: f64) -> String {
+    crate::deform::percent(part)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forces_have_three_digits_and_no_minus_zero() {
+        for (force, text) in [
+            (0.0, "0.00 N"),
+            (-1e-9, "0.00 N"),
+            (9.0, "9.00 N"),
+            (-12.34, "-12.3 N"),
+            (1234.0, "1234 N"),
+            (0.0123, "12.3 mN"),
+        ] {
+            assert_eq!(newtons(force), text);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Makes what the chapters need, one after another on a thread of its own, and tells how far it has come.
+//!
+//! In: the chapters. Out: for each a scene with its .green file, from the cache folder or made anew; or why not.
+
+use super::chapters::Chapter;
+use crate::base::failure::Failure;
+use crate::green::GreenFile;
+use crate::prepare;
+use crate::scene::Scene;
+use crate::solve::Progress;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+
+/// What a chapter needs, once it is there.
+#[derive(Clone)]
+pub struct Ready {
+    pub scene: Arc<Scene>,
+    pub file: Arc<GreenFile>,
+}
+
+/// How far a chapter is.
+#[derive(Clone)]
+pub enum Readiness {
+    Waiting,
+    /// Its step in words, and what share of that is done, where that is known.
+    Working { step: String, share: f64 },
+    Ready(Ready),
+    Failed(String),
+}
+
+#[derive(Default)]
+struct Told {
+    chapters: Mutex<Vec<Readiness>>,
+    changed: Condvar,
+}
+
+impl Told {
+    fn lock(&self) -> MutexGuard<'_, Vec<Readiness>> {
+        self.chapters.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    fn put(&self, chapter: usize, readiness: Readiness) {
+        self.lock()[chapter] = readiness;
+        self.changed.notify_all();
+    }
+}
+
+/// What is made for the chapters; the thread goes on until all are made, or the program ends.
+pub struct Preparation {
+    told: Arc<Told>,
+}
+
+impl Preparation {
+    /// Starts with the first chapter.
+    pub fn start(chapters: &'static [Chapter]) -> std::io::Result<Preparation> {
+        let told = Arc::new(Told::default());
+        told.lock().resize_with(chapters.len(), || Readiness::Waiting);
+        let telling = told.clone();
+        std::thread::Builder::new().name("preparation".into()).spawn(move || {
+            for (number, chapter) in chapters.iter().enumerate() {
+                let made = make(chapter, &telling, number);
+                telling.put(number, made.unwrap_or_else(|failure| Readiness::Failed(failure.to_string())));
+            }
+        })?;
+        Ok(Preparation { told })
+    }
+
+    pub fn of(&self, chapter: usize) -> Readiness {
+        self.told.lock()[chapter].clone()
+    }
+
+    /// What a chapter needs, after a while.
+    pub fn wait(&self, chapter: usize) -> Result<Ready, Failure> {
+        let mut chapters = self.told.lock();
+        loop {
+            match &chapters[chapter] {
+                Readiness::Ready(ready) => return Ok(ready.clone()),
+                Readiness::Failed(why) => return Err(Failure::work(anyhow::anyhow!("{why}"))),
+                _ => {}
+            }
+            chapters = self.told.changed.wait(chapters).unwrap_or_else(|poisoned| poisoned.into_inner());
+        }
+    }
+}
+
+fn make(chapter: &Chapter, told: &Arc<Told>, number: usize) -> Result<Readiness, Failure> {
+    let scene = chapter.scene()?;
+    let file = prepare::green_file_telling(&scene, None, &|body| {
+        let step = Mutex::new(Step { body: body.to_owned(), ..Step::default() });
+        Box::new(Steps { told: told.clone(), number, step })
+    })?;
+    Ok(Readiness::Ready(Ready { scene: Arc::new(scene), file }))
+}
+
+/// Leaves the steps of a body's precomputation where the caption finds them.
+struct Steps {
+    told: Arc<Told>,
+    number: usize,
+    step: Mutex<Step>,
+}
+
+#[derive(Clone, Default)]
+struct Step {
+    body: String,
+    name: String,
+    done: u64,
+    units: u64,
+}
+
+impl Steps {
+    fn change(&self, change: impl FnOnce(&mut Step)) {
+        let mut step = self.step.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        change(&mut step);
+        let share = if step.units > 0 { step.done as f64 / step.units as f64 } else { 0.0 };
+        let step = format!("{}: {}", step.body, step.name);
+        self.told.put(self.number, Readiness::Working { step, share });
+    }
+}
+
+impl Progress for Steps {
+    fn begin(&self, name: &str, units: u64) {
+        self.change(|step| (step.name, step.units, step.done) = (name.to_owned(), units, 0));
+    }
+
+    fn advance(&self, units: u64) {
+        self.change(|step| step.done += units);
+    }
+
+    fn end(&self) {
+        self.change(|step| step.done = step.units);
+    }
+}

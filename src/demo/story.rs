@@ -1,0 +1,279 @@
+//! Tells the chapters: which is shown, at what time of its script, and what the caption says.
+//!
+//! In: the time that has passed, keys and the mouse. Out: frames in a [`Windows`]. A key of the story's own is taken here; all
+//! else goes to the scene, where a press of a mouse button or another key takes over from the script. The story then rests
+//! until it is called again.
+
+use super::chapters::{CHAPTERS, Chapter, Looks, workbench};
+use super::preparation::{Preparation, Readiness, Ready};
+use crate::base::failure::Failure;
+use crate::display::bodies::GpuBodies;
+use crate::display::caption::Caption;
+use crate::display::device;
+use crate::display::screen_windows::ScreenWindows;
+use crate::display::stage_model::Camera;
+use crate::display::window_frame::WindowFrame;
+use crate::effect;
+use crate::interact::Action;
+use crate::render::window::{Input, Key, WindowSpec, Windows};
+use crate::render::{Gpu, RenderError};
+use crate::scene::Scene;
+use crate::session::{Leader, Session};
+use crate::stage::Stage;
+use crate::track::find_stage;
+use crate::world::World;
+use std::sync::Arc;
+
+/// How long the end of a chapter is shown before the next, s; less than the pause in which a script begins anew.
+const HOLD_S: f64 = 0.9;
+/// How long the keys are shown at the start, after their first use, and how long they fade, s.
+const KEYS_S: f64 = 12.0;
+const KEYS_USED_S: f64 = 2.5;
+const KEYS_FADE_S: f64 = 1.0;
+
+/// Keys and mouse, as the window names them.
+const KEYS: &[(&str, &str)] = &[
+    ("mouse", "point, press and drag: take over"),
+    ("wheel", "while dragging: nearer, farther"),
+    ("right button", "while dragging: turn"),
+    ("Space", "pause, go on"),
+    ("N, B", "next chapter, back"),
+    ("Enter", "the chapter again"),
+    ("Tab", "the workbench, and back"),
+    ("F1, F2", "times and readings, the room"),
+    ("H", "these keys"),
+    ("Esc", "quit"),
+];
+
+/// A chapter on its way through its script.
+struct Shown {
+    session: Session,
+    screens: ScreenWindows,
+    bodies: GpuBodies,
+    /// `None` while what it needs is made.
+    scene: Option<Arc<Scene>>,
+    sprang_back: bool,
+    /// The camera of a chapter that looks at the room rests, because somebody has turned it.
+    camera_rests: bool,
+}
+
+/// The chapters, and where their telling stands.
+pub struct Story {
+    preparation: Preparation,
+    /// Which chapter is told.
+    pub chapter: usize,
+    /// Where the key to the workbench leads back to.
+    back_to: Option<usize>,
+    /// The time in the chapter, s.
+    pub clock_s: f64,
+    paused: bool,
+    /// How long the keys are still shown, s.
+    keys_s: f64,
+    shown: Option<Shown>,
+    device: device::Args,
+}
+
+impl Story {
+    pub fn new(preparation: Preparation, chapter: usize, device: device::Args) -> Story {
+        let (back_to, shown) = (None, None);
+        Story { preparation, chapter, back_to, clock_s: 0.0, paused: false, keys_s: KEYS_S, shown, device }
+    }
+
+    fn telling(&self) -> &'static Chapter {
+        &CHAPTERS[self.chapter]
+    }
+
+    /// The one window of the demo.
+    pub fn spec(&self) -> Result<WindowSpec, Failure> {
+        let stage = find_stage(self.telling().stage).map_err(Failure::request)?;
+        let [spec] = &ScreenWindows::new(&stage, None).specs(&stage)[..] else {
+            return Err(Failure::wrong(format!("the stage {} has several windows", stage.name)));
+        };
+        Ok(WindowSpec { title: "greenstage – demo".into(), ..spec.clone() })
+    }
+
+    /// No keys are named: nobody can press them.
+    pub fn without_keys(mut self) -> Story {
+        self.keys_s = 0.0;
+        self
+    }
+
+    /// Waits until what the present chapter needs is made, and opens it.
+    pub fn open_ready(&mut self, gpu: &Gpu) -> Result<(), Failure> {
+        let ready = self.preparation.wait(self.chapter)?;
+        self.open(gpu, &Readiness::Ready(ready))
+    }
+
+    /// The chapter from its beginning.
+    pub fn go_to(&mut self, chapter: usize) {
+        (self.chapter, self.clock_s, self.paused) = (chapter % CHAPTERS.len(), 0.0, false);
+        self.shown = None;
+    }
+
+    /// Whether a script leads, or nobody has taken over from it.
+    fn is_told(&self) -> bool {
+        let told = |shown: &Shown| shown.session.input.leader() == Leader::Script && !shown.camera_rests;
+        self.shown.as_ref().is_some_and(told)
+    }
+
+    /// Length of the present chapter's script, s, once it is there.
+    pub fn duration_s(&self) -> Option<f64> {
+        let shown = self.shown.as_ref()?;
+        shown.scene.as_ref()?;
+        shown.session.input.script.as_ref().map(|script| script.duration_s)
+    }
+
+    pub fn input(&mut self, input: Input) {
+        let was_told = self.is_told();
+        if let Input::Key { key, pressed: true, .. } = input
+            && self.key(key)
+        {
+            return;
+        }
+        if let Input::Button { pressed: true, .. } = input {
+            self.keys_s = self.keys_s.min(KEYS_USED_S);
+        }
+        let Some(shown) = &mut self.shown else { return };
+        let turns = matches!(input, Input::Button { pressed: true, .. } | Input::Wheel { .. });
+        let is_room = CHAPTERS[self.chapter].looks == Looks::AtRoom;
+        shown.camera_rests |= is_room && (turns || matches!(input, Input::Key { key: Key::Function(_), pressed: true, .. }));
+        shown.screens.input(input, &mut shown.session);
+        if was_told && !self.is_told() {
+            self.paused = false;
+        }
+    }
+
+    /// Takes a key of the story's own; false leaves it to the scene.
+    fn key(&mut self, key: Key) -> bool {
+        let all = CHAPTERS.len();
+        match key {
+            Key::Char(' ') => self.paused = !self.paused,
+            Key::Char('n') | Key::PageDown => self.go_to(self.chapter + 1),
+            Key::Char('b') | Key::PageUp => self.go_to(self.chapter + all - 1),
+            Key::Enter => self.go_to(self.chapter),
+            Key::Tab => match self.back_to.take() {
+                Some(chapter) if self.chapter == workbench() => self.go_to(chapter),
+                _ if self.chapter == workbench() => self.go_to(0),
+                _ => {
+                    self.back_to = Some(self.chapter);
+                    self.go_to(workbench());
+                }
+            },
+            Key::Char('h') => {
+                self.keys_s = if self.keys_s > 0.0 { 0.0 } else { f64::INFINITY };
+                return true;
+            }
+            _ => return false,
+        }
+        self.keys_s = self.keys_s.min(KEYS_USED_S);
+        true
+    }
+
+    /// Moves on by `step_s` and draws.
+    pub fn frame(&mut self, windows: &mut Windows, step_s: f64) -> Result<(), Failure> {
+        self.keys_s = (self.keys_s - step_s).max(0.0);
+        let readiness = self.preparation.of(self.chapter);
+        if self.shown.as_ref().is_none_or(|shown| shown.scene.is_none()) {
+            self.open(&windows.gpu, &readiness)?;
+        }
+        self.advance(step_s)?;
+        let caption = self.caption(&readiness);
+        let Some(Shown { session, screens, bodies, .. }) = &mut self.shown else { return Ok(()) };
+        screens.overlays.caption = Some(caption);
+        let mut frame = WindowFrame { windows, session, bodies, edited: None, step_s, track_s: 0.0 };
+        screens.draw(&mut frame).map_err(|error| Failure::work(RenderError::App(error)))
+    }
+
+    /// Moves the chapter on, without a picture.
+    pub fn advance(&mut self, step_s: f64) -> Result<(), Failure> {
+        let is_told = self.is_told();
+        let chapter = self.telling();
+        let Some(shown) = self.shown.as_mut().filter(|shown| shown.scene.is_some()) else { return Ok(()) };
+        if !self.paused {
+            self.clock_s += step_s;
+        }
+        let end_s = shown.session.input.script.as_ref().map(|script| script.duration_s + HOLD_S);
+        if is_told && end_s.is_some_and(|end_s| self.clock_s > end_s) {
+            self.go_to(self.chapter + 1);
+            return Ok(());
+        }
+        if is_told && !shown.sprang_back && chapter.springs_back_s.is_some_and(|at| self.clock_s >= at) {
+            shown.sprang_back = true;
+            shown.session.world.act(Action::SnapBack);
+        }
+        shown.session.advance(self.clock_s)?;
+        if chapter.looks == Looks::AtRoom && !shown.camera_rests {
+            let camera = Camera::of(&shown.session.world.stage);
+            let turned = camera.azimuth - 1.1 + 0.16 * self.clock_s;
+            shown.screens.overlays.show_room(Camera { azimuth: turned, ..camera });
+        }
+        Ok(())
+    }
+
+    /// Opens the chapter, or its empty stage where what it needs is still made.
+    fn open(&mut self, gpu: &Gpu, readiness: &Readiness) -> Result<(), Failure> {
+        let chapter = self.telling();
+        let mut session = match readiness {
+            Readiness::Ready(ready) => session(chapter, ready)?,
+            _ if self.shown.is_some() => return Ok(()),
+            _ => Session::new(World::of_stage(find_stage(chapter.stage).map_err(Failure::request)?)?, None),
+        };
+        let scene = match readiness {
+            Readiness::Ready(ready) => Some(ready.scene.clone()),
+            _ => None,
+        };
+        session.attach_mouse();
+        let bodies = GpuBodies::new(gpu, &mut session.world, self.device)?;
+        let screens = ScreenWindows::new(&session.world.stage, None);
+        let (sprang_back, camera_rests) = (false, false);
+        self.shown = Some(Shown { session, screens, bodies, scene, sprang_back, camera_rests });
+        self.clock_s = 0.0;
+        Ok(())
+    }
+
+    fn caption(&self, readiness: &Readiness) -> Caption {
+        let Chapter { title, text, numbers, .. } = self.telling();
+        let faded = (self.keys_s / KEYS_FADE_S).min(1.0) as f32;
+        let mut caption = Caption {
+            title: (*title).to_owned(),
+            text: (*text).to_owned(),
+            chapter: (self.chapter, CHAPTERS.len()),
+            keys: KEYS.iter().map(|(key, what)| ((*key).to_owned(), (*what).to_owned())).collect(),
+            keys_shown: faded,
+            ..Caption::default()
+        };
+        match readiness {
+            Readiness::Failed(why) => caption.numbers = format!("This chapter cannot be shown: {why}"),
+            Readiness::Waiting => caption.numbers = "Computed once, after the chapters before it …".into(),
+            Readiness::Working { step, share } => {
+                caption.numbers = format!("Computed once – {step} {:.0} %", 100.0 * share);
+                caption.share = *share;
+            }
+            Readiness::Ready(_) => {
+                if let Some((shown, scene)) = self.shown.as_ref().and_then(|shown| Some((shown, shown.scene.as_ref()?))) {
+                    caption.numbers = numbers(scene, &shown.session.world);
+                    let is_told = self.is_told();
+                    caption.share = self.duration_s().map_or(1.0, |end_s| self.clock_s / end_s);
+                    if !is_told {
+                        caption.share = 1.0;
+                        caption.state = "you lead: Enter, N, B".into();
+                    } else if self.paused {
+                        caption.state = "paused".into();
+                    }
+                }
+            }
+        }
+        caption
+    }
+}
+
+/// A session of a chapter from its beginning.
+fn session(chapter: &Chapter, Ready { scene, file }: &Ready) -> Result<Session, Failure> {
+    let stage: Stage = find_stage(chapter.stage).map_err(Failure::request)?;
+    let script = crate::session::open::script(scene, None)?;
+    let mut world = World::new(scene, file, stage)?;
+    let effects = effect::attach(effect::EFFECTS, scene, file, &mut world)?;
+    let mut session = Session::new(world, script);
+    (session.effects, session.file) = (effects, Some(file.clone()));
+    Ok(session)
+}
