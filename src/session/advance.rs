@@ -2,6 +2,7 @@
 
 use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;
+use super::presses::ScriptPresses;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
 use crate::effect::{self, RunningEffect};
@@ -23,6 +24,7 @@ pub struct Session {
     pub recorder: Option<Recorder>,
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
+    pub(super) presses: ScriptPresses,
 }
 
 /// Whether a session goes on.
@@ -38,7 +40,14 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
-        Session { effects: Vec::new(), world, input, recorder: None, file: None }
+        Session {
+            effects: Vec::new(),
+            world,
+            input,
+            recorder: None,
+            file: None,
+            presses: ScriptPresses::default(),
+        }
     }
 
     /// Lets mouse and keyboard move what nothing else moves.
@@ -72,6 +81,9 @@ impl Session {
         }
         self.effects.iter_mut().for_each(|effect| effect.before_frame(&mut state));
         self.world.step_at(time_s, &state);
+        if self.input.leader() == Leader::Script {
+            self.presses.watch(&mut self.world, &state);
+        }
         self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&mut self.world, &state)?;

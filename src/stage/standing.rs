@@ -288,7 +288,6 @@ mod tests {
                 let placed: Vec<_> = points.iter().map(|x| place * x).collect();
                 let standing = stage.standing(&placed).unwrap();
                 assert!(standing.is_right(&stage) && standing.unseen == 0.0, "{name} {sides:?}: {standing:?}");
-                eprintln!("{name} {sides:?} {:.3} {:.3}", standing.size_m / (2.0 * stage.workspace.radius_m), standing.middle.y - stage.workspace.centre.y);
                 let off = standing.middle - stage.workspace.centre;
                 assert!(off.xz().norm() < 1e-9 && (0.0..stage.workspace.radius_m).contains(&(off.y + 1e-9)), "{name}: {off}");
                 standing.size_m / (2.0 * stage.workspace.radius_m)
@@ -298,7 +297,7 @@ mod tests {
             assert!((tube * Point3::new(3.0, -2.0, 7.0) - stage.workspace.centre).norm() < 1e-9, "{name}: is where it was");
             for sides in [[1.0, 1.0, 1.0], [0.5, 2.0, 0.5], [0.4, 0.5, 3.0], [1.4, 2.7, 1.0], [1.0, 0.1, 1.0]] {
                 let share = fitted(sides);
-                assert!((0.3..0.9501).contains(&share), "{name} {sides:?}: {share}");
+                assert!((0.6..0.9501).contains(&share), "{name} {sides:?}: {share}");
             }
         }
     }
