@@ -11,6 +11,9 @@ use crate::green::{self, GreenError};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::session::open;
+use crate::stage::Stage;
+use crate::world::place;
+use nalgebra::Point3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -36,6 +39,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let scene = Scene::load(&args.scene)?;
     let mut findings = Vec::new();
+    let mut meshes = Vec::new();
     for (name, body) in &scene.body {
         let entity = format!("body.{name}");
         let error = |message: String| Diagnostic::new(Severity::Error, &entity, message);
@@ -49,11 +53,18 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             Ok(None) => {}
         }
         match green::prepare(&scene, name) {
-            Ok(prepared) => findings.extend(prepared.findings),
+            Ok(prepared) => {
+                findings.extend(prepared.findings);
+                meshes.push((name, body, prepared.mesh.nodes.into_iter().map(Point3::from).collect()));
+            }
             Err(failed @ GreenError::Scene(_)) => findings.push(error(failed.to_string())),
             Err(other) => return Err(other.into()),
         }
     }
+    if let Ok(stage) = open::stage(&scene, None) {
+        findings.extend(places(&meshes, &stage));
+    }
+    findings.extend(scene.body.iter().filter_map(|(name, body)| holds(name, body)));
     for problem in [open::stage(&scene, None).err(), open::script(&scene, None).err()].into_iter().flatten() {
         findings.push(Diagnostic::new(Severity::Error, "stage", problem.to_string()));
     }
@@ -79,6 +90,23 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{lines}{}\n\n{}\n{}", tally(&findings), table.text(), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
+}
+
+/// Which bodies are not where the viewer of the stage sees them.
+fn places(meshes: &[(&String, &Body, Vec<Point3<f64>>)], stage: &Stage) -> Vec<Diagnostic> {
+    let standing: Vec<_> = meshes.iter().map(|(_, body, points)| (*body, &points[..])).collect();
+    let found = place::rooms_from_meshes(&standing, stage);
+    let fault = |((name, _, points), at): (&(&String, &Body, Vec<Point3<f64>>), _)| {
+        let message = format!("on stage {}, {}", stage.name, place::fault(points, &at, stage)?);
+        Some(Diagnostic::new(Severity::Warning, format!("body.{name}.place"), message))
+    };
+    meshes.iter().zip(found).filter_map(fault).collect()
+}
+
+/// What it means that nothing is fixed, or that nothing can be grabbed.
+fn holds(name: &str, body: &Body) -> Option<Diagnostic> {
+    let message = body.held_by()?;
+    Some(Diagnostic::new(Severity::Note, format!("body.{name}.control"), message))
 }
 
 /// The table of what is known, and for each other body what to do.

@@ -66,6 +66,21 @@ impl PickRay {
     }
 }
 
+impl PickTarget<'_> {
+    /// How far the ray passes from the nearest of `shape.points`, and within how far it would hit one, m in the room.
+    pub fn missed_by(&self, ray: &PickRay) -> Option<(f64, f64)> {
+        let (origin, way) = (ray.origin_in_room.cast::<f64>(), ray.direction_in_room.cast::<f64>());
+        let missed = |vertex: &u32| {
+            let place = self.positions.get(*vertex as usize)?;
+            let from_origin = self.room_from_body * Point3::from(place.cast::<f64>()) - origin;
+            let missed_m = (from_origin - way * from_origin.dot(&way).max(0.0)).norm();
+            missed_m.is_finite().then_some(missed_m)
+        };
+        let nearest = self.shape.points.iter().filter_map(missed).min_by(f64::total_cmp)?;
+        Some((nearest, f64::from(self.ball_radius_m) * self.room_from_body.scaling()))
+    }
+}
+
 impl PickShape {
     /// What of a control element is on the surface; `element_nodes` are nodes of the mesh. Empty if none is: such
     /// an element cannot be picked.

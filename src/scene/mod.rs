@@ -125,6 +125,24 @@ impl Body {
     pub fn accuracy_target(&self) -> Option<AccuracyTarget> {
         self.accuracy.map(AccuracyTarget::Accuracy).or(self.budget.map(AccuracyTarget::Budget))
     }
+
+    /// What it means where no control element is fixed, or none can be grabbed; nothing of a body that has both.
+    pub fn held_by(&self) -> Option<String> {
+        let count = |grab: Grab| self.control.values().filter(|control| control.grab == grab).count();
+        Some(match (count(Grab::Fixed), count(Grab::Dragger)) {
+            (0, 1) => "its only control element can be grabbed and nothing is fixed: the body follows the hand as a \
+                       whole, and is deformed by stretching that element alone; a second control element with grab = \
+                       \"fixed\" would hold it"
+                .to_owned(),
+            (0, many) => format!(
+                "nothing is fixed: all {many} control elements can be grabbed, and each stays where it is let go. To \
+                 move the body as a whole, move the scene (middle button); to hold it somewhere, give an element \
+                 grab = \"fixed\""
+            ),
+            (_, 0) => "nothing can be grabbed: every control element is fixed; give one grab = \"dragger\"".to_owned(),
+            _ => return None,
+        })
+    }
 }
 
 /// Errors name the key below the body and what is wrong with it.
@@ -242,21 +260,16 @@ impl Grab {
     }
 }
 
-/// room_from_body: x ↦ position + scale · R(rotation) · x.
+/// room_from_body: x ↦ position + scale · R(rotation) · x. What is left out is chosen as without a place
+/// ([`Stage::room_from_mesh`](crate::stage::Stage::room_from_mesh)).
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
-    /// The position of the body's origin in the room, m.
-    pub position: [f64; 3],
+    /// The position of the mesh's origin in the room, m.
+    pub position: Option<[f64; 3]>,
     /// Rotation vector (axis times angle), rad.
-    #[serde(default)]
-    pub rotation: [f64; 3],
-    #[serde(default = "one")]
-    pub scale: f64,
-}
-
-fn one() -> f64 {
-    1.0
+    pub rotation: Option<[f64; 3]>,
+    pub scale: Option<f64>,
 }
 
 impl Scene {
@@ -361,8 +374,8 @@ impl Scene {
             control.nodes.check().map_err(|message| self.invalid(&entity, message))?;
         }
         if let Some(place) = &body.place {
-            let numbers = place.position.iter().chain(&place.rotation);
-            if !numbers.into_iter().all(|v| v.abs() <= 1e3) || !(1e-15..=1e15).contains(&place.scale) {
+            let mut numbers = place.position.iter().chain(&place.rotation).flatten();
+            if !numbers.all(|v| v.abs() <= 1e3) || !place.scale.is_none_or(|s| (1e-15..=1e15).contains(&s)) {
                 return Err(self.invalid(
                     &format!("{entity}.place"),
                     "position (m) and rotation (rad) must be within ±1000, scale within 1e-15 to 1e15",

@@ -2,6 +2,7 @@
 
 use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;
+use super::presses::ScriptPresses;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
 use crate::effect::{self, RunningEffect};
@@ -25,6 +26,7 @@ pub struct Session {
     pub file: Option<Arc<GreenFile>>,
     /// What is shown, as it was opened or was last changed; a stage alone has none.
     pub scene: Option<Scene>,
+    pub(super) presses: ScriptPresses,
 }
 
 /// Whether a session goes on.
@@ -40,7 +42,15 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
-        Session { effects: Vec::new(), world, input, recorder: None, file: None, scene: None }
+        Session {
+            effects: Vec::new(),
+            world,
+            input,
+            recorder: None,
+            file: None,
+            scene: None,
+            presses: ScriptPresses::default(),
+        }
     }
 
     /// Lets mouse and keyboard move what nothing else moves.
@@ -74,6 +84,9 @@ impl Session {
         }
         self.effects.iter_mut().for_each(|effect| effect.before_frame(&mut state));
         self.world.step_at(time_s, &state);
+        if self.input.leader() == Leader::Script {
+            self.presses.watch(&mut self.world, &state);
+        }
         self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&mut self.world, &state)?;

@@ -11,6 +11,7 @@ pub mod keys;
 pub mod lines;
 pub mod open;
 pub mod playback;
+mod presses;
 pub mod recording;
 pub mod trackers;
 

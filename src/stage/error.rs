@@ -60,6 +60,44 @@ pub enum StageFault {
     )]
     Skewed { screen: String, degrees: f64, upper_left: Point3<f64> },
     #[error(
+        "screen `{screen}`: {what}. Write lower_left = {}, lower_right = {}, upper_left = {}",
+        place(&corners[0]), place(&corners[1]), place(&corners[2])
+    )]
+    Corners {
+        screen: String,
+        /// Which corners stand for which.
+        what: String,
+        /// Lower left, lower right and upper left as they should be.
+        corners: Box<[Point3<f64>; 3]>,
+    },
+    #[error(
+        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`, whose front is towards {front}: move the \
+         viewer before it: position = {}",
+        place(viewer), place(before)
+    )]
+    ViewerBehind {
+        screen: String,
+        viewer: Point3<f64>,
+        distance_m: f64,
+        /// What the screen's front is known by.
+        front: &'static str,
+        before: Point3<f64>,
+    },
+    #[error(
+        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Where the viewer is right, the screen is \
+         mirrored: swap {swap}: lower_left = {}, lower_right = {}, upper_left = {}. Where the corners are right, move the \
+         viewer before the screen: position = {}",
+        place(viewer), place(&corners[0]), place(&corners[1]), place(&corners[2]), place(before)
+    )]
+    EitherSide {
+        screen: String,
+        viewer: Point3<f64>,
+        distance_m: f64,
+        swap: &'static str,
+        corners: Box<[Point3<f64>; 3]>,
+        before: Point3<f64>,
+    },
+    #[error(
         "screen `{screen}` is mirrored: the viewer, at {}, stands {distance_m:.3} m behind it. Swap {swap}: \
          lower_left = {}, lower_right = {}, upper_left = {}",
         place(viewer), place(&corners[0]), place(&corners[1]), place(&corners[2])

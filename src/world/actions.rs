@@ -97,6 +97,17 @@ impl World {
         touched.or_else(|| pick(&ray, &targets).map(|hit| hit.target))
     }
 
+    /// The control element that a ray passes nearest, as `tube.right`, of those that can be grabbed; how far it passes from
+    /// its nearest node, and within how far it would take it, m.
+    pub fn nearest_element(&self, ray: &PickRay) -> Option<(String, f64, f64)> {
+        let of = |&(b, c): &(usize, usize)| {
+            let body = &self.bodies[b];
+            let (missed_m, reach_m) = body.pick_target(c, true).missed_by(ray)?;
+            Some((format!("{}.{}", body.deformer.body, body.deformer.controls[c].name), missed_m, reach_m))
+        };
+        self.fields.targets.iter().filter_map(of).min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// Every stylus lets go of what it holds; a button that is down grabs again.
     pub fn let_go(&mut self) {
         self.finish_grabs(&BTreeSet::new());

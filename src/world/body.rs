@@ -2,14 +2,15 @@
 
 use super::force_scale::ForceScale;
 use super::highlight::Highlight;
+use super::place;
 use super::times::StepTimes;
 use crate::deform::{ControlPose, Deformer, ExpectedErrors, PoseLimiter};
 use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
-use crate::scene::{Body, Grab, Place, Scene};
+use crate::scene::{Body, Grab, Scene};
 use crate::stage::Stage;
-use nalgebra::{Matrix4, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix4, Point3, Similarity3, Translation3, Vector3};
 
 /// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
 const PASSING_BY: f64 = 0.05;
@@ -66,10 +67,13 @@ fn measured_range(file: &GreenFile, body: &str) -> Option<f64> {
 
 /// All bodies of a scene at their places.
 pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &Stage) -> Vec<PlacedBody> {
-    let fitted = fit(scene, &deformers, stage);
-    let place = |(deformer, body): (Deformer, &Body)| {
+    let points: Vec<_> = deformers.iter().map(in_mesh).collect();
+    let standing: Vec<(&Body, &[Point3<f64>])> =
+        scene.body.values().zip(points.iter().map(Vec::as_slice)).collect();
+    let places = place::rooms_from_meshes(&standing, stage);
+    let place = |(((deformer, body), points), room_from_mesh): (((Deformer, &Body), &Vec<_>), &_)| {
         let mesh_from_body = Translation3::from(deformer.centre);
-        let room_from_mesh = body.place.as_ref().map_or(fitted, placed);
+        let wrong = place::fault(points, room_from_mesh, stage);
         let home = room_from_mesh * mesh_from_body;
         let ball = ball(&deformer);
         PlacedBody {
@@ -89,11 +93,15 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
             deformations: 0,
             positions_hash: None,
             times: StepTimes::default(),
-            warnings: Vec::new(),
+            warnings: [wrong.map(|wrong| ("place", wrong)), body.held_by().map(|how| ("control", how))]
+                .into_iter()
+                .flatten()
+                .map(|(key, message)| format!("body.{}.{key}: {message}", deformer.body))
+                .collect(),
             deformer,
         }
     };
-    deformers.into_iter().zip(scene.body.values()).map(place).collect()
+    deformers.into_iter().zip(scene.body.values()).zip(&points).zip(&places).map(place).collect()
 }
 
 impl PlacedBody {
@@ -218,23 +226,8 @@ fn ball(deformer: &Deformer) -> (Point3<f64>, f64) {
     (Point3::from((low + high) / 2.0), (high - low).norm() / 2.0)
 }
 
-fn placed(place: &Place) -> Similarity3<f64> {
-    Similarity3::from_parts(
-        Translation3::from(Vector3::from(place.position)),
-        UnitQuaternion::from_scaled_axis(Vector3::from(place.rotation)),
-        place.scale,
-    )
-}
-
-/// room_from_mesh that fits all bodies without a place of their own, together, into the stage's workspace.
-fn fit(scene: &Scene, deformers: &[Deformer], stage: &Stage) -> Similarity3<f64> {
-    let unplaced = deformers.iter().zip(scene.body.values()).filter(|(_, body)| body.place.is_none());
-    let mut corners = unplaced.flat_map(|(deformer, _)| {
-        deformer.rest().iter().map(|x| Point3::from(Vector3::from(*x).cast::<f64>() + deformer.centre))
-    });
-    let Some(first) = corners.next() else {
-        return Similarity3::identity();
-    };
-    let (low, high) = corners.fold((first, first), |(low, high), x| (low.inf(&x), high.sup(&x)));
-    stage.workspace.room_from_body(low, high).unwrap_or_else(Similarity3::identity)
+/// The surface at rest in the mesh's frame.
+fn in_mesh(deformer: &Deformer) -> Vec<Point3<f64>> {
+    let point = |x: &[f32; 3]| Point3::from(Vector3::from(*x).cast::<f64>() + deformer.centre);
+    deformer.rest().iter().map(point).collect()
 }

@@ -13,6 +13,7 @@ pub mod force_scale;
 pub mod frame;
 pub mod hand;
 pub mod highlight;
+pub mod place;
 pub mod state_hash;
 pub mod times;
 

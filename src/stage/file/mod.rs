@@ -1,21 +1,23 @@
 //! Stage files: strict TOML in; out a [`Stage`] with usable screens, or an error that names file, line, screen and remedy.
 //! The checks cover the mistakes that occur when display walls are set up: mirrored and skewed corners, other units.
 
+mod corners;
 mod haptic;
 mod mount;
 mod tracking;
 mod window;
 
+use self::corners::Surroundings;
 use self::haptic::HapticFile;
 use self::tracking::{SensorFile, StylusFile, TrackerFile};
 use self::window::{MonitorFile, WindowFile};
 use super::built_in::text_of;
 use super::description::Stage;
 use super::error::{
-    IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MAX_SKEW, MIN_SIDE_M, StageError, StageFault, TrackingFault,
+    IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MIN_SIDE_M, StageError, StageFault, TrackingFault,
 };
 use super::haptic::Haptic;
-use super::screen::{MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen};
+use super::screen::{ROOM_LIMIT_M, Screen};
 use super::stereo::Stereo;
 use super::tracking::Tracking;
 use super::viewer::{Viewer, rotation_towards};
@@ -170,7 +172,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     if file.screens.is_empty() {
         faults.push(0, StageFault::NoScreen);
     }
-    let screens = screens(file.screens, viewer.as_ref(), &mut faults);
+    let screens = screens(file.screens, viewer.as_ref(), workspace.as_ref(), &mut faults);
     let windows = windows(file.windows, &screens, file.stereo, &mut faults);
     let mut kinds = windows.iter().flat_map(|window| &window.tiles).map(|tile| tile.stereo);
     let is_mono = file.stereo == Stereo::Mono && kinds.all(|kind| kind == Stereo::Mono);
@@ -222,25 +224,31 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
 fn screens(
     files: Vec<Spanned<ScreenFile>>,
     viewer: Option<&Viewer>,
+    workspace: Option<&Workspace>,
     faults: &mut FaultList<'_>,
 ) -> Vec<Screen> {
     let eye = viewer.map(|viewer| Point3::from(viewer.room_from_head.translation.vector));
     let mut lines = BTreeMap::new();
-    let mut screens = Vec::new();
+    let mut screens: Vec<(usize, Screen)> = Vec::new();
     for found in files {
         let start = found.span().start;
         let Some(screen) = faults.keep(start, screen(found.into_inner())) else { continue };
-        faults.keep(start, check_shape(&screen));
-        if let Some(eye) = eye {
-            faults.keep(start, check_side(&screen, &eye));
-        }
-        let line = config::line_and_column(faults.text, start).0;
-        if let Some(first_line) = lines.insert(screen.name.clone(), line) {
-            faults.push(start, StageFault::Duplicate { screen: screen.name.clone(), first_line });
-        }
-        screens.push(screen);
+        screens.push((start, screen));
     }
-    screens
+    for (i, (start, screen)) in screens.iter().enumerate() {
+        let others = screens.iter().enumerate().filter(|(other, _)| *other != i);
+        let sides = others.filter_map(|(_, (_, other))| Some(other.distance_m(&eye?) > 0.0));
+        let [before, behind] = sides.fold([0, 0], |[before, behind], is_before| {
+            if is_before { [before + 1, behind] } else { [before, behind + 1] }
+        });
+        let around = Surroundings { viewer: eye, workspace, others: [before, behind] };
+        faults.keep(*start, corners::check(screen, &around));
+        let line = config::line_and_column(faults.text, *start).0;
+        if let Some(first_line) = lines.insert(screen.name.clone(), line) {
+            faults.push(*start, StageFault::Duplicate { screen: screen.name.clone(), first_line });
+        }
+    }
+    screens.into_iter().map(|(_, screen)| screen).collect()
 }
 
 fn windows(
@@ -344,54 +352,6 @@ fn screen(file: ScreenFile) -> Result<Screen, StageFault> {
         return Err(StageFault::Size { screen: screen.name, width_m, height_m });
     }
     Ok(screen)
-}
-
-/// Checks that the viewer stands before the screen.
-fn check_side(screen: &Screen, viewer: &Point3<f64>) -> Result<(), StageFault> {
-    let distance_m = screen.distance_m(viewer);
-    if distance_m.abs() < MIN_EYE_DISTANCE_M {
-        return Err(StageFault::EdgeOn { screen: screen.name.clone(), distance_m });
-    }
-    if distance_m < 0.0 {
-        let (swap, corners) = unmirrored(screen);
-        return Err(StageFault::Mirrored {
-            screen: screen.name.clone(),
-            viewer: *viewer,
-            distance_m: -distance_m,
-            swap,
-            corners: Box::new(corners),
-        });
-    }
-    Ok(())
-}
-
-fn check_shape(screen: &Screen) -> Result<(), StageFault> {
-    let (width_m, height_m) = (screen.width_m(), screen.height_m());
-    let across = screen.lower_right - screen.lower_left;
-    let upward = screen.upper_left - screen.lower_left;
-    let cosine = across.dot(&upward) / (width_m * height_m);
-    if cosine.abs() > MAX_SKEW {
-        let up: Vector3<f64> = screen.axes()[1];
-        return Err(StageFault::Skewed {
-            screen: screen.name.clone(),
-            degrees: cosine.acos().to_degrees(),
-            upper_left: screen.lower_left + up * height_m,
-        });
-    }
-    Ok(())
-}
-
-/// The corners of the same rectangle facing the other way, and which corners to swap. A picture that stood upside down is
-/// turned about its horizontal axis, any other about its vertical one.
-fn unmirrored(screen: &Screen) -> (&'static str, [Point3<f64>; 3]) {
-    if screen.upper_left.y < screen.lower_left.y - 1e-9 {
-        ("lower_left with upper_left", [screen.upper_left, screen.upper_right(), screen.lower_left])
-    } else {
-        (
-            "the left corners with the right ones",
-            [screen.lower_right, screen.lower_left, screen.upper_right()],
-        )
-    }
 }
 
 #[cfg(test)]

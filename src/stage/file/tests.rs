@@ -119,3 +119,59 @@ fn without_a_direction_the_viewer_looks_at_the_workspace() {
     let gaze = stage.viewer.room_from_head.rotation * -Vector3::z();
     assert!(gaze.cross(&(Vector3::new(0.0, 1.15, 0.55) - Vector3::new(0.0, 1.70, 1.50))).norm() < 1e-12);
 }
+
+/// Two corners named for each other: one fault, and what it says to write is right.
+#[test]
+fn swapped_corners_have_one_remedy_and_it_is_right() {
+    let text = BUILT_IN[0].1;
+    let [left, right, up] = [WALL_LEFT, "lower_right = [0.80, 0.90, 0.00]", WALL_UP];
+    let place = |key: &str| key.split(" = ").nth(1).unwrap().to_owned();
+    for (from, to, words) in [
+        ([left, up], [format!("lower_left = {}", place(up)), format!("upper_left = {}", place(left))], "lower_left and upper_left"),
+        ([left, right], [format!("lower_left = {}", place(right)), format!("lower_right = {}", place(left))], "lower_left and lower_right"),
+        ([up, up], ["upper_left = [0.80, 2.18, 0.00]".into(), "upper_left = [0.80, 2.18, 0.00]".into()], "is the upper right corner"),
+        ([right, right], ["lower_right = [0.80, 2.18, 0.00]".into(), "lower_right = [0.80, 2.18, 0.00]".into()], "lower_right is the upper right"),
+    ] {
+        // The wall stands after the table, which shares two of its places.
+        let (head, wall) = text.split_at(text.find("name = \"wall\"").unwrap());
+        let (first, second) = (wall.replace(from[0], "FIRST"), from[1]);
+        let wall = first.replace(second, &to[1]).replace("FIRST", &to[0]);
+        let faults = survey(&format!("{head}{wall}"), Path::new("bench.toml")).unwrap().faults;
+        let [Located { fault, .. }] = &faults[..] else { panic!("{faults:?}") };
+        let told = fault.to_string();
+        assert!(told.contains(words), "{told}");
+        let remedy = "Write lower_left = [-0.8000, 0.9000, 0.0000], lower_right = [0.8000, 0.9000, 0.0000], upper_left = \
+                      [-0.8000, 2.1800, 0.0000]";
+        assert!(told.contains(remedy), "{told}");
+    }
+}
+
+#[test]
+fn a_viewer_behind_a_screen_is_told_to_move_and_not_to_swap_corners() {
+    let told = |stage: usize, from: &str, to: &str| {
+        let text = BUILT_IN[stage].1;
+        assert!(text.contains(from));
+        let faults = survey(&text.replacen(from, to, 1), Path::new("s.toml")).unwrap().faults;
+        faults.iter().map(|located| located.fault.to_string()).collect::<Vec<_>>()
+    };
+    // Behind the workbench's wall, whose workspace stands before it.
+    let [wall] = &told(0, "position = [0.0, 1.70, 1.50]", "position = [0.0, 1.70, -0.60]")[..] else { panic!() };
+    assert!(wall.contains("0.600 m behind screen `wall`, whose front is towards the workspace"), "{wall}");
+    assert!(wall.ends_with("position = [0.0000, 1.7000, 0.6000]") && !wall.contains("wap"), "{wall}");
+    // The desktop's ball is about its glass: nothing tells which of both is wrong.
+    let [both] = &told(3, "position = [0.0, 0.06, 0.60]", "position = [0.0, 0.06, -0.60]")[..] else { panic!() };
+    assert!(both.contains("is mirrored: swap the left corners") && both.contains("position = [0.0000, 0.0600, 0.6000]"));
+}
+
+#[test]
+fn arrays_of_another_length_are_refused_with_their_line() {
+    for (from, to, length) in [
+        ("pixels = [1280, 1024]", "pixels = [1280, 1024, 3]", "length 3, expected an array of length 2"),
+        ("centre = [0.0, 1.15, 0.55]", "centre = [0.0, 1.15]", "length 2, expected an array of length 3"),
+        (WALL_UP, "upper_left = [-0.80, 2.18, 0.00, 1.0]", "length 4, expected an array of length 3"),
+    ] {
+        let line = line_of(from);
+        let error = refusal(from, to);
+        assert!(error.starts_with(&format!("bench.toml:{line}:")) && error.contains(length), "{error}");
+    }
+}

@@ -1,0 +1,74 @@
+//! A script's press that grabs nothing is told, once for each stylus: when, and by how far the ray missed.
+
+use crate::interact::PickRay;
+use crate::track::TrackerState;
+use crate::world::World;
+
+/// Which styli were pressed in the frame before, and of which it was told.
+#[derive(Debug, Default)]
+pub struct ScriptPresses {
+    pressed: Vec<bool>,
+    told: Vec<bool>,
+}
+
+impl ScriptPresses {
+    /// After a frame of a script.
+    pub fn watch(&mut self, world: &mut World, state: &TrackerState) {
+        let count = state.styli.len().min(world.styli_count());
+        self.pressed.resize(count, false);
+        self.told.resize(count, false);
+        for i in 0..count {
+            let stylus = &state.styli[i];
+            let was_pressed = std::mem::replace(&mut self.pressed[i], stylus.pressed);
+            let begins = stylus.pressed && !was_pressed;
+            let hands = &world.graph.get(world.fields.hands).hands;
+            if !begins || self.told[i] || hands.grip(i).is_some() || world.bodies.is_empty() {
+                continue;
+            }
+            self.told[i] = true;
+            let missed = PickRay::from_stylus(stylus).and_then(|ray| world.nearest_element(&ray));
+            let how = match missed {
+                Some((name, missed_m, reach_m)) => format!(
+                    "its ray passes {missed_m:.3} m from the nearest control element that can be grabbed, {name}, and takes \
+                     what it passes within {reach_m:.3} m"
+                ),
+                None => "no control element can be grabbed".to_owned(),
+            };
+            let (time_s, stylus) = (state.time_s, world.fields.stylus_name(i));
+            world.warn(format!("the script's stylus {stylus} presses at {time_s:.2} s and grabs nothing: {how}"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::session::Session;
+    use crate::track::Script;
+    use std::path::Path;
+
+    fn warnings(aside: f64) -> Vec<String> {
+        let world = crate::world::tests::world("script-presses");
+        let end = world.bodies[0].room_from_body * nalgebra::Point3::from(world.bodies[0].deformer.controls[1].origin);
+        let [x, y, z] = [end.x, end.y + aside, end.z];
+        let script = format!(
+            "frame = \"room\"\n[[key]]\ntime = 0.0\nstylus.pen = {{ position = [{x}, {y}, {}], direction = [0, 0, -1] }}\n\
+             [[key]]\ntime = 1.0\nstylus.pen = {{ pressed = true }}\n[[key]]\ntime = 2.0\nstylus.pen = {{ pressed = false }}\n\
+             [[key]]\ntime = 3.0\nstylus.pen = {{ pressed = true }}\n[[key]]\ntime = 4.0\n",
+            z + 0.5
+        );
+        let script = Script::parse(&script, Path::new("s.toml")).unwrap();
+        let mut session = Session::new(world, Some(script));
+        for k in 0..40 {
+            session.advance(0.1 * f64::from(k)).unwrap();
+        }
+        let told = session.world.warnings.iter().map(|(_, text)| text.clone());
+        told.filter(|text| text.contains("script")).collect()
+    }
+
+    #[test]
+    fn a_press_that_grabs_nothing_is_told_once_with_its_miss() {
+        assert_eq!(warnings(0.0), Vec::<String>::new());
+        let [told] = &warnings(0.3)[..] else { panic!("{:?}", warnings(0.3)) };
+        assert!(told.contains(" presses at 1.00 s and grabs nothing: its ray passes 0."), "{told}");
+    }
+}

@@ -1,0 +1,113 @@
+//! Where the bodies of a scene stand on a stage, by the keys of their `place` and, for what those leave out, in sight.
+//!
+//! In: bodies with the points of their meshes. Out: room_from_mesh of each; and in words, what of one is not in sight, with a
+//! place that is.
+
+use crate::scene::{Body, Place};
+use crate::stage::{GivenPlace, Stage, Standing, place_line};
+use nalgebra::{Point3, Similarity3, UnitQuaternion, Vector3};
+
+/// Bodies without a place are fitted together, as one; each other one by itself, with the keys of its place.
+pub fn rooms_from_meshes(bodies: &[(&Body, &[Point3<f64>])], stage: &Stage) -> Vec<Similarity3<f64>> {
+    let unplaced = bodies.iter().filter(|(body, _)| body.place.is_none());
+    let together: Vec<Point3<f64>> = unplaced.flat_map(|(_, points)| points.iter().copied()).collect();
+    let fitted = fitted(&together, &GivenPlace::default(), stage);
+    let of = |(body, points): &(&Body, &[Point3<f64>])| match &body.place {
+        None => fitted,
+        Some(place) => self::fitted(points, &given(place), stage),
+    };
+    bodies.iter().map(of).collect()
+}
+
+fn fitted(points: &[Point3<f64>], given: &GivenPlace, stage: &Stage) -> Similarity3<f64> {
+    stage.room_from_mesh(points, given).unwrap_or_else(Similarity3::identity)
+}
+
+fn given(place: &Place) -> GivenPlace {
+    GivenPlace {
+        position: place.position.map(Vector3::from),
+        rotation: place.rotation.map(|turn| UnitQuaternion::from_scaled_axis(Vector3::from(turn))),
+        scale: place.scale,
+    }
+}
+
+/// What is wrong with a body that stands so, with the numbers, and a line that mends it.
+pub fn fault(points: &[Point3<f64>], room_from_mesh: &Similarity3<f64>, stage: &Stage) -> Option<String> {
+    let placed: Vec<Point3<f64>> = points.iter().map(|x| room_from_mesh * x).collect();
+    let standing = stage.standing(&placed)?;
+    if standing.is_right(stage) {
+        return None;
+    }
+    let Standing { unseen, sunk, size_m, middle } = &standing;
+    let width_m = 2.0 * stage.workspace.radius_m;
+    let mut wrong = Vec::new();
+    if *unseen > 0.005 {
+        let Point3 { coords: m } = middle;
+        wrong.push(format!(
+            "{:.0} % of it is on no screen for both eyes (its middle is at ({:.3}, {:.3}, {:.3}) m)",
+            (100.0 * unseen).max(1.0),
+            m.x,
+            m.y,
+            m.z
+        ));
+    }
+    if let Some((what, deep)) = sunk {
+        wrong.push(format!("it reaches {:.0} mm below {what}", (1e3 * deep).max(1.0)));
+    }
+    if *size_m > 1.03 * width_m {
+        wrong.push(format!("it is {size_m:.3} m long in a workspace of {width_m:.3} m"));
+    }
+    let fitted = stage.room_from_mesh(points, &GivenPlace::default())?;
+    let remedy = place_line(&fitted);
+    Some(format!("{}. In sight it stands without a place of its own, or with {remedy}", wrong.join("; ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use std::path::Path;
+
+    fn body(place: &str) -> Body {
+        let text = format!(
+            "[body.a]\ngenerate = {{ block = {{ size = [0.2, 1.0, 0.2], cells = [1, 5, 1] }} }}\n\
+             material = {{ young = 1e6, poisson = 0.3 }}\n{place}\n[body.a.control.c]\nnodes = {{ group = \"ymin\" }}\n\
+             grab = \"fixed\"\n"
+        );
+        Scene::parse(&text, Path::new("a.toml")).unwrap().body["a"].clone()
+    }
+
+    fn rod() -> Vec<Point3<f64>> {
+        let corner = |k: usize| Vector3::new(0.1, 0.5, 0.1).map_with_location(|axis, _, half| if k >> axis & 1 == 0 { -half } else { half });
+        (0..8).map(|k| Point3::from(corner(k))).collect()
+    }
+
+    /// What the message says to paste is in sight.
+    #[test]
+    fn the_line_to_paste_mends_the_place() {
+        let (stage, points) = (Stage::find("workbench").unwrap(), rod());
+        for (place, words) in [
+            ("place = { scale = 2.0 }", "it is 2.000 m long in a workspace of 0.700 m"),
+            ("place = { position = [0.0, 0.9, 0.5], scale = 0.3 }", "it reaches 150 mm below screen `table`"),
+            ("place = { position = [3.0, 1.2, 0.5], scale = 0.3 }", "100 % of it is on no screen"),
+        ] {
+            let body = body(place);
+            let of = |body: &Body| rooms_from_meshes(&[(body, &points)], &stage)[0];
+            let wrong = fault(&points, &of(&body), &stage).unwrap();
+            assert!(wrong.contains(words), "{place}: {wrong}");
+            let line = &wrong[wrong.find("place = {").unwrap()..];
+            assert_eq!(fault(&points, &of(&self::body(line)), &stage), None, "{line}");
+        }
+    }
+
+    #[test]
+    fn bodies_without_a_place_keep_their_places_to_each_other() {
+        let (stage, points) = (Stage::find("desktop").unwrap(), rod());
+        let beside: Vec<_> = points.iter().map(|x| x + Vector3::x()).collect();
+        let [plain, placed] = ["", "place = { scale = 0.05 }"].map(body);
+        let all = [(&plain, &points[..]), (&placed, &points[..]), (&plain, &beside[..])];
+        let places = rooms_from_meshes(&all, &stage);
+        assert_eq!(places[0], places[2]);
+        assert_eq!((places[1].scaling(), places[0] == places[1]), (0.05, false));
+    }
+}
