@@ -4,6 +4,7 @@
 
 pub mod bars;
 pub mod columns;
+pub mod creases;
 pub mod csv;
 pub mod diagnostic;
 pub mod disjoint;

@@ -67,7 +67,7 @@ impl World {
     pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
         let deformer = |(name, body): (&String, &Body)| Deformer::new(file.clone(), name, &body.model);
         let deformers = scene.body.iter().map(deformer).collect::<Result<_, _>>().map_err(Failure::wrong)?;
-        let bodies = body::place(scene, file, deformers, &stage);
+        let bodies = body::place(scene, file, deformers, &stage)?;
         let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
         Ok(World::of(stage, bodies, graph, fields))
     }

@@ -19,6 +19,7 @@ use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
 use super::renderer::Renderer;
+use super::samples::Samples;
 use super::tiles::{Paint, Target, Tile, TilePainter};
 use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};
@@ -37,8 +38,7 @@ const IDLE: Duration = Duration::from_millis(20);
 /// How all windows draw and present.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
-    /// 1 or 4 samples a pixel.
-    pub samples: u32,
+    pub samples: Samples,
     /// Wait for the display's refresh; false presents at once, for benchmarks.
     pub vsync: bool,
 }
@@ -223,7 +223,7 @@ impl<A: WindowApp> Handler<'_, A> {
         let surfaces = configured
             .map(|(window, surface)| WindowSurface::new(window, surface, format, self.options.vsync))
             .collect();
-        let renderer = Renderer::new(&gpu, format, self.options.samples)?;
+        let renderer = Renderer::new(&gpu, format, self.options.samples.on(&gpu))?;
         let painter = TilePainter::new(format);
         self.app.start(&gpu).map_err(RenderError::App)?;
         self.windows =
