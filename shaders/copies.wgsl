@@ -11,9 +11,9 @@ fn compute(@builtin(global_invocation_id) thread: vec3<u32>) {
     if i >= chunk.count {
         return;
     }
-    let from = 3u * nodes[i];
-    let to = 3u * (chunk.first + i);
-    positions[to] = positions[from];
-    positions[to + 1u] = positions[from + 1u];
-    positions[to + 2u] = positions[from + 2u];
+    let node = 3u * nodes[i];
+    let copy = 3u * (chunk.first + i);
+    positions[copy] = positions[node];
+    positions[copy + 1u] = positions[node + 1u];
+    positions[copy + 2u] = positions[node + 2u];
 }

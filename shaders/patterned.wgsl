@@ -49,7 +49,7 @@ fn line_coverage(cell: vec3<f32>, pixel: vec3<f32>, slope: vec3<f32>) -> f32 {
     let to_line = abs(fract(cell + 0.5) - 0.5);
     let sharp = saturate((0.5 * drawn - to_line) / pixel + 0.5);
     // Where the surface lies in a plane of the lines there is no line to draw.
-    let is_steep = saturate((slope - 0.12) * 8.0);
+    let is_steep = saturate((slope - 0.3) * 4.0);
     let is_near = saturate(1.6 - 6.0 * pixel / slope);
     let lines = sharp * is_steep * is_near;
     return 1.0 - (1.0 - lines.x) * (1.0 - lines.y) * (1.0 - lines.z);

@@ -38,7 +38,7 @@ fn place_in_map(light: u32, position: vec3<f32>, normal: vec3<f32>, pixels: f32)
 }
 
 fn seen_from(position: vec3<f32>, normal: vec3<f32>) -> Seen {
-    let key = reached(0u, place_in_map(0u, position, normal, 3.0), 3.0, 12u);
+    let key = reached(0u, place_in_map(0u, position, normal, 4.0), 5.0, 16u);
     // Hidden sky, weighted as Lambert's law weighs it.
     var whole = 0.05;
     var open = 0.05;
