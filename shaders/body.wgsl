@@ -1,8 +1,7 @@
-// One deformed body: lit, two-sided, its control elements cut out crisply.
+// One deformed body of plain colours.
 //
-// A vertex colour's fourth component marks control elements (1) and plain surface (0). Both colours are interpolated
-// weighted by the mark, so each stays pure inside the triangles between, and the border is drawn where the mark is
-// one half: a clean anti-aliased line with a dark seam, instead of a smear one triangle wide.
+// A vertex colour's fourth component marks control elements (1) and plain surface (0); shaders/common/surface.wgsl draws the
+// border between them. What is fixed to the material is drawn by shaders/patterned.wgsl.
 
 struct Varyings {
     @builtin(position) clip: vec4<f32>,
@@ -35,31 +34,12 @@ fn vertex(
     return out;
 }
 
-// The colour that was interpolated with this weight. The weight may leave 0 to 1, because multisampling extrapolates
-// at the middle of a pixel that lies outside its triangle.
-fn unweighted(sum: vec3<f32>, weight: f32) -> vec3<f32> {
-    return saturate(sum / select(weight, 1e-3, abs(weight) < 1e-3));
-}
-
 @fragment
 fn fragment(
     @builtin(view_index) eye: u32,
     in: Varyings,
     @builtin(front_facing) counter_clockwise: bool,
 ) -> @location(0) vec4<f32> {
-    let mark = in.marked.a;
-    let border = mark - 0.5;
-    let pixel = max(fwidth(mark), 1e-6);
-    let share = saturate(border / pixel + 0.5);
-    let plain = unweighted(in.plain, 1.0 - mark);
-    let marked = unweighted(in.marked.rgb, mark);
-    let seam = 1.0 - 0.55 * saturate(1.6 - abs(border) / pixel);
-    let albedo = mix(plain, marked, share) * seam;
-
-    let outside = select(-1.0, 1.0, counter_clockwise) * views[eye].front_sign;
-    let normal = normalize(in.normal) * outside;
-    let to_eye = normalize(views[eye].eye_in_room - in.position);
-    // The inside of a wall is the same material with less of the room to see.
-    let radiance = shade(albedo, normal, to_eye) * (0.75 + 0.25 * outside);
-    return vec4<f32>(tone(radiance), 1.0);
+    let albedo = surface_albedo(in.plain, in.marked, vec3<f32>(1.0));
+    return surface_color(albedo, in.position, in.normal, counter_clockwise, views[eye]);
 }

@@ -41,7 +41,7 @@ fn fragment(
 ) -> @location(0) vec4<f32> {
     let to_eye = normalize(views[eye].eye_in_room - in.position);
     let normal = normalize(in.normal);
-    let lit = tone(shade(in.color.rgb, normal, to_eye));
+    let lit = tone(shade(in.color.rgb, normal, to_eye, Seen(1.0, 1.0)));
     // A glow is a little brighter towards its middle, which rounds the ray without lighting it.
     let glow = in.color.rgb * (0.7 + 0.3 * saturate(dot(normal, to_eye)));
     return vec4<f32>(mix(lit, glow, in.color.a), 1.0);

@@ -10,8 +10,14 @@ fn tone(radiance: vec3<f32>) -> vec3<f32> {
     return saturate(radiance * (1.0 + radiance * 0.16) / (1.0 + radiance));
 }
 
+// The shares of the key light and of the sky that a point sees.
+struct Seen {
+    key: f32,
+    sky: f32,
+}
+
 // Radiance to the eye; `normal` and `to_eye` are unit vectors on the same side of the surface.
-fn shade(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
+fn shade(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>, seen: Seen) -> vec3<f32> {
     let n_dot_v = saturate(dot(normal, to_eye));
     let grazing = 1.0 - n_dot_v;
     let grazing2 = grazing * grazing;
@@ -21,7 +27,8 @@ fn shade(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let n_dot_key = dot(normal, lighting.to_key);
     let key = saturate(n_dot_key * 0.85 + 0.15);
     let fill = saturate(dot(normal, lighting.to_fill));
-    let diffuse = sky_light(normal.y) + lighting.key * (key * key * 0.35 + key * 0.65) + lighting.fill * fill;
+    let diffuse = sky_light(normal.y) * seen.sky + lighting.key * ((key * key * 0.35 + key * 0.65) * seen.key)
+        + lighting.fill * (fill * seen.sky);
 
     let half_way = normalize(lighting.to_key + to_eye);
     let s = saturate(dot(normal, half_way));
@@ -29,9 +36,9 @@ fn shade(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let s4 = s2 * s2;
     let s8 = s4 * s4;
     let s32 = s8 * s8 * s8 * s8;
-    let highlight = lighting.key * (s32 * 0.16 + s8 * 0.02) * saturate(n_dot_key * 4.0);
+    let highlight = lighting.key * (s32 * 0.16 + s8 * 0.02) * (saturate(n_dot_key * 4.0) * seen.key);
 
     let reflected_up = 2.0 * dot(normal, to_eye) * normal.y - to_eye.y;
-    let mirror = sky_light(clamp(reflected_up * 1.6, -1.0, 1.0)) * fresnel * 1.6;
+    let mirror = sky_light(clamp(reflected_up * 1.6, -1.0, 1.0)) * (fresnel * 1.6 * seen.sky);
     return albedo * diffuse * (1.0 - fresnel) + highlight + mirror;
 }

@@ -5,6 +5,7 @@
 pub mod bars;
 pub mod cache;
 pub mod columns;
+pub mod creases;
 pub mod csv;
 pub mod diagnostic;
 pub mod disjoint;

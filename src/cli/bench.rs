@@ -15,7 +15,7 @@ use crate::display::pictures;
 use crate::effect::any_requires;
 use crate::green::{FIELDS, Precomputed, STIFFNESS};
 use crate::prepare;
-use crate::render::DrawCounts;
+use crate::render::{DrawCounts, Samples};
 use crate::scene::{Scene, Storage};
 use crate::session::{Playback, Request, Session};
 use crate::stage::Stage;
@@ -93,7 +93,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut drawn = Vec::new();
     for samples in [4, 1] {
         let mut session = open()?;
-        let mut targets = Targets::new(&mut session.world, Pictures::Eyes, samples, 1.0, args.device)?;
+        let mut targets =
+            Targets::new(&mut session.world, Pictures::Eyes, Samples::Exactly(samples), 1.0, args.device)?;
         let count = args.frames.max(2);
         let mut playback = Playback::new(&session, count)?;
         let mut frames = Vec::new();
@@ -146,7 +147,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 /// Ticks of the force loop beside frames of a session.
 fn beside_frames(mut session: Session, device: device::Args) -> Result<Vec<bench_haptics::Row>, Failure> {
-    let mut targets = Targets::new(&mut session.world, Pictures::Eyes, 1, 1.0, device)?;
+    let mut targets = Targets::new(&mut session.world, Pictures::Eyes, Samples::Exactly(1), 1.0, device)?;
     let started = Instant::now();
     let duration_s = session.input.script.as_ref().map(|script| script.duration_s);
     bench_haptics::measure(|| {

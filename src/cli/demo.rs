@@ -6,7 +6,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::demo::{CHAPTERS, film, live};
 use crate::display::device;
-use crate::render::{Gpu, window};
+use crate::render::{Samples, window};
 use std::path::{Path, PathBuf};
 
 /// Tell what greenstage is, in one window: chapters that anybody may stop and take over with the mouse
@@ -28,9 +28,9 @@ pub struct Args {
     /// Width of a picture; its height is 5/8 of it, and a film is half as wide; default: 1280
     #[arg(long, value_parser = clap::value_parser!(u32).range(64..=7680))]
     pub width: Option<u32>,
-    /// Samples per pixel, 1 or 4; default: 4, and 1 where a program draws in place of a graphics device
-    #[arg(long, value_parser = parsers::samples)]
-    pub samples: Option<u32>,
+    /// Samples per pixel: 1, 4, or auto: 4 on a graphics device and in pictures, else 1
+    #[arg(long, default_value = "auto", value_parser = parsers::samples)]
+    pub samples: Samples,
     /// Quit after so many seconds
     #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
@@ -45,11 +45,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let chapter = args.chapter.map(|number| usize::from(number) - 1);
     let display = window::find_display();
     if let (Ok(_), None) = (&display, &args.output) {
-        let samples = args.samples.unwrap_or_else(|| {
-            let is_software = Gpu::headless().is_ok_and(|gpu| gpu.is_software);
-            if is_software { 1 } else { 4 }
-        });
-        let options = live::Options { chapter: chapter.unwrap_or(0), samples, limit_s: args.seconds, device: args.device };
+        let options = live::Options { chapter: chapter.unwrap_or(0), samples: args.samples, limit_s: args.seconds, device: args.device };
         return live::run(options);
     }
     let width = args.width.unwrap_or(WIDTH);
@@ -57,7 +53,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         folder: args.output.clone().unwrap_or_else(folder),
         chapters: chapter.map_or_else(|| (0..CHAPTERS.len()).collect(), |chapter| vec![chapter]),
         size: [width, width * 5 / 8],
-        samples: args.samples.unwrap_or(4),
+        samples: if args.samples == Samples::Auto { Samples::Exactly(4) } else { args.samples },
         film: !args.no_film,
         device: args.device,
     };

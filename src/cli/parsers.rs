@@ -1,12 +1,14 @@
 //! Parses the values of options that several subcommands share.
 
+use crate::render::Samples;
 use crate::scene::Storage;
 
-pub fn samples(text: &str) -> Result<u32, String> {
+pub fn samples(text: &str) -> Result<Samples, String> {
     match text {
-        "1" => Ok(1),
-        "4" => Ok(4),
-        _ => Err("samples per pixel are 1 or 4".into()),
+        "auto" => Ok(Samples::Auto),
+        "1" => Ok(Samples::Exactly(1)),
+        "4" => Ok(Samples::Exactly(4)),
+        _ => Err("samples per pixel are 1, 4 or auto".into()),
     }
 }
 

@@ -9,7 +9,7 @@ use crate::display::device;
 use crate::display::pattern::Pattern;
 use crate::display::pictures::{PNG, save};
 use crate::display::screen_windows::ScreenWindows;
-use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Viewport};
+use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, Renderer, Samples, Viewport};
 use crate::session::Session;
 use crate::stage::{Eye, Stage};
 use crate::world::World;
@@ -41,7 +41,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let screens = ScreenWindows::of_pattern(&stage, args.scale);
     let session = Session::new(World::of_stage(stage)?, None);
     let (limit_s, device) = (args.seconds, device::Args::default());
-    let options = Options { samples: 1, vsync: true, limit_s, device };
+    let options = Options { samples: Samples::Exactly(1), vsync: true, limit_s, device };
     application::run(session, Shows::Screens(screens), options)?;
     Ok(())
 }

@@ -13,8 +13,8 @@ use crate::deform::{Superposition, vertex_normals};
 use crate::display::device::{self, DeformOn};
 use crate::green::FIELDS;
 use crate::render::{
-    BodyBuffers, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Renderer, View,
-    Viewport,
+    BodyBuffers, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Pattern, Renderer,
+    View, Viewport,
 };
 use crate::stage::{Eye, Stage};
 use nalgebra::Point3;
@@ -117,7 +117,7 @@ pub fn run(args: &Request<'_>) -> Result<(), Failure> {
     let mut gpu = Gpu::headless()?;
     let has_clock = gpu.start_clock()?;
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4)?;
-    args.device.multiview.apply(&gpu, &mut renderer)?;
+    args.device.apply(&gpu, &mut renderer)?;
     let views = views(stage);
     let pairs: Vec<EyePair> = stage
         .screens
@@ -253,11 +253,14 @@ impl<'a> Bench<'a> {
     fn new(gpu: &Gpu, tube: &'a Tube, on_device: bool) -> Result<Bench<'a>, Failure> {
         let colors = vec![[96, 142, 186, 0]; tube.rest.len()];
         let groups = tube.groups();
-        let buffers = if on_device {
-            BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &groups, None)?
+        let mut buffers = if on_device {
+            BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &groups, None, &[])?
         } else {
             BodyBuffers::new(gpu, &tube.triangles, &colors)?
         };
+        // As scenes have it.
+        let pattern = Pattern { line_spacing_m: Some(0.05), ..Pattern::default() };
+        buffers.set_pattern(gpu, &tube.rest, &pattern)?;
         let nodes = tube.rest.len();
         Ok(Bench {
             tube,

@@ -10,6 +10,7 @@ use crate::display::model_window::{ModelWindow, picture};
 use crate::display::pictures::{PNG, save};
 use crate::display::stage_model::Camera;
 use crate::prepare;
+use crate::render::Samples;
 use crate::scene::Scene;
 use crate::session::{Request, Session};
 use crate::tuning;
@@ -46,9 +47,10 @@ pub struct Args {
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
-    /// Samples per pixel, 1 or 4
-    #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
-    pub samples: u32,
+    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some six times as
+    /// long
+    #[arg(long, default_value = "auto", value_parser = parsers::samples)]
+    pub samples: Samples,
 }
 
 fn place(text: &str) -> Result<[f64; 3], String> {
@@ -81,7 +83,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     if let Some(path) = &args.output {
         play(&mut session, args.time)?;
-        save(&picture(&mut session, &camera, args.size, args.samples)?, path)?;
+        save(&picture(&mut session, &camera, args.size, args.samples, device::Args::default())?, path)?;
         return print(&format!("{}\n", path.display()));
     }
     session.start_trackers()?;

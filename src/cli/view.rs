@@ -9,7 +9,7 @@ use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
 use crate::display::screen_windows::ScreenWindows;
-use crate::render::window;
+use crate::render::{Samples, window};
 use crate::scene::Scene;
 use crate::session::{Session, keys, playback};
 use crate::tuning;
@@ -29,9 +29,10 @@ pub struct Args {
     /// frame comes to another state than was recorded
     #[arg(long)]
     pub check: bool,
-    /// Samples per pixel, 1 or 4
-    #[arg(long, default_value_t = 4, value_parser = parsers::samples)]
-    pub samples: u32,
+    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some six times as
+    /// long
+    #[arg(long, default_value = "auto", value_parser = parsers::samples)]
+    pub samples: Samples,
     /// Size of the windows against the screens' own pixels; default: 1 for a single window and where the stage file has
     /// windows of its own, else 0.5
     #[arg(long, value_parser = parsers::scale)]

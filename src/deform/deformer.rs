@@ -16,6 +16,7 @@ use super::parts::{move_parts, moved, moved_exactly};
 use super::pose::{ControlPose, ControlPoses};
 use super::superposition::{SumStats, Superposition, displacement};
 use crate::base::columns::ColumnGroup;
+use crate::base::creases::Creases;
 use crate::base::parts::{PartMotion, PartWeights};
 use crate::green::{AFFINE, GreenFile};
 use nalgebra::{Isometry3, Vector3};
@@ -48,11 +49,14 @@ pub struct Deformer {
     summed: BodyState,
     /// How much each part moves each node, of a body of several parts.
     weights: Option<PartWeights>,
-    /// Displacements of the surface nodes, their positions and unit normals; NaN where the CPU keeps nothing up to date.
+    /// Displacements of the surface nodes, their positions, and unit normals of what is drawn; NaN where the CPU keeps nothing up to date.
     u: Vec<[f32; 3]>,
     /// What the columns alone come to, of a model with a field of its own: it is brought up to date, not summed anew.
     of_columns: Vec<[f32; 3]>,
     positions: Vec<[f32; 3]>,
+    /// Nodes that are drawn more than once, and the positions of all that is drawn; empty without.
+    creases: Option<Creases>,
+    drawn: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
     kind: Kind,
@@ -116,6 +120,8 @@ impl Deformer {
             u: vec![[0.0; 3]; nodes],
             of_columns: model.field().map_or_else(Vec::new, |_| vec![[0.0; 3]; nodes]),
             positions: vec![[0.0; 3]; nodes],
+            creases: None,
+            drawn: Vec::new(),
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
             model,
@@ -142,6 +148,43 @@ impl Deformer {
 
     pub fn triangles(&self) -> &[[u32; 3]] {
         self.file.triangles(&self.body)
+    }
+
+    /// From now on edges whose sides are more than `angle` (rad) apart at rest are drawn sharp.
+    pub fn keep_sharp(&mut self, angle: f64) {
+        self.creases = Creases::of(self.triangles(), self.rest(), angle);
+        if let Some(creases) = &self.creases {
+            self.normals.truncate(self.positions.len());
+            creases.extend(&mut self.normals);
+            self.deform();
+        }
+    }
+
+    /// Nodes that are drawn more than once.
+    pub fn creases(&self) -> Option<&Creases> {
+        self.creases.as_ref()
+    }
+
+    /// The triangles as they are drawn: over the nodes, and copies of those on sharp edges.
+    pub fn drawn_triangles(&self) -> &[[u32; 3]] {
+        self.creases.as_ref().map_or_else(|| self.triangles(), |creases| &creases.triangles)
+    }
+
+    /// Something of the nodes, for all vertices that are drawn.
+    pub fn drawn<T: Copy>(&self, mut of_nodes: Vec<T>) -> Vec<T> {
+        if let Some(creases) = &self.creases {
+            creases.extend(&mut of_nodes);
+        }
+        of_nodes
+    }
+
+    /// Positions of all vertices that are drawn, as [`Deformer::positions`] of their nodes.
+    pub fn drawn_positions(&self) -> Cow<'_, [[f32; 3]]> {
+        match (&self.creases, &self.partial) {
+            (None, _) => self.positions(),
+            (Some(_), None) => Cow::Borrowed(&self.drawn),
+            (Some(_), Some(_)) => Cow::Owned(self.drawn(self.positions().into_owned())),
+        }
     }
 
     /// Mesh node tags of the surface nodes.
@@ -260,13 +303,13 @@ impl Deformer {
         &self.positions
     }
 
-    /// Unit normals of all surface nodes in the frame of the positions, made as these are.
+    /// Unit normals of all vertices that are drawn, in the frame of the positions, made as these are.
     pub fn normals(&self) -> Cow<'_, [[f32; 3]]> {
         if self.partial.is_none() {
             return Cow::Borrowed(&self.normals);
         }
         let mut normals = vec![[0.0; 3]; self.normals.len()];
-        vertex_normals(&self.positions(), self.triangles(), &mut Vec::new(), &mut normals);
+        vertex_normals(&self.drawn_positions(), self.drawn_triangles(), &mut Vec::new(), &mut normals);
         Cow::Owned(normals)
     }
 
@@ -316,7 +359,15 @@ impl Deformer {
         self.times.deform_s = started.elapsed().as_secs_f64();
 
         let started = Instant::now();
-        vertex_normals(&self.positions, file.triangles(body), &mut self.normal_sums, &mut self.normals);
+        let (drawn, triangles) = match &self.creases {
+            None => (&self.positions, file.triangles(body)),
+            Some(creases) => {
+                self.drawn.clone_from(&self.positions);
+                creases.extend(&mut self.drawn);
+                (&self.drawn, creases.triangles.as_slice())
+            }
+        };
+        vertex_normals(drawn, triangles, &mut self.normal_sums, &mut self.normals);
         self.times.normals_s = started.elapsed().as_secs_f64();
         stats
     }

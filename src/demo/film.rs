@@ -12,6 +12,7 @@ use crate::base::output::{self, Kind};
 use crate::base::table;
 use crate::display::device;
 use crate::display::pictures::{PNG, save};
+use crate::render::Samples;
 use crate::render::window::Windows;
 use image::{RgbaImage, imageops};
 use std::io::Write;
@@ -26,7 +27,7 @@ pub struct Request {
     pub chapters: Vec<usize>,
     /// Of a picture; the film is half as wide and high.
     pub size: [u32; 2],
-    pub samples: u32,
+    pub samples: Samples,
     /// Whether a film is made.
     pub film: bool,
     pub device: device::Args,
@@ -65,7 +66,7 @@ impl Request {
 
     fn windows(&self, size: [u32; 2]) -> Result<Windows, Failure> {
         let mut windows = Windows::offscreen(size, self.samples)?;
-        self.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+        self.device.apply(&windows.gpu, &mut windows.renderer)?;
         Ok(windows)
     }
 

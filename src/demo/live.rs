@@ -6,7 +6,7 @@ use super::story::Story;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::display::device;
-use crate::render::Gpu;
+use crate::render::{Gpu, Samples};
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, Windows};
 use std::time::Instant;
 
@@ -15,8 +15,7 @@ use std::time::Instant;
 pub struct Options {
     /// The chapter that is told first, counted from 0.
     pub chapter: usize,
-    /// 1 or 4 samples a pixel.
-    pub samples: u32,
+    pub samples: Samples,
     /// The window closes after so many seconds.
     pub limit_s: Option<f64>,
     pub device: device::Args,
@@ -31,13 +30,14 @@ pub fn run(options: Options) -> Result<(), Failure> {
     let story = Story::new(preparation, options.chapter, options.device);
     let spec = story.spec()?;
     let now = Instant::now();
-    let mut app = Application { story, started: now, last: now, limit_s: options.limit_s, failure: None };
+    let mut app = Application { story, samples: options.samples, started: now, last: now, limit_s: options.limit_s, failure: None };
     window::run(&[spec], WindowOptions { samples: options.samples, vsync: true }, &mut app).map_err(Failure::work)?;
     app.failure.map_or(Ok(()), Err)
 }
 
 struct Application {
     story: Story,
+    samples: Samples,
     started: Instant,
     last: Instant,
     limit_s: Option<f64>,
@@ -46,7 +46,7 @@ struct Application {
 
 impl WindowApp for Application {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
-        notice!("demo: drawing on {}", gpu.describe());
+        notice!("demo: drawing on {}", device::describe(gpu, self.samples));
         (self.started, self.last) = (Instant::now(), Instant::now());
         Ok(())
     }

@@ -11,8 +11,8 @@ use super::screen_windows::ScreenWindows;
 use super::window_frame::WindowFrame;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::render::Gpu;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
+use crate::render::{Gpu, Samples};
 use crate::session::{Session, SessionProgress};
 use std::time::Instant;
 
@@ -48,8 +48,7 @@ impl Shows {
 /// How the windows draw, and for how long.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// 1 or 4 samples a pixel.
-    pub samples: u32,
+    pub samples: Samples,
     /// Wait for the display's refresh.
     pub vsync: bool,
     /// The windows close after so many seconds.
@@ -111,7 +110,7 @@ struct Application {
 impl WindowApp for Application {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
         let world = &mut self.session.world;
-        notice!("{}: drawing on {}", world.stage.name, gpu.describe());
+        notice!("{}: drawing on {}", world.stage.name, device::describe(gpu, self.options.samples));
         self.bodies = Some(GpuBodies::new(gpu, world, self.options.device)?);
         (self.started, self.last) = (Instant::now(), Instant::now());
         Ok(())
@@ -141,7 +140,7 @@ impl WindowApp for Application {
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
         if self.frames == 0 {
-            self.options.device.multiview.apply(&windows.gpu, &mut windows.renderer)?;
+            self.options.device.apply(&windows.gpu, &mut windows.renderer)?;
         }
         match self.session.advance(self.started.elapsed().as_secs_f64()) {
             Ok(SessionProgress::Running) => {}

@@ -40,7 +40,7 @@ impl GpuBodies {
             if moved && buffers.is_deformed_here() {
                 device::deform(gpu, buffers, body)?;
             } else if moved {
-                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
+                buffers.upload(gpu, &body.deformer.drawn_positions(), &body.deformer.normals())?;
             }
             if std::mem::take(&mut body.recolour) {
                 buffers.set_colors(gpu, &body.colours())?;

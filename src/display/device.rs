@@ -4,7 +4,8 @@
 use crate::base::failure::Failure;
 use crate::base::statistics::median;
 use crate::base::table::seconds;
-use crate::render::{BodyBuffers, Gpu, RenderError, Renderer};
+use crate::render;
+use crate::render::{BodyBuffers, Gpu, RenderError, Renderer, Samples};
 use crate::world::PlacedBody;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -18,6 +19,30 @@ pub struct Args {
     /// Both eyes of a screen in one pass; auto where the device has it and is no software device
     #[arg(long, value_enum, default_value = "auto")]
     pub multiview: Multiview,
+    /// Shadows: of the bodies on the floor grid (contact); on the bodies too, with ambient occlusion (soft); auto is
+    /// contact, and off on a software device
+    #[arg(long, value_enum, default_value = "auto")]
+    pub shadows: Shadows,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Shadows {
+    #[default]
+    Auto,
+    Off,
+    Contact,
+    Soft,
+}
+
+impl Shadows {
+    fn on(self, gpu: &Gpu) -> render::Shadows {
+        match self {
+            Shadows::Auto if gpu.is_software => render::Shadows::Off,
+            Shadows::Auto | Shadows::Contact => render::Shadows::Contact,
+            Shadows::Off => render::Shadows::Off,
+            Shadows::Soft => render::Shadows::Soft,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -37,6 +62,12 @@ pub enum Multiview {
 }
 
 impl Args {
+    /// Tells the renderer how both eyes and shadows are drawn; an error where the device cannot.
+    pub fn apply(&self, gpu: &Gpu, renderer: &mut Renderer) -> Result<(), RenderError> {
+        renderer.shadows = self.shadows.on(gpu);
+        self.multiview.apply(gpu, renderer)
+    }
+
     /// What a session that is recorded or replayed can have: the state that is compared frame by frame holds every
     /// vertex, so its bodies deform on the CPU.
     pub fn for_session(mut self, is_recorded: bool) -> Result<Args, Failure> {
@@ -54,8 +85,7 @@ impl Args {
 }
 
 impl Multiview {
-    /// Tells the renderer; an error where it is asked for and the device cannot.
-    pub fn apply(self, gpu: &Gpu, renderer: &mut Renderer) -> Result<(), RenderError> {
+    fn apply(self, gpu: &Gpu, renderer: &mut Renderer) -> Result<(), RenderError> {
         match self {
             Multiview::Auto => {}
             Multiview::Off => renderer.multiview = false,
@@ -67,6 +97,17 @@ impl Multiview {
         }
         Ok(())
     }
+}
+
+/// What draws, for the first lines of a session; with how often pixels are sampled where that was not asked for.
+pub fn describe(gpu: &Gpu, samples: Samples) -> String {
+    let few = match samples {
+        Samples::Auto if gpu.is_software => {
+            "; 1 sample a pixel, since 4 take some six times as long in software: --samples 4"
+        }
+        _ => "",
+    };
+    format!("{}{few}", gpu.describe())
 }
 
 /// Where a body deforms, and why.
@@ -169,7 +210,7 @@ pub fn buffers(
     body: &mut PlacedBody,
     asked: DeformOn,
 ) -> Result<(BodyBuffers, Choice), RenderError> {
-    let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.triangles(), &body.colours());
+    let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.drawn_triangles(), &body.colours());
     let fixed = |on_device, why| Choice { on_device, why };
     let (mut buffers, choice) = match asked {
         _ if body.deformer.has_field() => (plain(body)?, fixed(false, Why::Model)),
@@ -186,6 +227,7 @@ pub fn buffers(
             }
         },
     };
+    buffers.set_pattern(gpu, &body.deformer.drawn(body.deformer.rest().to_vec()), &body.pattern)?;
     if choice.on_device {
         let nodes = body.pickable();
         body.deformer.sum_only_at(nodes);
@@ -198,7 +240,9 @@ pub fn buffers(
 fn with_columns(gpu: &Gpu, body: &PlacedBody) -> Result<BodyBuffers, RenderError> {
     let deformer = &body.deformer;
     let (groups, weights) = (deformer.groups(), deformer.part_weights());
-    BodyBuffers::with_columns(gpu, deformer.triangles(), &body.colours(), deformer.rest(), &groups, weights)
+    let (triangles, colours) = (deformer.drawn_triangles(), body.colours());
+    let copies = deformer.creases().map_or(&[][..], |creases| &creases.copies);
+    BodyBuffers::with_columns(gpu, triangles, &colours, deformer.rest(), &groups, weights, copies)
 }
 
 /// Deforms the body on the device, as its state says; false where nothing changed.
@@ -224,7 +268,7 @@ fn measure(gpu: &Gpu, body: &mut PlacedBody, buffers: &mut BodyBuffers) -> Resul
                 deform(gpu, buffers, body)?;
             } else {
                 body.deformer.deform();
-                buffers.upload(gpu, &body.deformer.positions(), &body.deformer.normals())?;
+                buffers.upload(gpu, &body.deformer.drawn_positions(), &body.deformer.normals())?;
             }
             gpu.finish()?;
             if round > 0 {

@@ -6,7 +6,9 @@ use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_frame::WindowFrame;
 use crate::base::failure::Failure;
 use crate::render::window::{AppError, Input, WindowSpec};
-use crate::render::{COLOR_FORMAT, EyePicture, Gpu, Offscreen, Overlay, Renderer, Show, Tile, Viewport};
+use crate::render::{
+    COLOR_FORMAT, EyePicture, Gpu, Offscreen, Overlay, Renderer, Samples, Show, Tile, Viewport,
+};
 use crate::session::Session;
 use crate::stage::Stage;
 use image::RgbaImage;
@@ -77,14 +79,16 @@ pub fn picture(
     session: &mut Session,
     camera: &Camera,
     size: [u32; 2],
-    samples: u32,
+    samples: Samples,
+    device: device::Args,
 ) -> Result<RgbaImage, Failure> {
     let gpu = Gpu::headless().map_err(Failure::work)?;
-    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples.on(&gpu))?;
+    device.apply(&gpu, &mut renderer)?;
     let target = Offscreen::new(&gpu, &renderer, size)?;
     let view = camera.view(f64::from(size[0]) / f64::from(size[1]));
     let model = model(session, camera);
-    let mut bodies = GpuBodies::new(&gpu, &mut session.world, device::Args::default())?;
+    let mut bodies = GpuBodies::new(&gpu, &mut session.world, device)?;
     bodies.upload(&gpu, &mut session.world)?;
     let instances = bodies.instances(&session.world);
     let contents = model.contents(contents(&session.world, &instances));

@@ -7,8 +7,8 @@ use super::plates::Plates;
 use super::window_layout;
 use crate::render::window::Monitor;
 use crate::render::{
-    COLOR_FORMAT, Canvas, DrawCounts, EyePicture, Gpu, Overlay, Readable, RenderError, Renderer, Target,
-    Tile, TilePainter,
+    COLOR_FORMAT, Canvas, DrawCounts, EyePicture, Gpu, Overlay, Readable, RenderError, Renderer, Samples,
+    Target, Tile, TilePainter,
 };
 use crate::stage::{self, Stage, Stereo, Window};
 use crate::world::{StepTimes, World};
@@ -68,13 +68,13 @@ impl Targets {
     pub fn new(
         world: &mut World,
         asked_for: Pictures,
-        samples: u32,
+        samples: Samples,
         scale: f64,
         asked: device::Args,
     ) -> Result<Targets, RenderError> {
         let gpu = Gpu::headless()?;
-        let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
-        asked.multiview.apply(&gpu, &mut renderer)?;
+        let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples.on(&gpu))?;
+        asked.apply(&gpu, &mut renderer)?;
         let bodies = GpuBodies::new(&gpu, world, asked)?;
         let painter = TilePainter::new(COLOR_FORMAT);
         let mut pictures = Vec::new();

@@ -6,6 +6,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::table::seconds;
+use crate::render::Samples;
 use crate::session::{Playback, Session};
 use crate::stage::{Stage, Stereo};
 use image::{ImageFormat, RgbaImage, imageops};
@@ -28,8 +29,7 @@ pub struct PictureRequest {
     /// Frames, evenly over the script or the recording; 1 or more.
     pub frames: usize,
     pub pictures: Pictures,
-    /// Samples per pixel, 1 or 4.
-    pub samples: u32,
+    pub samples: Samples,
     /// Size against the screens' own pixels.
     pub scale: f64,
     /// With the overlay on the screen that the viewer looks at.
@@ -60,7 +60,7 @@ impl PictureRequest {
         if self.overlay {
             targets = targets.with_overlay();
         }
-        notice!("{}: drawing on {}", session.world.stage.name, targets.gpu.describe());
+        notice!("{}: drawing on {}", session.world.stage.name, device::describe(&targets.gpu, self.samples));
         let shown = [0, self.frames / 2, self.frames - 1];
         let bar = indicatif::ProgressBar::new(self.frames as u64).with_message("frames");
         let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();

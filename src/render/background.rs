@@ -21,7 +21,11 @@ impl DrawPass for BackgroundPass {
 
     fn upload(&mut self, gpu: &Gpu, kinds: &[MadeFor<'_>], _: &FrameContents<'_>) -> Result<(), RenderError> {
         let (parts, blending) = (self.shader(), Blending::Background);
-        self.0.complete(gpu, kinds, &Recipe { label: self.name(), parts, buffers: &[], blending });
+        self.0.complete(
+            gpu,
+            kinds,
+            &Recipe { label: self.name(), parts, buffers: &[], blending, groups: &[] },
+        );
         Ok(())
     }
 

@@ -1,29 +1,73 @@
 //! Draws the deformed bodies: one indexed draw per run of patches that a view can see.
 
+use super::body_buffers::BodyBuffers;
 use super::error::RenderError;
 use super::frame::{BodyInstance, FrameContents};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
+use super::pattern::image_layout;
 use super::shader;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
 const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
 const COLOR: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Unorm8x4];
 
-pub(super) const SHADER: [&str; 3] = [shader::VIEW, shader::LIGHT, include_str!("../../shaders/body.wgsl")];
-/// Vertex buffers in the order they are bound.
-fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 4] {
+const REST: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![8 => Float32x3];
+
+const PLAIN: &str = include_str!("../../shaders/body.wgsl");
+const PATTERNED: &str = include_str!("../../shaders/patterned.wgsl");
+pub(super) const SHADER: [&str; 5] = [shader::VIEW, shader::LIGHT, shader::SEEN[0], shader::SURFACE, PLAIN];
+
+/// The parts of the shader for bodies with or without a pattern, an image in it, and soft shadows.
+pub(super) fn shader(patterned: bool, image: bool, shadowed: bool) -> Vec<&'static str> {
+    let seen = shader::SEEN[usize::from(shadowed)];
+    let mut parts = vec![shader::VIEW, shader::LIGHT, seen, shader::SURFACE];
+    match patterned {
+        false => parts.push(PLAIN),
+        true => parts.extend([shader::IMAGE[usize::from(image)], PATTERNED]),
+    }
+    parts
+}
+
+/// Vertex buffers in the order they are bound; the last is that of a pattern.
+fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 5] {
     let per_vertex = |array_stride, attributes| {
         Some(wgpu::VertexBufferLayout { array_stride, step_mode: wgpu::VertexStepMode::Vertex, attributes })
     };
-    [per_vertex(12, &POSITION), per_vertex(12, &NORMAL), per_vertex(4, &COLOR), Some(instance_layout())]
+    [
+        per_vertex(12, &POSITION),
+        per_vertex(12, &NORMAL),
+        per_vertex(4, &COLOR),
+        Some(instance_layout()),
+        per_vertex(12, &REST),
+    ]
+}
+
+/// What a body's pipeline depends on.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Kind {
+    patterned: bool,
+    image: bool,
+    shadowed: bool,
+}
+
+impl Kind {
+    fn of(buffers: &BodyBuffers, shadowed: bool) -> Kind {
+        let pattern = buffers.pattern.as_ref();
+        Kind {
+            patterned: pattern.is_some(),
+            image: pattern.is_some_and(|pattern| pattern.image.is_some()),
+            shadowed,
+        }
+    }
 }
 
 #[derive(Default)]
 pub(super) struct BodyPass {
-    pipelines: EyePipelines,
+    pipelines: BTreeMap<Kind, EyePipelines>,
     instances: Instances,
 }
 
@@ -45,11 +89,24 @@ impl DrawPass for BodyPass {
         if contents.bodies.is_empty() {
             return Ok(());
         }
-        let (label, parts, buffers) = (self.name(), self.shader(), &vertex_layout());
-        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
+        let maps = kinds.first().and_then(|kind| kind.maps);
+        for body in contents.bodies {
+            let kind = Kind::of(body.buffers, maps.is_some());
+            let image = kind.image.then(|| image_layout(&gpu.device));
+            let maps = maps.map(|maps| &maps.layout);
+            let groups: &[_] = match (maps, &image) {
+                (None, None) => &[],
+                (Some(_), None) => &[maps],
+                (_, Some(image)) => &[maps, Some(image)],
+            };
+            let parts = &shader(kind.patterned, kind.image, kind.shadowed);
+            let buffers = &vertex_layout()[..if kind.patterned { 5 } else { 4 }];
+            let recipe = Recipe { label: self.name(), parts, buffers, blending: Blending::Opaque, groups };
+            self.pipelines.entry(kind).or_default().complete(gpu, kinds, &recipe);
+        }
         let of_body = |body: &BodyInstance<'_>| Instance {
             room_from_shape: body.room_from_body.into(),
-            color: [0.0; 4],
+            color: body.buffers.pattern.as_ref().map_or([0.0; 4], |pattern| pattern.scale),
         };
         self.instances.list.clear();
         self.instances.list.extend(contents.bodies.iter().map(of_body));
@@ -57,17 +114,20 @@ impl DrawPass for BodyPass {
     }
 
     fn draw(&self, to: &mut DrawTo<'_, '_>, contents: &FrameContents<'_>) {
-        let Some(pipeline) = self.pipelines.of(to.view_draw).filter(|_| !contents.bodies.is_empty()) else {
-            return;
-        };
-        to.pass.set_pipeline(pipeline);
+        if let Some(maps) = to.maps {
+            to.pass.set_bind_group(1, &maps.group, &[]);
+        }
         for (k, body) in contents.bodies.iter().enumerate() {
-            self.draw_body(to, k, body);
+            let kind = Kind::of(body.buffers, to.maps.is_some());
+            if let Some(pipeline) = self.pipelines.get(&kind).and_then(|made| made.of(to.view_draw)) {
+                to.pass.set_pipeline(pipeline);
+                self.draw_body(to, k, body);
+            }
         }
     }
 
     fn is_made(&self) -> bool {
-        self.pipelines.is_made()
+        !self.pipelines.is_empty()
     }
 }
 
@@ -85,6 +145,12 @@ impl BodyPass {
         to.pass.set_vertex_buffer(1, buffers.normals.slice(..));
         to.pass.set_vertex_buffer(2, buffers.colors.slice(..));
         self.instances.bind(to.pass, 3, k);
+        if let Some(pattern) = &buffers.pattern {
+            to.pass.set_vertex_buffer(4, pattern.rest.slice(..));
+            if let Some(image) = &pattern.image {
+                to.pass.set_bind_group(2, image, &[]);
+            }
+        }
         // Neighbours in the index buffer in one draw.
         let mut run = 0..0;
         for patch in &buffers.patches {

@@ -7,6 +7,7 @@ use super::deform::DeformPass;
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::patches::{self, Patch, Reach};
+use super::pattern::{Pattern, PatternBuffers};
 use crate::base::columns::ColumnGroup;
 use crate::base::parts::PartWeights;
 use nalgebra::Isometry3;
@@ -22,6 +23,8 @@ pub struct BodyBuffers {
     pub(super) colors: wgpu::Buffer,
     /// One where the CPU deforms the body.
     pub(super) patches: Vec<Patch>,
+    /// None where nothing is fixed to the material.
+    pub(super) pattern: Option<PatternBuffers>,
     /// How the device deforms the body; None where the CPU does.
     pub(super) deform: Option<DeformPass>,
 }
@@ -39,7 +42,8 @@ impl BodyBuffers {
     }
 
     /// Buffers for a body that [`BodyBuffers::deform`] deforms: at `rest` plus the sum of coefficients times columns, group
-    /// after group, all in one storage; then moved by its parts, where it has several. It stands at rest.
+    /// after group, all in one storage; then moved by its parts, where it has several. It stands at rest. Vertices after the
+    /// nodes of `rest` are copies of the nodes `copies`.
     /// Errors: as [`BodyBuffers::new`]; columns or weights of another number of nodes, or mixed storage; a body of
     /// which even a few nodes, or whose positions, are more than the device binds at once.
     pub fn with_columns(
@@ -49,21 +53,30 @@ impl BodyBuffers {
         rest: &[[f32; 3]],
         groups: &[ColumnGroup<'_>],
         weights: Option<&PartWeights>,
+        copies: &[u32],
     ) -> Result<Self, RenderError> {
-        let (found, expected) = (rest.len(), colors.len());
+        let (found, expected) = (rest.len() + copies.len(), colors.len());
         if found != expected {
             return Err(RenderError::VertexCount { what: "rest positions", found, expected });
         }
         let usage =
             BufferUsages::VERTEX | BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         // The shader writes four numbers at a time, which end beyond the last node of most bodies.
-        let bytes = (rest.len() as u64 * 12).next_multiple_of(16);
+        let bytes = (expected as u64 * 12).next_multiple_of(16);
         let mut body = Self::with_buffers(gpu, triangles, colors, |what| gpu.storage(what, bytes, usage))?;
         let written = [&body.positions, &body.normals];
-        let mut pass = DeformPass::new(gpu, triangles, rest, groups, weights, written)?;
+        let mut pass = DeformPass::new(gpu, (triangles, copies), rest, groups, weights, written)?;
         pass.rest(gpu)?;
-        let (ordered, lengths) = patches::split(triangles, rest);
+        let node = |vertex: u32| match (vertex as usize).checked_sub(rest.len()) {
+            Some(copy) => copies[copy],
+            None => vertex,
+        };
+        let (mut ordered, lengths) = patches::split(
+            triangles,
+            &(0..expected as u32).map(|v| rest[node(v) as usize]).collect::<Vec<_>>(),
+        );
         gpu.queue.write_buffer(&body.indices, 0, bytemuck::cast_slice(&ordered));
+        ordered.as_flattened_mut().iter_mut().for_each(|vertex| *vertex = node(*vertex));
         pass.reaches = patches::reaches(&ordered, &lengths, rest, groups, weights);
         let ends = lengths.iter().scan(0, |end, length| {
             *end += 3 * *length as u32;
@@ -103,11 +116,28 @@ impl BodyBuffers {
             normals: moving("normals")?,
             colors: gpu.buffer("vertex colours", vertices as u64 * 4, vertex)?,
             patches: vec![Patch { indices: 0..3 * triangles.len() as u32, bounds: Bounds::of(&[]) }],
+            pattern: None,
             deform: None,
         };
         gpu.queue.write_buffer(&body.indices, 0, bytemuck::cast_slice(triangles));
         body.set_colors(gpu, colors)?;
         Ok(body)
+    }
+
+    /// What is fixed to the material; `rest` is where each vertex stands at rest.
+    /// Errors: [`RenderError::VertexCount`] unless there is one place per vertex; an image too large for the device.
+    pub fn set_pattern(
+        &mut self,
+        gpu: &Gpu,
+        rest: &[[f32; 3]],
+        pattern: &Pattern,
+    ) -> Result<(), RenderError> {
+        let (found, expected) = (rest.len(), self.vertex_count);
+        if found != expected {
+            return Err(RenderError::VertexCount { what: "rest positions", found, expected });
+        }
+        self.pattern = PatternBuffers::new(gpu, rest, pattern)?;
+        Ok(())
     }
 
     /// Whether the device deforms this body.

@@ -13,7 +13,7 @@ use super::error::RenderError;
 use super::gpu::Gpu;
 use super::parts::PartsPass;
 use super::patches::Reach;
-use super::{columns, normals};
+use super::{columns, copies, normals};
 use crate::base::columns::{ColumnGroup, Storage};
 use crate::base::parts::PartWeights;
 use nalgebra::Isometry3;
@@ -35,6 +35,8 @@ pub(super) struct DeformPass {
     sum: ComputePass,
     /// Of a body of several parts.
     parts: Option<PartsPass>,
+    /// Of a body with vertices that are copies of nodes.
+    copies: Option<ComputePass>,
     normals: ComputePass,
     terms: wgpu::Buffer,
     /// Of each column.
@@ -49,7 +51,7 @@ impl DeformPass {
     /// `positions` and `normals` are storage buffers of the body's vertices, a multiple of 16 bytes long.
     pub(super) fn new(
         gpu: &Gpu,
-        triangles: &[[u32; 3]],
+        (triangles, copied): (&[[u32; 3]], &[u32]),
         rest: &[[f32; 3]],
         groups: &[ColumnGroup<'_>],
         weights: Option<&PartWeights>,
@@ -85,9 +87,10 @@ impl DeformPass {
             sum.add(gpu, [&columns, &rest_buffer, &terms, positions], part)?;
         }
         let parts = weights.map(|weights| PartsPass::new(gpu, weights, positions)).transpose()?;
-        let normals = normals::pass(gpu, triangles, nodes, positions, normals)?;
+        let copies = (!copied.is_empty()).then(|| copies::pass(gpu, copied, nodes, positions)).transpose()?;
+        let normals = normals::pass(gpu, triangles, nodes + copied.len(), positions, normals)?;
         gpu.check()?;
-        Ok(DeformPass { sum, parts, normals, terms, scales, last: Vec::new(), reaches: Vec::new() })
+        Ok(DeformPass { sum, parts, copies, normals, terms, scales, last: Vec::new(), reaches: Vec::new() })
     }
 
     /// Whether the coefficients or the parts differ from the last ones; then the passes are encoded and submitted. The
@@ -121,6 +124,9 @@ impl DeformPass {
         self.sum.encode(gpu, &mut encoder);
         if let Some(parts) = &self.parts {
             parts.pass.encode(gpu, &mut encoder);
+        }
+        if let Some(copies) = &self.copies {
+            copies.encode(gpu, &mut encoder);
         }
         self.normals.encode(gpu, &mut encoder);
         gpu.queue.submit([encoder.finish()]);

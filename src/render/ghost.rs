@@ -102,7 +102,7 @@ impl DrawPass for GhostPass {
         let (label, parts) = (self.name(), self.shader());
         let buffers = &[per_vertex(&POSITION), per_vertex(&NORMAL), Some(instance_layout())];
         for (pipelines, blending) in self.pipelines.iter_mut().zip([Blending::Ghost, Blending::Hidden]) {
-            pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending });
+            pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending, groups: &[] });
         }
         for Ghost { shape, room_from_shape, color, through } in contents.ghosts {
             let drawn = self.shape(gpu, shape)?;

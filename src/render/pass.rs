@@ -6,6 +6,7 @@ use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
 use super::shader;
+use super::shadow::{ShadowMaps, Shadows};
 use super::target::DEPTH_FORMAT;
 use nalgebra::Matrix4;
 use std::num::NonZeroU32;
@@ -41,6 +42,8 @@ pub(super) struct DrawTo<'a, 'p> {
     pub(super) pass: &'a mut wgpu::RenderPass<'p>,
     pub(super) view_draw: &'a ViewDraw,
     pub(super) counts: &'a mut DrawCounts,
+    /// Of [`Shadows::Soft`].
+    pub(super) maps: Option<&'a ShadowMaps>,
 }
 
 impl DrawTo<'_, '_> {
@@ -154,11 +157,18 @@ pub(super) struct Recipe<'a> {
     pub(super) parts: &'a [&'a str],
     pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
     pub(super) blending: Blending,
+    /// Bind groups from 1 on.
+    pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
 }
 
 /// For what pictures a pipeline is made.
 pub(super) struct MadeFor<'a> {
+    /// Of group 0, and of pipelines that have no other.
+    pub(super) group_layout: &'a wgpu::BindGroupLayout,
     pub(super) layout: &'a wgpu::PipelineLayout,
+    pub(super) shadows: Shadows,
+    /// Of [`Shadows::Soft`].
+    pub(super) maps: Option<&'a ShadowMaps>,
     pub(super) format: wgpu::TextureFormat,
     pub(super) samples: u32,
     /// In one pass.
@@ -166,7 +176,17 @@ pub(super) struct MadeFor<'a> {
 }
 
 fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, recipe: &Recipe<'_>) -> wgpu::RenderPipeline {
-    let &MadeFor { layout, format, samples, both_eyes } = made_for;
+    let &MadeFor { layout, group_layout, format, samples, both_eyes, .. } = made_for;
+    let with_groups = (!recipe.groups.is_empty()).then(|| {
+        let bind_group_layouts = &[&[Some(group_layout)], recipe.groups].concat();
+        let descriptor = wgpu::PipelineLayoutDescriptor {
+            label: Some(recipe.label),
+            bind_group_layouts,
+            immediate_size: 0,
+        };
+        gpu.device.create_pipeline_layout(&descriptor)
+    });
+    let layout = with_groups.as_ref().unwrap_or(layout);
     let module = shader::module(&gpu.device, recipe.label, &shader::drawing(recipe.parts, both_eyes));
     let topology = match recipe.blending {
         Blending::Translucent => wgpu::PrimitiveTopology::TriangleStrip,

@@ -7,6 +7,7 @@
 
 use super::background::BackgroundPass;
 use super::body::BodyPass;
+use super::contact::ContactPass;
 use super::custom_strips::CustomStripsPass;
 use super::error::RenderError;
 use super::frame::{FrameContents, Line, Quad};
@@ -15,6 +16,7 @@ use super::gpu::Gpu;
 use super::grid::Floor;
 use super::lighting::LightingUniform;
 use super::pass::{BOTH_EYES, DrawCounts, DrawPass, DrawTo, MadeFor, ViewDraw, group_layout};
+use super::shadow::{ShadowMaps, Shadows};
 use super::solid::SolidPass;
 use super::strips::StripPass;
 use super::target::{Attachments, Picture};
@@ -31,6 +33,7 @@ pub(super) const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<BackgroundPass>::default(),
     || Box::<StripPass<Floor>>::default(),
     || Box::<GhostPass>::default(),
+    || Box::<ContactPass>::default(),
     || Box::<StripPass<Quad>>::default(),
     || Box::<StripPass<Line>>::default(),
     || Box::<CustomStripsPass>::default(),
@@ -48,6 +51,10 @@ pub struct Renderer {
     pub multiview: bool,
     /// Leave out what no eye of a pass can see; from the start, true.
     pub culling: bool,
+    /// From the start, none: they have a price in every frame.
+    pub shadows: Shadows,
+    /// Made with the first bodies that have soft shadows.
+    maps: Option<ShadowMaps>,
     /// What the last frame drew.
     pub counts: DrawCounts,
     passes: Vec<Box<dyn DrawPass>>,
@@ -90,6 +97,8 @@ impl Renderer {
             samples,
             multiview: gpu.can_multiview(samples) && !gpu.is_software,
             culling: true,
+            shadows: Shadows::Off,
+            maps: None,
             counts: DrawCounts::default(),
             passes: PASSES.iter().map(|new| new()).collect(),
             uniforms: Uniforms::new(gpu, &group_layout, 8)?,
@@ -144,7 +153,11 @@ impl Renderer {
         }
         let is_pair = |picture: &Picture<'_>| picture.attachments.layers > 1;
         let (format, samples) = (self.format, self.samples);
-        let made_for = |both_eyes| MadeFor { layout: &self.layout, format, samples, both_eyes };
+        self.draw_maps(gpu, contents)?;
+        let (shadows, maps) = (self.shadows, self.maps.as_ref().filter(|_| self.shadows == Shadows::Soft));
+        let (group_layout, layout) = (&self.group_layout, &self.layout);
+        let made_for =
+            |both_eyes| MadeFor { group_layout, layout, format, samples, both_eyes, shadows, maps };
         let kinds: Vec<MadeFor<'_>> = [false, true]
             .into_iter()
             .filter(|both_eyes| pictures.iter().any(|picture| is_pair(picture) == *both_eyes))
@@ -154,6 +167,7 @@ impl Renderer {
             pass.upload(gpu, &kinds, contents)?;
         }
         let view_draws = self.write_views(gpu, pictures)?;
+        let maps = self.maps.as_ref().filter(|_| self.shadows == Shadows::Soft);
         gpu.queue.write_buffer(
             &self.uniforms.lighting,
             0,
@@ -170,7 +184,7 @@ impl Renderer {
                 pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
                 pass.set_scissor_rect(x, y, width, height);
                 pass.set_bind_group(0, &self.uniforms.group, &[view_draw.offset]);
-                let mut to = DrawTo { pass: &mut pass, view_draw: &view_draw, counts: &mut counts };
+                let mut to = DrawTo { pass: &mut pass, view_draw: &view_draw, counts: &mut counts, maps };
                 self.passes.iter().for_each(|kind| kind.draw(&mut to, contents));
             }
             // wgpu's OpenGL backend resolves through the last scissor and would lose the other viewports.
@@ -180,6 +194,17 @@ impl Renderer {
         gpu.check()?;
         self.counts = counts;
         Ok(start.elapsed())
+    }
+
+    /// The shadow maps of the frame, where there are soft shadows.
+    fn draw_maps(&mut self, gpu: &Gpu, contents: &FrameContents<'_>) -> Result<(), RenderError> {
+        if self.shadows != Shadows::Soft || contents.bodies.is_empty() {
+            return Ok(());
+        }
+        let mut maps = self.maps.take().map_or_else(|| ShadowMaps::new(gpu), Ok)?;
+        maps.draw(gpu, &contents.lighting, contents.bodies)?;
+        self.maps = Some(maps);
+        Ok(())
     }
 
     /// The passes that have anything on the device: only once there was something for them to draw.

@@ -12,6 +12,21 @@ pub(super) fn drawing(parts: &[&str], both_eyes: bool) -> String {
 
 pub(super) const VIEW: &str = include_str!("../../shaders/common/view.wgsl");
 pub(super) const LIGHT: &str = include_str!("../../shaders/common/light.wgsl");
+pub(super) const SURFACE: &str = include_str!("../../shaders/common/surface.wgsl");
+/// What of the lights a point of a body sees: everything, or what the shadow maps say.
+pub(super) const SEEN: [&str; 2] = [
+    include_str!("../../shaders/common/unshadowed.wgsl"),
+    include_str!("../../shaders/common/shadowed.wgsl"),
+];
+/// Without an image on the body, and with one.
+pub(super) const IMAGE: [&str; 2] = [
+    include_str!("../../shaders/common/image_none.wgsl"),
+    include_str!("../../shaders/common/image_triplanar.wgsl"),
+];
+pub(super) const CONTACT_FLOOR: &str = include_str!("../../shaders/common/contact_floor.wgsl");
+
+pub(super) const SHADOW: [&str; 1] = [include_str!("../../shaders/shadow.wgsl")];
+pub(super) const CONTACT_MAP: [&str; 2] = [CONTACT_FLOOR, include_str!("../../shaders/contact_map.wgsl")];
 
 pub(super) const COMPOSITE: [&str; 1] = [include_str!("../../shaders/composite.wgsl")];
 
@@ -22,6 +37,7 @@ pub(super) const DEFORM_F16: [&str; 3] = [CHUNK, include_str!("../../shaders/com
 pub(super) const DEFORM_INT16: [&str; 3] =
     [CHUNK, include_str!("../../shaders/common/columns_int16.wgsl"), SUM];
 pub(super) const PARTS: [&str; 2] = [CHUNK, include_str!("../../shaders/parts.wgsl")];
+pub(super) const COPIES: [&str; 2] = [CHUNK, include_str!("../../shaders/copies.wgsl")];
 pub(super) const NORMALS: [&str; 2] = [CHUNK, include_str!("../../shaders/normals.wgsl")];
 
 pub(super) fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModule {
@@ -65,6 +81,18 @@ mod tests {
             assert_eq!(stages(name, &both, Capabilities::MULTIVIEW), expected, "{name}.wgsl");
             assert!(both != one, "{name}.wgsl has no line{EYE}");
         }
+        for (patterned, image) in [(false, false), (true, false), (true, true)] {
+            for shadowed in [false, true] {
+                let parts = crate::render::body::shader(patterned, image, shadowed);
+                let name = format!("body {patterned} {image} {shadowed}");
+                stages(&name, &drawing(&parts, false), Capabilities::empty());
+                stages(&name, &drawing(&parts, true), Capabilities::MULTIVIEW);
+            }
+        }
+        let shadow = stages("shadow", &SHADOW.concat(), Capabilities::empty());
+        assert_eq!(shadow, [(Vertex, "vertex".to_owned())]);
+        let contact = stages("contact_map", &CONTACT_MAP.concat(), Capabilities::empty());
+        assert_eq!(contact.len(), 2);
         let composite = stages("composite", &COMPOSITE.concat(), Capabilities::empty());
         assert_eq!(composite, [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())]);
         for (name, parts) in [
@@ -72,6 +100,7 @@ mod tests {
             ("deform of f16", &DEFORM_F16),
             ("deform of int16", &DEFORM_INT16),
             ("parts", &PARTS),
+            ("copies", &COPIES),
             ("normals", &NORMALS),
         ] {
             let found = stages(name, &parts.concat(), Capabilities::empty());

@@ -78,7 +78,11 @@ impl DrawPass for SolidPass {
             return Ok(());
         }
         let (label, parts, buffers) = (self.name(), self.shader(), &vertex_layout());
-        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
+        self.pipelines.complete(
+            gpu,
+            kinds,
+            &Recipe { label, parts, buffers, blending: Blending::Opaque, groups: &[] },
+        );
         if self.meshes.is_none() {
             self.meshes = Some(SolidMeshes::new(gpu)?);
         }

@@ -102,7 +102,8 @@ impl StripBuffer {
             attributes: shape.attributes,
         })];
         let blending = Blending::Translucent;
-        let recipe = Recipe { label: shape.name, parts: shape.parts, buffers: &buffers, blending };
+        let recipe =
+            Recipe { label: shape.name, parts: shape.parts, buffers: &buffers, blending, groups: &[] };
         self.pipelines.complete(gpu, kinds, &recipe);
         let room = (u64::from(self.count.next_power_of_two()) * shape.stride) as usize;
         gpu.write_vertices(&mut self.buffer, shape.name, bytes, room)

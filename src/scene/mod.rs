@@ -7,6 +7,7 @@ mod accuracy_target;
 pub mod built_in;
 mod load;
 pub mod materials;
+mod look;
 mod parts;
 pub mod proposal;
 mod select;
@@ -14,6 +15,7 @@ pub mod write;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
+pub use look::{CREASE, Color, Lines, Texture};
 pub use parts::Parts;
 pub use select::Nodes;
 
@@ -109,6 +111,20 @@ pub struct Body {
     pub control: IndexMap<String, Control>,
     /// The body's place in the room; without it, the body is fitted into the stage's workspace.
     pub place: Option<Place>,
+    /// Of what is no control element.
+    #[serde(default)]
+    pub color: Color,
+    pub texture: Option<Texture>,
+    /// Material lines.
+    #[serde(default)]
+    pub lines: Lines,
+    /// Edges are drawn sharp whose sides are further apart than this at rest, degrees.
+    #[serde(default = "crease")]
+    pub crease: f64,
+}
+
+fn crease() -> f64 {
+    CREASE
 }
 
 fn linear() -> String {
@@ -356,6 +372,8 @@ impl Scene {
             );
             return Err(self.invalid(&format!("{entity}.solver"), message));
         }
+        look::check(body.lines, body.texture.as_ref(), body.crease)
+            .map_err(|(key, message)| self.invalid(&format!("{entity}.{key}"), message))?;
         if let Some(parts) = body.parts {
             parts.check().map_err(|message| self.invalid(&format!("{entity}.parts"), message))?;
         }

@@ -4,13 +4,16 @@ use super::force_scale::ForceScale;
 use super::highlight::Highlight;
 use super::place;
 use super::times::StepTimes;
+use crate::base::failure::Failure;
 use crate::deform::{ControlPose, Deformer, ExpectedErrors, PoseLimiter};
 use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
-use crate::scene::{Body, Grab, Scene};
+use crate::render::Pattern;
+use crate::scene::{Body, Color, Grab, Scene};
 use crate::stage::Stage;
 use nalgebra::{Matrix4, Point3, Similarity3, Translation3, Vector3};
+use std::sync::Arc;
 
 /// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
 const PASSING_BY: f64 = 0.05;
@@ -29,6 +32,9 @@ pub struct PlacedBody {
     /// Names of its model and its effects, as in the scene.
     pub model: String,
     pub effects: Vec<String>,
+    color: Color,
+    /// Lines and image on the surface.
+    pub pattern: Pattern,
     /// Where an effect shows forces: how.
     pub force_scale: Option<ForceScale>,
     /// What errors to expect of it, where that was measured for its model.
@@ -66,17 +72,25 @@ fn measured_range(file: &GreenFile, body: &str) -> Option<f64> {
 }
 
 /// All bodies of a scene at their places.
-pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &Stage) -> Vec<PlacedBody> {
+pub fn place(
+    scene: &Scene,
+    file: &GreenFile,
+    deformers: Vec<Deformer>,
+    stage: &Stage,
+) -> Result<Vec<PlacedBody>, Failure> {
     let points: Vec<_> = deformers.iter().map(in_mesh).collect();
     let standing: Vec<(&Body, &[Point3<f64>])> =
         scene.body.values().zip(points.iter().map(Vec::as_slice)).collect();
     let places = place::rooms_from_meshes(&standing, stage);
-    let place = |(((deformer, body), points), room_from_mesh): (((Deformer, &Body), &Vec<_>), &_)| {
+    let place = |(((mut deformer, body), points), room_from_mesh): (((Deformer, &Body), &Vec<_>), &_)| {
+        deformer.keep_sharp(body.crease.to_radians());
         let mesh_from_body = Translation3::from(deformer.centre);
         let wrong = place::fault(points, room_from_mesh, stage);
         let home = room_from_mesh * mesh_from_body;
         let ball = ball(&deformer);
-        PlacedBody {
+        Ok(PlacedBody {
+            color: body.color,
+            pattern: pattern(scene, body, &deformer)?,
             room_from_body: home,
             home,
             ball,
@@ -99,7 +113,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
                 .map(|(key, message)| format!("body.{}.{key}: {message}", deformer.body))
                 .collect(),
             deformer,
-        }
+        })
     };
     deformers.into_iter().zip(scene.body.values()).zip(&points).zip(&places).map(place).collect()
 }
@@ -181,10 +195,11 @@ impl PlacedBody {
         }
     }
 
-    /// sRGB and mark per vertex: the body is blue, fixed control elements are grey, and those that can be taken orange,
+    /// sRGB and mark per vertex that is drawn: the body has its colour, fixed control elements are grey, and those that can be taken orange,
     /// brighter while a ray points at them and green while a hand holds them.
     pub fn colours(&self) -> Vec<[u8; 4]> {
-        let mut colours = vec![[96, 142, 186, 0]; self.deformer.node_count()];
+        let Color([r, g, b]) = self.color;
+        let mut colours = vec![[r, g, b, 0]; self.deformer.node_count()];
         for (c, control) in self.controls.iter().enumerate() {
             let [r, g, b] = match (control.grab, control.highlight) {
                 (Grab::Fixed, _) => [128, 130, 136],
@@ -196,7 +211,7 @@ impl PlacedBody {
                 colours[vertex as usize] = [r, g, b, 255];
             }
         }
-        colours
+        self.deformer.drawn(colours)
     }
 }
 
@@ -217,10 +232,15 @@ fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Ve
         .collect()
 }
 
+/// Lowest and highest corner of the body at rest.
+fn extent(deformer: &Deformer) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let corners = deformer.rest().iter().map(|x| Vector3::from(*x).cast::<f64>());
+    corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
+}
+
 /// A ball about the body at rest.
 fn ball(deformer: &Deformer) -> (Point3<f64>, f64) {
-    let corners = deformer.rest().iter().map(|x| Vector3::from(*x).cast::<f64>());
-    let Some((low, high)) = corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))) else {
+    let Some((low, high)) = extent(deformer) else {
         return (Point3::origin(), 1.0);
     };
     (Point3::from((low + high) / 2.0), (high - low).norm() / 2.0)
@@ -230,4 +250,17 @@ fn ball(deformer: &Deformer) -> (Point3<f64>, f64) {
 fn in_mesh(deformer: &Deformer) -> Vec<Point3<f64>> {
     let point = |x: &[f32; 3]| Point3::from(Vector3::from(*x).cast::<f64>() + deformer.centre);
     deformer.rest().iter().map(point).collect()
+}
+
+/// The lines and the image that the scene asks for, about the middle of the body at rest.
+fn pattern(scene: &Scene, body: &Body, deformer: &Deformer) -> Result<Pattern, Failure> {
+    let (low, high) = extent(deformer).unwrap_or_default();
+    let longest = (high - low).max();
+    let image = scene.load_texture(&deformer.body, body)?;
+    let size = body.texture.as_ref().and_then(|texture| texture.size).unwrap_or(longest / 2.0);
+    Ok(Pattern {
+        middle: ((low + high) / 2.0).cast().into(),
+        line_spacing_m: body.lines.spacing(longest).map(|spacing| spacing as f32),
+        image: image.map(|image| (Arc::new(image), size as f32)),
+    })
 }

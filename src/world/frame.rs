@@ -87,7 +87,7 @@ impl World {
         deformers: Vec<Deformer>,
         stage: Stage,
     ) -> Result<World, Failure> {
-        let bodies = body::place(scene, file, deformers, &stage);
+        let bodies = body::place(scene, file, deformers, &stage)?;
         let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
         Ok(World::of(stage, bodies, graph, fields))
     }

@@ -28,7 +28,7 @@ fn compare(name: &str, now: &RgbImage, wrong: &RgbImage) {
 }
 
 fn room(place: &Path, stage: &str, output: &str) -> RgbImage {
-    greenstage(place, &["stage-view", stage, "-o", output, "--size", "480x360"]);
+    greenstage(place, &["stage-view", stage, "-o", output, "--size", "480x360", "--samples", "4"]);
     image::open(place.join(output)).unwrap().to_rgb8()
 }
 

@@ -9,6 +9,7 @@ mod golden;
 mod golden_hands;
 mod golden_room;
 mod golden_stereo;
+mod looks;
 #[path = "../render_common/mod.rs"]
 mod render_common;
 mod render_deform;

@@ -58,7 +58,7 @@ fn groups(data: &[StoredColumns]) -> Vec<ColumnGroup<'_>> {
 
 fn body(gpu: &Gpu, tube: &Tube, data: &[StoredColumns], weights: Option<&PartWeights>) -> BodyBuffers {
     let colors = vec![[0; 4]; tube.rest.len()];
-    BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &groups(data), weights).unwrap()
+    BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, &groups(data), weights, &[]).unwrap()
 }
 
 /// Coefficients of a moderate bend: every element moved, turned and stretched; the last field of each left at zero.
@@ -198,7 +198,8 @@ fn every_half_and_every_integer_is_read_exactly() {
     let read = |data: ColumnGroup, numbers: usize| {
         let rest = vec![[0.0; 3]; numbers / 3];
         let colors = vec![[0; 4]; numbers / 3];
-        let mut body = BodyBuffers::with_columns(&gpu, &[[0, 1, 2]], &colors, &rest, &[data], None).unwrap();
+        let mut body =
+            BodyBuffers::with_columns(&gpu, &[[0, 1, 2]], &colors, &rest, &[data], None, &[]).unwrap();
         body.deform(&gpu, &[1.0], &[]).unwrap();
         let [positions, _] = body.read(&gpu).unwrap();
         positions.into_flattened()
@@ -250,7 +251,7 @@ fn columns_that_do_not_fit_are_refused_with_the_numbers() {
     let exact = columns(&tube, 1);
     let data = Storage::ALL.map(|storage| StoredColumns::new(storage, &exact[0]));
     let make = |gpu: &Gpu, groups: &[ColumnGroup]| {
-        BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, groups, None).err().unwrap()
+        BodyBuffers::with_columns(gpu, &tube.triangles, &colors, &tube.rest, groups, None, &[]).err().unwrap()
     };
     let mixed = make(&gpu, &[data[0].group(), data[1].group()]);
     assert!(matches!(mixed, RenderError::MixedStorage), "{mixed}");

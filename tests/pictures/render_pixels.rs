@@ -182,7 +182,7 @@ fn both_sides_of_a_surface_are_lit_and_a_mirrored_picture_is_the_mirror_image() 
 }
 
 /// How many pixels differ by more than `step` in any channel.
-fn pixels_apart(a: &RgbaImage, b: &RgbaImage, step: u8) -> usize {
+pub fn pixels_apart(a: &RgbaImage, b: &RgbaImage, step: u8) -> usize {
     assert_eq!(a.dimensions(), b.dimensions());
     let differs =
         |p: &image::Rgba<u8>, q: &image::Rgba<u8>| p.0.iter().zip(q.0).any(|(&x, y)| x.abs_diff(y) > step);

@@ -129,7 +129,12 @@ fn a_frame_that_quits_or_panics_undrawn_ends_without_an_abort() {
 
 fn end_by(flow: Flow) {
     let spec = |x| WindowSpec { position: Some([x, 20]), size: [320, 256], ..WindowSpec::default() };
-    run(&[spec(10), spec(340)], WindowOptions { samples: 4, vsync: false }, &mut Ends(flow)).unwrap();
+    run(
+        &[spec(10), spec(340)],
+        WindowOptions { samples: Samples::Exactly(4), vsync: false },
+        &mut Ends(flow),
+    )
+    .unwrap();
 }
 
 #[test]
@@ -167,7 +172,7 @@ fn opens_two_windows() {
         settings: display.manage_settings(),
         display,
     };
-    run(&specs, WindowOptions { samples: 4, vsync: true }, &mut app).unwrap();
+    run(&specs, WindowOptions { samples: Samples::Exactly(4), vsync: true }, &mut app).unwrap();
     println!("{} frames, the last one {:?}", app.frames, app.times);
     assert!(app.times.encode > Duration::ZERO, "the last frame was drawn");
     // The cursor was moved after the scale: the windows would have grown before it was told.

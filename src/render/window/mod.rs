@@ -21,6 +21,7 @@ use super::gpu::Gpu;
 use super::overlay::{Overlay, OverlayMesh};
 use super::offscreen::{COLOR_FORMAT, Readable};
 use super::renderer::Renderer;
+use super::samples::Samples;
 use super::tiles::{Canvas, Paint, Target, Tile, TilePainter};
 use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};
@@ -40,8 +41,7 @@ const IDLE: Duration = Duration::from_millis(20);
 /// How all windows draw and present.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
-    /// 1 or 4 samples a pixel.
-    pub samples: u32,
+    pub samples: Samples,
     /// Wait for the display's refresh; false presents at once, for benchmarks.
     pub vsync: bool,
 }
@@ -113,9 +113,9 @@ pub struct WindowTimes {
 impl Windows {
     /// A picture of `size` pixels in place of a window, for [`Windows::read`].
     /// Errors: no graphics device, or a picture beyond its limits.
-    pub fn offscreen(size: [u32; 2], samples: u32) -> Result<Windows, RenderError> {
+    pub fn offscreen(size: [u32; 2], samples: Samples) -> Result<Windows, RenderError> {
         let gpu = Gpu::headless()?;
-        let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
+        let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples.on(&gpu))?;
         let picture = Some((Readable::new(&gpu, size)?, Canvas::default()));
         let (waited, painter) = (Duration::ZERO, TilePainter::new(COLOR_FORMAT));
         Ok(Windows {
@@ -278,7 +278,7 @@ impl<A: WindowApp> Handler<'_, A> {
         let surfaces = configured
             .map(|(window, surface)| WindowSurface::new(window, surface, format, self.options.vsync))
             .collect();
-        let renderer = Renderer::new(&gpu, format, self.options.samples)?;
+        let renderer = Renderer::new(&gpu, format, self.options.samples.on(&gpu))?;
         let painter = TilePainter::new(format);
         self.app.start(&gpu).map_err(RenderError::App)?;
         self.windows = Some(Windows {
