@@ -72,6 +72,12 @@ impl Progress for Bars {
         });
     }
 
+    fn tell(&self, sentence: &str) {
+        if !self.quiet {
+            notice!("{:>12}  {sentence}", self.body);
+        }
+    }
+
     fn end(&self) {
         self.with_step(|current| {
             if let Some(step) = current.take() {

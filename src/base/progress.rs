@@ -6,6 +6,8 @@ pub trait Progress: Sync {
     fn begin(&self, step: &str, units: u64);
     fn advance(&self, units: u64);
     fn end(&self);
+    /// One sentence to the user.
+    fn tell(&self, _sentence: &str) {}
 }
 
 /// Ignores all progress.

@@ -19,7 +19,8 @@ use std::path::PathBuf;
 /// Computes the scene's body with every element, mesh refinement, solver tolerance, storage precision and deformation
 /// model, measures what each costs offline and in the frame, and compares all with nonlinear statics and a finer mesh,
 /// over the poses of the scene's script, of a pose file, or seeded random ones. Every model is tried alone at bends and twists
-/// from 1° to 360°. DIR/index.html explains the figures.
+/// from 1° to 360°. DIR/index.html explains the figures. Before it starts it says how long it will take; after Ctrl-C the same
+/// command goes on from where it stopped.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)
@@ -36,7 +37,8 @@ pub struct Args {
     /// Seed of random poses, which are then taken even if the scene has a script
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Take fewer poses and angles, no refinement and one timing of each offline stage: some minutes for ten thousand nodes
+    /// A report within a minute: fewer poses and angles, no refinement, each offline time measured once, and what does not fit is
+    /// left out and named
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
@@ -51,6 +53,8 @@ pub struct Args {
 }
 
 const LARGEST: f64 = 300_000.0;
+/// Time of a report with --quick, s: what is left of a minute after the scene's script has been played.
+const QUICK_S: f64 = 50.0;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
@@ -68,6 +72,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     prepare::measured_requirements(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
+    let keep = args.output.join(report::measure::FOLDER);
     let request = Request {
         scene: &scene,
         body: &name,
@@ -85,9 +90,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         requirements_of: &requirements,
         command: command(args),
         scratch: scratch.path(),
+        keep: Some(&keep),
+        limit_s: args.quick.then_some(QUICK_S),
     };
     let report = report::measure(&request, &Bars::new(&name, args.quiet)).map_err(Failure::work)?;
     let written = report::write(&args.output, &report)?;
+    report::measure::remove(&keep);
     if let Some(readme) = &args.readme {
         super::marks::write_between(readme, "accuracy", &format!("{}\n", report::readme_table(&report)))?;
     }

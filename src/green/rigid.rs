@@ -11,7 +11,7 @@ use crate::mesh::{TetMesh, quality};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Errors of rigid motions; all are relative.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RigidMotion {
     /// max |Σ_e u⁽ᵀ⁾ - t| over all nodes for unit shifts t along the axes: displacement per displacement.
     pub shift: f64,

@@ -13,7 +13,7 @@ use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
 /// Wall time of the steps outside the solver, s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct StepTimes {
     pub mesh_s: f64,
     pub assembly_s: f64,

@@ -4,13 +4,14 @@
 
 use crate::scene::TOLERANCE;
 use crate::solve::{ERROR_LIMITS, Solver};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
-pub const SCHEMA: u32 = 3;
+pub const SCHEMA: u32 = 4;
 
 /// All that was measured of one body.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     pub schema: u32,
     pub program: String,
@@ -30,6 +31,8 @@ pub struct Report {
     pub poses: Vec<String>,
     pub pose_source: String,
     pub quick: bool,
+    /// What the scene itself asks for, with the storage and solver that it names.
+    pub own: Setting,
     pub rows: Vec<Measurement>,
     /// Errors of the models alone, by the largest local rotation of the pose.
     pub models: Vec<ModelError>,
@@ -39,10 +42,26 @@ pub struct Report {
     pub smooth: Vec<SmoothError>,
     /// What each effect costs, whether the scene lists it or not.
     pub effects: Vec<EffectCost>,
+    /// What --quick left out for want of time, one sentence each.
+    pub left_out: Vec<String>,
+    /// The body as some of the settings bend it, for the page alone.
+    #[serde(skip)]
+    pub shapes: Option<Shapes>,
+}
+
+/// The body's surface in the pose in which the scene's own setting is most wrong.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shapes {
+    pub pose: String,
+    pub triangles: Vec<[u32; 3]>,
+    /// Where equilibrium has the surface nodes, m.
+    pub equilibrium: Vec<Vector3<f64>>,
+    /// Index of a row, and what its setting adds to the equilibrium at each surface node, m.
+    pub errors: Vec<(usize, Vec<Vector3<f64>>)>,
 }
 
 /// A value for each parameter of a body ([`PARAMETERS`](super::PARAMETERS)).
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Setting {
     /// Uniform refinements of the scene's mesh.
     pub refine: u32,
@@ -99,6 +118,21 @@ impl Measurement {
 
     pub fn can_be_chosen(&self) -> bool {
         self.is_trusted() && !self.is_reference()
+    }
+
+    /// Error of the shape in the worst pose.
+    pub fn shape(&self) -> f64 {
+        self.error.uncancelled.worst
+    }
+
+    /// The larger error of force and torque in the worst pose, where they were measured.
+    pub fn held(&self) -> Option<f64> {
+        self.error.uncancelled_held.map(|spread| spread.worst)
+    }
+
+    /// The largest of all: what can be relied on in shape, force and torque together.
+    pub fn worst(&self) -> f64 {
+        self.held().map_or(self.shape(), |held| held.max(self.shape()))
     }
 }
 

@@ -6,11 +6,13 @@
 
 pub mod measure;
 
+mod bodies;
 mod cost_metric;
 mod csv;
 mod data;
 mod drawing;
 mod files;
+mod headline;
 mod page;
 mod parameters;
 mod pareto;
@@ -24,7 +26,7 @@ pub mod units;
 pub use cost_metric::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 pub use data::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
-    SmoothError, Spread, TrialMotion,
+    Shapes, SmoothError, Spread, TrialMotion,
 };
 pub use drawing::canvas::Picture;
 pub use files::{ReportError, read, try_folder, write};
@@ -33,5 +35,6 @@ pub use page::page;
 pub use parameters::{PARAMETERS, Parameter};
 pub use plots::{PLOTS, PlotEntry, pictures};
 pub use readme_table::readme_table;
+pub use headline::headline;
 pub use recommendation::{cheapest, ladder};
 pub use summary::summary;

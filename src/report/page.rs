@@ -1,32 +1,37 @@
-//! One self-contained page: recommendations, plots, tables and a glossary. It needs no network and no script.
+//! One self-contained page: the answer in words, the error on the body, plots, tables and a glossary. It needs no network and no
+//! script.
 
+use super::bodies;
 use super::data::{EffectCost, Report};
 use super::drawing::canvas::{Picture, STYLE};
 use super::drawing::markup::escape;
-use super::plots::PlotEntry;
-use super::recommendation::recommendations;
+use super::plots::{PLOTS, PlotEntry};
+use super::headline::headline;
+use super::plots::left_out;
 use super::tables;
 use super::units::Unit;
 
 /// The whole file. `pictures` are those of [`super::pictures()`].
 pub fn page(report: &Report, pictures: &[(&PlotEntry, Picture)]) -> String {
     let title = format!("What accuracy costs in time: {}", report.body);
+    let shown_title = format!("What accuracy costs: {}", report.body);
     let body = [
-        recommended(report),
-        measured(report),
+        answer(report),
         plots(report, pictures),
         all_tables(report),
+        measured(report),
         glossary(report),
     ];
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\"/>\n\
-         <title>{title}</title>\n<style>\n{}{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n{}</main>\n</body>\n</html>\n",
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\"/>\n\
+         <title>{title}</title>\n<style>\n{}{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{shown_title}</h1>\n{}</main>\n</body>\n</html>\n",
         include_str!("page.css"),
         // A dot between parameters stays at the end of a line.
         body.concat().replace(" · ", "\u{a0}· "),
         title = escape(&title),
+        shown_title = escape(&shown_title),
     )
 }
 
@@ -34,29 +39,47 @@ fn paragraph(text: &str) -> String {
     format!("<p>{}</p>\n", escape(text))
 }
 
+/// Escaped, with its tabs and ends of lines.
+fn escape_lines(text: &str) -> String {
+    let line = |line: &str| line.split('\t').map(escape).collect::<Vec<_>>().join("\t");
+    text.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
 fn heading(text: &str) -> String {
     format!("<h2>{}</h2>\n", escape(text))
 }
 
-fn recommended(report: &Report) -> String {
-    let lead = format!(
-        "An elastic body was computed with {} choices of mesh, element, solver, storage and model. Each was timed \
-         and compared with a more accurate solution. This page says what each per cent costs.",
-        report.rows.len()
-    );
-    let sentences: String = recommendations(report).iter().map(|text| paragraph(text)).collect();
+/// The answer first: in words, as a table of three settings, and for each goal.
+fn answer(report: &Report) -> String {
+    let said = headline(report);
+    let (first, rest) = said.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
+    let rest: String = rest.iter().map(|text| paragraph(text)).collect();
     let quick = if report.quick {
         paragraph("Measured with --quick: fewer settings and repetitions. Use a full run for decisions.")
     } else {
         String::new()
     };
+    let left_out: String = report.left_out.iter().map(|text| paragraph(text)).collect();
+    let lead = format!(
+        "The body {} was computed with {} settings of mesh, element, solver, storage and model. Each was timed, and compared with \
+         static equilibrium on a finer mesh.",
+        report.body,
+        report.rows.len()
+    );
     [
-        paragraph(&lead),
+        format!("<div class=\"answer\">\n<p>{}</p>\n{rest}</div>\n", escape(first)),
+        tables::compared(report),
+        paragraph(
+            "Errors are those of the worst of the measured poses: of the shape relative to how far the body moves (in brackets the \
+             largest distance), of force and torque relative to the largest that equilibrium needs. Up to 5 % a quantity can be \
+             trusted, up to 25 % it is a rough guide.",
+        ),
         quick,
-        format!("<div class=\"answer\">\n{sentences}</div>\n"),
+        left_out,
+        bodies::figure(report),
+        heading("What each accuracy costs"),
         tables::goals(&report.rows),
-        "<p class=\"muted\">Errors are relative L2, medians of the poses. Costs within 2 % count as equal.</p>\n"
-            .into(),
+        paragraph(&lead),
     ]
     .concat()
 }
@@ -85,17 +108,32 @@ fn measured(report: &Report) -> String {
 }
 
 fn plots(report: &Report, pictures: &[(&PlotEntry, Picture)]) -> String {
-    let mut text = String::new();
-    for (entry, picture) in pictures {
+    let silent = left_out(report);
+    let (mut text, mut open) = (String::new(), "");
+    for entry in PLOTS {
         if !entry.heading.is_empty() {
-            text += &heading(entry.heading);
+            open = entry.heading;
         }
-        let mut caption = escape(&(entry.caption)(report));
-        if !caption.is_empty() {
-            caption = format!(" <strong>Here:</strong> {caption}");
+        let picture = pictures.iter().find(|(of, _)| of.name == entry.name).map(|(_, picture)| picture);
+        let why = silent.iter().find(|(of, _)| of.name == entry.name).map(|(_, why)| why);
+        if picture.is_none() && why.is_none() {
+            continue;
         }
-        let (picture, reading) = (picture.inline(), escape(entry.reading));
-        text += &format!("<figure>\n{picture}<figcaption>{reading}{caption}</figcaption>\n</figure>\n");
+        if !open.is_empty() {
+            text += &heading(std::mem::take(&mut open));
+        }
+        if let Some(picture) = picture {
+            let mut caption = escape(&(entry.caption)(report));
+            if !caption.is_empty() {
+                caption = format!(" <strong>Here:</strong> {caption}");
+            }
+            let (picture, reading) = (picture.inline(), escape(entry.reading));
+            text += &format!(
+                "<figure>\n<div class=\"plot\">{picture}</div><figcaption>{reading}{caption}</figcaption>\n</figure>\n"
+            );
+        } else if let Some(why) = why {
+            text += &format!("<p class=\"muted\">The plot {} is left out: {}.</p>\n", escape(entry.name), escape(why));
+        }
         if let Some((said, table)) = entry.table {
             text += &(paragraph(said) + &table(report));
         }
@@ -127,6 +165,10 @@ fn all_tables(report: &Report) -> String {
          of its costs is. The numbers are in accuracy.csv and accuracy.json beside this page.",
     );
     let count = report.rows.len();
+    text += &format!(
+        "<details>\n<summary>A table to copy into a spreadsheet (tabs between the columns)</summary>\n<pre>{}</pre>\n</details>\n",
+        escape_lines(&tables::to_copy(&report.rows))
+    );
     text += &format!(
         "<details>\n<summary>Costs of all {count} settings</summary>\n{}</details>\n",
         tables::costs(&report.rows)

@@ -49,6 +49,31 @@ pub fn front_of<'a>(
     front(&points).into_iter().map(|i| own[i]).collect()
 }
 
+/// Says which rows lie under the steps of a front without being part of it, and why; empty where there are none.
+pub fn outside(
+    rows: &[&Measurement],
+    front: &[usize],
+    point: impl Fn(&Measurement) -> [f64; 2],
+) -> String {
+    let beats = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1];
+    let is_under = |(i, row): &(usize, &&Measurement)| {
+        !front.contains(i) && !front.iter().any(|&on| beats(point(rows[on]), point(row)))
+    };
+    let under: Vec<&Measurement> = rows.iter().enumerate().filter(is_under).map(|(_, row)| *row).collect();
+    let count = |is: fn(&Measurement) -> bool| under.iter().filter(|row| is(row)).count();
+    let causes = [
+        (count(Measurement::is_reference), "on the finest mesh, whose own error is not known"),
+        (
+            count(|row| !row.is_reference() && !row.is_trusted()),
+            "with a solver whose own estimate of its error is too large",
+        ),
+        (count(Measurement::can_be_chosen), "less than 2 % better than a step"),
+    ];
+    let said: Vec<String> =
+        causes.iter().filter(|(count, _)| *count > 0).map(|(count, why)| format!("{count} {why}")).collect();
+    if said.is_empty() { String::new() } else { format!(" Under the steps, and no part of them: {}.", said.join("; ")) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,10 +2,10 @@
 
 use super::cost_metric::{COST_METRICS, CostMetric, ONLINE, costs};
 use super::data::{Measurement, Report};
-use super::units::{relative, times};
+use super::units::relative;
 
-/// Total errors that recommendations are made for, the commonest first.
-pub const GOALS: [f64; 3] = [0.01, 0.1, 0.001];
+/// Errors that recommendations are made for, from lax to strict.
+pub const GOALS: [f64; 3] = [0.1, 0.01, 0.001];
 
 /// Costs within this ratio count as equal: timings scatter by more.
 const SAME_COST: f64 = 1.02;
@@ -20,7 +20,16 @@ fn error(row: &Measurement) -> f64 {
 /// Among the rows that can be chosen, the one that reaches an error of `goal` for the least cost. Of those whose cost is
 /// within 2 % of the least, the one with the least product of all three costs.
 pub fn cheapest(rows: &[Measurement], metric: &CostMetric, goal: f64) -> Option<usize> {
-    let reaches = |row: &Measurement| row.can_be_chosen() && error(row) <= goal;
+    cheapest_with(rows, metric, |row| error(row) <= goal)
+}
+
+/// The same among the rows that are good enough in another sense.
+pub fn cheapest_with(
+    rows: &[Measurement],
+    metric: &CostMetric,
+    is_good: impl Fn(&Measurement) -> bool,
+) -> Option<usize> {
+    let reaches = |row: &Measurement| row.can_be_chosen() && is_good(row);
     let reaching: Vec<usize> = (0..rows.len()).filter(|&i| reaches(&rows[i])).collect();
     let least = reaching.iter().map(|&i| (metric.of)(&rows[i].cost)).fold(f64::INFINITY, f64::min);
     let all = |i: usize| {
@@ -35,6 +44,15 @@ pub fn cheapest(rows: &[Measurement], metric: &CostMetric, goal: f64) -> Option<
 /// From the cheapest of all rows that can be chosen to the most accurate: each costs over 2 % more than the one before it,
 /// and has at most 0.9 of its error.
 pub fn ladder(rows: &[Measurement], metric: &CostMetric) -> Vec<usize> {
+    ladder_by(rows, metric, error)
+}
+
+/// The same by another error.
+pub fn ladder_by(
+    rows: &[Measurement],
+    metric: &CostMetric,
+    error: fn(&Measurement) -> f64,
+) -> Vec<usize> {
     let cost = |i: usize| (metric.of)(&rows[i].cost);
     let mut rungs: Vec<usize> = Vec::new();
     let mut next = cheapest(rows, metric, f64::INFINITY);
@@ -46,68 +64,48 @@ pub fn ladder(rows: &[Measurement], metric: &CostMetric) -> Vec<usize> {
             least = cost(i);
         }
         rungs.push(i);
-        next = better(rows, metric, i);
+        let own = error(&rows[i]);
+        next = cheapest_with(rows, metric, |row| error(row) <= STEP * own && error(row) < own);
     }
     rungs
 }
 
-/// The cheapest with at most 0.9 of the error of row `i`.
-fn better(rows: &[Measurement], metric: &CostMetric, i: usize) -> Option<usize> {
-    let own = error(&rows[i]);
-    cheapest(rows, metric, STEP * own).filter(|&next| error(&rows[next]) < own)
+/// The row with the least error of shape, force and torque together; of those within 2 % of it the fastest.
+pub fn most_accurate(rows: &[Measurement]) -> Option<usize> {
+    let known = rows.iter().filter(|row| row.can_be_chosen());
+    let least = known.map(Measurement::worst).fold(f64::INFINITY, f64::min);
+    cheapest_with(rows, &ONLINE, |row| row.worst() <= SAME_COST * least)
 }
 
-/// Recommendations in sentences, one for each of [`GOALS`], by the online cost.
+/// Recommendations in sentences, one for each of [`GOALS`], by the online cost and the worst pose.
 pub fn recommendations(report: &Report) -> Vec<String> {
     let rows = &report.rows;
-    let Some(best) = ladder(rows, &ONLINE).pop() else { return Vec::new() };
+    let Some(best) = most_accurate(rows) else { return Vec::new() };
     let mut sentences = Vec::new();
     for goal in GOALS {
-        match cheapest(rows, &ONLINE, goal) {
-            Some(i) => sentences.push(recommendation(rows, goal, i)),
-            None => {
-                let (row, goal) = (&rows[best], relative(goal));
-                sentences.push(format!(
-                    "No setting that was measured reaches a total error of {goal}. The most accurate, {}, has {} \
-                     (worst pose {}), most of it {} error, for {}.",
-                    row.setting,
-                    relative(error(row)),
-                    relative(row.error.uncancelled.worst),
-                    row.error.largest_part(),
-                    costs(&row.cost),
-                ));
-                return sentences;
-            }
-        }
+        let Some(i) = cheapest_with(rows, &ONLINE, |row| row.worst() <= goal) else {
+            sentences.push(format!(
+                "Within {}: nothing that was measured. The most accurate is {}, with {}; it costs {}.",
+                relative(goal),
+                rows[best].setting,
+                errors(&rows[best]),
+                costs(&rows[best].cost),
+            ));
+            return sentences;
+        };
+        sentences.push(format!(
+            "Within {}: {}, with {}; it costs {}.",
+            relative(goal),
+            rows[i].setting,
+            errors(&rows[i]),
+            costs(&rows[i].cost)
+        ));
     }
     sentences
 }
 
-fn recommendation(rows: &[Measurement], goal: f64, i: usize) -> String {
-    let row = &rows[i];
-    let error = row.error.uncancelled;
-    let first = format!(
-        "For a total error of {} the cheapest online is {}: {}. Its error is {} (worst pose {}), most of it {} error.",
-        relative(goal),
-        row.setting,
-        costs(&row.cost),
-        relative(error.median),
-        relative(error.worst),
-        row.error.largest_part(),
-    );
-    let Some(next) = better(rows, &ONLINE, i).map(|j| &rows[j]) else {
-        return first + " No other setting that was measured has an error smaller by a tenth.";
-    };
-    let ratio = next.cost.frame_p50_s / row.cost.frame_p50_s;
-    let ratio = match ratio {
-        r if !r.is_finite() => String::new(),
-        r if r <= SAME_COST => " (as fast online)".into(),
-        r => format!(" ({} times the time of an evaluation)", times(r)),
-    };
-    format!(
-        "{first} The next better setting, {}, has an error of {} for {}{ratio}.",
-        next.setting,
-        relative(next.error.uncancelled.median),
-        costs(&next.cost),
-    )
+/// "shape to 0.3 %, force and torque to 1.2 %": in the worst pose.
+pub fn errors(row: &Measurement) -> String {
+    let held = row.held().map_or("no forces".into(), |held| format!("force and torque to {}", relative(held)));
+    format!("shape to {}, {held}", relative(row.shape()))
 }

@@ -1,12 +1,14 @@
 //! The page's tables in HTML. A row is a list of named cells; every cell is escaped here.
 
-use super::cost_metric::{COST_METRICS, ONLINE};
+use super::bodies::capital;
+use super::cost_metric::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 use super::data::{Measurement, ModelTrial, Report, Spread, TrialMotion};
 use super::drawing::markup::escape;
+use super::headline::{Shown, Trust, shown};
 use super::parameters::PARAMETERS;
 use super::pareto;
 use super::plots::common::distinct;
-use super::recommendation::{GOALS, cheapest, ladder};
+use super::recommendation::{GOALS, cheapest_with, ladder, most_accurate};
 use super::units::{Unit, bytes, digits, metres, relative, seconds};
 use crate::base::statistics::median;
 
@@ -14,17 +16,19 @@ pub struct Cell {
     pub text: String,
     number: bool,
     bold: bool,
+    /// Of the page's style: how far a number can be trusted.
+    class: Option<&'static str>,
 }
 
 /// Cells under the names of their columns.
 pub type NamedCells<'a> = Vec<(&'a str, Cell)>;
 
 fn word(text: impl Into<String>) -> Cell {
-    Cell { text: text.into(), number: false, bold: false }
+    Cell { text: text.into(), number: false, bold: false, class: None }
 }
 
 fn number(text: impl Into<String>) -> Cell {
-    Cell { text: text.into(), number: true, bold: false }
+    Cell { text: text.into(), number: true, bold: false, class: None }
 }
 
 fn bold(cell: Cell, bold: bool) -> Cell {
@@ -41,7 +45,10 @@ fn html(lines: &[NamedCells<'_>]) -> String {
     let cell = |(_, cell): &(&str, Cell)| {
         let inner = escape(&cell.text);
         let inner = if cell.bold { format!("<strong>{inner}</strong>") } else { inner };
-        format!("<td{}>{inner}</td>", class(cell.number))
+        match cell.class {
+            Some(trust) => format!("<td class=\"n {trust}\">{inner}</td>"),
+            None => format!("<td{}>{inner}</td>", class(cell.number)),
+        }
     };
     let head: String = lines.first().into_iter().flatten().enumerate().map(heading).collect();
     let body: String = lines
@@ -53,22 +60,85 @@ fn html(lines: &[NamedCells<'_>]) -> String {
     )
 }
 
-/// For each goal the cheapest by each cost.
+/// The settings that the page compares: what they cost, and what can be trusted.
+pub fn compared(report: &Report) -> String {
+    let line = |Shown { role, row }: &Shown| {
+        let Measurement { setting, cost, error, .. } = &report.rows[*row];
+        let judged = |text: String, error: f64| {
+            let trust = Trust::of(error);
+            Cell { class: Some(trust_class(trust)), ..number(format!("{text}: {}", trust.word())) }
+        };
+        let maybe = |spread: Option<Spread>| {
+            spread.map_or_else(|| number("–"), |spread| judged(relative(spread.worst), spread.worst))
+        };
+        let shape = format!("{} ({})", relative(error.uncancelled.worst), metres(error.displacement_m.worst));
+        vec![
+            ("setting", bold(word(capital(role)), true)),
+            ("", word(setting.to_string())),
+            ("a frame", number(seconds(cost.frame_p50_s))),
+            ("shape", judged(shape, error.uncancelled.worst)),
+            ("force", maybe(error.force)),
+            ("torque", maybe(error.torque)),
+            ("offline", number(seconds(cost.offline_s))),
+            ("file", number(bytes(cost.file_bytes))),
+        ]
+    };
+    format!("<div class=\"fold\">{}</div>", html(&shown(report).iter().map(line).collect::<Vec<_>>()))
+}
+
+fn trust_class(trust: Trust) -> &'static str {
+    match trust {
+        Trust::Good => "good",
+        Trust::Rough => "rough",
+        Trust::Bad => "bad",
+    }
+}
+
+/// For each goal, from lax to strict, the cheapest setting for the shape and for force and torque, in the worst pose.
 pub fn goals(rows: &[Measurement]) -> String {
     let line = |goal: f64| {
-        let cells = COST_METRICS.iter().map(|metric| {
-            let cell = match cheapest(rows, metric, goal) {
-                None => word("not reached"),
-                Some(i) => {
-                    let cost = metric.unit.text((metric.of)(&rows[i].cost));
-                    word(format!("{cost}: {}", rows[i].setting))
-                }
-            };
-            (metric.least, cell)
-        });
-        std::iter::once(("total error at most", number(relative(goal)))).chain(cells).collect()
+        let by = |metric: &CostMetric, is_good: &dyn Fn(&Measurement) -> bool| {
+            cheapest_with(rows, metric, is_good).map_or_else(
+                || word("nothing that was measured"),
+                |i| word(format!("{}: {}", metric.unit.text((metric.of)(&rows[i].cost)), rows[i].setting)),
+            )
+        };
+        let shape = |row: &Measurement| row.shape() <= goal;
+        let held = |row: &Measurement| row.held().is_some_and(|held| held <= goal);
+        let both = |row: &Measurement| shape(row) && held(row);
+        vec![
+            ("within", bold(number(relative(goal)), true)),
+            ("shape: fastest frame", by(&ONLINE, &shape)),
+            ("force and torque: fastest frame", by(&ONLINE, &held)),
+            ("all of them: least offline time", by(&OFFLINE, &both)),
+            ("all of them: smallest file", by(&FILE, &both)),
+        ]
     };
     format!("<div class=\"fold\">{}</div>", html(&GOALS.map(line)))
+}
+
+/// The settings worth their time as lines with tabs between numbers without units, for a spreadsheet.
+pub fn to_copy(rows: &[Measurement]) -> String {
+    let percent = |error: f64| digits(100.0 * error, 3);
+    let mut text = "mesh and element\tsolver\tstorage\tmodel\ttime of a frame (µs)\toffline (s)\tfile (MB)\t\
+                    shape, worst (%)\tlargest displacement error (mm)\tforce, worst (%)\ttorque, worst (%)\n"
+        .to_owned();
+    let mut shown = ladder(rows, &ONLINE);
+    shown.extend(most_accurate(rows).filter(|best| !shown.contains(best)));
+    for Measurement { setting, cost, error, .. } in shown.into_iter().map(|i| &rows[i]) {
+        let maybe = |spread: Option<Spread>| spread.map_or_else(String::new, |s| percent(s.worst));
+        let cells = [
+            digits(1e6 * cost.frame_p50_s, 3),
+            digits(cost.offline_s, 3),
+            digits(1e-6 * cost.file_bytes, 3),
+            percent(error.uncancelled.worst),
+            digits(1e3 * error.displacement_m.worst, 3),
+            maybe(error.force),
+            maybe(error.torque),
+        ];
+        text += &format!("{}\t{}\n", setting.values().join("\t"), cells.join("\t"));
+    }
+    text
 }
 
 /// The settings worth their online time, from cheap to accurate.
@@ -80,8 +150,9 @@ pub fn efficient_settings(rows: &[Measurement]) -> Vec<NamedCells<'static>> {
             ("one evaluation", number(seconds(cost.frame_p50_s))),
             ("offline", number(seconds(cost.offline_s))),
             ("file", number(bytes(cost.file_bytes))),
-            ("total error", number(relative(error.uncancelled.median))),
+            ("shape", number(relative(error.uncancelled.median))),
             ("worst pose", number(relative(error.uncancelled.worst))),
+            ("force and torque, worst", number(rows[i].held().map_or_else(|| "–".into(), relative))),
             ("largest part", word(error.largest_part())),
         ]);
         line

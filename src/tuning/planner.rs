@@ -148,6 +148,8 @@ fn measure(
         requirements_of: &|scene| prepare::requirements(scene, name, &scene.body[name]).unwrap_or_default(),
         command: String::new(),
         scratch: scratch.path(),
+        keep: None,
+        limit_s: None,
     };
     let measured = settings(&request, &Bars::new(name, quiet)).map_err(Failure::work)?;
     let range = measured.poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);

@@ -6,3 +6,4 @@ pub mod canvas;
 pub mod labels;
 pub mod markup;
 pub mod plot;
+pub mod relief;

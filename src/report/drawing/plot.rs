@@ -73,8 +73,32 @@ pub struct Plot {
     pub triangles: Vec<Triangle>,
 }
 
+/// Errors below this are rounding.
+const NOTHING: f64 = 1e-12;
+/// Values within this ratio are one value.
+const SAME: f64 = 1.02;
+
 impl Plot {
-    pub fn picture(&self) -> Picture {
+    /// The picture, or why it would say nothing; empty where there are no points.
+    pub fn told(&self) -> Result<Picture, String> {
+        let same = |of: fn(&Point) -> f64| {
+            let values = || self.points.iter().map(of);
+            let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
+            high <= SAME * low || high <= 0.0
+        };
+        let why = match &self.points[..] {
+            [] => "",
+            [_] => "there is only one point",
+            points if self.y.unit == Unit::Ratio && points.iter().all(|point| point.y < NOTHING) => {
+                "all its errors are below 10⁻¹²"
+            }
+            _ if same(|point| point.x) && same(|point| point.y) => "all its points are in one place",
+            _ => return Ok(self.picture()),
+        };
+        Err(why.to_owned())
+    }
+
+    fn picture(&self) -> Picture {
         let (mut canvas, top) = Canvas::new(self.title, &self.note, &self.series);
         let area = Rect { x: LEFT, y: top, width: WIDTH - MARGIN - LEFT, height: HEIGHT };
         let [right, bottom] = [area.x + area.width, area.y + area.height];

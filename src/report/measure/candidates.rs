@@ -1,12 +1,16 @@
 //! Solves the body with every element, refinement and solver that is affordable.
 
 use super::ladder::MeshLadder;
+use super::candidate::Candidate;
+use super::course::Course;
+use super::kept_solution;
+use super::names;
 use super::of_models::{families, is_common, online};
 use super::request::{MeasureError, Request};
 use crate::base::statistics::median;
 use crate::deform::ModelEntry;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
-use crate::green::{self, Requirements, Solution};
+use crate::green::{self, Requirements};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Generate, Scene, Storage};
 use crate::solve::{Progress, SOLVERS, Solver};
@@ -74,40 +78,6 @@ impl Meshes {
     }
 }
 
-/// One discretisation, solved.
-pub struct Candidate {
-    pub refine: u32,
-    pub element: &'static Element,
-    pub solver: Solver,
-    /// The models that are measured with it.
-    pub models: Vec<&'static ModelEntry>,
-    pub solution: Solution,
-    pub offline_s: f64,
-}
-
-impl Candidate {
-    /// Whether it is this discretisation, solved directly, and the model is measured with it.
-    pub fn is_of(&self, refine: u32, element: &Element, model: &ModelEntry) -> bool {
-        (self.refine, self.element) == (refine, element) && self.is_exact(model)
-    }
-
-    /// Orders discretisations: quadratic elements before all refinements.
-    pub fn fineness(&self) -> (u32, u32) {
-        (self.element.order, self.refine)
-    }
-
-    /// Whether it is solved directly, and the model is measured with it.
-    pub fn is_exact(&self, model: &ModelEntry) -> bool {
-        self.solver.method.is_direct && self.models.iter().any(|own| own.name == model.name)
-    }
-
-    /// The solver's estimate; finite.
-    pub fn forward_error(&self) -> Option<f64> {
-        // NaN and infinity become the largest number, which JSON can hold.
-        Some(self.solution.stats.conditioning?.forward_error.min(f64::MAX))
-    }
-}
-
 /// The scene with another refinement, element and solver for its body.
 pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, solver: Solver) -> Scene {
     let mut scene = request.scene.clone();
@@ -118,17 +88,36 @@ pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, so
     scene
 }
 
-/// Solves every element on every affordable mesh by Cholesky, and the scene's own by conjugate gradients too.
+/// The elements on every mesh that is affordable, by refinement.
+pub fn discretisations(request: &Request<'_>, meshes: &Meshes) -> Vec<(u32, &'static Element)> {
+    let refinements = 0..meshes.linear.len() as u32;
+    let all = refinements.flat_map(|refine| ELEMENTS.iter().map(move |element| (refine, *element)));
+    all.filter(|(refine, element)| meshes.affords(request, *refine as usize, element)).collect()
+}
+
+/// Conjugate gradients by tolerance, which are measured on the scene's own mesh and element.
+pub fn iterative() -> impl Iterator<Item = Solver> {
+    let methods = SOLVERS.iter().copied().filter(|method| !method.is_direct);
+    methods.flat_map(|method| TOLERANCES.map(|tolerance| Solver { method, tolerance, ..Solver::default() }))
+}
+
+/// The models that every candidate is measured with.
+fn common() -> Vec<&'static ModelEntry> {
+    online().filter(|model| is_common(model)).collect()
+}
+
+/// Solves every element on every affordable mesh by Cholesky.
 pub fn solve(
     request: &Request<'_>,
     meshes: &Meshes,
-    progress: &dyn Progress,
+    course: &Course<'_>,
 ) -> Result<Vec<Candidate>, MeasureError> {
     let mut candidates = Vec::new();
-    let common: Vec<_> = online().filter(|model| is_common(model)).collect();
-    for refine in 0..meshes.linear.len() as u32 {
-        for element in ELEMENTS.iter().copied().filter(|e| meshes.affords(request, refine as usize, e)) {
-            match candidate(request, refine, element, Solver::default(), &common, progress) {
+    for (refine, element) in discretisations(request, meshes) {
+            if !course.affords(&names::solved(refine, element, Solver::default(), None)) {
+                continue;
+            }
+            match candidate(request, refine, element, Solver::default(), &common(), course) {
                 Ok(candidate) => candidates.push(candidate),
                 // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
                 // with them, so the rest can be measured without them.
@@ -136,20 +125,26 @@ pub fn solve(
                 Err(error) => return Err(error),
             }
         }
-    }
+    Ok(candidates)
+}
+
+/// Solves the scene's own mesh and element by conjugate gradients too.
+pub fn solve_iteratively(
+    request: &Request<'_>,
+    meshes: &Meshes,
+    course: &Course<'_>,
+) -> Result<Vec<Candidate>, MeasureError> {
+    let mut candidates = Vec::new();
     let own = request.scene.body[request.body].element;
-    if meshes.affords(request, 0, own) {
-        let iterative = SOLVERS.iter().copied().filter(|method| !method.is_direct);
-        for (method, tolerance) in
-            iterative.flat_map(|method| TOLERANCES.map(|tolerance| (method, tolerance)))
-        {
-            let solver = Solver { method, tolerance, ..Solver::default() };
-            // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
-            match candidate(request, 0, own, solver, &common, progress) {
-                Ok(candidate) => candidates.push(candidate),
-                Err(MeasureError::Green(_)) => {}
-                Err(error) => return Err(error),
-            }
+    for solver in iterative().filter(|_| meshes.affords(request, 0, own)) {
+        if !course.affords(&names::solved(0, own, solver, None)) {
+            continue;
+        }
+        // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
+        match candidate(request, 0, own, solver, &common(), course) {
+            Ok(candidate) => candidates.push(candidate),
+            Err(MeasureError::Green(_)) => {}
+            Err(error) => return Err(error),
         }
     }
     Ok(candidates)
@@ -162,14 +157,27 @@ pub fn candidate(
     element: &'static Element,
     solver: Solver,
     models: &[&'static ModelEntry],
-    progress: &dyn Progress,
+    course: &Course<'_>,
 ) -> Result<Candidate, MeasureError> {
     let scene = variant(request, refine, element, solver);
-    Ok(Candidate { refine, ..solved(&scene, request, models, progress)? })
+    let own = models.first().filter(|model| !is_common(model)).map(|model| model.name);
+    let key = names::solved(refine, element, solver, own);
+    Ok(Candidate { refine, ..solved(&key, &scene, request, models, course)? })
 }
 
 /// Solves the scene's body for these models; the candidate's `refine` is left at 0.
 pub fn solved(
+    key: &str,
+    scene: &Scene,
+    request: &Request<'_>,
+    models: &[&'static ModelEntry],
+    course: &Course<'_>,
+) -> Result<Candidate, MeasureError> {
+    let read = |bytes: &[u8]| kept_solution::read(scene, request.body, models, bytes);
+    course.step(key, &kept_solution::write, &read, |progress| solve_once(scene, request, models, progress))
+}
+
+fn solve_once(
     scene: &Scene,
     request: &Request<'_>,
     models: &[&'static ModelEntry],

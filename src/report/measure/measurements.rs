@@ -1,18 +1,21 @@
 //! Errors and costs of every setting: candidates × storages × models.
 
-use super::candidates::{Candidate, Meshes};
+use super::candidate::Candidate;
+use super::candidates::Meshes;
+use super::course::Course;
 use super::fields::stored;
 use super::frame::{TimedDeformer, time_in_turn};
 use super::of_models::{moves_inside, of_affine_columns};
-use super::pose_errors::{Compared, PoseErrors, spread};
+use super::names;
+use super::pose_errors::{Compared, spread};
 use super::reference::References;
 use super::request::{MeasureError, Request};
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPoses, MODELS, ModelEntry};
 use crate::green::{self, GreenFile, Precomputed};
-use crate::report::data::{Cost, Measurement, Setting};
+use crate::report::data::{Cost, Errors, Measurement, Setting};
 use crate::scene::Storage;
-use crate::solve::Progress;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -31,10 +34,9 @@ pub fn measurements(
     candidates: &[Candidate],
     references: &References<'_>,
     left_out: &mut Vec<String>,
-    progress: &dyn Progress,
+    course: &Course<'_>,
 ) -> Result<Vec<Measurement>, MeasureError> {
     let mut untimed = Vec::new();
-    progress.begin("errors", candidates.len() as u64);
     for candidate in candidates {
         let is_measured = |model: &&ModelEntry| {
             references.models_of_settings.iter().any(|measured| measured.name == model.name)
@@ -45,39 +47,50 @@ pub fn measurements(
         let models: Vec<&'static ModelEntry> = models.collect();
         let is_wide = candidate.solver.method.is_direct && models.len() > 1;
         let storages = if is_wide { Storage::ALL.to_vec() } else { vec![Storage::F32] };
-        let rounded: Vec<Vec<Vec<f64>>> = storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
-        let parts = Compared { meshes, candidates, candidate, references };
-        let mut files = Files::new();
-        for (turn, model) in models.into_iter().enumerate() {
-            let mut made = || -> Result<Vec<(Measurement, TimedDeformer)>, MeasureError> {
-                let errors = parts.errors(model, &rounded)?;
-                let stored = storages.iter().zip(&errors);
-                stored
-                    .map(|(&storage, errors)| row(request, candidate, model, storage, errors, &mut files))
-                    .collect()
-            };
-            match made() {
-                Ok(made) => {
-                    untimed.extend(made.into_iter().map(|(row, deformer)| Untimed { row, deformer, turn }));
-                }
-                Err(MeasureError::Model(why)) if !of_affine_columns().any(|m| m.name == model.name) => {
-                    if !left_out.contains(&why) {
-                        left_out.push(why);
+        let mut files = Files::default();
+        let judged = course.step_as_json(&names::errors(&candidate.name()), |_| {
+            let rounded: Vec<Vec<Vec<f64>>> =
+                storages.iter().map(|&s| stored(&candidate.solution, s)).collect();
+            let parts = Compared { meshes, candidates, candidate, references };
+            let mut errors = Vec::new();
+            for model in &models {
+                errors.push(match parts.errors(model, &rounded) {
+                    Ok(of) => Ok(of.iter().map(|poses| spread(poses)).collect()),
+                    Err(MeasureError::Model(why)) if !of_affine_columns().any(|m| m.name == model.name) => {
+                        Err(why)
+                    }
+                    Err(error) => return Err(error),
+                });
+                if request.packs {
+                    for storage in &storages {
+                        written(request, candidate, model, *storage, &mut files)?;
                     }
                 }
-                Err(error) => return Err(error),
+            }
+            Ok(Judged { errors, packed: files.packed.clone() })
+        })?;
+        files.packed.extend(judged.packed);
+        for (turn, (model, errors)) in models.into_iter().zip(judged.errors).enumerate() {
+            match errors {
+                Ok(errors) => {
+                    for (&storage, errors) in storages.iter().zip(errors) {
+                        let (row, deformer) = row(request, candidate, model, storage, errors, &mut files)?;
+                        untimed.push(Untimed { row, deformer, turn });
+                    }
+                }
+                Err(why) if left_out.contains(&why) => {}
+                Err(why) => left_out.push(why),
             }
         }
-        progress.advance(1);
     }
-    progress.end();
-    progress.begin("online timing", 0);
     let poses: Vec<ControlPoses> = references.poses.iter().map(|pose| pose.poses.clone()).collect();
     // Neighbours share a file, and the second would find it in the cache.
     untimed.sort_by_key(|of| of.turn);
     let mut deformers: Vec<&mut TimedDeformer> = untimed.iter_mut().map(|of| &mut of.deformer).collect();
-    time_in_turn(&mut deformers, &poses, request.limits.rounds);
-    progress.end();
+    course.step_anew(names::TIMES, |_| {
+        time_in_turn(&mut deformers, &poses, request.limits.rounds);
+        Ok(())
+    })?;
     let timed = untimed.into_iter().map(|Untimed { mut row, deformer, .. }| {
         row.cost.frame_p50_s = median(deformer.all_s.iter().copied());
         row.cost.frame_p99_s = quantile(deformer.all_s.iter().copied(), 0.99);
@@ -90,8 +103,21 @@ pub fn measurements(
     Ok(rows)
 }
 
-/// The .green files that were written of a candidate, by their names, with their costs: models of the same families share one.
-type Files = BTreeMap<String, (Arc<GreenFile>, Cost)>;
+/// The .green files that were written of a candidate, by their names: models of the same families share one.
+#[derive(Default)]
+struct Files {
+    /// With their costs.
+    written: BTreeMap<String, (Arc<GreenFile>, Cost)>,
+    /// Bytes when packed.
+    packed: BTreeMap<String, f64>,
+}
+
+/// The errors of a candidate as they are kept: of each model, for each storage, or why it has no state.
+#[derive(Serialize, Deserialize)]
+struct Judged {
+    errors: Vec<Result<Vec<Errors>, String>>,
+    packed: BTreeMap<String, f64>,
+}
 
 /// Candidates in their order, of each the storages in theirs, and of each the models.
 fn place(candidates: &[Candidate], setting: &Setting) -> [usize; 3] {
@@ -110,7 +136,7 @@ fn row(
     candidate: &Candidate,
     model: &ModelEntry,
     storage: Storage,
-    errors: &[PoseErrors],
+    error: Errors,
     files: &mut Files,
 ) -> Result<(Measurement, TimedDeformer), MeasureError> {
     let (file, cost) = written(request, candidate, model, storage, files)?;
@@ -127,7 +153,7 @@ fn row(
         surface_nodes: candidate.solution.surface.nodes.len(),
         forward_error: candidate.forward_error(),
         cost,
-        error: spread(errors),
+        error,
     };
     Ok((row, deformer))
 }
@@ -151,7 +177,7 @@ fn written(
         requirements.describe().replace(", ", "+")
     );
     let name = name.replace(' ', "-");
-    if let Some(known) = files.get(&name) {
+    if let Some(known) = files.written.get(&name) {
         return Ok(known.clone());
     }
     let path = request.scratch.join(&name);
@@ -168,8 +194,12 @@ fn written(
     let io = |source| MeasureError::Io { path: path.clone(), source };
     let mut packed_bytes = None;
     if request.packs {
-        let bytes = std::fs::read(&path).map_err(io)?;
-        packed_bytes = Some(green::packed(&bytes).map_err(io)?.len() as f64);
+        let known = files.packed.get(&name).copied();
+        packed_bytes = Some(match known {
+            Some(bytes) => bytes,
+            None => green::packed(&std::fs::read(&path).map_err(io)?).map_err(io)?.len() as f64,
+        });
+        files.packed.extend(packed_bytes.map(|bytes| (name.clone(), bytes)));
     }
     let stats = &candidate.solution.stats;
     let columns = candidate.solution.fields.data.len() as f64;
@@ -182,6 +212,6 @@ fn written(
         ..Cost::default()
     };
     let written = (Arc::new(GreenFile::open(&path)?), cost);
-    files.insert(name, written.clone());
+    files.written.insert(name, written.clone());
     Ok(written)
 }

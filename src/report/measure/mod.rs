@@ -15,33 +15,45 @@
 //! linear theory; forces and torques are compared in the same way. All errors are relative to that equilibrium: to the L2
 //! norm of its displacement, the root of its energy, its largest wrench.
 
+mod agenda;
+mod candidate;
 mod candidates;
+mod course;
 mod effects;
 mod fields;
 mod frame;
+mod kept;
+mod kept_solution;
 mod ladder;
 mod measurements;
 mod model_candidates;
+mod names;
 mod norms;
 mod of_models;
 mod pose_errors;
 pub mod poses;
 mod reference;
 mod request;
+mod shapes;
 mod smooth;
 mod trials;
 
+pub use kept::{FOLDER, remove};
 pub use ladder::MeshLadder;
 pub use norms::Norms;
 pub use request::{Limits, MeasureError, Request};
 
-use super::data::{Measurement, ModelError, Report, SCHEMA};
+use super::data::{Measurement, ModelError, Report, SCHEMA, Setting};
+use super::headline::shown_of;
 use crate::base::machine;
 use crate::deform::{ControlPoses, Kind, find_model};
 use crate::fem::Element;
 use crate::mesh::TetMesh;
-use crate::solve::Progress;
-use candidates::{Candidate, Meshes};
+use crate::solve::{Progress, Solver};
+use candidate::Candidate;
+use candidates::Meshes;
+use course::Course;
+use kept::Kept;
 use reference::References;
 
 /// Costs and errors of every setting, and what they are compared with.
@@ -65,80 +77,106 @@ struct Solved<'a> {
     left_out: Vec<String>,
 }
 
+/// The course of a request, with a word on how long it will take.
+fn course<'a>(
+    request: &Request<'_>,
+    meshes: &Meshes,
+    whole: bool,
+    progress: &'a dyn Progress,
+) -> Result<Course<'a>, MeasureError> {
+    let mut kept = None;
+    if let Some(folder) = request.keep {
+        let io = |source| MeasureError::Io { path: folder.to_owned(), source };
+        let (found, told) = Kept::open(folder, request).map_err(io)?;
+        told.iter().for_each(|told| progress.tell(told));
+        kept = Some(found);
+    }
+    let can_stop = if kept.is_some() {
+        "; Ctrl-C stops it, and the same command goes on from there"
+    } else {
+        ""
+    };
+    let course = Course::new(agenda::agenda(request, meshes, whole), request.limit_s, kept, progress);
+    progress.tell(&format!("measuring {}{can_stop}", course.forecast()));
+    Ok(course)
+}
+
 /// Measures all settings, and nothing else. This takes long; `progress` follows it.
 pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
     let meshes = Meshes::new(request)?;
-    Solved::new(&meshes, request, progress)?.measured(&meshes, request, progress)
+    let course = course(request, &meshes, false, progress)?;
+    let mut solved = Solved::new(&meshes, request, &course)?;
+    let rows = solved.rows(&meshes, request, &course)?;
+    Ok(solved.measured(rows))
 }
 
 impl<'a> Solved<'a> {
     fn new(
         meshes: &'a Meshes,
         request: &Request<'_>,
-        progress: &dyn Progress,
+        course: &Course<'_>,
     ) -> Result<Solved<'a>, MeasureError> {
         let mut left_out = Vec::new();
-        let mut candidates = candidates::solve(request, meshes, progress)?;
-        candidates.extend(model_candidates::solve(request, meshes, &mut left_out, progress)?);
-        let references = References::new(request, meshes, &candidates, progress)?;
+        let mut candidates = candidates::solve(request, meshes, course)?;
+        candidates.extend(model_candidates::solve(request, meshes, &mut left_out, course)?);
+        candidates.extend(candidates::solve_iteratively(request, meshes, course)?);
+        let references = References::new(request, meshes, &candidates, course)?;
         Ok(Solved { candidates, references, left_out })
     }
 
-    fn measured(
-        mut self,
+    fn rows(
+        &mut self,
         meshes: &Meshes,
         request: &Request<'_>,
-        progress: &dyn Progress,
-    ) -> Result<Measured, MeasureError> {
+        course: &Course<'_>,
+    ) -> Result<Vec<Measurement>, MeasureError> {
         let (candidates, references) = (&self.candidates, &self.references);
-        let rows = measurements::measurements(
-            request,
-            meshes,
-            candidates,
-            references,
-            &mut self.left_out,
-            progress,
-        )?;
+        measurements::measurements(request, meshes, candidates, references, &mut self.left_out, course)
+    }
+
+    fn measured(mut self, rows: Vec<Measurement>) -> Measured {
         self.references.models_left_out.append(&mut self.left_out);
-        Ok(Measured {
+        Measured {
             rows,
             references: self.references.sentences(&self.candidates),
             models: self.references.models,
             poses: self.references.poses.into_iter().map(|pose| (pose.name, pose.poses)).collect(),
             left_out: self.references.left_out,
             models_left_out: self.references.models_left_out,
-        })
+        }
     }
 }
 
 /// Measures settings, models, the smooth problem and effects.
 pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report, MeasureError> {
     let meshes = Meshes::new(request)?;
-    let solved = Solved::new(&meshes, request, progress)?;
-    let trials = trials::measure(request, &solved.candidates, &solved.references, progress)?;
-    let measured = solved.measured(&meshes, request, progress)?;
+    let course = course(request, &meshes, true, progress)?;
+    let mut solved = Solved::new(&meshes, request, &course)?;
+    let trials = trials::measure(request, &solved.candidates, &solved.references, &course)?;
+    let rows = solved.rows(&meshes, request, &course)?;
+    let own = own_setting(request);
+    let shown: Vec<usize> = shown_of(&rows, &own).into_iter().map(|shown| shown.row).collect();
+    let shapes = shapes::of(&meshes, &solved.candidates, &solved.references, &rows, &shown, &own);
+    let measured = solved.measured(rows);
     let mesh_of = |element: &'static Element, refine: u32| {
         let mesh = meshes.of(element).get(refine as usize);
         mesh.filter(|_| meshes.affords(request, refine as usize, element)).cloned()
     };
-    let smooth = smooth::measure(&mesh_of, meshes.linear.len() as u32, progress)?;
-    let body = &request.scene.body[request.body];
-    let is_online = |name: &str| find_model(name).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
-    let model = if is_online(&body.model) { &body.model } else { "linear" };
-    let effects = effects::measure(
-        request.scene,
-        request.body,
-        request.requirements_of,
-        model,
-        &measured.poses[0].1,
-        request.scratch,
-    )?;
+    let smooth = smooth::measure(&mesh_of, meshes.linear.len() as u32, &course)?;
+    let effects = course.step_as_json(names::EFFECTS, |_| {
+        let body = &request.scene.body[request.body];
+        let is_online = |name: &str| find_model(name).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
+        let model = if is_online(&body.model) { &body.model } else { "linear" };
+        let (of, poses) = (request.requirements_of, &measured.poses[0].1);
+        Ok(effects::measure(request.scene, request.body, of, model, poses, request.scratch)?)
+    })?;
     let base = &meshes.linear[0];
     let (low, high) = crate::mesh::quality::bounding_box(&base.nodes);
+    let machine = [Some(machine::description()), course.taken_over()];
     Ok(Report {
         schema: SCHEMA,
         program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
-        machine: machine::description(),
+        machine: machine.into_iter().flatten().collect::<Vec<_>>().join(". "),
         scene: request.scene.path.display().to_string(),
         command: request.command.clone(),
         body: request.body.to_owned(),
@@ -148,12 +186,28 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         poses: measured.poses.into_iter().map(|(name, _)| name).collect(),
         pose_source: request.pose_source.clone(),
         quick: request.quick,
+        own,
         rows: measured.rows,
         models: measured.models,
         trials,
         smooth,
         effects,
+        left_out: course.left_out(),
+        shapes,
     })
+}
+
+/// What the scene asks for; of a direct solver the tolerance means nothing.
+fn own_setting(request: &Request<'_>) -> Setting {
+    let body = &request.scene.body[request.body];
+    let Solver { method, tolerance, .. } = body.solver;
+    Setting {
+        refine: 0,
+        element: body.element.name.into(),
+        solver: if method.is_direct { Solver::default() } else { Solver { method, tolerance, ..Solver::default() } },
+        storage: body.storage.name().into(),
+        model: body.model.clone(),
+    }
 }
 
 /// Mesh, material and control elements of the body, one sentence each.

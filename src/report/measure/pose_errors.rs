@@ -3,7 +3,8 @@
 //! In: a candidate, a model, a pose with its equilibrium. Out: [`PoseErrors`] for each storage. What a mesh lacks on which a
 //! model is not made is carried on by other models ([`AtPose::carried`]).
 
-use super::candidates::{Candidate, Meshes};
+use super::candidate::Candidate;
+use super::candidates::Meshes;
 use super::fields::{ModelOutput, difference, displaced, evaluate_about, storage_error, wrenches_about};
 use super::of_models::moves_inside;
 use super::reference::{PoseReference, References, largest};
@@ -25,7 +26,7 @@ pub struct PoseErrors {
     model: f64,
     total: f64,
     uncancelled: f64,
-    displacement_m: f64,
+    pub displacement_m: f64,
     force: f64,
     torque: f64,
     uncancelled_held: f64,
@@ -67,6 +68,25 @@ impl Compared<'_> {
             }
         }
         Ok(errors)
+    }
+}
+
+impl Compared<'_> {
+    /// The whole error of a setting in a pose at the first nodes of the finest mesh, which are those of the scene's own, m; and
+    /// its figures.
+    pub fn field(
+        &self,
+        model: &'static ModelEntry,
+        rounded: &[Vec<f64>],
+        reference: &PoseReference,
+    ) -> Option<(Vec<Vector3<f64>>, PoseErrors)> {
+        let at = AtPose { of: self, reference, known: RefCell::default() };
+        let fields = ErrorFields::new(&at, model)?;
+        let (mut total, _) = fields.total(self, rounded);
+        for (node, error) in &fields.on_surface {
+            total[*node] += error;
+        }
+        Some((total, fields.with_storage(self, rounded)))
     }
 }
 
@@ -177,6 +197,8 @@ struct ErrorFields {
     pose: PoseErrors,
     /// The part of the model and its largest displacement, m, where they are known on the surface alone and no part of `sum`.
     surface: [f64; 2],
+    /// That part by the nodes of the scene's mesh.
+    on_surface: Vec<(usize, Vector3<f64>)>,
     /// L2 norm of the equilibrium that they are relative to, m.
     size: f64,
 }
@@ -192,9 +214,12 @@ impl ErrorFields {
         let at_base = at.raised(base, model)?;
         let (solver, size) = (difference(&here.field, &solved.field), &reference.size);
         let (mut surface, mut sum) = ([0.0; 2], sum(&solver, &discretisation));
+        let mut on_surface = Vec::new();
         let model_part = match &at_base.output.surface {
             Some(u) => {
                 surface = reference.surface_error(&base.solution, u).into();
+                let nodes = base.solution.surface.nodes.iter().map(|&node| node as usize);
+                on_surface = nodes.zip(u).map(|(n, u)| (n, u - reference.displacement[n])).collect();
                 surface[0]
             }
             None => {
@@ -231,15 +256,21 @@ impl ErrorFields {
             uncancelled_held: force[1].max(torque[1]),
             ..PoseErrors::default()
         };
-        Some(ErrorFields { here, sum, pose: errors, surface, size: size.displacement })
+        Some(ErrorFields { here, sum, pose: errors, surface, on_surface, size: size.displacement })
     }
 
-    fn with_storage(&self, of: &Compared<'_>, rounded: &[Vec<f64>]) -> PoseErrors {
-        let Compared { meshes, candidate, references, .. } = of;
+    /// The whole error but for what is known on the surface alone, and the part of storage, as fields on the finest mesh.
+    fn total(&self, of: &Compared<'_>, rounded: &[Vec<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
+        let Compared { meshes, candidate, .. } = of;
         let error = storage_error(&candidate.solution, rounded, &self.here.output);
         let turned: Vec<_> = error.iter().map(|e| self.here.output.motion.rotation * e).collect();
         let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
-        let total: Vec<_> = self.sum.iter().zip(&storage).map(|(sum, s)| sum + s).collect();
+        (sum(&self.sum, &storage), storage)
+    }
+
+    fn with_storage(&self, of: &Compared<'_>, rounded: &[Vec<f64>]) -> PoseErrors {
+        let references = of.references;
+        let (total, storage) = self.total(of, rounded);
         let storage = references.norms.l2(&storage) / self.size;
         let whole = references.norms.l2(&total) / self.size + self.surface[0];
         let PoseErrors { discretisation, solver, model, .. } = self.pose;

@@ -1,7 +1,10 @@
 //! What the settings are compared with: static equilibria at large strain, and the finest mesh.
 
-use super::candidates::{Candidate, Meshes, solved, variant};
+use super::candidate::Candidate;
+use super::candidates::{Meshes, solved, variant};
+use super::course::Course;
 use super::fields::{ModelOutput, difference, displaced, evaluate, evaluate_about, origins};
+use super::names;
 use super::norms::Norms;
 use super::of_models::{moves_inside, of_affine_columns, online};
 use super::request::{MeasureError, Request};
@@ -11,8 +14,9 @@ use crate::green;
 use crate::mesh::quality;
 use crate::report::data::ModelError;
 use crate::scene::Scene;
-use crate::solve::{Progress, Solver};
+use crate::solve::{Silent, Solver};
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 pub struct References<'a> {
     pub norms: Norms<'a>,
@@ -66,6 +70,25 @@ pub struct PoseReference {
     pub size: Size,
 }
 
+/// An equilibrium as it is kept.
+#[derive(Serialize, Deserialize)]
+struct EquilibriumOfPose {
+    displacement: Vec<[f64; 3]>,
+    /// Force and moment of each control element.
+    wrenches: Vec<[[f64; 3]; 2]>,
+    energy: f64,
+}
+
+impl From<&EquilibriumResult> for EquilibriumOfPose {
+    fn from(found: &EquilibriumResult) -> EquilibriumOfPose {
+        EquilibriumOfPose {
+            displacement: found.displacement.iter().map(|u| (*u).into()).collect(),
+            wrenches: found.wrenches.iter().map(|w| [w.force.into(), w.moment.into()]).collect(),
+            energy: found.energy,
+        }
+    }
+}
+
 /// Sizes of an equilibrium. In a pose that strains nothing, energy and forces are what rounding leaves of them.
 pub struct Size {
     /// Norm of the displacement in L2, m.
@@ -87,7 +110,7 @@ impl<'a> References<'a> {
         request: &Request<'_>,
         meshes: &'a Meshes,
         candidates: &[Candidate],
-        progress: &dyn Progress,
+        course: &Course<'_>,
     ) -> Result<References<'a>, MeasureError> {
         let is_ordinary = |c: &Candidate| of_affine_columns().all(|model| c.is_exact(model));
         let ordinary = candidates.iter().enumerate().filter(|(_, c)| is_ordinary(c));
@@ -105,7 +128,9 @@ impl<'a> References<'a> {
         if let Some(scene) = softened(&plain, request.body) {
             for own in candidates.iter().filter(|c| c.refine == 0 && c.element == &TET4) {
                 if own.solver.method.is_direct {
-                    soft.push(solved(&scene, request, &own.models, progress)?);
+                    let of: Vec<&str> = own.models.iter().map(|model| model.name).collect();
+                    let key = format!("a material that does not lock: {}", of.join(", "));
+                    soft.push(solved(&key, &scene, request, &own.models, course)?);
                 }
             }
         }
@@ -120,7 +145,7 @@ impl<'a> References<'a> {
             finest,
             soft,
         };
-        found.settle(request, meshes, candidates, progress)?;
+        found.settle(request, meshes, candidates, course)?;
         Ok(found)
     }
 
@@ -136,34 +161,40 @@ impl<'a> References<'a> {
         request: &Request<'_>,
         meshes: &Meshes,
         candidates: &[Candidate],
-        progress: &dyn Progress,
+        course: &Course<'_>,
     ) -> Result<(), MeasureError> {
         let scene = variant(request, 0, &TET4, Solver::default());
         let scene = softened(&scene, request.body).unwrap_or(scene);
-        let mut statics = Statics::new(&scene, request.body, &STVK, progress)?;
+        let mut statics = Statics::new(&scene, request.body, &STVK, &Silent)?;
         let suited = self.suited(candidates);
         let mut stateless = Vec::new();
-        progress.begin("nonlinear statics", 1000 * request.poses.len() as u64);
-        for (name, poses) in request.poses {
-            if let Some(model) = self.undefined(candidates, poses) {
-                self.left_out.push(format!(
-                    "{name}: the control elements are half a turn apart, where the model {model} has no mean rotation"
-                ));
-                continue;
-            }
-            let settled = match statics.solve(poses, progress) {
-                Ok(settled) if settled.inverted.is_empty() => settled,
-                Ok(settled) => {
-                    self.left_out
-                        .push(format!("{name}: {} tetrahedra turn inside out", settled.inverted.len()));
+        let all = course.step_as_json(names::EQUILIBRIA, |progress| {
+            let of = |(name, poses): &(String, ControlPoses)| {
+                if let Some(model) = self.undefined(candidates, poses) {
+                    return Ok(Err(format!(
+                        "{name}: the control elements are half a turn apart, where the model {model} has no mean rotation"
+                    )));
+                }
+                match statics.solve(poses, progress) {
+                    Ok(settled) if settled.inverted.is_empty() => Ok(Ok(EquilibriumOfPose::from(&settled))),
+                    Ok(settled) => {
+                        Ok(Err(format!("{name}: {} tetrahedra turn inside out", settled.inverted.len())))
+                    }
+                    Err(StaticsError::Stopped { share, .. }) => {
+                        Ok(Err(format!("{name}: no equilibrium beyond {:.0} % of the way", 100.0 * share)))
+                    }
+                    Err(error) => Err(error.into()),
+                }
+            };
+            request.poses.iter().map(of).collect::<Result<Vec<Result<_, String>>, MeasureError>>()
+        })?;
+        for ((name, poses), settled) in request.poses.iter().zip(all) {
+            let settled = match settled {
+                Ok(settled) => settled,
+                Err(why) => {
+                    self.left_out.push(why);
                     continue;
                 }
-                Err(StaticsError::Stopped { share, .. }) => {
-                    self.left_out
-                        .push(format!("{name}: no equilibrium beyond {:.0} % of the way", 100.0 * share));
-                    continue;
-                }
-                Err(error) => return Err(error.into()),
             };
             let reference = self.reference(meshes, &statics, name, poses, settled);
             for &model in &suited {
@@ -182,7 +213,6 @@ impl<'a> References<'a> {
             }
             self.poses.push(reference);
         }
-        progress.end();
         self.models_of_settings = suited.into_iter().filter(|m| !stateless.contains(&m.name)).collect();
         if self.poses.is_empty() {
             return Err(MeasureError::NoPose(self.left_out.join("; ")));
@@ -245,16 +275,18 @@ impl<'a> References<'a> {
         statics: &Statics,
         name: &str,
         poses: &ControlPoses,
-        settled: EquilibriumResult,
+        settled: EquilibriumOfPose,
     ) -> PoseReference {
-        // EquilibriumResult moments are about where the origins rested.
-        let moved = |(wrench, pose): (&Wrench, &crate::deform::ControlPose)| Wrench {
-            force: wrench.force,
-            moment: wrench.moment - pose.translation.cross(&wrench.force),
+        // The moments of an equilibrium are about where the origins rested.
+        let moved = |([force, moment], pose): (&[[f64; 3]; 2], &crate::deform::ControlPose)| {
+            let (force, moment) = (Vector3::from(*force), Vector3::from(*moment));
+            Wrench { force, moment: moment - pose.translation.cross(&force) }
         };
         let held: Vec<Wrench> = settled.wrenches.iter().zip(poses).map(moved).collect();
+        let settled_displacement: Vec<Vector3<f64>> =
+            settled.displacement.iter().map(|u| Vector3::from(*u)).collect();
         let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
-        let displacement = self.norms.l2(&meshes.ladder.raise(0, &settled.displacement));
+        let displacement = self.norms.l2(&meshes.ladder.raise(0, &settled_displacement));
         let (low, high) = quality::bounding_box(&statics.mesh.nodes);
         let extent = (high - low).amax();
         let stiffest = self.norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
@@ -269,7 +301,7 @@ impl<'a> References<'a> {
         PoseReference {
             name: name.to_owned(),
             poses: poses.clone(),
-            displacement: settled.displacement,
+            displacement: settled_displacement,
             held,
             size,
         }

@@ -44,6 +44,10 @@ pub struct Request<'a> {
     pub command: String,
     /// A folder for temporary files.
     pub scratch: &'a Path,
+    /// A folder in which finished steps are kept until the report is written.
+    pub keep: Option<&'a Path>,
+    /// Time in which the report should be there, s: what does not fit is left out.
+    pub limit_s: Option<f64>,
 }
 
 impl Request<'_> {

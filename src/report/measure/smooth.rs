@@ -3,10 +3,12 @@
 //! The field of a point force beside the body (Kelvin's solution) is prescribed on its whole surface; inside the body the
 //! exact solution is known.
 
+use super::course::Course;
+use super::names;
+use super::request::MeasureError;
 use crate::fem::{ELEMENTS, Lame, NodeFields};
 use crate::mesh::{Surface, TetMesh, quality};
 use crate::report::data::SmoothError;
-use crate::solve::Progress;
 use crate::verify::{Body, Element, Exact, Kelvin, Level, ProblemError, rate};
 use nalgebra::{Matrix3, Vector3};
 
@@ -30,32 +32,37 @@ impl Exact for Placed {
     }
 }
 
-/// Errors of every element on each of `levels` refinements. `mesh_of` returns `None` where the mesh would be too large.
+/// Errors of every element on each of `levels` refinements; none where a single one has no rate. `mesh_of` returns `None` where the
+/// mesh would be too large.
 pub fn measure(
     mesh_of: &dyn Fn(&'static Element, u32) -> Option<TetMesh>,
     levels: u32,
-    progress: &dyn Progress,
-) -> Result<Vec<SmoothError>, ProblemError> {
+    course: &Course<'_>,
+) -> Result<Vec<SmoothError>, MeasureError> {
     let mut rows = Vec::new();
-    progress.begin("smooth problem", ELEMENTS.len() as u64 * u64::from(levels));
-    for &element in ELEMENTS {
-        let mut own = Vec::new();
-        for refine in 0..levels {
-            if let Some(mesh) = mesh_of(element, refine) {
-                own.push(solve(element, refine, mesh)?);
-            }
-            progress.advance(1);
+    for &element in ELEMENTS.iter().filter(|_| levels > 1) {
+        if !course.affords(&names::smooth(element)) {
+            continue;
         }
-        let fitted = |error: fn(&SmoothError) -> f64| {
-            let level =
-                |row: &SmoothError| Level { h: row.h, nodes: 0, value: 0.0, error: error(row), seconds: 0.0 };
-            rate(&own.iter().map(level).collect::<Vec<_>>(), 0.0)
-        };
-        let rates = (fitted(|row| row.l2), fitted(|row| row.energy));
-        own.iter_mut().for_each(|row| (row.l2_rate, row.energy_rate) = rates);
-        rows.append(&mut own);
+        rows.append(&mut course.step_as_json(&names::smooth(element), |_| {
+            let meshes = (0..levels).filter_map(|refine| Some((refine, mesh_of(element, refine)?)));
+            let own = meshes.map(|(refine, mesh)| solve(element, refine, mesh));
+            let mut own = own.collect::<Result<Vec<SmoothError>, ProblemError>>()?;
+            let fitted = |error: fn(&SmoothError) -> f64| {
+                let level = |row: &SmoothError| Level {
+                    h: row.h,
+                    nodes: 0,
+                    value: 0.0,
+                    error: error(row),
+                    seconds: 0.0,
+                };
+                rate(&own.iter().map(level).collect::<Vec<_>>(), 0.0)
+            };
+            let rates = (fitted(|row| row.l2), fitted(|row| row.energy));
+            own.iter_mut().for_each(|row| (row.l2_rate, row.energy_rate) = rates);
+            Ok(own)
+        })?);
     }
-    progress.end();
     Ok(rows)
 }
 

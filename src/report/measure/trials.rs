@@ -4,7 +4,10 @@
 //! of a St. Venant–Kirchhoff body on the same mesh, and the time of a frame. A model is tried as a session has it: from a
 //! .green file with its families and its energy, in single precision.
 
-use super::candidates::{Candidate, variant};
+use super::candidate::Candidate;
+use super::candidates::variant;
+use super::course::Course;
+use super::names;
 use super::of_models::{families, online};
 use super::reference::{MOST_POISSON, References, softened};
 use super::request::{MeasureError, Request};
@@ -25,6 +28,18 @@ const QUICK_DEGREES: [f64; 3] = [10.0, 30.0, 90.0];
 
 /// Tries every online model; what cannot be tried stands among the sentences.
 pub fn measure(
+    request: &Request<'_>,
+    candidates: &[Candidate],
+    references: &References<'_>,
+    course: &Course<'_>,
+) -> Result<ModelTrials, MeasureError> {
+    if !course.affords(names::TRIALS) {
+        return Ok(ModelTrials::default());
+    }
+    course.step_as_json(names::TRIALS, |progress| tried(request, candidates, references, progress))
+}
+
+fn tried(
     request: &Request<'_>,
     candidates: &[Candidate],
     references: &References<'_>,

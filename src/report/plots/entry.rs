@@ -12,8 +12,8 @@ pub struct PlotEntry {
     pub reading: &'static str,
     /// What it shows of this body, in sentences made from the data; empty where there is nothing to say.
     pub caption: fn(&Report) -> String,
-    /// `None` where the report has no data for it.
-    pub picture: fn(&Report) -> Option<Picture>,
+    /// The error says why the plot would say nothing; it is empty where the report has no data for it.
+    pub picture: fn(&Report) -> Result<Picture, String>,
     pub table: Option<TableBelow>,
 }
 

@@ -19,10 +19,13 @@ pub const MESH: PlotEntry = PlotEntry {
     table: None,
 };
 
-fn picture(report: &Report) -> Option<Picture> {
+fn place(row: &Measurement) -> [f64; 2] {
+    [(OFFLINE.of)(&row.cost), row.error.discretisation.median]
+}
+
+fn picture(report: &Report) -> Result<Picture, String> {
     let elements = distinct(report.rows.iter().map(|row| &row.setting.element));
     let chosen = fastest_on_each_mesh(&report.rows);
-    let place = |row: &Measurement| [(OFFLINE.of)(&row.cost), row.error.discretisation.median];
     let front = pareto::front_of(chosen.iter().copied(), place);
     let point = |(i, row): (usize, &&Measurement)| {
         let [x, y] = place(row);
@@ -54,7 +57,7 @@ fn picture(report: &Report) -> Option<Picture> {
         front,
         triangles: Vec::new(),
     };
-    (!report.rows.is_empty()).then(|| plot.picture())
+    plot.told()
 }
 
 fn caption(report: &Report) -> String {
@@ -71,5 +74,7 @@ fn caption(report: &Report) -> String {
         }
     };
     let elements = distinct(chosen.iter().map(|row| &row.setting.element));
-    format!("{}.", listed(&elements.into_iter().map(sentence).collect::<Vec<_>>()))
+    let front = pareto::front_of(chosen.iter().copied(), place);
+    let outside = pareto::outside(&chosen, &front, place);
+    format!("{}.{outside}", listed(&elements.into_iter().map(sentence).collect::<Vec<_>>()))
 }

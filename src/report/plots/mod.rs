@@ -16,8 +16,9 @@ use super::data::Report;
 use super::drawing::canvas::Picture;
 
 /// In the order of the page.
-pub const PLOTS: [&PlotEntry; 12] = [
+pub const PLOTS: [&PlotEntry; 13] = [
     &online::ONLINE,
+    &online::FORCE,
     &split::SPLIT,
     &mesh::MESH,
     &one_parameter::SOLVER,
@@ -31,7 +32,13 @@ pub const PLOTS: [&PlotEntry; 12] = [
     &smooth::SMOOTH_ENERGY,
 ];
 
-/// Every plot that the report has data for.
+/// Every plot that has something to say.
 pub fn pictures(report: &Report) -> Vec<(&'static PlotEntry, Picture)> {
-    PLOTS.into_iter().filter_map(|entry| Some((entry, (entry.picture)(report)?))).collect()
+    PLOTS.into_iter().filter_map(|entry| Some((entry, (entry.picture)(report).ok()?))).collect()
+}
+
+/// The plots that are left out although there are data for them, and why.
+pub fn left_out(report: &Report) -> Vec<(&'static PlotEntry, String)> {
+    let why = |entry: &'static PlotEntry| Some((entry, (entry.picture)(report).err()?));
+    PLOTS.into_iter().filter_map(why).filter(|(_, why)| !why.is_empty()).collect()
 }

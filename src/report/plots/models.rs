@@ -27,7 +27,7 @@ fn by_rotation(report: &Report) -> Vec<(&String, Vec<&ModelError>)> {
     models.map(|model| (model, poses(model))).collect()
 }
 
-fn picture(report: &Report) -> Option<Picture> {
+fn picture(report: &Report) -> Result<Picture, String> {
     let models = by_rotation(report);
     let point = |(series, of): (usize, &ModelError)| {
         let (x, error) = (of.rotation.to_degrees(), relative(of.error));
@@ -49,7 +49,7 @@ fn picture(report: &Report) -> Option<Picture> {
         front: Vec::new(),
         triangles: Vec::new(),
     };
-    (!report.models.is_empty()).then(|| plot.picture())
+    plot.told()
 }
 
 fn caption(report: &Report) -> String {

@@ -88,7 +88,7 @@ impl OneParameter {
         points
     }
 
-    fn picture(&self, report: &Report) -> Option<Picture> {
+    fn picture(&self, report: &Report) -> Result<Picture, String> {
         let values = self.values(&report.rows);
         let meshes = distinct(report.rows.iter().map(|row| row.setting.mesh()));
         let lines = meshes.iter().enumerate().map(|(i, mesh)| self.line(&report.rows, &values, i, mesh));
@@ -105,7 +105,7 @@ impl OneParameter {
             front: Vec::new(),
             triangles: Vec::new(),
         };
-        (!report.rows.is_empty()).then(|| plot.picture())
+        plot.told()
     }
 
     /// For each value its largest error, and its cost as a multiple of the least on the same mesh.

@@ -56,7 +56,7 @@ struct Norm {
 }
 
 impl Norm {
-    fn picture(&self, report: &Report) -> Option<Picture> {
+    fn picture(&self, report: &Report) -> Result<Picture, String> {
         let rows = &report.smooth;
         let elements = distinct(rows.iter().map(|row| &row.element));
         let name = |element: &&String| {
@@ -86,7 +86,10 @@ impl Norm {
             front: Vec::new(),
             triangles: self.triangles(rows),
         };
-        (!rows.is_empty()).then(|| plot.picture())
+        if !rows.is_empty() && rows.iter().all(|row| (self.rate)(row).is_none()) {
+            return Err("a single refinement has no rate of convergence".into());
+        }
+        plot.told()
     }
 
     /// One for every promised rate, below the lowest line that it is promised to.

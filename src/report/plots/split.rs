@@ -34,8 +34,11 @@ fn efficient(report: &Report) -> Vec<&Measurement> {
     ladder(&report.rows, &ONLINE).into_iter().map(|i| &report.rows[i]).collect()
 }
 
-fn picture(report: &Report) -> Option<Picture> {
+fn picture(report: &Report) -> Result<Picture, String> {
     let rows = efficient(report);
+    if rows.is_empty() {
+        return Err("no setting can be chosen".into());
+    }
     let (names, note) = names_and_note(&rows.iter().map(|row| &row.setting).collect::<Vec<_>>());
     let names: Vec<String> = names.iter().map(|name| shortened(name, LONGEST)).collect();
     let note = format!("{note} From cheap to accurate. Bar: the total.");
@@ -67,7 +70,7 @@ fn picture(report: &Report) -> Option<Picture> {
     }
     let label = "relative L2 error (median of the poses)";
     canvas.text([0.5 * (left + right), bottom + 38.0], "middle", "gs-text", label);
-    (!report.rows.is_empty()).then(|| canvas.picture(bottom + 50.0))
+    Ok(canvas.picture(bottom + 50.0))
 }
 
 fn decade_below(value: f64) -> f64 {

@@ -83,7 +83,7 @@ fn line<'a>(report: &'a Report, model: &str, motion: TrialMotion) -> Vec<&'a Mod
 }
 
 impl Quantity {
-    fn picture(&self, report: &Report) -> Option<Picture> {
+    fn picture(&self, report: &Report) -> Result<Picture, String> {
         let models = models(report);
         let mut points = Vec::new();
         for (series, model) in models.iter().enumerate() {
@@ -107,7 +107,7 @@ impl Quantity {
             front: Vec::new(),
             triangles: Vec::new(),
         };
-        (!plot.points.is_empty()).then(|| plot.picture())
+        plot.told()
     }
 
     /// Up to which bend each model stays within a bearable error.
@@ -129,7 +129,7 @@ impl Quantity {
     }
 }
 
-fn trade(report: &Report) -> Option<Picture> {
+fn trade(report: &Report) -> Result<Picture, String> {
     let models = models(report);
     let mut points = Vec::new();
     for (series, model) in models.iter().enumerate() {
@@ -155,7 +155,7 @@ fn trade(report: &Report) -> Option<Picture> {
         front: Vec::new(),
         triangles: Vec::new(),
     };
-    (!plot.points.is_empty()).then(|| plot.picture())
+    plot.told()
 }
 
 /// Angles that stand beside their points.

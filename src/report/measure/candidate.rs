@@ -1,0 +1,48 @@
+//! A body solved with one discretisation and solver.
+
+use super::names;
+use super::of_models::is_common;
+use crate::deform::ModelEntry;
+use crate::fem::Element;
+use crate::green::Solution;
+use crate::solve::Solver;
+
+/// One discretisation, solved.
+pub struct Candidate {
+    pub refine: u32,
+    pub element: &'static Element,
+    pub solver: Solver,
+    /// The models that are measured with it.
+    pub models: Vec<&'static ModelEntry>,
+    pub solution: Solution,
+    pub offline_s: f64,
+}
+
+impl Candidate {
+    /// The name of the step that solved it.
+    pub fn name(&self) -> String {
+        let own = self.models.first().filter(|model| !is_common(model)).map(|model| model.name);
+        names::solved(self.refine, self.element, self.solver, own)
+    }
+
+    /// Whether it is this discretisation, solved directly, and the model is measured with it.
+    pub fn is_of(&self, refine: u32, element: &Element, model: &ModelEntry) -> bool {
+        (self.refine, self.element) == (refine, element) && self.is_exact(model)
+    }
+
+    /// Orders discretisations: quadratic elements before all refinements.
+    pub fn fineness(&self) -> (u32, u32) {
+        (self.element.order, self.refine)
+    }
+
+    /// Whether it is solved directly, and the model is measured with it.
+    pub fn is_exact(&self, model: &ModelEntry) -> bool {
+        self.solver.method.is_direct && self.models.iter().any(|own| own.name == model.name)
+    }
+
+    /// The solver's estimate; finite.
+    pub fn forward_error(&self) -> Option<f64> {
+        // NaN and infinity become the largest number, which JSON can hold.
+        Some(self.solution.stats.conditioning?.forward_error.min(f64::MAX))
+    }
+}
