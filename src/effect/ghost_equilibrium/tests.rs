@@ -9,6 +9,7 @@ use crate::solve::Silent;
 use crate::stage::Stage;
 use nalgebra::{Matrix3, Rotation3};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Length and side of [`bar`], m.
 pub(in crate::effect) const BAR: [f64; 2] = [4.0, 1.0];
@@ -20,7 +21,7 @@ pub(in crate::effect) fn bar(name: &str, model: &str, effects: &[&str]) -> (Scen
     let [length, side] = BAR;
     let text = format!(
         "[body.bar]\n\
-         generate = {{ block = {{ size = [{length}, {side}, {side}], cells = [16, 4, 4] }} }}\n\
+         generate = {{ block = {{ size = [{length}, {side}, {side}], cells = [12, 3, 3] }} }}\n\
          material = {{ young = {YOUNG}, poisson = 0.0 }}\n\
          model = \"{model}\"\n\
          effects = {effects:?}\n\
