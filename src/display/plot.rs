@@ -11,7 +11,7 @@ const RULE: Color32 = Color32::from_rgb(54, 62, 74);
 
 /// Size of a plot with its axes where there is so much room.
 pub(super) fn size(letter: f32, room: Vec2) -> Vec2 {
-    vec2((28.0 * letter).min(0.42 * room.x), (15.0 * letter).min(0.4 * room.y))
+    vec2((25.0 * letter).min(0.42 * room.x), (12.5 * letter).min(0.4 * room.y))
 }
 
 /// An axis over a range of values that holds 0, with its ticks.

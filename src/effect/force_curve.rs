@@ -234,10 +234,10 @@ impl Trace {
                 vec![("expected error ".into(), Tone::Quiet), (percent(errors[quantity]), Tone::Plain)]
             }
             Errors::Beyond => {
-                vec![("beyond the poses in which its error was measured".into(), Tone::Bad)]
+                vec![("beyond the poses of which the error is known".into(), Tone::Bad)]
             }
             Errors::Unmeasured => {
-                vec![("its error is not measured: list \"expected_errors\"".into(), Tone::Fair)]
+                vec![("error not measured: list \"expected_errors\"".into(), Tone::Fair)]
             }
         }
     }

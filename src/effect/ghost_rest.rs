@@ -75,7 +75,9 @@ impl Outlined {
             room_from_shape.transform_point(&Point3::from(self.shape.positions[node as usize])).into()
         };
         let line = move |[from, to]: &[u32; 2]| {
-            let color = [r, g, b, if over { 0.3 * opacity } else { opacity }];
+            // Opaque, so that pieces of an edge do not add up where they meet.
+            let color =
+                if over { [r, g, b, 0.3 * opacity] } else { [r * opacity, g * opacity, b * opacity, 1.0] };
             Line { from: of(*from), to: of(*to), color, width_px: 1.5, over: f32::from(u8::from(over)) }
         };
         self.edges.iter().map(line)

@@ -39,7 +39,7 @@ const COLOR: [f32; 4] = [1.0, 0.35, 0.62, 0.9];
 /// The same as sRGB, for the plate.
 const INK: [u8; 3] = [255, 161, 206];
 /// How much of it shows through the body.
-const THROUGH: f32 = 0.6;
+const THROUGH: f32 = 0.4;
 /// A ghost of a pose that has been left is fainter by this.
 const OLD: f32 = 0.4;
 
@@ -232,13 +232,12 @@ impl Found {
         match &self.answer.result {
             Ok(Solved { largest_m, rms_m, .. }) => {
                 let [largest, rms] = [largest_m, rms_m].map(|m| quantity(*m, "m"));
-                let head = format!("{name}: static equilibrium {of}, {}, ", title(law));
+                let found = format!("{}, found in {:.1} s", title(law), self.answer.seconds);
+                let off = format!("{model} {was} off by {largest} at most, {rms} RMS");
                 vec![
-                    vec![(head, tone), (format!("found in {:.1} s", self.answer.seconds), Tone::Quiet)],
-                    vec![
-                        (format!("the model {model} {was} off by {largest} at most, {rms} RMS"), told(tone)),
-                        (" over the surface".into(), Tone::Quiet),
-                    ],
+                    vec![(format!("{name}: static equilibrium {of}"), tone)],
+                    vec![(found, Tone::Quiet)],
+                    vec![(off, told(tone)), (" over the surface".into(), Tone::Quiet)],
                 ]
             }
             Err(why) => vec![vec![
