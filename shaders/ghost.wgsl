@@ -1,7 +1,7 @@
 // A shape that stands translucent in the room, as the rest shape of a body: clear where it is looked at straight, denser
 // towards its outline (a Fresnel term), so that its form is read without hiding what is behind. Its far side is left out.
 //
-// An opacity below 0 is that of what lies hidden behind a body: of that the outline alone shows.
+// An opacity below 0 is that of what lies hidden behind a body: that is fainter.
 
 struct Varyings {
     @builtin(position) clip: vec4<f32>,
@@ -32,11 +32,11 @@ fn vertex(
     return out;
 }
 
-// How opaque it is where the cosine between normal and sight is this; twin of `ghost_opacity` in src/render/ghost.rs.
+// How opaque it is where the cosine between normal and sight is this; its twin is in tests/pictures/render_ghosts.rs.
 fn ghost_opacity(n_dot_v: f32, opacity: f32) -> f32 {
     let grazing = 1.0 - n_dot_v;
-    let outline = grazing * grazing * grazing;
-    return saturate(select(opacity * (0.22 + 0.78 * outline), -opacity * outline, opacity < 0.0));
+    let clear = select(0.18, 0.12, opacity < 0.0);
+    return saturate(abs(opacity) * (clear + (1.0 - clear) * grazing * grazing * grazing));
 }
 
 @fragment

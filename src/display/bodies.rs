@@ -69,6 +69,8 @@ pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> Fram
         grid: world.grid(),
         strips: &world.strips,
         ghosts: &world.ghosts,
+        lines: &world.lines,
+        balls: &world.balls,
         ..Default::default()
     }
 }

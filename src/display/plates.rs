@@ -47,35 +47,40 @@ impl Plates<'_> {
     /// Room for the overlay's warnings.
     pub const OVER_WARNINGS: f32 = 0.11;
 
-    pub fn paint(&self, painter: &Painter, part: &Part) {
-        if self.plates.is_empty() {
-            return;
-        }
+    /// Returns the rectangles of all plates: those in the right corner, those in the left one, and those beside places.
+    pub fn paint(&self, painter: &Painter, part: &Part) -> Vec<Rect> {
         let painter = &painter.with_clip_rect(part.rect);
         let letter = letter_height(part.rect);
         let inside = part.rect.shrink(letter);
-        let is_faced = part.screen == self.stage.faced_screen();
-        let [mut left, mut right] = [inside.max.y - self.lift * inside.height(); 2];
-        for plate in self.plates {
-            let laid_out = LaidOut::new(painter, plate, letter, inside);
-            let size = laid_out.size;
-            let corner = match plate.anchor {
-                Anchor::LowerLeft if is_faced => {
-                    left -= size.y + 0.5 * letter;
-                    pos2(inside.min.x, left)
+        let bottom = inside.max.y - self.lift * inside.height();
+        let of = |is: fn(&Anchor) -> bool| self.plates.iter().filter(move |plate| is(&plate.anchor));
+        let mut painted = Vec::new();
+        if part.screen == self.stage.faced_screen() {
+            let mut place = |plates: &mut dyn Iterator<Item = &Plate>, width: f32, is_right: bool| {
+                let (mut top, mut widest) = (bottom, 0.0_f32);
+                for plate in plates {
+                    let laid_out = LaidOut::new(painter, plate, letter, vec2(width, inside.height()));
+                    top -= laid_out.size.y;
+                    let x = if is_right { inside.max.x - laid_out.size.x } else { inside.min.x };
+                    widest = widest.max(laid_out.size.x + letter);
+                    painted.push(laid_out.paint(painter, pos2(x, top).round(), letter));
+                    top -= 0.5 * letter;
                 }
-                Anchor::LowerRight if is_faced => {
-                    right -= size.y + 0.5 * letter;
-                    pos2(inside.max.x - size.x, right)
-                }
-                Anchor::Place(place) => match self.pixel(part, place) {
-                    Some(at) => beside(painter, at, size, inside, letter),
-                    None => continue,
-                },
-                _ => continue,
+                widest
             };
-            laid_out.paint(painter, corner.round(), letter);
+            let right = &mut of(|anchor| *anchor == Anchor::LowerRight);
+            let taken = place(right, inside.width(), true);
+            // Words in the left corner break where the plates in the right one begin.
+            place(&mut of(|anchor| *anchor == Anchor::LowerLeft), inside.width() - taken, false);
         }
+        for plate in self.plates {
+            let Anchor::Place(place) = plate.anchor else { continue };
+            let Some(at) = self.pixel(part, place) else { continue };
+            let laid_out = LaidOut::new(painter, plate, letter, inside.size());
+            let corner = beside(painter, at, laid_out.size, inside, letter);
+            painted.push(laid_out.paint(painter, corner.round(), letter));
+        }
+        painted
     }
 
     /// Where a place in the room is seen; `None` where it is not.
@@ -91,7 +96,7 @@ impl Plates<'_> {
 
 /// Letters are 9 to 26 pixels high.
 fn letter_height(rect: Rect) -> f32 {
-    (rect.height() / 46.0).min(rect.width() / 64.0).clamp(9.0, 26.0)
+    (rect.height() / 50.0).min(rect.width() / 76.0).clamp(9.0, 26.0)
 }
 
 /// Up and to the right of a place, with a line from it; within the picture.
@@ -104,10 +109,10 @@ fn beside(painter: &Painter, at: Pos2, size: Vec2, inside: Rect, letter: f32) ->
 }
 
 impl<'a> LaidOut<'a> {
-    fn new(painter: &Painter, plate: &'a Plate, letter: f32, inside: Rect) -> LaidOut<'a> {
+    fn new(painter: &Painter, plate: &'a Plate, letter: f32, room: Vec2) -> LaidOut<'a> {
         let line = |words: &Vec<(String, Tone)>| {
             let mut job = egui::text::LayoutJob::default();
-            job.wrap.max_width = (inside.width() - 2.0 * letter).max(8.0 * letter);
+            job.wrap.max_width = (room.x - 1.2 * letter).max(8.0 * letter);
             for (text, tone) in words {
                 job.append(text, 0.0, egui::TextFormat::simple(FontId::monospace(letter), ink(*tone)));
             }
@@ -116,12 +121,12 @@ impl<'a> LaidOut<'a> {
         let lines: Vec<Arc<Galley>> = plate.lines.iter().map(line).collect();
         let width = lines.iter().map(|line| line.size().x).fold(0.0, f32::max);
         let height: f32 = lines.iter().map(|line| line.size().y).sum();
-        let plot = plate.plot.as_ref().map_or(Vec2::ZERO, |_| plot::size(letter, inside));
+        let plot = plate.plot.as_ref().map_or(Vec2::ZERO, |_| plot::size(letter, room));
         let size = vec2(width.max(plot.x), height + plot.y) + vec2(1.2 * letter, 0.8 * letter);
         LaidOut { plate, lines, size }
     }
 
-    fn paint(self, painter: &Painter, corner: Pos2, letter: f32) {
+    fn paint(self, painter: &Painter, corner: Pos2, letter: f32) -> Rect {
         let plate = Rect::from_min_size(corner, self.size);
         painter.rect_filled(plate, 0.3 * letter, DARK.gamma_multiply(0.86));
         let mut at = corner + vec2(0.6 * letter, 0.4 * letter);
@@ -134,5 +139,68 @@ impl<'a> LaidOut<'a> {
             let rest = Rect::from_min_max(pos2(corner.x, at.y), plate.max);
             plot::paint(painter, rest, letter, shown);
         }
+        plate
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::plates::{Axis, Plot};
+    use crate::stage::{Eye, Stereo, Tile};
+
+    /// The rectangles of plates on a screen of 1280 by 800 pixels, and where a place is seen on it.
+    fn painted(plates: &[Plate], place: [f64; 3]) -> (Vec<Rect>, Option<Pos2>) {
+        let stage = Stage::find("desktop").unwrap();
+        let visible = Tile::whole(&stage, 0, Stereo::Mono).visible(&stage.screens[0], [1280, 800]).unwrap();
+        let rect = Rect::from_min_size(Pos2::ZERO, vec2(1280.0, 800.0));
+        let part = Part { screen: 0, eye: Eye::Centre, rect, visible };
+        let plates =
+            Plates { stage: &stage, room_from_head: &stage.viewer.room_from_head, plates, lift: 0.0 };
+        let (mut rects, context) = (Vec::new(), egui::Context::default());
+        let input = egui::RawInput { screen_rect: Some(rect), ..Default::default() };
+        let layer = egui::LayerId::background();
+        let _ = context.run_pass(input, |context| rects = plates.paint(&context.layer_painter(layer), &part));
+        (rects, plates.pixel(&part, place))
+    }
+
+    #[test]
+    fn plates_stand_in_their_corners_and_over_no_other() {
+        let plot = Plot {
+            x: Axis { name: "displacement", unit: "m" },
+            y: Axis { name: "force", unit: "N" },
+            curves: vec![vec![[0.0, 0.0], [0.1, 5.0]]],
+            band: Vec::new(),
+            now: None,
+        };
+        let long = "a sentence of many words that goes on and on ".repeat(4);
+        let plates = [
+            Plate::of(Anchor::LowerLeft, long.clone()),
+            Plate { plot: Some(plot), ..Plate::of(Anchor::LowerRight, "curve") },
+            Plate::of(Anchor::LowerLeft, "second"),
+        ];
+        let (rects, _) = painted(&plates, [0.0; 3]);
+        let [right, left, above] = rects[..] else { panic!("{rects:?}") };
+        assert!(right.max.x > 1200.0 && right.max.y > 760.0 && left.min.x < 40.0 && left.max.y > 760.0);
+        assert!(above.max.y < left.min.y && above.min.x == left.min.x, "above each other");
+        assert!(
+            !right.intersects(left) && left.height() > 2.0 * above.height(),
+            "{right} {left}: it is wrapped"
+        );
+    }
+
+    #[test]
+    fn a_plate_stands_beside_its_place_and_not_where_that_is_not_seen() {
+        let stage = Stage::find("desktop").unwrap();
+        let centre = stage.workspace.centre;
+        let [seen, behind] = [centre.into(), (centre + nalgebra::Vector3::z() * 10.0).into()];
+        let plates = [Plate::of(Anchor::Place(seen), "here"), Plate::of(Anchor::Place(behind), "nowhere")];
+        let (rects, at) = painted(&plates, seen);
+        let ([rect], Some(at)) = (&rects[..], at) else { panic!("{rects:?} {at:?}") };
+        assert!((at.x - 640.0).abs() < 2.0, "the middle of the workspace is before the viewer: {at}");
+        assert!(
+            rect.min.x > at.x && rect.max.y < at.y && rect.min.distance(at) < 200.0,
+            "{rect} beside {at}"
+        );
     }
 }

@@ -9,9 +9,9 @@ const CURVE: Color32 = Color32::from_rgb(97, 175, 239);
 const NOW: Color32 = Color32::from_rgb(170, 214, 84);
 const RULE: Color32 = Color32::from_rgb(54, 62, 74);
 
-/// Size of a plot with its axes on a picture.
-pub(super) fn size(letter: f32, inside: Rect) -> Vec2 {
-    vec2((28.0 * letter).min(0.42 * inside.width()), (15.0 * letter).min(0.4 * inside.height()))
+/// Size of a plot with its axes where there is so much room.
+pub(super) fn size(letter: f32, room: Vec2) -> Vec2 {
+    vec2((25.0 * letter).min(0.42 * room.x), (12.5 * letter).min(0.4 * room.y))
 }
 
 /// An axis over a range of values that holds 0, with its ticks.
@@ -27,7 +27,8 @@ struct Scale {
 impl Scale {
     fn new(axis: Axis, values: impl Iterator<Item = f64>) -> Scale {
         let finite = values.filter(|value| value.is_finite());
-        let (low, high) = finite.fold((0.0_f64, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
+        let (low, high) =
+            finite.fold((0.0_f64, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
         let high = if high - low > 0.0 { high } else { low + 1.0 };
         let step = nice_step((high - low) / 4.0);
         let (low, high) = ((low / step).floor() * step, (high / step).ceil() * step);

@@ -8,6 +8,7 @@
 
 mod entry;
 pub mod expected;
+pub mod force_curve;
 mod ghost_equilibrium;
 mod ghost_rest;
 pub mod haptics;
@@ -25,7 +26,7 @@ use crate::world::World;
 
 /// All effects; a new one is one file and one line here.
 pub const EFFECTS: &[EffectEntry] =
-    &[haptics::live::ENTRY, expected::ENTRY, ghost_rest::ENTRY, ghost_equilibrium::ENTRY];
+    &[haptics::live::ENTRY, expected::ENTRY, ghost_rest::ENTRY, ghost_equilibrium::ENTRY, force_curve::ENTRY];
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {

@@ -88,18 +88,20 @@ pub struct Line {
     /// Linear RGB and opacity.
     pub color: [f32; 4],
     pub width_px: f32,
+    /// 1 where it lies over everything, 0 where what is nearer hides it.
+    pub over: f32,
 }
 
 impl Line {
     pub fn new(from: Point3<f64>, to: Point3<f64>, color: [f32; 4], width_px: f32) -> Self {
-        Self { from: from.cast().into(), to: to.cast().into(), color, width_px }
+        Self { from: from.cast().into(), to: to.cast().into(), color, width_px, over: 0.0 }
     }
 }
 
 /// The surface of a [`Ghost`]; it is uploaded once, as long as somebody holds it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GhostShape {
-    /// In the shape's frame, m, and their unit normals.
+    /// In the shape's frame, m, and unit normals.
     pub positions: Vec<[f32; 3]>,
     pub normals: Vec<[f32; 3]>,
     /// Counter-clockwise seen from outside.
@@ -124,7 +126,7 @@ pub struct Ghost {
     pub room_from_shape: Matrix4<f32>,
     /// Linear RGB, and the opacity of its outline.
     pub color: [f32; 4],
-    /// How much of its outline shows where a body hides it, 0 to 1.
+    /// How much of it shows where a body hides it, 0 to 1.
     pub through: f32,
 }
 

@@ -1,5 +1,5 @@
 //! Draws translucent shapes after all that is opaque: they test depth and write none, so that their order is the same for
-//! every eye. Their far side is left out; what lies hidden behind a body is shown by its outline, where that is asked for.
+//! every eye. Their far side is left out; what lies hidden behind a body shows through it, where that is asked for.
 //!
 //! A shape is uploaded once, as long as somebody holds it; a frame moves, colours and draws it.
 

@@ -19,7 +19,7 @@ use crate::deform::Deformer;
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
 use crate::interact::Action;
-use crate::render::{Arrow, Ghost, Grid, StylusShape, View};
+use crate::render::{Arrow, Ball, Ghost, Grid, Line, StylusShape, View};
 use crate::scene::{Body, Scene};
 use crate::stage::{Eye, Stage};
 use crate::track::{Signal, TrackerState};
@@ -47,8 +47,10 @@ pub struct World {
     pub arrows: Vec<Arrow>,
     /// What effects draw with shaders of their own.
     pub strips: Vec<Strips>,
-    /// Translucent shapes, and what is written over the pictures: of effects, and of the ruler.
+    /// Translucent shapes, lines, balls, and what is written over the pictures: of effects, and of the ruler.
     pub ghosts: Vec<Ghost>,
+    pub lines: Vec<Line>,
+    pub balls: Vec<Ball>,
     pub plates: Vec<Plate>,
     /// Each picture is kept, and waits for what is computed in the background.
     pub is_for_pictures: bool,
@@ -109,6 +111,8 @@ impl World {
             arrows: Vec::new(),
             strips: Vec::new(),
             ghosts: Vec::new(),
+            lines: Vec::new(),
+            balls: Vec::new(),
             plates: Vec::new(),
             is_for_pictures: false,
             times: StepTimes::default(),
@@ -166,6 +170,8 @@ impl World {
         self.clock_s = clock_s;
         self.strips.clear();
         self.ghosts.clear();
+        self.lines.clear();
+        self.balls.clear();
         self.plates.clear();
         std::mem::swap(&mut self.actions, &mut self.pending);
         self.pending.clear();
@@ -178,6 +184,7 @@ impl World {
         self.ease(state.time_s);
         self.take_news();
         self.evaluate();
+        self.show_ruler();
         self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
         self.times
     }

@@ -13,6 +13,7 @@ mod looks;
 #[path = "../render_common/mod.rs"]
 mod render_common;
 mod render_deform;
+mod render_ghosts;
 mod render_multiview;
 mod render_pixels;
 mod render_stereo;

@@ -121,6 +121,29 @@ fn without_haptics_neither_deform_nor_the_deformer_tells_forces() {
     }
 }
 
+/// What is only drawn asks for no number of the file; a curve asks for those of forces, and for no errors.
+#[test]
+fn ghosts_precompute_nothing_and_a_curve_what_forces_need() {
+    let [plain, ghosts, curve] = [
+        ("plain-of-ghosts", ""),
+        ("ghosts", r#""ghost_rest", "ghost_equilibrium""#),
+        ("curve", r#""force_curve""#),
+    ]
+    .map(|(name, effects)| {
+        let place = tube(&format!("effects-{name}"), effects);
+        let (table, progress) = said(&place, &["precompute", "tube.toml"]);
+        assert!(!progress.contains("errors of") && table.contains("assembly"), "{name}: {progress}");
+        tensors(&place.join("tube.green"))
+    });
+    assert_eq!(plain, ghosts, "the same to the byte");
+    assert_eq!(curve.1 - plain.1, STIFFNESS_BYTES + CUBIC_BYTES);
+    let place = tube("effects-curve-asked", "");
+    let output =
+        common::program(&place, &["render", "tube.toml", "-o", "out", "--curve", "c.csv"]).output().unwrap();
+    let told = text(&output.stderr);
+    assert!(output.status.code() == Some(2) && told.contains("lists the effect \"force_curve\""), "{told}");
+}
+
 /// A file that was made for other effects is never taken for the scene's own, in either direction.
 #[test]
 fn another_list_of_effects_makes_the_file_anew() {

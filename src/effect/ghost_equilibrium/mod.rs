@@ -10,19 +10,18 @@ mod solving;
 pub(super) mod tests;
 
 use super::entry::{EffectEntry, Listed};
-use super::ghost_rest::shape;
+use super::ghost_rest::Outlined;
 use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::base::quantity::quantity;
 use crate::deform::{ControlPose, ControlPoses, FollowedTurn, Kind, StateAge, find_model};
 use crate::fem::{Law, STVK};
-use crate::render::{Ghost, GhostShape};
+use crate::render::Ghost;
 use crate::world::{PlacedBody, World};
 use nalgebra::Vector3;
 use solving::{Answer, Question, Solved, Solving, Subject};
 use std::f64::consts::TAU;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
@@ -39,8 +38,8 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
 const COLOR: [f32; 4] = [1.0, 0.35, 0.62, 0.9];
 /// The same as sRGB, for the plate.
 const INK: [u8; 3] = [255, 161, 206];
-/// How much of its outline shows through the body.
-const THROUGH: f32 = 0.5;
+/// How much of it shows through the body.
+const THROUGH: f32 = 0.4;
 /// A ghost of a pose that has been left is fainter by this.
 const OLD: f32 = 0.4;
 
@@ -69,7 +68,7 @@ struct Watched {
 /// The last answer, with the ghost of an equilibrium.
 struct Found {
     answer: Answer,
-    ghost: Option<Arc<GhostShape>>,
+    ghost: Option<Outlined>,
 }
 
 impl EquilibriumGhosts {
@@ -144,7 +143,7 @@ impl Watched {
 
     fn take(&mut self, body: &PlacedBody, waits: bool) {
         let Some(answer) = self.solving.as_mut().and_then(|solving| solving.answer(waits)) else { return };
-        let ghost = |solved: &Solved| Arc::new(shape(&body.deformer, Some(&solved.displacement)));
+        let ghost = |solved: &Solved| Outlined::new(&body.deformer, Some(&solved.displacement));
         let ghost = answer.result.as_ref().ok().map(ghost);
         self.found = Some(Found { answer, ghost });
     }
@@ -169,15 +168,18 @@ impl Watched {
             return;
         }
         let room_from_shape = body.room_from_body.to_homogeneous().cast();
-        let ghost = self.found.as_ref().and_then(|found| {
-            let is_old = found.is_left(body);
-            let shape = found.ghost.clone()?;
-            let [r, g, b, opacity] = COLOR;
-            let color = [r, g, b, opacity * if is_old { OLD } else { 1.0 }];
-            Some(Ghost { shape, room_from_shape, color, through: THROUGH })
-        });
         let plate = self.plate(body);
-        world.ghosts.extend(ghost);
+        if let Some((found, outlined)) =
+            self.found.as_ref().and_then(|found| Some((found, found.ghost.as_ref()?)))
+        {
+            let [r, g, b, opacity] = COLOR;
+            let color = [r, g, b, opacity * if found.is_left(body) { OLD } else { 1.0 }];
+            let shape = outlined.shape.clone();
+            for over in [false, true] {
+                world.lines.extend(outlined.lines(&room_from_shape, color, over));
+            }
+            world.ghosts.push(Ghost { shape, room_from_shape, color, through: THROUGH });
+        }
         world.plates.push(plate);
     }
 
@@ -221,20 +223,21 @@ impl Found {
         // What is a millionth of the body away is the same pose, to rounding.
         let (of, was) = match away {
             away if is_old => (format!("of a pose {} away", quantity(away, "m")), "was"),
-            away if away > 1e-6 * body.ball.1 => (format!("of this pose within {}", quantity(away, "m")), "is"),
+            away if away > 1e-6 * body.ball.1 => {
+                (format!("of this pose within {}", quantity(away, "m")), "is")
+            }
             _ => ("of this pose".into(), "is"),
         };
         let tone = if is_old { Tone::Quiet } else { Tone::Own(INK) };
         match &self.answer.result {
             Ok(Solved { largest_m, rms_m, .. }) => {
                 let [largest, rms] = [largest_m, rms_m].map(|m| quantity(*m, "m"));
-                let head = format!("{name}: static equilibrium {of}, {}, ", title(law));
+                let found = format!("{}, found in {:.1} s", title(law), self.answer.seconds);
+                let off = format!("{model} {was} off by {largest} at most, {rms} RMS");
                 vec![
-                    vec![(head, tone), (format!("found in {:.1} s", self.answer.seconds), Tone::Quiet)],
-                    vec![
-                        (format!("the model {model} {was} off by {largest} at most, {rms} RMS"), told(tone)),
-                        (" over the surface".into(), Tone::Quiet),
-                    ],
+                    vec![(format!("{name}: static equilibrium {of}"), tone)],
+                    vec![(found, Tone::Quiet)],
+                    vec![(off, told(tone)), (" over the surface".into(), Tone::Quiet)],
                 ]
             }
             Err(why) => vec![vec![
