@@ -53,8 +53,8 @@ pub const CHAPTERS: &[Chapter] = &[
     Chapter {
         name: "bar",
         title: "A bar is pulled: is the force right?",
-        text: "Linear theory against its formula. Poisson's ratio is 0 here: the bar grows no thinner, so its clamped ends change \
-               nothing.",
+        text: "Linear theory against its formula. Poisson's ratio is 0 here: the bar grows no thinner, and its clamped ends change \
+               nothing. In brackets: what a St. Venant-Kirchhoff body of that length would pull.",
         scene: "bar",
         effects: &[],
         stage: "demo",

@@ -35,7 +35,8 @@ pub fn bend(_: &Scene, world: &World) -> String {
     }
 }
 
-/// The pull of the first body, a generated block, along x: the model's force beside E A ΔL / L.
+/// The pull of the first body, a generated block without lateral contraction, along x: the model's force beside E A ΔL / L, and
+/// that of a St. Venant-Kirchhoff body, E A (λ³ - λ)/2.
 pub fn pull(scene: &Scene, world: &World) -> String {
     let (Some(body), Some(asked)) = (world.bodies.first(), scene.body.values().next()) else {
         return String::new();
@@ -47,12 +48,11 @@ pub fn pull(scene: &Scene, world: &World) -> String {
         None => (0.0, 0.0),
     };
     let theirs = asked.material.young * width * height * longer / length;
-    let off = expected_part(body).filter(|_| ours.abs() > 0.0).map(|part| {
-        format!("     (nonlinear equilibrium: within {})", per_cent(part))
-    });
+    let stretch = 1.0 + longer / length;
+    let nonlinear = asked.material.young * width * height * (stretch.powi(3) - stretch) / 2.0;
     format!(
-        "ΔL = {:.1} mm     ours {}     E A ΔL / L = {}{}",
-        1e3 * longer, newtons(ours), newtons(theirs), off.unwrap_or_default()
+        "ΔL = {:.1} mm     ours {}     E A ΔL / L = {}     (nonlinear: {})",
+        1e3 * longer, newtons(ours), newtons(theirs), newtons(nonlinear)
     )
 }
 

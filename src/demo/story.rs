@@ -22,6 +22,7 @@ use crate::session::{Leader, Session};
 use crate::stage::Stage;
 use crate::track::find_stage;
 use crate::world::World;
+use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// How long the end of a chapter is shown before the next, s; less than the pause in which a script begins anew.
@@ -204,8 +205,10 @@ impl Story {
         shown.session.advance(self.clock_s)?;
         if chapter.looks == Looks::AtRoom && !shown.camera_rests {
             let camera = Camera::of(&shown.session.world.stage);
-            let turned = camera.azimuth - 1.1 + 0.16 * self.clock_s;
-            shown.screens.overlays.show_room(Camera { azimuth: turned, ..camera });
+            // Round from behind the viewer's shoulder; lower, so that the caption hides nothing.
+            let azimuth = camera.azimuth - 0.55 + 0.16 * self.clock_s;
+            let target = camera.target - Vector3::y() * (0.07 * camera.distance_m);
+            shown.screens.overlays.show_room(Camera { azimuth, target, ..camera });
         }
         Ok(())
     }

@@ -42,8 +42,7 @@ impl Caption {
 
     /// The plate at the bottom.
     fn words(&self, painter: &Painter, picture: Rect, size: f32) {
-        let margin = (0.7 * size).round();
-        let wide = (picture.width() - 2.0 * margin).min(56.0 * size);
+        let wide = picture.width().min(56.0 * size);
         let inside = wide - 2.0 * size;
         let title = line(painter, &self.title, 1.15 * size, INK, inside);
         let mut rows = vec![(title, 0.25 * size), (line(painter, &self.text, 0.88 * size, QUIET, inside), 0.3 * size)];
@@ -51,9 +50,10 @@ impl Caption {
             rows.push((line(painter, &self.numbers, 1.05 * size, ACCENT, inside), 0.1 * size));
         }
         let height: f32 = rows.iter().map(|(row, gap)| row.size().y + gap).sum::<f32>() + 1.1 * size;
-        let corner = pos2(picture.center().x - wide / 2.0, picture.max.y - margin - height).round();
+        let corner = pos2(picture.center().x - wide / 2.0, picture.max.y - height).round();
         let plate = Rect::from_min_size(corner, vec2(wide, height));
-        painter.rect_filled(plate, 0.35 * size, DARK.gamma_multiply(0.82));
+        let whole = Rect::from_min_max(pos2(picture.min.x, corner.y), picture.max);
+        painter.rect_filled(whole, 0.0, DARK.gamma_multiply(0.9));
         let mut top = plate.min.y + 0.5 * size;
         for (row, gap) in rows {
             let height = row.size().y;
