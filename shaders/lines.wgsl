@@ -1,5 +1,5 @@
 // Straight lines of a constant width in pixels, anti-aliased by the distance of a pixel from the middle of its line.
-// One instance a line, a strip of four corners. Thinner than a pixel they get fainter instead.
+// One instance a line, a strip of four corners. Thinner than a pixel they get fainter instead. One may lie over everything.
 
 struct Varyings {
     @builtin(position) clip: vec4<f32>,
@@ -17,6 +17,7 @@ fn vertex(
     @location(1) to_in_room: vec3<f32>,
     @location(2) color: vec4<f32>,
     @location(3) width: f32,
+    @location(4) over: f32,
 ) -> Varyings {
     var start = views[eye].clip_from_room * vec4<f32>(from_in_room, 1.0);
     var end = views[eye].clip_from_room * vec4<f32>(to_in_room, 1.0);
@@ -45,7 +46,8 @@ fn vertex(
     let clip = select(start, end, is_end);
     let middle_px = select(start_px - direction * half_width, end_px + direction * half_width, is_end);
     let place_px = middle_px + vec2<f32>(-direction.y, direction.x) * (side * reach);
-    out.clip = vec4<f32>(place_px / half_size * clip.w, clip.z, clip.w);
+    // Depth is reversed: at 1 it is nearer than all.
+    out.clip = vec4<f32>(place_px / half_size * clip.w, mix(clip.z, clip.w, over), clip.w);
     out.color = vec4<f32>(color.rgb, color.a * min(width, 1.0));
     out.across = vec2<f32>(side * reach * clip.w, clip.w);
     out.half_width = half_width;

@@ -67,6 +67,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     args.session.try_outputs(&scene, Some(&pictures))?;
     let scene = tuning::settle(scene, false, false)?;
     let mut session = Session::open(&args.session.request(&scene))?;
+    session.curve.clone_from(&args.session.curve);
     print(&pictures.draw(&mut session)?)?;
     print(&session.report()?)
 }

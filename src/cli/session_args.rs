@@ -1,9 +1,11 @@
 //! What `view` and `render` have in common: the session that they open, and what they look at before anything is solved.
 
 use crate::base::failure::Failure;
+use crate::base::output;
 use crate::display::pictures::PictureRequest;
+use crate::effect::force_curve;
 use crate::prepare;
-use crate::scene::Scene;
+use crate::scene::{Body, Scene};
 use crate::session::{Request, recording};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +25,9 @@ pub struct SessionArgs {
     /// Replay a session that --record wrote: its poses, buttons and commands, on its stage
     #[arg(long, conflicts_with_all = ["script", "record"])]
     pub replay: Option<PathBuf>,
+    /// Write the last hold's force and displacement into this CSV file at the end, of bodies with the effect force_curve
+    #[arg(long)]
+    pub curve: Option<PathBuf>,
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
@@ -45,6 +50,18 @@ impl SessionArgs {
         }
     }
 
+    fn try_curve(&self, scene: &Scene, path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+        let lists = |body: &Body| body.effects.iter().any(|effect| effect == force_curve::NAME);
+        if !scene.body.values().any(lists) {
+            let (path, name) = (scene.path.display(), force_curve::NAME);
+            return Err(Failure::wrong(format!(
+                "--curve: no body of {path} lists the effect \"{name}\": write effects = [\"{name}\"] in the body whose \
+                 curve you want"
+            )));
+        }
+        Ok(output::try_path(path, &force_curve::TABLE, inputs)?)
+    }
+
     /// Whether everything can be written, before anything is solved.
     pub fn try_outputs(&self, scene: &Scene, pictures: Option<&PictureRequest>) -> Result<(), Failure> {
         let stage = self.stage.as_deref().map(Path::new);
@@ -52,6 +69,9 @@ impl SessionArgs {
         let inputs = prepare::inputs_and(scene, named);
         if let Some(path) = &self.record {
             recording::try_path(path, &inputs)?;
+        }
+        if let Some(path) = &self.curve {
+            self.try_curve(scene, path, &inputs)?;
         }
         pictures.map_or(Ok(()), |pictures| pictures.try_folder(&inputs))?;
         prepare::try_green(scene, self.green.as_deref())

@@ -72,6 +72,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     args.session.try_outputs(&scene, shown)?;
     let scene = tuning::settle(scene, false, false)?;
     let mut session = Session::open(&args.session.request(&scene))?;
+    session.curve.clone_from(&args.session.curve);
     if args.check {
         return print(&playback::check(&mut session)?);
     }

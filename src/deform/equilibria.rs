@@ -13,13 +13,13 @@
 
 use super::background::Background;
 use super::frames::PoseSlope;
+use super::legs::part_of;
 use super::model::{BodyState, DeformationModel, ModelInput, Response, StateAge};
 use super::nearest::unwrapped;
 use super::pose::{ControlPose, ControlPoses};
-use super::se3::long_turn;
 use crate::fem::Law;
 use crate::green::{FIELDS, Volume};
-use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -106,16 +106,6 @@ impl Equilibria {
         });
         self.turns = Some(turns);
         way
-    }
-}
-
-/// The pose at `share` of a way from rest on which the turn grows as its quaternion tells.
-fn part_of(pose: &ControlPose, turn: &UnitQuaternion<f64>, share: f64) -> ControlPose {
-    let stretch = turn.to_rotation_matrix().transpose() * pose.matrix - Matrix3::identity();
-    let part = Rotation3::from_scaled_axis(long_turn(turn) * share);
-    ControlPose {
-        translation: pose.translation * share,
-        matrix: part * (Matrix3::identity() + stretch * share),
     }
 }
 

@@ -8,9 +8,11 @@
 use super::critical::{CriticalPose, Ways};
 use super::followed::FollowedTurn;
 use super::force::Wrench;
+use super::legs::part_of;
 use super::model::{Frame, Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::{Screw, Way};
+use super::se3::long_turn;
 use crate::fem::{Hyperelastic, Law, NodeFields, Partition};
 use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
@@ -18,7 +20,8 @@ use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{
     Counts, Equilibrium, LinearSolver, Newton, NewtonError, Progress, Setback, SolveError, Stability,
 };
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// The model of bodies under `law`.
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
@@ -239,6 +242,32 @@ impl Statics {
         self.go(&format!("pose \"{name}\""), &ways, before.clone(), poses, shift, progress)
     }
 
+    /// The same where control elements may have turned by up to 360°, which the signs of these quaternions tell: where one has
+    /// turned by more than 180°, the body goes there from rest in legs of 90° at most. `progress` is advanced by 1000 a leg.
+    pub fn solve_turned(
+        &mut self,
+        poses: &ControlPoses,
+        turns: &[UnitQuaternion<f64>],
+        progress: &dyn Progress,
+    ) -> Result<EquilibriumResult, StaticsError> {
+        let legs = legs(turns);
+        let of_leg = |leg: usize| -> ControlPoses {
+            let share = leg as f64 / legs as f64;
+            poses.iter().zip(turns).map(|(pose, turn)| part_of(pose, turn, share)).collect()
+        };
+        for leg in 1..legs {
+            let at = of_leg(leg);
+            match self.held().cloned().filter(|_| leg > 1) {
+                Some(before) => self.solve_after("on the way", &before, &at, progress)?,
+                None => self.solve(&at, progress)?,
+            };
+        }
+        match self.held().cloned().filter(|_| legs > 1) {
+            Some(before) => self.solve_after("on the way", &before, poses, progress),
+            None => self.solve(poses, progress),
+        }
+    }
+
     /// The last pose that was solved, for others to go on from; none after one without an equilibrium.
     pub fn held(&self) -> Option<&HeldBody> {
         self.held.as_ref()
@@ -341,6 +370,12 @@ impl Statics {
             displacement: displacement.into_iter().map(|u| u + shift).collect(),
         }
     }
+}
+
+/// In how many legs a body goes from rest to turns, as [`Statics::solve_turned`] does.
+pub fn legs(turns: &[UnitQuaternion<f64>]) -> usize {
+    let largest = turns.iter().map(|turn| long_turn(turn).norm()).fold(0.0, f64::max);
+    if largest > PI { (largest / FRAC_PI_2).ceil() as usize } else { 1 }
 }
 
 /// The shift that is taken out of poses, that of the element that moves least, and what is left.

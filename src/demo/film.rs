@@ -83,6 +83,7 @@ impl Request {
             story.begin(chapter, &windows)?;
             for (k, &at_s) in CHAPTERS[chapter].stills_s.iter().enumerate() {
                 story.tell_until(at_s)?;
+                story.wait_for_effects();
                 story.frame(&mut windows, 0.0)?;
                 let picture = windows.read()?;
                 let name = format!("{}-{}-{}.png", chapter + 1, CHAPTERS[chapter].name, k + 1);
@@ -117,8 +118,14 @@ impl Request {
         let mut animation = Animation::new(&mut bytes, size, all / finer, RATE_HZ).map_err(failed)?;
         for (&chapter, count) in self.chapters.iter().zip(counts) {
             story.begin(chapter, &windows)?;
+            let last_s = CHAPTERS[chapter].stills_s.last().copied().unwrap_or(f64::INFINITY);
             for frame in 0..count {
-                story.tell_until(f64::from(frame) / rate_hz)?;
+                let at_s = f64::from(frame) / rate_hz;
+                story.tell_until(at_s)?;
+                // From the last moment on: what is solved for every pose of a motion would take minutes.
+                if at_s >= last_s {
+                    story.wait_for_effects();
+                }
                 story.frame(&mut windows, 0.0)?;
                 let picture = windows.read()?;
                 if frame % finer == 0 {

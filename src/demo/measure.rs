@@ -71,6 +71,16 @@ pub fn hands(_: &Scene, world: &World) -> String {
     )
 }
 
+/// Whether the equilibrium is there; its plate tells the difference.
+pub fn ghost(_: &Scene, world: &World) -> String {
+    let is_still = world.bodies.iter().all(|body| moved(body).is_none());
+    match world.ghosts.is_empty() {
+        false => "the difference stands on the picture, in millimetres".into(),
+        true if is_still => String::new(),
+        true => "solved in the background, once the hands rest …".into(),
+    }
+}
+
 /// The screens of the stage and where the head is.
 pub fn room(_: &Scene, world: &World) -> String {
     let stage = &world.stage;

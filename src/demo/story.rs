@@ -25,8 +25,8 @@ use crate::world::World;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// How long the end of a chapter is shown before the next, s; less than the pause in which a script begins anew.
-const HOLD_S: f64 = 0.9;
+/// The last moment of a script that is told, s after its end: before it would begin anew.
+const AFTER_S: f64 = 0.5;
 /// How long the keys are shown at the start, after their first use, and how long they fade, s.
 const KEYS_S: f64 = 12.0;
 const KEYS_USED_S: f64 = 2.5;
@@ -193,8 +193,8 @@ impl Story {
         if !self.paused {
             self.clock_s += step_s;
         }
-        let end_s = shown.session.input.script.as_ref().map(|script| script.duration_s + HOLD_S);
-        if is_told && end_s.is_some_and(|end_s| self.clock_s > end_s) {
+        let end_s = shown.session.input.script.as_ref().map(|script| script.duration_s);
+        if is_told && end_s.is_some_and(|end_s| self.clock_s > end_s + chapter.holds_s) {
             self.go_to(self.chapter + 1);
             return Ok(());
         }
@@ -202,7 +202,7 @@ impl Story {
             shown.sprang_back = true;
             shown.session.world.act(Action::SnapBack);
         }
-        shown.session.advance(self.clock_s)?;
+        shown.session.advance(end_s.map_or(self.clock_s, |end_s| self.clock_s.min(end_s + AFTER_S)))?;
         if chapter.looks == Looks::AtRoom && !shown.camera_rests {
             let camera = Camera::of(&shown.session.world.stage);
             // Round from behind the viewer's shoulder; lower, so that the caption hides nothing.
@@ -232,6 +232,13 @@ impl Story {
         self.shown = Some(Shown { session, screens, bodies, scene, sprang_back, camera_rests });
         self.clock_s = 0.0;
         Ok(())
+    }
+
+    /// Waits for what effects compute in the background, before a picture that is kept.
+    pub fn wait_for_effects(&mut self) {
+        if let Some(Shown { session, .. }) = &mut self.shown {
+            session.effects.iter_mut().for_each(|effect| effect.before_picture(&mut session.world));
+        }
     }
 
     fn caption(&self, readiness: &Readiness) -> Caption {

@@ -68,6 +68,9 @@ pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> Fram
         arrows: &world.arrows,
         grid: world.grid(),
         strips: &world.strips,
+        ghosts: &world.ghosts,
+        lines: &world.lines,
+        balls: &world.balls,
         ..Default::default()
     }
 }

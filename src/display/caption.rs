@@ -31,6 +31,9 @@ pub struct Caption {
 }
 
 impl Caption {
+    /// What a caption of three lines takes of a picture's height.
+    pub const MOST_HEIGHT: f32 = 0.17;
+
     /// Paints it over a picture of this rectangle.
     pub fn paint(&self, painter: &Painter, picture: Rect) {
         let size = (picture.height() / 36.0).min(picture.width() / 58.0).clamp(8.0, 34.0);

@@ -15,6 +15,8 @@ pub mod overlay;
 pub mod overlays;
 pub mod pattern;
 pub mod pictures;
+mod plates;
+mod plot;
 pub mod screen_windows;
 pub mod stage_model;
 pub mod window_frame;

@@ -3,6 +3,7 @@
 use super::bodies::{GpuBodies, contents};
 use super::device;
 use super::overlay::{FrameSteps, History, Panel, Readings};
+use super::plates::Plates;
 use super::window_layout;
 use crate::render::window::Monitor;
 use crate::render::{
@@ -24,8 +25,10 @@ pub struct Targets {
     /// The windows of the stage file, if the pictures show its windows.
     monitors: Vec<Monitor>,
     swapped: bool,
-    /// Shown on the screen that the viewer looks at, where it is asked for.
-    panel: Option<(Overlay, History)>,
+    /// Made with the first thing that is written over a picture.
+    overlay: Option<Overlay>,
+    /// The overlay is shown on the screen that the viewer looks at, where it is asked for.
+    panel: Option<History>,
 }
 
 /// Which pictures are made.
@@ -108,13 +111,14 @@ impl Targets {
             pictures,
             monitors,
             swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
+            overlay: None,
             panel: None,
         })
     }
 
     /// With the overlay on the screen that the viewer looks at.
     pub fn with_overlay(self) -> Targets {
-        Targets { panel: Some((Overlay::new(COLOR_FORMAT), History::default())), ..self }
+        Targets { panel: Some(History::default()), ..self }
     }
 
     /// Pictures of a frame.
@@ -137,11 +141,10 @@ impl Targets {
             .collect();
         let instances = self.bodies.instances(world);
         let contents = contents(world, &instances);
-        let layout: Vec<(Window, [u32; 2])> = match &self.panel {
-            Some(_) => {
-                self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect()
-            }
-            None => Vec::new(),
+        let is_plain = self.panel.is_none() && world.plates.is_empty();
+        let layout: Vec<(Window, [u32; 2])> = match is_plain {
+            false => self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect(),
+            true => Vec::new(),
         };
         let mut targets: Vec<Target<'_>> = self
             .pictures
@@ -160,33 +163,27 @@ impl Targets {
             })
             .collect();
         let deformation = self.bodies.deformation();
-        let encode = match &mut self.panel {
-            None => self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?,
-            Some((overlay, history)) => {
-                let readings = Readings {
-                    device: self.gpu.adapter_name.clone(),
-                    deformation: deformation.clone(),
-                    source: "offscreen; present is the drawing".to_owned(),
-                    warnings: world.warnings.clone(),
-                    ..Readings::of(world)
-                };
-                let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
-                    let (window, size) = &layout[picture.window];
-                    let part = window_layout::part(&world.stage, window, *size, picture, self.swapped);
-                    let Some(part) = part.filter(|part| part.screen == world.stage.faced_screen()) else {
-                        return Ok(());
-                    };
-                    let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                        Panel { painter, rect: part.rect, readings: &readings, history }.paint();
-                    });
-                    overlay.draw(gpu, [(picture.texture, &sheet)])
-                };
-                self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
-            }
+        let encode = if is_plain {
+            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?
+        } else {
+            let readings = self.panel.as_ref().map(|_| Readings {
+                device: self.gpu.adapter_name.clone(),
+                deformation: deformation.clone(),
+                source: "offscreen; present is the drawing".to_owned(),
+                warnings: world.warnings.clone(),
+                ..Readings::of(world)
+            });
+            let overlay = self.overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
+            let over = Over { world, swapped: self.swapped, panel: readings.as_ref().zip(self.panel.as_ref()) };
+            let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+                let (window, size) = &layout[picture.window];
+                over.paint(overlay, gpu, picture, window, *size)
+            };
+            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
         };
         let draw_s = self.gpu.wait()?.as_secs_f64();
         let encode_s = encode.as_secs_f64();
-        if let Some((_, history)) = &mut self.panel {
+        if let Some(history) = &mut self.panel {
             let StepTimes { interact_s, deform_s, normals_s } = world.times;
             let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
             history.push(FrameSteps { steps, whole_s: steps.iter().sum() });
@@ -204,6 +201,38 @@ impl Targets {
             images.push((target.name.as_str(), image));
         }
         Ok((images, read_s))
+    }
+}
+
+/// What is written over the pictures of a world.
+struct Over<'a> {
+    world: &'a World,
+    swapped: bool,
+    panel: Option<(&'a Readings, &'a History)>,
+}
+
+impl Over<'_> {
+    fn paint(
+        &self,
+        overlay: &mut Overlay,
+        gpu: &Gpu,
+        picture: &EyePicture<'_>,
+        window: &Window,
+        size: [u32; 2],
+    ) -> Result<(), RenderError> {
+        let World { stage, room_from_head, plates, .. } = self.world;
+        let Some(part) = window_layout::part(stage, window, size, picture, self.swapped) else {
+            return Ok(());
+        };
+        let panel = self.panel.filter(|_| part.screen == stage.faced_screen());
+        let lift = if panel.is_some() { Plates::OVER_WARNINGS } else { 0.0 };
+        let sheet = overlay.lay_out(picture.texture_size, |painter| {
+            Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
+            if let Some((readings, history)) = panel {
+                Panel { painter, rect: part.rect, readings, history }.paint();
+            }
+        });
+        overlay.draw(gpu, [(picture.texture, &sheet)])
     }
 }
 

@@ -6,9 +6,11 @@
 
 use super::caption::{self, Caption};
 use super::overlay::{History, Panel, Readings};
+use super::plates::Plates;
 use super::pattern::Pattern;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_layout;
+use crate::base::plates::Plate;
 use crate::render::window::{Input, Key, WindowTimes, Windows};
 use crate::render::{EyePicture, FrameContents, Gpu, Overlay, OverlayMesh, RenderError, Tile};
 use crate::stage::{Stage, Window};
@@ -42,6 +44,8 @@ pub struct StageFrame<'a> {
     pub room_from_head: Isometry3<f64>,
     /// What the trackers say, where somebody wants to see it.
     pub reports: &'a [TrackerReport],
+    /// What the world writes over its pictures.
+    pub plates: &'a [Plate],
 }
 
 impl Overlays {
@@ -150,6 +154,7 @@ impl Overlays {
         let is_plain = !self.pattern
             && !self.has_panel()
             && self.caption.is_none()
+            && frame.plates.is_empty()
             && self.outside.iter().all(Option::is_none);
         if is_plain {
             return windows.draw(&tiles, |_| contents, None);
@@ -191,6 +196,18 @@ impl Overlays {
                     let painter = &painter.with_clip_rect(part.rect);
                     let (on_screen, stage) = (part.visible.on_screen, frame.stage.name.as_str());
                     Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            }
+            if room.is_none() && !*pattern && !frame.plates.is_empty() {
+                let (stage, room_from_head, plates) = (frame.stage, &frame.room_from_head, frame.plates);
+                let lift = match caption {
+                    Some(_) => Caption::MOST_HEIGHT,
+                    None if panels[part.screen] => Plates::OVER_WARNINGS,
+                    None => 0.0,
+                };
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
                 });
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }

@@ -55,6 +55,7 @@ impl PictureRequest {
         let is_recorded = session.input.replay.is_some() || session.recorder.is_some();
         let device = self.device.for_session(is_recorded)?;
         session.world.wait_for_background();
+        session.world.is_for_pictures = true;
         let mut targets = Targets::new(&mut session.world, self.pictures, self.samples, self.scale, device)?;
         if self.overlay {
             targets = targets.with_overlay();
@@ -68,6 +69,7 @@ impl PictureRequest {
         let mut playback = Playback::new(session, self.frames)?;
         for frame in 0..self.frames {
             mechanics_s += playback.step_to(session, frame)?.total_s();
+            session.effects.iter_mut().for_each(|effect| effect.before_picture(&mut session.world));
             let DrawTimes { upload_s, encode_s, draw_s } =
                 targets.draw(&mut session.world).map_err(Failure::work)?;
             drawn_s += upload_s + encode_s + draw_s;

@@ -121,6 +121,7 @@ impl ScreenWindows {
             swapped: self.swapped,
             room_from_head: world.room_from_head,
             reports: &reports,
+            plates: &world.plates,
         };
         let (deformation, source) = (bodies.deformation(), session.input.describe());
         let readings = |gpu: &Gpu| Readings {

@@ -5,6 +5,10 @@ use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport}
 use crate::stage::{self, Border, Eye, MonitorId, Screen, Stage, Stereo, Visible, Window};
 use crate::world::World;
 use egui::{Rect, pos2, vec2};
+use nalgebra::Isometry3;
+
+/// Of the views by which places in the room are found on a picture, m.
+const NEAR_M: f64 = 0.05;
 
 /// How both eyes' pictures of a tile are joined; None where it shows one eye.
 pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {
@@ -120,6 +124,13 @@ pub fn part(
     let [x, y, width, height] = visible.rect.map(|pixels| pixels as f32);
     let rect = Rect::from_min_size(pos2(left as f32 + x, top as f32 + y), vec2(width, height));
     Some(Part { screen: tile.screen, eye: seen(tile, eye, swapped), rect, visible })
+}
+
+/// What a part of a picture shows of the room; `None` where the eye sees nothing of its screen.
+pub fn view_of(stage: &Stage, room_from_head: &Isometry3<f64>, part: &Part) -> Option<View> {
+    let eye = stage.viewer.eye_in_room(room_from_head, part.eye);
+    let view = stage.screens[part.screen].view(&eye, NEAR_M).ok()?;
+    Some(through(&part.visible, View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room }))
 }
 
 /// The eye whose picture stands in `eye`'s place. If the tile and all windows swap the eyes, both are where they were.

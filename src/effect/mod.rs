@@ -8,6 +8,9 @@
 
 mod entry;
 pub mod expected;
+pub mod force_curve;
+mod ghost_equilibrium;
+mod ghost_rest;
 pub mod haptics;
 mod running;
 
@@ -22,7 +25,8 @@ use crate::solve::Progress;
 use crate::world::World;
 
 /// All effects; a new one is one file and one line here.
-pub const EFFECTS: &[EffectEntry] = &[haptics::live::ENTRY, expected::ENTRY];
+pub const EFFECTS: &[EffectEntry] =
+    &[haptics::live::ENTRY, expected::ENTRY, ghost_rest::ENTRY, ghost_equilibrium::ENTRY, force_curve::ENTRY];
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {

@@ -12,6 +12,17 @@ pub trait RunningEffect {
     /// Sees the world after a frame, and adds what it draws ([`World::strips`]).
     fn after_frame(&mut self, _world: &mut World) {}
 
+    /// Sees the world before a picture that is kept: waits for what comes from the background, and adds what it draws of it.
+    fn before_picture(&mut self, _world: &mut World) {}
+
+    /// Forgets what was drawn of the past, such as a curve.
+    fn clear(&mut self) {}
+
+    /// What it has recorded, as a CSV table.
+    fn table(&self) -> Option<String> {
+        None
+    }
+
     /// What the effect's device of this name measures, as a tracker's source; once.
     fn source(&mut self, _tracker: &str) -> Option<Box<dyn Source>> {
         None

@@ -23,4 +23,6 @@ pub enum Action {
     SetAside(usize),
     /// Scales the scene about the workspace's centre by this factor.
     ScaleScene(f64),
+    /// Sets the next end of the ruler where the ray hits a surface; takes a whole ruler away.
+    Measure,
 }

@@ -5,6 +5,7 @@ use super::body_buffers::BodyBuffers;
 use super::lighting::Lighting;
 use crate::base::strips::Strips;
 use nalgebra::{Matrix4, Point3, Vector3};
+use std::sync::Arc;
 
 /// A body's buffers at a place in the room.
 #[derive(Clone, Copy)]
@@ -87,12 +88,46 @@ pub struct Line {
     /// Linear RGB and opacity.
     pub color: [f32; 4],
     pub width_px: f32,
+    /// 1 where it lies over everything, 0 where what is nearer hides it.
+    pub over: f32,
 }
 
 impl Line {
     pub fn new(from: Point3<f64>, to: Point3<f64>, color: [f32; 4], width_px: f32) -> Self {
-        Self { from: from.cast().into(), to: to.cast().into(), color, width_px }
+        Self { from: from.cast().into(), to: to.cast().into(), color, width_px, over: 0.0 }
     }
+}
+
+/// The surface of a [`Ghost`]; it is uploaded once, as long as somebody holds it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GhostShape {
+    /// In the shape's frame, m, and unit normals.
+    pub positions: Vec<[f32; 3]>,
+    pub normals: Vec<[f32; 3]>,
+    /// Counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl GhostShape {
+    /// Whether there is something to draw, and each triangle and vertex has what belongs to it.
+    pub(super) fn is_whole(&self) -> bool {
+        let vertices = self.positions.len();
+        let is_known = |node: &u32| (*node as usize) < vertices;
+        self.normals.len() == vertices
+            && !self.triangles.is_empty()
+            && self.triangles.iter().flatten().all(is_known)
+    }
+}
+
+/// A shape that stands translucent in the room, as a body at rest beside the body as it is.
+#[derive(Clone, Debug)]
+pub struct Ghost {
+    pub shape: Arc<GhostShape>,
+    pub room_from_shape: Matrix4<f32>,
+    /// Linear RGB, and the opacity of its outline.
+    pub color: [f32; 4],
+    /// How much of it shows where a body hides it, 0 to 1.
+    pub through: f32,
 }
 
 /// Everything that is drawn into each viewport of a frame.
@@ -108,6 +143,8 @@ pub struct FrameContents<'a> {
     /// Blended in this order, all before the lines.
     pub quads: &'a [Quad],
     pub lines: &'a [Line],
+    /// Before all that is flat.
+    pub ghosts: &'a [Ghost],
     /// With shaders of their own, blended last.
     pub strips: &'a [Strips],
 }

@@ -9,7 +9,7 @@ impl Strip for Line {
     const NAME: &'static str = "lines";
     const SHADER: &'static [&'static str] = &[shader::VIEW, include_str!("../../shaders/lines.wgsl")];
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] =
-        &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32];
+        &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32, 4 => Float32];
 
     fn of<'a>(contents: &FrameContents<'a>) -> Cow<'a, [Self]> {
         Cow::Borrowed(contents.lines)

@@ -8,7 +8,7 @@
 //! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a
 //! window shows both eyes, [`TilePainter`] draws a picture for each, on which an [`Overlay`] may write, and joins them
 //! ([`Composite`]). Each pass is `src/render/X.rs` with `shaders/X.wgsl`: body, solid (styli, rays, hit points, arrows,
-//! balls), background, grid, quads, lines, composite; and for bodies that the device deforms itself: deform, parts (for
+//! balls), background, grid, ghost, quads, lines, composite; and for bodies that the device deforms itself: deform, parts (for
 //! bodies of several parts), normals. Every pass makes its pipelines when it first has something to draw.
 
 mod background;
@@ -23,6 +23,7 @@ mod custom_strips;
 mod deform;
 mod error;
 mod frame;
+mod ghost;
 mod gpu;
 mod grid;
 mod instances;
@@ -51,7 +52,7 @@ pub use body_buffers::BodyBuffers;
 pub use bounds::Bounds;
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
-pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Grid, Line, Quad, StylusShape};
+pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Ghost, GhostShape, Grid, Line, Quad, StylusShape};
 pub use gpu::{Gpu, Made};
 pub use lighting::Lighting;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};

@@ -120,12 +120,31 @@ pub(super) fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
-/// How a pass meets the pixels that are there: nearer wins, only where nothing is, or blended over what is farther.
+/// How a pass meets the pixels that are there: nearer wins, only where nothing is, blended over what is farther, or blended over
+/// what is nearer. Ghosts are triangles; what is merely translucent comes in strips.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Blending {
     Opaque,
     Background,
     Translucent,
+    Ghost,
+    Hidden,
+}
+
+impl Blending {
+    fn is_blended(self) -> bool {
+        matches!(self, Blending::Translucent | Blending::Ghost | Blending::Hidden)
+    }
+
+    /// Ghosts that touch a body, as at a held end, count as behind it: they do not flicker.
+    fn bias(self) -> wgpu::DepthBiasState {
+        match self {
+            Blending::Ghost | Blending::Hidden => {
+                wgpu::DepthBiasState { constant: -64, slope_scale: -2.0, clamp: 0.0 }
+            }
+            _ => wgpu::DepthBiasState::default(),
+        }
+    }
 }
 
 /// What a pipeline is made from.
@@ -151,15 +170,16 @@ fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, recipe: &Recipe<'_>) -> wgpu::Ren
     let module = shader::module(&gpu.device, recipe.label, &shader::drawing(recipe.parts, both_eyes));
     let topology = match recipe.blending {
         Blending::Translucent => wgpu::PrimitiveTopology::TriangleStrip,
-        Blending::Opaque | Blending::Background => wgpu::PrimitiveTopology::TriangleList,
+        _ => wgpu::PrimitiveTopology::TriangleList,
     };
     // Depth is reversed: nearer is greater, and infinity, where the background lies, is the cleared 0.
     let depth_compare = match recipe.blending {
         Blending::Background => wgpu::CompareFunction::Equal,
-        Blending::Opaque | Blending::Translucent => wgpu::CompareFunction::Greater,
+        Blending::Hidden => wgpu::CompareFunction::LessEqual,
+        _ => wgpu::CompareFunction::Greater,
     };
     let blend =
-        (recipe.blending == Blending::Translucent).then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+        recipe.blending.is_blended().then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(recipe.label),
         layout: Some(layout),
@@ -175,7 +195,7 @@ fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, recipe: &Recipe<'_>) -> wgpu::Ren
             depth_write_enabled: Some(recipe.blending == Blending::Opaque),
             depth_compare: Some(depth_compare),
             stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
+            bias: recipe.blending.bias(),
         }),
         multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
         fragment: Some(wgpu::FragmentState {

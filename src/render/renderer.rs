@@ -10,6 +10,7 @@ use super::body::BodyPass;
 use super::custom_strips::CustomStripsPass;
 use super::error::RenderError;
 use super::frame::{FrameContents, Line, Quad};
+use super::ghost::GhostPass;
 use super::gpu::Gpu;
 use super::grid::Floor;
 use super::lighting::LightingUniform;
@@ -29,6 +30,7 @@ pub(super) const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<SolidPass>::default(),
     || Box::<BackgroundPass>::default(),
     || Box::<StripPass<Floor>>::default(),
+    || Box::<GhostPass>::default(),
     || Box::<StripPass<Quad>>::default(),
     || Box::<StripPass<Line>>::default(),
     || Box::<CustomStripsPass>::default(),

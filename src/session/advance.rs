@@ -4,6 +4,7 @@ use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
+use crate::base::output;
 use crate::effect::{self, RunningEffect};
 use crate::green::GreenFile;
 use crate::interact::Action;
@@ -11,6 +12,7 @@ use crate::render::window::Key;
 use crate::scene::Scene;
 use crate::track::{Mouse, MouseInput, Script};
 use crate::world::World;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A world, and all that moves or records it.
@@ -23,6 +25,8 @@ pub struct Session {
     pub recorder: Option<Recorder>,
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
+    /// Where the curves go that effects have recorded.
+    pub curve: Option<PathBuf>,
 }
 
 /// Whether a session goes on.
@@ -38,7 +42,7 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
-        Session { effects: Vec::new(), world, input, recorder: None, file: None }
+        Session { effects: Vec::new(), world, input, recorder: None, file: None, curve: None }
     }
 
     /// Lets mouse and keyboard move what nothing else moves.
@@ -131,6 +135,9 @@ impl Session {
             self.take_over();
         }
         let Some(mouse) = &mut self.input.mouse else { return };
+        if pressed && !mouse.control && key == keys::CLEAR {
+            self.effects.iter_mut().for_each(|effect| effect.clear());
+        }
         let action = keys::action(key, mouse.control, &self.world).filter(|_| pressed);
         if let Some(action) = action {
             self.world.act(action);
@@ -148,10 +155,21 @@ impl Session {
         }
     }
 
+    /// Writes what the effects have recorded, where that is asked for.
+    fn write_curve(&mut self) -> Result<String, Failure> {
+        let Some(path) = self.curve.take() else { return Ok(String::new()) };
+        let Some(table) = self.effects.iter().find_map(|effect| effect.table()) else {
+            return Ok(format!("note: nothing was held: {} is not written\n", path.display()));
+        };
+        output::write(&path, &effect::force_curve::TABLE, |file| file.write_all(table.as_bytes()))?;
+        Ok(format!("force curve {}\n", path.display()))
+    }
+
     /// Reports on the replay and the recording. A replay that came to other states than were recorded is a failure.
     pub fn report(&mut self) -> Result<String, Failure> {
         let recorded = self.recorder.as_mut().map_or(Ok(String::new()), Recorder::report)?;
         let replayed = self.input.replay.as_ref().map_or(Ok(String::new()), Replay::report)?;
-        Ok(format!("{replayed}{recorded}"))
+        let curve = self.write_curve()?;
+        Ok(format!("{replayed}{recorded}{curve}"))
     }
 }

@@ -5,6 +5,9 @@ use crate::render::window::Key;
 use crate::track::mouse::BINDINGS;
 use crate::world::World;
 
+/// Forgets what effects have drawn of the past.
+pub const CLEAR: Key = Key::Char('c');
+
 /// One line of the wheel scales the scene by this factor.
 const SCALE_PER_LINE: f64 = 1.1;
 /// The wheel counts at most so many lines at once; a device that reports more is faulty.
@@ -27,6 +30,7 @@ pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
         (Key::Char('x'), _) => along(Axis::X),
         (Key::Char('y'), _) => along(Axis::Y),
         (Key::Char('z'), _) => along(Axis::Z),
+        (Key::Char('m'), _) => Action::Measure,
         (Key::Char('p'), _) => Action::SetAside(world.pointed_body(world.cursor()?)?),
         _ => return None,
     })

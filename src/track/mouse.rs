@@ -36,6 +36,8 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("middle button", "turn the scene; with Shift move it"),
     ("Ctrl and wheel", "scale the scene"),
     ("P", "put the body under the cursor aside, or back"),
+    ("M", "set one end of a ruler, then the other, on what the cursor points at; again: take it away"),
+    ("C", "clear the force curve"),
     ("Home", "the scene and all bodies back to their places"),
     ("W A S D, arrow keys", "move the head forward, left, back, right"),
     ("Q, E", "move the head down, up"),

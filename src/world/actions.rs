@@ -9,7 +9,7 @@ use super::flow::{BodyPlace, HandState};
 use super::frame::World;
 use crate::base::failure::Failure;
 use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
-use crate::interact::{Action, Asked, Ease, Hands, Mode, PickRay, pick, place_aside, towards_rest};
+use crate::interact::{Action, Asked, Ease, Hands, Hit, Mode, PickRay, pick, place_aside, towards_rest};
 use crate::stage::Workspace;
 use crate::track::Signal;
 use nalgebra::Similarity3;
@@ -57,6 +57,7 @@ impl World {
             Action::SetAside(b) if b < self.bodies.len() => self.set_aside(b, time_s),
             Action::SetAside(_) => {}
             Action::ScaleScene(factor) => self.edit.navigation.scale(factor),
+            Action::Measure => self.measure(),
         }
     }
 
@@ -79,22 +80,23 @@ impl World {
         self.edit.history.depth()
     }
 
-    /// The body that stylus `i` points at, anywhere on its surface.
-    pub fn pointed_body(&self, i: usize) -> Option<usize> {
+    /// What the ray of stylus `i` hits of all bodies, anywhere on their surfaces.
+    pub(super) fn hit_anywhere(&self, i: usize) -> Option<Hit> {
         let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;
         let ray = PickRay::from_stylus(stylus)?;
         let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.positions()).collect();
         let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
-        let targets: Vec<_> = self
-            .bodies
-            .iter()
-            .zip(&shapes)
-            .zip(&positions)
-            .map(|((body, shape), positions)| body.whole(shape, positions))
-            .collect();
-        let hit = self.graph.get(self.fields.styli[i].hit).as_ref();
+        let bodies = self.bodies.iter().zip(&shapes).zip(&positions);
+        let targets: Vec<_> =
+            bodies.map(|((body, shape), positions)| body.whole(shape, positions)).collect();
+        pick(&ray, &targets)
+    }
+
+    /// The body that stylus `i` points at, anywhere on its surface.
+    pub fn pointed_body(&self, i: usize) -> Option<usize> {
+        let hit = self.graph.get(self.fields.styli.get(i)?.hit).as_ref();
         let touched = hit.and_then(|hit| self.fields.targets.get(hit.target)).map(|&(body, _)| body);
-        touched.or_else(|| pick(&ray, &targets).map(|hit| hit.target))
+        touched.or_else(|| self.hit_anywhere(i).map(|hit| hit.target))
     }
 
     /// Every stylus lets go of what it holds; a button that is down grabs again.

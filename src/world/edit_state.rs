@@ -1,5 +1,6 @@
 //! What lasts from one grab to the next: undo history, navigation, bodies set aside, and the way back to rest.
 
+use super::ruler::Ruler;
 use crate::deform::{ControlPose, FollowedTurn};
 use crate::interact::{Aside, Ease, History, Navigation};
 use crate::stage::Workspace;
@@ -15,6 +16,7 @@ pub struct EditState {
     /// Every target as it was when it was last not held.
     pub(super) before: Vec<Posed>,
     pub(super) held: BTreeSet<usize>,
+    pub ruler: Ruler,
 }
 
 /// A control element's pose, and the turn that led to it.
@@ -43,6 +45,7 @@ impl EditState {
             easing: None,
             before: vec![REST; targets],
             held: BTreeSet::new(),
+            ruler: Ruler::default(),
         }
     }
     /// Names something that is not at rest, and that a stream of the graph's fields would therefore lose.
@@ -53,6 +56,7 @@ impl EditState {
             }
             EditState { asides, .. } if !asides.iter().all(Aside::is_at_home) => Some("a body is set aside"),
             EditState { easing: Some(_), .. } => Some("bodies are on their way back to rest"),
+            EditState { ruler, .. } if *ruler != Ruler::default() => Some("a ruler is laid (M takes it away)"),
             EditState { history, .. } if *history != History::default() => Some("there is something to undo"),
             _ => None,
         }

@@ -13,12 +13,13 @@ use super::highlight::Highlight;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
+use crate::base::plates::Plate;
 use crate::base::strips::Strips;
 use crate::deform::Deformer;
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
 use crate::interact::Action;
-use crate::render::{Arrow, Grid, StylusShape, View};
+use crate::render::{Arrow, Ball, Ghost, Grid, Line, StylusShape, View};
 use crate::scene::{Body, Scene};
 use crate::stage::{Eye, Stage};
 use crate::track::{Signal, TrackerState};
@@ -46,6 +47,13 @@ pub struct World {
     pub arrows: Vec<Arrow>,
     /// What effects draw with shaders of their own.
     pub strips: Vec<Strips>,
+    /// Translucent shapes, lines, balls, and what is written over the pictures: of effects, and of the ruler.
+    pub ghosts: Vec<Ghost>,
+    pub lines: Vec<Line>,
+    pub balls: Vec<Ball>,
+    pub plates: Vec<Plate>,
+    /// Each picture is kept, and waits for what is computed in the background.
+    pub is_for_pictures: bool,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
     /// Warnings, each told once, with the time since the start at which it was told, s.
@@ -88,6 +96,11 @@ impl World {
             forces: Vec::new(),
             arrows: Vec::new(),
             strips: Vec::new(),
+            ghosts: Vec::new(),
+            lines: Vec::new(),
+            balls: Vec::new(),
+            plates: Vec::new(),
+            is_for_pictures: false,
             times: StepTimes::default(),
             warnings: Vec::new(),
             clock_s: 0.0,
@@ -142,6 +155,10 @@ impl World {
         let started = Instant::now();
         self.clock_s = clock_s;
         self.strips.clear();
+        self.ghosts.clear();
+        self.lines.clear();
+        self.balls.clear();
+        self.plates.clear();
         std::mem::swap(&mut self.actions, &mut self.pending);
         self.pending.clear();
         self.have_styli(state.styli.len());
@@ -153,6 +170,7 @@ impl World {
         self.ease(state.time_s);
         self.take_news();
         self.evaluate();
+        self.show_ruler();
         self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
         self.times
     }

@@ -12,6 +12,7 @@ mod golden_stereo;
 #[path = "../render_common/mod.rs"]
 mod render_common;
 mod render_deform;
+mod render_ghosts;
 mod render_multiview;
 mod render_pixels;
 mod render_stereo;

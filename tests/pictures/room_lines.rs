@@ -27,7 +27,7 @@ fn drawn(gpu: &Gpu, renderer: &mut Renderer, view: View, contents: &FrameContent
 const GREEN: [f32; 4] = [0.0, 1.0, 0.0, 1.0];
 
 fn line(from: [f32; 3], to: [f32; 3], width_px: f32) -> Line {
-    Line { from, to, color: GREEN, width_px }
+    Line { from, to, color: GREEN, width_px, over: 0.0 }
 }
 
 #[test]

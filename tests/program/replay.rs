@@ -299,3 +299,36 @@ fn pictures_follow_a_session() {
     assert_eq!(run(&folder, 2, &other).status.code(), Some(1));
     assert!(folder.join("other/contact-sheet.png").exists());
 }
+
+/// The ruler is laid between frames of the script, on the material: the replay lays it on the same, and it tells the same.
+#[test]
+fn a_ruler_is_replayed_to_the_same_distance() {
+    use greenstage::interact::Action;
+    use greenstage::scene::Scene;
+    use greenstage::session::{Request, Session};
+    let folder = folder("replay-ruler");
+    let scene = Scene::load(&coarse_demo(&folder)).unwrap();
+    let recording = folder.join("ruler.jsonl");
+    let mut session =
+        Session::open(&Request { record: Some(&recording), ..Request::of(&scene) }).unwrap();
+    let mut lengths = Vec::new();
+    for frame in 0..60 {
+        session.advance(f64::from(frame) / 20.0).unwrap();
+        // The ray points at the right end, and then past the bent tube's end from above.
+        if [14, 40].contains(&frame) {
+            session.world.act(Action::Measure);
+        }
+        lengths.extend(session.world.measured().map(|measured| measured.now_m));
+    }
+    assert!(lengths.len() == 20 && lengths[0] > 1e-3, "{lengths:?}");
+    session.report().unwrap();
+    let mut replayed =
+        Session::open(&Request { replay: Some(&recording), ..Request::of(&scene) }).unwrap();
+    let mut again = Vec::new();
+    while replayed.play_frame().unwrap() {
+        again.extend(replayed.world.measured().map(|measured| measured.now_m));
+    }
+    // What is done after a frame is recorded with the next one.
+    assert_eq!(lengths[1..], again[..], "in every frame");
+    replayed.report().unwrap();
+}

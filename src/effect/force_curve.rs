@@ -1,0 +1,431 @@
+//! The effect `force_curve`: the force of a hold against the way of the control element that is held, as it is drawn.
+//!
+//! In: poses and wrenches of the held element in every frame. Out: a plot in the window, of the last hold; a table at the end. Of
+//! translation and turn it shows the one through which the hand has done more work: the force along the displacement from
+//! rest, in N over m, or the torque about the axis of the turn from rest, in N·m over degrees. Where errors to expect were
+//! measured for the body ([`expected`](super::expected)), a band shows within which the force truly lies.
+
+use super::entry::{EffectEntry, Listed};
+use super::running::RunningEffect;
+use crate::base::csv::quoted;
+use crate::base::notice::notice;
+use crate::base::output::Kind;
+use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
+use crate::base::quantity::quantity;
+use crate::deform::{ControlPose, FollowedTurn, Wrench, percent, reach};
+use crate::green::STIFFNESS;
+use crate::world::{Highlight, PlacedBody, World};
+use nalgebra::{Rotation3, Vector3};
+use std::f64::consts::TAU;
+use std::fmt::Write;
+
+pub const NAME: &str = "force_curve";
+
+pub(crate) const ENTRY: EffectEntry = EffectEntry {
+    name: NAME,
+    summary: "force over displacement, or torque over turn, of the control element that is held, as a live plot",
+    requirements: &[STIFFNESS],
+    needs_energy: true,
+    precompute: None,
+    attach: Some(|listed, world| Ok(Some(Box::new(ForceCurve::new(listed, world))))),
+    start: None,
+};
+
+const HEADING: &str = "body,control,time,displacement,turn,force,torque,force_error,torque_error\n";
+
+/// The table of `--curve`.
+pub const TABLE: Kind =
+    Kind { name: "a table by `--curve`", recognizes: |head| head.starts_with(HEADING.as_bytes()) };
+
+/// Beyond so many samples every second one is left out.
+const MOST: usize = 4096;
+
+struct ForceCurve {
+    bodies: Vec<usize>,
+    trace: Option<Trace>,
+}
+
+/// One hold.
+struct Trace {
+    place: (usize, usize),
+    body: String,
+    control: String,
+    is_held: bool,
+    /// The model has no force in the pose as it is.
+    is_undefined: bool,
+    errors: Errors,
+    samples: Vec<Sample>,
+    last: Option<(ControlPose, Wrench)>,
+    /// Work by translation and by turn, counted without sign, J.
+    work: [f64; 2],
+}
+
+#[derive(Clone, Copy)]
+struct Sample {
+    time_s: f64,
+    /// From rest, m and rad.
+    displacement: f64,
+    turn: f64,
+    /// Along the displacement, N, and about the axis of the turn, N·m.
+    force: f64,
+    torque: f64,
+    /// Errors to expect of both, as parts of them.
+    errors: Option<[f64; 2]>,
+    /// Nothing joins it with the sample before.
+    is_first: bool,
+}
+
+/// What is known of the errors.
+#[derive(Clone, Copy, PartialEq)]
+enum Errors {
+    Unmeasured,
+    Beyond,
+    Known([f64; 2]),
+}
+
+impl ForceCurve {
+    fn new(listed: &Listed<'_>, world: &mut World) -> ForceCurve {
+        for &(b, name) in &listed.bodies {
+            let body = &mut world.bodies[b];
+            body.deformer.feel();
+            if body.deformer.respond().is_none() {
+                notice!("note: body.{name}: the model {} has no forces, so {NAME} shows no curve", body.model);
+            }
+        }
+        ForceCurve { bodies: listed.bodies.iter().map(|&(b, _)| b).collect(), trace: None }
+    }
+
+    /// The first control element that is held of a body that lists the effect.
+    fn held(&self, world: &World) -> Option<(usize, usize)> {
+        let of = |&b: &usize| {
+            let held = |c: &usize| world.bodies[b].controls[*c].highlight == Highlight::Held;
+            (0..world.bodies[b].controls.len()).find(held).map(|c| (b, c))
+        };
+        self.bodies.iter().find_map(of)
+    }
+}
+
+impl RunningEffect for ForceCurve {
+    fn after_frame(&mut self, world: &mut World) {
+        let held = self.held(world);
+        let goes_on = self.trace.as_ref().is_some_and(|trace| trace.is_held && Some(trace.place) == held);
+        if let Some(trace) = &mut self.trace {
+            trace.is_held &= goes_on;
+        }
+        if let Some(place) = held.filter(|_| !goes_on) {
+            self.trace = Some(Trace::new(place, &world.bodies[place.0]));
+        }
+        if let (Some(trace), Some((b, _))) = (&mut self.trace, held) {
+            trace.take(&world.bodies[b], *world.graph.get(world.fields.time));
+        }
+        world.plates.extend(self.trace.as_ref().and_then(Trace::plate));
+    }
+
+    fn clear(&mut self) {
+        self.trace = None;
+    }
+
+    fn table(&self) -> Option<String> {
+        self.trace.as_ref().map(Trace::table)
+    }
+}
+
+impl Trace {
+    fn new(place: (usize, usize), body: &PlacedBody) -> Trace {
+        Trace {
+            place,
+            body: body.deformer.body.clone(),
+            control: body.deformer.controls[place.1].name.clone(),
+            is_held: true,
+            is_undefined: false,
+            errors: Errors::Unmeasured,
+            samples: Vec::new(),
+            last: None,
+            work: [0.0; 2],
+        }
+    }
+
+    /// The pose and the force of this frame.
+    fn take(&mut self, body: &PlacedBody, time_s: f64) {
+        let (c, pose) = (self.place.1, body.deformer.poses[self.place.1]);
+        let wrench = body.deformer.wrenches().map(|(all, _)| all[c].about_the_place(&pose));
+        self.is_undefined = wrench.is_none();
+        let Some(wrench) = wrench else {
+            self.last = None;
+            return;
+        };
+        let is_first = self.last.is_none();
+        if let Some((before, felt)) = self.last {
+            if (before, felt) == (pose, wrench) {
+                return;
+            }
+            let shift = pose.translation - before.translation;
+            let turn = Rotation3::from_matrix(&(pose.matrix * before.matrix.transpose())).scaled_axis();
+            self.work[0] += (0.5 * (wrench.force + felt.force).dot(&shift)).abs();
+            self.work[1] += (0.5 * (wrench.moment + felt.moment).dot(&turn)).abs();
+        }
+        self.last = Some((pose, wrench));
+        self.errors = errors(body);
+        let turned = body.deformer.turn(c);
+        let turn = turned.against(&FollowedTurn::REST);
+        let along = pose.translation.try_normalize(1e-12).unwrap_or_default();
+        self.samples.push(Sample {
+            time_s,
+            displacement: pose.translation.norm(),
+            turn,
+            force: wrench.force.dot(&along),
+            torque: wrench.moment.dot(&axis(&turned, turn)),
+            errors: if let Errors::Known(errors) = self.errors { Some(errors) } else { None },
+            is_first,
+        });
+        if self.samples.len() > MOST {
+            let mut number = 0;
+            self.samples.retain(|sample| {
+                number += 1;
+                number % 2 == 1 || sample.is_first
+            });
+        }
+    }
+
+    /// Whether the turn tells more than the displacement.
+    fn is_by_turn(&self) -> bool {
+        self.work[1] > self.work[0]
+    }
+
+    /// x and y of a sample, and the error of y as a part of it.
+    fn point(&self, sample: &Sample) -> ([f64; 2], Option<f64>) {
+        match self.is_by_turn() {
+            true => ([sample.turn.to_degrees(), sample.torque], sample.errors.map(|errors| errors[1])),
+            false => ([sample.displacement, sample.force], sample.errors.map(|errors| errors[0])),
+        }
+    }
+
+    fn plate(&self) -> Option<Plate> {
+        let last = self.samples.last()?;
+        let ([x, y], _) = self.point(last);
+        let is_by_turn = self.is_by_turn();
+        let told = match is_by_turn {
+            true => format!("{} at {x:.1}°", quantity(y, "N·m")),
+            false => format!("{} at {}", quantity(y, "N"), quantity(x, "m")),
+        };
+        let hold = if self.is_held { "" } else { ", let go (C clears)" };
+        let heading = vec![
+            (format!("{}.{}  ", self.body, self.control), Tone::Quiet),
+            (told, Tone::Plain),
+            (hold.into(), Tone::Quiet),
+        ];
+        let axis = |name, unit| Axis { name, unit };
+        let [x, y] = match is_by_turn {
+            true => [axis("turn", "°"), axis("torque about the turn", "N·m")],
+            false => [axis("displacement", "m"), axis("force along it", "N")],
+        };
+        let plot =
+            Plot { x, y, curves: self.curves(), band: self.bands(), now: Some(self.point(last).0) };
+        Some(Plate { anchor: Anchor::LowerRight, lines: vec![heading, self.error_line()], plot: Some(plot) })
+    }
+
+    fn error_line(&self) -> Vec<(String, Tone)> {
+        let quantity = usize::from(self.is_by_turn());
+        match self.errors {
+            _ if self.is_undefined => vec![("the model has no force in this pose".into(), Tone::Bad)],
+            Errors::Known(errors) => {
+                vec![("expected error ".into(), Tone::Quiet), (percent(errors[quantity]), Tone::Plain)]
+            }
+            Errors::Beyond => {
+                vec![("beyond the poses in which its error was measured".into(), Tone::Bad)]
+            }
+            Errors::Unmeasured => {
+                vec![("its error is not measured: list \"expected_errors\"".into(), Tone::Fair)]
+            }
+        }
+    }
+
+    fn curves(&self) -> Vec<Vec<[f64; 2]>> {
+        let mut curves: Vec<Vec<[f64; 2]>> = Vec::new();
+        for sample in &self.samples {
+            if sample.is_first || curves.is_empty() {
+                curves.push(Vec::new());
+            }
+            if let Some(curve) = curves.last_mut() {
+                curve.push(self.point(sample).0);
+            }
+        }
+        curves
+    }
+
+    /// Pieces of the curve of which the error is known.
+    fn bands(&self) -> Vec<Vec<[f64; 3]>> {
+        let mut bands = vec![Vec::new()];
+        for sample in &self.samples {
+            let ([x, y], error) = self.point(sample);
+            if sample.is_first || error.is_none() {
+                bands.push(Vec::new());
+            }
+            if let (Some(error), Some(band)) = (error, bands.last_mut()) {
+                let half = (error * y).abs();
+                band.push([x, y - half, y + half]);
+            }
+        }
+        bands
+    }
+
+    fn table(&self) -> String {
+        let mut text = HEADING.to_owned();
+        let (body, control) = (quoted(&self.body), quoted(&self.control));
+        for sample in &self.samples {
+            let Sample { time_s, displacement, turn, force, torque, errors, .. } = sample;
+            let numbers = [time_s, displacement, turn, force, torque].map(|value| format!("{value:e}"));
+            let errors = errors.map_or([String::new(), String::new()], |both| both.map(|e| format!("{e:e}")));
+            // Writing into a String cannot fail.
+            let _ = writeln!(text, "{body},{control},{},{}", numbers.join(","), errors.join(","));
+        }
+        text
+    }
+}
+
+/// The axis of a turn from rest of so many rad, along which the angle grows.
+fn axis(turn: &FollowedTurn, angle: f64) -> Vector3<f64> {
+    let axis = turn.quaternion.imag().try_normalize(1e-9).unwrap_or_default();
+    // Between one turn and two, four … the quaternion has the opposite sign.
+    if (angle / TAU) as u64 % 2 == 1 { -axis } else { axis }
+}
+
+/// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
+fn errors(body: &PlacedBody) -> Errors {
+    let Some(expected) = &body.expected else { return Errors::Unmeasured };
+    let mesh = expected.mesh().map(|mesh| mesh.wrench);
+    let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
+    let model = match is_measured {
+        // The model is static equilibrium itself.
+        false if mesh.is_some() => [0.0; 2],
+        false => return Errors::Unmeasured,
+        true => match expected.at(reach(&body.deformer)).and_then(|at| at.force.zip(at.torque)) {
+            Some((force, torque)) => [force, torque],
+            None => return Errors::Beyond,
+        },
+    };
+    Errors::Known(model.map(|error| error + mesh.unwrap_or(0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::attach;
+    use super::super::ghost_equilibrium::tests::{BAR, YOUNG, bar};
+    use super::*;
+
+    /// The bar's right end held through these poses; the effect, and its world.
+    fn held(name: &str, model: &str, poses: &[ControlPose]) -> (Box<dyn RunningEffect>, World) {
+        let (scene, file, mut world) = bar(name, model, &[NAME]);
+        let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap().remove(0);
+        running.after_frame(&mut world);
+        assert!(world.plates.is_empty() && running.table().is_none(), "nothing is held");
+        world.bodies[0].controls[1].highlight = Highlight::Held;
+        for pose in poses {
+            world.bodies[0].deformer.evaluate(&[ControlPose::REST, *pose]);
+            world.plates.clear();
+            running.after_frame(&mut world);
+        }
+        (running, world)
+    }
+
+    fn plot(world: &World) -> &Plot {
+        world.plates[0].plot.as_ref().unwrap()
+    }
+
+    fn words(world: &World) -> String {
+        world.plates[0].lines.iter().flatten().map(|(text, _)| text.as_str()).collect()
+    }
+
+    /// F = E A / L · u of a bar with ν = 0, with the law's own units, and in the table too.
+    #[test]
+    fn a_pulled_bar_has_the_slope_of_its_stiffness() {
+        let [length, side] = BAR;
+        let stiffness = YOUNG * side * side / length;
+        let pulls: Vec<ControlPose> = (1..=5)
+            .map(|k| ControlPose { translation: Vector3::x() * (1e-3 * f64::from(k)), ..ControlPose::REST })
+            .collect();
+        let (mut running, mut world) = held("curve-pulled", "linear", &pulls);
+        let [curve] = &plot(&world).curves[..] else { panic!("{:?}", plot(&world).curves) };
+        assert_eq!((curve.len(), plot(&world).x.unit), (5, "m"));
+        for [x, y] in curve {
+            assert!((y / (stiffness * x) - 1.0).abs() < 1e-5, "{y} N at {x} m, {stiffness} N/m");
+        }
+        assert!(words(&world).contains("1.25 N at 5.00 mm"), "{}", words(&world));
+        assert!(words(&world).contains("not measured") && plot(&world).band.iter().all(Vec::is_empty));
+        let table = running.table().unwrap();
+        let row: Vec<f64> =
+            table.lines().last().unwrap().split(',').skip(3).take(3).map(|x| x.parse().unwrap()).collect();
+        assert!((row[0] - 5e-3).abs() < 1e-12 && row[1] == 0.0 && (row[2] - 1.25).abs() < 1e-4, "{row:?}");
+
+        // Let go, the curve stays; taken again, it begins anew; and it is cleared.
+        world.bodies[0].controls[1].highlight = Highlight::Idle;
+        world.plates.clear();
+        running.after_frame(&mut world);
+        assert!(words(&world).contains("let go") && plot(&world).curves[0].len() == 5);
+        world.bodies[0].controls[1].highlight = Highlight::Held;
+        world.plates.clear();
+        running.after_frame(&mut world);
+        assert_eq!(plot(&world).curves[0].len(), 1);
+        running.clear();
+        world.bodies[0].controls[1].highlight = Highlight::Idle;
+        world.plates.clear();
+        running.after_frame(&mut world);
+        assert!(world.plates.is_empty());
+    }
+
+    /// Twisted, it is torque over turn: of a square section M = 0.1406 G s⁴ θ / L (Timoshenko and Goodier, section 109), with the
+    /// ends' warping held and a coarse mesh some per cent more.
+    #[test]
+    fn a_twisted_bar_shows_torque_over_turn() {
+        let [length, side] = BAR;
+        let twists: Vec<ControlPose> = (1..=4)
+            .map(|k| {
+                let turn = Rotation3::from_axis_angle(&Vector3::x_axis(), 0.01 * f64::from(k));
+                ControlPose { matrix: *turn.matrix(), ..ControlPose::REST }
+            })
+            .collect();
+        let (_, world) = held("curve-twisted", "rotation", &twists);
+        assert_eq!((plot(&world).x.unit, plot(&world).y.unit), ("°", "N·m"));
+        let [x, y] = plot(&world).now.unwrap();
+        assert!((x - 0.04f64.to_degrees()).abs() < 1e-9, "{x}°");
+        let thin = 0.1406 * (YOUNG / 2.0) * side.powi(4) * 0.04 / length;
+        assert!((1.0..1.6).contains(&(y / thin)), "{y} N·m, {thin} N·m of a long bar");
+    }
+
+    /// Where errors were measured, a band is drawn as wide as they are, and none beyond them.
+    #[test]
+    fn the_band_is_as_wide_as_the_measured_error() {
+        use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors};
+        let (_, mut world) = held("curve-band", "linear", &[]);
+        let at = |angle: f64, stretch: f64| ErrorsAt {
+            angle,
+            turn: 0.1,
+            stretch,
+            off: 0.01,
+            force: Some(0.2),
+            torque: Some(0.4),
+            shape: 0.0,
+        };
+        let moved = MovedErrors {
+            control: "right".into(),
+            bent: vec![at(1.0, 0.02)],
+            shifted: vec![at(1.0, 0.02)],
+            mesh: None,
+        };
+        let body = &mut world.bodies[0];
+        body.expected = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });
+        let mut trace = Trace::new((0, 1), body);
+        for strain in [0.005, 0.01, 0.3] {
+            let translation = Vector3::x() * (strain * BAR[0]);
+            body.deformer.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
+            trace.take(body, 0.0);
+        }
+        let bands = trace.bands();
+        let known: Vec<&[f64; 3]> = bands.iter().flatten().collect();
+        assert_eq!(known.len(), 2, "beyond what was measured there is none");
+        for ([x, low, high], [at, force]) in known.iter().zip(&trace.curves()[0]) {
+            assert!(x == at && ((high - low) / force - 0.4).abs() < 1e-9, "{low} N to {high} N of {force} N");
+        }
+        assert!(trace.error_line()[0].0.contains("beyond"));
+    }
+}

@@ -1,0 +1,280 @@
+//! The effect `ghost_equilibrium`: static equilibrium at large strain of the very pose in which the body is held, as a ghost over
+//! the body, and how far the body's model is from it, in mm.
+//!
+//! In: the bodies of a session. Out: ghosts and plates. A thread ([`solving`]) solves the pose on the whole mesh once the hand
+//! rests; every number belongs to the pose that was solved, and the plate says how far the hand has moved on since. Before a
+//! picture that is kept the equilibrium is waited for.
+
+mod solving;
+#[cfg(test)]
+pub(super) mod tests;
+
+use super::entry::{EffectEntry, Listed};
+use super::ghost_rest::Outlined;
+use super::running::RunningEffect;
+use crate::base::failure::Failure;
+use crate::base::plates::{Anchor, Plate, Tone};
+use crate::base::quantity::quantity;
+use crate::deform::{ControlPose, ControlPoses, FollowedTurn, Kind, StateAge, find_model};
+use crate::fem::{Law, STVK};
+use crate::render::Ghost;
+use crate::world::{PlacedBody, World};
+use nalgebra::Vector3;
+use solving::{Answer, Question, Solved, Solving, Subject};
+use std::f64::consts::TAU;
+use std::time::{Duration, Instant};
+
+pub(crate) const ENTRY: EffectEntry = EffectEntry {
+    name: "ghost_equilibrium",
+    summary: "static equilibrium of the held pose, solved in the background: a ghost over the body, the difference in mm",
+    requirements: &[],
+    needs_energy: false,
+    precompute: None,
+    attach: Some(|listed, world| Ok(Some(Box::new(EquilibriumGhosts::new(listed, world)?)))),
+    start: None,
+};
+
+/// Linear, and the opacity of the outline of a ghost of the pose as it is.
+const COLOR: [f32; 4] = [1.0, 0.35, 0.62, 0.9];
+/// The same as sRGB, for the plate.
+const INK: [u8; 3] = [255, 161, 206];
+/// How much of it shows through the body.
+const THROUGH: f32 = 0.6;
+/// A ghost of a pose that has been left is fainter by this.
+const OLD: f32 = 0.4;
+
+/// A hand that moves by less than this part of the body's radius in [`REST_FOR`] rests.
+const RESTING: f64 = 0.005;
+const REST_FOR: Duration = Duration::from_millis(250);
+/// An equilibrium is found anew where the pose has moved on by more than this part of the radius, or of the difference.
+const MOVED_ON: [f64; 2] = [1e-4, 0.05];
+
+struct EquilibriumGhosts {
+    bodies: Vec<Watched>,
+}
+
+/// A body whose poses are solved.
+struct Watched {
+    b: usize,
+    law: &'static Law,
+    /// What the thread is started with, once something is asked.
+    subject: Option<Subject>,
+    solving: Option<Solving>,
+    found: Option<Found>,
+    /// The pose at which the hand has rested, and since when.
+    resting: (ControlPoses, Instant),
+}
+
+/// The last answer, with the ghost of an equilibrium.
+struct Found {
+    answer: Answer,
+    ghost: Option<Outlined>,
+}
+
+impl EquilibriumGhosts {
+    fn new(listed: &Listed<'_>, world: &World) -> Result<EquilibriumGhosts, Failure> {
+        let of = |&(b, name): &(usize, &str)| {
+            let body = &world.bodies[b];
+            let model = find_model(&body.model).map_err(Failure::wrong)?;
+            let law = if let Kind::Background(law) = model.kind { law } else { &STVK };
+            let tags = body.deformer.tags().to_vec();
+            let subject = Subject { scene: listed.scene.clone(), body: name.to_owned(), law, tags };
+            let resting = (body.deformer.poses.clone(), Instant::now());
+            Ok(Watched { b, law, subject: Some(subject), solving: None, found: None, resting })
+        };
+        Ok(EquilibriumGhosts { bodies: listed.bodies.iter().map(of).collect::<Result<_, Failure>>()? })
+    }
+}
+
+impl RunningEffect for EquilibriumGhosts {
+    fn after_frame(&mut self, world: &mut World) {
+        if world.is_for_pictures {
+            return;
+        }
+        for watched in &mut self.bodies {
+            let body = &world.bodies[watched.b];
+            watched.take(body, false);
+            if watched.rests(body) && watched.is_to_be_solved(body) {
+                watched.ask(body);
+            }
+            watched.show(world);
+        }
+    }
+
+    fn before_picture(&mut self, world: &mut World) {
+        for watched in &mut self.bodies {
+            let body = &world.bodies[watched.b];
+            if watched.is_to_be_solved(body) {
+                watched.ask(body);
+                watched.take(body, true);
+            }
+            watched.show(world);
+        }
+    }
+}
+
+impl Watched {
+    fn ask(&mut self, body: &PlacedBody) {
+        let deformer = &body.deformer;
+        if self.solving.is_none()
+            && let Some(subject) = self.subject.take()
+        {
+            self.solving = Solving::start(subject).ok();
+        }
+        let turns: Vec<FollowedTurn> = (0..deformer.poses.len()).map(|e| deformer.turn(e)).collect();
+        let is_beyond = turns.iter().any(|turn| turn.against(&FollowedTurn::REST) > TAU);
+        let refused = match &self.solving {
+            None => Some("no thread can be started"),
+            Some(_) if is_beyond => Some("a control element has turned by more than 360°"),
+            Some(_) => None,
+        };
+        if let Some(why) = refused {
+            let poses = deformer.poses.clone();
+            let answer = Answer { poses, result: Err(why.into()), seconds: 0.0 };
+            self.found = Some(Found { answer, ghost: None });
+        } else if let Some(solving) = &mut self.solving {
+            solving.ask(Question {
+                poses: deformer.poses.clone(),
+                turns: turns.iter().map(|turn| turn.quaternion).collect(),
+                shown: (0..deformer.node_count()).map(|node| deformer.displacement(node)).collect(),
+            });
+        }
+    }
+
+    fn take(&mut self, body: &PlacedBody, waits: bool) {
+        let Some(answer) = self.solving.as_mut().and_then(|solving| solving.answer(waits)) else { return };
+        let ghost = |solved: &Solved| Outlined::new(&body.deformer, Some(&solved.displacement));
+        let ghost = answer.result.as_ref().ok().map(ghost);
+        self.found = Some(Found { answer, ghost });
+    }
+
+    /// Whether the hand rests.
+    fn rests(&mut self, body: &PlacedBody) -> bool {
+        if moved(body, &self.resting.0) > RESTING * body.ball.1 {
+            self.resting = (body.deformer.poses.clone(), Instant::now());
+        }
+        self.resting.1.elapsed() > REST_FOR
+    }
+
+    /// Whether the pose is another than that of the last answer, and its state the model's own.
+    fn is_to_be_solved(&self, body: &PlacedBody) -> bool {
+        let is_settled = body.deformer.age().is_none_or(|age| age == StateAge::Current);
+        is_moved(body) && is_settled && self.found.as_ref().is_none_or(|found| found.is_left(body))
+    }
+
+    fn show(&self, world: &mut World) {
+        let body = &world.bodies[self.b];
+        if !is_moved(body) {
+            return;
+        }
+        let room_from_shape = body.room_from_body.to_homogeneous().cast();
+        let plate = self.plate(body);
+        if let Some((found, outlined)) = self.found.as_ref().and_then(|found| Some((found, found.ghost.as_ref()?))) {
+            let [r, g, b, opacity] = COLOR;
+            let color = [r, g, b, opacity * if found.is_left(body) { OLD } else { 1.0 }];
+            let shape = outlined.shape.clone();
+            for over in [false, true] {
+                world.lines.extend(outlined.lines(&room_from_shape, color, over));
+            }
+            world.ghosts.push(Ghost { shape, room_from_shape, color, through: THROUGH });
+        }
+        world.plates.push(plate);
+    }
+
+    fn plate(&self, body: &PlacedBody) -> Plate {
+        let name = &body.deformer.body;
+        let mut lines = Vec::new();
+        if let Some(found) = &self.found {
+            lines.extend(found.lines(body, self.law));
+        } else {
+            lines.push(vec![(format!("{name}: static equilibrium, {}", title(self.law)), Tone::Own(INK))]);
+        }
+        let is_due = self.found.as_ref().is_none_or(|found| found.is_left(body));
+        match &self.solving {
+            Some(Solving { asked: Some(since), .. }) => lines.push(vec![(
+                format!(
+                    "solving, {:.0} %, {:.1} s",
+                    100.0 * self.solving.as_ref().map_or(0.0, Solving::share),
+                    since.elapsed().as_secs_f64()
+                ),
+                Tone::Fair,
+            )]),
+            _ if is_due => lines.push(vec![("is solved once the hand rests".into(), Tone::Quiet)]),
+            _ => {}
+        }
+        Plate { anchor: Anchor::LowerLeft, lines, plot: None }
+    }
+}
+
+impl Found {
+    /// Whether the body is no longer where this belongs to.
+    fn is_left(&self, body: &PlacedBody) -> bool {
+        let difference = self.answer.result.as_ref().map_or(0.0, |solved| solved.largest_m);
+        let bounds = [MOVED_ON[0] * body.ball.1, MOVED_ON[1] * difference];
+        moved(body, &self.answer.poses) > bounds[0].max(bounds[1])
+    }
+
+    fn lines(&self, body: &PlacedBody, law: &Law) -> Vec<Vec<(String, Tone)>> {
+        let (name, model) = (&body.deformer.body, &body.model);
+        let away = moved(body, &self.answer.poses);
+        let is_old = self.is_left(body);
+        // What is a millionth of the body away is the same pose, to rounding.
+        let (of, was) = match away {
+            away if is_old => (format!("of a pose {} away", quantity(away, "m")), "was"),
+            away if away > 1e-6 * body.ball.1 => (format!("of this pose within {}", quantity(away, "m")), "is"),
+            _ => ("of this pose".into(), "is"),
+        };
+        let tone = if is_old { Tone::Quiet } else { Tone::Own(INK) };
+        match &self.answer.result {
+            Ok(Solved { largest_m, rms_m, .. }) => {
+                let [largest, rms] = [largest_m, rms_m].map(|m| quantity(*m, "m"));
+                let head = format!("{name}: static equilibrium {of}, {}, ", title(law));
+                vec![
+                    vec![(head, tone), (format!("found in {:.1} s", self.answer.seconds), Tone::Quiet)],
+                    vec![
+                        (format!("the model {model} {was} off by {largest} at most, {rms} RMS"), told(tone)),
+                        (" over the surface".into(), Tone::Quiet),
+                    ],
+                ]
+            }
+            Err(why) => vec![vec![
+                (format!("{name}: no static equilibrium {of} found, {}: ", title(law)), Tone::Bad),
+                (why.clone(), Tone::Quiet),
+            ]],
+        }
+    }
+}
+
+fn told(head: Tone) -> Tone {
+    if head == Tone::Quiet { Tone::Quiet } else { Tone::Plain }
+}
+
+/// The law's name in books.
+fn title(law: &Law) -> &'static str {
+    match law.name {
+        "stvk" => "St. Venant–Kirchhoff",
+        "neo_hookean" => "neo-Hookean",
+        _ => law.name,
+    }
+}
+
+fn is_moved(body: &PlacedBody) -> bool {
+    body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST)
+}
+
+/// By how much a control element's surface nodes have moved at most since these poses, m.
+fn moved(body: &PlacedBody, since: &ControlPoses) -> f64 {
+    let deformer = &body.deformer;
+    let of = |e: usize| {
+        let (now, then) = (&deformer.poses[e], &since[e]);
+        if now == then {
+            return 0.0;
+        }
+        let (shift, turn) = (now.translation - then.translation, now.matrix - then.matrix);
+        let origin = deformer.controls[e].origin;
+        let at = |node: &u32| Vector3::from(deformer.rest()[*node as usize]).cast::<f64>() - origin;
+        let nodes = deformer.control_nodes(e).iter().map(|node| (shift + turn * at(node)).norm());
+        nodes.fold(shift.norm(), f64::max)
+    };
+    (0..deformer.poses.len()).map(of).fold(0.0, f64::max)
+}

@@ -1,0 +1,139 @@
+//! The effect `ghost_rest`: the body at rest, translucent, where the body as it is has left it.
+
+use super::entry::{EffectEntry, Listed};
+use super::running::RunningEffect;
+use crate::deform::{ControlPose, Deformer, vertex_normals};
+use crate::render::{Ghost, GhostShape, Line};
+use crate::world::World;
+use nalgebra::{Matrix4, Point3, Vector3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A pale grey, linear, and the opacity of the outline.
+const COLOR: [f32; 4] = [0.55, 0.62, 0.72, 0.4];
+
+pub(crate) const ENTRY: EffectEntry = EffectEntry {
+    name: "ghost_rest",
+    summary: "the rest shape, translucent, beside the deformed body",
+    requirements: &[],
+    needs_energy: false,
+    precompute: None,
+    attach: Some(|listed, world| Ok(Some(Box::new(RestGhosts::new(listed, world))))),
+    start: None,
+};
+
+struct RestGhosts {
+    bodies: Vec<(usize, Outlined)>,
+}
+
+/// A ghost's surface with its sharp edges.
+pub(super) struct Outlined {
+    pub shape: Arc<GhostShape>,
+    edges: Vec<[u32; 2]>,
+}
+
+/// Edges are sharp where the normals of their triangles differ by more than 40°; beyond so many, they would hide what they show.
+const SHARP: f64 = 0.766;
+const MOST_EDGES: usize = 4000;
+
+impl RestGhosts {
+    fn new(listed: &Listed<'_>, world: &World) -> RestGhosts {
+        let of = |&(b, _): &(usize, &str)| (b, Outlined::new(&world.bodies[b].deformer, None));
+        RestGhosts { bodies: listed.bodies.iter().map(of).collect() }
+    }
+}
+
+impl RunningEffect for RestGhosts {
+    fn after_frame(&mut self, world: &mut World) {
+        for (b, shape) in &self.bodies {
+            let body = &world.bodies[*b];
+            if body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST) {
+                let room_from_shape = body.room_from_body.to_homogeneous().cast();
+                world.lines.extend(shape.lines(&room_from_shape, COLOR, false));
+                let shape = shape.shape.clone();
+                world.ghosts.push(Ghost { shape, room_from_shape, color: COLOR, through: 0.0 });
+            }
+        }
+    }
+}
+
+impl Outlined {
+    /// The surface of a body at rest, or moved by these displacements, in the body's frame.
+    pub fn new(deformer: &Deformer, moved: Option<&[[f64; 3]]>) -> Outlined {
+        let edges = sharp_edges(deformer.rest(), deformer.triangles());
+        Outlined { shape: Arc::new(shape(deformer, moved)), edges }
+    }
+
+    /// Its sharp edges in the room; `over` everything, or hidden by what is nearer.
+    pub fn lines(
+        &self,
+        room_from_shape: &Matrix4<f32>,
+        [r, g, b, opacity]: [f32; 4],
+        over: bool,
+    ) -> impl Iterator<Item = Line> {
+        let of = move |node: u32| {
+            room_from_shape.transform_point(&Point3::from(self.shape.positions[node as usize])).into()
+        };
+        let line = move |[from, to]: &[u32; 2]| {
+            let color = [r, g, b, if over { 0.3 * opacity } else { opacity }];
+            Line { from: of(*from), to: of(*to), color, width_px: 1.5, over: f32::from(u8::from(over)) }
+        };
+        self.edges.iter().map(line)
+    }
+}
+
+/// Edges of a closed surface where it is creased; none where there are too many.
+fn sharp_edges(rest: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let at = |node: u32| Vector3::from(rest[node as usize]).cast::<f64>();
+    let mut beside: BTreeMap<[u32; 2], Vector3<f64>> = BTreeMap::new();
+    let mut edges = Vec::new();
+    for &[a, b, c] in triangles {
+        let normal = (at(b) - at(a)).cross(&(at(c) - at(a))).normalize();
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let edge = [from.min(to), from.max(to)];
+            match beside.remove(&edge) {
+                None => drop(beside.insert(edge, normal)),
+                Some(other) if other.dot(&normal) < SHARP => edges.push(edge),
+                Some(_) => {}
+            }
+        }
+    }
+    if edges.len() > MOST_EDGES { Vec::new() } else { edges }
+}
+
+fn shape(deformer: &Deformer, moved: Option<&[[f64; 3]]>) -> GhostShape {
+    let mut positions = deformer.rest().to_vec();
+    for (position, u) in positions.iter_mut().zip(moved.into_iter().flatten()) {
+        *position = [0, 1, 2].map(|axis| (f64::from(position[axis]) + u[axis]) as f32);
+    }
+    let triangles = deformer.triangles().to_vec();
+    let mut normals = vec![[0.0; 3]; positions.len()];
+    vertex_normals(&positions, &triangles, &mut Vec::new(), &mut normals);
+    GhostShape { positions, normals, triangles }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::attach;
+    use crate::effect::ghost_equilibrium::tests::bar;
+
+    #[test]
+    fn the_ghost_is_the_body_at_rest_and_stands_only_beside_one_that_is_moved() {
+        let (scene, file, mut world) = bar("ghost-rest", "linear", &["ghost_rest"]);
+        let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
+        running[0].after_frame(&mut world);
+        assert!(world.ghosts.is_empty(), "at rest there is nothing beside the body");
+        let mut poses = world.bodies[0].deformer.poses.clone();
+        poses[1].translation.x = 0.01;
+        world.bodies[0].deformer.evaluate(&poses);
+        running[0].after_frame(&mut world);
+        // The twelve edges of the bar: four of 12 pieces, eight of 3.
+        assert_eq!(world.lines.len(), 4 * 12 + 8 * 3);
+        let [ghost] = &world.ghosts[..] else { panic!("{:?}", world.ghosts.len()) };
+        let deformer = &world.bodies[0].deformer;
+        assert_eq!(ghost.shape.positions, deformer.rest());
+        assert_ne!(ghost.shape.positions[..], deformer.positions()[..]);
+        assert_eq!(ghost.room_from_shape, world.bodies[0].room_from_body.to_homogeneous().cast::<f32>());
+    }
+}
