@@ -70,7 +70,7 @@ impl Request {
     }
 
     fn story(&self) -> Result<Story, Failure> {
-        let preparation = Preparation::start(CHAPTERS).map_err(Failure::work)?;
+        let preparation = Preparation::start(self.chapters.clone()).map_err(Failure::work)?;
         Ok(Story::new(preparation, 0, self.device).without_keys())
     }
 

@@ -287,3 +287,64 @@ fn session(chapter: &Chapter, Ready { scene, file }: &Ready) -> Result<Session, 
     (session.effects, session.file) = (effects, Some(file.clone()));
     Ok(session)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A story for which nothing is made.
+    fn story(chapter: usize) -> Story {
+        Story::new(Preparation::start(Vec::new()).unwrap(), chapter, device::Args::default())
+    }
+
+    fn press(story: &mut Story, key: Key) {
+        story.input(Input::Key { window: 0, key, pressed: true });
+        story.input(Input::Key { window: 0, key, pressed: false });
+    }
+
+    #[test]
+    fn keys_lead_through_the_chapters_and_to_the_workbench_and_back() {
+        let mut story = story(1);
+        press(&mut story, Key::Char('n'));
+        assert_eq!(story.chapter, 2);
+        press(&mut story, Key::PageUp);
+        press(&mut story, Key::Char('b'));
+        press(&mut story, Key::Char('b'));
+        assert_eq!(story.chapter, CHAPTERS.len() - 1, "from the first back to the last");
+        press(&mut story, Key::PageDown);
+        press(&mut story, Key::PageDown);
+        press(&mut story, Key::Tab);
+        assert_eq!(CHAPTERS[story.chapter].name, "workbench");
+        press(&mut story, Key::Tab);
+        assert_eq!(story.chapter, 1);
+        (story.clock_s, story.paused) = (2.0, true);
+        press(&mut story, Key::Enter);
+        assert_eq!((story.chapter, story.clock_s, story.paused), (1, 0.0, false));
+    }
+
+    #[test]
+    fn the_keys_are_named_at_first_and_fade_once_one_is_used() {
+        let mut story = story(0);
+        let shown = |story: &Story| story.caption(&Readiness::Waiting).keys_shown;
+        assert_eq!(shown(&story), 1.0);
+        press(&mut story, Key::Char(' '));
+        assert_eq!((shown(&story), story.keys_s), (1.0, KEYS_USED_S));
+        story.keys_s = 0.5 * KEYS_FADE_S;
+        assert_eq!(shown(&story), 0.5);
+        press(&mut story, Key::Char('h'));
+        assert_eq!(shown(&story), 0.0);
+        press(&mut story, Key::Char('h'));
+        assert_eq!(shown(&story), 1.0);
+    }
+
+    #[test]
+    fn what_is_computed_and_what_failed_is_told() {
+        let story = story(2);
+        let step = "bear: solves".to_owned();
+        let told = story.caption(&Readiness::Working { step, share: 0.25 });
+        assert!(told.numbers.contains("bear: solves 25 %"), "{}", told.numbers);
+        assert_eq!((told.share, told.chapter), (0.25, (2, CHAPTERS.len())));
+        let told = story.caption(&Readiness::Failed("no space left".into()));
+        assert!(told.numbers.contains("cannot be shown: no space left"), "{}", told.numbers);
+    }
+}
