@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Print a script that completes greenstage's commands and options in a shell
 ///
 /// bash:  greenstage completions bash > ~/.local/share/bash-completion/completions/greenstage
-/// zsh:   greenstage completions zsh > "${fpath[1]}/_greenstage"
+/// zsh:   greenstage completions zsh > ~/.zfunc/_greenstage   (with fpath+=~/.zfunc in ~/.zshrc)
 /// fish:  greenstage completions fish > ~/.config/fish/completions/greenstage.fish
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]

@@ -6,7 +6,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::demo::{CHAPTERS, film, live};
 use crate::display::device;
-use crate::render::{Gpu, window};
+use crate::render::window;
 use std::path::{Path, PathBuf};
 
 /// Tell what greenstage is, in one window: chapters that anybody may stop and take over with the mouse
@@ -45,11 +45,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let chapter = args.chapter.map(|number| usize::from(number) - 1);
     let display = window::find_display();
     if let (Ok(_), None) = (&display, &args.output) {
-        let samples = args.samples.unwrap_or_else(|| {
-            let is_software = Gpu::headless().is_ok_and(|gpu| gpu.is_software);
-            if is_software { 1 } else { 4 }
-        });
-        let options = live::Options { chapter: chapter.unwrap_or(0), samples, limit_s: args.seconds, device: args.device };
+        let samples = args.samples.unwrap_or(window::AUTO_SAMPLES);
+        let options = live::Options {
+            chapter: chapter.unwrap_or(0),
+            samples,
+            limit_s: args.seconds,
+            device: args.device,
+        };
         return live::run(options);
     }
     let width = args.width.unwrap_or(WIDTH);
@@ -70,6 +72,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// Where pictures go unless told otherwise: here, or among the temporary files where this folder takes none.
 fn folder() -> PathBuf {
     let here = PathBuf::from(FOLDER);
-    let takes = |folder: &Path| std::fs::create_dir_all(folder).is_ok() && tempfile::tempfile_in(folder).is_ok();
+    let takes =
+        |folder: &Path| std::fs::create_dir_all(folder).is_ok() && tempfile::tempfile_in(folder).is_ok();
     if takes(&here) { here } else { std::env::temp_dir().join("greenstage-demo") }
 }

@@ -204,7 +204,10 @@ impl Video {
 
     fn push(&mut self, picture: &RgbaImage) -> Result<(), Failure> {
         let failed = |error: std::io::Error| {
-            Failure::work(anyhow::anyhow!("ffmpeg did not take a picture for {}: {error}", self.path.display()))
+            Failure::work(anyhow::anyhow!(
+                "ffmpeg did not take a picture for {}: {error}",
+                self.path.display()
+            ))
         };
         let input = self.child.stdin.as_mut();
         input.map_or(Ok(()), |input| input.write_all(picture.as_raw())).map_err(failed)

@@ -15,7 +15,7 @@ use std::time::Instant;
 pub struct Options {
     /// The chapter that is told first, counted from 0.
     pub chapter: usize,
-    /// 1 or 4 samples a pixel.
+    /// As of [`WindowOptions`].
     pub samples: u32,
     /// The window closes after so many seconds.
     pub limit_s: Option<f64>,
@@ -34,7 +34,8 @@ pub fn run(options: Options) -> Result<(), Failure> {
     let spec = story.spec()?;
     let now = Instant::now();
     let mut app = Application { story, started: now, last: now, limit_s: options.limit_s, failure: None };
-    window::run(&[spec], WindowOptions { samples: options.samples, vsync: true }, &mut app).map_err(Failure::work)?;
+    window::run(&[spec], WindowOptions { samples: options.samples, vsync: true }, &mut app)
+        .map_err(Failure::work)?;
     app.failure.map_or(Ok(()), Err)
 }
 

@@ -30,7 +30,9 @@ pub fn bend(_: &Scene, world: &World) -> String {
     let angle = body.deformer.largest_turn().to_degrees();
     let force = moved(body).and_then(|c| Some(force_n(body, c)?.norm()));
     match (force, expected_part(body)) {
-        (Some(force), Some(part)) => format!("bent by {angle:.0}°     force {} ± {}", newtons(force), per_cent(part)),
+        (Some(force), Some(part)) => {
+            format!("bent by {angle:.0}°     force {} ± {}", newtons(force), per_cent(part))
+        }
         _ => format!("bent by {angle:.0}°"),
     }
 }
@@ -52,7 +54,10 @@ pub fn pull(scene: &Scene, world: &World) -> String {
     let nonlinear = asked.material.young * width * height * (stretch.powi(3) - stretch) / 2.0;
     format!(
         "ΔL = {:.1} mm     ours {}     E A ΔL / L = {}     (nonlinear: {})",
-        1e3 * longer, newtons(ours), newtons(theirs), newtons(nonlinear)
+        1e3 * longer,
+        newtons(ours),
+        newtons(theirs),
+        newtons(nonlinear)
     )
 }
 
@@ -67,7 +72,9 @@ pub fn hands(_: &Scene, world: &World) -> String {
     let (rest, apart) = ((controls[a].origin - controls[b].origin).norm(), (now(a) - now(b)).norm());
     format!(
         "paws {:.0} mm apart, at rest {:.0} mm     mechanics of this frame {}",
-        1e3 * apart, 1e3 * rest, table::seconds(world.times.total_s())
+        1e3 * apart,
+        1e3 * rest,
+        table::seconds(world.times.total_s())
     )
 }
 
@@ -85,9 +92,10 @@ pub fn ghost(_: &Scene, world: &World) -> String {
 pub fn room(_: &Scene, world: &World) -> String {
     let stage = &world.stage;
     let head = world.room_from_head.translation.vector;
-    let sizes = stage.screens.iter().map(|screen| {
-        format!("{} {:.2} × {:.2} m", screen.name, screen.width_m(), screen.height_m())
-    });
+    let sizes = stage
+        .screens
+        .iter()
+        .map(|screen| format!("{} {:.2} × {:.2} m", screen.name, screen.width_m(), screen.height_m()));
     let sizes: Vec<String> = sizes.collect();
     format!("{}     head at ({:.2}, {:.2}, {:.2}) m", sizes.join(", "), head.x, head.y, head.z)
 }
@@ -95,7 +103,13 @@ pub fn room(_: &Scene, world: &World) -> String {
 /// A force with three digits, in N or mN.
 pub fn newtons(force_n: f64) -> String {
     let of = |value: f64, unit: &str| {
-        let digits = if value.abs() >= 99.95 { 0 } else if value.abs() >= 9.995 { 1 } else { 2 };
+        let digits = if value.abs() >= 99.95 {
+            0
+        } else if value.abs() >= 9.995 {
+            1
+        } else {
+            2
+        };
         let text = format!("{value:.digits$}");
         let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
         format!("{} {unit}", if is_zero { text.trim_start_matches('-') } else { &text })

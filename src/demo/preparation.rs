@@ -22,7 +22,10 @@ pub struct Ready {
 pub enum Readiness {
     Waiting,
     /// Its step in words, and what share of that is done, where that is known.
-    Working { step: String, share: f64 },
+    Working {
+        step: String,
+        share: f64,
+    },
     Ready(Ready),
     Failed(String),
 }

@@ -137,7 +137,8 @@ impl Story {
         let Some(shown) = &mut self.shown else { return };
         let turns = matches!(input, Input::Button { pressed: true, .. } | Input::Wheel { .. });
         let is_room = CHAPTERS[self.chapter].looks == Looks::AtRoom;
-        shown.camera_rests |= is_room && (turns || matches!(input, Input::Key { key: Key::Function(_), pressed: true, .. }));
+        shown.camera_rests |=
+            is_room && (turns || matches!(input, Input::Key { key: Key::Function(_), pressed: true, .. }));
         shown.screens.input(input, &mut shown.session);
         if was_told && !self.is_told() {
             self.paused = false;
@@ -260,13 +261,15 @@ impl Story {
                 caption.share = *share;
             }
             Readiness::Ready(_) => {
-                if let Some((shown, scene)) = self.shown.as_ref().and_then(|shown| Some((shown, shown.scene.as_ref()?))) {
+                if let Some((shown, scene)) =
+                    self.shown.as_ref().and_then(|shown| Some((shown, shown.scene.as_ref()?)))
+                {
                     caption.numbers = numbers(scene, &shown.session.world);
                     let is_told = self.is_told();
                     caption.share = self.duration_s().map_or(1.0, |end_s| self.clock_s / end_s);
                     if !is_told {
                         caption.share = 1.0;
-                        caption.state = "you lead: Enter, N, B".into();
+                        caption.state = "you lead – Enter tells it again".into();
                     } else if self.paused {
                         caption.state = "paused".into();
                     }

@@ -48,7 +48,8 @@ impl Caption {
         let wide = picture.width().min(56.0 * size);
         let inside = wide - 2.0 * size;
         let title = line(painter, &self.title, 1.15 * size, INK, inside);
-        let mut rows = vec![(title, 0.25 * size), (line(painter, &self.text, 0.88 * size, QUIET, inside), 0.3 * size)];
+        let mut rows =
+            vec![(title, 0.25 * size), (line(painter, &self.text, 0.88 * size, QUIET, inside), 0.3 * size)];
         if !self.numbers.is_empty() {
             rows.push((line(painter, &self.numbers, 1.05 * size, ACCENT, inside), 0.1 * size));
         }
@@ -79,7 +80,13 @@ impl Caption {
                 Rect::from_min_size(pos2(left, top), vec2(length * share.clamp(0.0, 1.0) as f32, thick))
             };
             painter.rect_filled(part(1.0), 0.0, QUIET.gamma_multiply(0.35));
-            let share = if k < now { 1.0 } else if k == now { self.share } else { 0.0 };
+            let share = if k < now {
+                1.0
+            } else if k == now {
+                self.share
+            } else {
+                0.0
+            };
             painter.rect_filled(part(share), 0.0, if k == now { ACCENT } else { QUIET });
         }
         if !self.state.is_empty() {
@@ -93,8 +100,7 @@ impl Caption {
     fn key_plate(&self, painter: &Painter, picture: Rect, size: f32) {
         let ink = |colour: Color32| colour.gamma_multiply(self.keys_shown.clamp(0.0, 1.0));
         let lay = |text: &str, colour: Color32| line(painter, text, size, ink(colour), f32::INFINITY);
-        let rows: Vec<_> =
-            self.keys.iter().map(|(key, what)| (lay(key, INK), lay(what, QUIET))).collect();
+        let rows: Vec<_> = self.keys.iter().map(|(key, what)| (lay(key, INK), lay(what, QUIET))).collect();
         let widest = |of: &dyn Fn(usize) -> f32| (0..rows.len()).map(of).fold(0.0, f32::max);
         let (keys, words) = (widest(&|k| rows[k].0.size().x), widest(&|k| rows[k].1.size().x));
         let step = 1.45 * size;

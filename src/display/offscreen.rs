@@ -174,7 +174,8 @@ impl Targets {
                 ..Readings::of(world)
             });
             let overlay = self.overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
-            let over = Over { world, swapped: self.swapped, panel: readings.as_ref().zip(self.panel.as_ref()) };
+            let over =
+                Over { world, swapped: self.swapped, panel: readings.as_ref().zip(self.panel.as_ref()) };
             let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
                 let (window, size) = &layout[picture.window];
                 over.paint(overlay, gpu, picture, window, *size)

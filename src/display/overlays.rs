@@ -6,8 +6,8 @@
 
 use super::caption::{self, Caption};
 use super::overlay::{History, Panel, Readings};
-use super::plates::Plates;
 use super::pattern::Pattern;
+use super::plates::Plates;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_layout;
 use crate::base::plates::Plate;

@@ -27,7 +27,8 @@ struct Scale {
 impl Scale {
     fn new(axis: Axis, values: impl Iterator<Item = f64>) -> Scale {
         let finite = values.filter(|value| value.is_finite());
-        let (low, high) = finite.fold((0.0_f64, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
+        let (low, high) =
+            finite.fold((0.0_f64, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
         let high = if high - low > 0.0 { high } else { low + 1.0 };
         let step = nice_step((high - low) / 4.0);
         let (low, high) = ((low / step).floor() * step, (high / step).ceil() * step);

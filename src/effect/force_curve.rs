@@ -89,7 +89,10 @@ impl ForceCurve {
             let body = &mut world.bodies[b];
             body.deformer.feel();
             if body.deformer.respond().is_none() {
-                notice!("note: body.{name}: the model {} has no forces, so {NAME} shows no curve", body.model);
+                notice!(
+                    "note: body.{name}: the model {} has no forces, so {NAME} shows no curve",
+                    body.model
+                );
             }
         }
         ForceCurve { bodies: listed.bodies.iter().map(|&(b, _)| b).collect(), trace: None }
@@ -219,8 +222,7 @@ impl Trace {
             true => [axis("turn", "°"), axis("torque about the turn", "N·m")],
             false => [axis("displacement", "m"), axis("force along it", "N")],
         };
-        let plot =
-            Plot { x, y, curves: self.curves(), band: self.bands(), now: Some(self.point(last).0) };
+        let plot = Plot { x, y, curves: self.curves(), band: self.bands(), now: Some(self.point(last).0) };
         Some(Plate { anchor: Anchor::LowerRight, lines: vec![heading, self.error_line()], plot: Some(plot) })
     }
 

@@ -178,8 +178,7 @@ fn pipeline(gpu: &Gpu, made_for: &MadeFor<'_>, recipe: &Recipe<'_>) -> wgpu::Ren
         Blending::Hidden => wgpu::CompareFunction::LessEqual,
         _ => wgpu::CompareFunction::Greater,
     };
-    let blend =
-        recipe.blending.is_blended().then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+    let blend = recipe.blending.is_blended().then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(recipe.label),
         layout: Some(layout),

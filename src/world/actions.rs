@@ -87,8 +87,7 @@ impl World {
         let positions: Vec<_> = self.bodies.iter().map(|body| body.deformer.positions()).collect();
         let shapes: Vec<_> = self.bodies.iter().map(PlacedBody::whole_shape).collect();
         let bodies = self.bodies.iter().zip(&shapes).zip(&positions);
-        let targets: Vec<_> =
-            bodies.map(|((body, shape), positions)| body.whole(shape, positions)).collect();
+        let targets: Vec<_> = bodies.map(|((body, shape), positions)| body.whole(shape, positions)).collect();
         pick(&ray, &targets)
     }
 

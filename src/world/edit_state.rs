@@ -56,7 +56,9 @@ impl EditState {
             }
             EditState { asides, .. } if !asides.iter().all(Aside::is_at_home) => Some("a body is set aside"),
             EditState { easing: Some(_), .. } => Some("bodies are on their way back to rest"),
-            EditState { ruler, .. } if *ruler != Ruler::default() => Some("a ruler is laid (M takes it away)"),
+            EditState { ruler, .. } if *ruler != Ruler::default() => {
+                Some("a ruler is laid (M takes it away)")
+            }
             EditState { history, .. } if *history != History::default() => Some("there is something to undo"),
             _ => None,
         }

@@ -43,9 +43,8 @@ impl SurfacePoint {
     fn nearest(b: usize, body: &PlacedBody, place: &Vector3<f64>) -> Option<SurfacePoint> {
         let positions = body.deformer.positions();
         let motion = body.deformer.body_from_surface();
-        let at = |node: u32| {
-            (motion * Point3::from(Vector3::from(positions[node as usize]).cast::<f64>())).coords
-        };
+        let at =
+            |node: u32| (motion * Point3::from(Vector3::from(positions[node as usize]).cast::<f64>())).coords;
         let of = |&corners: &[u32; 3]| {
             let (weights, away) = nearest_in(&corners.map(at), place)?;
             Some((away, SurfacePoint { body: b, corners, weights }))
@@ -74,7 +73,8 @@ fn nearest_in(corners: &[Vector3<f64>; 3], place: &Vector3<f64>) -> Option<([f64
     if !(area.is_finite() && area > 0.0) {
         return None;
     }
-    let share = |from: &Vector3<f64>, to: &Vector3<f64>| (to - from).cross(&(place - from)).dot(&normal) / area;
+    let share =
+        |from: &Vector3<f64>, to: &Vector3<f64>| (to - from).cross(&(place - from)).dot(&normal) / area;
     // A ray that hits an edge may come to lie beside it by rounding.
     let shares = [share(b, c), share(c, a), share(a, b)].map(|share| share.max(0.0));
     let weights = shares.map(|share| share / shares.iter().sum::<f64>());
@@ -216,7 +216,10 @@ mod tests {
         let stretch = Matrix3::from_diagonal(&Vector3::new(1.1, 1.0, 1.0));
         posed(&mut world, stretch);
         let Measured { now_m, rest_m, .. } = told(&world);
-        assert!((rest_m - 1.998).abs() < 1e-4 && (now_m / rest_m - 1.1).abs() < 1e-3, "{now_m} m, {rest_m} m");
+        assert!(
+            (rest_m - 1.998).abs() < 1e-4 && (now_m / rest_m - 1.1).abs() < 1e-3,
+            "{now_m} m, {rest_m} m"
+        );
         aim(&mut world, 0.0, 0.0);
         assert_eq!((world.lines.len(), world.balls.len(), world.plates.len()), (2, 2, 1));
         let words = &world.plates[0].lines[0][0].0;

@@ -25,11 +25,18 @@ fn view() -> View {
 }
 
 /// A white ghost of a square at the middle, turned about y by so many radians, over these bodies.
-fn drawn(gpu: &Gpu, renderer: &mut Renderer, turn: f32, through: f32, bodies: &[BodyInstance<'_>]) -> RgbaImage {
+fn drawn(
+    gpu: &Gpu,
+    renderer: &mut Renderer,
+    turn: f32,
+    through: f32,
+    bodies: &[BodyInstance<'_>],
+) -> RgbaImage {
     let room_from_shape = Matrix4::from_axis_angle(&Vector3::y_axis(), turn);
     let shape = shape(square(0.5, [0.0; 3], [0; 4]));
     let ghosts = [Ghost { shape, room_from_shape, color: [1.0, 1.0, 1.0, 0.8], through }];
-    let contents = FrameContents { ghosts: &ghosts, bodies, lighting: black_room(), ..FrameContents::default() };
+    let contents =
+        FrameContents { ghosts: &ghosts, bodies, lighting: black_room(), ..FrameContents::default() };
     draw_full(gpu, renderer, SIZE, view(), &contents)
 }
 
@@ -69,9 +76,14 @@ fn a_ghost_behind_a_body_shows_through_it_as_far_as_it_is_asked_to() {
         light(&draw_full(&gpu, renderer, SIZE, view(), &contents))
     };
     // Behind, and where both are the same surface; before.
-    for (z, through, opacity) in
-        [(0.1, 0.0, 0.0), (0.1, 0.5, -0.4), (0.0, 0.0, 0.0), (0.0, 0.5, -0.4), (-0.1, 0.0, 0.8), (-0.1, 0.5, 0.8)]
-    {
+    for (z, through, opacity) in [
+        (0.1, 0.0, 0.0),
+        (0.1, 0.5, -0.4),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.5, -0.4),
+        (-0.1, 0.0, 0.8),
+        (-0.1, 0.5, 0.8),
+    ] {
         let body = alone(&mut renderer, z);
         let found = light(&drawn(&gpu, &mut renderer, 0.0, through, &at(z)));
         let alpha = ghost_opacity(1.0, opacity);
@@ -104,8 +116,12 @@ fn a_line_over_everything_is_not_hidden() {
     for (over, is_seen) in [(0.0, false), (1.0, true)] {
         let line = Line::new(Point3::new(-0.1, 0.0, 0.0), Point3::new(0.1, 0.0, 0.0), [1.0; 4], 4.0);
         let lines = [Line { over, ..line }];
-        let contents =
-            FrameContents { bodies: &bodies, lines: &lines, lighting: black_room(), ..FrameContents::default() };
+        let contents = FrameContents {
+            bodies: &bodies,
+            lines: &lines,
+            lighting: black_room(),
+            ..FrameContents::default()
+        };
         let found = light(&draw_full(&gpu, &mut renderer, SIZE, view(), &contents));
         assert_eq!(found > 0.9, is_seen, "{over}: {found}");
     }

@@ -80,7 +80,11 @@ fn scripts() {
     for (file, duration_s, styli) in [("pull.toml", 6.5, 1), ("two-hands.toml", 8.5, 2)] {
         let script = Script::load(&config("scripts").join(file)).unwrap();
         assert_eq!(script.duration_s, duration_s, "{file}");
-        assert_eq!(script.sample(&stage, 2.0).styli.iter().filter(|stylus| stylus.pressed).count(), styli, "{file}");
+        assert_eq!(
+            script.sample(&stage, 2.0).styli.iter().filter(|stylus| stylus.pressed).count(),
+            styli,
+            "{file}"
+        );
     }
 }
 

@@ -37,7 +37,10 @@ fn the_bar_of_the_demo_pulls_as_its_formula_says() {
     }
     assert!((0.015..0.025).contains(&longest), "pulled by {longest} m");
     let told = (chapter.numbers)(&scene, &session.world);
-    let newtons = format!("{:.2} N", 1.0e5 * 0.03 * 0.03 * session.world.bodies[0].deformer.poses[1].translation.x / 0.2);
+    let newtons = format!(
+        "{:.2} N",
+        1.0e5 * 0.03 * 0.03 * session.world.bodies[0].deformer.poses[1].translation.x / 0.2
+    );
     assert_eq!(told.matches(&newtons).count(), 2, "ours and theirs are {newtons}: {told}");
 }
 
@@ -63,13 +66,18 @@ fn far_away(name: &str, arguments: &[&str]) -> (PathBuf, Output) {
     std::fs::create_dir_all(&empty).unwrap();
     std::fs::create_dir_all(&home).unwrap();
     let mut command = program(&empty, arguments);
-    command.env("HOME", &home).env_remove("XDG_CACHE_HOME").env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    command
+        .env("HOME", &home)
+        .env_remove("XDG_CACHE_HOME")
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY");
     (place, command.output().unwrap())
 }
 
 #[test]
 fn the_program_needs_no_file_of_its_package() {
-    let (place, output) = far_away("demo-far", &["demo", "--chapter", "2", "--width", "160", "--no-film", "-o", "out"]);
+    let (place, output) =
+        far_away("demo-far", &["demo", "--chapter", "2", "--width", "160", "--no-film", "-o", "out"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let said = text(&output.stdout);
     assert!(said.contains("2 pictures in out"), "{said}");
@@ -78,7 +86,8 @@ fn the_program_needs_no_file_of_its_package() {
         assert!(picture.width() >= 160, "{name}");
     }
     assert!(place.join("home/.cache/greenstage/bar.green").is_file());
-    let left: Vec<_> = std::fs::read_dir(place.join("empty")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let left: Vec<_> =
+        std::fs::read_dir(place.join("empty")).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(left, ["out"], "nothing else is left in the folder");
 }
 

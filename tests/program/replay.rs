@@ -309,8 +309,7 @@ fn a_ruler_is_replayed_to_the_same_distance() {
     let folder = folder("replay-ruler");
     let scene = Scene::load(&coarse_demo(&folder)).unwrap();
     let recording = folder.join("ruler.jsonl");
-    let mut session =
-        Session::open(&Request { record: Some(&recording), ..Request::of(&scene) }).unwrap();
+    let mut session = Session::open(&Request { record: Some(&recording), ..Request::of(&scene) }).unwrap();
     let mut lengths = Vec::new();
     for frame in 0..60 {
         session.advance(f64::from(frame) / 20.0).unwrap();
@@ -322,8 +321,7 @@ fn a_ruler_is_replayed_to_the_same_distance() {
     }
     assert!(lengths.len() == 20 && lengths[0] > 1e-3, "{lengths:?}");
     session.report().unwrap();
-    let mut replayed =
-        Session::open(&Request { replay: Some(&recording), ..Request::of(&scene) }).unwrap();
+    let mut replayed = Session::open(&Request { replay: Some(&recording), ..Request::of(&scene) }).unwrap();
     let mut again = Vec::new();
     while replayed.play_frame().unwrap() {
         again.extend(replayed.world.measured().map(|measured| measured.now_m));

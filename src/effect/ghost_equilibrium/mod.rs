@@ -169,7 +169,9 @@ impl Watched {
         }
         let room_from_shape = body.room_from_body.to_homogeneous().cast();
         let plate = self.plate(body);
-        if let Some((found, outlined)) = self.found.as_ref().and_then(|found| Some((found, found.ghost.as_ref()?))) {
+        if let Some((found, outlined)) =
+            self.found.as_ref().and_then(|found| Some((found, found.ghost.as_ref()?)))
+        {
             let [r, g, b, opacity] = COLOR;
             let color = [r, g, b, opacity * if found.is_left(body) { OLD } else { 1.0 }];
             let shape = outlined.shape.clone();
@@ -221,7 +223,9 @@ impl Found {
         // What is a millionth of the body away is the same pose, to rounding.
         let (of, was) = match away {
             away if is_old => (format!("of a pose {} away", quantity(away, "m")), "was"),
-            away if away > 1e-6 * body.ball.1 => (format!("of this pose within {}", quantity(away, "m")), "is"),
+            away if away > 1e-6 * body.ball.1 => {
+                (format!("of this pose within {}", quantity(away, "m")), "is")
+            }
             _ => ("of this pose".into(), "is"),
         };
         let tone = if is_old { Tone::Quiet } else { Tone::Own(INK) };

@@ -56,7 +56,8 @@ fn shown(name: &str, model: &str, pose: [ControlPose; 2]) -> (Scene, World) {
 fn apart(world: &World) -> f64 {
     let [ghost] = &world.ghosts[..] else { panic!("{} ghosts", world.ghosts.len()) };
     let deformer = &world.bodies[0].deformer;
-    let place = |node: usize| Vector3::from(deformer.rest()[node]).cast::<f64>() + deformer.displacement(node);
+    let place =
+        |node: usize| Vector3::from(deformer.rest()[node]).cast::<f64>() + deformer.displacement(node);
     let ghost = |node: usize| Vector3::from(ghost.shape.positions[node]).cast::<f64>();
     (0..deformer.node_count()).map(|node| (place(node) - ghost(node)).norm()).fold(0.0, f64::max)
 }
@@ -126,7 +127,10 @@ fn the_ghost_is_the_equilibrium_that_deform_writes_and_its_numbers_are_those_of_
     let rms = (sum / deformer.node_count() as f64).sqrt();
     let told = format!("off by {} at most, {} RMS", quantity(largest, "m"), quantity(rms, "m"));
     let words = words(&world);
-    assert!(words.contains(&told) && words.contains("of this pose, St. Venant–Kirchhoff, found in"), "{words}");
+    assert!(
+        words.contains(&told) && words.contains("of this pose, St. Venant–Kirchhoff, found in"),
+        "{words}"
+    );
     assert!(largest > 0.01, "{largest} m: the models differ");
 }
 
@@ -165,6 +169,9 @@ fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
 fn a_pose_without_equilibrium_is_told() {
     let (_, world) = shown("ghost-none", "linear", [ControlPose::REST, pulled(-0.7)]);
     let words = words(&world);
-    assert!(words.contains("no static equilibrium of this pose found") && words.contains("% of the way"), "{words}");
+    assert!(
+        words.contains("no static equilibrium of this pose found") && words.contains("% of the way"),
+        "{words}"
+    );
     assert!(world.ghosts.is_empty());
 }

@@ -39,10 +39,21 @@ const IDLE: Duration = Duration::from_millis(20);
 /// How all windows draw and present.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
-    /// 1 or 4 samples a pixel.
+    /// 1 or 4 samples a pixel, or [`AUTO_SAMPLES`].
     pub samples: u32,
     /// Wait for the display's refresh; false presents at once, for benchmarks.
     pub vsync: bool,
+}
+
+/// 4 samples a pixel, and 1 on a software device, where 4 take some six times as long.
+pub const AUTO_SAMPLES: u32 = 0;
+
+fn samples_on(gpu: &Gpu, asked: u32) -> u32 {
+    match asked {
+        AUTO_SAMPLES if gpu.is_software => 1,
+        AUTO_SAMPLES => 4,
+        exactly => exactly,
+    }
 }
 
 /// Whether the windows stay open.
@@ -95,7 +106,7 @@ impl Windows {
     /// Errors: no graphics device, or a picture beyond its limits.
     pub fn offscreen(size: [u32; 2], samples: u32) -> Result<Windows, RenderError> {
         let gpu = Gpu::headless()?;
-        let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
+        let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples_on(&gpu, samples))?;
         let picture = Some((Readable::new(&gpu, size)?, Canvas::default()));
         let (waited, painter) = (Duration::ZERO, TilePainter::new(COLOR_FORMAT));
         Ok(Windows { gpu, renderer, waited, is_ready: true, painter, surfaces: Vec::new(), picture })
@@ -128,7 +139,16 @@ impl Windows {
         }
         if let Some((picture, canvas)) = &mut self.picture {
             let (texture, size, tiles) = (&picture.view, picture.size, tiles[0].as_ref());
-            let target = Target { window: 0, canvas, texture, size, desktop: [0; 2], monitors: &[], tiles, contents: contents(0) };
+            let target = Target {
+                window: 0,
+                canvas,
+                texture,
+                size,
+                desktop: [0; 2],
+                monitors: &[],
+                tiles,
+                contents: contents(0),
+            };
             let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint)?;
             let start = Instant::now();
             self.gpu.wait()?;
@@ -252,11 +272,18 @@ impl<A: WindowApp> Handler<'_, A> {
         let surfaces = configured
             .map(|(window, surface)| WindowSurface::new(window, surface, format, self.options.vsync))
             .collect();
-        let renderer = Renderer::new(&gpu, format, self.options.samples)?;
+        let renderer = Renderer::new(&gpu, format, samples_on(&gpu, self.options.samples))?;
         let painter = TilePainter::new(format);
         self.app.start(&gpu).map_err(RenderError::App)?;
-        self.windows =
-            Some(Windows { gpu, renderer, waited: Duration::ZERO, is_ready: false, painter, surfaces, picture: None });
+        self.windows = Some(Windows {
+            gpu,
+            renderer,
+            waited: Duration::ZERO,
+            is_ready: false,
+            painter,
+            surfaces,
+            picture: None,
+        });
         Ok(())
     }
 }
