@@ -6,7 +6,7 @@
 XDG_RUNTIME_DIR ?= /tmp
 export XDG_RUNTIME_DIR
 
-.PHONY: demo test figures
+.PHONY: demo test figures man manual deb install
 
 demo:
 	@sh scripts/setup.sh
@@ -16,6 +16,29 @@ demo:
 test:
 	@sh scripts/setup.sh test
 	@sh scripts/test.sh
+
+# Man pages and shell completions, into target/package.
+man:
+	cargo build --release --locked
+	mkdir -p target/package/completions
+	target/release/greenstage man -o target/package/man
+	target/release/greenstage completions bash > target/package/completions/greenstage.bash
+	target/release/greenstage completions zsh > target/package/completions/_greenstage
+	target/release/greenstage completions fish > target/package/completions/greenstage.fish
+
+# The manual as HTML with pictures, into target/manual/html; mdbook is installed into target/tools where it is missing.
+manual:
+	cargo build --release --locked
+	@sh scripts/manual.sh
+
+# A Debian package, into target/debian; cargo-deb is installed into target/tools where it is missing.
+deb: man
+	@command -v cargo-deb > /dev/null || test -x target/tools/bin/cargo-deb || cargo install cargo-deb --version 2.12.1 --locked --root target/tools
+	PATH="$$PWD/target/tools/bin:$$PATH" cargo deb --no-build
+
+# The program for this user, into ~/.cargo/bin; it needs no other file.
+install:
+	cargo install --path . --locked
 
 # Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify`, `check`, `haptics` and `method`.
 figures:

@@ -10,7 +10,8 @@ use std::sync::OnceLock;
 pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+        let absolute =
+            |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
         let usual = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")));
         let usual = usual.map(|folder| folder.join("greenstage"));
         if let Some(folder) = usual.clone().filter(|folder| is_ours(folder)) {
@@ -19,7 +20,8 @@ pub fn folder() -> &'static Path {
         // SAFETY: getuid reads a number of the process and cannot fail.
         let user = unsafe { libc::getuid() };
         let temporary = std::env::temp_dir().join(format!("greenstage-{user}"));
-        let why = usual.map_or("no HOME is set".into(), |folder| format!("{} cannot be written", folder.display()));
+        let why =
+            usual.map_or("no HOME is set".into(), |folder| format!("{} cannot be written", folder.display()));
         notice!("note: {why}: what is computed goes to {}", temporary.display());
         is_ours(&temporary);
         temporary

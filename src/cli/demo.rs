@@ -66,6 +66,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// Where pictures go unless told otherwise: here, or among the temporary files where this folder takes none.
 fn folder() -> PathBuf {
     let here = PathBuf::from(FOLDER);
-    let takes = |folder: &Path| std::fs::create_dir_all(folder).is_ok() && tempfile::tempfile_in(folder).is_ok();
+    let takes =
+        |folder: &Path| std::fs::create_dir_all(folder).is_ok() && tempfile::tempfile_in(folder).is_ok();
     if takes(&here) { here } else { std::env::temp_dir().join("greenstage-demo") }
 }

@@ -10,6 +10,7 @@ pub(crate) mod bench_haptics;
 mod bent;
 mod check;
 mod check_stage;
+mod completions;
 mod convert;
 mod deform;
 mod demo;
@@ -37,7 +38,7 @@ mod view;
 
 use crate::base::failure::Failure;
 use crate::base::machine::{self, ThreadsError};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 const AFTER_HELP: &str = "\
 A first tour:
@@ -80,6 +81,9 @@ pub enum Command {
     Track(track::Args),
     Verify(verify::Args),
     Manual(manual::Args),
+    Completions(completions::Args),
+    #[command(hide = true)]
+    Man(completions::ManArgs),
 }
 
 /// Runs the command that was asked for; without one, the demo.
@@ -106,6 +110,8 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Track(args)) => track::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Manual(args)) => manual::run(&args),
+        Some(Command::Completions(args)) => completions::run(&args, Cli::command()),
+        Some(Command::Man(args)) => completions::run_man(&args, Cli::command()),
         None => demo::run(&demo::Args::default()),
     }
 }

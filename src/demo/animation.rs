@@ -19,7 +19,12 @@ pub struct Animation<'a> {
 
 impl<'a> Animation<'a> {
     /// Of exactly `frames` pictures of this size, `rate_hz` a second, again and again.
-    pub fn new(bytes: &'a mut Vec<u8>, size: [u32; 2], frames: u32, rate_hz: u16) -> Result<Self, EncodingError> {
+    pub fn new(
+        bytes: &'a mut Vec<u8>,
+        size: [u32; 2],
+        frames: u32,
+        rate_hz: u16,
+    ) -> Result<Self, EncodingError> {
         let mut encoder = Encoder::new(bytes, size[0], size[1]);
         encoder.set_color(ColorType::Rgba);
         encoder.set_compression(png::Compression::High);

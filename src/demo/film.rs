@@ -71,7 +71,7 @@ impl Request {
     }
 
     fn story(&self) -> Result<Story, Failure> {
-        let preparation = Preparation::start(CHAPTERS).map_err(Failure::work)?;
+        let preparation = Preparation::start(self.chapters.clone()).map_err(Failure::work)?;
         Ok(Story::new(preparation, 0, self.device).without_keys())
     }
 
@@ -84,6 +84,7 @@ impl Request {
             story.begin(chapter, &windows)?;
             for (k, &at_s) in CHAPTERS[chapter].stills_s.iter().enumerate() {
                 story.tell_until(at_s)?;
+                story.wait_for_effects();
                 story.frame(&mut windows, 0.0)?;
                 let picture = windows.read()?;
                 let name = format!("{}-{}-{}.png", chapter + 1, CHAPTERS[chapter].name, k + 1);
@@ -118,8 +119,14 @@ impl Request {
         let mut animation = Animation::new(&mut bytes, size, all / finer, RATE_HZ).map_err(failed)?;
         for (&chapter, count) in self.chapters.iter().zip(counts) {
             story.begin(chapter, &windows)?;
+            let last_s = CHAPTERS[chapter].stills_s.last().copied().unwrap_or(f64::INFINITY);
             for frame in 0..count {
-                story.tell_until(f64::from(frame) / rate_hz)?;
+                let at_s = f64::from(frame) / rate_hz;
+                story.tell_until(at_s)?;
+                // From the last moment on: what is solved for every pose of a motion would take minutes.
+                if at_s >= last_s {
+                    story.wait_for_effects();
+                }
                 story.frame(&mut windows, 0.0)?;
                 let picture = windows.read()?;
                 if frame % finer == 0 {
@@ -198,7 +205,10 @@ impl Video {
 
     fn push(&mut self, picture: &RgbaImage) -> Result<(), Failure> {
         let failed = |error: std::io::Error| {
-            Failure::work(anyhow::anyhow!("ffmpeg did not take a picture for {}: {error}", self.path.display()))
+            Failure::work(anyhow::anyhow!(
+                "ffmpeg did not take a picture for {}: {error}",
+                self.path.display()
+            ))
         };
         let input = self.child.stdin.as_mut();
         input.map_or(Ok(()), |input| input.write_all(picture.as_raw())).map_err(failed)

@@ -26,7 +26,9 @@ const LONGEST_STEP_S: f64 = 0.1;
 
 /// Opens the window and tells the story until it is closed.
 pub fn run(options: Options) -> Result<(), Failure> {
-    let preparation = Preparation::start(CHAPTERS).map_err(Failure::work)?;
+    let all = CHAPTERS.len();
+    let order = (0..all).map(|k| (options.chapter + k) % all).collect();
+    let preparation = Preparation::start(order).map_err(Failure::work)?;
     let story = Story::new(preparation, options.chapter, options.device);
     let spec = story.spec()?;
     let now = Instant::now();

@@ -30,12 +30,15 @@ pub fn bend(_: &Scene, world: &World) -> String {
     let angle = body.deformer.largest_turn().to_degrees();
     let force = moved(body).and_then(|c| Some(force_n(body, c)?.norm()));
     match (force, expected_part(body)) {
-        (Some(force), Some(part)) => format!("bent by {angle:.0}°     force {} ± {}", newtons(force), per_cent(part)),
+        (Some(force), Some(part)) => {
+            format!("bent by {angle:.0}°     force {} ± {}", newtons(force), per_cent(part))
+        }
         _ => format!("bent by {angle:.0}°"),
     }
 }
 
-/// The pull of the first body, a generated block, along x: the model's force beside E A ΔL / L.
+/// The pull of the first body, a generated block without lateral contraction, along x: the model's force beside E A ΔL / L, and
+/// that of a St. Venant-Kirchhoff body, E A (λ³ - λ)/2.
 pub fn pull(scene: &Scene, world: &World) -> String {
     let (Some(body), Some(asked)) = (world.bodies.first(), scene.body.values().next()) else {
         return String::new();
@@ -47,12 +50,14 @@ pub fn pull(scene: &Scene, world: &World) -> String {
         None => (0.0, 0.0),
     };
     let theirs = asked.material.young * width * height * longer / length;
-    let off = expected_part(body).filter(|_| ours.abs() > 0.0).map(|part| {
-        format!("     (nonlinear equilibrium: within {})", per_cent(part))
-    });
+    let stretch = 1.0 + longer / length;
+    let nonlinear = asked.material.young * width * height * (stretch.powi(3) - stretch) / 2.0;
     format!(
-        "ΔL = {:.1} mm     ours {}     E A ΔL / L = {}{}",
-        1e3 * longer, newtons(ours), newtons(theirs), off.unwrap_or_default()
+        "ΔL = {:.1} mm     ours {}     E A ΔL / L = {}     (nonlinear: {})",
+        1e3 * longer,
+        newtons(ours),
+        newtons(theirs),
+        newtons(nonlinear)
     )
 }
 
@@ -67,17 +72,30 @@ pub fn hands(_: &Scene, world: &World) -> String {
     let (rest, apart) = ((controls[a].origin - controls[b].origin).norm(), (now(a) - now(b)).norm());
     format!(
         "paws {:.0} mm apart, at rest {:.0} mm     mechanics of this frame {}",
-        1e3 * apart, 1e3 * rest, table::seconds(world.times.total_s())
+        1e3 * apart,
+        1e3 * rest,
+        table::seconds(world.times.total_s())
     )
+}
+
+/// Whether the equilibrium is there; its plate tells the difference.
+pub fn ghost(_: &Scene, world: &World) -> String {
+    let is_still = world.bodies.iter().all(|body| moved(body).is_none());
+    match world.ghosts.is_empty() {
+        false => "the difference stands on the picture, in millimetres".into(),
+        true if is_still => String::new(),
+        true => "solved in the background, once the hands rest …".into(),
+    }
 }
 
 /// The screens of the stage and where the head is.
 pub fn room(_: &Scene, world: &World) -> String {
     let stage = &world.stage;
     let head = world.room_from_head.translation.vector;
-    let sizes = stage.screens.iter().map(|screen| {
-        format!("{} {:.2} × {:.2} m", screen.name, screen.width_m(), screen.height_m())
-    });
+    let sizes = stage
+        .screens
+        .iter()
+        .map(|screen| format!("{} {:.2} × {:.2} m", screen.name, screen.width_m(), screen.height_m()));
     let sizes: Vec<String> = sizes.collect();
     format!("{}     head at ({:.2}, {:.2}, {:.2}) m", sizes.join(", "), head.x, head.y, head.z)
 }
@@ -85,7 +103,13 @@ pub fn room(_: &Scene, world: &World) -> String {
 /// A force with three digits, in N or mN.
 pub fn newtons(force_n: f64) -> String {
     let of = |value: f64, unit: &str| {
-        let digits = if value.abs() >= 99.95 { 0 } else if value.abs() >= 9.995 { 1 } else { 2 };
+        let digits = if value.abs() >= 99.95 {
+            0
+        } else if value.abs() >= 9.995 {
+            1
+        } else {
+            2
+        };
         let text = format!("{value:.digits$}");
         let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
         format!("{} {unit}", if is_zero { text.trim_start_matches('-') } else { &text })

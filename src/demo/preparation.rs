@@ -2,7 +2,7 @@
 //!
 //! In: the chapters. Out: for each a scene with its .green file, from the cache folder or made anew; or why not.
 
-use super::chapters::Chapter;
+use super::chapters::{CHAPTERS, Chapter};
 use crate::base::failure::Failure;
 use crate::green::GreenFile;
 use crate::prepare;
@@ -22,7 +22,10 @@ pub struct Ready {
 pub enum Readiness {
     Waiting,
     /// Its step in words, and what share of that is done, where that is known.
-    Working { step: String, share: f64 },
+    Working {
+        step: String,
+        share: f64,
+    },
     Ready(Ready),
     Failed(String),
 }
@@ -50,14 +53,14 @@ pub struct Preparation {
 }
 
 impl Preparation {
-    /// Starts with the first chapter.
-    pub fn start(chapters: &'static [Chapter]) -> std::io::Result<Preparation> {
+    /// Of the chapters of these numbers, in this order.
+    pub fn start(order: Vec<usize>) -> std::io::Result<Preparation> {
         let told = Arc::new(Told::default());
-        told.lock().resize_with(chapters.len(), || Readiness::Waiting);
+        told.lock().resize_with(CHAPTERS.len(), || Readiness::Waiting);
         let telling = told.clone();
         std::thread::Builder::new().name("preparation".into()).spawn(move || {
-            for (number, chapter) in chapters.iter().enumerate() {
-                let made = make(chapter, &telling, number);
+            for number in order {
+                let made = make(&CHAPTERS[number], &telling, number);
                 telling.put(number, made.unwrap_or_else(|failure| Readiness::Failed(failure.to_string())));
             }
         })?;

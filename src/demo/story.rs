@@ -22,10 +22,11 @@ use crate::session::{Leader, Session};
 use crate::stage::Stage;
 use crate::track::find_stage;
 use crate::world::World;
+use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// How long the end of a chapter is shown before the next, s; less than the pause in which a script begins anew.
-const HOLD_S: f64 = 0.9;
+/// The last moment of a script that is told, s after its end: before it would begin anew.
+const AFTER_S: f64 = 0.5;
 /// How long the keys are shown at the start, after their first use, and how long they fade, s.
 const KEYS_S: f64 = 12.0;
 const KEYS_USED_S: f64 = 2.5;
@@ -136,7 +137,8 @@ impl Story {
         let Some(shown) = &mut self.shown else { return };
         let turns = matches!(input, Input::Button { pressed: true, .. } | Input::Wheel { .. });
         let is_room = CHAPTERS[self.chapter].looks == Looks::AtRoom;
-        shown.camera_rests |= is_room && (turns || matches!(input, Input::Key { key: Key::Function(_), pressed: true, .. }));
+        shown.camera_rests |=
+            is_room && (turns || matches!(input, Input::Key { key: Key::Function(_), pressed: true, .. }));
         shown.screens.input(input, &mut shown.session);
         if was_told && !self.is_told() {
             self.paused = false;
@@ -192,8 +194,8 @@ impl Story {
         if !self.paused {
             self.clock_s += step_s;
         }
-        let end_s = shown.session.input.script.as_ref().map(|script| script.duration_s + HOLD_S);
-        if is_told && end_s.is_some_and(|end_s| self.clock_s > end_s) {
+        let end_s = shown.session.input.script.as_ref().map(|script| script.duration_s);
+        if is_told && end_s.is_some_and(|end_s| self.clock_s > end_s + chapter.holds_s) {
             self.go_to(self.chapter + 1);
             return Ok(());
         }
@@ -201,11 +203,13 @@ impl Story {
             shown.sprang_back = true;
             shown.session.world.act(Action::SnapBack);
         }
-        shown.session.advance(self.clock_s)?;
+        shown.session.advance(end_s.map_or(self.clock_s, |end_s| self.clock_s.min(end_s + AFTER_S)))?;
         if chapter.looks == Looks::AtRoom && !shown.camera_rests {
             let camera = Camera::of(&shown.session.world.stage);
-            let turned = camera.azimuth - 1.1 + 0.16 * self.clock_s;
-            shown.screens.overlays.show_room(Camera { azimuth: turned, ..camera });
+            // Round from behind the viewer's shoulder; lower, so that the caption hides nothing.
+            let azimuth = camera.azimuth - 0.55 + 0.16 * self.clock_s;
+            let target = camera.target - Vector3::y() * (0.07 * camera.distance_m);
+            shown.screens.overlays.show_room(Camera { azimuth, target, ..camera });
         }
         Ok(())
     }
@@ -231,6 +235,13 @@ impl Story {
         Ok(())
     }
 
+    /// Waits for what effects compute in the background, before a picture that is kept.
+    pub fn wait_for_effects(&mut self) {
+        if let Some(Shown { session, .. }) = &mut self.shown {
+            session.effects.iter_mut().for_each(|effect| effect.before_picture(&mut session.world));
+        }
+    }
+
     fn caption(&self, readiness: &Readiness) -> Caption {
         let Chapter { title, text, numbers, .. } = self.telling();
         let faded = (self.keys_s / KEYS_FADE_S).min(1.0) as f32;
@@ -250,13 +261,15 @@ impl Story {
                 caption.share = *share;
             }
             Readiness::Ready(_) => {
-                if let Some((shown, scene)) = self.shown.as_ref().and_then(|shown| Some((shown, shown.scene.as_ref()?))) {
+                if let Some((shown, scene)) =
+                    self.shown.as_ref().and_then(|shown| Some((shown, shown.scene.as_ref()?)))
+                {
                     caption.numbers = numbers(scene, &shown.session.world);
                     let is_told = self.is_told();
                     caption.share = self.duration_s().map_or(1.0, |end_s| self.clock_s / end_s);
                     if !is_told {
                         caption.share = 1.0;
-                        caption.state = "you lead: Enter, N, B".into();
+                        caption.state = "you lead – Enter tells it again".into();
                     } else if self.paused {
                         caption.state = "paused".into();
                     }
@@ -276,4 +289,65 @@ fn session(chapter: &Chapter, Ready { scene, file }: &Ready) -> Result<Session, 
     let mut session = Session::new(world, script);
     (session.effects, session.file) = (effects, Some(file.clone()));
     Ok(session)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A story for which nothing is made.
+    fn story(chapter: usize) -> Story {
+        Story::new(Preparation::start(Vec::new()).unwrap(), chapter, device::Args::default())
+    }
+
+    fn press(story: &mut Story, key: Key) {
+        story.input(Input::Key { window: 0, key, pressed: true });
+        story.input(Input::Key { window: 0, key, pressed: false });
+    }
+
+    #[test]
+    fn keys_lead_through_the_chapters_and_to_the_workbench_and_back() {
+        let mut story = story(1);
+        press(&mut story, Key::Char('n'));
+        assert_eq!(story.chapter, 2);
+        press(&mut story, Key::PageUp);
+        press(&mut story, Key::Char('b'));
+        press(&mut story, Key::Char('b'));
+        assert_eq!(story.chapter, CHAPTERS.len() - 1, "from the first back to the last");
+        press(&mut story, Key::PageDown);
+        press(&mut story, Key::PageDown);
+        press(&mut story, Key::Tab);
+        assert_eq!(CHAPTERS[story.chapter].name, "workbench");
+        press(&mut story, Key::Tab);
+        assert_eq!(story.chapter, 1);
+        (story.clock_s, story.paused) = (2.0, true);
+        press(&mut story, Key::Enter);
+        assert_eq!((story.chapter, story.clock_s, story.paused), (1, 0.0, false));
+    }
+
+    #[test]
+    fn the_keys_are_named_at_first_and_fade_once_one_is_used() {
+        let mut story = story(0);
+        let shown = |story: &Story| story.caption(&Readiness::Waiting).keys_shown;
+        assert_eq!(shown(&story), 1.0);
+        press(&mut story, Key::Char(' '));
+        assert_eq!((shown(&story), story.keys_s), (1.0, KEYS_USED_S));
+        story.keys_s = 0.5 * KEYS_FADE_S;
+        assert_eq!(shown(&story), 0.5);
+        press(&mut story, Key::Char('h'));
+        assert_eq!(shown(&story), 0.0);
+        press(&mut story, Key::Char('h'));
+        assert_eq!(shown(&story), 1.0);
+    }
+
+    #[test]
+    fn what_is_computed_and_what_failed_is_told() {
+        let story = story(2);
+        let step = "bear: solves".to_owned();
+        let told = story.caption(&Readiness::Working { step, share: 0.25 });
+        assert!(told.numbers.contains("bear: solves 25 %"), "{}", told.numbers);
+        assert_eq!((told.share, told.chapter), (0.25, (2, CHAPTERS.len())));
+        let told = story.caption(&Readiness::Failed("no space left".into()));
+        assert!(told.numbers.contains("cannot be shown: no space left"), "{}", told.numbers);
+    }
 }

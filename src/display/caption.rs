@@ -31,6 +31,9 @@ pub struct Caption {
 }
 
 impl Caption {
+    /// What a caption of three lines takes of a picture's height.
+    pub const MOST_HEIGHT: f32 = 0.17;
+
     /// Paints it over a picture of this rectangle.
     pub fn paint(&self, painter: &Painter, picture: Rect) {
         let size = (picture.height() / 36.0).min(picture.width() / 58.0).clamp(8.0, 34.0);
@@ -42,18 +45,19 @@ impl Caption {
 
     /// The plate at the bottom.
     fn words(&self, painter: &Painter, picture: Rect, size: f32) {
-        let margin = (0.7 * size).round();
-        let wide = (picture.width() - 2.0 * margin).min(56.0 * size);
+        let wide = picture.width().min(56.0 * size);
         let inside = wide - 2.0 * size;
         let title = line(painter, &self.title, 1.15 * size, INK, inside);
-        let mut rows = vec![(title, 0.25 * size), (line(painter, &self.text, 0.88 * size, QUIET, inside), 0.3 * size)];
+        let mut rows =
+            vec![(title, 0.25 * size), (line(painter, &self.text, 0.88 * size, QUIET, inside), 0.3 * size)];
         if !self.numbers.is_empty() {
             rows.push((line(painter, &self.numbers, 1.05 * size, ACCENT, inside), 0.1 * size));
         }
         let height: f32 = rows.iter().map(|(row, gap)| row.size().y + gap).sum::<f32>() + 1.1 * size;
-        let corner = pos2(picture.center().x - wide / 2.0, picture.max.y - margin - height).round();
+        let corner = pos2(picture.center().x - wide / 2.0, picture.max.y - height).round();
         let plate = Rect::from_min_size(corner, vec2(wide, height));
-        painter.rect_filled(plate, 0.35 * size, DARK.gamma_multiply(0.82));
+        let whole = Rect::from_min_max(pos2(picture.min.x, corner.y), picture.max);
+        painter.rect_filled(whole, 0.0, DARK.gamma_multiply(0.9));
         let mut top = plate.min.y + 0.5 * size;
         for (row, gap) in rows {
             let height = row.size().y;
@@ -76,7 +80,13 @@ impl Caption {
                 Rect::from_min_size(pos2(left, top), vec2(length * share.clamp(0.0, 1.0) as f32, thick))
             };
             painter.rect_filled(part(1.0), 0.0, QUIET.gamma_multiply(0.35));
-            let share = if k < now { 1.0 } else if k == now { self.share } else { 0.0 };
+            let share = if k < now {
+                1.0
+            } else if k == now {
+                self.share
+            } else {
+                0.0
+            };
             painter.rect_filled(part(share), 0.0, if k == now { ACCENT } else { QUIET });
         }
         if !self.state.is_empty() {
@@ -90,8 +100,7 @@ impl Caption {
     fn key_plate(&self, painter: &Painter, picture: Rect, size: f32) {
         let ink = |colour: Color32| colour.gamma_multiply(self.keys_shown.clamp(0.0, 1.0));
         let lay = |text: &str, colour: Color32| line(painter, text, size, ink(colour), f32::INFINITY);
-        let rows: Vec<_> =
-            self.keys.iter().map(|(key, what)| (lay(key, INK), lay(what, QUIET))).collect();
+        let rows: Vec<_> = self.keys.iter().map(|(key, what)| (lay(key, INK), lay(what, QUIET))).collect();
         let widest = |of: &dyn Fn(usize) -> f32| (0..rows.len()).map(of).fold(0.0, f32::max);
         let (keys, words) = (widest(&|k| rows[k].0.size().x), widest(&|k| rows[k].1.size().x));
         let step = 1.45 * size;

@@ -201,7 +201,11 @@ impl Overlays {
             }
             if room.is_none() && !*pattern && !frame.plates.is_empty() {
                 let (stage, room_from_head, plates) = (frame.stage, &frame.room_from_head, frame.plates);
-                let lift = if panels[part.screen] { Plates::OVER_WARNINGS } else { 0.0 };
+                let lift = match caption {
+                    Some(_) => Caption::MOST_HEIGHT,
+                    None if panels[part.screen] => Plates::OVER_WARNINGS,
+                    None => 0.0,
+                };
                 let sheet = overlay.lay_out(picture.texture_size, |painter| {
                     Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
                 });

@@ -133,7 +133,10 @@ pub fn blobs(blobs: &Blobs) -> Result<Loaded, GenerateError> {
     let refused = |message: String| GenerateError::Blobs(message);
     if tetrahedra > 4.0 * MAX_TETRAHEDRA {
         let coarser = 1.1 * blobs.cell * (tetrahedra / (4.0 * MAX_TETRAHEDRA)).cbrt();
-        return Err(refused(format!("a cell of {} m makes too many tetrahedra: take {coarser:.1e}", blobs.cell)));
+        return Err(refused(format!(
+            "a cell of {} m makes too many tetrahedra: take {coarser:.1e}",
+            blobs.cell
+        )));
     }
     machine::expect(format!("a lattice of about {:.1e} cells", tetrahedra / 12.0), 40.0 * tetrahedra)?;
     let lattice = Lattice::around(&low, &high, blobs.cell, MAX_VERTICES)
@@ -145,7 +148,10 @@ pub fn blobs(blobs: &Blobs) -> Result<Loaded, GenerateError> {
         .collect();
     let mut mesh: TetMesh = fill(&lattice, &values, |point| blobs.depth(point));
     if mesh.tets.is_empty() {
-        return Err(refused(format!("no tetrahedron of cell {} m fits inside: take a smaller one", blobs.cell)));
+        return Err(refused(format!(
+            "no tetrahedron of cell {} m fits inside: take a smaller one",
+            blobs.cell
+        )));
     }
     let mut notices = Vec::new();
     drop_crumbs(&mut mesh, &mut notices);
@@ -174,7 +180,9 @@ mod tests {
         let cap = |r: f64, height: f64| PI * height * height * (r - height / 3.0);
         let (ca, cb) = ((1.0 - sin * sin) * ra * ra, (1.0 - sin * sin) * rb * rb);
         let height = length + (rb - ra) * sin;
-        cap(ra, ra * (1.0 + sin)) + cap(rb, rb * (1.0 - sin)) + PI * height / 3.0 * (ca + cb + (ca * cb).sqrt())
+        cap(ra, ra * (1.0 + sin))
+            + cap(rb, rb * (1.0 - sin))
+            + PI * height / 3.0 * (ca + cb + (ca * cb).sqrt())
     }
 
     #[test]

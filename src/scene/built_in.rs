@@ -36,7 +36,10 @@ mod tests {
             assert!(scene.path.ends_with(format!("{name}.toml")) && scene.path.is_absolute());
         }
         let text = Scene::load(Path::new("beer")).unwrap_err().to_string();
-        assert!(text.contains("did you mean \"bear\"?") && text.contains("or the path of a .toml file"), "{text}");
+        assert!(
+            text.contains("did you mean \"bear\"?") && text.contains("or the path of a .toml file"),
+            "{text}"
+        );
         let text = Scene::load(Path::new("beer.toml")).unwrap_err().to_string();
         assert!(text.starts_with("beer.toml: "), "{text}");
         assert!(named(Path::new("src")).is_none() && named(Path::new("./bear")).is_none());

@@ -8,7 +8,7 @@ use greenstage::green::{self, AFFINE, GreenFile, Requirements};
 use greenstage::interact::{
     Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
-use greenstage::mesh::Surface;
+use greenstage::mesh::{Surface, quality};
 use greenstage::scene::{Grab, Scene};
 use greenstage::solve::Silent;
 use greenstage::stage::{Eye, Stage};
@@ -41,10 +41,12 @@ fn stages() {
         ("cave3.toml", 3, 2 * 1200 * 900 + 1200 * 1200, 2.0 * 2.4 * 1.8 + 2.4 * 2.4, 3, 3.385),
         ("cave6.toml", 6, 6 * 1600 * 1600, 6.0 * 3.0 * 3.0, 12, 3.902),
         ("cyberstage.toml", 4, 4 * 1280 * 1024, 3.0 * 3.0 * 2.4 + 3.0 * 3.0, 5, 3.279),
+        ("demo.toml", 1, 1280 * 800, 0.3456 * 0.2160, 0, 5.589),
         ("desktop.toml", 1, 1280 * 800, 0.3456 * 0.2160, 0, 5.577),
         ("laptop.toml", 1, 1920 * 1080, 0.3456 * 0.1944, 0, 6.144),
         ("lbench.toml", 2, 2 * 1920 * 1080, 2.0 * 1.21 * 0.68, 1, 3.645),
         ("powerwall.toml", 4, 4 * 1920 * 1080, 4.0 * 1.2096 * 0.6804, 4, 1.961),
+        ("workbench-in-a-window.toml", 2, 2 * 1280 * 1024, 2.0 * 1.60 * 1.28, 1, 3.340),
         ("workbench-one-sided.toml", 1, 1280 * 1024, 1.60 * 1.28, 0, 3.742),
         ("workbench.toml", 2, 2 * 1280 * 1024, 2.0 * 1.60 * 1.28, 1, 3.340),
     ];
@@ -69,12 +71,21 @@ fn stages() {
 
 #[test]
 fn scripts() {
-    holds("scripts", &["bend.toml", "models.toml"]);
+    holds("scripts", &["bend.toml", "models.toml", "pull.toml", "two-hands.toml"]);
     let script = Script::load(&config("scripts/bend.toml")).unwrap();
     assert_eq!(script.duration_s, 4.0);
     let stage = Stage::find("workbench").unwrap();
     let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
+    for (file, duration_s, styli) in [("pull.toml", 6.5, 1), ("two-hands.toml", 8.5, 2)] {
+        let script = Script::load(&config("scripts").join(file)).unwrap();
+        assert_eq!(script.duration_s, duration_s, "{file}");
+        assert_eq!(
+            script.sample(&stage, 2.0).styli.iter().filter(|stylus| stylus.pressed).count(),
+            styli,
+            "{file}"
+        );
+    }
 }
 
 /// The beam of `ghosts.toml` is bent by 60°, and asks for all that shows its mechanics.
@@ -135,11 +146,28 @@ fn an_end_is_turned_by_a_whole_turn() {
     }
 }
 
+/// The demo's bear is one piece of 10 to 20 thousand nodes without slivers, and both paws and the seat hold some of them.
+#[test]
+fn the_bear_is_round_and_whole() {
+    let scene = Scene::load(&config("scenes/bear.toml")).unwrap();
+    let body = &scene.body["bear"];
+    let mesh = scene.load_mesh("bear", body).unwrap().mesh;
+    println!("{} nodes, {} tetrahedra", mesh.nodes.len(), mesh.tets.len());
+    assert!((10_000..20_000).contains(&mesh.nodes.len()), "{}", mesh.nodes.len());
+    assert_eq!(quality::components(&mesh).nodes.len(), 1);
+    let least = (0..mesh.tets.len()).map(|tet| quality::quality(&mesh.corners(tet))).fold(1.0, f64::min);
+    assert!(least > 0.1, "{least}");
+    for (name, control) in &body.control {
+        let held = control.nodes.select(&mesh).unwrap().len();
+        assert!(held > 20, "{name}: {held}");
+    }
+}
+
 /// The whole line, offline and online: the demo's scene as it is, its script on its stage, and where the tube's right
 /// end stands when the script rests.
 #[test]
 fn scenes() {
-    holds("scenes", &["ghosts.toml", "models.toml", "tube.toml"]);
+    holds("scenes", &["bar.toml", "bear.toml", "ghosts.toml", "hose.toml", "models.toml", "tube.toml"]);
     let scene = Scene::load(&config("scenes/tube.toml")).unwrap();
     let body = &scene.body["tube"];
     assert_eq!((scene.stage.as_str(), body.model.as_str()), ("workbench", "rotation"));

@@ -7,6 +7,7 @@ mod cli;
 #[path = "../common/mod.rs"]
 mod common;
 mod configs;
+mod demo;
 mod effects;
 mod outputs;
 #[path = "../render_common/mod.rs"]

@@ -46,6 +46,17 @@ pub struct WindowOptions {
     pub vsync: bool,
 }
 
+/// 4 samples a pixel, and 1 on a software device, where 4 take some six times as long.
+pub const AUTO_SAMPLES: u32 = 0;
+
+fn samples_on(gpu: &Gpu, asked: u32) -> u32 {
+    match asked {
+        AUTO_SAMPLES if gpu.is_software => 1,
+        AUTO_SAMPLES => 4,
+        exactly => exactly,
+    }
+}
+
 /// Whether the windows stay open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
@@ -160,7 +171,16 @@ impl Windows {
         }
         if let Some((picture, canvas)) = &mut self.picture {
             let (texture, size, tiles) = (&picture.view, picture.size, tiles[0].as_ref());
-            let target = Target { window: 0, canvas, texture, size, desktop: [0; 2], monitors: &[], tiles, contents: contents(0) };
+            let target = Target {
+                window: 0,
+                canvas,
+                texture,
+                size,
+                desktop: [0; 2],
+                monitors: &[],
+                tiles,
+                contents: contents(0),
+            };
             let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint)?;
             let start = Instant::now();
             self.gpu.wait()?;
