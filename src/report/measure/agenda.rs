@@ -32,7 +32,11 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
     }
     for (model, refine, element) in planned(request, meshes) {
         let seconds = OF_MODELS * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
-        solved.push(step(names::solved(refine, element, Solver::default(), Some(model.name)), seconds, false));
+        solved.push(step(
+            names::solved(refine, element, Solver::default(), Some(model.name)),
+            seconds,
+            false,
+        ));
     }
     let own = request.scene.body[request.body].element;
     if meshes.affords(request, 0, own) {
@@ -59,7 +63,8 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
         if top > 0 {
             for element in ELEMENTS.iter().copied() {
                 let all = (0..=top).filter(|refine| meshes.affords(request, *refine as usize, element));
-                let seconds = all.map(|refine| direct(unknowns(refine, element) * element.unknown_cost.sqrt())).sum();
+                let seconds =
+                    all.map(|refine| direct(unknowns(refine, element) * element.unknown_cost.sqrt())).sum();
                 steps.push(step(names::smooth(element), seconds, false));
             }
         }
