@@ -56,7 +56,7 @@ impl View {
         if !towards.iter().all(|x| x.is_finite()) || size <= 0.0 || is_slender {
             towards = Vector3::z();
         }
-        if towards.z < 0.0 || towards.z == 0.0 && towards.x < 0.0 {
+        if towards.z < 0.0 || (towards.z == 0.0 && towards.x < 0.0) {
             towards = -towards;
         }
         let up = [Vector3::y(), Vector3::z(), Vector3::x()]
@@ -218,7 +218,7 @@ pub fn base64(bytes: &[u8]) -> String {
     let mut text = String::with_capacity(bytes.len() * 4 / 3 + 4);
     for three in bytes.chunks(3) {
         let word =
-            three.iter().fold(0_u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - three.len()));
+            three.iter().fold(0_u32, |word, byte| (word << 8) | u32::from(*byte)) << (8 * (3 - three.len()));
         for i in 0..4 {
             let letter = LETTERS[(word >> (18 - 6 * i)) as usize & 63];
             text.push(if i <= three.len() { char::from(letter) } else { '=' });

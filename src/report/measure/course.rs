@@ -71,7 +71,8 @@ impl<'a> Course<'a> {
     pub fn forecast(&self) -> String {
         let all = self.steps.iter().map(|step| step.seconds).sum::<f64>() * self.pace();
         let time = self.limit.map_or(all, |limit| all.min(limit));
-        format!("{} steps, {}", self.steps.len(), rounded(time))
+        let most = if self.limit.is_some() { "up to " } else { "" };
+        format!("{most}{} steps, {}", self.steps.len(), rounded(time))
     }
 
     /// Measured time of a step over the expected one.
