@@ -111,7 +111,9 @@ fn verdict(row: &Measurement) -> String {
             Trust::Rough => "the shape is a rough guide",
             Trust::Bad => "do not trust the shape",
         };
-        return format!("For {time} a frame the shape is {within} {shape}: {verdict}. Its forces were not measured.");
+        return format!(
+            "For {time} a frame the shape is {within} {shape}: {verdict}. Its forces were not measured."
+        );
     };
     let verdict = if row.is_reference() && Trust::of(row.worst()) == Trust::Good {
         "it is the finest mesh that was measured, so the error of the mesh itself is not known"
@@ -146,7 +148,11 @@ fn remedy(rows: &[Measurement], own: usize) -> String {
     let Some(i) = cheapest_with(rows, &ONLINE, is_good) else {
         let Some(best) = most_accurate(rows) else { return String::new() };
         let nearest = if best == own { "This one comes nearest".to_owned() } else { price(&rows[best]) };
-        let verb = if best == own { String::new() } else { format!(" comes nearest, with {}", rows_errors(&rows[best])) };
+        let verb = if best == own {
+            String::new()
+        } else {
+            format!(" comes nearest, with {}", rows_errors(&rows[best]))
+        };
         return format!("Nothing that was measured brings {what} within 5 %. {nearest}{verb}.");
     };
     if i == own {
@@ -233,11 +239,17 @@ mod tests {
     #[test]
     fn what_is_not_known_is_not_claimed() {
         let text = said(vec![row("rotation", 43.0, 0.023, None)]);
-        assert!(text.contains("its forces were not measured") || text.contains("Its forces were not measured"), "{text}");
+        assert!(
+            text.contains("its forces were not measured") || text.contains("Its forces were not measured"),
+            "{text}"
+        );
         assert!(!text.contains("both") && !text.contains("force and torque"), "{text}");
         // The scene's setting was not measured.
         let text = said(vec![row("linear", 20.0, 0.3, 0.6), row("reduced", 900.0, 0.01, 0.02)]);
-        assert!(text.starts_with("The scene's own setting (tet4 h · cholesky · f32 · rotation) was not measured"), "{text}");
+        assert!(
+            text.starts_with("The scene's own setting (tet4 h · cholesky · f32 · rotation) was not measured"),
+            "{text}"
+        );
         assert!(text.contains("do not trust either. tet4 h · cholesky · f32 · reduced"), "{text}");
         // A solver that its own estimate does not trust.
         let loose = Measurement { forward_error: Some(4.0), ..row("rotation", 43.0, 0.01, 0.01) };
@@ -254,7 +266,10 @@ mod tests {
     #[test]
     fn a_cheaper_setting_that_is_as_good_is_named() {
         let text = said(vec![row("rotation", 43.0, 0.01, 0.01), row("linear", 20.0, 0.02, 0.02)]);
-        assert!(text.contains("linear (20 µs a frame, 2 s offline) keeps both within 5 % too, and is cheaper."), "{text}");
+        assert!(
+            text.contains("linear (20 µs a frame, 2 s offline) keeps both within 5 % too, and is cheaper."),
+            "{text}"
+        );
     }
 
     #[test]
@@ -263,9 +278,16 @@ mod tests {
         let report = |rows| crate::report::data::Report { own: own.clone(), rows, ..Default::default() };
         let roles = |rows| shown(&report(rows)).into_iter().map(|s| (s.role, s.row)).collect::<Vec<_>>();
         assert_eq!(
-            roles(vec![row("rotation", 43.0, 0.1, 0.3), row("reduced", 900.0, 0.01, 0.02), row("linear", 20.0, 0.3, 4.0)]),
+            roles(vec![
+                row("rotation", 43.0, 0.1, 0.3),
+                row("reduced", 900.0, 0.01, 0.02),
+                row("linear", 20.0, 0.3, 4.0)
+            ]),
             [("most accurate".into(), 1), ("this scene's".into(), 0), ("cheapest".into(), 2)]
         );
-        assert_eq!(roles(vec![row("rotation", 43.0, 0.1, 0.3)]), [("most accurate and this scene's and cheapest".into(), 0)]);
+        assert_eq!(
+            roles(vec![row("rotation", 43.0, 0.1, 0.3)]),
+            [("most accurate and this scene's and cheapest".into(), 0)]
+        );
     }
 }

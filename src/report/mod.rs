@@ -30,11 +30,11 @@ pub use data::{
 };
 pub use drawing::canvas::Picture;
 pub use files::{ReportError, read, try_folder, write};
+pub use headline::headline;
 pub use measure::{Limits, MeasureError, Request, measure};
 pub use page::page;
 pub use parameters::{PARAMETERS, Parameter};
 pub use plots::{PLOTS, PlotEntry, pictures};
 pub use readme_table::readme_table;
-pub use headline::headline;
 pub use recommendation::{cheapest, ladder};
 pub use summary::summary;

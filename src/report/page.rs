@@ -5,9 +5,9 @@ use super::bodies;
 use super::data::{EffectCost, Report};
 use super::drawing::canvas::{Picture, STYLE};
 use super::drawing::markup::escape;
-use super::plots::{PLOTS, PlotEntry};
 use super::headline::headline;
 use super::plots::left_out;
+use super::plots::{PLOTS, PlotEntry};
 use super::tables;
 use super::units::Unit;
 
@@ -15,13 +15,8 @@ use super::units::Unit;
 pub fn page(report: &Report, pictures: &[(&PlotEntry, Picture)]) -> String {
     let title = format!("What accuracy costs in time: {}", report.body);
     let shown_title = format!("What accuracy costs: {}", report.body);
-    let body = [
-        answer(report),
-        plots(report, pictures),
-        all_tables(report),
-        measured(report),
-        glossary(report),
-    ];
+    let body =
+        [answer(report), plots(report, pictures), all_tables(report), measured(report), glossary(report)];
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
@@ -132,7 +127,11 @@ fn plots(report: &Report, pictures: &[(&PlotEntry, Picture)]) -> String {
                 "<figure>\n<div class=\"plot\">{picture}</div><figcaption>{reading}{caption}</figcaption>\n</figure>\n"
             );
         } else if let Some(why) = why {
-            text += &format!("<p class=\"muted\">The plot {} is left out: {}.</p>\n", escape(entry.name), escape(why));
+            text += &format!(
+                "<p class=\"muted\">The plot {} is left out: {}.</p>\n",
+                escape(entry.name),
+                escape(why)
+            );
         }
         if let Some((said, table)) = entry.table {
             text += &(paragraph(said) + &table(report));

@@ -50,11 +50,7 @@ pub fn front_of<'a>(
 }
 
 /// Says which rows lie under the steps of a front without being part of it, and why; empty where there are none.
-pub fn outside(
-    rows: &[&Measurement],
-    front: &[usize],
-    point: impl Fn(&Measurement) -> [f64; 2],
-) -> String {
+pub fn outside(rows: &[&Measurement], front: &[usize], point: impl Fn(&Measurement) -> [f64; 2]) -> String {
     let beats = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1];
     let is_under = |(i, row): &(usize, &&Measurement)| {
         !front.contains(i) && !front.iter().any(|&on| beats(point(rows[on]), point(row)))
@@ -71,7 +67,11 @@ pub fn outside(
     ];
     let said: Vec<String> =
         causes.iter().filter(|(count, _)| *count > 0).map(|(count, why)| format!("{count} {why}")).collect();
-    if said.is_empty() { String::new() } else { format!(" Under the steps, and no part of them: {}.", said.join("; ")) }
+    if said.is_empty() {
+        String::new()
+    } else {
+        format!(" Under the steps, and no part of them: {}.", said.join("; "))
+    }
 }
 
 #[cfg(test)]

@@ -48,11 +48,7 @@ pub fn ladder(rows: &[Measurement], metric: &CostMetric) -> Vec<usize> {
 }
 
 /// The same by another error.
-pub fn ladder_by(
-    rows: &[Measurement],
-    metric: &CostMetric,
-    error: fn(&Measurement) -> f64,
-) -> Vec<usize> {
+pub fn ladder_by(rows: &[Measurement], metric: &CostMetric, error: fn(&Measurement) -> f64) -> Vec<usize> {
     let cost = |i: usize| (metric.of)(&rows[i].cost);
     let mut rungs: Vec<usize> = Vec::new();
     let mut next = cheapest(rows, metric, f64::INFINITY);
@@ -106,6 +102,7 @@ pub fn recommendations(report: &Report) -> Vec<String> {
 
 /// "shape to 0.3 %, force and torque to 1.2 %": in the worst pose.
 pub fn errors(row: &Measurement) -> String {
-    let held = row.held().map_or("no forces".into(), |held| format!("force and torque to {}", relative(held)));
+    let held =
+        row.held().map_or("no forces".into(), |held| format!("force and torque to {}", relative(held)));
     format!("shape to {}, {held}", relative(row.shape()))
 }

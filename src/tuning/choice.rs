@@ -60,12 +60,12 @@ pub fn time(row: &Measurement, rows: &[Measurement]) -> f64 {
 
 /// The worst error of displacements.
 fn error(row: &Measurement) -> f64 {
-    row.error.uncancelled.worst
+    row.shape()
 }
 
-/// The worst error of forces and torques; parts of opposite sign do not cancel in it.
+/// The worst error of forces and torques; parts of opposite sign do not cancel in it. Infinite where no forces were measured.
 fn held(row: &Measurement) -> f64 {
-    row.error.uncancelled_held.map_or(0.0, |spread| spread.worst)
+    row.held().unwrap_or(f64::INFINITY)
 }
 
 /// Everything that is asked: the key, the measured value and the limit, both in the key's unit.

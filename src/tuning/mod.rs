@@ -6,6 +6,7 @@
 mod choice;
 mod planner;
 pub mod poses;
+mod verified;
 
 pub use choice::{Choice, choose, miss, time};
 pub use planner::{settle, settle_from_file};

@@ -1,13 +1,14 @@
 //! Settles the settings of a scene's bodies: measures once, keeps the table in the .green file, and chooses anew from it
 //! when the accuracy or the budget changes.
 
-use super::choice::{Choice, choose};
+use super::choice::{Choice, choose, name as title};
 use super::poses::scripted_or_random;
+use super::verified::verify;
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::notice::notice;
-use crate::deform::{ControlPose, Kind, MODELS};
+use crate::deform::{ControlPose, ControlPoses, Kind, MODELS};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};
 use crate::prepare;
@@ -31,7 +32,12 @@ struct MeasuredTable {
     models: Vec<String>,
     /// Poses in which nothing was measured, and why.
     left_out: Vec<String>,
+    /// Settings that were measured themselves after they were chosen; their rows have the errors that were found.
+    verified: Vec<Setting>,
 }
+
+/// So many further poses a chosen setting is measured in.
+const FURTHER: usize = 3;
 
 /// Unknowns of the largest solve while a table is measured, unless the scene says otherwise.
 const LARGEST: f64 = 200_000.0;
@@ -47,11 +53,14 @@ type TableSource<'a> =
 pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> {
     let source: TableSource<'_> = &|plain, name, key, demand| {
         let kept = kept(plain, name, &key, demand).or_else(|error| if force { Ok(None) } else { Err(error) });
-        let table = match kept? {
+        let mut table = match kept? {
             Some(table) => table,
             None => measure(plain, name, key, demand, quiet)?,
         };
-        table.left_out.iter().for_each(|pose| notice!("body.{name}: left out: {pose}"));
+        for pose in &table.left_out {
+            notice!("body.{name}: nothing is known of the accuracy in a pose that was left out: {pose}");
+        }
+        verify_choice(plain, name, &mut table, demand)?;
         let choice = choose(&table.rows, demand).filter(|choice| choice.miss <= 1.0);
         for sentence in choice.iter().flat_map(Choice::sentences) {
             notice!("body.{name}: {sentence}");
@@ -59,6 +68,76 @@ pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> 
         Ok(Some(table))
     };
     choose_from(scene, source, &|unmet| Err(Failure::work(unmet)))
+}
+
+/// Measures the setting that is chosen itself, and again the next where it misses what is asked.
+fn verify_choice(
+    plain: &Scene,
+    name: &str,
+    table: &mut MeasuredTable,
+    demand: &AccuracyTarget,
+) -> Result<(), Failure> {
+    if matches!(demand, AccuracyTarget::Budget(_)) {
+        return Ok(());
+    }
+    let mut poses = None;
+    loop {
+        let choice = choose(&table.rows, demand).filter(|choice| choice.miss <= 1.0);
+        let Some(row) = choice.map(|choice| choice.row).filter(|row| !table.verified.contains(&row.setting))
+        else {
+            return Ok(());
+        };
+        let (row, setting) = (row.clone(), row.setting.clone());
+        let poses = match &mut poses {
+            Some(poses) => poses,
+            none => none.insert(further_poses(plain, name)?),
+        };
+        let mut chosen = plain.clone();
+        set(&mut chosen.body[name], &setting).map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
+        table.verified.push(setting.clone());
+        let Some(found) = verify(&chosen, name, &row, poses)? else {
+            notice!(
+                "body.{name}: {} could not be verified: its element or the poses have no equilibrium",
+                title(&setting)
+            );
+            continue;
+        };
+        let held = found
+            .held
+            .map_or("no forces".into(), |held| format!("force and torque to {:.2} %", 100.0 * held));
+        notice!(
+            "body.{name}: {} itself, in {} further poses against {}: displacement to {:.2} %, {held}",
+            title(&setting),
+            found.count,
+            found.against,
+            100.0 * found.shape
+        );
+        // Storage and solver are the least part of what was found.
+        let is_alike = |other: &Setting| {
+            (other.refine, &other.element, &other.model) == (setting.refine, &setting.element, &setting.model)
+        };
+        for row in table.rows.iter_mut().filter(|row| is_alike(&row.setting)) {
+            let error = &mut row.error;
+            error.uncancelled.worst = error.uncancelled.worst.max(found.shape);
+            if let (Some(held), Some(found)) = (&mut error.uncancelled_held, found.held) {
+                held.worst = held.worst.max(found);
+            }
+        }
+    }
+}
+
+/// Poses by which nothing was chosen: those that turn and move the furthest among more moments of the script, or other random
+/// ones.
+fn further_poses(scene: &Scene, name: &str) -> Result<Vec<(String, ControlPoses)>, Failure> {
+    let (mut poses, _) = scripted_or_random(scene, name, None, false)?;
+    let (known, _) = scripted_or_random(scene, name, None, true)?;
+    poses.retain(|(_, pose)| known.iter().all(|(_, other)| other != pose));
+    let way = |pose: &ControlPoses| pose.iter().map(|pose| pose.translation.norm()).fold(0.0, f64::max);
+    poses.sort_by(|a, b| {
+        largest_turn(&b.1).total_cmp(&largest_turn(&a.1)).then(way(&b.1).total_cmp(&way(&a.1)))
+    });
+    poses.truncate(FURTHER);
+    Ok(poses)
 }
 
 /// The same from the tables in the .green file alone, without a word. A body that has no table, or asks for what
@@ -156,7 +235,7 @@ fn measure(
     let machine = machine::description();
     measured.models_left_out.iter().for_each(|model| notice!("body.{name}: left out: {model}"));
     let (rows, left_out, models) = (measured.rows, measured.left_out, models());
-    Ok(MeasuredTable { key, machine, range, rows, models, left_out })
+    Ok(MeasuredTable { key, machine, range, rows, models, left_out, verified: Vec::new() })
 }
 
 /// The models of this program that are evaluated in every frame: a table without one of them is measured again.

@@ -39,7 +39,7 @@ fn shape(place: &Vector3<f64>, thickness: f64) -> Vector3<f64> {
     Vector3::new(48.0 * place.x, 44.0 * place.x + place.y * (44.0 - 28.0 * place.x), thickness * place.z)
 }
 
-fn plane_stress(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
+fn plane_stress(element: &Element, size: u32, _: &[f64]) -> Result<Vec<Measure>, ProblemError> {
     const HALF: f64 = 0.5;
     let n = element.cells(size);
     let mut body = Body::new(element, [n, n, 1], |place| shape(place, HALF))?;
@@ -48,7 +48,7 @@ fn plane_stress(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemErr
     measure(&body, element, Lame::from_young_poisson(1.0, 1.0 / 3.0), STRESS_VALUES, STRESS_KNOWN_TO)
 }
 
-fn plane_strain(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
+fn plane_strain(element: &Element, size: u32, _: &[f64]) -> Result<Vec<Measure>, ProblemError> {
     let n = element.cells(size);
     let height = 48.0 / f64::from(n);
     let mut body = Body::kuhn(element, [n, n, 1], |place| shape(place, height))?;

@@ -36,7 +36,7 @@ fn shape(place: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(between(2.0, 3.25) * cos, between(1.0, 2.75) * sin, THICKNESS * place.z)
 }
 
-fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
+fn solve(element: &Element, size: u32, _: &[f64]) -> Result<Vec<Measure>, ProblemError> {
     let n = element.cells(size);
     let mut body = Body::new(element, [2 * n, 4 * n, 2 * n], shape)?;
     let zero = |_: &Vector3<f64>| 0.0;

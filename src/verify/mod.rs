@@ -34,6 +34,7 @@ pub use problem::{Problem, ProblemError};
 pub use solution::{Bound, Exact, Measure, Solution};
 
 use crate::fem::ELEMENTS;
+use problem::POISSON;
 use serde::Serialize;
 
 pub const PROBLEMS: &[Problem] = &[
@@ -51,6 +52,8 @@ pub const PROBLEMS: &[Problem] = &[
 pub enum Effort {
     /// Two: seconds, for tests.
     Coarse,
+    /// Three, and of several Poisson's ratios the first alone, at which nothing locks: rates for tests.
+    Smooth,
     /// Three: about a minute for all problems.
     Usual,
     /// All four: some minutes.
@@ -97,13 +100,14 @@ pub struct VerifyError {
 pub fn run(problem: &Problem, effort: Effort) -> Result<Vec<ConvergenceRow>, VerifyError> {
     let sizes = match effort {
         Effort::Coarse => &problem.sizes[..2],
-        Effort::Usual => &problem.sizes[..3],
+        Effort::Smooth | Effort::Usual => &problem.sizes[..3],
         Effort::Fine => &problem.sizes[..],
     };
+    let ratios = if effort == Effort::Smooth { &POISSON[..1] } else { &POISSON[..] };
     let mut table = Table::default();
     for &element in ELEMENTS {
         for &size in sizes {
-            let measures = (problem.solve)(element, size).map_err(|fault| VerifyError {
+            let measures = (problem.solve)(element, size, ratios).map_err(|fault| VerifyError {
                 problem: problem.name,
                 element: element.name,
                 size,

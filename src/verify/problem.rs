@@ -14,7 +14,8 @@ pub struct Problem {
     pub source: &'static str,
     /// Of the meshes from coarse to fine, see [`Element::cells`]; effort chooses how many are solved.
     pub sizes: [u32; 4],
-    pub solve: fn(&Element, u32) -> Result<Vec<Measure>, ProblemError>,
+    /// With an element on a mesh, for these Poisson's ratios where the problem has several (`POISSON`).
+    pub solve: fn(&Element, u32, &[f64]) -> Result<Vec<Measure>, ProblemError>,
 }
 
 /// Poisson's ratios on the way to incompressible.

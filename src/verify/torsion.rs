@@ -37,7 +37,7 @@ fn torsion_constant() -> f64 {
     (1.0 - 192.0 / PI.powi(5) * sum) / 3.0
 }
 
-fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
+fn solve(element: &Element, size: u32, _: &[f64]) -> Result<Vec<Measure>, ProblemError> {
     const TWIST: f64 = 1.0;
     const LENGTH: f64 = 0.25;
     let n = element.cells(size);

@@ -37,7 +37,7 @@ fn shape(place: &Vector3<f64>) -> Vector3<f64> {
         + Vector3::new(LENGTH * place.x, 0.0, 0.0)
 }
 
-fn solve(element: &Element, size: u32) -> Result<Vec<Measure>, ProblemError> {
+fn solve(element: &Element, size: u32, _: &[f64]) -> Result<Vec<Measure>, ProblemError> {
     let n = element.cells(size);
     let bound = if element.order == 2 { Bound::error(WITHIN) } else { Bound::NONE };
     let mut measures = Vec::new();

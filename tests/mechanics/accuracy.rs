@@ -4,9 +4,11 @@ use crate::common::{case_poses, folder, scene, shared};
 use greenstage::deform::{
     ControlPose, ControlPoses, Motion, Moved, PoseSlope, Statics, Wrench, find_model, model_of, trials,
 };
-use greenstage::fem::{Element, STVK, TET4, TET10};
+use greenstage::fem::{Element, Lame, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
+use greenstage::mesh::quadratic::straight;
 use greenstage::report::measure::poses::random;
+use greenstage::report::measure::{MeshLadder, Norms};
 use greenstage::report::{Limits, Measurement, Report, Request, measure};
 use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
 use greenstage::solve::Silent;
@@ -73,6 +75,8 @@ fn request<'a>(
         requirements_of: &|_| Requirements::of(&[STIFFNESS]),
         command: String::new(),
         scratch,
+        keep: None,
+        limit_s: None,
     }
 }
 
@@ -323,6 +327,70 @@ fn the_same_seed_gives_the_same_numbers() {
     assert!(one == two);
 }
 
+/// Steps of a run that was stopped are taken over, to the last bit, and the report says so; damaged ones and those of other poses
+/// are not.
+#[test]
+fn a_run_that_was_stopped_goes_on() {
+    let (_, scene) = &bodies()[0];
+    let (folder, own) = (folder("accuracy-stopped"), poses(scene, &[0.2]));
+    let keep = folder.join("unfinished");
+    let of = |poses| {
+        let request = Request { keep: Some(&keep), ..request(scene, poses, &folder, 0) };
+        measure(&request, &Silent).unwrap()
+    };
+    let steps = || {
+        let all = std::fs::read_dir(&keep).unwrap().map(|entry| entry.unwrap().path());
+        let mut own: Vec<_> = all.filter(|path| path.extension().is_some_and(|end| end == "step")).collect();
+        own.sort();
+        own
+    };
+    let whole = of(&own);
+    assert!(!whole.machine.contains("taken over") && steps().len() > 8);
+    let all = steps();
+    all.iter().step_by(3).for_each(|path| std::fs::remove_file(path).unwrap());
+    let mut damaged = std::fs::read(&all[1]).unwrap();
+    *damaged.last_mut().unwrap() ^= 1;
+    std::fs::write(&all[1], damaged).unwrap();
+    let left = steps().len() - 1;
+    let again = of(&own);
+    assert!(again.machine.contains(&format!(". {left} of ")), "{}", again.machine);
+    assert!(again.machine.contains("steps were taken over from a run that was stopped"), "{}", again.machine);
+    let errors = |report: &Report| report.rows.iter().map(|row| row.error.clone()).collect::<Vec<_>>();
+    assert_eq!(errors(&again), errors(&whole));
+    assert_eq!(again.models, whole.models);
+    let other = of(&poses(scene, &[0.3]));
+    assert!(!other.machine.contains("taken over"), "{}", other.machine);
+    greenstage::report::measure::remove(&keep);
+    assert!(!keep.exists());
+}
+
+/// What has to be there is measured however little time there is, and the rest is named.
+#[test]
+fn a_limit_of_time_leaves_out_what_does_not_fit() {
+    let (_, scene) = &bodies()[0];
+    let (folder, poses) = (folder("accuracy-limit"), poses(scene, &[0.2]));
+    let within = |limit: f64| {
+        measure(&Request { limit_s: Some(limit), ..request(scene, &poses, &folder, 0) }, &Silent).unwrap()
+    };
+    let (none, all) = (within(0.0), within(1e6));
+    assert!(none.left_out[0].starts_with("Left out, to end within 0 s: "), "{:?}", none.left_out);
+    assert!(
+        none.left_out[0].contains("tet4_anp h · cholesky (some ") && none.left_out[0].contains("pcg 1e-6")
+    );
+    assert!(all.left_out.is_empty());
+    let solved =
+        |report: &Report, element: &str| report.rows.iter().any(|row| row.setting.element == element);
+    assert!(
+        solved(&none, "tet4")
+            && solved(&none, "tet10")
+            && !solved(&none, "tet4_anp")
+            && solved(&all, "tet4_anp")
+    );
+    // What was measured is the same.
+    let of = |report| row(report, 0, "tet4", "cholesky", "f32", "rotation").error.clone();
+    assert_eq!(of(&none), of(&all));
+}
+
 /// An effect that a scene does not list costs nothing, in every column.
 #[test]
 fn effects_that_are_not_listed_cost_nothing() {
@@ -352,7 +420,7 @@ fn effects_that_are_not_listed_cost_nothing() {
 }
 
 /// What the independent solutions' README says of P1 against P2 on their meshes: 1.1 % (tube), 0.6 % (block2), in its own
-/// norm.
+/// norm. The report measures its discretisation with the same fields and norm, and with much else that has no part in this.
 #[test]
 fn linear_against_quadratic_elements_as_found_elsewhere() {
     for (case, low, high) in [("tube", 0.010, 0.0125), ("block2", 0.0055, 0.0070)] {
@@ -360,16 +428,24 @@ fn linear_against_quadratic_elements_as_found_elsewhere() {
         let scene = Scene::load(&place).unwrap();
         let name = scene.body.keys().next().unwrap().clone();
         let (_, named) = case_poses(place.parent().unwrap()).remove(0);
-        let first: ControlPoses = scene.body[&name].control.keys().map(|control| named[control]).collect();
-        let poses = [("first".to_owned(), first)];
-        let folder = folder(&format!("accuracy-{case}"));
-        let request = Request {
-            body: &name,
-            limits: Limits { largest: 60_000.0, largest_of_models: 0.0, refinements: 0, rounds: 1 },
-            ..request(&scene, &poses, &folder, 0)
+        let poses: ControlPoses = scene.body[&name].control.keys().map(|control| named[control]).collect();
+        let solved = |element: &'static Element| {
+            let mut scene = scene.clone();
+            scene.body[&name].element = element;
+            let solution = green::solve(&scene, &name, &Requirements::of(&[AFFINE]), &Silent).unwrap();
+            let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
+            let c = model.state(&poses).coefficients;
+            let sum = |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>();
+            let field = (0..solution.mesh.nodes.len()).map(|n| Vector3::from_fn(|axis, _| sum(3 * n + axis)));
+            (field.collect::<Vec<_>>(), solution)
         };
-        let report = measure(&request, &Silent).unwrap();
-        let error = row(&report, 0, "tet4", "cholesky", "f32", "linear").error.discretisation.worst;
+        let ((coarse, linear), (fine, quadratic)) = (solved(&TET4), solved(&TET10));
+        let ladder = MeshLadder::new(vec![linear.mesh], &straight);
+        assert_eq!(ladder.top().nodes, quadratic.mesh.nodes);
+        let unit = vec![Lame::from_young_poisson(1.0, 0.3); ladder.top().tets.len()];
+        let norms = Norms::new(ladder.top(), TET10.assemble(ladder.top(), &unit).unwrap());
+        let error: Vec<_> = ladder.raise(0, &coarse).iter().zip(&fine).map(|(a, b)| a - b).collect();
+        let error = norms.l2(&error) / norms.l2(&fine);
         println!("{case}: P1 against P2 {:.2} %", 100.0 * error);
         assert!((low..high).contains(&error), "{case}: {error}");
     }

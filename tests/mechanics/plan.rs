@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 const SCENE: &str = r#"
 [body.bar]
-generate = { block = { size = [0.3, 0.1, 0.1], cells = [4, 2, 2] } }
+generate = { block = { size = [0.3, 0.1, 0.1], cells = [3, 1, 1] } }
 material = { young = 1.0e6, poisson = 0.3 }
 DEMAND
 [body.bar.control.low]

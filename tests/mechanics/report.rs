@@ -2,9 +2,10 @@
 
 use crate::report_common::made_up;
 use greenstage::report::{
-    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Spread, TrialMotion,
-    cheapest, ladder, pictures, summary,
+    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Shapes, Spread,
+    TrialMotion, cheapest, ladder, pictures, summary,
 };
+use nalgebra::Vector3;
 use proptest::prelude::*;
 use quick_xml::escape::resolve_predefined_entity;
 use quick_xml::events::{BytesStart, Event};
@@ -79,7 +80,7 @@ fn all_files_are_written_and_well_formed() {
     let report = made_up();
     let (dir, files) = written(&report);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    let first = ["online", "split", "mesh", "solver", "storage", "models"];
+    let first = ["online", "online-force", "split", "mesh", "solver", "storage", "models"];
     let plots = first.into_iter().chain(TRIALS).chain(["smooth-l2", "smooth-energy"]);
     let plots: Vec<String> = plots.map(|name| format!("plots/{name}.svg")).collect();
     assert_eq!(names[..4], ["index.html", "accuracy.json", "accuracy.csv", "models.csv"]);
@@ -122,11 +123,12 @@ fn markers_inside(svg: &str) -> usize {
 
 #[test]
 fn every_row_is_a_point_inside_the_plot() {
-    for report in [made_up(), extreme(1e-310, 1e308), extreme(0.0, 0.0)] {
+    for report in [made_up(), extreme(1e-310, 1e308)] {
         let (_dir, files) = written(&report);
         let plot =
             |name: &str| &files.iter().find(|(file, _)| file == &format!("plots/{name}.svg")).unwrap().1;
         assert_eq!(markers_inside(plot("online")), report.rows.len());
+        assert_eq!(markers_inside(plot("online-force")), report.rows.len());
         for name in ["mesh", "solver", "storage", "models", "smooth-l2", "smooth-energy"] {
             assert!(markers_inside(plot(name)) > 0, "{name}");
         }
@@ -139,6 +141,69 @@ fn every_row_is_a_point_inside_the_plot() {
             assert_eq!(markers_inside(plot(name)), count, "{name}");
         }
     }
+}
+
+/// A plot of one point, of equal points or of errors that are nothing is left out, and the page says so.
+#[test]
+fn plots_that_say_nothing_are_left_out_with_a_word() {
+    let mut one = made_up();
+    one.rows.truncate(1);
+    one.models.truncate(1);
+    let names = |report: &Report| pictures(report).iter().map(|(entry, _)| entry.name).collect::<Vec<_>>();
+    let page = |report: &Report| parsed(&written(report).1[0].1).1;
+    assert!(!names(&one).contains(&"online") && !names(&one).contains(&"models"), "{:?}", names(&one));
+    assert!(page(&one).contains("The plot online is left out: there is only one point."));
+    let nothing = extreme(0.0, 0.0);
+    assert!(!names(&nothing).contains(&"solver") && !names(&nothing).contains(&"storage"));
+    assert!(page(&nothing).contains("The plot storage is left out: all its errors are below 10⁻¹²."));
+    let mut coarse = made_up();
+    coarse.smooth.retain(|row| row.refine == 0);
+    coarse.smooth.iter_mut().for_each(|row| (row.l2_rate, row.energy_rate) = (None, None));
+    assert!(!names(&coarse).contains(&"smooth-l2"));
+    assert!(page(&coarse).contains("a single refinement has no rate of convergence"));
+    // Data that are not there are no fault.
+    assert!(!page(&Report { models: Vec::new(), ..made_up() }).contains("left out: there"));
+}
+
+/// The first thing on the page is an answer, in words that the rows bear out.
+#[test]
+fn the_page_begins_with_the_answer() {
+    let report = made_up();
+    let own = report.rows.iter().find(|row| row.setting == report.own).unwrap();
+    let said = report::headline(&report).join(" ");
+    let time = format!("{:.0} µs a frame", 1e6 * own.cost.frame_p50_s);
+    assert!(said.starts_with("For ") && said.contains(&time), "{said} {time}");
+    let text = parsed(&written(&report).1[0].1).1;
+    let (answer, goals) = (text.find(&said[..40]).unwrap(), text.find("What each accuracy costs").unwrap());
+    assert!(answer < goals && goals < text.find("What was measured").unwrap());
+    // 10 %, 1 %, 0.1 %: from lax to strict.
+    let lines: Vec<usize> = ["10 %", "1 %", "0.1 %"]
+        .map(|goal| text[goals..].find(&format!("\n{goal}")).unwrap_or_default())
+        .to_vec();
+    assert!(lines.windows(2).all(|pair| pair[0] <= pair[1]), "{lines:?}");
+}
+
+/// Three settings, one pose, one scale: a picture of each, as data inside the page.
+#[test]
+fn the_error_is_shown_on_the_body() {
+    let mut report = made_up();
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(Vector3::from);
+    let own = report.rows.iter().position(|row| row.setting == report.own).unwrap();
+    report.shapes = Some(Shapes {
+        pose: "bend <60°>".into(),
+        triangles: vec![[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]],
+        equilibrium: corners.to_vec(),
+        errors: vec![(own, corners.map(|x| 0.01 * x).to_vec())],
+    });
+    let (_dir, files) = written(&report);
+    let (elements, text) = parsed(&files[0].1);
+    let pictures: Vec<_> = elements.iter().filter(|(name, _)| name == "img").collect();
+    assert_eq!(pictures.len(), 1);
+    assert!(pictures[0].1["src"].starts_with("data:image/png;base64,iVBORw0KGgo"));
+    assert!(text.contains("wrong by up to 10 mm") && text.contains("(bend <60°>)"), "{text}");
+    report.shapes.as_mut().unwrap().equilibrium.fill(Vector3::zeros());
+    report.shapes.as_mut().unwrap().errors.clear();
+    well_formed(&report);
 }
 
 /// Half of the numbers are `a`, the others `b`.
@@ -226,8 +291,8 @@ fn another_schema_and_a_plot_of_an_older_run_do_not_pass_for_this_one() {
     let (dir, _) = written(&report);
     let json = dir.path().join("accuracy.json");
     let text = std::fs::read_to_string(&json).unwrap();
-    std::fs::write(&json, text.replacen("\"schema\": 3", "\"schema\": 2", 1)).unwrap();
-    assert!(matches!(report::read(&json), Err(ReportError::Schema { found: 2, .. })));
+    std::fs::write(&json, text.replacen("\"schema\": 4", "\"schema\": 3", 1)).unwrap();
+    assert!(matches!(report::read(&json), Err(ReportError::Schema { found: 3, .. })));
     report.models.clear();
     assert!(dir.path().join("plots/models.svg").exists());
     report::write(dir.path(), &report).unwrap();
@@ -361,7 +426,7 @@ fn the_page_needs_nothing_beside_itself() {
     }
     let text = parsed(page).1;
     for said in
-        ["For a total error of 1 %", "Measure again", "greenstage accuracy configs/scenes/tube.toml", "0 B"]
+        ["What each accuracy costs", "Measure again", "greenstage accuracy configs/scenes/tube.toml", "0 B"]
     {
         assert!(text.contains(said), "{said}");
     }

@@ -69,11 +69,20 @@ pub fn made_up() -> Report {
         poses: ["bend 10°", "bend 30°", "bend 60°", "twist 45°", "stretch 20 %"].map(String::from).to_vec(),
         pose_source: "made by the program".into(),
         quick: false,
+        own: Setting {
+            refine: 0,
+            element: "tet4".into(),
+            solver: "cholesky".parse().unwrap(),
+            storage: "f32".into(),
+            model: "rotation".into(),
+        },
         rows,
         models: models(),
         trials: trials(),
         smooth: smooth(),
         effects: effects(),
+        left_out: Vec::new(),
+        shapes: None,
     }
 }
 

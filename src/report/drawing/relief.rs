@@ -56,7 +56,7 @@ impl View {
         if !towards.iter().all(|x| x.is_finite()) || size <= 0.0 || is_slender {
             towards = Vector3::z();
         }
-        if towards.z < 0.0 || towards.z == 0.0 && towards.x < 0.0 {
+        if towards.z < 0.0 || (towards.z == 0.0 && towards.x < 0.0) {
             towards = -towards;
         }
         let up = [Vector3::y(), Vector3::z(), Vector3::x()]
@@ -100,7 +100,8 @@ impl Frame {
         }
         let pixel = (1.0 + 2.0 * ROOM) * extent / LONGEST;
         let size = [0, 1].map(|axis| {
-            (((high[axis] - low[axis] + 2.0 * ROOM * extent) / pixel).ceil() as usize).clamp(1, LONGEST as usize)
+            (((high[axis] - low[axis] + 2.0 * ROOM * extent) / pixel).ceil() as usize)
+                .clamp(1, LONGEST as usize)
         });
         let low = low.map(|low| low - ROOM * extent);
         Some(Frame { view, low, scale: SAMPLES as f64 / pixel, size })
@@ -216,7 +217,8 @@ pub fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len() * 4 / 3 + 4);
     for three in bytes.chunks(3) {
-        let word = three.iter().fold(0_u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - three.len()));
+        let word =
+            three.iter().fold(0_u32, |word, byte| (word << 8) | u32::from(*byte)) << (8 * (3 - three.len()));
         for i in 0..4 {
             let letter = LETTERS[(word >> (18 - 6 * i)) as usize & 63];
             text.push(if i <= three.len() { char::from(letter) } else { '=' });
@@ -239,7 +241,8 @@ mod tests {
     #[test]
     fn what_is_nearer_hides_what_is_behind() {
         let square = |half: f64, z: f64| {
-            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vector3::new(half * x, half * y, z))
+            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+                .map(|[x, y]| Vector3::new(half * x, half * y, z))
         };
         let places = [square(1.0, 0.0), square(0.5, 0.1)].concat();
         let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
@@ -267,12 +270,15 @@ mod tests {
 
     #[test]
     fn a_view_is_a_rotation_that_looks_at_the_flat_side() {
-        let plate: Vec<Vector3<f64>> =
-            (0..60).map(|i| Vector3::new(f64::from(i % 10), 0.02 * f64::from(i % 3), f64::from(i / 10))).collect();
+        let plate: Vec<Vector3<f64>> = (0..60)
+            .map(|i| Vector3::new(f64::from(i % 10), 0.02 * f64::from(i % 3), f64::from(i / 10)))
+            .collect();
         let bar: Vec<Vector3<f64>> = (0..20).map(|i| Vector3::new(f64::from(i), 0.0, 0.0)).collect();
         for points in [plate.clone(), bar, vec![Vector3::zeros(); 3], Vec::new()] {
             let View(rows) = View::of(&points);
-            assert!((rows * rows.transpose() - Matrix3::identity()).amax() < 1e-12 && rows.determinant() > 0.0);
+            assert!(
+                (rows * rows.transpose() - Matrix3::identity()).amax() < 1e-12 && rows.determinant() > 0.0
+            );
         }
         assert!(View::of(&plate).0[(2, 1)].abs() > 0.8, "a plate is seen from above");
         assert!(Frame::around(View(Matrix3::identity()), [Vector3::zeros(); 2].iter()).is_none());
@@ -280,7 +286,8 @@ mod tests {
 
     #[test]
     fn the_colours_grow_lighter_all_the_way() {
-        let light = |part: f64| colour(part).iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, w)| c * w).sum::<f64>();
+        let light =
+            |part: f64| colour(part).iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, w)| c * w).sum::<f64>();
         let all: Vec<f64> = (0..=40).map(|i| light(f64::from(i) / 40.0)).collect();
         assert!(all.windows(2).all(|pair| pair[1] > pair[0]), "{all:?}");
         assert_eq!(colour(2.0), colour(1.0));

@@ -24,46 +24,52 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
     };
     let top = meshes.linear.len() as u32 - 1;
     let repeats = if request.quick { 1.0 } else { 2.0 };
+    // Errors of every storage in three poses, all on the finest mesh.
+    let judged = |own: f64| 0.18 * unknowns(top, &TET10) + 0.75 * own;
     let mut solved = Vec::new();
     for (refine, element) in discretisations(request, meshes) {
         let is_needed = (refine, element) == (0, &TET4) || (refine, element) == (top, &TET10);
         let seconds = repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
-        solved.push(step(names::solved(refine, element, Solver::default(), None), seconds, is_needed));
+        let key = names::solved(refine, element, Solver::default(), None);
+        solved.push((step(key, seconds, is_needed), judged(unknowns(refine, element))));
     }
     for (model, refine, element) in planned(request, meshes) {
         let seconds = OF_MODELS * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
-        solved.push(step(names::solved(refine, element, Solver::default(), Some(model.name)), seconds, false));
+        let key = names::solved(refine, element, Solver::default(), Some(model.name));
+        solved.push((step(key, seconds, false), 0.5 * judged(unknowns(refine, element))));
     }
     let own = request.scene.body[request.body].element;
     if meshes.affords(request, 0, own) {
         for solver in iterative() {
             let digits = -solver.tolerance().unwrap_or(1e-10).log10();
             let seconds = (0.7 + 0.2 * digits) * unknowns(0, own).powf(4.0 / 3.0);
-            solved.push(step(names::solved(0, own, solver, None), seconds, false));
+            let key = names::solved(0, own, solver, None);
+            solved.push((step(key, seconds, false), 0.5 * judged(unknowns(0, own))));
         }
     }
     let poses = request.poses.len() as f64;
     let base = unknowns(0, &TET4);
-    steps.extend(solved.iter().cloned());
-    steps.push(step(names::EQUILIBRIA.into(), 0.8 * poses * base.powf(1.4), true));
+    steps.extend(solved.iter().map(|(step, _)| step.clone()));
+    steps.push(step(names::EQUILIBRIA.into(), 0.5 * poses * base.powf(1.4), true));
     if whole {
         let motions = if request.quick { 6.0 } else { 20.0 };
         steps.push(step(names::TRIALS.into(), 1.5 * motions * base.powf(1.4), false));
     }
-    // On the finest mesh, for each storage and model.
-    let errors = 0.12 * poses * unknowns(top, &TET10) / 6.0;
-    steps.extend(solved.iter().map(|of| step(names::errors(&of.key), errors, of.is_needed)));
+    steps.extend(
+        solved.iter().map(|(of, seconds)| step(names::errors(&of.key), seconds * poses / 3.0, of.is_needed)),
+    );
     let rows = 2.0 * solved.len() as f64;
     steps.push(step(names::TIMES.into(), 4e-4 * rows * request.limits.rounds as f64 * base, true));
     if whole {
         if top > 0 {
             for element in ELEMENTS.iter().copied() {
                 let all = (0..=top).filter(|refine| meshes.affords(request, *refine as usize, element));
-                let seconds = all.map(|refine| direct(unknowns(refine, element) * element.unknown_cost.sqrt())).sum();
+                let seconds =
+                    all.map(|refine| direct(unknowns(refine, element) * element.unknown_cost.sqrt())).sum();
                 steps.push(step(names::smooth(element), seconds, false));
             }
         }
-        steps.push(step(names::EFFECTS.into(), 1.0 + direct(base), true));
+        steps.push(step(names::EFFECTS.into(), 0.5 * base + direct(base), true));
     }
     steps
 }

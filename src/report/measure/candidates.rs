@@ -1,9 +1,9 @@
 //! Solves the body with every element, refinement and solver that is affordable.
 
-use super::ladder::MeshLadder;
 use super::candidate::Candidate;
 use super::course::Course;
 use super::kept_solution;
+use super::ladder::MeshLadder;
 use super::names;
 use super::of_models::{families, is_common, online};
 use super::request::{MeasureError, Request};
@@ -114,17 +114,17 @@ pub fn solve(
 ) -> Result<Vec<Candidate>, MeasureError> {
     let mut candidates = Vec::new();
     for (refine, element) in discretisations(request, meshes) {
-            if !course.affords(&names::solved(refine, element, Solver::default(), None)) {
-                continue;
-            }
-            match candidate(request, refine, element, Solver::default(), &common(), course) {
-                Ok(candidate) => candidates.push(candidate),
-                // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
-                // with them, so the rest can be measured without them.
-                Err(MeasureError::Green(_)) if element.dilatation == Dilatation::Nodal => {}
-                Err(error) => return Err(error),
-            }
+        if !course.affords(&names::solved(refine, element, Solver::default(), None)) {
+            continue;
         }
+        match candidate(request, refine, element, Solver::default(), &common(), course) {
+            Ok(candidate) => candidates.push(candidate),
+            // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
+            // with them, so the rest can be measured without them.
+            Err(MeasureError::Green(_)) if element.dilatation == Dilatation::Nodal => {}
+            Err(error) => return Err(error),
+        }
+    }
     Ok(candidates)
 }
 

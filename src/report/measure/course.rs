@@ -46,7 +46,12 @@ pub struct Course<'a> {
 const PRIOR: f64 = 2.0;
 
 impl<'a> Course<'a> {
-    pub fn new(steps: Vec<Step>, limit: Option<f64>, kept: Option<Kept>, progress: &'a dyn Progress) -> Course<'a> {
+    pub fn new(
+        steps: Vec<Step>,
+        limit: Option<f64>,
+        kept: Option<Kept>,
+        progress: &'a dyn Progress,
+    ) -> Course<'a> {
         Course {
             progress,
             kept,
@@ -66,7 +71,8 @@ impl<'a> Course<'a> {
     pub fn forecast(&self) -> String {
         let all = self.steps.iter().map(|step| step.seconds).sum::<f64>() * self.pace();
         let time = self.limit.map_or(all, |limit| all.min(limit));
-        format!("{} steps, {}", self.steps.len(), rounded(time))
+        let most = if self.limit.is_some() { "up to " } else { "" };
+        format!("{most}{} steps, {}", self.steps.len(), rounded(time))
     }
 
     /// Measured time of a step over the expected one.
@@ -133,7 +139,8 @@ impl<'a> Course<'a> {
             let left = self.limit.map_or(left, |limit| {
                 left.min((limit - self.started.elapsed().as_secs_f64()).max(expected * self.pace()))
             });
-            self.progress.begin(&format!("{} of {}: {key}; {} left", at + 1, self.steps.len(), rounded(left)), 0);
+            self.progress
+                .begin(&format!("{} of {}: {key}; {} left", at + 1, self.steps.len(), rounded(left)), 0);
         }
         let started = Instant::now();
         let made = make(&Silent);
@@ -159,7 +166,12 @@ impl<'a> Course<'a> {
         key: &str,
         make: impl FnOnce(&dyn Progress) -> Result<T, MeasureError>,
     ) -> Result<T, MeasureError> {
-        self.step(key, &|value| serde_json::to_vec(value).ok(), &|bytes| serde_json::from_slice(bytes).ok(), make)
+        self.step(
+            key,
+            &|value| serde_json::to_vec(value).ok(),
+            &|bytes| serde_json::from_slice(bytes).ok(),
+            make,
+        )
     }
 
     /// A step whose result is not kept: times that must be measured together.
@@ -229,14 +241,20 @@ mod tests {
     }
 
     fn steps(all: &[(&str, f64, bool)]) -> Vec<Step> {
-        let step = |&(key, seconds, is_needed): &(&str, f64, bool)| Step { key: key.into(), seconds, is_needed };
+        let step =
+            |&(key, seconds, is_needed): &(&str, f64, bool)| Step { key: key.into(), seconds, is_needed };
         all.iter().map(step).collect()
     }
 
     #[test]
     fn steps_are_counted_with_the_time_that_is_left() {
         let said = Said::default();
-        let course = Course::new(steps(&[("a", 1e-9, true), ("b", 300.0, true), ("c", 300.0, true)]), None, None, &said);
+        let course = Course::new(
+            steps(&[("a", 1e-9, true), ("b", 300.0, true), ("c", 300.0, true)]),
+            None,
+            None,
+            &said,
+        );
         course.took.set([4.0, 2.0]);
         assert_eq!(course.forecast(), "3 steps, some 20 min");
         course.step_as_json("a", |_| Ok(1)).unwrap();
@@ -244,7 +262,10 @@ mod tests {
         course.step_as_json("aside", |_| Ok(1)).unwrap();
         course.step_as_json("c", |_| Ok(1)).unwrap();
         let said = said.0.lock().unwrap();
-        assert!(said[0].starts_with("1 of 3: a; some ") && said[1].starts_with("3 of 3: c; some 10 min"), "{said:?}");
+        assert!(
+            said[0].starts_with("1 of 3: a; some ") && said[1].starts_with("3 of 3: c; some 10 min"),
+            "{said:?}"
+        );
         assert_eq!(said.len(), 2);
     }
 

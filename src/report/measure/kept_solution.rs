@@ -50,7 +50,10 @@ pub fn write(candidate: &Candidate) -> Option<Vec<u8>> {
     let head = Head {
         offline_s: candidate.offline_s,
         columns: fields.columns,
-        tables: tables.iter().map(|(name, table)| ((*name).to_owned(), table.nrows(), table.ncols())).collect(),
+        tables: tables
+            .iter()
+            .map(|(name, table)| ((*name).to_owned(), table.nrows(), table.ncols()))
+            .collect(),
         asymmetry: candidate.solution.asymmetry,
         rigid: candidate.solution.rigid,
         times: candidate.solution.times,

@@ -91,11 +91,8 @@ fn course<'a>(
         told.iter().for_each(|told| progress.tell(told));
         kept = Some(found);
     }
-    let can_stop = if kept.is_some() {
-        "; Ctrl-C stops it, and the same command goes on from there"
-    } else {
-        ""
-    };
+    let can_stop =
+        if kept.is_some() { "; Ctrl-C stops it, and the same command goes on from there" } else { "" };
     let course = Course::new(agenda::agenda(request, meshes, whole), request.limit_s, kept, progress);
     progress.tell(&format!("measuring {}{can_stop}", course.forecast()));
     Ok(course)
@@ -165,7 +162,8 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
     let smooth = smooth::measure(&mesh_of, meshes.linear.len() as u32, &course)?;
     let effects = course.step_as_json(names::EFFECTS, |_| {
         let body = &request.scene.body[request.body];
-        let is_online = |name: &str| find_model(name).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
+        let is_online =
+            |name: &str| find_model(name).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
         let model = if is_online(&body.model) { &body.model } else { "linear" };
         let (of, poses) = (request.requirements_of, &measured.poses[0].1);
         Ok(effects::measure(request.scene, request.body, of, model, poses, request.scratch)?)
@@ -204,7 +202,11 @@ fn own_setting(request: &Request<'_>) -> Setting {
     Setting {
         refine: 0,
         element: body.element.name.into(),
-        solver: if method.is_direct { Solver::default() } else { Solver { method, tolerance, ..Solver::default() } },
+        solver: if method.is_direct {
+            Solver::default()
+        } else {
+            Solver { method, tolerance, ..Solver::default() }
+        },
         storage: body.storage.name().into(),
         model: body.model.clone(),
     }

@@ -21,10 +21,7 @@ fn is_dear(model: &ModelEntry) -> bool {
 
 /// The models with families of their own, and the discretisations for which they are affordable, in the order in which they are
 /// solved.
-pub fn planned(
-    request: &Request<'_>,
-    meshes: &Meshes,
-) -> Vec<(&'static ModelEntry, u32, &'static Element)> {
+pub fn planned(request: &Request<'_>, meshes: &Meshes) -> Vec<(&'static ModelEntry, u32, &'static Element)> {
     let limit = request.limits.largest_of_models;
     let is_affordable = |model: &ModelEntry, refine: u32, element: &Element| {
         let unknowns = unknowns(meshes, refine, element);

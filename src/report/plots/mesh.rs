@@ -65,10 +65,15 @@ fn caption(report: &Report) -> String {
     let sentence = |element: &String| {
         let of: Vec<&&Measurement> = chosen.iter().filter(|row| row.setting.element == *element).collect();
         let end = |row: &Measurement| {
-            format!("{} in {}", relative(row.error.discretisation.median), seconds(row.cost.offline_s))
+            let time = seconds(row.cost.offline_s);
+            match row.is_reference() {
+                true => format!("the reference ({time})"),
+                false => format!("{} in {time}", relative(row.error.discretisation.median)),
+            }
         };
         match of[..] {
             [first, .., last] => format!("{element} goes from {} to {}", end(first), end(last)),
+            [one] if one.is_reference() => format!("{element} is {}", end(one)),
             [one] => format!("{element} has {}", end(one)),
             [] => String::new(),
         }
