@@ -17,6 +17,7 @@ pub mod output;
 pub mod parts;
 pub mod peak;
 pub mod progress;
+pub mod quantity;
 pub mod signal;
 pub mod statistics;
 pub mod strips;

@@ -2,7 +2,8 @@
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
-use super::overlay::{FrameSteps, History, Panel, Readings};
+use super::out_of_range::write_labels;
+use super::overlay::{FrameSteps, History, Panel, Readings, Seats};
 use super::window_layout;
 use crate::render::window::Monitor;
 use crate::render::{
@@ -25,7 +26,9 @@ pub struct Targets {
     monitors: Vec<Monitor>,
     swapped: bool,
     /// Shown on the screen that the viewer looks at, where it is asked for.
-    panel: Option<(Overlay, History)>,
+    panel: Option<(History, Seats)>,
+    /// Made when there is something to write.
+    overlay: Option<Overlay>,
 }
 
 /// Which pictures are made.
@@ -72,7 +75,8 @@ impl Targets {
         let gpu = Gpu::headless()?;
         let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples)?;
         asked.multiview.apply(&gpu, &mut renderer)?;
-        let bodies = GpuBodies::new(&gpu, world, asked)?;
+        let mut bodies = GpuBodies::new(&gpu, world, asked)?;
+        bodies.looks_at_each = true;
         let painter = TilePainter::new(COLOR_FORMAT);
         let mut pictures = Vec::new();
         for (window, name) in windows(&world.stage, asked_for) {
@@ -109,12 +113,13 @@ impl Targets {
             monitors,
             swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
             panel: None,
+            overlay: None,
         })
     }
 
     /// With the overlay on the screen that the viewer looks at.
     pub fn with_overlay(self) -> Targets {
-        Targets { panel: Some((Overlay::new(COLOR_FORMAT), History::default())), ..self }
+        Targets { panel: Some((History::default(), Seats::default())), ..self }
     }
 
     /// Pictures of a frame.
@@ -137,12 +142,11 @@ impl Targets {
             .collect();
         let instances = self.bodies.instances(world);
         let contents = contents(world, &instances);
-        let layout: Vec<(Window, [u32; 2])> = match &self.panel {
-            Some(_) => {
-                self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect()
-            }
-            None => Vec::new(),
-        };
+        let labels = self.bodies.labels(world);
+        let writes = self.panel.is_some() || !labels.is_empty();
+        let pictures = self.pictures.iter().filter(|_| writes);
+        let layout: Vec<(Window, [u32; 2])> =
+            pictures.map(|target| (target.window.clone(), target.image.size)).collect();
         let mut targets: Vec<Target<'_>> = self
             .pictures
             .iter_mut()
@@ -160,33 +164,40 @@ impl Targets {
             })
             .collect();
         let deformation = self.bodies.deformation();
-        let encode = match &mut self.panel {
-            None => self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?,
-            Some((overlay, history)) => {
-                let readings = Readings {
-                    device: self.gpu.adapter_name.clone(),
-                    deformation: deformation.clone(),
-                    source: "offscreen; present is the drawing".to_owned(),
-                    warnings: world.warnings.clone(),
-                    ..Readings::of(world)
+        let encode = if writes {
+            let readings = self.panel.as_ref().map(|_| Readings {
+                device: self.gpu.adapter_name.clone(),
+                deformation: deformation.clone(),
+                source: "offscreen; present is the drawing".to_owned(),
+                warnings: world.warnings.clone(),
+                ..Readings::of(world)
+            });
+            let (panel, overlay, swapped) = (&mut self.panel, &mut self.overlay, self.swapped);
+            let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+                let (window, size) = &layout[picture.window];
+                let Some(part) = window_layout::part(&world.stage, window, *size, picture, swapped) else {
+                    return Ok(());
                 };
-                let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
-                    let (window, size) = &layout[picture.window];
-                    let part = window_layout::part(&world.stage, window, *size, picture, self.swapped);
-                    let Some(part) = part.filter(|part| part.screen == world.stage.faced_screen()) else {
-                        return Ok(());
-                    };
-                    let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                        Panel { painter, rect: part.rect, readings: &readings, history }.paint();
-                    });
-                    overlay.draw(gpu, [(picture.texture, &sheet)])
-                };
-                self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
-            }
+                let overlay = overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    write_labels(painter, &part, &world.stage, &world.room_from_head, &labels);
+                    let is_faced = part.screen == world.stage.faced_screen();
+                    if let Some(((history, seats), readings)) =
+                        panel.as_mut().zip(readings.as_ref()).filter(|_| is_faced)
+                    {
+                        let clear = part.clear(readings, true);
+                        Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
+                    }
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])
+            };
+            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
+        } else {
+            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?
         };
         let draw_s = self.gpu.wait()?.as_secs_f64();
         let encode_s = encode.as_secs_f64();
-        if let Some((_, history)) = &mut self.panel {
+        if let Some((history, _)) = &mut self.panel {
             let StepTimes { interact_s, deform_s, normals_s } = world.times;
             let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
             history.push(FrameSteps { steps, whole_s: steps.iter().sum() });

@@ -4,7 +4,8 @@
 //! same for both eyes, and is drawn before they are joined, so that it can be read in every kind of stereo. An overlay that
 //! is not called up costs nothing.
 
-use super::overlay::{History, Panel, Readings};
+use super::out_of_range::{Label, write_labels};
+use super::overlay::{History, Panel, Readings, Seats};
 use super::pattern::Pattern;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_layout;
@@ -21,6 +22,8 @@ pub struct Overlays {
     pub pattern: bool,
     /// Steps of the frames since an overlay was called up.
     pub history: History,
+    /// Per screen, where its plates stand.
+    seats: Vec<Seats>,
     /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
     leader: Vec<usize>,
     /// Per leader: where the room is looked at from, instead of its screens.
@@ -39,6 +42,8 @@ pub struct StageFrame<'a> {
     pub room_from_head: Isometry3<f64>,
     /// What the trackers say, where somebody wants to see it.
     pub reports: &'a [TrackerReport],
+    /// What bodies say of themselves.
+    pub labels: &'a [Label],
 }
 
 impl Overlays {
@@ -51,6 +56,7 @@ impl Overlays {
             panels: vec![false; stage.screens.len()],
             pattern: false,
             history: History::default(),
+            seats: vec![Seats::default(); stage.screens.len()],
             leader: layout.iter().map(leader).collect(),
             outside: vec![None; layout.len()],
             kept: vec![None; layout.len()],
@@ -136,12 +142,15 @@ impl Overlays {
         contents: &FrameContents<'_>,
         readings: impl FnOnce(&Gpu) -> Readings,
     ) -> Result<WindowTimes, RenderError> {
-        let is_plain = !self.pattern && !self.has_panel() && self.outside.iter().all(Option::is_none);
+        let is_plain = !self.pattern
+            && !self.has_panel()
+            && frame.labels.is_empty()
+            && self.outside.iter().all(Option::is_none);
         if is_plain {
             return windows.draw(&tiles, |_| contents, None);
         }
         let tiles = self.tiles(frame, tiles);
-        let Self { leader, outside, overlay, panels, pattern, history, .. } = self;
+        let Self { leader, outside, overlay, panels, pattern, history, seats, .. } = self;
         let of = |orbit: &Option<Orbit>| {
             let camera = orbit.as_ref()?.camera;
             let mut room = StageModel::new(frame.stage, &frame.room_from_head, &camera.eye());
@@ -178,14 +187,23 @@ impl Overlays {
                     Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
                 });
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            } else if !frame.labels.is_empty() {
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    write_labels(painter, &part, frame.stage, &frame.room_from_head, frame.labels);
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
                 let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
                 let sheet = match panel.take().filter(is_same) {
                     Some(sheet) => sheet,
-                    None => overlay.lay_out(picture.texture_size, |painter| {
-                        Panel { painter, rect: part.rect, readings, history }.paint();
-                    }),
+                    None => {
+                        let clear = part.clear(readings, room.is_none() && !*pattern);
+                        let seats = &mut seats[part.screen];
+                        overlay.lay_out(picture.texture_size, |painter| {
+                            Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
+                        })
+                    }
                 };
                 overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
             }
