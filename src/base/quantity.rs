@@ -127,7 +127,7 @@ mod tests {
             (FORCE, -1.5e12, "    -2e12 N ".trim_start_matches(' ')),
             (LENGTH, 0.0254, "   25.40 mm"),
             (LENGTH, 195.0, "  195.00 m "),
-            (LENGTH, 1234.5, "     1e3 m "),
+            (LENGTH, 1234.5, " 1234.50 m "),
             (TORQUE, 0.25, "  250.00 mN·m"),
             (ENERGY, 12.9e6, "   12.90 MJ"),
             (TIME, 43e-6, "   43.00 µs"),

@@ -45,6 +45,8 @@ pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
         () if haptic.holds => ("no force", BAD),
         () => ("nothing held", QUIET),
     };
+    let force_n = state.push.force.norm();
+    let scale = FORCE.scale(force_n.max(haptic.max_force_n));
     let limited = if state.limited { "  at its limit" } else { "" };
     let (passive, passive_ink) =
         if state.observer.energy < 0.0 { ("brakes", FAIR) } else { ("passive", GOOD) };
@@ -52,8 +54,8 @@ pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
         Row::Words(vec![(format!("haptic {:<14}", clipped(&haptic.name, 14)), INK), (word.into(), ink)]),
         Row::Words(vec![
             ("force ".into(), QUIET),
-            (FORCE.quantity(state.push.force.norm()), INK),
-            (format!(" of {} N", fixed(haptic.max_force_n, 6, 1).trim_start()), QUIET),
+            (scale.number(force_n), INK),
+            (format!(" of {} {}", scale.part(haptic.max_force_n).trim_start(), scale.plain_name()), QUIET),
             (limited.into(), FAIR),
         ]),
         Row::Words(vec![

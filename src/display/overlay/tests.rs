@@ -222,11 +222,11 @@ fn forces_stand_with_their_error_or_not_in_newtons() {
         body_rows::control_rows(&control(error)).iter().map(|(_, row)| text(row)).collect()
     };
     let measured = told(Some(WrenchError { force: 0.3, moment: 0.08, is_whole: true }));
-    assert_eq!(measured[5], "force     12.34 N  ±   0.30");
+    assert_eq!(measured[5], "force    12.34 N  ±   0.30");
     assert_eq!(measured[6], "  x y z     1.5  -12.2    0.0");
-    assert_eq!(measured[7], "torque     3.01 N·m  ±   0.08");
+    assert_eq!(measured[7], "torque    3.01 N·m  ±   0.08");
     let partly = told(Some(WrenchError { force: 1300.0, moment: 0.08, is_whole: false }));
-    assert_eq!(partly[5], "force      0.01 kN ±>  1.30");
+    assert_eq!(partly[5], "force     0.01 kN ±>  1.30");
     let unknown = told(None);
     assert_eq!(unknown[5], "force not measured here");
     assert!(unknown.len() == 7 && !unknown.concat().contains(" N"), "{unknown:?}");
