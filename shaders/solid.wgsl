@@ -1,5 +1,9 @@
 // Styli, their rays and hit points, arrows and balls: small rigid solids, one instance each, lit or glowing.
 
+// Added to the glow of an instance that is shown through whatever stands before it: its depths are squeezed into the tenth
+// next to the eye, in their order.
+const THROUGH = 2.0;
+
 struct Varyings {
     @builtin(position) clip: vec4<f32>,
     @location(0) position: vec3<f32>,
@@ -25,12 +29,17 @@ fn vertex(
     let position_in_room = room_from_solid * vec4<f32>(position, 1.0);
     var out: Varyings;
     out.clip = views[eye].clip_from_room * position_in_room;
+    var own_color = instance_color;
+    if own_color.a >= THROUGH {
+        own_color.a -= THROUGH;
+        out.clip.z = 0.9 * out.clip.w + 0.1 * out.clip.z;
+    }
     out.position = position_in_room.xyz;
     // The inverse transpose of columns at right angles to each other, which a stretched solid's are.
     out.normal = room_from_solid[0].xyz * (normal.x / dot(room_from_solid[0], room_from_solid[0]))
         + room_from_solid[1].xyz * (normal.y / dot(room_from_solid[1], room_from_solid[1]))
         + room_from_solid[2].xyz * (normal.z / dot(room_from_solid[2], room_from_solid[2]));
-    out.color = mix(vec4<f32>(linear_from_srgb(base_color.rgb), 0.0), instance_color, base_color.a);
+    out.color = mix(vec4<f32>(linear_from_srgb(base_color.rgb), 0.0), own_color, base_color.a);
     return out;
 }
 

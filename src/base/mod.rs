@@ -10,6 +10,7 @@ pub mod csv;
 pub mod diagnostic;
 pub mod disjoint;
 pub mod failure;
+pub mod fixed;
 pub mod input;
 pub mod last_word;
 pub mod machine;

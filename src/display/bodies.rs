@@ -2,9 +2,12 @@
 //! eye.
 
 use super::device::{self, Choice};
+use super::out_of_range::Watch;
 use crate::base::notice::notice;
+use crate::base::plates::Plate;
 use crate::render::{BodyBuffers, BodyInstance, FrameContents, Gpu, RenderError};
 use crate::world::{PlacedBody, World};
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// The buffers of all bodies of a world.
@@ -12,12 +15,17 @@ pub struct GpuBodies {
     buffers: Vec<BodyBuffers>,
     /// Where each body deforms.
     pub choices: Vec<Choice>,
+    watches: Vec<Watch>,
+    /// Whether each frame is looked at for bodies that are bent too far: in pictures, which are far apart.
+    pub looks_at_each: bool,
 }
 
 impl GpuBodies {
     /// Each body deforms where it is asked to, or is faster; which is told.
     pub fn new(gpu: &Gpu, world: &mut World, asked: device::Args) -> Result<GpuBodies, RenderError> {
-        let mut bodies = GpuBodies { buffers: Vec::new(), choices: Vec::new() };
+        let watches = vec![Watch::default(); world.bodies.len()];
+        let mut bodies =
+            GpuBodies { buffers: Vec::new(), choices: Vec::new(), watches, looks_at_each: false };
         for body in &mut world.bodies {
             let (buffers, choice) = device::buffers(gpu, body, asked.deform)?;
             notice!("body.{}: {}", body.deformer.body, choice.describe());
@@ -34,6 +42,9 @@ impl GpuBodies {
 
     /// Uploads what changed; returns the time it took, s.
     pub fn upload(&mut self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
+        for (watch, body) in self.watches.iter_mut().zip(&mut world.bodies) {
+            watch.look(body, body.moved, self.looks_at_each);
+        }
         let started = Instant::now();
         for (buffers, body) in self.buffers.iter_mut().zip(&mut world.bodies) {
             let moved = std::mem::take(&mut body.moved);
@@ -47,6 +58,16 @@ impl GpuBodies {
             }
         }
         Ok(started.elapsed().as_secs_f64())
+    }
+
+    /// What is written over the pictures: what the world says, and bodies that are bent further than their models hold.
+    pub fn plates<'a>(&self, world: &'a World) -> Cow<'a, [Plate]> {
+        let beyond = self.watches.iter().zip(&world.bodies).filter_map(|(watch, body)| watch.plate(body));
+        let mut plates = Cow::Borrowed(&world.plates[..]);
+        for plate in beyond {
+            plates.to_mut().push(plate);
+        }
+        plates
     }
 
     /// The bodies at their places.

@@ -12,6 +12,7 @@ pub mod device;
 pub mod lettering;
 pub mod model_window;
 pub mod offscreen;
+pub mod out_of_range;
 pub mod overlay;
 pub mod overlays;
 pub mod pattern;

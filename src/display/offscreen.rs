@@ -2,9 +2,10 @@
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
-use super::overlay::{FrameSteps, History, Panel, Readings};
+use super::overlay::{FrameSteps, History, Panel, Readings, Seats};
 use super::plates::Plates;
 use super::window_layout;
+use crate::base::plates::Plate;
 use crate::render::window::Monitor;
 use crate::render::{
     COLOR_FORMAT, Canvas, DrawCounts, EyePicture, Gpu, Overlay, Readable, RenderError, Renderer, Samples,
@@ -28,7 +29,7 @@ pub struct Targets {
     /// Made with the first thing that is written over a picture.
     overlay: Option<Overlay>,
     /// The overlay is shown on the screen that the viewer looks at, where it is asked for.
-    panel: Option<History>,
+    panel: Option<(History, Seats)>,
 }
 
 /// Which pictures are made.
@@ -75,7 +76,8 @@ impl Targets {
         let gpu = Gpu::headless()?;
         let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples.on(&gpu))?;
         asked.apply(&gpu, &mut renderer)?;
-        let bodies = GpuBodies::new(&gpu, world, asked)?;
+        let mut bodies = GpuBodies::new(&gpu, world, asked)?;
+        bodies.looks_at_each = true;
         let painter = TilePainter::new(COLOR_FORMAT);
         let mut pictures = Vec::new();
         for (window, name) in windows(&world.stage, asked_for) {
@@ -118,7 +120,7 @@ impl Targets {
 
     /// With the overlay on the screen that the viewer looks at.
     pub fn with_overlay(self) -> Targets {
-        Targets { panel: Some(History::default()), ..self }
+        Targets { panel: Some((History::default(), Seats::default())), ..self }
     }
 
     /// Pictures of a frame.
@@ -141,7 +143,8 @@ impl Targets {
             .collect();
         let instances = self.bodies.instances(world);
         let contents = contents(world, &instances);
-        let is_plain = self.panel.is_none() && world.plates.is_empty();
+        let plates = self.bodies.plates(world);
+        let is_plain = self.panel.is_none() && plates.is_empty();
         let layout: Vec<(Window, [u32; 2])> = match is_plain {
             false => self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect(),
             true => Vec::new(),
@@ -174,8 +177,8 @@ impl Targets {
                 ..Readings::of(world)
             });
             let overlay = self.overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
-            let over =
-                Over { world, swapped: self.swapped, panel: readings.as_ref().zip(self.panel.as_ref()) };
+            let panel = readings.as_ref().zip(self.panel.as_mut());
+            let mut over = Over { world, plates: &plates, swapped: self.swapped, panel };
             let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
                 let (window, size) = &layout[picture.window];
                 over.paint(overlay, gpu, picture, window, *size)
@@ -184,7 +187,7 @@ impl Targets {
         };
         let draw_s = self.gpu.wait()?.as_secs_f64();
         let encode_s = encode.as_secs_f64();
-        if let Some(history) = &mut self.panel {
+        if let Some((history, _)) = &mut self.panel {
             let StepTimes { interact_s, deform_s, normals_s } = world.times;
             let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
             history.push(FrameSteps { steps, whole_s: steps.iter().sum() });
@@ -208,29 +211,31 @@ impl Targets {
 /// What is written over the pictures of a world.
 struct Over<'a> {
     world: &'a World,
+    plates: &'a [Plate],
     swapped: bool,
-    panel: Option<(&'a Readings, &'a History)>,
+    panel: Option<(&'a Readings, &'a mut (History, Seats))>,
 }
 
 impl Over<'_> {
     fn paint(
-        &self,
+        &mut self,
         overlay: &mut Overlay,
         gpu: &Gpu,
         picture: &EyePicture<'_>,
         window: &Window,
         size: [u32; 2],
     ) -> Result<(), RenderError> {
-        let World { stage, room_from_head, plates, .. } = self.world;
+        let (World { stage, room_from_head, .. }, plates) = (self.world, self.plates);
         let Some(part) = window_layout::part(stage, window, size, picture, self.swapped) else {
             return Ok(());
         };
-        let panel = self.panel.filter(|_| part.screen == stage.faced_screen());
+        let panel = self.panel.as_mut().filter(|_| part.screen == stage.faced_screen());
         let lift = if panel.is_some() { Plates::OVER_WARNINGS } else { 0.0 };
         let sheet = overlay.lay_out(picture.texture_size, |painter| {
             Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
-            if let Some((readings, history)) = panel {
-                Panel { painter, rect: part.rect, readings, history }.paint();
+            if let Some((readings, (history, seats))) = panel {
+                let clear = part.clear(readings, true);
+                Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
             }
         });
         overlay.draw(gpu, [(picture.texture, &sheet)])

@@ -5,7 +5,7 @@
 //! is not called up costs nothing.
 
 use super::caption::{self, Caption};
-use super::overlay::{History, Panel, Readings};
+use super::overlay::{History, Panel, Readings, Seats};
 use super::pattern::Pattern;
 use super::plates::Plates;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
@@ -26,6 +26,8 @@ pub struct Overlays {
     pub caption: Option<Caption>,
     /// Steps of the frames since an overlay was called up.
     pub history: History,
+    /// Per screen, where its plates stand.
+    seats: Vec<Seats>,
     /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
     leader: Vec<usize>,
     /// Per leader: where the room is looked at from, instead of its screens.
@@ -59,6 +61,7 @@ impl Overlays {
             pattern: false,
             caption: None,
             history: History::default(),
+            seats: vec![Seats::default(); stage.screens.len()],
             leader: layout.iter().map(leader).collect(),
             outside: vec![None; layout.len()],
             kept: vec![None; layout.len()],
@@ -161,7 +164,7 @@ impl Overlays {
         }
         let tiles = self.tiles(frame, tiles);
         let last: Vec<usize> = tiles.iter().map(|tiles| tiles.len().saturating_sub(1)).collect();
-        let Self { leader, outside, overlay, panels, pattern, history, caption, .. } = self;
+        let Self { leader, outside, overlay, panels, pattern, history, seats, caption, .. } = self;
         let of = |orbit: &Option<Orbit>| {
             let camera = orbit.as_ref()?.camera;
             let mut room = StageModel::new(frame.stage, &frame.room_from_head, &camera.eye());
@@ -215,9 +218,13 @@ impl Overlays {
                 let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
                 let sheet = match panel.take().filter(is_same) {
                     Some(sheet) => sheet,
-                    None => overlay.lay_out(picture.texture_size, |painter| {
-                        Panel { painter, rect: part.rect, readings, history }.paint();
-                    }),
+                    None => {
+                        let clear = part.clear(readings, room.is_none() && !*pattern);
+                        let seats = &mut seats[part.screen];
+                        overlay.lay_out(picture.texture_size, |painter| {
+                            Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
+                        })
+                    }
                 };
                 overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
             }

@@ -115,6 +115,7 @@ impl ScreenWindows {
         let effects = session.effects.iter_mut().filter(|_| self.overlays.has_panel());
         let haptics = effects.flat_map(|effect| effect.haptic_readings()).collect();
         let world = &session.world;
+        let plates = bodies.plates(world);
         let stage_frame = StageFrame {
             stage: &world.stage,
             layout: &self.layout,
@@ -122,7 +123,7 @@ impl ScreenWindows {
             swapped: self.swapped,
             room_from_head: world.room_from_head,
             reports: &reports,
-            plates: &world.plates,
+            plates: &plates,
         };
         let (deformation, source) = (bodies.deformation(), session.input.describe());
         let readings = |gpu: &Gpu| Readings {

@@ -1,10 +1,11 @@
 //! Lays out the windows of a stage: the tiles with the view of each eye, and the screen under the cursor.
 
+use super::overlay::Readings;
 use crate::render::window::{MonitorChoice, WindowSpec};
 use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport};
 use crate::stage::{self, Border, Eye, MonitorId, Screen, Stage, Stereo, Visible, Window};
 use crate::world::World;
-use egui::{Rect, pos2, vec2};
+use egui::{Pos2, Rect, pos2, vec2};
 use nalgebra::Isometry3;
 
 /// Of the views by which places in the room are found on a picture, m.
@@ -107,6 +108,24 @@ pub struct Part {
     /// Pixels of the picture's texture.
     pub rect: Rect,
     pub visible: Visible,
+}
+
+impl Part {
+    /// The pixel at these normalised device coordinates of the whole screen (x right, y up, -1 to 1).
+    pub fn pixel(&self, [x, y]: [f64; 2]) -> Pos2 {
+        let [left, right, bottom, top] = self.visible.on_screen;
+        let share = [(x - left) / (right - left), (top - y) / (top - bottom)].map(|share| share as f32);
+        self.rect.min + vec2(share[0] * self.rect.width(), share[1] * self.rect.height())
+    }
+
+    /// The pixels over which an overlay of these readings is not to stand, where the scene is shown.
+    pub fn clear(&self, readings: &Readings, is_scene: bool) -> Vec<Rect> {
+        let rects = readings.keep_clear.get(self.screen).filter(|_| is_scene).into_iter().flatten();
+        let pixels = |[left, right, bottom, top]: &[f64; 4]| {
+            Rect::from_min_max(self.pixel([*left, *top]), self.pixel([*right, *bottom]))
+        };
+        rects.map(pixels).collect()
+    }
 }
 
 /// What a picture of `window`, now of `size` pixels, shows.

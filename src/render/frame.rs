@@ -38,6 +38,8 @@ pub struct Arrow {
     pub along: Vector3<f32>,
     pub radius_m: f32,
     pub color: [f32; 3],
+    /// Shown through whatever stands before it.
+    pub through: bool,
 }
 
 /// A horizontal floor of lines to see depth by; every fifth line is stronger.

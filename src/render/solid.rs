@@ -162,7 +162,7 @@ fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] 
     }
     for arrow in contents.arrows {
         let [shaft, _] = shaft_and_head(arrow);
-        all.extend(shaft.map(|room_from_shaft| glowing(room_from_shaft, arrow.color, 0.4)));
+        all.extend(shaft.map(|room_from_shaft| glowing(room_from_shaft, arrow.color, arrow_glow(arrow))));
     }
     let rays_end = all.len();
     for stylus in contents.styli {
@@ -181,9 +181,16 @@ fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] 
     let balls_end = all.len();
     for arrow in contents.arrows {
         let [_, head] = shaft_and_head(arrow);
-        all.extend(head.map(|room_from_head| glowing(room_from_head, arrow.color, 0.4)));
+        all.extend(head.map(|room_from_head| glowing(room_from_head, arrow.color, arrow_glow(arrow))));
     }
     [pens_end - start, rays_end - pens_end, balls_end - rays_end, all.len() - balls_end].map(|n| n as u32)
+}
+
+/// Added to the glow of what is shown through whatever stands before it; `THROUGH` in the shader.
+const THROUGH: f32 = 2.0;
+
+fn arrow_glow(arrow: &Arrow) -> f32 {
+    0.4 + if arrow.through { THROUGH } else { 0.0 }
 }
 
 /// The pieces of a stylus' ray: one along the ray or to its hit, or many along the curve to it.
@@ -370,8 +377,13 @@ mod tests {
 
     #[test]
     fn an_arrow_ends_in_the_tip_of_its_head() {
-        let arrow =
-            |along| Arrow { from: Point3::new(1.0, 0.0, 0.0), along, radius_m: 0.01, color: [1.0; 3] };
+        let arrow = |along| Arrow {
+            from: Point3::new(1.0, 0.0, 0.0),
+            along,
+            radius_m: 0.01,
+            color: [1.0; 3],
+            through: false,
+        };
         let [shaft, head] = shaft_and_head(&arrow(Vector3::new(0.0, 0.5, 0.0))).map(Option::unwrap);
         assert!((end(&shaft) - Point3::new(1.0, 0.42, 0.0)).norm() < 1e-5, "{}", end(&shaft));
         assert!((end(&head) - Point3::new(1.0, 0.5, 0.0)).norm() < 1e-5);

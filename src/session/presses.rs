@@ -35,7 +35,9 @@ impl ScriptPresses {
                 None => "no control element can be grabbed".to_owned(),
             };
             let (time_s, stylus) = (state.time_s, world.fields.stylus_name(i));
-            world.warn(format!("the script's stylus {stylus} presses at {time_s:.2} s and grabs nothing: {how}"));
+            world.warn(format!(
+                "the script's stylus {stylus} presses at {time_s:.2} s and grabs nothing: {how}"
+            ));
         }
     }
 }
@@ -48,7 +50,8 @@ mod tests {
 
     fn warnings(aside: f64) -> Vec<String> {
         let world = crate::world::tests::world("script-presses");
-        let end = world.bodies[0].room_from_body * nalgebra::Point3::from(world.bodies[0].deformer.controls[1].origin);
+        let end = world.bodies[0].room_from_body
+            * nalgebra::Point3::from(world.bodies[0].deformer.controls[1].origin);
         let [x, y, z] = [end.x, end.y + aside, end.z];
         let script = format!(
             "frame = \"room\"\n[[key]]\ntime = 0.0\nstylus.pen = {{ position = [{x}, {y}, {}], direction = [0, 0, -1] }}\n\

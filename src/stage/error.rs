@@ -73,7 +73,8 @@ pub enum StageFault {
     #[error(
         "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`, whose front is towards {front}: move the \
          viewer before it: position = {}",
-        place(viewer), place(before)
+        place(viewer),
+        place(before)
     )]
     ViewerBehind {
         screen: String,

@@ -173,7 +173,8 @@ impl Sight {
             views.map(|view| (view.clip_from_room.cast(), f64::from(view.near_m))).collect()
         };
         let centre = stage.workspace.centre;
-        let tables = stage.screens.iter().filter(|screen| is_level(screen) && screen.distance_m(&centre) > 0.0);
+        let tables =
+            stage.screens.iter().filter(|screen| is_level(screen) && screen.distance_m(&centre) > 0.0);
         let floor = stage.grid.filter(|grid| grid.height_m < centre.y);
         let floor = floor.map(|grid| (Point3::new(0.0, grid.height_m, 0.0), Vector3::y()));
         Sight {
@@ -252,7 +253,8 @@ fn turned(sides: &Vector3<f64>) -> UnitQuaternion<f64> {
 pub fn place_line(room_from_mesh: &Similarity3<f64>) -> String {
     let Isometry3 { translation, rotation } = room_from_mesh.isometry;
     // Adding 0.0 prints -0.0 as 0.0.
-    let numbers = |v: Vector3<f64>| v.iter().map(|x| format!("{:?}", rounded(*x))).collect::<Vec<_>>().join(", ");
+    let numbers =
+        |v: Vector3<f64>| v.iter().map(|x| format!("{:?}", rounded(*x))).collect::<Vec<_>>().join(", ");
     let scale = room_from_mesh.scaling();
     let digits = 10f64.powi(5 - scale.log10().floor() as i32);
     let scale = (scale * digits).round() / digits;
@@ -272,7 +274,8 @@ mod tests {
 
     fn corners(sides: [f64; 3]) -> Vec<Point3<f64>> {
         let half = Vector3::from(sides) / 2.0;
-        let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
+        let corner =
+            |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
         (0..8).map(|k| Point3::new(3.0, -2.0, 7.0) + corner(k)).collect()
     }
 
@@ -287,15 +290,25 @@ mod tests {
                 let place = stage.room_from_mesh(&points, &GivenPlace::default()).unwrap();
                 let placed: Vec<_> = points.iter().map(|x| place * x).collect();
                 let standing = stage.standing(&placed).unwrap();
-                assert!(standing.is_right(&stage) && standing.unseen == 0.0, "{name} {sides:?}: {standing:?}");
+                assert!(
+                    standing.is_right(&stage) && standing.unseen == 0.0,
+                    "{name} {sides:?}: {standing:?}"
+                );
                 let off = standing.middle - stage.workspace.centre;
-                assert!(off.xz().norm() < 1e-9 && (0.0..stage.workspace.radius_m).contains(&(off.y + 1e-9)), "{name}: {off}");
+                assert!(
+                    off.xz().norm() < 1e-9 && (0.0..stage.workspace.radius_m).contains(&(off.y + 1e-9)),
+                    "{name}: {off}"
+                );
                 standing.size_m / (2.0 * stage.workspace.radius_m)
             };
             assert!((fitted([1.0, 0.2, 0.2]) - 0.95).abs() < 1e-9, "{name}: the demo's tube");
             let tube = stage.room_from_mesh(&corners([1.0, 0.2, 0.2]), &GivenPlace::default()).unwrap();
-            assert!((tube * Point3::new(3.0, -2.0, 7.0) - stage.workspace.centre).norm() < 1e-9, "{name}: is where it was");
-            for sides in [[1.0, 1.0, 1.0], [0.5, 2.0, 0.5], [0.4, 0.5, 3.0], [1.4, 2.7, 1.0], [1.0, 0.1, 1.0]] {
+            assert!(
+                (tube * Point3::new(3.0, -2.0, 7.0) - stage.workspace.centre).norm() < 1e-9,
+                "{name}: is where it was"
+            );
+            for sides in [[1.0, 1.0, 1.0], [0.5, 2.0, 0.5], [0.4, 0.5, 3.0], [1.4, 2.7, 1.0], [1.0, 0.1, 1.0]]
+            {
                 let share = fitted(sides);
                 assert!((0.6..0.9501).contains(&share), "{name} {sides:?}: {share}");
             }
@@ -340,10 +353,15 @@ mod tests {
         assert!((scaled * middle - stage.workspace.centre).norm() < 1e-12);
         let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.0, 1.3));
         let turned = place(GivenPlace { rotation: Some(rotation), ..GivenPlace::default() });
-        assert!((turned * middle - stage.workspace.centre).norm() < 1e-12 && turned.isometry.rotation == rotation);
+        assert!(
+            (turned * middle - stage.workspace.centre).norm() < 1e-12 && turned.isometry.rotation == rotation
+        );
         let position = Vector3::new(-0.9, 1.75, -1.8);
         let moved = place(GivenPlace { position: Some(position), ..GivenPlace::default() });
-        assert_eq!((moved.isometry.translation.vector, moved.isometry.rotation), (position, UnitQuaternion::identity()));
+        assert_eq!(
+            (moved.isometry.translation.vector, moved.isometry.rotation),
+            (position, UnitQuaternion::identity())
+        );
         let placed: Vec<_> = points.iter().map(|x| moved * x).collect();
         assert!(stage.standing(&placed).unwrap().is_right(&stage), "its scale is chosen so that it is seen");
     }
@@ -357,7 +375,9 @@ mod tests {
             stage.standing(&placed).unwrap()
         };
         let sunk = at([0.0, 1.0, 0.55], [0.3, 0.3, 0.3]);
-        assert!(matches!(&sunk.sunk, Some((what, deep)) if what == "screen `table`" && (deep - 0.05).abs() < 1e-9));
+        assert!(
+            matches!(&sunk.sunk, Some((what, deep)) if what == "screen `table`" && (deep - 0.05).abs() < 1e-9)
+        );
         assert!(at([5.0, 1.2, 0.5], [0.3, 0.3, 0.3]).unseen == 1.0, "far aside");
         assert!(at([0.0, 1.7, 1.5], [0.01, 0.01, 0.01]).unseen > 0.4, "in the viewer's face");
         let low = at([0.0, 0.5, 1.6], [0.1, 0.1, 0.1]);
@@ -375,6 +395,9 @@ mod tests {
             place_line(&place(turn)),
             "place = { position = [0.1, 0.0, 2.0], rotation = [0.0, 1.5708, 0.0], scale = 0.0123456 }"
         );
-        assert_eq!(place_line(&place(UnitQuaternion::identity())), "place = { position = [0.1, 0.0, 2.0], scale = 0.0123456 }");
+        assert_eq!(
+            place_line(&place(UnitQuaternion::identity())),
+            "place = { position = [0.1, 0.0, 2.0], scale = 0.0123456 }"
+        );
     }
 }

@@ -162,8 +162,10 @@ impl World {
             from.retain(|(target, _)| !held.contains(target));
         }
         for target in (0..self.fields.targets.len()).filter(|target| !held.contains(target)) {
-            if self.edit.before[target].pose != self.pose(target) {
-                self.edit.before[target] = self.posed(target);
+            // The same pose after another number of turns is another.
+            let posed = self.posed(target);
+            if self.edit.before[target] != posed {
+                self.edit.before[target] = posed;
             }
         }
         self.edit.held = held;
@@ -234,7 +236,7 @@ impl World {
                 continue;
             }
             let (before, after) = (self.edit.before[target], self.posed(target));
-            if before.pose != after.pose {
+            if before != after {
                 self.edit.history.push(vec![Change { target, before, after }]);
             }
         }

@@ -18,6 +18,9 @@ use std::sync::Arc;
 /// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
 const PASSING_BY: f64 = 0.05;
 
+/// sRGB and mark of a body, and of one that is bent further than its model holds.
+const OUT_OF_RANGE: [u8; 4] = [190, 62, 74, 0];
+
 /// A body at its place in the room.
 pub struct PlacedBody {
     pub deformer: Deformer,
@@ -41,6 +44,8 @@ pub struct PlacedBody {
     pub expected: Option<ExpectedErrors>,
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
+    /// Whether it is bent further than its model holds, as pictures show it; set by those who draw.
+    pub out_of_range: bool,
     /// Whether a warning has told that the range was left.
     range_left: bool,
     /// How near a ray must pass a node of a control element that it misses, m in the room.
@@ -100,6 +105,7 @@ pub fn place(
             model: body.model.clone(),
             effects: body.effects.clone(),
             range: measured_range(file, &deformer.body),
+            out_of_range: false,
             range_left: false,
             passing_m: PASSING_BY * stage.workspace.radius_m,
             moved: true,
@@ -196,10 +202,11 @@ impl PlacedBody {
     }
 
     /// sRGB and mark per vertex that is drawn: the body has its colour, fixed control elements are grey, and those that can be taken orange,
-    /// brighter while a ray points at them and green while a hand holds them.
+    /// brighter while a ray points at them and green while a hand holds them. Bent further than its model holds, the body is red.
     pub fn colours(&self) -> Vec<[u8; 4]> {
         let Color([r, g, b]) = self.color;
-        let mut colours = vec![[r, g, b, 0]; self.deformer.node_count()];
+        let plain = if self.out_of_range { OUT_OF_RANGE } else { [r, g, b, 0] };
+        let mut colours = vec![plain; self.deformer.node_count()];
         for (c, control) in self.controls.iter().enumerate() {
             let [r, g, b] = match (control.grab, control.highlight) {
                 (Grab::Fixed, _) => [128, 130, 136],

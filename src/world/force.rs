@@ -32,17 +32,18 @@ pub fn held_force(b: usize, body: &PlacedBody, c: usize) -> Option<HeldForce> {
     Some(HeldForce { body: b, control: c, force_n, full_n })
 }
 
-/// The arrow of a force at `place` of a control element about `origin`: green where it is weak, by yellow to red at full
-/// scale. One that pulls outward starts at the place, one that pushes inward ends there: neither is hidden in the body.
-pub fn arrow(force: &HeldForce, place: &Point3<f64>, origin: &Point3<f64>, radius_m: f64) -> Option<Arrow> {
+/// The arrow of a force: from the place where the hand holds the element, the way the body pulls the hand there; green where
+/// it is weak, by yellow to red at full scale. It is shown through the body, into which it may point.
+///
+/// A hand that holds at a distance, along a ray, grips at the ray's end: there the force acts, and there the arrow starts.
+pub fn arrow(force: &HeldForce, place: &Point3<f64>, radius_m: f64) -> Option<Arrow> {
     let arrow = force_arrow(place, &force.force_n, force.full_n, LONGEST * radius_m)?;
     let strength = arrow.strength as f32;
-    let is_inward = arrow.along.dot(&(place - origin)) < 0.0;
-    let from = if is_inward { arrow.from - arrow.along } else { arrow.from };
     Some(Arrow {
-        from: from.cast(),
+        from: arrow.from.cast(),
         along: arrow.along.cast(),
         radius_m: (SHAFT * radius_m) as f32,
         color: [(2.0 * strength).min(1.0), (2.0 - 2.0 * strength).min(0.9), 0.05],
+        through: true,
     })
 }

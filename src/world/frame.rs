@@ -246,9 +246,7 @@ impl World {
                 let is_told = self.forces.iter().any(|force| (force.body, force.control) == (b, c));
                 if self.bodies[b].force_scale.is_some() && !is_told {
                     let force = force::held_force(b, &self.bodies[b], c);
-                    let origin = now.transform_point(&Point3::origin());
-                    let shown =
-                        force.as_ref().and_then(|f| force::arrow(f, &place, &origin, workspace.radius_m));
+                    let shown = force.as_ref().and_then(|f| force::arrow(f, &place, workspace.radius_m));
                     self.forces.extend(force);
                     self.arrows.extend(shown);
                 }

@@ -17,6 +17,8 @@ pub mod place;
 pub mod ruler;
 pub mod state_hash;
 pub mod times;
+pub mod turn_limits;
+pub mod wrench_error;
 
 pub use body::PlacedBody;
 pub use edit_state::EditState;
@@ -26,6 +28,8 @@ pub use frame::World;
 pub use hand::shape;
 pub use highlight::Highlight;
 pub use times::StepTimes;
+pub use turn_limits::{TurnLimits, Verdict, out_of_range};
+pub use wrench_error::{WrenchError, wrench_error};
 
 #[cfg(test)]
 pub mod tests;

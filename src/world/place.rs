@@ -78,7 +78,10 @@ mod tests {
     }
 
     fn rod() -> Vec<Point3<f64>> {
-        let corner = |k: usize| Vector3::new(0.1, 0.5, 0.1).map_with_location(|axis, _, half| if k >> axis & 1 == 0 { -half } else { half });
+        let corner = |k: usize| {
+            Vector3::new(0.1, 0.5, 0.1)
+                .map_with_location(|axis, _, half| if k >> axis & 1 == 0 { -half } else { half })
+        };
         (0..8).map(|k| Point3::from(corner(k))).collect()
     }
 

@@ -95,7 +95,7 @@ fn the_sides_of_a_stretched_cone_face_sideways() {
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
     let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], -0.3, Point3::new(0.0, 1.0, 0.9));
     let (from, along) = (Point3::new(-0.3, 1.0, -0.3), Vector3::new(0.6, 0.0, 0.0));
-    let arrows = [Arrow { from, along, radius_m: 0.02, color: [0.4; 3] }];
+    let arrows = [Arrow { from, along, radius_m: 0.02, color: [0.4; 3], through: false }];
     let contents = FrameContents { arrows: &arrows, lighting: black_room(), ..FrameContents::default() };
     let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
     let brightness = |share: f32| {
@@ -104,6 +104,33 @@ fn the_sides_of_a_stretched_cone_face_sideways() {
     };
     let (shaft, head) = (brightness(0.4), brightness(0.85));
     assert!(shaft > 60.0 && (head / shaft - 1.0).abs() < 0.1, "shaft {shaft}, head {head}");
+}
+
+/// What the body pulls with is seen though the body stands before it, and is hidden where it is not meant to be.
+#[test]
+fn an_arrow_is_shown_through_what_stands_before_it() {
+    let Some(gpu) = require_gpu() else { return };
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
+    let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], -0.3, Point3::new(0.0, 1.0, 0.9));
+    let buffers = square(0.4, [0.0; 3], [255, 255, 255, 0]).buffers(&gpu);
+    let bodies = [BodyInstance {
+        buffers: &buffers,
+        room_from_body: Matrix4::new_translation(&Vector3::new(0.0, 1.0, 0.0)),
+    }];
+    let (from, along) = (Point3::new(-0.2, 1.0, -0.3), Vector3::new(0.4, 0.0, 0.0));
+    for through in [false, true] {
+        let arrows = [Arrow { from, along, radius_m: 0.02, color: [0.9, 0.0, 0.0], through }];
+        let contents = FrameContents {
+            bodies: &bodies,
+            arrows: &arrows,
+            lighting: black_room(),
+            ..FrameContents::default()
+        };
+        let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
+        let [x, y] = pixel_of(&view, SIZE, from + along * 0.4);
+        let [red, green, ..] = image.get_pixel(x as u32, y as u32).0;
+        assert_eq!(red > 2 * green.max(20), through, "{red} {green}");
+    }
 }
 
 /// A point in front of the screen is crossed: the left eye sees it farther right. Behind the screen it is the reverse,

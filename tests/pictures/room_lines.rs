@@ -39,7 +39,8 @@ fn pipelines_are_made_with_the_first_thing_that_they_draw() {
     let lines = [line([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], 2.0)];
     drawn(&gpu, &mut renderer, before(), &FrameContents { lines: &lines, ..Default::default() });
     assert_eq!(renderer.made(), ["background", "lines"]);
-    let arrow = Arrow { from: Point3::origin(), along: Vector3::x(), radius_m: 0.1, color: [1.0; 3] };
+    let arrow =
+        Arrow { from: Point3::origin(), along: Vector3::x(), radius_m: 0.1, color: [1.0; 3], through: false };
     drawn(&gpu, &mut renderer, before(), &FrameContents { arrows: &[arrow], ..Default::default() });
     assert_eq!(renderer.made(), ["solid", "background", "lines"]);
     let grid = Some(Grid::new(Point3::origin(), [1.0, 1.0], 0.1));

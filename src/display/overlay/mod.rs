@@ -1,18 +1,24 @@
 //! The overlay in a picture: where a frame's time goes, how fresh the trackers are, how far bodies are bent, warnings.
 //!
 //! In: a world and the steps of its last frames, as plain [`Readings`] and [`History`]. Out: two columns of small
-//! aligned letters at the left and right edge and a strip at the bottom ([`Panel`]); the middle stays free.
+//! aligned letters at the left and right edge and a strip at the bottom ([`Panel`]); the middle stays free, and so does what is
+//! held ([`Seats`]).
 
+mod body_rows;
+mod frame_rows;
+mod keep_clear;
 mod panel;
 mod readings;
 mod row;
 mod rows;
+mod seats;
 mod times;
 
 pub use panel::Panel;
 pub use readings::{
-    BodyReading, ControlReading, ErrorReading, HandDoes, HandReading, Readings, SensorReading, TurnLimits,
+    BodyReading, ControlReading, ErrorReading, ForceReading, HandDoes, HandReading, Readings, SensorReading,
 };
+pub use seats::Seats;
 pub use times::{ACQUIRE, FrameSteps, History, STEPS};
 
 #[cfg(test)]

@@ -1,15 +1,12 @@
 //! The readings of the overlay beside times: plain values that are taken from a world.
 
-use crate::deform::{ControlPose, ErrorsAt, MeshErrors, StateAge, Wrench, find_model, local_turn, reach};
+use super::keep_clear::keep_clear;
+use crate::deform::{ControlPose, ErrorsAt, MeshErrors, StateAge, Wrench, reach};
 use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
 use crate::world::flow::StylusFields;
-use crate::world::{Highlight, PlacedBody, World};
-use std::f64::consts::PI;
-
-/// So many triangles of a body are sampled for their turns.
-const PIECES: usize = 256;
+use crate::world::{Highlight, PlacedBody, TurnLimits, World, WrenchError, wrench_error};
 
 /// The readings that the overlay shows beside times.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,6 +28,10 @@ pub struct Readings {
     pub bodies: Vec<BodyReading>,
     /// Warnings with the time since the start, s; newest last.
     pub warnings: Vec<(f64, String)>,
+    /// Per screen, what the overlay is not to stand over, as left, right, bottom and top in its normalised device coordinates.
+    pub keep_clear: Vec<Vec<[f64; 4]>>,
+    /// Of the trackers, s.
+    pub time_s: f64,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -88,37 +89,17 @@ pub struct ControlReading {
     pub name: String,
     pub pose: ControlPose,
     pub held: bool,
-    pub wrench: Option<Wrench>,
+    /// Where the scene asks for forces.
+    pub force: Option<ForceReading>,
 }
 
-/// Up to which turn a model is good, and up to which it is fair, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TurnLimits {
-    pub good: f64,
-    pub fair: f64,
-    /// For this very body, by the plan of its accuracy, between two control elements ([`crate::deform::Deformer::largest_turn`]). Else
-    /// of any piece of the surface ([`local_turn`]), by the table of [`TurnLimits::of_model`].
-    pub is_measured: bool,
-}
-
-impl TurnLimits {
-    /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, as the model's
-    /// entry has them; 0 of an unknown model.
-    pub fn of_model(model: &str) -> Self {
-        let [good, fair] = find_model(model).map_or([0.0; 2], |entry| entry.turn_limits_deg);
-        Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
-    }
-
-    /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
-    /// surface tells, and of a model that moves parts, it is theirs.
-    pub(super) fn of_body(body: &PlacedBody) -> (f64, Self) {
-        let apart = body.deformer.largest_turn();
-        match body.range {
-            Some(range) => (apart, Self { good: range, fair: range, is_measured: true }),
-            None if apart > PI || body.deformer.moves_in_parts() => (apart, Self::of_model(&body.model)),
-            None => (local_turn(&body.deformer, PIECES), Self::of_model(&body.model)),
-        }
-    }
+pub struct ForceReading {
+    pub wrench: Wrench,
+    /// What it may be wrong by. It is not told in newtons where that is not known.
+    pub error: Option<WrenchError>,
+    /// Of the force of the longest arrow.
+    pub share: f64,
 }
 
 impl SensorReading {
@@ -143,6 +124,8 @@ impl Readings {
             hands: hands(world),
             undo: world.undo_depth(),
             bodies,
+            keep_clear: keep_clear(world),
+            time_s: *world.graph.get(world.fields.time),
             ..Self::default()
         }
     }
@@ -183,23 +166,27 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
     let deformer = &body.deformer;
     // A file may hold S for its model alone; force is shown where the scene asks for it.
     let felt = body.force_scale.is_some();
-    let (wrenches, energy) = match deformer.wrenches().filter(|_| felt) {
-        Some((wrenches, energy)) => (wrenches.into_iter().map(Some).collect(), Some(energy)),
-        None => (vec![None; deformer.controls.len()], None),
+    let (wrenches, energy) = deformer.wrenches().filter(|_| felt).unzip();
+    let error = wrenches.as_ref().and_then(|wrenches| wrench_error(body, wrenches));
+    let force = |c: usize, pose: &ControlPose| {
+        let wrench = wrenches.as_ref()?.get(c)?;
+        let full_n = body.force_scale.as_ref()?.full_n.get(c)?;
+        let share = (wrench.force.norm() / full_n).clamp(0.0, 1.0);
+        // A hand feels the torque about where the element is.
+        Some(ForceReading { wrench: wrench.about_the_place(pose), error, share })
     };
-    let controls = deformer.controls.iter().zip(&deformer.poses).zip(&body.controls).zip(wrenches);
+    let controls = deformer.controls.iter().zip(&deformer.poses).zip(&body.controls).enumerate();
     let (turn, limits) = TurnLimits::of_body(body);
     BodyReading {
         name: deformer.body.clone(),
         model: body.model.clone(),
         effects: body.effects.clone(),
         controls: controls
-            .map(|(((rest, pose), placed), wrench)| ControlReading {
+            .map(|(c, ((rest, pose), placed))| ControlReading {
                 name: rest.name.clone(),
                 pose: *pose,
                 held: placed.highlight == Highlight::Held,
-                // A hand feels the torque about where the element is.
-                wrench: wrench.map(|wrench| wrench.about_the_place(pose)),
+                force: force(c, pose),
             })
             .collect(),
         turn,

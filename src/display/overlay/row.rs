@@ -1,4 +1,4 @@
-//! A row of an overlay column: coloured words, bars or a gauge, in a font of one width.
+//! A row of an overlay column: coloured words, bars or a gauge, in a font of one width; and how much it matters.
 
 use egui::Color32;
 
@@ -18,12 +18,25 @@ pub(super) enum Row {
     /// Share of a whole, where good and fair end, and in which the pointer is.
     Gauge {
         share: f64,
-        good: f64,
-        fair: f64,
+        marks: Vec<f64>,
         ink: Color32,
     },
     Gap,
 }
+
+/// Which rows are left out first where there is no room for all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Rank {
+    /// What one opens the overlay for.
+    First,
+    Second,
+    Third,
+    /// For whoever looks for a fault.
+    Detail,
+    Space,
+}
+
+pub(super) type Ranked = (Rank, Row);
 
 impl Row {
     /// Height in lines.
@@ -35,21 +48,38 @@ impl Row {
             Row::Gap => 0.5,
         }
     }
+
+    pub(super) fn ranked(self, rank: Rank) -> Ranked {
+        (rank, self)
+    }
 }
+
+pub(super) const GAP: Ranked = (Rank::Space, Row::Gap);
 
 pub(super) fn words(text: impl Into<String>, ink: Color32) -> Row {
     Row::Words(vec![(text.into(), ink)])
 }
 
-/// A number in so many letters; if it does not fit, as a power of ten. A zero has no minus sign.
-pub(super) fn fixed(value: f64, letters: usize, digits: usize) -> String {
-    let text = format!("{value:>letters$.digits$}");
-    let is_zero = text.chars().all(|c| matches!(c, ' ' | '-' | '0' | '.'));
-    match text {
-        _ if is_zero => format!("{:>letters$.digits$}", 0.0),
-        text if text.chars().count() <= letters => text,
-        _ => format!("{value:>letters$.0e}"),
+pub(super) fn height(rows: &[Ranked]) -> f32 {
+    rows.iter().map(|(_, row)| row.lines()).sum()
+}
+
+/// The rows that fit into so many lines, without the least of them: of one rank the last go first. A last row counts those that
+/// are left out. Nothing where not even one of them and that row fit.
+pub(super) fn fitting(mut rows: Vec<Ranked>, lines: f32, quiet: Color32) -> Vec<Ranked> {
+    if height(&rows) <= lines {
+        return rows;
     }
+    let mut left_out = 0;
+    while height(&rows) + 1.0 > lines {
+        let Some(least) = rows.iter().map(|(rank, _)| *rank).max() else { return rows };
+        let Some(last) = rows.iter().rposition(|(rank, _)| *rank == least) else { return rows };
+        left_out += usize::from(rows.remove(last).0 != Rank::Space);
+    }
+    if !rows.is_empty() && left_out > 0 {
+        rows.push(words(format!("… {left_out} more rows"), quiet).ranked(Rank::First));
+    }
+    rows
 }
 
 /// The first `letters` letters, with a sign where some are missing.
@@ -65,25 +95,36 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_stay_in_their_columns() {
-        for (value, text) in [
-            (0.0, "  0.000"),
-            (-0.0001, "  0.000"),
-            (-1.5, " -1.500"),
-            (123.4567, "123.457"),
-            (-123456.0, "   -1e5"),
-            (f64::NAN, "    NaN"),
-            (f64::INFINITY, "    inf"),
-        ] {
-            assert_eq!(fixed(value, 7, 3), text);
-        }
-    }
-
-    #[test]
     fn long_names_are_cut_visibly() {
         assert_eq!(
             (clipped("tube", 4), clipped("tubes", 4), clipped("é", 1)),
             ("tube".into(), "tub…".into(), "é".into())
         );
+    }
+
+    #[test]
+    fn the_least_rows_are_left_out_first_and_counted() {
+        let rows = || {
+            let row = |text: &str, rank| words(text, GOOD).ranked(rank);
+            vec![
+                row("a", Rank::First),
+                GAP,
+                row("b", Rank::Detail),
+                row("c", Rank::Second),
+                row("d", Rank::Detail),
+            ]
+        };
+        let left = |lines: f32| -> Vec<String> {
+            let text = |(_, row): Ranked| match row {
+                Row::Words(words) => words.into_iter().map(|(text, _)| text).collect(),
+                _ => "-".to_owned(),
+            };
+            fitting(rows(), lines, GOOD).into_iter().map(text).collect()
+        };
+        assert_eq!(left(4.5), ["a", "-", "b", "c", "d"]);
+        assert_eq!(left(4.4), ["a", "b", "c", "… 1 more rows"]);
+        assert_eq!(left(3.0), ["a", "c", "… 2 more rows"]);
+        assert_eq!(left(2.0), ["a", "… 3 more rows"]);
+        assert_eq!(left(1.5), [""; 0], "nothing, rather than a count alone");
     }
 }

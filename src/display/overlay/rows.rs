@@ -1,8 +1,8 @@
 //! Rows of the overlay's left column: hands, and force devices.
 
 use super::readings::{HandDoes, HandReading, Readings};
-use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, fixed, words};
-use crate::base::table::seconds;
+use super::row::{BAD, FAIR, GOOD, LETTERS, Row, clipped, words};
+use crate::base::fixed::{FORCE, TIME, fixed};
 use crate::display::lettering::{INK, QUIET};
 use crate::effect::haptics::HapticReading;
 
@@ -45,20 +45,22 @@ pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
         () if haptic.holds => ("no force", BAD),
         () => ("nothing held", QUIET),
     };
+    let force_n = state.push.force.norm();
+    let scale = FORCE.scale(force_n.max(haptic.max_force_n));
     let limited = if state.limited { "  at its limit" } else { "" };
     let (passive, passive_ink) =
         if state.observer.energy < 0.0 { ("brakes", FAIR) } else { ("passive", GOOD) };
     let mut rows = vec![
         Row::Words(vec![(format!("haptic {:<14}", clipped(&haptic.name, 14)), INK), (word.into(), ink)]),
         Row::Words(vec![
-            ("force".into(), QUIET),
-            (fixed(state.push.force.norm(), 8, 2), INK),
-            (format!(" N of {:.1}", haptic.max_force_n), QUIET),
+            ("force ".into(), QUIET),
+            (scale.number(force_n), INK),
+            (format!(" of {} {}", scale.part(haptic.max_force_n).trim_start(), scale.plain_name()), QUIET),
             (limited.into(), FAIR),
         ]),
         Row::Words(vec![
             ("rate ".into(), QUIET),
-            (format!("{:>8.0}", timing.rate_hz), INK),
+            (fixed(timing.rate_hz, 8, 0), INK),
             (" Hz  late ".into(), QUIET),
             (timing.late.to_string(), INK),
             ("  out ".into(), QUIET),
@@ -66,25 +68,29 @@ pub fn haptic_rows(haptic: &HapticReading) -> Vec<Row> {
         ]),
         Row::Words(vec![
             ("work p50 ".into(), QUIET),
-            (seconds(timing.work_p50_s), INK),
-            ("  p99 ".into(), QUIET),
-            (seconds(timing.work_p99_s), INK),
+            (TIME.quantity(timing.work_p50_s), INK),
+            (" p99 ".into(), QUIET),
+            (TIME.quantity(timing.work_p99_s), INK),
         ]),
         Row::Words(vec![
             (format!("{passive:<8}"), passive_ink),
             ("braked ".into(), QUIET),
-            (format!("{:.3}", 1e3 * state.observer.braked), INK),
+            (fixed(1e3 * state.observer.braked, 9, 3), INK),
             (" mJ in all".into(), QUIET),
         ]),
     ];
     if state.gain > 0.0 && state.age_s > state.spacing_s {
         rows.push(words(
-            format!("late by {:.1} ms: bears {:.0} N/m", 1e3 * state.age_s, state.bearable),
+            format!(
+                "late by {} ms: bears {} N/m",
+                fixed(1e3 * state.age_s, 7, 1),
+                fixed(state.bearable, 8, 0)
+            ),
             FAIR,
         ));
     }
     if state.gain > 0.0 && state.stiffer > 1.0 {
-        rows.push(words(format!("softened: {:.1} times too stiff for it", state.stiffer), FAIR));
+        rows.push(words(format!("softened: {} times too stiff for it", fixed(state.stiffer, 7, 1)), FAIR));
     }
     rows
 }

@@ -7,8 +7,11 @@ use crate::effect::haptics::Push;
 use crate::effect::haptics::{LoopState, LoopTiming};
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, RenderError, Renderer, Viewport};
 use crate::track::Signal;
+use crate::world::{TurnLimits, WrenchError};
+use egui::{Rect, pos2};
 use image::RgbImage;
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use proptest::prelude::*;
 use std::path::Path;
 
 const SIZE: [u32; 2] = [960, 600];
@@ -21,7 +24,11 @@ fn readings(turn: f64) -> Readings {
             matrix: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) * Matrix3::identity(),
         },
         held: turn > 0.0,
-        wrench: Some(Wrench { force: Vector3::new(1.5, -12.25, 0.0), moment: Vector3::new(0.0, 0.25, -3.0) }),
+        force: Some(ForceReading {
+            wrench: Wrench { force: Vector3::new(1.5, -12.25, 0.0), moment: Vector3::new(0.0, 0.25, -3.0) },
+            error: (turn > 0.0).then_some(WrenchError { force: 0.3, moment: 0.08, is_whole: true }),
+            share: 0.6,
+        }),
     };
     let sensor =
         |name: &str, age_s: f64, signal| SensorReading { name: name.into(), rate_hz: 119.9, age_s, signal };
@@ -81,6 +88,8 @@ fn readings(turn: f64) -> Readings {
             12.3,
             "left eye: screen `table` stays black: the eye is 0.120 m behind its plane".into(),
         )],
+        keep_clear: Vec::new(),
+        time_s: 0.0,
     }
 }
 
@@ -95,29 +104,138 @@ fn history() -> History {
 }
 
 fn picture(gpu: &Gpu, readings: &Readings) -> RgbImage {
+    picture_of(gpu, readings, SIZE, &[])
+}
+
+fn picture_of(gpu: &Gpu, readings: &Readings, size: [u32; 2], clear: &[Rect]) -> RgbImage {
     let mut renderer = Renderer::new(gpu, COLOR_FORMAT, 1).unwrap();
-    let target = Offscreen::new(gpu, &renderer, SIZE).unwrap();
-    renderer.draw(gpu, &[target.picture(&Viewport::full(SIZE, None))], &FrameContents::default()).unwrap();
+    let target = Offscreen::new(gpu, &renderer, size).unwrap();
+    renderer.draw(gpu, &[target.picture(&Viewport::full(size, None))], &FrameContents::default()).unwrap();
     let (mut overlay, history) = (Overlay::new(COLOR_FORMAT), history());
-    let sheet = overlay.lay_out(SIZE, |painter| {
-        Panel { painter, rect: painter.clip_rect(), readings, history: &history }.paint();
+    let sheet = overlay.lay_out(size, |painter| {
+        let panel = Panel { painter, rect: painter.clip_rect(), readings, history: &history, clear };
+        panel.paint(&mut Seats::default());
     });
     overlay.draw(gpu, [(&target.image.view, &sheet)]).unwrap();
     image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
 }
 
-/// As in tests/pictures/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
-#[test]
-fn the_overlay_matches_its_golden_picture_and_leaves_the_middle_free() {
-    let gpu = match Gpu::headless() {
-        Ok(gpu) => gpu,
+fn gpu() -> Option<Gpu> {
+    match Gpu::headless() {
+        Ok(gpu) => Some(gpu),
         Err(error @ RenderError::NoAdapter(_)) => {
             assert!(std::env::var("GREENSTAGE_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
             eprintln!("SKIPPED: {error}");
-            return;
+            None
         }
         Err(error) => panic!("{error}"),
+    }
+}
+
+/// Nothing is drawn over what is held; in small windows the least rows are left out, and letters are as large as ever.
+#[test]
+fn no_pixel_is_over_what_is_held_in_windows_of_any_size() {
+    let Some(gpu) = gpu() else { return };
+    for (size, held) in [
+        ([960, 600], Rect::from_min_max(pos2(30.0, 40.0), pos2(130.0, 140.0))),
+        ([960, 600], Rect::from_min_max(pos2(700.0, 10.0), pos2(900.0, 500.0))),
+        ([640, 400], Rect::from_min_max(pos2(10.0, 150.0), pos2(250.0, 220.0))),
+        ([320, 200], Rect::from_min_max(pos2(300.0, 180.0), pos2(330.0, 260.0))),
+        ([200, 120], Rect::from_min_max(pos2(0.0, 0.0), pos2(200.0, 120.0))),
+    ] {
+        let picture = picture_of(&gpu, &readings(0.3), size, &[held]);
+        if let Ok(folder) = std::env::var("GREENSTAGE_PICTURES") {
+            picture
+                .save(Path::new(&folder).join(format!("overlay-{}x{}-{}.png", size[0], size[1], held.min.x)))
+                .unwrap();
+        }
+        let is_held = |x: u32, y: u32| held.contains(pos2(x as f32 + 0.5, y as f32 + 0.5));
+        let drawn = |over: bool| {
+            let pixels = picture.enumerate_pixels();
+            pixels.filter(|(x, y, pixel)| is_held(*x, *y) == over && pixel.0 != [0; 3]).count()
+        };
+        assert_eq!(drawn(true), 0, "{size:?}");
+        assert!(drawn(false) > 1000 || size == [200, 120], "{size:?}: there is an overlay");
+    }
+}
+
+fn text(row: &row::Row) -> String {
+    match row {
+        row::Row::Words(words) => words.iter().map(|(text, _)| text.as_str()).collect(),
+        _ => String::new(),
+    }
+}
+
+proptest! {
+    /// Whatever the numbers are: no two of them run together, no row is longer than its column, and a row of a kind is as long
+    /// as ever.
+    #[test]
+    fn rows_never_collide_and_never_jump(bits in proptest::collection::vec(any::<u64>(), 24), plain in -1e6..1e6f64) {
+        let number = |k: usize| if k % 2 == 0 { f64::from_bits(bits[k]) } else { plain * f64::from_bits(bits[k]).sin() };
+        let vector = |k: usize| Vector3::new(number(k), number(k + 1), number(k + 2));
+        let control = ControlReading {
+            name: "right".into(),
+            pose: ControlPose { translation: vector(0), matrix: Matrix3::from_fn(|i, k| number(3 + 3 * i + k)) },
+            held: true,
+            force: Some(ForceReading {
+                wrench: Wrench { force: vector(12), moment: vector(15) },
+                error: Some(WrenchError { force: number(18).abs(), moment: number(19).abs(), is_whole: plain > 0.0 }),
+                share: 0.5,
+            }),
+        };
+        let rows = body_rows::control_rows(&control);
+        let of = |rest: ControlReading| -> Vec<usize> {
+            body_rows::control_rows(&rest).iter().map(|(_, row)| text(row).chars().count()).collect()
+        };
+        let lengths: Vec<usize> = rows.iter().map(|(_, row)| text(row).chars().count()).collect();
+        let rest = Wrench { force: Vector3::zeros(), moment: Vector3::zeros() };
+        let force = ForceReading { wrench: rest, error: control.force.unwrap().error, share: 0.0 };
+        let at_rest = ControlReading { pose: ControlPose::REST, force: Some(force), ..control };
+        prop_assert_eq!(&lengths, &of(at_rest), "as long at rest");
+        let mut haptic = readings(0.3).haptics[0].clone();
+        haptic.timing.rate_hz = number(20);
+        haptic.timing.work_p99_s = number(21);
+        haptic.state.observer.braked = number(22);
+        haptic.state.push.force = vector(1);
+        let haptic = rows::haptic_rows(&haptic);
+        let all = rows.iter().map(|(_, row)| text(row)).chain(haptic.iter().map(text));
+        for row in all {
+            prop_assert!(row.chars().count() <= row::LETTERS, "{:?}", row);
+            for word in row.split_whitespace() {
+                let points = word.matches('.').count();
+                prop_assert!(points <= 1, "{:?}", row);
+            }
+        }
+    }
+}
+
+#[test]
+fn forces_stand_with_their_error_or_not_in_newtons() {
+    let control = |error| ControlReading {
+        force: Some(ForceReading { error, ..force() }),
+        ..readings(0.3).bodies[0].controls[1].clone()
     };
+    fn force() -> ForceReading {
+        readings(0.3).bodies[0].controls[1].force.unwrap()
+    }
+    let told = |error| -> Vec<String> {
+        body_rows::control_rows(&control(error)).iter().map(|(_, row)| text(row)).collect()
+    };
+    let measured = told(Some(WrenchError { force: 0.3, moment: 0.08, is_whole: true }));
+    assert_eq!(measured[5], "force    12.34 N  ±   0.30");
+    assert_eq!(measured[6], "  x y z     1.5  -12.2    0.0");
+    assert_eq!(measured[7], "torque    3.01 N·m  ±   0.08");
+    let partly = told(Some(WrenchError { force: 1300.0, moment: 0.08, is_whole: false }));
+    assert_eq!(partly[5], "force     0.01 kN ±>  1.30");
+    let unknown = told(None);
+    assert_eq!(unknown[5], "force not measured here");
+    assert!(unknown.len() == 7 && !unknown.concat().contains(" N"), "{unknown:?}");
+}
+
+/// As in tests/pictures/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
+#[test]
+fn the_overlay_matches_its_golden_picture_and_leaves_the_middle_free() {
+    let Some(gpu) = gpu() else { return };
     let [now, wrong] = [0.3, 1.0].map(|turn| picture(&gpu, &readings(turn)));
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/overlay.png");
     if std::env::var("GREENSTAGE_BLESS").as_deref() == Ok("1") {
@@ -156,7 +274,8 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
         body.expected = expected;
         let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), degrees.to_radians()).matrix();
         body.deformer.evaluate(&[ControlPose::REST, ControlPose { matrix, ..ControlPose::REST }]);
-        panel::error_words(&readings::body_reading(body))
+        let reading = readings::body_reading(body);
+        reading.errors.iter().flat_map(body_rows::error_rows).map(|row| text(&row)).collect::<Vec<_>>()
     };
     let at = |degrees: f64, force: f64| ErrorsAt {
         angle: degrees,
@@ -197,6 +316,10 @@ fn a_measured_range_goes_before_the_models_table() {
     assert_eq!((turn, limits), (0.0, TurnLimits { good: 0.7, fair: 0.7, is_measured: true }));
 }
 
+fn gauge(body: &crate::world::PlacedBody) -> String {
+    text(&body_rows::gauge_rows(&readings::body_reading(body))[0].1)
+}
+
 /// Two whole turns, followed in steps: the poses are those at rest, and the overlay knows better; undone, it is at rest.
 #[test]
 fn whole_turns_are_counted_and_not_called_good() {
@@ -213,11 +336,12 @@ fn whole_turns_are_counted_and_not_called_good() {
             assert!(!is_followed || (turn - angle).abs() < 1e-9, "{degrees}°: {}°", turn.to_degrees());
             assert!(degrees <= 180 || turn > limits.fair, "{degrees}°: {}°", turn.to_degrees());
         }
-        let shown = panel::gauge_words(&readings::body_reading(body)).concat();
-        assert_eq!(shown, "turn  720.0°  beyond  2.0 turns");
+        let shown = gauge(body);
+        assert_eq!(shown, "turn  720.0°  2.00 turns · beyond");
+        assert!(crate::world::out_of_range(body).unwrap().contains("2.0 turns: beyond"));
         body.deformer.set_turn(1, crate::deform::FollowedTurn::REST);
         body.deformer.evaluate(&[ControlPose::REST; 2]);
-        let shown = panel::gauge_words(&readings::body_reading(body)).concat();
+        let shown = gauge(body);
         assert_eq!(shown, "turn    0.0°  good");
     }
 }

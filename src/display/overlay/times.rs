@@ -1,5 +1,6 @@
 //! The times that the steps of the last frames took.
 
+use egui::Color32;
 use std::collections::VecDeque;
 
 /// Steps of a frame in their order, as the overlay names them.
@@ -7,6 +8,18 @@ pub const STEPS: [&str; 8] =
     ["track", "interact", "deform", "normals", "upload", "encode", "acquire", "present"];
 /// Index in [`STEPS`] of the step that waits for the images of the next frame.
 pub const ACQUIRE: usize = 6;
+/// Colours of [`STEPS`], and of the time that no step accounts for.
+pub(super) const COLOURS: [Color32; 9] = [
+    Color32::from_rgb(198, 120, 221),
+    Color32::from_rgb(97, 175, 239),
+    Color32::from_rgb(86, 182, 130),
+    Color32::from_rgb(152, 195, 121),
+    Color32::from_rgb(229, 192, 123),
+    Color32::from_rgb(224, 142, 84),
+    Color32::from_rgb(132, 146, 166),
+    Color32::from_rgb(92, 106, 128),
+    Color32::from_rgb(60, 68, 82),
+];
 /// Frames that are kept.
 pub(super) const FRAMES: usize = 120;
 

@@ -46,17 +46,6 @@ pub struct WindowOptions {
     pub vsync: bool,
 }
 
-/// 4 samples a pixel, and 1 on a software device, where 4 take some six times as long.
-pub const AUTO_SAMPLES: u32 = 0;
-
-fn samples_on(gpu: &Gpu, asked: u32) -> u32 {
-    match asked {
-        AUTO_SAMPLES if gpu.is_software => 1,
-        AUTO_SAMPLES => 4,
-        exactly => exactly,
-    }
-}
-
 /// Whether the windows stay open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {

@@ -62,7 +62,11 @@ fn named_for_each_other(screen: &Screen, around: &Surroundings<'_>) -> Option<St
         cosine(corners).abs() <= MAX_SKEW && (viewer - corners[0]).dot(&normal) > 0.0 && is_upright
     };
     let (what, corners) = readings.into_iter().find(|(_, corners)| is_right(corners))?;
-    Some(StageFault::Corners { screen: screen.name.clone(), what: what.to_owned(), corners: Box::new(corners) })
+    Some(StageFault::Corners {
+        screen: screen.name.clone(),
+        what: what.to_owned(),
+        corners: Box::new(corners),
+    })
 }
 
 /// Checks that the viewer stands before the screen.
@@ -84,8 +88,10 @@ fn check_side(screen: &Screen, viewer: &Point3<f64>, around: &Surroundings<'_>) 
         let distance_m = screen.distance_m(&workspace.centre);
         if distance_m.abs() > workspace.radius_m { distance_m } else { 0.0 }
     });
-    let behind = |front| StageFault::ViewerBehind { screen: name(), viewer, distance_m: behind_m, front, before };
-    let mirrored = StageFault::Mirrored { screen: name(), viewer, distance_m: behind_m, swap, corners: corners.clone() };
+    let behind =
+        |front| StageFault::ViewerBehind { screen: name(), viewer, distance_m: behind_m, front, before };
+    let mirrored =
+        StageFault::Mirrored { screen: name(), viewer, distance_m: behind_m, swap, corners: corners.clone() };
     Err(match around.others {
         _ if workspace_m > 0.0 => behind("the workspace"),
         [0, others] if others > 0 => behind("where those of the other screens are"),

@@ -238,9 +238,13 @@ fn screens(
     for (i, (start, screen)) in screens.iter().enumerate() {
         let others = screens.iter().enumerate().filter(|(other, _)| *other != i);
         let sides = others.filter_map(|(_, (_, other))| Some(other.distance_m(&eye?) > 0.0));
-        let [before, behind] = sides.fold([0, 0], |[before, behind], is_before| {
-            if is_before { [before + 1, behind] } else { [before, behind + 1] }
-        });
+        let [before, behind] =
+            sides.fold(
+                [0, 0],
+                |[before, behind], is_before| {
+                    if is_before { [before + 1, behind] } else { [before, behind + 1] }
+                },
+            );
         let around = Surroundings { viewer: eye, workspace, others: [before, behind] };
         faults.keep(*start, corners::check(screen, &around));
         let line = config::line_and_column(faults.text, *start).0;

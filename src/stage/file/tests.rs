@@ -127,10 +127,26 @@ fn swapped_corners_have_one_remedy_and_it_is_right() {
     let [left, right, up] = [WALL_LEFT, "lower_right = [0.80, 0.90, 0.00]", WALL_UP];
     let place = |key: &str| key.split(" = ").nth(1).unwrap().to_owned();
     for (from, to, words) in [
-        ([left, up], [format!("lower_left = {}", place(up)), format!("upper_left = {}", place(left))], "lower_left and upper_left"),
-        ([left, right], [format!("lower_left = {}", place(right)), format!("lower_right = {}", place(left))], "lower_left and lower_right"),
-        ([up, up], ["upper_left = [0.80, 2.18, 0.00]".into(), "upper_left = [0.80, 2.18, 0.00]".into()], "is the upper right corner"),
-        ([right, right], ["lower_right = [0.80, 2.18, 0.00]".into(), "lower_right = [0.80, 2.18, 0.00]".into()], "lower_right is the upper right"),
+        (
+            [left, up],
+            [format!("lower_left = {}", place(up)), format!("upper_left = {}", place(left))],
+            "lower_left and upper_left",
+        ),
+        (
+            [left, right],
+            [format!("lower_left = {}", place(right)), format!("lower_right = {}", place(left))],
+            "lower_left and lower_right",
+        ),
+        (
+            [up, up],
+            ["upper_left = [0.80, 2.18, 0.00]".into(), "upper_left = [0.80, 2.18, 0.00]".into()],
+            "is the upper right corner",
+        ),
+        (
+            [right, right],
+            ["lower_right = [0.80, 2.18, 0.00]".into(), "lower_right = [0.80, 2.18, 0.00]".into()],
+            "lower_right is the upper right",
+        ),
     ] {
         // The wall stands after the table, which shares two of its places.
         let (head, wall) = text.split_at(text.find("name = \"wall\"").unwrap());
@@ -155,12 +171,19 @@ fn a_viewer_behind_a_screen_is_told_to_move_and_not_to_swap_corners() {
         faults.iter().map(|located| located.fault.to_string()).collect::<Vec<_>>()
     };
     // Behind the workbench's wall, whose workspace stands before it.
-    let [wall] = &told(0, "position = [0.0, 1.70, 1.50]", "position = [0.0, 1.70, -0.60]")[..] else { panic!() };
+    let [wall] = &told(0, "position = [0.0, 1.70, 1.50]", "position = [0.0, 1.70, -0.60]")[..] else {
+        panic!()
+    };
     assert!(wall.contains("0.600 m behind screen `wall`, whose front is towards the workspace"), "{wall}");
     assert!(wall.ends_with("position = [0.0000, 1.7000, 0.6000]") && !wall.contains("wap"), "{wall}");
     // The desktop's ball is about its glass: nothing tells which of both is wrong.
-    let [both] = &told(3, "position = [0.0, 0.06, 0.60]", "position = [0.0, 0.06, -0.60]")[..] else { panic!() };
-    assert!(both.contains("is mirrored: swap the left corners") && both.contains("position = [0.0000, 0.0600, 0.6000]"));
+    let [both] = &told(3, "position = [0.0, 0.06, 0.60]", "position = [0.0, 0.06, -0.60]")[..] else {
+        panic!()
+    };
+    assert!(
+        both.contains("is mirrored: swap the left corners")
+            && both.contains("position = [0.0000, 0.0600, 0.6000]")
+    );
 }
 
 #[test]

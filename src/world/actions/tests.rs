@@ -353,6 +353,13 @@ fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
         assert!(force.force_n.x < -95.0 && force.force_n.x > -130.0, "{}", force.force_n);
         let along = Vector3::from(world.arrows[0].along).cast::<f64>();
         assert!(along.x < 0.0 && along.norm() <= 0.6 * world.stage.workspace.radius_m + 1e-6);
+        // It starts where the ray holds the bar, moved on with the hand.
+        let (from, held) = (world.arrows[0].from, world.styli[0].hit.unwrap());
+        assert!((from - held).norm() < 1e-6, "{from} is not {held}");
+        // Pushed in, the body pushes the hand out again, from the same place.
+        step(&mut world, 0.0, &[pressed(right([-0.19, 0.0, 0.0], [0.0; 3]))]);
+        let (from, held) = (world.arrows[0].from, world.styli[0].hit.unwrap());
+        assert!((from - held).norm() < 1e-6 && world.arrows[0].along.x > 0.0, "{from} is not {held}");
         step(&mut world, 0.0, &[there]);
         assert_eq!((world.forces.len(), world.arrows.len()), (0, 0), "nothing held, nothing felt");
     }

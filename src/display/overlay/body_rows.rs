@@ -1,0 +1,155 @@
+//! The rows on the right, of each body: how far it is bent, what errors to expect, poses and forces of its control elements.
+
+use super::readings::{BodyReading, ControlReading, ErrorReading, ForceReading};
+use super::row::{BAD, FAIR, GAP, GOOD, LETTERS, Rank, Ranked, Row, clipped, words};
+use crate::base::fixed::{ENERGY, FORCE, LENGTH, Scale, TORQUE, Unit, fixed};
+use crate::deform::{ErrorsAt, MeshErrors, StateAge, percent};
+use crate::display::lettering::{INK, QUIET};
+use crate::world::Verdict;
+use nalgebra::Vector3;
+use std::f64::consts::PI;
+
+pub(super) fn body_rows(body: &BodyReading) -> Vec<Ranked> {
+    let effects = match body.effects.is_empty() {
+        true => "no effects".to_owned(),
+        false => clipped(&format!("effects {}", body.effects.join(", ")), LETTERS),
+    };
+    let mut rows = vec![
+        words(clipped(&body.name, LETTERS), INK).ranked(Rank::First),
+        words(clipped(&format!("model {}", body.model), LETTERS), QUIET).ranked(Rank::Third),
+        words(effects, QUIET).ranked(Rank::Detail),
+    ];
+    rows.extend(gauge_rows(body));
+    rows.extend(body.age.map(|age| age_row(age).ranked(Rank::Second)));
+    if let Some(energy) = body.energy {
+        let row = Row::Words(vec![("energy ".into(), QUIET), (ENERGY.quantity(energy), INK)]);
+        rows.push(row.ranked(Rank::Third));
+    }
+    rows.extend(body.errors.iter().flat_map(error_rows).map(|row| row.ranked(Rank::Third)));
+    for control in &body.controls {
+        rows.push(GAP);
+        rows.extend(control_rows(control));
+    }
+    rows
+}
+
+/// How old an equilibrium is that was found in the background.
+fn age_row(age: StateAge) -> Row {
+    match age {
+        StateAge::Current => words("equilibrium of these poses".to_owned(), QUIET),
+        StateAge::Old { seconds } => words(format!("equilibrium {} s old", fixed(seconds, 7, 2)), FAIR),
+        StateAge::Lost => words("no equilibrium beyond this one".to_owned(), BAD),
+    }
+}
+
+/// What errors to expect, as they were measured on this body; no number beyond what was measured.
+pub(super) fn error_rows(errors: &ErrorReading) -> Vec<Row> {
+    let part = |name: &str, part: String| [(format!("{part:<7}"), INK), (name.to_owned(), QUIET)];
+    let of_model = |at: &Option<ErrorsAt>| match at {
+        Some(at) => {
+            let force = at.wrench().map_or("none".into(), percent);
+            let parts = part("force  ", force).into_iter().chain(part("shape", percent(at.shape)));
+            std::iter::once(("errors ~".into(), QUIET)).chain(parts).collect()
+        }
+        None => vec![("errors ".into(), QUIET), ("not measured here".into(), BAD)],
+    };
+    let of_mesh = |mesh: &MeshErrors| {
+        let parts = part("force", percent(mesh.wrench));
+        std::iter::once(("of mesh ~".into(), QUIET)).chain(parts).collect()
+    };
+    let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
+    model.chain(mesh).map(Row::Words).collect()
+}
+
+/// How far the body is bent, compared with the turn up to which its model is good; beyond half a turn in turns.
+pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
+    let (turn, limits) = (body.turn, body.limits);
+    let verdict = limits.verdict(turn);
+    let ink = match verdict {
+        Verdict::Good => GOOD,
+        Verdict::Fair => FAIR,
+        _ => BAD,
+    };
+    let turned = format!("{}°  ", fixed(turn.to_degrees(), 6, 1));
+    let told = match verdict {
+        Verdict::Beyond => format!("{} turns · beyond", fixed(turn / (2.0 * PI), 6, 2).trim_start()),
+        _ => verdict.name().to_owned(),
+    };
+    let whole = 1.5 * limits.fair;
+    let bounds = match limits.is_measured {
+        true => format!("measured to {:.0}°", limits.fair.to_degrees()),
+        false => {
+            format!("good to {:.0}°, fair to {:.0}°", limits.good.to_degrees(), limits.fair.to_degrees())
+        }
+    };
+    let marks = vec![limits.good / whole, limits.fair / whole];
+    vec![
+        Row::Words(vec![("turn ".into(), QUIET), (turned, INK), (told, ink)]).ranked(Rank::First),
+        Row::Gauge { share: turn / whole, marks, ink }.ranked(Rank::Second),
+        words(clipped(&bounds, LETTERS), QUIET).ranked(Rank::Third),
+    ]
+}
+
+/// The twelve coefficients, a row per axis: T, then M - I; force and torque with what they may be wrong by.
+pub(super) fn control_rows(control: &ControlReading) -> Vec<Ranked> {
+    let held = if control.held { ("   held", GOOD) } else { ("", QUIET) };
+    // What a hand holds matters more.
+    let (first, then) = if control.held { (Rank::First, Rank::Second) } else { (Rank::Second, Rank::Third) };
+    let shift = control.pose.translation;
+    let scale = LENGTH.scale(0.001f64.max(shift.amax()));
+    let header =
+        format!("{:>11}   {:>7} {:>7} {:>7}", format!("T ({})", scale.plain_name()), "M - I", "", "");
+    let mut rows = vec![
+        Row::Words(vec![(clipped(&control.name, LETTERS - 8), INK), (held.0.to_owned(), held.1)])
+            .ranked(first),
+        words(header, QUIET).ranked(Rank::Detail),
+    ];
+    for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+        let m = |column: usize| {
+            let unit = if axis == column { 1.0 } else { 0.0 };
+            fixed(control.pose.matrix[(axis, column)] - unit, 7, 3)
+        };
+        let row = Row::Words(vec![
+            (format!("{letter} "), QUIET),
+            (format!(" {}", scale.number(shift[axis])), INK),
+            (format!("   {} {} {}", m(0), m(1), m(2)), INK),
+        ]);
+        rows.push(row.ranked(Rank::Detail));
+    }
+    if let Some(ForceReading { wrench, error, share }) = &control.force {
+        match error {
+            Some(error) => {
+                let force = (FORCE, wrench.force, error.force);
+                let torque = (TORQUE, wrench.moment, error.moment);
+                for (name, (unit, vector, error_by)) in [("force ", force), ("torque", torque)] {
+                    let [whole, parts] = force_rows(name, unit, &vector, error_by, error.is_whole);
+                    rows.push(whole.ranked(first));
+                    rows.push(parts.ranked(then));
+                }
+            }
+            None => {
+                let row = vec![("force ".into(), QUIET), ("not measured here".into(), BAD)];
+                rows.push(Row::Words(row).ranked(first));
+                rows.push(Row::Gauge { share: *share, marks: Vec::new(), ink: QUIET }.ranked(first));
+            }
+        }
+    }
+    rows
+}
+
+/// `force    12.34 N  ±   0.30`, and its components in the same unit. Where a part of the error is not known, `>` stands before it.
+fn force_rows(name: &str, unit: Unit, vector: &Vector3<f64>, error: f64, is_whole: bool) -> [Row; 2] {
+    let scale: Scale = unit.scale(vector.norm().max(error));
+    let least = if is_whole { "" } else { ">" };
+    let parts: String = vector.iter().map(|part| scale.part(*part)).collect();
+    [
+        Row::Words(vec![
+            (name.to_owned(), QUIET),
+            (scale.number(vector.norm()), INK),
+            (format!(" {}", scale.name()), QUIET),
+            (format!(" ±{least:>1}"), QUIET),
+            (fixed(scale.value(error), 6, 2), INK),
+        ]),
+        words(format!("  x y z {parts}"), QUIET),
+    ]
+}

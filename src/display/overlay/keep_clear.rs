@@ -1,0 +1,62 @@
+//! What the overlay is not to stand over: the control elements that are held, and what is pointed at, as screens show it.
+
+use crate::stage::Screen;
+use crate::world::{Highlight, World};
+use nalgebra::{Matrix4, Point3, Vector3};
+
+/// At most so many nodes of an element are looked at.
+const NODES: usize = 64;
+/// What is nearer to the eye is not drawn, m.
+const NEAR_M: f64 = 0.05;
+
+/// Per screen, rectangles about each held element and each place pointed at, of both eyes: left, right, bottom, top in
+/// normalised device coordinates of the whole screen.
+pub(super) fn keep_clear(world: &World) -> Vec<Vec<[f64; 4]>> {
+    let things = things(world);
+    let of = |screen: &Screen| {
+        if things.is_empty() {
+            return Vec::new();
+        }
+        let viewer = &world.stage.viewer;
+        let views = world.stage.stereo.eyes().iter().filter_map(|&eye| {
+            let view = screen.view(&viewer.eye_in_room(&world.room_from_head, eye), NEAR_M).ok()?;
+            Some(view.clip_from_room.cast::<f64>())
+        });
+        let views: Vec<Matrix4<f64>> = views.collect();
+        things.iter().filter_map(|points| rectangle(&views, points)).collect()
+    };
+    world.stage.screens.iter().map(of).collect()
+}
+
+/// Points in the room of each thing.
+fn things(world: &World) -> Vec<Vec<Point3<f64>>> {
+    let mut things = Vec::new();
+    for body in &world.bodies {
+        let positions = body.deformer.kept_positions();
+        let room_from_surface = body.room_from_surface();
+        for (c, _) in body.controls.iter().enumerate().filter(|(_, c)| c.highlight == Highlight::Held) {
+            let nodes = body.deformer.control_nodes(c);
+            let place = |node: &u32| {
+                let position = positions.get(*node as usize)?;
+                Some(room_from_surface * Point3::from(Vector3::from(*position).cast::<f64>()))
+            };
+            things.push(nodes.iter().step_by(nodes.len().div_ceil(NODES).max(1)).filter_map(place).collect());
+        }
+    }
+    let (hits, arrows) = (world.styli.iter().filter_map(|stylus| stylus.hit), &world.arrows);
+    things.extend(hits.map(|hit| vec![hit.cast()]));
+    things.extend(arrows.iter().map(|arrow| vec![arrow.from.cast(), (arrow.from + arrow.along).cast()]));
+    things
+}
+
+/// The rectangle about the points in all views, as far as it is on the screen.
+fn rectangle(views: &[Matrix4<f64>], points: &[Point3<f64>]) -> Option<[f64; 4]> {
+    let seen = views.iter().flat_map(|view| points.iter().map(move |point| view * point.to_homogeneous()));
+    let seen = seen.filter(|clip| clip.w > clip.z).map(|clip| [clip.x / clip.w, clip.y / clip.w]);
+    let about = seen
+        .map(|[x, y]| [x, x, y, y])
+        .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])])?;
+    let [left, right, bottom, top] = about;
+    let is_on_screen = left < 1.0 && right > -1.0 && bottom < 1.0 && top > -1.0;
+    (is_on_screen && about.iter().all(|x| x.is_finite())).then_some(about)
+}

@@ -1,0 +1,95 @@
+//! How far a body is bent, against the turn up to which its model is good.
+
+use super::body::PlacedBody;
+use crate::deform::{find_model, local_turn};
+use std::f64::consts::PI;
+
+/// So many triangles of a body are sampled for their turns.
+const PIECES: usize = 256;
+
+/// Up to which turn a model is good, and up to which it is fair, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurnLimits {
+    pub good: f64,
+    pub fair: f64,
+    /// For this very body, by the plan of its accuracy, between two control elements ([`crate::deform::Deformer::largest_turn`]). Else
+    /// of any piece of the surface ([`local_turn`]), by the table of [`TurnLimits::of_model`].
+    pub is_measured: bool,
+}
+
+/// What to think of a turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    Good,
+    Fair,
+    /// Further than the model's table goes …
+    Poor,
+    /// … or than was measured on the body.
+    NotMeasured,
+    /// By more than half a turn between two control elements, for which no model is made: the matrices of the poses are those of
+    /// smaller turns.
+    Beyond,
+}
+
+impl TurnLimits {
+    /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, as the model's
+    /// entry has them; 0 of an unknown model.
+    pub fn of_model(model: &str) -> Self {
+        let [good, fair] = find_model(model).map_or([0.0; 2], |entry| entry.turn_limits_deg);
+        Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
+    }
+
+    /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
+    /// surface tells, and of a model that moves parts, it is theirs.
+    pub fn of_body(body: &PlacedBody) -> (f64, Self) {
+        let apart = body.deformer.largest_turn();
+        match body.range {
+            Some(range) => (apart, Self { good: range, fair: range, is_measured: true }),
+            None if apart > PI || body.deformer.moves_in_parts() => (apart, Self::of_model(&body.model)),
+            None => (local_turn(&body.deformer, PIECES), Self::of_model(&body.model)),
+        }
+    }
+
+    pub fn verdict(&self, turn: f64) -> Verdict {
+        match turn {
+            turn if turn <= self.good => Verdict::Good,
+            turn if turn <= self.fair => Verdict::Fair,
+            turn if turn > PI => Verdict::Beyond,
+            _ if self.is_measured => Verdict::NotMeasured,
+            _ => Verdict::Poor,
+        }
+    }
+}
+
+impl Verdict {
+    /// Whether the body is bent further than its model holds.
+    pub fn is_out_of_range(self) -> bool {
+        !matches!(self, Verdict::Good | Verdict::Fair)
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Good => "good",
+            Verdict::Fair => "fair",
+            Verdict::Poor => "poor",
+            Verdict::NotMeasured => "not measured",
+            Verdict::Beyond => "beyond",
+        }
+    }
+}
+
+/// What a body that is bent further than its model holds says of itself; `None` of one that is not.
+pub fn out_of_range(body: &PlacedBody) -> Option<String> {
+    let (turn, limits) = TurnLimits::of_body(body);
+    let verdict = limits.verdict(turn);
+    let (turned, most) = (turn.to_degrees(), limits.fair.to_degrees());
+    let model = &body.model;
+    match verdict {
+        Verdict::Good | Verdict::Fair => None,
+        Verdict::Beyond => {
+            Some(format!("{:.1} turns: beyond the model {model}, for up to {most:.0}°", turn / (2.0 * PI)))
+        }
+        Verdict::NotMeasured => Some(format!("{turned:.0}°: its error was measured up to {most:.0}°")),
+        Verdict::Poor => Some(format!("{turned:.0}°: beyond the model {model}, for up to {most:.0}°")),
+    }
+}

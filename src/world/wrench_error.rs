@@ -1,0 +1,54 @@
+//! By how much the forces and torques of a body may be wrong, in newtons, as its errors were measured.
+//!
+//! In: a body with its [`ExpectedErrors`](crate::deform::ExpectedErrors) and its pose. Out: [`WrenchError`], or nothing beyond what was measured.
+
+use super::body::PlacedBody;
+use crate::deform::{Moved, Wrench, reach};
+use nalgebra::Vector3;
+
+/// What may be wrong with every force and torque of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrenchError {
+    /// N.
+    pub force: f64,
+    /// N·m.
+    pub moment: f64,
+    /// Whether the model's part and the mesh's are both in it; else it may be more.
+    pub is_whole: bool,
+}
+
+/// `None` where nothing was measured, where the pose is beyond what was, and of a model that says that it has no forces here.
+///
+/// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
+pub fn wrench_error(body: &PlacedBody, wrenches: &[Wrench]) -> Option<WrenchError> {
+    let expected = body.expected.as_ref()?;
+    let deformer = &body.deformer;
+    let of_model = expected.moved.iter().any(|moved| !moved.bent.is_empty() || !moved.shifted.is_empty());
+    let (force, moment) = match of_model {
+        true => {
+            let at = expected.at(reach(deformer))?;
+            (at.force?, at.torque?)
+        }
+        false => (0.0, 0.0),
+    };
+    let mesh = expected.mesh();
+    if mesh.is_none() && !of_model {
+        return None;
+    }
+    let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
+    let length = |name: &String| {
+        let element = deformer.controls.iter().position(|control| control.name == *name)?;
+        Moved::new(&origins, element).map(|moved| moved.length)
+    };
+    let length = expected.moved.iter().filter_map(|moved| length(&moved.control)).reduce(f64::max)?;
+    let placed = wrenches.iter().zip(&deformer.poses).map(|(wrench, pose)| wrench.about_the_place(pose));
+    let size = placed.map(|w| w.force.norm().max(w.moment.norm() / length)).fold(0.0, f64::max);
+    let of_mesh = mesh.map_or(0.0, |mesh| mesh.wrench);
+    // An equilibrium has no error of a model.
+    let is_whole = mesh.is_some();
+    Some(WrenchError {
+        force: (force + of_mesh) * size,
+        moment: (moment + of_mesh) * size * length,
+        is_whole,
+    })
+}
