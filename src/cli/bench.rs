@@ -9,7 +9,7 @@ use crate::base::machine;
 use crate::base::statistics::median;
 use crate::base::table::{Table, bytes, seconds};
 use crate::deform::{BYTES_PER_THREAD, Superposition, vertex_normals};
-use crate::display::device;
+use crate::display::device::{self, Shadows};
 use crate::display::offscreen::{DrawTimes, Pictures, Targets};
 use crate::display::pictures;
 use crate::effect::any_requires;
@@ -91,10 +91,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let peak_memory = precompute::peak_memory();
     let loops = loops();
     let mut drawn = Vec::new();
-    for samples in [4, 1] {
+    for (samples, shadows) in columns(args.device.shadows) {
         let mut session = open()?;
-        let mut targets =
-            Targets::new(&mut session.world, Pictures::Eyes, Samples::Exactly(samples), 1.0, args.device)?;
+        let device = device::Args { shadows, ..args.device };
+        let many = Samples::Exactly(samples);
+        let mut targets = Targets::new(&mut session.world, Pictures::Eyes, many, 1.0, device)?;
         let count = args.frames.max(2);
         let mut playback = Playback::new(&session, count)?;
         let mut frames = Vec::new();
@@ -108,7 +109,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         session.report()?;
         // The first frame also compiles and allocates.
-        let mut measured = Drawn::new(samples, targets.gpu.describe(), &stage, &frames[1..]);
+        let mut measured = Drawn::new((samples, shadows), targets.gpu.describe(), &stage, &frames[1..]);
         let mean = |of: fn(&DrawCounts) -> usize| {
             counts[1..].iter().map(|c| of(c) as f64).sum::<f64>() / (count - 1) as f64
         };
@@ -162,6 +163,7 @@ fn beside_frames(mut session: Session, device: device::Args) -> Result<Vec<bench
 /// Medians of the frames drawn with one number of samples, s.
 struct Drawn {
     samples: u32,
+    shadows: Shadows,
     device: String,
     screens: usize,
     /// "stereo pairs", or "pictures" on a mono stage.
@@ -175,8 +177,33 @@ struct Drawn {
     bodies: Vec<(String, device::Choice)>,
 }
 
+/// Samples and shadows of what is drawn: shadows that are asked for stand beside none, so that their price is seen.
+fn columns(asked: Shadows) -> Vec<(u32, Shadows)> {
+    match asked {
+        Shadows::Auto | Shadows::Off => vec![(4, asked), (1, asked)],
+        Shadows::Contact | Shadows::Soft => {
+            vec![(4, Shadows::Off), (4, asked), (1, Shadows::Off), (1, asked)]
+        }
+    }
+}
+
 impl Drawn {
-    fn new(samples: u32, device: String, stage: &Stage, frames: &[(StepTimes, DrawTimes, f64)]) -> Drawn {
+    /// The column's heading.
+    fn name(&self) -> String {
+        let samples = if self.samples > 1 { format!("{}× MSAA", self.samples) } else { "no MSAA".into() };
+        match self.shadows {
+            Shadows::Auto | Shadows::Off => samples,
+            Shadows::Contact => format!("{samples}, contact shadow"),
+            Shadows::Soft => format!("{samples}, soft shadows"),
+        }
+    }
+
+    fn new(
+        (samples, shadows): (u32, Shadows),
+        device: String,
+        stage: &Stage,
+        frames: &[(StepTimes, DrawTimes, f64)],
+    ) -> Drawn {
         let of = |pick: fn(&(StepTimes, DrawTimes, f64)) -> f64| median(frames.iter().map(pick));
         // Where nothing moves nothing is summed: these count over the frames that move the body.
         let moving = |pick: fn(&(StepTimes, DrawTimes, f64)) -> f64| {
@@ -198,7 +225,7 @@ impl Drawn {
         let (screens, pictures) = (stage.screens.len(), pictures::pictures_name(stage));
         let steps = [steps, vec![read]].concat();
         let (shapes, bodies) = ([0.0; 2], Vec::new());
-        Drawn { samples, device, screens, pictures, steps, frame_s, shapes, bodies }
+        Drawn { samples, shadows, device, screens, pictures, steps, frame_s, shapes, bodies }
     }
 
     fn pairs_per_second(&self) -> f64 {
@@ -352,13 +379,8 @@ fn loops_table(loops: &[Loop]) -> (String, Table) {
 }
 
 fn frame_table(stage: &str, drawn: &[Drawn]) -> (String, Table) {
-    let heading: Vec<String> = std::iter::once("median of a frame".to_owned())
-        .chain(
-            drawn
-                .iter()
-                .map(|d| if d.samples > 1 { format!("{}× MSAA", d.samples) } else { "no MSAA".into() }),
-        )
-        .collect();
+    let heading: Vec<String> =
+        std::iter::once("median of a frame".to_owned()).chain(drawn.iter().map(Drawn::name)).collect();
     let mut table = Table { rows: vec![heading] };
     let Some(first) = drawn.first() else {
         return (String::new(), table);
@@ -406,7 +428,7 @@ fn as_json(
                 d.steps.iter().map(|(name, time)| ((*name).to_owned(), json!(time))).collect();
             let deformation: serde_json::Map<String, Value> =
                 d.bodies.iter().map(|(name, choice)| (name.clone(), choice.json())).collect();
-            json!({ "samples": d.samples, "device": d.device, "screens": d.screens, "steps_s": steps,
+            json!({ "samples": d.samples, "drawn": d.name(), "device": d.device, "screens": d.screens, "steps_s": steps,
                 "frame_s": d.frame_s, "stereo_pairs_per_s": d.pairs_per_second(),
                 "shapes_drawn": d.shapes[0], "shapes_culled": d.shapes[1], "deformation": deformation })
         })

@@ -153,9 +153,9 @@ impl Deformer {
     /// From now on edges whose sides are more than `angle` (rad) apart at rest are drawn sharp.
     pub fn keep_sharp(&mut self, angle: f64) {
         self.creases = Creases::of(self.triangles(), self.rest(), angle);
-        if let Some(creases) = &self.creases {
-            self.normals.truncate(self.positions.len());
-            creases.extend(&mut self.normals);
+        let drawn = self.positions.len() + self.creases.as_ref().map_or(0, |creases| creases.copies.len());
+        if self.normals.len() != drawn {
+            self.normals.resize(drawn, [0.0; 3]);
             self.deform();
         }
     }

@@ -110,7 +110,7 @@ impl std::str::FromStr for Color {
         if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
             return Err(wrong());
         }
-        let number = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
+        let number = u32::from_str_radix(digits, 16).map_err(|error| format!("{}: {error}", wrong()))?;
         let [_, r, g, b] = number.to_be_bytes();
         Ok(Color([r, g, b]))
     }

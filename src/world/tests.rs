@@ -52,6 +52,27 @@ fn state(world: &World, from: [f64; 3], to: [f64; 3], pressed: bool) -> TrackerS
     TrackerState { head: None, styli: vec![stylus], time_s: 0.0 }
 }
 
+/// A block is drawn with six flat sides: each vertex has the normal of its own, on nodes that are counted once.
+#[test]
+fn a_block_keeps_its_sharp_edges() {
+    let mut world = world("edges");
+    let body = &mut world.bodies[0];
+    let nodes = body.deformer.node_count();
+    let corners_and_edges = 2 * 8 + 4 * (3 + 1 + 1);
+    let (positions, normals) =
+        (body.deformer.drawn_positions().into_owned(), body.deformer.normals().into_owned());
+    assert_eq!([positions.len(), normals.len()], [nodes + corners_and_edges; 2]);
+    assert_eq!((body.deformer.positions().len(), body.colours().len()), (nodes, positions.len()));
+    let is_axis = |n: &[f32; 3]| n.iter().filter(|x| (x.abs() - 1.0).abs() < 1e-6).count() == 1;
+    assert!(normals.iter().all(is_axis), "{normals:?}");
+    for (drawn, nodes) in body.deformer.drawn_triangles().iter().zip(body.deformer.triangles()) {
+        let at = body.deformer.positions();
+        assert_eq!(drawn.map(|v| positions[v as usize]), nodes.map(|v| at[v as usize]));
+    }
+    body.deformer.keep_sharp(std::f64::consts::PI);
+    assert_eq!(body.deformer.normals().len(), nodes, "no edge is sharper than a half turn");
+}
+
 #[test]
 fn the_stylus_carries_the_end_of_a_fitted_body() {
     let mut world = world("carry");

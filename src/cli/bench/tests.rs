@@ -7,6 +7,7 @@ use device::Choice;
 fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
     let drawn = Drawn {
         samples: 4,
+        shadows: Shadows::Soft,
         device: "a device".into(),
         screens: 4,
         pictures: "stereo pairs",
@@ -23,7 +24,12 @@ fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
     let (title, table) = frame_table("cyberstage", &[drawn]);
     let text = table.text();
     println!("{title}\n{text}");
-    assert!(text.contains("10.2, 54.0") && text.contains("deforms on device 0.50 ms, CPU 2.00 ms"), "{text}");
+    assert!(
+        text.contains("4× MSAA, soft shadows")
+            && text.contains("10.2, 54.0")
+            && text.contains("deforms on device 0.50 ms, CPU 2.00 ms"),
+        "{text}"
+    );
 }
 
 /// A reading loop that is slower than what it is the limit of is no limit, and no ratio is told.
