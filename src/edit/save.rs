@@ -125,7 +125,10 @@ mod tests {
         let nodes = Nodes::List((100..300).collect());
         scene.body["part"].control["low"].nodes = nodes.clone();
         let path = folder.path().join("mine.toml");
-        assert_eq!(save(&scene, &Comments::new(), None, &path).unwrap().body["part"].control["low"].nodes, nodes);
+        assert_eq!(
+            save(&scene, &Comments::new(), None, &path).unwrap().body["part"].control["low"].nodes,
+            nodes
+        );
         let text = std::fs::read_to_string(path).unwrap();
         assert!(text.lines().all(|line| line.chars().count() <= 120), "{text}");
     }

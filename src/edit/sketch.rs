@@ -363,7 +363,8 @@ mod tests {
     fn touch(canvas: &Canvas, point: [f64; 3]) -> Touch {
         let point = Vector3::from(point);
         let distance = |v: &u32| (canvas.places[*v as usize] - point).norm();
-        let vertex = (0..canvas.places.len() as u32).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+        let vertex =
+            (0..canvas.places.len() as u32).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
         Touch { point, vertex }
     }
 
@@ -374,7 +375,11 @@ mod tests {
         sketch.release(canvas);
     }
 
-    fn places<'a>(sketch: &'a Sketch, canvas: &'a Canvas, number: usize) -> impl Iterator<Item = Vector3<f64>> + 'a {
+    fn places<'a>(
+        sketch: &'a Sketch,
+        canvas: &'a Canvas,
+        number: usize,
+    ) -> impl Iterator<Item = Vector3<f64>> + 'a {
         sketch.elements[number].held.iter().map(|&node| canvas.mesh.nodes[node as usize])
     }
 
@@ -387,7 +392,9 @@ mod tests {
             assert!(places(&sketch, &canvas, 0).any(|x| (x - on_way).norm() < 1e-9), "{on_way}");
         }
         assert!(places(&sketch, &canvas, 0).all(|x| x.z > 0.0 && x.y.abs() < 0.09));
-        assert!(matches!(&sketch.elements[0].nodes, Some(Nodes::List(tags)) if tags.len() == sketch.elements[0].held.len()));
+        assert!(
+            matches!(&sketch.elements[0].nodes, Some(Nodes::List(tags)) if tags.len() == sketch.elements[0].held.len())
+        );
         assert_eq!(sketch.elements[0].grab, Grab::Fixed, "the first holds the body");
 
         sketch.tool = Tool::Erase;
@@ -406,7 +413,11 @@ mod tests {
         stroke(&mut sketch, &mut canvas, [-0.5, 0.0, 0.1], [-0.3, 0.0, 0.1]);
         assert_eq!(sketch.elements[0].nodes, Some(Nodes::Sphere { centre: [-0.5, 0.0, 0.1], radius: 0.2 }));
         let all = sketch.elements[0].nodes.as_ref().unwrap().select(&canvas.mesh).unwrap();
-        assert_eq!(sketch.elements[0].held.iter().copied().collect::<Vec<_>>(), all, "inside the body as well");
+        assert_eq!(
+            sketch.elements[0].held.iter().copied().collect::<Vec<_>>(),
+            all,
+            "inside the body as well"
+        );
 
         sketch.add();
         assert_eq!((sketch.elements[1].name.as_str(), sketch.elements[1].grab), ("hand", Grab::Dragger));

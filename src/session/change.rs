@@ -181,7 +181,11 @@ mod tests {
         session
     }
 
-    fn change(session: &mut Session, folder: &Path, edit: impl FnOnce(&mut Scene)) -> Result<Arc<GreenFile>, Failure> {
+    fn change(
+        session: &mut Session,
+        folder: &Path,
+        edit: impl FnOnce(&mut Scene),
+    ) -> Result<Arc<GreenFile>, Failure> {
         let mut scene = session.scene.clone().unwrap();
         edit(&mut scene);
         let (stage, known) = (session.world.stage.clone(), session.file.iter().cloned().collect());
@@ -197,7 +201,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut session = session(folder.path());
         let (before, pose) = (session.file.clone().unwrap(), session.world.bodies[0].deformer.poses[1]);
-        let file = change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
+        let file =
+            change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
         assert!(Arc::ptr_eq(&file, &before) && !folder.path().join("new.green").exists());
         let body = &session.world.bodies[0];
         assert_eq!((body.model.as_str(), body.deformer.poses[1]), ("rotation", pose));
@@ -209,7 +214,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut session = session(folder.path());
         let before = session.file.clone().unwrap();
-        let file = change(&mut session, folder.path(), |scene| scene.body["b"].material.poisson = 0.1).unwrap();
+        let file =
+            change(&mut session, folder.path(), |scene| scene.body["b"].material.poisson = 0.1).unwrap();
         let of = |file: &GreenFile, body: &str| file.meta.bodies[body].fingerprint.clone();
         assert_eq!(of(&file, "a"), of(&before, "a"));
         assert_ne!(of(&file, "b"), of(&before, "b"));

@@ -38,7 +38,10 @@ fn the_surfaces_of_a_pose_are_closed_and_as_long_as_the_pose_says() {
                     *edges.entry(edge).or_insert(0) += 1;
                 }
             }
-            assert!(edges.iter().all(|((a, b), count)| *count == 1 && edges.contains_key(&(*b, *a))), "closed");
+            assert!(
+                edges.iter().all(|((a, b), count)| *count == 1 && edges.contains_key(&(*b, *a))),
+                "closed"
+            );
             volumes.push(volume(&surface.vertices, &surface.triangles));
         }
         assert!(volumes[0] > 0.0 && (volumes[0] - volumes[1]).abs() < 1e-6 * volumes[0], "{volumes:?}");
@@ -59,8 +62,10 @@ fn an_unknown_surface_format_is_answered_with_the_known_ones() {
     let place = folder("surface-export-unknown");
     coarse_demo(&place);
     std::fs::write(place.join("poses.toml"), POSES).unwrap();
-    let output =
-        crate::common::attempt(&place, &["deform", "tube.toml", "--poses", "poses.toml", "--surface", "obj", "-o", "x"]);
+    let output = crate::common::attempt(
+        &place,
+        &["deform", "tube.toml", "--poses", "poses.toml", "--surface", "obj", "-o", "x"],
+    );
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(2) && said.contains("stl") && said.contains("glb"), "{said}");
 }

@@ -230,8 +230,11 @@ impl Desk {
                         return After::Nothing;
                     }
                 } else {
+                    // What was made can be taken at once: nothing lies over it.
                     let was_made = self.editor.take().is_some();
-                    self.messages.tell(if was_made { "Ready: grab the body." } else { "Changed." });
+                    self.is_open &= !was_made;
+                    let ready = "Ready: take the body with the left button. Tab: the panel, where the scene can be saved.";
+                    self.messages.tell(if was_made { ready } else { "Changed." });
                 }
                 self.known.extend(
                     before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))),
@@ -366,7 +369,7 @@ impl Desk {
             if is_new {
                 style::apply(context);
             }
-            let reads = || Step { name: "reading the mesh".into(), ..Step::default() };
+            let reads = || Step { name: "the surface".into(), ..Step::default() };
             let step = change
                 .as_ref()
                 .map(|change| change.steps.now())

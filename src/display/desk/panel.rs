@@ -20,7 +20,7 @@ use crate::session::Session;
 use crate::session::change::Step;
 use crate::session::open::stage;
 use crate::stage::{BUILT_IN, Stage};
-use egui::{Align2, Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window, vec2};
+use egui::{Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window, vec2};
 use std::path::{Path, PathBuf};
 
 /// A scene as the panel says it.
@@ -116,7 +116,10 @@ impl Draft {
     }
 }
 
-/// Shows the panel at the right edge.
+/// Of the panel, pixels.
+pub const WIDTH: f32 = 340.0;
+
+/// Shows the panel, at first at the right edge; a person may drag it elsewhere.
 pub fn show(
     context: &Context,
     draft: &mut Draft,
@@ -124,52 +127,54 @@ pub fn show(
     now: &Now<'_>,
     orders: &mut Vec<Order>,
 ) {
-    let height = context.content_rect().height();
-    Window::new("Scene")
-        .anchor(Align2::RIGHT_TOP, vec2(-12.0, 12.0))
+    let screen = context.content_rect();
+    let title = if editor.is_some() { "Make control elements" } else { "Scene" };
+    Window::new(title)
+        .id(egui::Id::unique("panel"))
+        .default_pos([screen.right() - WIDTH - 26.0, 12.0])
+        .constrain(true)
         .resizable(false)
-        .collapsible(false)
-        .default_width(330.0)
-        .default_height((height - 60.0).max(120.0))
-        .max_height((height - 60.0).max(120.0))
-        .vscroll(true)
+        .collapsible(true)
         .show(context, |ui| {
-            ui.set_width(320.0);
-            let is_busy = now.step.is_some();
-            match editor {
-                Some(editor) => {
-                    editor_panel::show(ui, editor);
-                    ui.separator();
-                    settings(ui, draft);
-                    ui.separator();
-                    if is_busy {
+            let most = (screen.height() - 70.0).max(120.0);
+            egui::ScrollArea::vertical().max_height(most).auto_shrink([false, true]).show(ui, |ui| {
+                ui.set_width(WIDTH - 16.0);
+                let is_busy = now.step.is_some();
+                match editor {
+                    Some(editor) => {
+                        editor_panel::show(ui, editor);
+                        ui.separator();
+                        settings(ui, draft);
+                        ui.separator();
+                        if is_busy {
+                            change(ui, draft, now, orders);
+                        } else {
+                            if editor_panel::precompute(ui, editor) {
+                                orders.push(Order::Apply);
+                            }
+                            if ui.button("Leave without precomputing (C)").clicked() {
+                                orders.push(Order::Edit(None));
+                            }
+                        }
+                    }
+                    None => {
+                        bodies(ui, draft);
+                        stages(ui, draft);
+                        ui.separator();
                         change(ui, draft, now, orders);
-                    } else {
-                        if editor_panel::precompute(ui, editor) {
-                            orders.push(Order::Apply);
-                        }
-                        if ui.button("Leave without precomputing (C)").clicked() {
-                            orders.push(Order::Edit(None));
+                        if !is_busy && ui.button("Make control elements (C)").clicked() {
+                            orders.push(Order::Edit(draft.chosen()));
                         }
                     }
                 }
-                None => {
-                    bodies(ui, draft);
-                    stages(ui, draft);
-                    ui.separator();
-                    change(ui, draft, now, orders);
-                    if !is_busy && ui.button("Make control elements (C)").clicked() {
-                        orders.push(Order::Edit(draft.chosen()));
-                    }
+                ui.separator();
+                save(ui, draft, orders);
+                keep(ui, now.is_recording, orders);
+                ui.separator();
+                if ui.button("Close the panel (Tab)").clicked() {
+                    orders.push(Order::Close);
                 }
-            }
-            ui.separator();
-            save(ui, draft, orders);
-            keep(ui, now.is_recording, orders);
-            ui.separator();
-            if ui.button("Close the panel (Tab)").clicked() {
-                orders.push(Order::Close);
-            }
+            });
         });
 }
 
