@@ -1,5 +1,6 @@
 //! What `view` and `render` have in common: the session that they open, and what they look at before anything is solved.
 
+use super::opening::Guess;
 use crate::base::failure::Failure;
 use crate::display::pictures::PictureRequest;
 use crate::prepare;
@@ -9,8 +10,10 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct SessionArgs {
-    /// Scene file (TOML)
+    /// Scene file (TOML); or a mesh or surface file, for which a scene is proposed
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub guess: Guess,
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
@@ -31,7 +34,15 @@ pub struct SessionArgs {
 impl SessionArgs {
     /// Of a scene with everything at its default.
     pub fn of(scene: PathBuf) -> SessionArgs {
-        SessionArgs { scene, stage: None, script: None, record: None, replay: None, green: None }
+        SessionArgs {
+            scene,
+            guess: Guess::default(),
+            stage: None,
+            script: None,
+            record: None,
+            replay: None,
+            green: None,
+        }
     }
 
     /// Whether the session's states are compared, so that its bodies deform on the CPU.

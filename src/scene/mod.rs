@@ -20,7 +20,7 @@ use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::fem::Element;
 use crate::mesh::length_unit::{LengthUnit, Scale};
-use crate::mesh::{MeshError, generate, refine, surface_files};
+use crate::mesh::{self, MeshError, generate, refine, surface_files};
 use crate::solve::Solver;
 use indexmap::IndexMap;
 use materials::{Known, Written, find_material};
@@ -34,6 +34,8 @@ pub enum SceneError {
     Config(#[from] ConfigError),
     #[error("{}: {entity}: {message}", path.display())]
     Invalid { path: PathBuf, entity: String, message: String },
+    #[error("{}: is a mesh or a surface, no scene; `greenstage new {}` makes a scene of it", path.display(), path.display())]
+    IsMesh { path: PathBuf },
     #[error("{}: body.{body}.mesh: {source}", path.display())]
     Mesh { path: PathBuf, body: String, source: Box<MeshError> },
     #[error("{}: {entity}: {source}", path.display())]
@@ -258,6 +260,9 @@ fn one() -> f64 {
 impl Scene {
     /// Reads and checks the scene file at `path`.
     pub fn load(path: &Path) -> Result<Scene, SceneError> {
+        if mesh::is_mesh_or_surface(path) {
+            return Err(SceneError::IsMesh { path: path.to_owned() });
+        }
         let mut scene: Scene = config::load(path)?;
         scene.path = path.to_owned();
         scene.check()?;

@@ -51,7 +51,7 @@ impl Draft {
             .find(|(name, _)| Stage::find(name).is_ok_and(|stage| stage == session.world.stage));
         let stage = known.map_or_else(|| scene.stage.clone(), |(name, _)| (*name).to_owned());
         Draft {
-            file: free_name(&scene.path),
+            file: free_name(scene),
             shown: scene.clone(),
             scene: scene.clone(),
             shown_stage: stage.clone(),
@@ -95,7 +95,7 @@ impl Draft {
     }
 
     pub fn was_saved(&mut self, saved: &Scene) {
-        self.file = free_name(&saved.path);
+        self.file = free_name(saved);
     }
 
     /// Scene and stage that are to be shown; a scene that the program could not read from a file is refused.
@@ -350,12 +350,13 @@ fn save(ui: &mut Ui, draft: &mut Draft, orders: &mut Vec<Order>) {
     });
 }
 
-/// A name for a scene file that no file has: that of the scene itself, or the same with a number.
-fn free_name(path: &Path) -> String {
-    let stem = path.with_extension("");
-    let numbered = (2..1000).map(|number| PathBuf::from(format!("{}-{number}.toml", stem.display())));
-    let free = std::iter::once(path.with_extension("toml")).chain(numbered).find(|path| !path.exists());
-    free.unwrap_or_default().display().to_string()
+/// A name for a scene file that no file has, in the folder in which the program runs: that of its one body, or of the scene.
+fn free_name(scene: &Scene) -> String {
+    let only = scene.body.keys().next().filter(|_| scene.body.len() == 1).cloned();
+    let stem = only.unwrap_or_else(|| scene.path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+    let numbered = (2..1000).map(|number| format!("{stem}-{number}.toml"));
+    let mut names = std::iter::once(format!("{stem}.toml")).chain(numbered);
+    names.find(|name| !Path::new(name).exists()).unwrap_or_default()
 }
 
 fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
