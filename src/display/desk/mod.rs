@@ -13,6 +13,7 @@ pub mod keep;
 mod messages;
 mod panel;
 mod style;
+mod units;
 pub mod video;
 
 use super::bodies::GpuBodies;
@@ -36,6 +37,9 @@ use panel::Draft;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Files of earlier changes that are kept in memory.
+const KEPT: usize = 4;
 
 /// What a person asks for in the panel.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,6 +77,8 @@ pub struct Desk {
     /// The files of earlier changes, so that the way back costs nothing, and where they are.
     known: Vec<Arc<GreenFile>>,
     folder: Option<tempfile::TempDir>,
+    /// How many files were begun there.
+    begun: usize,
     orders: Vec<Order>,
     /// Whether the loss of what was not saved was told.
     is_warned: bool,
@@ -104,6 +110,7 @@ impl Default for Desk {
             editor: None,
             known: Vec::new(),
             folder: None,
+            begun: 0,
             orders: Vec::new(),
             is_warned: false,
             started: Instant::now(),
@@ -239,6 +246,8 @@ impl Desk {
                 self.known.extend(
                     before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))),
                 );
+                let surplus = self.known.len().saturating_sub(KEPT);
+                self.known.drain(..surplus);
                 if after == After::NewWindows {
                     self.window = 0;
                 }
@@ -299,7 +308,7 @@ impl Desk {
     fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
         let Some(draft) = &mut self.draft else { return Ok(()) };
         let (scene, _) = draft.wanted(session, self.editor.as_ref())?;
-        let is_shown = session.scene.as_ref() == Some(&scene);
+        let is_shown = session.scene.as_ref().is_some_and(|shown| shown.body == scene.body);
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
         draft.was_saved(&saved);
@@ -332,7 +341,8 @@ impl Desk {
             Some(folder) => folder,
             None => tempfile::Builder::new().prefix("greenstage-").tempdir().map_err(Failure::work)?,
         };
-        let path = folder.path().join(format!("{}.green", self.known.len()));
+        let path = folder.path().join(format!("{}.green", self.begun));
+        self.begun += 1;
         self.folder = Some(folder);
         Ok(path)
     }
@@ -381,7 +391,7 @@ impl Desk {
                 messages::show_step(context, step);
             }
             messages.show(context, keeper.is_recording());
-            (is_over, is_writing) = (context.is_pointer_over_egui(), context.egui_wants_keyboard_input());
+            (is_over, is_writing) = (context.is_pointer_over_egui(), context.text_edit_focused());
         });
         (self.input.is_over, self.input.is_writing) = (is_over && self.is_open, is_writing);
         windows.glass = Some(Glass { window: self.window, overlay, mesh });

@@ -8,6 +8,7 @@ use super::editor::Editor;
 use super::editor_panel;
 use super::messages::progress;
 use super::style::{ACTION, GOOD};
+use super::units::{PASCAL, read, shown};
 use crate::base::failure::Failure;
 use crate::deform::{Frame as ModelFrame, MODELS};
 use crate::display::lettering::QUIET;
@@ -254,7 +255,8 @@ fn material(ui: &mut Ui, body: &mut Body) {
             DragValue::new(&mut body.material.young)
                 .speed(speed)
                 .range(1e-3..=1e15)
-                .custom_formatter(|young, _| pascal(young)),
+                .custom_formatter(|young, _| shown(young, PASCAL))
+                .custom_parser(|text| read(text, PASCAL)),
         );
     })
     .on_hover_text("Young's modulus E, Pa");
@@ -262,21 +264,6 @@ fn material(ui: &mut Ui, body: &mut Body) {
         ui.add(Slider::new(&mut body.material.poisson, 0.0..=0.499).max_decimals(3));
     })
     .on_hover_text("Poisson's ratio ν: 0.3 of steel, 0.49 of rubber and tissue");
-}
-
-/// "2.10 MPa".
-pub fn pascal(value: f64) -> String {
-    let scales = [(1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa"), (1.0, "Pa")];
-    let (scale, unit) = scales.into_iter().find(|(scale, _)| value.abs() >= *scale).unwrap_or((1.0, "Pa"));
-    let number = value / scale;
-    let decimals = if number >= 100.0 {
-        0
-    } else if number >= 10.0 {
-        1
-    } else {
-        2
-    };
-    format!("{number:.decimals$} {unit}")
 }
 
 fn effects(ui: &mut Ui, body: &mut Body) {
@@ -353,7 +340,8 @@ fn save(ui: &mut Ui, draft: &mut Draft, orders: &mut Vec<Order>) {
 /// A name for a scene file that no file has, in the folder in which the program runs: that of its one body, or of the scene.
 fn free_name(scene: &Scene) -> String {
     let only = scene.body.keys().next().filter(|_| scene.body.len() == 1).cloned();
-    let stem = only.unwrap_or_else(|| scene.path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+    let stem =
+        only.unwrap_or_else(|| scene.path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     let numbered = (2..1000).map(|number| format!("{stem}-{number}.toml"));
     let mut names = std::iter::once(format!("{stem}.toml")).chain(numbered);
     names.find(|name| !Path::new(name).exists()).unwrap_or_default()
