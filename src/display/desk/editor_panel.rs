@@ -1,8 +1,7 @@
 //! The part of the panel with which control elements are made: tools, the list of elements, node groups of the mesh.
 
 use super::editor::{Editor, colour};
-use super::panel::row;
-use super::style::{ACTION, WRONG};
+use super::style::{ACTION, WRONG, row};
 use super::units::{METRE, read, shown};
 use crate::display::lettering::QUIET;
 use crate::edit::Tool;

@@ -11,6 +11,7 @@ mod editor_panel;
 pub mod input;
 pub mod keep;
 mod messages;
+mod order;
 mod panel;
 mod style;
 mod units;
@@ -30,9 +31,11 @@ use crate::session::change::Step;
 use crate::session::keys::scale;
 use crate::session::{Change, Session};
 use editor::{Editor, Loading};
+use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
 use messages::Messages;
+use order::Order;
 use panel::Draft;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -40,26 +43,6 @@ use std::time::Instant;
 
 /// Files of earlier changes that are kept in memory.
 const KEPT: usize = 4;
-
-/// What a person asks for in the panel.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Order {
-    /// Show what the panel says.
-    Apply,
-    /// Show on; what is being computed is forgotten.
-    GiveUp,
-    /// The panel says what is shown again.
-    Reset,
-    Picture,
-    Video,
-    /// The bodies as they are, in the format of this name.
-    Export(&'static str),
-    Close,
-    /// Make control elements on the body of this name, or end that.
-    Edit(Option<String>),
-    /// Write the scene to the file of this name.
-    Save(PathBuf),
-}
 
 /// The panel, and what it has begun.
 pub struct Desk {
@@ -127,7 +110,8 @@ impl Desk {
         ray: impl FnOnce(usize, [f32; 2], &Session) -> Option<PickRay>,
     ) -> Option<Input> {
         if self.takes(&input, session) {
-            self.editor.iter_mut().filter(|_| self.input.is_over).for_each(Editor::leave);
+            let is_over = self.input.is_over();
+            self.editor.iter_mut().filter(|_| is_over).for_each(Editor::leave);
             return None;
         }
         let Some(editor) = self.editor.as_mut().filter(|_| self.is_open) else { return Some(input) };
@@ -137,7 +121,9 @@ impl Desk {
                 (!is_drawing).then_some(input)
             }
             Input::Button { button: Button::Left, pressed, .. } => {
-                editor.press(pressed);
+                if self.change.is_none() {
+                    editor.press(pressed);
+                }
                 None
             }
             Input::Button { window, button: Button::Right, pressed } => {
@@ -148,7 +134,7 @@ impl Desk {
                 None
             }
             Input::Key { key: Key::Char('z'), pressed, .. } if self.input.modifiers.ctrl => {
-                if pressed {
+                if pressed && self.change.is_none() {
                     editor.sketch.undo();
                 }
                 None
@@ -374,7 +360,7 @@ impl Desk {
             ..Default::default()
         };
         let Desk { draft, messages, change, keeper, orders, is_open, editor, loading, .. } = self;
-        let (mut is_over, mut is_writing) = (false, false);
+        let (mut rect, mut was_over, mut has_list, mut is_writing) = (None, false, false, false);
         let mesh = overlay.lay_out_widgets(size, input, |context| {
             if is_new {
                 style::apply(context);
@@ -386,14 +372,16 @@ impl Desk {
                 .or_else(|| loading.as_ref().map(|_| reads()));
             if let Some(draft) = draft.as_mut().filter(|_| *is_open) {
                 let now = panel::Now { session, step: step.as_ref(), is_recording: keeper.is_recording() };
-                panel::show(context, draft, editor.as_mut(), &now, orders);
+                rect = panel::show(context, draft, editor.as_mut(), &now, orders);
             } else if let Some(step) = &step {
                 messages::show_step(context, step);
             }
             messages.show(context, keeper.is_recording());
-            (is_over, is_writing) = (context.is_pointer_over_egui(), context.text_edit_focused());
+            (was_over, has_list) = (context.is_pointer_over_egui(), Popup::is_any_open(context));
+            is_writing = context.text_edit_focused();
         });
-        (self.input.is_over, self.input.is_writing) = (is_over && self.is_open, is_writing);
+        (self.input.rect, self.input.was_over) = (rect, was_over);
+        (self.input.has_list, self.input.is_writing) = (has_list, is_writing);
         windows.glass = Some(Glass { window: self.window, overlay, mesh });
     }
 

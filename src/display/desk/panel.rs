@@ -3,11 +3,11 @@
 //! In: the [`Draft`] of a scene. Out: the draft as a person changed it, and [`Order`]s. Nothing is checked here that the scene
 //! checks itself: what cannot be is told when it is tried, and the old state stays.
 
-use super::Order;
 use super::editor::Editor;
 use super::editor_panel;
 use super::messages::progress;
-use super::style::{ACTION, GOOD};
+use super::order::Order;
+use super::style::{ACTION, GOOD, row};
 use super::units::{PASCAL, read, shown};
 use crate::base::failure::Failure;
 use crate::deform::{Frame as ModelFrame, MODELS};
@@ -21,7 +21,7 @@ use crate::session::Session;
 use crate::session::change::Step;
 use crate::session::open::stage;
 use crate::stage::{BUILT_IN, Stage};
-use egui::{Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window, vec2};
+use egui::{Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window};
 use std::path::{Path, PathBuf};
 
 /// A scene as the panel says it.
@@ -120,19 +120,21 @@ impl Draft {
 /// Of the panel, pixels.
 pub const WIDTH: f32 = 340.0;
 
-/// Shows the panel, at first at the right edge; a person may drag it elsewhere.
+/// Shows the panel, at first at the right edge; a person may drag it elsewhere. Returns where it is.
 pub fn show(
     context: &Context,
     draft: &mut Draft,
     editor: Option<&mut Editor>,
     now: &Now<'_>,
     orders: &mut Vec<Order>,
-) {
+) -> Option<egui::Rect> {
     let screen = context.content_rect();
     let title = if editor.is_some() { "Make control elements" } else { "Scene" };
-    Window::new(title)
+    let shown = Window::new(title)
         .id(egui::Id::unique("panel"))
-        .default_pos([screen.right() - WIDTH - 26.0, 12.0])
+        .pivot(egui::Align2::RIGHT_TOP)
+        .default_pos([screen.right() - 12.0, 12.0])
+        .default_height(screen.height())
         .constrain(true)
         .resizable(false)
         .collapsible(true)
@@ -143,9 +145,12 @@ pub fn show(
                 let is_busy = now.step.is_some();
                 match editor {
                     Some(editor) => {
-                        editor_panel::show(ui, editor);
-                        ui.separator();
-                        settings(ui, draft);
+                        // What is changed while it is computed would be lost.
+                        ui.add_enabled_ui(!is_busy, |ui| {
+                            editor_panel::show(ui, editor);
+                            ui.separator();
+                            settings(ui, draft);
+                        });
                         ui.separator();
                         if is_busy {
                             change(ui, draft, now, orders);
@@ -159,8 +164,10 @@ pub fn show(
                         }
                     }
                     None => {
-                        bodies(ui, draft);
-                        stages(ui, draft);
+                        ui.add_enabled_ui(!is_busy, |ui| {
+                            bodies(ui, draft);
+                            stages(ui, draft);
+                        });
                         ui.separator();
                         change(ui, draft, now, orders);
                         if !is_busy && ui.button("Make control elements (C)").clicked() {
@@ -177,6 +184,7 @@ pub fn show(
                 }
             });
         });
+    Some(shown?.response.rect)
 }
 
 fn bodies(ui: &mut Ui, draft: &mut Draft) {
@@ -305,7 +313,7 @@ fn change(ui: &mut Ui, draft: &Draft, now: &Now<'_>, orders: &mut Vec<Order>) {
             if ui.button("Stop computing").clicked() {
                 orders.push(Order::GiveUp);
             }
-            ui.label(RichText::new("the body can be used meanwhile").color(QUIET).small());
+            ui.label(RichText::new("all else goes on meanwhile").color(QUIET).small());
         });
         return;
     }
@@ -365,17 +373,4 @@ fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
             }
         }
     });
-}
-
-/// A line with its name in a column of its own.
-pub fn row<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> egui::Response {
-    ui.horizontal(|ui| {
-        let size = vec2(74.0, ui.spacing().interact_size.y);
-        ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), |ui| {
-            ui.set_min_width(size.x);
-            ui.label(name);
-        });
-        content(ui);
-    })
-    .response
 }
