@@ -1,5 +1,6 @@
 //! `greenstage accuracy`: measures what accuracy costs in time.
 
+use super::opening::{self, Guess};
 use super::parsers;
 use super::print::print;
 use crate::base::bars::Bars;
@@ -23,8 +24,10 @@ use std::path::PathBuf;
 /// command goes on from where it stopped.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML)
+    /// Scene file (TOML); or a mesh or surface file, for which a scene is proposed
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub guess: Guess,
     /// Folder for the report; overwrites the files of an older report, and nothing else
     #[arg(short, long)]
     pub output: PathBuf,
@@ -57,7 +60,7 @@ const LARGEST: f64 = 300_000.0;
 const QUICK_S: f64 = 50.0;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = opening::scene(&args.scene, &args.guess)?;
     try_outputs(args, &scene)?;
     let name = match &args.body {
         Some(name) if scene.body.contains_key(name) => name.clone(),

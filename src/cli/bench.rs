@@ -1,5 +1,6 @@
 //! `greenstage bench`: measures the frame rate of stereo pairs, and where a frame's time goes.
 
+use super::opening::{self, Guess};
 use super::parsers;
 use super::print::print;
 use super::{bench_haptics, marks, precompute};
@@ -16,7 +17,7 @@ use crate::effect::any_requires;
 use crate::green::{FIELDS, Precomputed, STIFFNESS};
 use crate::prepare;
 use crate::render::{DrawCounts, Samples};
-use crate::scene::{Scene, Storage};
+use crate::scene::Storage;
 use crate::session::{Playback, Request, Session};
 use crate::stage::Stage;
 use crate::tuning;
@@ -33,9 +34,11 @@ use std::time::Instant;
 /// where a body lists the effect haptics also the ticks of its force loop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML)
+    /// Scene file (TOML); or a mesh or surface file, for which a scene is proposed
     #[arg(required_unless_present = "sizes")]
     pub scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub guess: Guess,
     /// Measure generated bodies of so many surface nodes instead of a scene, deformed on the CPU and on the device
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme"])]
     pub sizes: Vec<usize>,
@@ -80,7 +83,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             stage: &stage,
         });
     };
-    let scene = Scene::load(scene)?;
+    let scene = opening::scene(scene, &args.guess)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
     prepare::try_green(&scene, None)?;
     let scene = tuning::settle(scene, false, false)?;

@@ -1,5 +1,6 @@
 //! `greenstage check`: lists all that can be found wrong with a scene, without solving it.
 
+use super::opening::{self, Guess};
 use super::print::print;
 use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
@@ -8,6 +9,7 @@ use crate::base::table::{Table, bytes};
 use crate::deform::{ExpectedErrors, Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, GreenError};
+use crate::mesh;
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::session::open;
@@ -26,18 +28,20 @@ use std::path::PathBuf;
 /// monitors of the running display (without one, of the file's `monitor` tables).
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene or stage file (TOML), or the name of a built-in stage
+    /// Scene or stage file (TOML), or the name of a built-in stage; or a mesh or surface file, for which a scene is proposed
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub guess: Guess,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    if inspect::is_stage(&args.scene)? {
+    if !mesh::is_mesh_or_surface(&args.scene) && inspect::is_stage(&args.scene)? {
         return check_stage::run(&args.scene, args.json);
     }
-    let scene = Scene::load(&args.scene)?;
+    let scene = opening::scene(&args.scene, &args.guess)?;
     let mut findings = Vec::new();
     let mut meshes = Vec::new();
     for (name, body) in &scene.body {

@@ -1,9 +1,9 @@
 //! `greenstage new`: from a mesh or surface file to a scene file, with the reason for every choice.
 
-use super::opening::{self, Guess};
+use super::opening::{self, Guess, SCENE};
 use super::print::print;
 use crate::base::failure::Failure;
-use crate::base::output::{self, Kind};
+use crate::base::output;
 use crate::mesh::formats::files_of;
 use crate::scene::proposal::{Proposal, Wishes};
 use std::path::{Path, PathBuf};
@@ -54,10 +54,6 @@ pub struct Args {
     #[arg(long)]
     pub force: bool,
 }
-
-/// Only a scene is overwritten, even by force.
-const SCENE: Kind =
-    Kind { name: "a scene file", recognizes: |head| head.windows(6).any(|window| window == b"[body.") };
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let path = args.output.clone().unwrap_or_else(|| args.mesh.with_extension("toml"));

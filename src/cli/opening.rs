@@ -1,10 +1,14 @@
 //! What a command opens: a scene file, or a mesh or surface file for which a scene is proposed.
 
 use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::base::output::{self, Kind};
+use crate::mesh;
 use crate::mesh::length_unit::{LengthUnit, find_unit};
+use crate::scene::Scene;
 use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
 use std::io::{BufRead, IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What is known of a mesh or surface file; all else is guessed.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -39,6 +43,54 @@ pub fn propose(file: &Path, scene_path: &Path, mut wishes: Wishes) -> Result<Pro
 fn is_a_person_there() -> bool {
     std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
 }
+
+/// The scene of a file that a command is given: a scene file, or what is proposed for a mesh or a surface file, whose scene
+/// and .green file then go to a folder of their own ([`cache_folder`]), so that nothing appears beside the mesh.
+pub fn scene(path: &Path, guess: &Guess) -> Result<Scene, Failure> {
+    if !mesh::is_mesh_or_surface(path) {
+        let is_guessed = guess.unit.is_some() || guess.material.is_some();
+        let told =
+            "--unit and --material are for a mesh or surface file; a scene has the keys unit and material";
+        return if is_guessed { Err(Failure::wrong(told)) } else { Ok(Scene::load(path)?) };
+    }
+    let place = place_of(path)?;
+    let proposal = propose(path, &place, guess.wishes())?;
+    let text = proposal.text()?;
+    if std::fs::read_to_string(&place).ok().as_ref() != Some(&text) {
+        output::write(&place, &SCENE, |file| file.write_all(text.as_bytes()))?;
+    }
+    for line in proposal.reasons.iter().chain(&proposal.warnings) {
+        notice!("{}: {line}", path.display());
+    }
+    notice!(
+        "{}: shown as {} says; `greenstage new {}` writes a scene beside it for you to change",
+        path.display(),
+        place.display(),
+        quoted(&path.display().to_string())
+    );
+    Ok(Scene::load(&place)?)
+}
+
+/// The scene file for a mesh that has none: named after it, and after the folder that it is in.
+fn place_of(mesh: &Path) -> Result<PathBuf, Failure> {
+    let real = mesh.canonicalize().unwrap_or_else(|_| mesh.to_owned());
+    let folder = cache_folder();
+    output::make_folder(&folder)?;
+    let hash = blake3::hash(real.as_os_str().as_encoded_bytes()).to_hex();
+    let stem = mesh.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(folder.join(format!("{stem}-{}.toml", &hash[..8])))
+}
+
+/// `$XDG_CACHE_HOME/greenstage`, else `~/.cache/greenstage`, else a folder among the temporary files.
+fn cache_folder() -> PathBuf {
+    let from = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let cache = from("XDG_CACHE_HOME").or_else(|| from("HOME").map(|home| home.join(".cache")));
+    cache.unwrap_or_else(std::env::temp_dir).join("greenstage")
+}
+
+/// Only a scene is overwritten, even by force.
+pub const SCENE: Kind =
+    Kind { name: "a scene file", recognizes: |head| head.windows(6).any(|window| window == b"[body.") };
 
 /// The same commands as this one, with a unit.
 fn commands(doubt: &UnitDoubt) -> String {

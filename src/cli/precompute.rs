@@ -1,6 +1,7 @@
 //! `greenstage precompute`: the offline stage.
 
 use super::expected;
+use super::opening::{self, Guess};
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind, OutputError};
@@ -8,7 +9,6 @@ use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
 use crate::green::{self, Precomputed};
 use crate::prepare;
-use crate::scene::Scene;
 use crate::tuning;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,8 +21,10 @@ use std::time::Instant;
 /// .green file or empty; any other, and what the scene reads, never is, not with --force either.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML); `greenstage manual scene` describes it
+    /// Scene file (TOML; `greenstage manual scene`); or a mesh or surface file, for which a scene is proposed
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub guess: Guess,
     /// Where to write; default: beside the scene, with the extension .green
     #[arg(short, long)]
     pub output: Option<PathBuf>,
@@ -35,7 +37,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = opening::scene(&args.scene, &args.guess)?;
     let path = args.output.clone().unwrap_or_else(|| prepare::green_path(&scene));
     let inputs = prepare::inputs(&scene);
     let will_compute = args.force || !path.exists();

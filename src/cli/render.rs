@@ -1,5 +1,6 @@
 //! `greenstage render`: the scripted scene as offscreen pictures.
 
+use super::opening;
 use super::parsers;
 use super::print::print;
 use super::session_args::SessionArgs;
@@ -8,7 +9,6 @@ use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
 use crate::render::Samples;
-use crate::scene::Scene;
 use crate::session::Session;
 use crate::stage::Stereo;
 use crate::tuning;
@@ -52,7 +52,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     args.device.for_session(args.session.is_recorded())?;
-    let scene = Scene::load(&args.session.scene)?;
+    let scene = opening::scene(&args.session.scene, &args.session.guess)?;
     let pictures = PictureRequest {
         folder: args.output.clone(),
         frames: args.frames,

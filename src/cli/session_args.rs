@@ -1,5 +1,6 @@
 //! What `view` and `render` have in common: the session that they open, and what they look at before anything is solved.
 
+use super::opening::Guess;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::display::pictures::PictureRequest;
@@ -11,8 +12,10 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct SessionArgs {
-    /// Scene file (TOML), or a built-in scene: tube, hose, bar, bear, models
+    /// Scene file (TOML); or a built-in scene: tube, hose, bar, bear, models; or a mesh or surface file, for which a scene is proposed
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub guess: Guess,
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,

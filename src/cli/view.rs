@@ -1,5 +1,6 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
+use super::opening;
 use super::parsers;
 use super::print::print;
 use super::session_args::SessionArgs;
@@ -10,7 +11,6 @@ use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
 use crate::display::screen_windows::ScreenWindows;
 use crate::render::{Samples, window};
-use crate::scene::Scene;
 use crate::session::{Session, keys, playback};
 use crate::tuning;
 use std::path::PathBuf;
@@ -59,7 +59,7 @@ const OFFSCREEN: usize = 20;
 pub fn run(args: &Args) -> Result<(), Failure> {
     let device = args.device.for_session(args.session.is_recorded())?;
     let display = window::find_display();
-    let scene = Scene::load(&args.session.scene)?;
+    let scene = opening::scene(&args.session.scene, &args.session.guess)?;
     let pictures = PictureRequest {
         folder: args.offscreen.clone(),
         frames: OFFSCREEN,

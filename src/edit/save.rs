@@ -86,3 +86,50 @@ fn keep_green(scene: &Scene, file: &GreenFile) -> Result<(), Failure> {
     output::write(&path, &green::GREEN, |to| std::io::copy(&mut from, to).map(drop))?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Nodes;
+
+    const SCENE: &str = "stage = \"workbench\"\n\
+        [body.part]\n\
+        mesh = \"part.msh\"\n\
+        material = \"rubber\"\n\
+        [body.part.control]\n\
+        low = { nodes = { list = [1, 2, 3] }, grab = \"fixed\" }\n\
+        high = { nodes = { group = \"high\" }, grab = \"dragger\" }\n";
+
+    #[test]
+    fn a_saved_scene_is_the_same_from_where_it_stands() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("scenes")).unwrap();
+        let mut scene = Scene::parse(SCENE, &folder.path().join("part.toml")).unwrap();
+        scene.body["part"].control["low"].nodes = Nodes::List((1..=1000).collect());
+        let path = folder.path().join("scenes/mine.toml");
+        let saved = save(&scene, &Comments::new(), None, &path).unwrap();
+        assert_eq!(saved.body["part"].mesh.as_deref(), Some(Path::new("../part.msh")));
+        assert_eq!(saved.body["part"].control["low"].nodes, Nodes::File("mine.low.nodes".into()));
+        let tags = std::fs::read_to_string(folder.path().join("scenes/mine.low.nodes")).unwrap();
+        assert_eq!(tags.lines().filter(|line| !line.starts_with('#')).count(), 1000);
+        assert_eq!(saved.stage, "workbench");
+        let again = save(&scene, &Comments::new(), None, &path).unwrap_err().to_string();
+        assert!(again.contains("is there already"), "{again}");
+        assert!(save(&scene, &Comments::new(), None, &folder.path().join("mine")).is_err());
+    }
+
+    #[test]
+    fn a_short_list_stands_in_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut scene = Scene::parse(SCENE, &folder.path().join("part.toml")).unwrap();
+        let nodes = Nodes::List((100..300).collect());
+        scene.body["part"].control["low"].nodes = nodes.clone();
+        let path = folder.path().join("mine.toml");
+        assert_eq!(
+            save(&scene, &Comments::new(), None, &path).unwrap().body["part"].control["low"].nodes,
+            nodes
+        );
+        let text = std::fs::read_to_string(path).unwrap();
+        assert!(text.lines().all(|line| line.chars().count() <= 120), "{text}");
+    }
+}

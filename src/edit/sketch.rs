@@ -337,3 +337,124 @@ pub fn rounded(value: f64, extent: f64) -> f64 {
     let decimals = (4.0 - extent.max(f64::MIN_POSITIVE).log10().floor()).clamp(0.0, 15.0) as usize;
     format!("{value:.decimals$}").parse().unwrap_or(value)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Block, block};
+
+    /// A bar along x from -0.5 to 0.5 m.
+    fn canvas() -> Canvas {
+        Canvas::new(block(&Block { size: [1.0, 0.2, 0.2], cells: [20, 4, 4] }).unwrap())
+    }
+
+    fn empty() -> Sketch {
+        Sketch {
+            elements: Vec::new(),
+            chosen: 0,
+            tool: Tool::Paint,
+            radius: 0.06,
+            stroke: None,
+            history: Vec::new(),
+            version: 0,
+        }
+    }
+
+    fn touch(canvas: &Canvas, point: [f64; 3]) -> Touch {
+        let point = Vector3::from(point);
+        let distance = |v: &u32| (canvas.places[*v as usize] - point).norm();
+        let vertex =
+            (0..canvas.places.len() as u32).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+        Touch { point, vertex }
+    }
+
+    fn stroke(sketch: &mut Sketch, canvas: &mut Canvas, from: [f64; 3], to: [f64; 3]) {
+        let [from, to] = [from, to].map(|point| touch(canvas, point));
+        sketch.press(canvas, from);
+        sketch.drag(canvas, to);
+        sketch.release(canvas);
+    }
+
+    fn places<'a>(
+        sketch: &'a Sketch,
+        canvas: &'a Canvas,
+        number: usize,
+    ) -> impl Iterator<Item = Vector3<f64>> + 'a {
+        sketch.elements[number].held.iter().map(|&node| canvas.mesh.nodes[node as usize])
+    }
+
+    #[test]
+    fn a_quick_stroke_paints_all_that_lies_on_its_way_and_nothing_on_the_other_side() {
+        let (mut canvas, mut sketch) = (canvas(), empty());
+        stroke(&mut sketch, &mut canvas, [-0.4, 0.0, 0.1], [0.4, 0.0, 0.1]);
+        for k in 0..=16 {
+            let on_way = Vector3::new(-0.4 + 0.05 * f64::from(k), 0.0, 0.1);
+            assert!(places(&sketch, &canvas, 0).any(|x| (x - on_way).norm() < 1e-9), "{on_way}");
+        }
+        assert!(places(&sketch, &canvas, 0).all(|x| x.z > 0.0 && x.y.abs() < 0.09));
+        assert!(
+            matches!(&sketch.elements[0].nodes, Some(Nodes::List(tags)) if tags.len() == sketch.elements[0].held.len())
+        );
+        assert_eq!(sketch.elements[0].grab, Grab::Fixed, "the first holds the body");
+
+        sketch.tool = Tool::Erase;
+        stroke(&mut sketch, &mut canvas, [0.0, 0.0, 0.1], [0.0, 0.0, 0.1]);
+        assert!(places(&sketch, &canvas, 0).all(|x| x.x.abs() > 0.05));
+        sketch.undo();
+        assert!(places(&sketch, &canvas, 0).any(|x| x.x.abs() < 0.01));
+        sketch.undo();
+        assert!(sketch.elements[0].held.is_empty());
+    }
+
+    #[test]
+    fn shapes_stay_shapes_until_another_element_has_a_part_of_them() {
+        let (mut canvas, mut sketch) = (canvas(), empty());
+        sketch.tool = Tool::Ball;
+        stroke(&mut sketch, &mut canvas, [-0.5, 0.0, 0.1], [-0.3, 0.0, 0.1]);
+        assert_eq!(sketch.elements[0].nodes, Some(Nodes::Sphere { centre: [-0.5, 0.0, 0.1], radius: 0.2 }));
+        let all = sketch.elements[0].nodes.as_ref().unwrap().select(&canvas.mesh).unwrap();
+        assert_eq!(
+            sketch.elements[0].held.iter().copied().collect::<Vec<_>>(),
+            all,
+            "inside the body as well"
+        );
+
+        sketch.add();
+        assert_eq!((sketch.elements[1].name.as_str(), sketch.elements[1].grab), ("hand", Grab::Dragger));
+        sketch.tool = Tool::Box;
+        sketch.radius = 0.11;
+        stroke(&mut sketch, &mut canvas, [0.3, 0.0, 0.1], [0.5, 0.0, 0.1]);
+        assert!(matches!(sketch.elements[1].nodes, Some(Nodes::Box { .. })));
+        stroke(&mut sketch, &mut canvas, [-0.35, 0.0, 0.1], [0.5, 0.0, 0.1]);
+        assert!(matches!(sketch.elements[1].nodes, Some(Nodes::List(_))), "the ball keeps its nodes");
+        assert!(sketch.elements[1].held.is_disjoint(&sketch.elements[0].held));
+        assert_eq!(sketch.lack(), None);
+        sketch.elements[1].grab = Grab::Fixed;
+        assert!(sketch.lack().unwrap().contains("can be grabbed"));
+        sketch.elements[1].name = "base".into();
+        assert!(sketch.lack().unwrap().contains("called base"));
+        assert_eq!(sketch.controls().len(), 1, "a table has one entry of a name");
+    }
+
+    #[test]
+    fn an_element_grows_and_shrinks_by_a_length() {
+        let (mut canvas, mut sketch) = (canvas(), empty());
+        sketch.add();
+        sketch.put(&canvas, Nodes::Group("xmin".into()));
+        let count = |sketch: &Sketch| sketch.elements[0].held.len();
+        let face = count(&sketch);
+        sketch.spread(&mut canvas, 0.101);
+        assert!(places(&sketch, &canvas, 0).all(|x| x.x < -0.39));
+        assert_eq!(count(&sketch), face + 2 * 16, "two rings of 16 around the bar");
+        sketch.spread(&mut canvas, -0.051);
+        assert_eq!(count(&sketch), face + 16);
+    }
+
+    #[test]
+    fn numbers_are_rounded_so_that_they_can_be_read() {
+        assert_eq!(rounded(0.123456789, 1.0), 0.1235);
+        assert_eq!(rounded(123.456789, 250.0), 123.46);
+        assert_eq!(rounded(0.000123456789, 0.002), 0.0001235);
+        assert_eq!(rounded(f64::MAX, 0.0), f64::MAX);
+    }
+}

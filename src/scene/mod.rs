@@ -23,7 +23,7 @@ use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::fem::Element;
 use crate::mesh::length_unit::{LengthUnit, Scale};
-use crate::mesh::{MeshError, blobs, generate, refine, surface_files};
+use crate::mesh::{self, MeshError, blobs, generate, refine, surface_files};
 use crate::solve::Solver;
 use indexmap::IndexMap;
 use materials::{Known, Written, find_material};
@@ -39,6 +39,8 @@ pub enum SceneError {
     Unknown { path: PathBuf, message: String },
     #[error("{}: {entity}: {message}", path.display())]
     Invalid { path: PathBuf, entity: String, message: String },
+    #[error("{}: is a mesh or a surface, no scene; `greenstage new {}` makes a scene of it", path.display(), path.display())]
+    IsMesh { path: PathBuf },
     #[error("{}: body.{body}.mesh: {source}", path.display())]
     Mesh { path: PathBuf, body: String, source: Box<MeshError> },
     #[error("{}: {entity}: {source}", path.display())]
@@ -298,6 +300,9 @@ impl Scene {
                 return Err(SceneError::Unknown { path, message });
             }
             None => {}
+        }
+        if mesh::is_mesh_or_surface(path) {
+            return Err(SceneError::IsMesh { path: path.to_owned() });
         }
         let mut scene: Scene = config::load(path)?;
         scene.path = path.to_owned();

@@ -147,3 +147,120 @@ impl Session {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deform::ControlPose;
+    use crate::scene::Grab;
+    use crate::session::Request;
+    use nalgebra::Vector3;
+    use std::path::Path;
+
+    const SCENE: &str = "[body.a]\n\
+        generate = { block = { size = [1.0, 0.2, 0.2], cells = [5, 1, 1] } }\n\
+        material = { young = 1.0e6, poisson = 0.3 }\n\
+        [body.a.control]\n\
+        low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+        high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n\
+        [body.b]\n\
+        generate = { block = { size = [1.0, 0.2, 0.2], cells = [4, 1, 1] } }\n\
+        material = { young = 1.0e6, poisson = 0.3 }\n\
+        [body.b.control]\n\
+        low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+        high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+
+    fn session(folder: &Path) -> Session {
+        let scene = Scene::parse(SCENE, &folder.join("scene.toml")).unwrap();
+        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        let pose = ControlPose { translation: Vector3::new(0.1, 0.02, 0.0), ..ControlPose::REST };
+        let field = session.world.fields.bodies[0].poses[1];
+        session.world.graph.restore(field, pose);
+        session.advance(0.0).unwrap();
+        assert_eq!(session.world.bodies[0].deformer.poses[1], pose);
+        session
+    }
+
+    fn change(
+        session: &mut Session,
+        folder: &Path,
+        edit: impl FnOnce(&mut Scene),
+    ) -> Result<Arc<GreenFile>, Failure> {
+        let mut scene = session.scene.clone().unwrap();
+        edit(&mut scene);
+        let (stage, known) = (session.world.stage.clone(), session.file.iter().cloned().collect());
+        let changed = Change::begin(session, scene, stage, folder.join("new.green"), known)?.finish()?;
+        let file = changed.file.clone();
+        session.take(changed)?;
+        session.advance(0.1)?;
+        Ok(file)
+    }
+
+    #[test]
+    fn another_model_of_the_same_columns_computes_nothing_and_keeps_the_pose() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = session(folder.path());
+        let (before, pose) = (session.file.clone().unwrap(), session.world.bodies[0].deformer.poses[1]);
+        let file =
+            change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
+        assert!(Arc::ptr_eq(&file, &before) && !folder.path().join("new.green").exists());
+        let body = &session.world.bodies[0];
+        assert_eq!((body.model.as_str(), body.deformer.poses[1]), ("rotation", pose));
+        assert_eq!(session.scene.as_ref().unwrap().body["a"].model, "rotation");
+    }
+
+    #[test]
+    fn only_the_body_that_changed_is_computed_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = session(folder.path());
+        let before = session.file.clone().unwrap();
+        let file =
+            change(&mut session, folder.path(), |scene| scene.body["b"].material.poisson = 0.1).unwrap();
+        let of = |file: &GreenFile, body: &str| file.meta.bodies[body].fingerprint.clone();
+        assert_eq!(of(&file, "a"), of(&before, "a"));
+        assert_ne!(of(&file, "b"), of(&before, "b"));
+        assert_eq!(file.meta.bodies["a"], before.meta.bodies["a"]);
+        for (name, hash) in before.meta.blake3.iter().filter(|(name, _)| name.starts_with("a/")) {
+            assert_eq!(file.meta.blake3.get(name), Some(hash), "{name}");
+        }
+        assert_eq!(session.world.bodies[0].deformer.poses[1].translation.x, 0.1);
+    }
+
+    #[test]
+    fn what_cannot_be_leaves_the_session_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = session(folder.path());
+        let before = session.file.clone().unwrap();
+        let no_group = |scene: &mut Scene| {
+            scene.body["a"].control["low"].nodes = crate::scene::Nodes::Group("nowhere".into());
+        };
+        let error = change(&mut session, folder.path(), no_group).unwrap_err().to_string();
+        assert!(error.contains("nowhere"), "{error}");
+        assert!(Arc::ptr_eq(session.file.as_ref().unwrap(), &before));
+        assert_eq!(session.world.bodies[0].deformer.poses[1].translation.x, 0.1);
+    }
+
+    #[test]
+    fn an_element_of_other_nodes_begins_at_rest() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = session(folder.path());
+        let other = |scene: &mut Scene| {
+            let high = &mut scene.body["a"].control["high"];
+            high.nodes = crate::scene::Nodes::Group("ymax".into());
+            scene.body["a"].control["low"].nodes = crate::scene::Nodes::Group("ymin".into());
+            assert_eq!(scene.body["a"].control["high"].grab, Grab::Dragger);
+        };
+        change(&mut session, folder.path(), other).unwrap();
+        assert_eq!(session.world.bodies[0].deformer.poses[1], ControlPose::REST);
+    }
+
+    #[test]
+    fn a_session_that_is_recorded_is_not_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = Scene::parse(SCENE, &folder.path().join("scene.toml")).unwrap();
+        let path = folder.path().join("all.jsonl");
+        let mut session = Session::open(&Request { record: Some(&path), ..Request::of(&scene) }).unwrap();
+        let error = change(&mut session, folder.path(), |_| {}).unwrap_err().to_string();
+        assert!(error.contains("being recorded"), "{error}");
+    }
+}

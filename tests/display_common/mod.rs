@@ -2,12 +2,13 @@
 #![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; a test may unwrap")]
 
 use image::RgbImage;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, IoSlice};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use x11rb::connection::Connection;
+use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::xproto::{
-    AtomEnum, ConfigureWindowAux, ConnectionExt, CreateWindowAux, ImageFormat, PropMode, Window, WindowClass,
+    AtomEnum, ConfigureWindowAux, ConnectionExt, CreateWindowAux, ImageFormat, InputFocus, PropMode, Window,
+    WindowClass,
 };
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
@@ -102,6 +103,31 @@ impl Display {
 
     pub fn move_cursor(&self, [x, y]: [i16; 2]) {
         self.connection.warp_pointer(x11rb::NONE, self.root, 0, 0, 0, 0, x, y).unwrap().check().unwrap();
+    }
+
+    /// The window gets what is typed.
+    pub fn focus(&self, id: Window) {
+        let focus = self.connection.set_input_focus(InputFocus::PARENT, id, x11rb::CURRENT_TIME);
+        focus.unwrap().check().unwrap();
+    }
+
+    /// Presses and releases the key of a keysym, by the server's extension for tests (XTEST 2.2, request FakeInput).
+    pub fn type_key(&self, keysym: u32) {
+        let setup = self.connection.setup();
+        let (first, last) = (setup.min_keycode, setup.max_keycode);
+        let map = self.connection.get_keyboard_mapping(first, last - first + 1).unwrap().reply().unwrap();
+        let each = usize::from(map.keysyms_per_keycode);
+        let row = map.keysyms.chunks_exact(each).position(|syms| syms[0] == keysym).unwrap();
+        let code = first + row as u8;
+        let opcode = self.connection.query_extension(b"XTEST").unwrap().reply().unwrap().major_opcode;
+        for kind in [2_u8, 3] {
+            let mut request = vec![opcode, 2, 9, 0, kind, code, 0, 0];
+            request.extend([0_u32, self.root, 0, 0].iter().flat_map(|word| word.to_le_bytes()));
+            request.resize(36, 0);
+            let sent = self.connection.send_request_without_reply(&[IoSlice::new(&request)], Vec::new());
+            sent.unwrap().check().unwrap();
+            std::thread::sleep(Duration::from_millis(30));
+        }
     }
 
     /// Plays the daemon that tells all programs the settings of the desktop (XSETTINGS), to begin with 96 dots per inch.

@@ -3,7 +3,7 @@
 mod small;
 
 use crate::mesh_roundtrip::{any_block, bits};
-use greenstage::mesh::{Loaded, TetMesh, formats::writers, load, parse, save};
+use greenstage::mesh::{EDGES, Loaded, Order, TetMesh, formats::writers, load, parse, parse_as, save};
 use nalgebra::Vector3;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -42,6 +42,123 @@ fn all_variants_of_all_formats_say_the_same() {
         assert_eq!(mesh.tets, [[0, 1, 2, 3], [1, 2, 3, 4]], "{name}");
         assert_eq!(mesh.regions, [3, 7], "{name}");
         assert_eq!(loaded.notices, [] as [&str; 0], "{name}");
+    }
+}
+
+#[test]
+fn vega_sets_are_groups_and_regions() {
+    let vega = String::from_utf8(small::vega()).unwrap();
+    let named = vega.replace("Region_3", "soft part").replace("*SET Region_7\n1\n", "").replace(
+        "*REGION\nRegion_7, hard\n",
+        "*MATERIAL hard\nENU, 1000, 2e6, 0.4\n*MATERIAL odd\nMOONEYRIVLIN, 1, 2, 3, 4\n*OWN thing\n",
+    );
+    let loaded = read("m.veg", named.as_bytes()).unwrap();
+    assert_eq!(loaded.mesh.regions, [1, 0]);
+    assert_eq!(loaded.mesh.region_names[&1], "soft part");
+    assert_eq!(loaded.mesh.groups["soft part"], [0, 1, 2, 3]);
+    assert!(
+        loaded.notices[0].ends_with(
+            "hard = { young = 2000000.0, poisson = 0.4, density = 1000.0 }; odd (MOONEYRIVLIN, 1, 2, 3, 4)"
+        ),
+        "{:?}",
+        loaded.notices
+    );
+    assert_eq!(loaded.notices[1], "sections not used: *OWN");
+    // All elements in one region, then some of them in another.
+    let two = edited(&vega, "*REGION\nRegion_3", "*REGION\nallElements, all\n*REGION\nRegion_3");
+    assert_eq!(read("m.veg", &two).unwrap().mesh.regions, [3, 7]);
+    for (from, to, expected) in [
+        ("5 3 0 0", "6 3 0 0", "m.veg:10: expected a vertex, found `*ELEMENTS`: fewer entries than said?"),
+        ("5 3 0 0", "4 3 0 0", "m.veg:8: expected a keyword (*NAME), found `4, 1"),
+        ("TETS", "CUBIC", "m.veg:11: elements of the kind CUBIC are not read"),
+        ("2 4 0", "3 4 0", "m.veg:16: expected an element, found `*SET Region_3`"),
+        ("1, 1, 2, 3, 4", "1, 1, 2, 3", "m.veg:14: the line ends where the number of a vertex is expected"),
+        ("1, 1, 2, 3, 4", "1, 1, 2, x, 4", "m.veg:14: expected the number of a vertex, found `x`"),
+        (" 0,\n", " 5,\n", "m.veg:17: set Region_3: there is no element 5 before it"),
+        ("Region_3, soft", "Region_5, soft", "m.veg:21: there is no set Region_5 (*SET)"),
+        ("*REGION", "*INCLUDE more.veg\n*REGION", "m.veg:20: *INCLUDE is not followed"),
+        (
+            "*ELEMENTS\nTETS\n2 4 0\n0 0 1 2 3\n1, 1, 2, 3, 4",
+            "",
+            "m.veg:13: set Region_3: there is no element 0",
+        ),
+    ] {
+        refused("m.veg", &edited(&vega, from, to), expected);
+    }
+    refused("m.veg", b"*VERTICES\n1 3 0 0\n0 0 0 0\n", "m.veg: no section *ELEMENTS");
+}
+
+/// By its content, whatever it is called; a Gmsh file of the same extension is still one.
+#[test]
+fn gid_is_told_from_gmsh_by_its_first_line() {
+    let gid = String::from_utf8(small::gid()).unwrap();
+    let plain = gid.replace(" 3\n2 12", "\n2 12").replace(" 7\nEnd", "\nEnd");
+    assert_eq!(read("m.msh", plain.as_bytes()).unwrap().mesh.regions, [0, 0]);
+    assert_eq!(read("m", gid.as_bytes()).unwrap().mesh.regions, [3, 7]);
+    // A second MESH of faces, and a third of tetrahedra, on the coordinates of the first.
+    let faces = "MESH \"clamped\" dimension 3 ElemType Triangle Nnode 3\nCoordinates\nEnd Coordinates\n\
+                 Elements\n7 11 12 13\nEnd Elements\n";
+    let solid = "MESH core dimension 3 ElemType Tetrahedra Nnode 4\nElements\n8 11 12 13 15\nEnd Elements\n";
+    let loaded = read("m.msh", (plain.clone() + "Unit \"mm\"\n" + faces + solid).as_bytes()).unwrap();
+    assert_eq!(loaded.mesh.regions, [1, 1, 3]);
+    assert_eq!(loaded.mesh.region_names[&1], "a body");
+    assert_eq!(loaded.mesh.groups["clamped"], [0, 1, 2]);
+    assert!(loaded.notices[0].contains("its unit is \"mm\""), "{:?}", loaded.notices);
+    for (from, to, expected) in [
+        ("Dimension 3", "Dimension 2", "m.msh:2: a mesh in 2 dimensions, not 3"),
+        ("nnode 4", "nnode 5", "m.msh:2: tetrahedra of 5 nodes are not known"),
+        ("tetrahedra", "blobs", "m.msh:2: elements of the kind blobs are not known: Point, Line"),
+        ("nnode 4", "", "m.msh:2: MESH without Nnode: write `MESH"),
+        ("end coordinates\n", "", "m.msh:11: expected the number of a node, found `Elements`"),
+        ("End Elements", "", "m.msh:14: the file ends where End Elements is expected"),
+        (
+            "1 11 12 13 14 3",
+            "1 11 12",
+            "m.msh:12: expected the number of an element and those of its 4 nodes",
+        ),
+        ("13 14 3", "13 14 x", "m.msh:12: expected the number of a material, found `x`"),
+        ("Elements", "Elephants", "m.msh:11: expected MESH, Coordinates or Elements, found `Elephants`"),
+    ] {
+        refused("m.msh", &edited(&gid, from, to), expected);
+    }
+    refused("m.msh", b"hello\n", "m.msh:1: ");
+}
+
+/// GiD counts the edge 13 before 23, Gmsh after it.
+#[test]
+fn the_ten_nodes_of_gid_stand_on_their_edges() {
+    let corners = [[0, 0, 0], [2, 0, 0], [0, 2, 0], [0, 0, 2]];
+    let edges = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
+    let middles =
+        edges.map(|[a, b]: [usize; 2]| [0, 1, 2].map(|axis| (corners[a][axis] + corners[b][axis]) / 2));
+    let nodes: String = (1..)
+        .zip(corners.iter().chain(&middles))
+        .map(|(tag, [x, y, z])| format!("{tag} {x} {y} {z}\n"))
+        .collect();
+    let text = format!(
+        "MESH dimension 3 ElemType Tetrahedra Nnode 10\nCoordinates\n{nodes}End Coordinates\nElements\n\
+         1 1 2 3 4 5 6 7 8 9 10\nEnd Elements\n"
+    );
+    let mesh = parse_as(Path::new("m.msh"), text.as_bytes(), Order::Quadratic).unwrap().mesh;
+    for (edge, mid) in EDGES.iter().zip(mesh.mids[0]) {
+        let [a, b] = edge.map(|corner| mesh.nodes[mesh.tets[0][corner] as usize]);
+        assert_eq!(mesh.nodes[mid as usize], (a + b) / 2.0, "{edge:?}");
+    }
+}
+
+#[test]
+fn geometry_and_foreign_meshes_are_told_what_converts_them() {
+    for (name, bytes, expected) in [
+        ("part.step", &b"ISO-10303-21;\nHEADER;"[..], "gmsh -3 -clmax 5 -format msh41 part.step -o part.msh"),
+        ("part", b"ISO-10303-21;\nHEADER;", "gmsh -3"),
+        ("part.igs", b"", "gmsh -3 -clmax 5 -format msh41 part.igs"),
+        ("part.geo", b"SetFactory", "gmsh -3 -clmax 0.008"),
+        ("part.bdf", b"", "gmsh part.bdf -save -format msh41 -o part.msh"),
+        ("part.exo", b"", "meshio convert part.exo part.vtu"),
+        ("part.txt", b"", "not a mesh file that can be read; known are Gmsh"),
+    ] {
+        let told = read(name, bytes).unwrap_err();
+        assert!(told.starts_with(&format!("{name}: ")) && told.contains(expected), "{told}");
     }
 }
 

@@ -73,6 +73,7 @@ pub fn readers(folder: &Path) -> Vec<Reader> {
         ("TetGen elements", ".ele"),
         ("Abaqus", ".inp"),
         ("Medit", ".mesh"),
+        ("Vega", ".veg"),
     ] {
         readers.push(Reader::new(name, of(ending, &tets), read_mesh));
     }

@@ -3,6 +3,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod desk_window;
 #[path = "../display_common/mod.rs"]
 mod display_common;
 mod golden;

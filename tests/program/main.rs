@@ -16,3 +16,4 @@ mod replay;
 mod stage_check;
 mod stage_files;
 mod stage_seams;
+mod surface_export;

@@ -13,6 +13,8 @@ use crate::world::World;
 use nalgebra::{Point3, Similarity3, Translation3};
 use std::thread::JoinHandle;
 
+/// The part of a screen's width that the panel takes.
+const PANEL_SHARE: f64 = 0.27;
 /// sRGB and mark, as bodies have them.
 const BODY: [u8; 4] = [96, 142, 186, 0];
 const BRUSH: [u8; 4] = [236, 240, 245, 255];
@@ -88,8 +90,20 @@ impl Editor {
         }
     }
 
-    /// Where it stands: where the scene's body does, or else where that would be put.
+    /// Where it stands: as the scene's body, smaller and to the left of where that is, so that the panel covers nothing of it.
     fn room_from_mesh(&self, world: &World) -> Similarity3<f64> {
+        let (stage, whole) = (&world.stage, self.room_from_shown(world));
+        let screen = &stage.screens[stage.faced_screen()];
+        let centre = stage.workspace.centre;
+        let beside = screen.axes()[0] * (-PANEL_SHARE * screen.width_m() / 2.0);
+        let about_centre = Translation3::from(centre.coords + beside)
+            * Similarity3::from_scaling(1.0 - PANEL_SHARE)
+            * Translation3::from(-centre.coords);
+        about_centre * whole
+    }
+
+    /// Where the scene's body is, or else where that would be put.
+    fn room_from_shown(&self, world: &World) -> Similarity3<f64> {
         if let Some(body) = world.bodies.iter().find(|body| body.deformer.body == self.body) {
             return body.room_from_body * Translation3::from(-body.deformer.centre);
         }

@@ -1,8 +1,8 @@
 //! The part of the panel with which control elements are made: tools, the list of elements, node groups of the mesh.
 
 use super::editor::{Editor, colour};
-use super::panel::row;
-use super::style::{ACTION, WRONG};
+use super::style::{ACTION, WRONG, row};
+use super::units::{METRE, read, shown};
 use crate::display::lettering::QUIET;
 use crate::edit::Tool;
 use crate::scene::{Grab, Nodes};
@@ -90,7 +90,9 @@ fn tools(ui: &mut Ui, editor: &mut Editor) {
         ui.add(Slider::new(&mut editor.sketch.radius, range.clone()).logarithmic(true).show_value(false));
         let speed = 0.01 * editor.sketch.radius;
         let value = DragValue::new(&mut editor.sketch.radius).range(range).speed(speed);
-        ui.add(value.custom_formatter(|length, _| metres(length)));
+        ui.add(
+            value.custom_formatter(|length, _| shown(length, METRE)).custom_parser(|text| read(text, METRE)),
+        );
     });
     let radius = editor.sketch.radius;
     ui.horizontal(|ui| {
@@ -140,11 +142,4 @@ pub fn precompute(ui: &mut Ui, editor: &Editor) -> bool {
         ui.label(RichText::new(lack).color(WRONG).small());
     }
     is_pressed
-}
-
-/// "4.20 mm".
-fn metres(length: f64) -> String {
-    let scales = [(1.0, "m"), (1e-2, "cm"), (1e-3, "mm"), (1e-6, "µm")];
-    let (scale, unit) = scales.into_iter().find(|(scale, _)| length >= *scale).unwrap_or((1e-6, "µm"));
-    format!("{:.2} {unit}", length / scale)
 }

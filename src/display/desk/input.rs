@@ -4,7 +4,7 @@
 //! belong to the panel while a text is being written.
 
 use crate::render::window::{Button, Input, Key};
-use egui::{Event, Modifiers, PointerButton, Pos2, pos2, vec2};
+use egui::{Event, Modifiers, PointerButton, Pos2, Rect, pos2, vec2};
 
 /// What came for the panel since it was last laid out.
 #[derive(Default)]
@@ -13,8 +13,11 @@ pub struct PanelInput {
     pub modifiers: Modifiers,
     /// In pixels of the window.
     pub pointer: Pos2,
-    /// Whether the pointer was over the panel, and whether a text was being written, when it was last laid out.
-    pub is_over: bool,
+    /// Where the panel was when it was last laid out, whether the pointer was over it or over a list that it had opened, and
+    /// whether a text was being written.
+    pub rect: Option<Rect>,
+    pub has_list: bool,
+    pub was_over: bool,
     pub is_writing: bool,
     /// Buttons that were pressed over the panel and are still down.
     pressed: u32,
@@ -35,7 +38,8 @@ impl PanelInput {
             }
             Input::Button { button, pressed, .. } => self.button(button, pressed),
             Input::Wheel { lines, .. } => {
-                if self.is_over {
+                let is_over = self.is_over();
+                if is_over {
                     self.events.push(Event::MouseWheel {
                         unit: egui::MouseWheelUnit::Line,
                         delta: vec2(0.0, lines),
@@ -44,15 +48,23 @@ impl PanelInput {
                         modifiers: self.modifiers,
                     });
                 }
-                self.is_over
+                is_over
             }
             Input::Key { key, pressed, .. } => self.key(key, pressed),
             _ => false,
         }
     }
 
+    /// Whether the pointer is over the panel now: it may have moved since that was laid out.
+    pub fn is_over(&self) -> bool {
+        match self.has_list {
+            true => self.was_over,
+            false => self.rect.is_some_and(|rect| rect.contains(self.pointer)),
+        }
+    }
+
     fn button(&mut self, button: Button, pressed: bool) -> bool {
-        let is_own = if pressed { self.is_over } else { self.pressed > 0 };
+        let is_own = if pressed { self.is_over() } else { self.pressed > 0 };
         if !is_own {
             if pressed {
                 // A click elsewhere closes lists, and ends the writing of a text.
@@ -135,9 +147,8 @@ mod tests {
         let mut panel = PanelInput::default();
         let press = |pressed| Input::Button { window: 0, button: Button::Left, pressed };
         assert!(!panel.take(&press(true), SIZE) && !panel.take(&press(false), SIZE));
-        panel.is_over = true;
+        panel.rect = Some(Rect::from_min_max(pos2(0.0, 0.0), pos2(90.0, 90.0)));
         assert!(panel.take(&press(true), SIZE));
-        panel.is_over = false;
         assert!(
             panel.take(&Input::Cursor { window: 0, position: [0.5, 0.5] }, SIZE),
             "a drag that leaves it"

@@ -66,7 +66,7 @@ impl Messages {
     pub fn show(&self, context: &Context, is_recording: bool) {
         if is_recording {
             plate(context, "recording", Align2::LEFT_TOP, vec2(12.0, 12.0), |ui| {
-                ui.label(RichText::new("● video").color(WRONG).strong());
+                ui.label(RichText::new("video").color(WRONG).strong());
                 ui.label("F11 ends it");
             });
         }
@@ -94,7 +94,8 @@ pub fn show_step(context: &Context, step: &Step) {
 
 /// A bar with the name of the step.
 pub fn progress(ui: &mut Ui, step: &Step) {
-    let name = if step.name.is_empty() { "begins" } else { &step.name };
+    let name =
+        if step.name.is_empty() { "computing".to_owned() } else { format!("computing: {}", step.name) };
     if step.units > 0 {
         let share = step.done as f32 / step.units as f32;
         ui.add(

@@ -11,8 +11,10 @@ mod editor_panel;
 pub mod input;
 pub mod keep;
 mod messages;
+mod order;
 mod panel;
 mod style;
+mod units;
 pub mod video;
 
 use super::bodies::GpuBodies;
@@ -29,33 +31,18 @@ use crate::session::change::Step;
 use crate::session::keys::scale;
 use crate::session::{Change, Session};
 use editor::{Editor, Loading};
+use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
 use messages::Messages;
+use order::Order;
 use panel::Draft;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a person asks for in the panel.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Order {
-    /// Show what the panel says.
-    Apply,
-    /// Show on; what is being computed is forgotten.
-    GiveUp,
-    /// The panel says what is shown again.
-    Reset,
-    Picture,
-    Video,
-    /// The bodies as they are, in the format of this name.
-    Export(&'static str),
-    Close,
-    /// Make control elements on the body of this name, or end that.
-    Edit(Option<String>),
-    /// Write the scene to the file of this name.
-    Save(PathBuf),
-}
+/// Files of earlier changes that are kept in memory.
+const KEPT: usize = 4;
 
 /// The panel, and what it has begun.
 pub struct Desk {
@@ -73,6 +60,8 @@ pub struct Desk {
     /// The files of earlier changes, so that the way back costs nothing, and where they are.
     known: Vec<Arc<GreenFile>>,
     folder: Option<tempfile::TempDir>,
+    /// How many files were begun there.
+    begun: usize,
     orders: Vec<Order>,
     /// Whether the loss of what was not saved was told.
     is_warned: bool,
@@ -104,6 +93,7 @@ impl Default for Desk {
             editor: None,
             known: Vec::new(),
             folder: None,
+            begun: 0,
             orders: Vec::new(),
             is_warned: false,
             started: Instant::now(),
@@ -120,7 +110,8 @@ impl Desk {
         ray: impl FnOnce(usize, [f32; 2], &Session) -> Option<PickRay>,
     ) -> Option<Input> {
         if self.takes(&input, session) {
-            self.editor.iter_mut().filter(|_| self.input.is_over).for_each(Editor::leave);
+            let is_over = self.input.is_over();
+            self.editor.iter_mut().filter(|_| is_over).for_each(Editor::leave);
             return None;
         }
         let Some(editor) = self.editor.as_mut().filter(|_| self.is_open) else { return Some(input) };
@@ -130,7 +121,9 @@ impl Desk {
                 (!is_drawing).then_some(input)
             }
             Input::Button { button: Button::Left, pressed, .. } => {
-                editor.press(pressed);
+                if self.change.is_none() {
+                    editor.press(pressed);
+                }
                 None
             }
             Input::Button { window, button: Button::Right, pressed } => {
@@ -141,7 +134,7 @@ impl Desk {
                 None
             }
             Input::Key { key: Key::Char('z'), pressed, .. } if self.input.modifiers.ctrl => {
-                if pressed {
+                if pressed && self.change.is_none() {
                     editor.sketch.undo();
                 }
                 None
@@ -230,12 +223,17 @@ impl Desk {
                         return After::Nothing;
                     }
                 } else {
+                    // What was made can be taken at once: nothing lies over it.
                     let was_made = self.editor.take().is_some();
-                    self.messages.tell(if was_made { "Ready: grab the body." } else { "Changed." });
+                    self.is_open &= !was_made;
+                    let ready = "Ready: take the body with the left button. Tab: the panel, where the scene can be saved.";
+                    self.messages.tell(if was_made { ready } else { "Changed." });
                 }
                 self.known.extend(
                     before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))),
                 );
+                let surplus = self.known.len().saturating_sub(KEPT);
+                self.known.drain(..surplus);
                 if after == After::NewWindows {
                     self.window = 0;
                 }
@@ -296,7 +294,7 @@ impl Desk {
     fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
         let Some(draft) = &mut self.draft else { return Ok(()) };
         let (scene, _) = draft.wanted(session, self.editor.as_ref())?;
-        let is_shown = session.scene.as_ref() == Some(&scene);
+        let is_shown = session.scene.as_ref().is_some_and(|shown| shown.body == scene.body);
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
         draft.was_saved(&saved);
@@ -329,7 +327,8 @@ impl Desk {
             Some(folder) => folder,
             None => tempfile::Builder::new().prefix("greenstage-").tempdir().map_err(Failure::work)?,
         };
-        let path = folder.path().join(format!("{}.green", self.known.len()));
+        let path = folder.path().join(format!("{}.green", self.begun));
+        self.begun += 1;
         self.folder = Some(folder);
         Ok(path)
     }
@@ -361,26 +360,28 @@ impl Desk {
             ..Default::default()
         };
         let Desk { draft, messages, change, keeper, orders, is_open, editor, loading, .. } = self;
-        let (mut is_over, mut is_writing) = (false, false);
+        let (mut rect, mut was_over, mut has_list, mut is_writing) = (None, false, false, false);
         let mesh = overlay.lay_out_widgets(size, input, |context| {
             if is_new {
                 style::apply(context);
             }
-            let reads = || Step { name: "reading the mesh".into(), ..Step::default() };
+            let reads = || Step { name: "the surface".into(), ..Step::default() };
             let step = change
                 .as_ref()
                 .map(|change| change.steps.now())
                 .or_else(|| loading.as_ref().map(|_| reads()));
             if let Some(draft) = draft.as_mut().filter(|_| *is_open) {
                 let now = panel::Now { session, step: step.as_ref(), is_recording: keeper.is_recording() };
-                panel::show(context, draft, editor.as_mut(), &now, orders);
+                rect = panel::show(context, draft, editor.as_mut(), &now, orders);
             } else if let Some(step) = &step {
                 messages::show_step(context, step);
             }
             messages.show(context, keeper.is_recording());
-            (is_over, is_writing) = (context.is_pointer_over_egui(), context.egui_wants_keyboard_input());
+            (was_over, has_list) = (context.is_pointer_over_egui(), Popup::is_any_open(context));
+            is_writing = context.text_edit_focused();
         });
-        (self.input.is_over, self.input.is_writing) = (is_over && self.is_open, is_writing);
+        (self.input.rect, self.input.was_over) = (rect, was_over);
+        (self.input.has_list, self.input.is_writing) = (has_list, is_writing);
         windows.glass = Some(Glass { window: self.window, overlay, mesh });
     }
 

@@ -3,11 +3,12 @@
 //! In: the [`Draft`] of a scene. Out: the draft as a person changed it, and [`Order`]s. Nothing is checked here that the scene
 //! checks itself: what cannot be is told when it is tried, and the old state stays.
 
-use super::Order;
 use super::editor::Editor;
 use super::editor_panel;
 use super::messages::progress;
-use super::style::{ACTION, GOOD};
+use super::order::Order;
+use super::style::{ACTION, GOOD, row};
+use super::units::{PASCAL, read, shown};
 use crate::base::failure::Failure;
 use crate::deform::{Frame as ModelFrame, MODELS};
 use crate::display::lettering::QUIET;
@@ -20,7 +21,7 @@ use crate::session::Session;
 use crate::session::change::Step;
 use crate::session::open::stage;
 use crate::stage::{BUILT_IN, Stage};
-use egui::{Align2, Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window, vec2};
+use egui::{Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window};
 use std::path::{Path, PathBuf};
 
 /// A scene as the panel says it.
@@ -51,7 +52,7 @@ impl Draft {
             .find(|(name, _)| Stage::find(name).is_ok_and(|stage| stage == session.world.stage));
         let stage = known.map_or_else(|| scene.stage.clone(), |(name, _)| (*name).to_owned());
         Draft {
-            file: free_name(&scene.path),
+            file: free_name(scene),
             shown: scene.clone(),
             scene: scene.clone(),
             shown_stage: stage.clone(),
@@ -95,7 +96,7 @@ impl Draft {
     }
 
     pub fn was_saved(&mut self, saved: &Scene) {
-        self.file = free_name(&saved.path);
+        self.file = free_name(saved);
     }
 
     /// Scene and stage that are to be shown; a scene that the program could not read from a file is refused.
@@ -116,61 +117,74 @@ impl Draft {
     }
 }
 
-/// Shows the panel at the right edge.
+/// Of the panel, pixels.
+pub const WIDTH: f32 = 340.0;
+
+/// Shows the panel, at first at the right edge; a person may drag it elsewhere. Returns where it is.
 pub fn show(
     context: &Context,
     draft: &mut Draft,
     editor: Option<&mut Editor>,
     now: &Now<'_>,
     orders: &mut Vec<Order>,
-) {
-    let height = context.content_rect().height();
-    Window::new("Scene")
-        .anchor(Align2::RIGHT_TOP, vec2(-12.0, 12.0))
+) -> Option<egui::Rect> {
+    let screen = context.content_rect();
+    let title = if editor.is_some() { "Make control elements" } else { "Scene" };
+    let shown = Window::new(title)
+        .id(egui::Id::unique("panel"))
+        .pivot(egui::Align2::RIGHT_TOP)
+        .default_pos([screen.right() - 12.0, 12.0])
+        .default_height(screen.height())
+        .constrain(true)
         .resizable(false)
-        .collapsible(false)
-        .default_width(330.0)
-        .default_height((height - 60.0).max(120.0))
-        .max_height((height - 60.0).max(120.0))
-        .vscroll(true)
+        .collapsible(true)
         .show(context, |ui| {
-            ui.set_width(320.0);
-            let is_busy = now.step.is_some();
-            match editor {
-                Some(editor) => {
-                    editor_panel::show(ui, editor);
-                    ui.separator();
-                    settings(ui, draft);
-                    ui.separator();
-                    if is_busy {
+            let most = (screen.height() - 70.0).max(120.0);
+            egui::ScrollArea::vertical().max_height(most).auto_shrink([false, true]).show(ui, |ui| {
+                ui.set_width(WIDTH - 16.0);
+                let is_busy = now.step.is_some();
+                match editor {
+                    Some(editor) => {
+                        // What is changed while it is computed would be lost.
+                        ui.add_enabled_ui(!is_busy, |ui| {
+                            editor_panel::show(ui, editor);
+                            ui.separator();
+                            settings(ui, draft);
+                        });
+                        ui.separator();
+                        if is_busy {
+                            change(ui, draft, now, orders);
+                        } else {
+                            if editor_panel::precompute(ui, editor) {
+                                orders.push(Order::Apply);
+                            }
+                            if ui.button("Leave without precomputing (C)").clicked() {
+                                orders.push(Order::Edit(None));
+                            }
+                        }
+                    }
+                    None => {
+                        ui.add_enabled_ui(!is_busy, |ui| {
+                            bodies(ui, draft);
+                            stages(ui, draft);
+                        });
+                        ui.separator();
                         change(ui, draft, now, orders);
-                    } else {
-                        if editor_panel::precompute(ui, editor) {
-                            orders.push(Order::Apply);
-                        }
-                        if ui.button("Leave without precomputing (C)").clicked() {
-                            orders.push(Order::Edit(None));
+                        if !is_busy && ui.button("Make control elements (C)").clicked() {
+                            orders.push(Order::Edit(draft.chosen()));
                         }
                     }
                 }
-                None => {
-                    bodies(ui, draft);
-                    stages(ui, draft);
-                    ui.separator();
-                    change(ui, draft, now, orders);
-                    if !is_busy && ui.button("Make control elements (C)").clicked() {
-                        orders.push(Order::Edit(draft.chosen()));
-                    }
+                ui.separator();
+                save(ui, draft, orders);
+                keep(ui, now.is_recording, orders);
+                ui.separator();
+                if ui.button("Close the panel (Tab)").clicked() {
+                    orders.push(Order::Close);
                 }
-            }
-            ui.separator();
-            save(ui, draft, orders);
-            keep(ui, now.is_recording, orders);
-            ui.separator();
-            if ui.button("Close the panel (Tab)").clicked() {
-                orders.push(Order::Close);
-            }
+            });
         });
+    Some(shown?.response.rect)
 }
 
 fn bodies(ui: &mut Ui, draft: &mut Draft) {
@@ -249,7 +263,8 @@ fn material(ui: &mut Ui, body: &mut Body) {
             DragValue::new(&mut body.material.young)
                 .speed(speed)
                 .range(1e-3..=1e15)
-                .custom_formatter(|young, _| pascal(young)),
+                .custom_formatter(|young, _| shown(young, PASCAL))
+                .custom_parser(|text| read(text, PASCAL)),
         );
     })
     .on_hover_text("Young's modulus E, Pa");
@@ -257,21 +272,6 @@ fn material(ui: &mut Ui, body: &mut Body) {
         ui.add(Slider::new(&mut body.material.poisson, 0.0..=0.499).max_decimals(3));
     })
     .on_hover_text("Poisson's ratio ν: 0.3 of steel, 0.49 of rubber and tissue");
-}
-
-/// "2.10 MPa".
-pub fn pascal(value: f64) -> String {
-    let scales = [(1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa"), (1.0, "Pa")];
-    let (scale, unit) = scales.into_iter().find(|(scale, _)| value.abs() >= *scale).unwrap_or((1.0, "Pa"));
-    let number = value / scale;
-    let decimals = if number >= 100.0 {
-        0
-    } else if number >= 10.0 {
-        1
-    } else {
-        2
-    };
-    format!("{number:.decimals$} {unit}")
 }
 
 fn effects(ui: &mut Ui, body: &mut Body) {
@@ -313,7 +313,7 @@ fn change(ui: &mut Ui, draft: &Draft, now: &Now<'_>, orders: &mut Vec<Order>) {
             if ui.button("Stop computing").clicked() {
                 orders.push(Order::GiveUp);
             }
-            ui.label(RichText::new("the body can be used meanwhile").color(QUIET).small());
+            ui.label(RichText::new("all else goes on meanwhile").color(QUIET).small());
         });
         return;
     }
@@ -345,12 +345,14 @@ fn save(ui: &mut Ui, draft: &mut Draft, orders: &mut Vec<Order>) {
     });
 }
 
-/// A name for a scene file that no file has: that of the scene itself, or the same with a number.
-fn free_name(path: &Path) -> String {
-    let stem = path.with_extension("");
-    let numbered = (2..1000).map(|number| PathBuf::from(format!("{}-{number}.toml", stem.display())));
-    let free = std::iter::once(path.with_extension("toml")).chain(numbered).find(|path| !path.exists());
-    free.unwrap_or_default().display().to_string()
+/// A name for a scene file that no file has, in the folder in which the program runs: that of its one body, or of the scene.
+fn free_name(scene: &Scene) -> String {
+    let only = scene.body.keys().next().filter(|_| scene.body.len() == 1).cloned();
+    let stem =
+        only.unwrap_or_else(|| scene.path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+    let numbered = (2..1000).map(|number| format!("{stem}-{number}.toml"));
+    let mut names = std::iter::once(format!("{stem}.toml")).chain(numbered);
+    names.find(|name| !Path::new(name).exists()).unwrap_or_default()
 }
 
 fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
@@ -371,17 +373,4 @@ fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
             }
         }
     });
-}
-
-/// A line with its name in a column of its own.
-pub fn row<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> egui::Response {
-    ui.horizontal(|ui| {
-        let size = vec2(74.0, ui.spacing().interact_size.y);
-        ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), |ui| {
-            ui.set_min_width(size.x);
-            ui.label(name);
-        });
-        content(ui);
-    })
-    .response
 }

@@ -1,7 +1,7 @@
 //! How the panel looks: the colours of the overlays, letters that are read from an arm's length.
 
 use crate::display::lettering::{DARK, INK};
-use egui::{Color32, Context, FontFamily, FontId, TextStyle, Visuals};
+use egui::{Color32, Context, FontFamily, FontId, TextStyle, Ui, Visuals, vec2};
 
 pub const GOOD: Color32 = Color32::from_rgb(152, 195, 121);
 pub const WRONG: Color32 = Color32::from_rgb(236, 120, 100);
@@ -28,4 +28,17 @@ pub fn apply(context: &Context) {
         style.visuals.panel_fill = style.visuals.window_fill;
         style.animation_time = 0.0;
     });
+}
+
+/// A line with its name in a column of its own.
+pub fn row<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> egui::Response {
+    ui.horizontal(|ui| {
+        let size = vec2(74.0, ui.spacing().interact_size.y);
+        ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), |ui| {
+            ui.set_min_width(size.x);
+            ui.label(name);
+        });
+        content(ui);
+    })
+    .response
 }

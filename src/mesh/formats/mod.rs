@@ -6,7 +6,9 @@ mod abaqus;
 mod abaqus_lines;
 mod abaqus_sets;
 mod abaqus_write;
+mod converters;
 mod format;
+mod gid;
 mod gmsh;
 mod gmsh2;
 mod gmsh4;
@@ -15,6 +17,7 @@ mod gmsh_types;
 mod gmsh_write;
 mod medit;
 mod tetgen;
+mod vega;
 mod vtk;
 mod vtk_cells;
 mod vtu;
@@ -23,6 +26,7 @@ pub mod vtu_write;
 mod words;
 mod write;
 
+pub use converters::advice;
 pub use format::{Encoded, Format, Part, Writer};
 pub use gmsh_write::{Encoding, encode};
 
@@ -30,21 +34,45 @@ use super::error::{FormatFault, MeshError};
 use std::path::{Path, PathBuf};
 
 /// Every format.
-pub const FORMATS: &[Format] =
-    &[gmsh::FORMAT, vtk::FORMAT, vtu::FORMAT, tetgen::FORMAT, abaqus::FORMAT, medit::FORMAT];
+pub const FORMATS: &[Format] = &[
+    gmsh::FORMAT,
+    vtk::FORMAT,
+    vtu::FORMAT,
+    tetgen::FORMAT,
+    abaqus::FORMAT,
+    medit::FORMAT,
+    vega::FORMAT,
+    gid::FORMAT,
+];
 
-/// The format of a file: by its extension, else by its first bytes.
+/// The format of a file: by its extension, of those that share one by its first bytes, and by these alone where the
+/// extension tells nothing.
 pub fn format_of(path: &Path, bytes: &[u8]) -> Result<&'static Format, FormatFault> {
-    by_extension(path).or_else(|| FORMATS.iter().find(|format| (format.recognizes)(bytes))).ok_or_else(|| {
+    let recognized = || FORMATS.iter().find(|format| (format.recognizes)(bytes));
+    let shared =
+        with_extension(path).nth(1).and_then(|_| with_extension(path).find(|f| (f.recognizes)(bytes)));
+    shared.or_else(|| by_extension(path)).or_else(recognized).ok_or_else(|| {
+        if let Some(advice) = advice(path, bytes) {
+            return FormatFault::whole(advice);
+        }
         let known: Vec<String> =
             FORMATS.iter().map(|f| format!("{} (.{})", f.name, f.extensions.join(", ."))).collect();
         FormatFault::whole(format!("not a mesh file that can be read; known are {}", known.join(", ")))
     })
 }
 
-fn by_extension(path: &Path) -> Option<&'static Format> {
+/// Whether the file is called like one of a format.
+pub fn has_extension(path: &Path) -> bool {
+    by_extension(path).is_some()
+}
+
+fn with_extension(path: &Path) -> impl Iterator<Item = &'static Format> {
     let extension = format::extension(path);
-    FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
+    FORMATS.iter().filter(move |format| format.extensions.contains(&extension.as_str()))
+}
+
+fn by_extension(path: &Path) -> Option<&'static Format> {
+    with_extension(path).next()
 }
 
 /// Every way to write a mesh; the first for an extension is the one that is taken when none is named.

@@ -37,7 +37,8 @@ fn control_names(proposal: &Proposal) -> Vec<&str> {
 
 #[test]
 fn a_bar_is_held_at_its_left_end_and_pulled_at_its_right() {
-    let proposal = proposed("steel_bar.msh", &bar([0.5, 0.05, 0.05], [40, 4, 4]), &Wishes::default()).unwrap();
+    let proposal =
+        proposed("steel_bar.msh", &bar([0.5, 0.05, 0.05], [40, 4, 4]), &Wishes::default()).unwrap();
     let body = &proposal.scene.body["steel_bar"];
     assert_eq!(control_names(&proposal), ["left", "right"]);
     // The material is that of the file's name, a slender body bends far.
@@ -100,14 +101,19 @@ fn an_open_ring_is_held_at_its_ends() {
 fn groups_are_taken_by_their_names_or_as_asked() {
     let mesh = block(&Block { size: [0.2, 0.1, 0.1], cells: [8, 4, 4] }).unwrap();
     let mut named = mesh.clone();
-    named.groups =
-        [("clamped", "xmin"), ("Load", "xmax")].map(|(new, old)| (new.to_owned(), mesh.groups[old].clone())).into();
+    named.groups = [("clamped", "xmin"), ("Load", "xmax")]
+        .map(|(new, old)| (new.to_owned(), mesh.groups[old].clone()))
+        .into();
     let proposal = proposed("part.msh", &named, &Wishes::default()).unwrap();
     let control = &proposal.scene.body["part"].control;
     assert_eq!(control["clamped"].nodes, Nodes::Group("clamped".into()));
     assert_eq!((control["clamped"].grab, control["Load"].grab), (Grab::Fixed, Grab::Dragger));
-    let wishes =
-        Wishes { fixed: vec!["ymax".into()], grab: vec!["ymin".into()], model: Some("linear".into()), ..Wishes::default() };
+    let wishes = Wishes {
+        fixed: vec!["ymax".into()],
+        grab: vec!["ymin".into()],
+        model: Some("linear".into()),
+        ..Wishes::default()
+    };
     let proposal = proposed("part.msh", &mesh, &wishes).unwrap();
     assert_eq!(control_names(&proposal), ["ymax", "ymin"]);
     assert_eq!(proposal.scene.body["part"].model, "linear");
@@ -117,7 +123,8 @@ fn groups_are_taken_by_their_names_or_as_asked() {
     let wrong = told(Wishes { fixed: vec!["ymax".into(), "xmax".into()], ..Wishes::default() });
     assert!(wrong.contains("have nodes in common"), "{wrong}");
     // One alone: the other is the end furthest from it.
-    let one = proposed("part.msh", &mesh, &Wishes { fixed: vec!["xmax".into()], ..Wishes::default() }).unwrap();
+    let one =
+        proposed("part.msh", &mesh, &Wishes { fixed: vec!["xmax".into()], ..Wishes::default() }).unwrap();
     assert_eq!(control_names(&one), ["xmax", "left"]);
 }
 

@@ -13,6 +13,8 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     let mut files = vec![
         ("m.inp".to_owned(), abaqus()),
         ("m.mesh".to_owned(), medit()),
+        ("m.veg".to_owned(), vega()),
+        ("m.flavia.msh".to_owned(), gid()),
         ("gmsh40.msh".to_owned(), gmsh_4_0(false)),
         ("gmsh40b.msh".to_owned(), gmsh_4_0(true)),
         ("text.vtk".to_owned(), vtk_text("3.0")),
@@ -49,6 +51,27 @@ pub fn medit() -> Vec<u8> {
         text += &format!("{x} {y} {z} 0\n");
     }
     text += "Tetrahedra\n2\n1 2 3 4 3\n2 3 4 5 7\nEnd\n";
+    text.into_bytes()
+}
+
+/// With numbers from 0, as some writers do, and every separator.
+pub fn vega() -> Vec<u8> {
+    let mut text = "# a comment\n*VERTICES\n5 3 0 0\n".to_owned();
+    for (tag, [x, y, z]) in NODES.iter().enumerate() {
+        text += &format!("{tag}, {x}\t{y} {z}\n");
+    }
+    text += "\n*ELEMENTS\nTETS\n2 4 0\n0 0 1 2 3\n1, 1, 2, 3, 4\n# sets\n*SET Region_3\n 0,\n*SET Region_7\n1\n\
+             *REGION\nRegion_3, soft\n*REGION\nRegion_7, hard\n";
+    text.into_bytes()
+}
+
+pub fn gid() -> Vec<u8> {
+    let mut text = "# encoding utf-8\nmesh \"a body\" Dimension 3 ELEMTYPE tetrahedra nnode 4\n".to_owned();
+    text += "# color 127 127 0\nCoordinates\n";
+    for (tag, [x, y, z]) in (11..).zip(NODES) {
+        text += &format!("{tag} {x} {y} {z}\n");
+    }
+    text += "end coordinates\nElements\n1 11 12 13 14 3\n2 12 13 14 15 7\nEnd Elements\n";
     text.into_bytes()
 }
 

@@ -1,0 +1,23 @@
+//! What a person asks for at the desk, by the panel or by a key.
+
+use std::path::PathBuf;
+
+/// What a person asks for in the panel.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Show what the panel says.
+    Apply,
+    /// Show on; what is being computed is forgotten.
+    GiveUp,
+    /// The panel says what is shown again.
+    Reset,
+    Picture,
+    Video,
+    /// The bodies as they are, in the format of this name.
+    Export(&'static str),
+    Close,
+    /// Make control elements on the body of this name, or end that.
+    Edit(Option<String>),
+    /// Write the scene to the file of this name.
+    Save(PathBuf),
+}
