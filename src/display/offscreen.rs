@@ -180,7 +180,6 @@ impl Targets {
                 };
                 let overlay = overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
                 let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                    write_labels(painter, &part, &world.stage, &world.room_from_head, &labels);
                     let is_faced = part.screen == world.stage.faced_screen();
                     if let Some(((history, seats), readings)) =
                         panel.as_mut().zip(readings.as_ref()).filter(|_| is_faced)
@@ -188,6 +187,7 @@ impl Targets {
                         let clear = part.clear(readings, true);
                         Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
                     }
+                    write_labels(painter, &part, &world.stage, &world.room_from_head, &labels);
                 });
                 overlay.draw(gpu, [(picture.texture, &sheet)])
             };

@@ -23,13 +23,13 @@ pub struct Overlays {
     /// Steps of the frames since an overlay was called up.
     pub history: History,
     /// Per screen, where its plates stand.
-    seats: Vec<Seats>,
+    seats: Box<[Seats]>,
     /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
-    leader: Vec<usize>,
+    leader: Box<[usize]>,
     /// Per leader: where the room is looked at from, instead of its screens.
-    outside: Vec<Option<Orbit>>,
+    outside: Box<[Option<Orbit>]>,
     /// The last of each leader, for the next time.
-    kept: Vec<Option<Orbit>>,
+    kept: Box<[Option<Orbit>]>,
     overlay: Option<Overlay>,
 }
 
@@ -56,10 +56,10 @@ impl Overlays {
             panels: vec![false; stage.screens.len()],
             pattern: false,
             history: History::default(),
-            seats: vec![Seats::default(); stage.screens.len()],
+            seats: vec![Seats::default(); stage.screens.len()].into(),
             leader: layout.iter().map(leader).collect(),
-            outside: vec![None; layout.len()],
-            kept: vec![None; layout.len()],
+            outside: vec![None; layout.len()].into(),
+            kept: vec![None; layout.len()].into(),
             overlay: None,
         }
     }
@@ -187,11 +187,6 @@ impl Overlays {
                     Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
                 });
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
-            } else if !frame.labels.is_empty() {
-                let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                    write_labels(painter, &part, frame.stage, &frame.room_from_head, frame.labels);
-                });
-                overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
                 let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
@@ -206,6 +201,12 @@ impl Overlays {
                     }
                 };
                 overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
+            }
+            if room.is_none() && !*pattern && !frame.labels.is_empty() {
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    write_labels(painter, &part, frame.stage, &frame.room_from_head, frame.labels);
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             Ok(())
         };
