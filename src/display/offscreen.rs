@@ -232,11 +232,11 @@ impl Over<'_> {
         let panel = self.panel.as_mut().filter(|_| part.screen == stage.faced_screen());
         let lift = if panel.is_some() { Plates::OVER_WARNINGS } else { 0.0 };
         let sheet = overlay.lay_out(picture.texture_size, |painter| {
-            Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
             if let Some((readings, (history, seats))) = panel {
                 let clear = part.clear(readings, true);
                 Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
             }
+            Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
         });
         overlay.draw(gpu, [(picture.texture, &sheet)])
     }

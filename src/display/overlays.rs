@@ -27,13 +27,13 @@ pub struct Overlays {
     /// Steps of the frames since an overlay was called up.
     pub history: History,
     /// Per screen, where its plates stand.
-    seats: Vec<Seats>,
+    seats: Box<[Seats]>,
     /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
-    leader: Vec<usize>,
+    leader: Box<[usize]>,
     /// Per leader: where the room is looked at from, instead of its screens.
-    outside: Vec<Option<Orbit>>,
+    outside: Box<[Option<Orbit>]>,
     /// The last of each leader, for the next time.
-    kept: Vec<Option<Orbit>>,
+    kept: Box<[Option<Orbit>]>,
     overlay: Option<Overlay>,
 }
 
@@ -61,10 +61,10 @@ impl Overlays {
             pattern: false,
             caption: None,
             history: History::default(),
-            seats: vec![Seats::default(); stage.screens.len()],
+            seats: vec![Seats::default(); stage.screens.len()].into(),
             leader: layout.iter().map(leader).collect(),
-            outside: vec![None; layout.len()],
-            kept: vec![None; layout.len()],
+            outside: vec![None; layout.len()].into(),
+            kept: vec![None; layout.len()].into(),
             overlay: None,
         }
     }
@@ -202,18 +202,6 @@ impl Overlays {
                 });
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
-            if room.is_none() && !*pattern && !frame.plates.is_empty() {
-                let (stage, room_from_head, plates) = (frame.stage, &frame.room_from_head, frame.plates);
-                let lift = match caption {
-                    Some(_) => Caption::MOST_HEIGHT,
-                    None if panels[part.screen] => Plates::OVER_WARNINGS,
-                    None => 0.0,
-                };
-                let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                    Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
-                });
-                overlay.draw(gpu, [(picture.texture, &sheet)])?;
-            }
             if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
                 let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
                 let sheet = match panel.take().filter(is_same) {
@@ -228,9 +216,25 @@ impl Overlays {
                 };
                 overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
             }
+            if room.is_none() && !*pattern && !frame.plates.is_empty() {
+                let (stage, room_from_head, plates) = (frame.stage, &frame.room_from_head, frame.plates);
+                let lift = match caption {
+                    Some(_) => Caption::MOST_HEIGHT,
+                    None if panels[part.screen] => Plates::OVER_WARNINGS,
+                    None => 0.0,
+                };
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            }
             if let Some(caption) = caption.as_ref().filter(|_| picture.tile == last[picture.window]) {
                 let whole = caption::whole(picture.texture_size);
                 let sheet = overlay.lay_out(picture.texture_size, |painter| caption.paint(painter, whole));
+            if room.is_none() && !*pattern && !frame.labels.is_empty() {
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    write_labels(painter, &part, frame.stage, &frame.room_from_head, frame.labels);
+                });
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             Ok(())

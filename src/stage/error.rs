@@ -66,7 +66,7 @@ pub enum StageFault {
     Corners {
         screen: String,
         /// Which corners stand for which.
-        what: String,
+        what: &'static str,
         /// Lower left, lower right and upper left as they should be.
         corners: Box<[Point3<f64>; 3]>,
     },
@@ -82,21 +82,21 @@ pub enum StageFault {
         distance_m: f64,
         /// What the screen's front is known by.
         front: &'static str,
-        before: Point3<f64>,
+        before: Box<Point3<f64>>,
     },
     #[error(
         "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Where the viewer is right, the screen is \
          mirrored: swap {swap}: lower_left = {}, lower_right = {}, upper_left = {}. Where the corners are right, move the \
          viewer before the screen: position = {}",
-        place(viewer), place(&corners[0]), place(&corners[1]), place(&corners[2]), place(before)
+        place(viewer), place(&places[0]), place(&places[1]), place(&places[2]), place(&places[3])
     )]
     EitherSide {
         screen: String,
         viewer: Point3<f64>,
         distance_m: f64,
         swap: &'static str,
-        corners: Box<[Point3<f64>; 3]>,
-        before: Point3<f64>,
+        /// Lower left, lower right and upper left as they should be, or else the viewer.
+        places: Box<[Point3<f64>; 4]>,
     },
     #[error(
         "screen `{screen}` is mirrored: the viewer, at {}, stands {distance_m:.3} m behind it. Swap {swap}: \

@@ -171,7 +171,7 @@ proptest! {
     /// as ever.
     #[test]
     fn rows_never_collide_and_never_jump(bits in proptest::collection::vec(any::<u64>(), 24), plain in -1e6..1e6f64) {
-        let number = |k: usize| if k % 2 == 0 { f64::from_bits(bits[k]) } else { plain * f64::from_bits(bits[k]).sin() };
+        let number = |k: usize| if k.is_multiple_of(2) { f64::from_bits(bits[k]) } else { plain * f64::from_bits(bits[k]).sin() };
         let vector = |k: usize| Vector3::new(number(k), number(k + 1), number(k + 2));
         let control = ControlReading {
             name: "right".into(),

@@ -62,11 +62,7 @@ fn named_for_each_other(screen: &Screen, around: &Surroundings<'_>) -> Option<St
         cosine(corners).abs() <= MAX_SKEW && (viewer - corners[0]).dot(&normal) > 0.0 && is_upright
     };
     let (what, corners) = readings.into_iter().find(|(_, corners)| is_right(corners))?;
-    Some(StageFault::Corners {
-        screen: screen.name.clone(),
-        what: what.to_owned(),
-        corners: Box::new(corners),
-    })
+    Some(StageFault::Corners { screen: screen.name.clone(), what, corners: Box::new(corners) })
 }
 
 /// Checks that the viewer stands before the screen.
@@ -82,22 +78,28 @@ fn check_side(screen: &Screen, viewer: &Point3<f64>, around: &Surroundings<'_>) 
     let (viewer, behind_m) = (*viewer, -distance_m);
     let before = viewer + screen.axes()[2] * (2.0 * behind_m);
     let (swap, corners) = unmirrored(screen);
-    let corners = Box::new(corners);
+    let [lower_left, lower_right, upper_left] = corners;
+    let places = Box::new([lower_left, lower_right, upper_left, before]);
     // A ball about the glass tells nothing.
     let workspace_m = around.workspace.map_or(0.0, |workspace| {
         let distance_m = screen.distance_m(&workspace.centre);
         if distance_m.abs() > workspace.radius_m { distance_m } else { 0.0 }
     });
-    let behind =
-        |front| StageFault::ViewerBehind { screen: name(), viewer, distance_m: behind_m, front, before };
-    let mirrored =
-        StageFault::Mirrored { screen: name(), viewer, distance_m: behind_m, swap, corners: corners.clone() };
+    let behind = |front| StageFault::ViewerBehind {
+        screen: name(),
+        viewer,
+        distance_m: behind_m,
+        front,
+        before: Box::new(before),
+    };
+    let corners = Box::new(corners);
+    let mirrored = StageFault::Mirrored { screen: name(), viewer, distance_m: behind_m, swap, corners };
     Err(match around.others {
         _ if workspace_m > 0.0 => behind("the workspace"),
         [0, others] if others > 0 => behind("where those of the other screens are"),
         _ if workspace_m < 0.0 => mirrored,
         [others, 0] if others > 0 => mirrored,
-        _ => StageFault::EitherSide { screen: name(), viewer, distance_m: behind_m, swap, corners, before },
+        _ => StageFault::EitherSide { screen: name(), viewer, distance_m: behind_m, swap, places },
     })
 }
 
