@@ -250,7 +250,7 @@ mod tests {
     fn steps_are_counted_with_the_time_that_is_left() {
         let said = Said::default();
         let course = Course::new(
-            steps(&[("a", 1e-9, true), ("b", 300.0, true), ("c", 300.0, true)]),
+            steps(&[("a", 1e-9, true), ("b", 300.0, true), ("c", 299.0, true)]),
             None,
             None,
             &said,
