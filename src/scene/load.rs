@@ -1,8 +1,10 @@
-//! The mesh of a scene's body: read, filled or generated, and refined.
+//! The mesh of a scene's body: read, filled or generated, and refined; and the image on it.
 
 use super::{Body, Control, Generate, Scene, SceneError, Tetrahedralise};
+use crate::base::input;
 use crate::mesh::quadratic::{Curve, straight};
 use crate::mesh::{self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_files};
+use image::{ImageReader, RgbaImage};
 use std::path::Path;
 
 impl Scene {
@@ -95,5 +97,18 @@ impl Scene {
             source,
         };
         loaded.map_err(failed)
+    }
+
+    /// The image on body `name`, if it has one.
+    pub fn load_texture(&self, name: &str, body: &Body) -> Result<Option<RgbaImage>, SceneError> {
+        let Some(texture) = &body.texture else { return Ok(None) };
+        let path = self.resolve(&texture.image);
+        let wrong = |reason: String| {
+            let message = format!("{}: {reason}; a PNG file is needed", path.display());
+            self.invalid(&format!("body.{name}.texture"), message)
+        };
+        let bytes = input::read(&path).map_err(|error| wrong(error.to_string()))?;
+        let reader = ImageReader::with_format(std::io::Cursor::new(bytes), image::ImageFormat::Png);
+        Ok(Some(reader.decode().map_err(|error| wrong(error.to_string()))?.into_rgba8()))
     }
 }

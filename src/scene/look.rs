@@ -1,9 +1,6 @@
 //! How a body looks: colour, picture, material lines, sharp edges. Nothing here changes a number of the mechanics, or asks
 //! for a new precomputation.
 
-use super::{Body, Scene, SceneError};
-use crate::base::input;
-use image::{ImageReader, RgbaImage};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -83,21 +80,6 @@ pub fn check(lines: Lines, texture: Option<&Texture>, crease: f64) -> Result<(),
         ));
     }
     Ok(())
-}
-
-impl Scene {
-    /// The image on body `name`, if it has one.
-    pub fn load_texture(&self, name: &str, body: &Body) -> Result<Option<RgbaImage>, SceneError> {
-        let Some(texture) = &body.texture else { return Ok(None) };
-        let path = self.resolve(&texture.image);
-        let wrong = |reason: String| {
-            let message = format!("{}: {reason}; a PNG file is needed", path.display());
-            self.invalid(&format!("body.{name}.texture"), message)
-        };
-        let bytes = input::read(&path).map_err(|error| wrong(error.to_string()))?;
-        let reader = ImageReader::with_format(std::io::Cursor::new(bytes), image::ImageFormat::Png);
-        Ok(Some(reader.decode().map_err(|error| wrong(error.to_string()))?.into_rgba8()))
-    }
 }
 
 impl std::str::FromStr for Color {
