@@ -12,6 +12,7 @@ pub mod force_scale;
 pub mod frame;
 pub mod hand;
 pub mod highlight;
+pub mod measure;
 pub mod ruler;
 pub mod state_hash;
 pub mod times;
