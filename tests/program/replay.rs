@@ -300,33 +300,61 @@ fn pictures_follow_a_session() {
     assert!(folder.join("other/contact-sheet.png").exists());
 }
 
-/// The ruler is laid between frames of the script, on the material: the replay lays it on the same, and it tells the same.
+/// The ruler is laid with the mouse, and one of its ends is then carried: the replay lays it on the same material, and it tells the
+/// same in every frame.
 #[test]
 fn a_ruler_is_replayed_to_the_same_distance() {
     use greenstage::interact::Action;
     use greenstage::scene::Scene;
     use greenstage::session::{Request, Session};
+    use greenstage::stage::Eye;
+    use greenstage::track::MouseInput;
+    use greenstage::track::mouse::Button;
     let folder = folder("replay-ruler");
     let scene = Scene::load(&coarse_demo(&folder)).unwrap();
     let recording = folder.join("ruler.jsonl");
-    let mut session = Session::open(&Request { record: Some(&recording), ..Request::of(&scene) }).unwrap();
+    let request = Request { stage: Some("desktop"), ..Request::of(&scene) };
+    let mut session = Session::open(&Request { record: Some(&recording), ..request }).unwrap();
+    session.take_over();
+    session.attach_mouse();
+    // The cursor before a place of the workspace, in its units.
+    let aim = |session: &mut Session, [x, y]: [f64; 2]| {
+        let stage = &session.world.stage;
+        let place = stage.workspace.centre + nalgebra::Vector3::new(x, y, 0.0) * stage.workspace.radius_m;
+        let eye = stage.viewer.eye_in_room(&stage.viewer.room_from_head, Eye::Centre);
+        let clip =
+            stage.screens[0].view(&eye, 0.05).unwrap().clip_from_room.cast::<f64>() * place.to_homogeneous();
+        session.mouse(MouseInput::Cursor { screen: 0, ndc: [clip.x / clip.w, clip.y / clip.w] });
+    };
     let mut lengths = Vec::new();
-    for frame in 0..60 {
+    let mut frame = 0;
+    let mut advance = |session: &mut Session| {
         session.advance(f64::from(frame) / 20.0).unwrap();
-        // The ray points at the right end, and then past the bent tube's end from above.
-        if [14, 40].contains(&frame) {
-            session.world.act(Action::Measure);
-        }
+        frame += 1;
         lengths.extend(session.world.measured().map(|measured| measured.now_m));
+    };
+    for x in [-0.5, 0.9] {
+        aim(&mut session, [x, 0.0]);
+        advance(&mut session);
+        session.world.act(Action::Measure);
     }
-    assert!(lengths.len() == 20 && lengths[0] > 1e-3, "{lengths:?}");
+    let hold = |pressed| MouseInput::Button { button: Button::Left, pressed };
+    advance(&mut session);
+    session.mouse(hold(true));
+    for step in 0..10 {
+        aim(&mut session, [0.9, 0.03 * f64::from(step)]);
+        advance(&mut session);
+    }
+    session.mouse(hold(false));
+    assert_eq!(lengths.len(), 11);
+    let (first, last) = (lengths[0], lengths[10]);
+    assert!((0.6..0.9).contains(&first) && (last - first).abs() > 1e-3, "{first} m, {last} m");
     session.report().unwrap();
-    let mut replayed = Session::open(&Request { replay: Some(&recording), ..Request::of(&scene) }).unwrap();
+    let mut replayed = Session::open(&Request { replay: Some(&recording), ..request }).unwrap();
     let mut again = Vec::new();
     while replayed.play_frame().unwrap() {
         again.extend(replayed.world.measured().map(|measured| measured.now_m));
     }
-    // What is done after a frame is recorded with the next one.
-    assert_eq!(lengths[1..], again[..], "in every frame");
+    assert_eq!(lengths, again, "in every frame");
     replayed.report().unwrap();
 }
