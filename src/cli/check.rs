@@ -8,7 +8,7 @@ use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
 use crate::deform::{ExpectedErrors, Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry};
-use crate::green::{self, GreenError};
+use crate::green::{self, Forecast, GreenError};
 use crate::mesh;
 use crate::prepare;
 use crate::scene::{Body, Scene};
@@ -53,7 +53,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             Ok(None) => {}
         }
         match green::prepare(&scene, name) {
-            Ok(prepared) => findings.extend(prepared.findings),
+            Ok(prepared) => {
+                let forecast = Forecast::of(&prepared.mesh, prepared.controls.len()).told();
+                findings.extend(prepared.findings);
+                findings.extend(forecast.map(|told| Diagnostic::new(Severity::Note, &entity, told)));
+            }
             Err(failed @ GreenError::Scene(_)) => findings.push(error(failed.to_string())),
             Err(other) => return Err(other.into()),
         }

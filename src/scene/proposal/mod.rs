@@ -10,7 +10,7 @@ mod grouped;
 mod telling;
 mod wishes;
 
-pub use doubt::{PLAUSIBLE_M, ProposalError, UnitDoubt};
+pub use doubt::{ProposalError, UnitDoubt};
 pub use wishes::Wishes;
 
 use super::materials::{MATERIALS, find_material};
