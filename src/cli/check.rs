@@ -9,8 +9,8 @@ use crate::base::table::{Table, bytes};
 use crate::deform::{ExpectedErrors, Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry};
 use crate::green::{self, Forecast, GreenError};
-use crate::mesh;
 use crate::prepare;
+use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::{Body, Scene};
 use crate::session::open;
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    if !mesh::is_mesh_or_surface(&args.scene) && inspect::is_stage(&args.scene)? {
+    if !is_mesh_or_surface(&args.scene) && inspect::is_stage(&args.scene)? {
         return check_stage::run(&args.scene, args.json);
     }
     let scene = opening::scene(&args.scene, &args.guess)?;

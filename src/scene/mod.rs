@@ -4,6 +4,7 @@
 //! Models and effects stay names here, because their entries live in rooms above this one: `deform` and `effect` check them.
 
 mod accuracy_target;
+pub mod file_kind;
 mod load;
 pub mod materials;
 mod parts;
@@ -20,8 +21,9 @@ use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::fem::Element;
 use crate::mesh::length_unit::{LengthUnit, Scale};
-use crate::mesh::{self, MeshError, generate, refine, surface_files};
+use crate::mesh::{MeshError, generate, refine, surface_files};
 use crate::solve::Solver;
+use file_kind::is_mesh_or_surface;
 use indexmap::IndexMap;
 use materials::{Known, Written, find_material};
 use serde::{Deserialize, Serialize};
@@ -260,7 +262,7 @@ fn one() -> f64 {
 impl Scene {
     /// Reads and checks the scene file at `path`.
     pub fn load(path: &Path) -> Result<Scene, SceneError> {
-        if mesh::is_mesh_or_surface(path) {
+        if is_mesh_or_surface(path) {
             return Err(SceneError::IsMesh { path: path.to_owned() });
         }
         let mut scene: Scene = config::load(path)?;
