@@ -134,6 +134,6 @@ mod tests {
                 && implausible(195.0).unwrap().contains("\"mm\" beside mesh makes it 0.1950 m")
         );
         assert!(implausible(1e-5).unwrap().contains("another unit"));
-        assert!(find_unit("mn").unwrap_err().contains("did you mean \"mm\"?"));
+        assert!(find_unit("mmm").unwrap_err().contains("did you mean \"mm\"?"));
     }
 }

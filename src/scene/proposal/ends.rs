@@ -46,7 +46,7 @@ pub fn find(mesh: &TetMesh) -> Option<Ends> {
     let surface = Surface::of(mesh);
     let tips = Tips::of(mesh, &surface)?;
     if let Some((axis, why)) = shape.axis()
-        && !tips.turn_off(mesh, &axis)
+        && !(shape.is_long() && tips.turn_off(mesh, &axis))
         && let Some(ends) = along(mesh, &surface, &axis)
     {
         return Some(Ends { ends, why });
@@ -100,10 +100,14 @@ impl Shape {
         }
     }
 
+    fn is_long(&self) -> bool {
+        let [long, next, _] = self.deviations;
+        long > LONG * next
+    }
+
     /// The axis at whose ends the body is held, and why; `None` for a body without one.
     fn axis(&self) -> Option<(Vector3<f64>, String)> {
-        let [long, next, _] = self.deviations;
-        if long > LONG * next {
+        if self.is_long() {
             let snapped =
                 (0..3).map(|i| Vector3::ith(i, 1.0)).find(|axis| axis.dot(&self.axes[0]).abs() > ALIGNED);
             let axis = snapped.unwrap_or(upward(self.axes[0]).map(|x| (x * 1e3).round() / 1e3));
