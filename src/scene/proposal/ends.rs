@@ -188,7 +188,6 @@ fn along(mesh: &TetMesh, surface: &Surface, axis: &Vector3<f64>) -> Option<[End;
 
 /// The two surface nodes that are furthest apart along the mesh's edges, found by going to the furthest node twice.
 struct Tips {
-    nodes: [u32; 2],
     distance: f64,
     /// Of every node, the way to each of the two.
     lengths: [Vec<f64>; 2],
@@ -206,7 +205,7 @@ impl Tips {
         let to_first = from(first);
         let second = furthest(&to_first)?;
         let distance = to_first[second as usize];
-        Some(Tips { nodes: [first, second], distance, lengths: [to_first, from(second)] })
+        Some(Tips { distance, lengths: [to_first, from(second)] })
     }
 
     /// The middle of the nodes that ways of these parts of the distance reach from a tip.
