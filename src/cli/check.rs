@@ -8,9 +8,9 @@ use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
 use crate::deform::{ExpectedErrors, Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry};
-use crate::green::{self, GreenError};
-use crate::mesh;
+use crate::green::{self, Forecast, GreenError};
 use crate::prepare;
+use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::{Body, Scene};
 use crate::session::open;
 use crate::stage::Stage;
@@ -38,7 +38,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    if !mesh::is_mesh_or_surface(&args.scene) && inspect::is_stage(&args.scene)? {
+    if !is_mesh_or_surface(&args.scene) && inspect::is_stage(&args.scene)? {
         return check_stage::run(&args.scene, args.json);
     }
     let scene = opening::scene(&args.scene, &args.guess)?;
@@ -58,7 +58,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         match green::prepare(&scene, name) {
             Ok(prepared) => {
+                let forecast = Forecast::of(&prepared.mesh, prepared.controls.len()).told();
                 findings.extend(prepared.findings);
+                findings.extend(forecast.map(|told| Diagnostic::new(Severity::Note, &entity, told)));
                 meshes.push((name, body, prepared.mesh.nodes.into_iter().map(Point3::from).collect()));
             }
             Err(failed @ GreenError::Scene(_)) => findings.push(error(failed.to_string())),

@@ -4,7 +4,8 @@ use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::count;
-use crate::mesh::{self, formats};
+use crate::mesh::length_unit::{LengthUnit, Scale, find_unit, implausible};
+use crate::mesh::{self, formats, quality};
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
@@ -13,6 +14,7 @@ Examples:
   greenstage convert part.vtk part.msh --encoding msh41-binary
   greenstage convert part.msh part.vtu                          for ParaView
   greenstage convert part.msh part.node                         and part.ele beside it
+  greenstage convert part.msh metres.msh --unit mm              from millimetres
 
 Gmsh and Abaqus files keep regions, their names and node groups; the others only the numbers of
 regions. What is left out or lost is told, a line each. Read are all formats that scenes read:
@@ -31,6 +33,12 @@ pub struct Args {
     /// Where to write, whole or not at all; overwrites a mesh of that format, and nothing else
     #[arg(value_name = "OUT")]
     pub output: PathBuf,
+    /// Unit of the input's coordinates: m, in, cm, mm, um; they are written in metres
+    #[arg(long, value_parser = find_unit)]
+    pub unit: Option<&'static LengthUnit>,
+    /// Or metres in one unit of the input
+    #[arg(long, conflicts_with = "unit", value_parser = super::parsers::positive)]
+    pub scale: Option<f64>,
     /// How to write, where the format has several ways
     #[arg(long, value_parser = encodings())]
     pub encoding: Option<String>,
@@ -45,12 +53,17 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let encoding = args.encoding.as_deref();
     let writer = formats::writer_of(&args.output, encoding)?;
     mesh::try_save(&args.output, encoding, &args.input)?;
-    let loaded = mesh::load(&args.input)?;
+    let asked = args.unit.map(|unit| unit.metres).or(args.scale);
+    let loaded = Scale(asked.unwrap_or(1.0)).applied(mesh::load(&args.input)?);
     let lost = mesh::save(&args.output, &loaded.mesh, encoding)?;
     for notice in loaded.notices.iter().map(|notice| format!("read: {notice}")).chain(lost) {
         notice!("note: {notice}");
     }
     let mesh = &loaded.mesh;
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    if let Some(doubt) = implausible((high - low).amax()).filter(|_| asked.is_none()) {
+        notice!("note: {doubt}; `convert --unit mm` writes metres");
+    }
     let regions: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();
     print(&format!(
         "{}: {} nodes, {} tetrahedra, {}, {}\n{}: written ({})\n",

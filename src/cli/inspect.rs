@@ -6,9 +6,11 @@ use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
 use crate::effect;
 use crate::green::{GreenError, GreenFile, STIFFNESS};
+use crate::mesh::length_unit::implausible;
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::prepare;
 use crate::scene::Scene;
+use crate::scene::materials::implausible_young;
 use crate::session::open;
 use crate::stage::Stage;
 use crate::tuning;
@@ -108,7 +110,8 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     for line in &found {
         text.push_str(&format!("  {}: {}\n", line.severity, line.message));
     }
-    for notice in &loaded.notices {
+    let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max));
+    for notice in loaded.notices.iter().chain(&doubt) {
         text.push_str(&format!("note: {notice}\n"));
     }
     let value =
@@ -152,6 +155,8 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     let wrong = faults.iter().map(|fault| format!("wrong: {fault}\n"));
     let notes = notices.iter().map(|notice| format!("note: {notice}\n"));
     text.extend(wrong.chain(notes));
+    let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max));
+    text.extend(doubt.map(|doubt| format!("note: {doubt}\n")));
     let cell = isosurface_stuffing::suggested_cell(&surface);
     if report.holes.is_empty() && report.unorientable_edges == 0 {
         text.push_str(&format!(
@@ -258,6 +263,12 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
             })?;
             let grab = control.grab.name();
             text.push_str(&format!("  control {control_name}: {} nodes, {grab}\n", nodes.len()));
+        }
+        let (low, high) = quality::bounding_box(&loaded.mesh.nodes);
+        let materials = std::iter::once(&body.material).chain(body.region.values());
+        let doubts = materials.filter_map(|material| implausible_young(material.young));
+        for doubt in doubts.chain(implausible((high - low).amax())) {
+            text.push_str(&format!("  note: {doubt}\n"));
         }
     }
     let path = prepare::green_path(&scene);

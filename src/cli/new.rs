@@ -87,9 +87,12 @@ fn told(proposal: &Proposal, path: &Path) -> String {
     let named = path.display();
     let reasons: String = proposal.reasons.iter().map(|reason| format!("  {reason}\n")).collect();
     let warnings: String = proposal.warnings.iter().map(|warning| format!("note: {warning}\n")).collect();
-    format!(
-        "{named}: written\n{reasons}{warnings}\nNext:\n  greenstage check {named}    what can be found wrong, without solving\n  \
-         greenstage view {named}     solves it once, then you bend it\n  an editor                   every line of the scene has \
-         its reason beside it\n"
-    )
+    let next = [
+        (format!("greenstage view {named}"), "solves it once, then you bend it"),
+        (format!("greenstage check {named}"), "what can be found wrong, without solving"),
+        ("an editor".to_owned(), "every line of the scene has its reason beside it"),
+    ];
+    let width = next.iter().map(|(command, _)| command.chars().count()).max().unwrap_or(0) + 2;
+    let next: String = next.iter().map(|(command, what)| format!("  {command:<width$}{what}\n")).collect();
+    format!("{named}: written\n{reasons}{warnings}\nNext:\n{next}")
 }

@@ -3,9 +3,10 @@
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
-use crate::mesh;
+use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::{LengthUnit, find_unit};
 use crate::scene::Scene;
+use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -47,7 +48,7 @@ fn is_a_person_there() -> bool {
 /// The scene of a file that a command is given: a scene file, or what is proposed for a mesh or a surface file, whose scene
 /// and .green file then go to a folder of their own ([`cache_folder`]), so that nothing appears beside the mesh.
 pub fn scene(path: &Path, guess: &Guess) -> Result<Scene, Failure> {
-    if !mesh::is_mesh_or_surface(path) {
+    if !is_mesh_or_surface(path) {
         let is_guessed = guess.unit.is_some() || guess.material.is_some();
         let told =
             "--unit and --material are for a mesh or surface file; a scene has the keys unit and material";
@@ -110,7 +111,7 @@ fn commands(doubt: &UnitDoubt) -> String {
     format!(
         "{}: in metres the body would be {} m long; say which unit the file is in:{choices}",
         doubt.mesh.display(),
-        doubt.extent
+        digits(doubt.extent)
     )
 }
 

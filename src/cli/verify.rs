@@ -49,13 +49,18 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         )?;
     }
     if args.problems == [stability::NAME] {
-        return stability::run_all(args.json, args.readme.as_deref());
+        stability::run_all(args.json, args.readme.as_deref())?;
+        return verdict(
+            args.json,
+            "every loop with all measures is stable, and the plain one up to where theory says",
+        );
     }
     if args.problems == [HARD_CASES] {
         return hard_cases(args);
     }
     if args.problems == [bent::NAME] {
-        return bent::run(args.json, args.readme.as_deref());
+        bent::run(args.json, args.readme.as_deref())?;
+        return verdict(args.json, "no loop makes energy");
     }
     if args.problems == [forces::NAME] {
         return forces::run(args.json, args.readme.as_deref());
@@ -88,7 +93,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         );
         marks::write_between(path, "verify", &format!("{machine}\n\n```text\n{}\n```\n", text.trim_end()))?;
     }
-    judge(&rows)
+    judge(&rows)?;
+    verdict(args.json, &format!("all {} rows within their bounds (column required)", rows.len()))
+}
+
+/// The last line where nothing missed its bound; the error is the last line where something did.
+fn verdict(json: bool, said: &str) -> Result<(), Failure> {
+    if json { Ok(()) } else { print(&format!("{said}\n")) }
 }
 
 /// Asks for the hard cases instead of problems.
@@ -124,7 +135,7 @@ fn hard_cases(args: &Args) -> Result<(), Failure> {
         .map(|row| format!("{} {}: {}", row.number, row.case, row.said))
         .collect();
     if missed.is_empty() {
-        return Ok(());
+        return verdict(args.json, &format!("all {} hard cases ended as they must", rows.len()));
     }
     let (count, all) = (missed.len(), rows.len());
     Err(Failure::Work(anyhow::anyhow!(

@@ -6,8 +6,10 @@ use super::floating::{Floating, floating};
 use super::pieces;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::{Element, Lame};
-use crate::mesh::diagnostics::{self, digits, place};
+use crate::mesh::diagnostics::{self, place};
+use crate::mesh::length_unit::implausible;
 use crate::mesh::{TetMesh, quality};
+use crate::scene::materials::implausible_young;
 use crate::scene::{Body, Material};
 use std::collections::BTreeSet;
 
@@ -15,9 +17,6 @@ use std::collections::BTreeSet;
 const LOCKING: f64 = 0.45;
 /// Stiffness of a floating inclusion over that around it: above the first, digits are lost; above the second, all.
 const STIFF: [f64; 2] = [1e8, 1e12];
-
-/// Longest sides of bodies that hands bend.
-const USUAL_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
 
 /// What is wrong with the mesh itself; pieces are judged by [`support`].
 pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Diagnostic> {
@@ -30,12 +29,7 @@ pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Diagnostic> {
 fn unit(entity: &str, mesh: &TetMesh) -> Option<Diagnostic> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let side = (high - low).max();
-    let message = format!(
-        "its longest side is {} m, for coordinates are metres: pictures fit it into the stage all the same, but with \
-         another unit forces and energies are wrong (chapter meshes, Units)",
-        digits(side)
-    );
-    (!USUAL_M.contains(&side)).then(|| Diagnostic::new(Severity::Note, entity, message))
+    implausible(side).map(|message| Diagnostic::new(Severity::Note, entity, message))
 }
 
 /// Control elements that share nodes, and pieces that none holds or joins ([`pieces`]).
@@ -78,6 +72,11 @@ pub fn materials(
     let mut findings = Vec::new();
     let named = std::iter::once(("material".to_owned(), &body.material))
         .chain(body.region.iter().map(|(region, material)| (format!("region.{region}"), material)));
+    for (key, material) in named.clone() {
+        if let Some(message) = implausible_young(material.young) {
+            findings.push(Diagnostic::new(Severity::Note, format!("{entity}.{key}"), message));
+        }
+    }
     for (key, Material { poisson, .. }) in named.filter(|(_, material)| material.poisson > LOCKING) {
         let (severity, advice) = nearly_incompressible(body.element);
         let message = format!("Poisson's ratio {poisson} is nearly incompressible: {advice}");

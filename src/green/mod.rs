@@ -15,6 +15,7 @@ mod family;
 mod file;
 mod fingerprint;
 mod floating;
+mod forecast;
 mod judge;
 mod kind;
 mod lift;
@@ -40,6 +41,7 @@ pub use families::{
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};
 pub use fingerprint::fingerprint;
+pub use forecast::Forecast;
 pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};
 pub use lift::Lift;

@@ -2,6 +2,7 @@
 //!
 //! In: the name of a unit, or a factor. Out: a [`Scale`], by which coordinates become metres.
 
+use super::diagnostics::digits;
 use super::tet_mesh::{Loaded, TetMesh};
 use crate::config::unknown_name;
 use nalgebra::Vector3;
@@ -43,6 +44,36 @@ impl<'de> Deserialize<'de> for &'static LengthUnit {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static LengthUnit, D::Error> {
         find_unit(&String::deserialize(deserializer)?).map_err(D::Error::custom)
     }
+}
+
+/// Longest sides of bodies that hands bend, m.
+pub const PLAUSIBLE_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
+
+/// The units but the metre in which a body of `extent` units would be plausible, the likeliest first: CAD and medical
+/// images are in millimetres.
+pub fn candidates(extent: f64) -> impl Iterator<Item = &'static LengthUnit> {
+    let likely = ["mm", "um", "cm", "in"].into_iter().filter_map(|name| find_unit(name).ok());
+    likely.filter(move |unit| PLAUSIBLE_M.contains(&(extent * unit.metres)))
+}
+
+/// What to think of a body whose longest side is not one of bodies that hands bend.
+pub fn implausible(longest: f64) -> Option<String> {
+    if PLAUSIBLE_M.contains(&longest) {
+        return None;
+    }
+    let guess = candidates(longest).next().map_or("another unit".to_owned(), |unit| {
+        format!(
+            "unit = \"{}\" beside mesh makes it {} m, if the file is in {}",
+            unit.name,
+            digits(longest * unit.metres),
+            unit.plural
+        )
+    });
+    Some(format!(
+        "its longest side is {} m, for coordinates are metres: {guess}; pictures fit it into the stage all the same, but \
+         with a wrong unit forces and energies are wrong (chapter meshes, Units)",
+        digits(longest)
+    ))
 }
 
 /// Metres of one of the file's units of length.
@@ -97,6 +128,12 @@ mod tests {
         assert_eq!(Scale(0.0254).metres(10.0), 0.254);
         assert_eq!(Scale(1000.0).metres(2.5), 2500.0);
         assert_eq!(Scale::ONE.metres(0.1), 0.1);
-        assert!(find_unit("mn").unwrap_err().contains("did you mean \"mm\"?"));
+        assert_eq!(implausible(2.0), None);
+        assert!(
+            implausible(195.0).unwrap().contains("is 195.0 m")
+                && implausible(195.0).unwrap().contains("\"mm\" beside mesh makes it 0.1950 m")
+        );
+        assert!(implausible(1e-5).unwrap().contains("another unit"));
+        assert!(find_unit("mmm").unwrap_err().contains("did you mean \"mm\"?"));
     }
 }

@@ -36,21 +36,7 @@ pub use tet_mesh::{EDGES, FACES, Loaded, TetMesh};
 
 use crate::base::{input, output};
 use formats::Part;
-use std::io::Read;
 use std::path::{Path, PathBuf};
-
-/// Whether the file is one of [`formats::FORMATS`] or [`surface_files`]: by its extension; of any other but TOML, by its
-/// first bytes.
-pub fn is_mesh_or_surface(path: &Path) -> bool {
-    let is_text = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-    let begins = || {
-        let mut head = Vec::new();
-        let read = std::fs::File::open(path).and_then(|file| file.take(output::HEAD).read_to_end(&mut head));
-        read.is_ok_and(|_| formats::FORMATS.iter().any(|format| (format.recognizes)(&head)))
-    };
-    let is_known = surface_files::is_surface_file(path) || formats::has_extension(path);
-    is_known || !is_text && path.is_file() && (begins() || formats::advice(path, &[]).is_some())
-}
 
 /// Reads the mesh file at `path`, in any format of [`formats::FORMATS`]; 10-node tetrahedra are reduced to their
 /// corners.

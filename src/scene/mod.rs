@@ -5,6 +5,7 @@
 
 mod accuracy_target;
 pub mod built_in;
+pub mod file_kind;
 mod load;
 pub mod materials;
 mod look;
@@ -23,8 +24,9 @@ use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
 use crate::fem::Element;
 use crate::mesh::length_unit::{LengthUnit, Scale};
-use crate::mesh::{self, MeshError, blobs, generate, refine, surface_files};
+use crate::mesh::{MeshError, blobs, generate, refine, surface_files};
 use crate::solve::Solver;
+use file_kind::is_mesh_or_surface;
 use indexmap::IndexMap;
 use materials::{Known, Written, find_material};
 use serde::{Deserialize, Serialize};
@@ -301,7 +303,7 @@ impl Scene {
             }
             None => {}
         }
-        if mesh::is_mesh_or_surface(path) {
+        if is_mesh_or_surface(path) {
             return Err(SceneError::IsMesh { path: path.to_owned() });
         }
         let mut scene: Scene = config::load(path)?;

@@ -109,7 +109,7 @@ fn gid_is_told_from_gmsh_by_its_first_line() {
         ("nnode 4", "nnode 5", "m.msh:2: tetrahedra of 5 nodes are not known"),
         ("tetrahedra", "blobs", "m.msh:2: elements of the kind blobs are not known: Point, Line"),
         ("nnode 4", "", "m.msh:2: MESH without Nnode: write `MESH"),
-        ("end coordinates\n", "", "m.msh:11: expected the number of a node, found `Elements`"),
+        ("end coordinates\n", "", "m.msh:10: expected the number of a node, found `Elements`"),
         ("End Elements", "", "m.msh:14: the file ends where End Elements is expected"),
         (
             "1 11 12 13 14 3",

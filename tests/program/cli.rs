@@ -2,6 +2,7 @@
 
 mod cases;
 mod limits;
+mod propose;
 use crate::common;
 
 use common::{csv_rows, greenstage as succeed, program, text};

@@ -4,7 +4,7 @@ use super::super::SceneError;
 use crate::base::failure::Failure;
 use crate::mesh::MeshError;
 use crate::mesh::diagnostics::digits;
-use crate::mesh::length_unit::{LengthUnit, Scale, find_unit};
+use crate::mesh::length_unit::{LengthUnit, PLAUSIBLE_M, Scale, candidates, find_unit};
 use std::path::{Path, PathBuf};
 
 /// The file's extent is implausible in metres, and in which units it would be plausible.
@@ -46,20 +46,14 @@ impl From<ProposalError> for Failure {
     }
 }
 
-/// Longest sides of bodies that are taken for metres without asking.
-pub const PLAUSIBLE_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
-/// The units in which a body of `extent` units would be plausible, the likeliest first, and metres.
-fn candidates(extent: f64) -> Vec<&'static LengthUnit> {
-    // CAD and medical images are in millimetres; little else is met.
-    let likely = ["mm", "um"].into_iter().filter_map(|name| find_unit(name).ok());
-    let fitting = likely.filter(|unit| PLAUSIBLE_M.contains(&(extent * unit.metres)));
-    fitting.take(1).chain(find_unit("m")).collect()
-}
-
 /// Whether a file of that extent is taken for metres, or `asked` says what it is in.
 pub fn plausible(file: &Path, extent: f64, asked: Option<Scale>) -> Result<(), ProposalError> {
     if asked.is_some() || PLAUSIBLE_M.contains(&extent) {
         return Ok(());
     }
-    Err(ProposalError::Unit(UnitDoubt { mesh: file.to_owned(), extent, candidates: candidates(extent) }))
+    Err(ProposalError::Unit(UnitDoubt {
+        mesh: file.to_owned(),
+        extent,
+        candidates: candidates(extent).take(1).chain(find_unit("m")).collect(),
+    }))
 }

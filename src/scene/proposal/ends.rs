@@ -44,12 +44,14 @@ const FEWEST: usize = 12;
 pub fn find(mesh: &TetMesh) -> Option<Ends> {
     let shape = Shape::of(mesh);
     let surface = Surface::of(mesh);
+    let tips = Tips::of(mesh, &surface)?;
     if let Some((axis, why)) = shape.axis()
+        && !(shape.is_long() && tips.turn_off(mesh, &axis))
         && let Some(ends) = along(mesh, &surface, &axis)
     {
         return Some(Ends { ends, why });
     }
-    let ends = farthest(mesh, &surface)?;
+    let ends = farthest(mesh, &surface, &tips)?;
     Some(Ends {
         ends,
         why: "the two places of the surface that are furthest apart through the body".to_owned(),
@@ -98,10 +100,14 @@ impl Shape {
         }
     }
 
+    fn is_long(&self) -> bool {
+        let [long, next, _] = self.deviations;
+        long > LONG * next
+    }
+
     /// The axis at whose ends the body is held, and why; `None` for a body without one.
     fn axis(&self) -> Option<(Vector3<f64>, String)> {
-        let [long, next, _] = self.deviations;
-        if long > LONG * next {
+        if self.is_long() {
             let snapped =
                 (0..3).map(|i| Vector3::ith(i, 1.0)).find(|axis| axis.dot(&self.axes[0]).abs() > ALIGNED);
             let axis = snapped.unwrap_or(upward(self.axes[0]).map(|x| (x * 1e3).round() / 1e3));
@@ -155,7 +161,11 @@ fn along(mesh: &TetMesh, surface: &Surface, axis: &Vector3<f64>) -> Option<[End;
         })
         .map(|(nodes, selected, depth)| End {
             name: side(&(unit * sign)),
-            what: format!("all within {} m of the {} end", digits(depth), side(&(unit * sign))),
+            what: format!(
+                "all nodes within {} m of its {} end",
+                digits(rounded(depth, coarse)),
+                side(&(unit * sign))
+            ),
             nodes,
             selected,
         })
@@ -176,18 +186,57 @@ fn along(mesh: &TetMesh, surface: &Surface, axis: &Vector3<f64>) -> Option<[End;
     }
 }
 
-/// The ends at the two surface nodes that are furthest apart along the mesh's edges, found by going to the furthest node
-/// twice.
-fn farthest(mesh: &TetMesh, surface: &Surface) -> Option<[End; 2]> {
-    let furthest = |from: u32| {
-        let lengths = geodesic::lengths(mesh, &[from], f64::INFINITY);
-        let reached = |node: &&u32| lengths[**node as usize].is_finite();
-        let far = |a: &&u32, b: &&u32| lengths[**a as usize].total_cmp(&lengths[**b as usize]);
-        let &node = surface.nodes.iter().filter(reached).max_by(far)?;
-        Some((node, lengths[node as usize]))
+/// The two surface nodes that are furthest apart along the mesh's edges, found by going to the furthest node twice.
+struct Tips {
+    distance: f64,
+    /// Of every node, the way to each of the two.
+    lengths: [Vec<f64>; 2],
+}
+
+impl Tips {
+    fn of(mesh: &TetMesh, surface: &Surface) -> Option<Tips> {
+        let furthest = |lengths: &[f64]| -> Option<u32> {
+            let reached = |node: &&u32| lengths[**node as usize].is_finite();
+            let far = |a: &&u32, b: &&u32| lengths[**a as usize].total_cmp(&lengths[**b as usize]);
+            surface.nodes.iter().filter(reached).max_by(far).copied()
+        };
+        let from = |node: u32| geodesic::lengths(mesh, &[node], f64::INFINITY);
+        let first = furthest(&from(*surface.nodes.first()?))?;
+        let to_first = from(first);
+        let second = furthest(&to_first)?;
+        let distance = to_first[second as usize];
+        Some(Tips { distance, lengths: [to_first, from(second)] })
+    }
+
+    /// The middle of the nodes that ways of these parts of the distance reach from a tip.
+    fn middle(&self, mesh: &TetMesh, tip: usize, parts: std::ops::Range<f64>) -> Option<Vector3<f64>> {
+        let lengths = self.lengths[tip].iter().zip(0u32..);
+        let is_in = |length: f64| parts.contains(&(length / self.distance));
+        let shell: Vec<u32> = lengths.filter(|(length, _)| is_in(**length)).map(|(_, node)| node).collect();
+        quality::centroid(mesh, &shell)
+    }
+
+    /// Whether the body bends away from `axis` at both ends, as an arch does: the faces across the axis are no ends then.
+    fn turn_off(&self, mesh: &TetMesh, axis: &Vector3<f64>) -> bool {
+        let (low, high) = span(mesh, &axis.normalize());
+        let turns = |tip: usize| {
+            let outer = self.middle(mesh, tip, 0.0..0.15);
+            let inner = self.middle(mesh, tip, 0.15..0.3);
+            outer.zip(inner).is_some_and(|(outer, inner)| (inner - outer).angle(axis).cos().abs() < 0.7)
+        };
+        self.distance > 1.3 * (high - low) && turns(0) && turns(1)
+    }
+}
+
+/// The ends about the two tips of the body.
+fn farthest(mesh: &TetMesh, surface: &Surface, tips: &Tips) -> Option<[End; 2]> {
+    let distance = tips.distance;
+    // From a corner of an end to its middle.
+    let middle = |tip: usize| -> Option<u32> {
+        let centre = tips.middle(mesh, tip, 0.0..THROUGH)?;
+        geodesic::nearest(mesh, &surface.nodes, &centre).map(|(node, _)| node)
     };
-    let (first, _) = furthest(*surface.nodes.first()?)?;
-    let (second, distance) = furthest(first)?;
+    let (first, second) = (middle(0)?, middle(1)?);
     let apart = mesh.nodes[second as usize] - mesh.nodes[first as usize];
     // The lower or the left one first.
     let (first, second, apart) =
@@ -200,7 +249,10 @@ fn farthest(mesh: &TetMesh, surface: &Surface) -> Option<[End; 2]> {
         })
         .map(|(nodes, selected, depth)| End {
             name,
-            what: format!("through the body up to {} m from its {name} end", digits(depth)),
+            what: format!(
+                "all nodes that a way of {} m through the body reaches from its {name} end",
+                digits(rounded(depth, distance * 5e-4))
+            ),
             nodes,
             selected,
         })

@@ -10,7 +10,7 @@ mod grouped;
 mod telling;
 mod wishes;
 
-pub use doubt::{PLAUSIBLE_M, ProposalError, UnitDoubt};
+pub use doubt::{ProposalError, UnitDoubt};
 pub use wishes::Wishes;
 
 use super::materials::{MATERIALS, find_material};
@@ -65,10 +65,10 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     let material = material(&mut telling, &key, file, wishes)?;
     let element = if material.poisson > INCOMPRESSIBLE { &TET4_ANP } else { &TET4 };
     if element == &TET4_ANP {
-        telling.comment(&key("element"), "does not lock where the material is nearly incompressible");
+        telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
     }
     let model = model(&mut telling, &key, &mesh, element == &TET4, wishes);
-    telling.comment(&key("effects"), "\"haptics\" would add force and torque, in the hand and as numbers");
+    telling.comment(&key("effects"), "\"haptics\" would add force and torque");
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
     let body = Body {
         mesh: Some(relative(file, scene_path)),
@@ -202,21 +202,10 @@ fn material(
         },
     };
     let modulus = pascals(known.young);
-    telling.comment(
-        &key("material"),
-        &format!(
-            "E = {modulus}, ν = {}: {}; others: `greenstage manual materials`",
-            known.poisson,
-            short(known.what)
-        ),
-    );
+    let comment = format!("E = {modulus}, ν = {}; others: `greenstage manual materials`", known.poisson);
+    telling.comment(&key("material"), &comment);
     telling.reason(format!("material: {} (E = {modulus}, ν = {}), {why}", known.name, known.poisson));
     Ok(Material::from(known))
-}
-
-/// Up to the first comma or semicolon.
-fn short(text: &str) -> &str {
-    text.split([',', ';']).next().unwrap_or(text)
 }
 
 /// A modulus in the unit that suits it.
@@ -250,20 +239,14 @@ fn model(
     let length = ends::length(mesh);
     let slender = length / (volume / length).sqrt();
     if slender >= SLENDER && can_reduce {
-        telling.comment(
-            &key("model"),
-            "a slender body bends far: forces too are near equilibrium up to 60° and more",
-        );
+        telling.comment(&key("model"), "bends far, with forces; \"rotation\" is quicker to precompute");
         telling.reason(format!(
             "model: reduced, because the body is slender ({slender:.0} times as long as thick) and bends far; \"rotation\" \
              takes less time to precompute"
         ));
         return "reduced".to_owned();
     }
-    telling.comment(
-        &key("model"),
-        "keeps its shape in large rotations; \"reduced\" for forces, and for bending far",
-    );
+    telling.comment(&key("model"), "for large rotations; \"reduced\" for forces, and to bend far");
     telling.reason(
         "model: rotation, quick and good for shapes; for forces take \"reduced\" (`greenstage manual scene`)"
             .into(),

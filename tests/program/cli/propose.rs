@@ -1,0 +1,67 @@
+//! A mesh without a scene: `new` writes one, other commands propose one in a folder of their own.
+
+use super::{project, refuse, succeed};
+use crate::common::{program, text};
+use std::fs::read_to_string;
+
+#[test]
+fn new_writes_a_scene_and_never_over_another_file_unasked() {
+    let folder = project("new");
+    let told = text(&succeed(&folder, &["new", "block.msh", "-o", "own.toml", "--material", "steel"]).stdout);
+    for said in [
+        "own.toml: written",
+        "material: steel (E = 210 GPa, ν = 0.3), as you asked",
+        "greenstage view own.toml",
+    ] {
+        assert!(told.contains(said), "{said} is missing in: {told}");
+    }
+    let written = read_to_string(folder.join("own.toml")).unwrap();
+    assert!(
+        written.contains("mesh = \"block.msh\"") && written.contains("material = \"steel\""),
+        "{written}"
+    );
+    let checked = text(&succeed(&folder, &["check", "own.toml"]).stdout);
+    assert!(checked.contains("0 errors"), "{checked}");
+    refuse(&folder, &["new", "block.msh", "-o", "own.toml"], &["own.toml: is there already", "--force"]);
+    succeed(&folder, &["new", "block.msh", "-o", "own.toml", "--fixed", "xmin", "--grab", "xmax", "--force"]);
+    let written = read_to_string(folder.join("own.toml")).unwrap();
+    assert!(written.contains("[body.block.control.xmin]"), "{written}");
+    std::fs::write(folder.join("other.toml"), "title = 1\n").unwrap();
+    refuse(&folder, &["new", "block.msh", "-o", "other.toml", "--force"], &["not a scene file"]);
+    refuse(&folder, &["new", "block.msh", "-o", "x.toml", "--fixed", "xmn"], &["did you mean \"xmin\"?"]);
+    assert!(!folder.join("x.toml").exists());
+}
+
+#[test]
+fn a_body_of_implausible_size_is_asked_about() {
+    let folder = project("units");
+    succeed(&folder, &["convert", "block.msh", "large.msh", "--scale", "195"]);
+    let inspected = text(&succeed(&folder, &["inspect", "large.msh"]).stdout);
+    assert!(inspected.contains("unit = \"mm\" beside mesh makes it 0.1950 m"), "{inspected}");
+    let with = |unit: &str| format!("\n  greenstage new large.msh --unit {unit}    for ");
+    refuse(&folder, &["new", "large.msh"], &["195.0 m long", &with("mm"), &with("m")]);
+    succeed(&folder, &["new", "large.msh", "--unit", "mm"]);
+    let written = read_to_string(folder.join("large.toml")).unwrap();
+    assert!(written.contains("unit = \"mm\""), "{written}");
+}
+
+#[test]
+fn a_mesh_is_checked_without_a_scene_and_nothing_appears_beside_it() {
+    let folder = project("no-scene");
+    let before = std::fs::read_dir(&folder).unwrap().count();
+    let cache = tempfile::tempdir().unwrap();
+    let checked =
+        program(&folder, &["check", "block.msh"]).env("XDG_CACHE_HOME", cache.path()).output().unwrap();
+    assert!(checked.status.success(), "{}", text(&checked.stderr));
+    assert!(text(&checked.stderr).contains("greenstage new block.msh"), "{}", text(&checked.stderr));
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), before);
+    assert_eq!(std::fs::read_dir(cache.path().join("greenstage")).unwrap().count(), 1);
+    refuse(
+        &folder,
+        &["deform", "block.msh", "--poses", "poses.toml", "-o", "out"],
+        &["greenstage new block.msh"],
+    );
+    refuse(&folder, &["check", "scene.toml", "--unit", "mm"], &["--unit and --material are for a mesh"]);
+    std::fs::write(folder.join("part.step"), "ISO-10303-21;\n").unwrap();
+    refuse(&folder, &["view", "part.step"], &["gmsh -3 -clmax 5 -format msh41 part.step -o part.msh"]);
+}
