@@ -4,6 +4,7 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
+use crate::base::progress::Progress;
 use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, Statics, find_model};
 use crate::effect::{self, EffectEntry, expected, find_effect};
@@ -11,7 +12,6 @@ use crate::fem::Law;
 use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Nodes, Scene};
-use crate::solve::Progress;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
