@@ -4,10 +4,10 @@
 
 use super::chapters::{CHAPTERS, Chapter};
 use crate::base::failure::Failure;
+use crate::base::progress::Progress;
 use crate::green::GreenFile;
 use crate::prepare;
 use crate::scene::Scene;
-use crate::solve::Progress;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 
 /// What a chapter needs, once it is there.

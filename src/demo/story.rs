@@ -181,7 +181,7 @@ impl Story {
         self.advance(step_s)?;
         let caption = self.caption(&readiness);
         let Some(Shown { session, screens, bodies, .. }) = &mut self.shown else { return Ok(()) };
-        screens.overlays.caption = Some(caption);
+        screens.overlays.caption = Some(Box::new(caption));
         let mut frame = WindowFrame { windows, session, bodies, edited: None, step_s, track_s: 0.0 };
         screens.draw(&mut frame).map_err(|error| Failure::work(RenderError::App(error)))
     }

@@ -23,7 +23,7 @@ pub struct Overlays {
     pub panels: Vec<bool>,
     pub pattern: bool,
     /// Written over the whole of every window.
-    pub caption: Option<Caption>,
+    pub caption: Option<Box<Caption>>,
     /// Steps of the frames since an overlay was called up.
     pub history: History,
     /// Per screen, where its plates stand.

@@ -26,7 +26,6 @@ pub mod surface_intersect;
 mod tet_mesh;
 
 pub use assemble::Order;
-pub use blobs::{Blob, Blobs, blobs};
 pub use error::{FormatFault, MeshError, Place};
 pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
