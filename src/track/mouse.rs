@@ -44,7 +44,7 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("R", "put the head back"),
     ("F1, F2, F3, F4", "overlay, room from outside, test pattern, eyes swapped; again: back"),
     ("Tab", "the panel: model, material, effects, stage, saving; again: closed"),
-    ("C", "make control elements on the body with the mouse; again: back"),
+    ("K", "make control elements on the body with the mouse; again: back"),
     ("F9, F11, F12", "write the bodies as .glb, record a video (again: end it), save a picture"),
     ("Escape", "quit"),
 ];

@@ -31,7 +31,7 @@ impl World {
             for (b, body) in self.bodies.iter().enumerate() {
                 let same = old.bodies.iter().position(|other| other.deformer.body == body.deformer.body);
                 if let Some(aside) = same.and_then(|same| old.edit.asides.get(same)) {
-                    self.edit.asides[b] = aside.clone();
+                    self.edit.asides[b] = *aside;
                 }
             }
             let time_s = *old.graph.get(old.fields.time);

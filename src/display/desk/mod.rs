@@ -154,7 +154,7 @@ impl Desk {
                     }
                     return true;
                 }
-                Key::Char('c') if is_free && !self.input.modifiers.ctrl => {
+                Key::Char('k') if is_free && !self.input.modifiers.ctrl => {
                     if pressed {
                         if !self.is_open {
                             self.toggle(window, session);

@@ -158,7 +158,7 @@ pub fn show(
                             if editor_panel::precompute(ui, editor) {
                                 orders.push(Order::Apply);
                             }
-                            if ui.button("Leave without precomputing (C)").clicked() {
+                            if ui.button("Leave without precomputing (K)").clicked() {
                                 orders.push(Order::Edit(None));
                             }
                         }
@@ -170,7 +170,7 @@ pub fn show(
                         });
                         ui.separator();
                         change(ui, draft, now, orders);
-                        if !is_busy && ui.button("Make control elements (C)").clicked() {
+                        if !is_busy && ui.button("Make control elements (K)").clicked() {
                             orders.push(Order::Edit(draft.chosen()));
                         }
                     }
