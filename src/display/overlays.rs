@@ -231,10 +231,6 @@ impl Overlays {
             if let Some(caption) = caption.as_ref().filter(|_| picture.tile == last[picture.window]) {
                 let whole = caption::whole(picture.texture_size);
                 let sheet = overlay.lay_out(picture.texture_size, |painter| caption.paint(painter, whole));
-            if room.is_none() && !*pattern && !frame.labels.is_empty() {
-                let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                    write_labels(painter, &part, frame.stage, &frame.room_from_head, frame.labels);
-                });
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }
             Ok(())
