@@ -37,6 +37,7 @@ mod solved;
 mod statics;
 mod substructured;
 mod superposition;
+mod surface_stress;
 mod trial;
 mod turn;
 
@@ -58,6 +59,7 @@ pub use nearest::unwrapped;
 pub use normals::vertex_normals;
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
+pub use surface_stress::{NodeStress, SurfaceParts, SurfaceStress};
 pub use reduced::Reduced;
 pub use rotation::{Rotation, mean_rotation};
 pub use screw::{Screw, Way};
