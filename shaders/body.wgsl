@@ -30,7 +30,7 @@ fn vertex(
     out.clip = views[eye].clip_from_room * position_in_room;
     out.position = position_in_room.xyz;
     out.normal = (room_from_body * vec4<f32>(normal, 0.0)).xyz;
-    out.plain = rgb * (1.0 - color.a);
+    out.plain = plain_of_vertex(color.rgb) * (1.0 - color.a);
     out.marked = vec4<f32>(rgb * color.a, color.a);
     return out;
 }
@@ -51,7 +51,7 @@ fn fragment(
     let border = mark - 0.5;
     let pixel = max(fwidth(mark), 1e-6);
     let share = saturate(border / pixel + 0.5);
-    let plain = unweighted(in.plain, 1.0 - mark);
+    let plain = painted(unweighted(in.plain, 1.0 - mark));
     let marked = unweighted(in.marked.rgb, mark);
     let seam = 1.0 - 0.55 * saturate(1.6 - abs(border) / pixel);
     let albedo = mix(plain, marked, share) * seam;

@@ -68,5 +68,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = tuning::settle(scene, false, false)?;
     let mut session = Session::open(&args.session.request(&scene))?;
     print(&pictures.draw(&mut session)?)?;
+    print(&session.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
     print(&session.report()?)
 }

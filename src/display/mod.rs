@@ -7,6 +7,7 @@
 pub mod application;
 pub mod bodies;
 pub mod device;
+mod legend;
 pub mod lettering;
 pub mod model_window;
 pub mod offscreen;

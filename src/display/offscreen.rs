@@ -2,7 +2,9 @@
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
+use super::legend::{self, LegendPanel};
 use super::overlay::{FrameSteps, History, Panel, Readings};
+use super::overlays::WARNINGS_SHARE;
 use super::window_layout;
 use crate::render::window::Monitor;
 use crate::render::{
@@ -26,6 +28,8 @@ pub struct Targets {
     swapped: bool,
     /// Shown on the screen that the viewer looks at, where it is asked for.
     panel: Option<(Overlay, History)>,
+    /// Where bodies show a field.
+    legend: Option<Overlay>,
 }
 
 /// Which pictures are made.
@@ -109,6 +113,7 @@ impl Targets {
             monitors,
             swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
             panel: None,
+            legend: None,
         })
     }
 
@@ -137,11 +142,10 @@ impl Targets {
             .collect();
         let instances = self.bodies.instances(world);
         let contents = contents(world, &instances);
-        let layout: Vec<(Window, [u32; 2])> = match &self.panel {
-            Some(_) => {
-                self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect()
-            }
-            None => Vec::new(),
+        let shown = legend::of_world(world);
+        let layout: Vec<(Window, [u32; 2])> = match self.panel.is_some() || shown.is_some() {
+            true => self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect(),
+            false => Vec::new(),
         };
         let mut targets: Vec<Target<'_>> = self
             .pictures
@@ -160,29 +164,43 @@ impl Targets {
             })
             .collect();
         let deformation = self.bodies.deformation();
-        let encode = match &mut self.panel {
-            None => self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?,
-            Some((overlay, history)) => {
-                let readings = Readings {
-                    device: self.gpu.adapter_name.clone(),
-                    deformation: deformation.clone(),
-                    source: "offscreen; present is the drawing".to_owned(),
-                    warnings: world.warnings.clone(),
-                    ..Readings::of(world)
+        let encode = if self.panel.is_none() && shown.is_none() {
+            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?
+        } else {
+            let readings = self.panel.is_some().then(|| Readings {
+                device: self.gpu.adapter_name.clone(),
+                deformation: deformation.clone(),
+                source: "offscreen; present is the drawing".to_owned(),
+                warnings: world.warnings.clone(),
+                ..Readings::of(world)
+            });
+            let (panel, legend) = (&mut self.panel, &mut self.legend);
+            let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
+                let (window, size) = &layout[picture.window];
+                let part = window_layout::part(&world.stage, window, *size, picture, self.swapped);
+                let Some(part) = part.filter(|part| part.screen == world.stage.faced_screen()) else {
+                    return Ok(());
                 };
-                let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
-                    let (window, size) = &layout[picture.window];
-                    let part = window_layout::part(&world.stage, window, *size, picture, self.swapped);
-                    let Some(part) = part.filter(|part| part.screen == world.stage.faced_screen()) else {
-                        return Ok(());
-                    };
+                let rect = part.rect;
+                if let Some((shown, at_top)) = shown {
+                    let overlay = legend.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
+                    let warns = readings.as_ref().is_some_and(|readings| !readings.warnings.is_empty());
+                    let taken = if warns { WARNINGS_SHARE * rect.height() } else { 0.0 };
+                    let at_top = at_top && readings.is_none();
                     let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                        Panel { painter, rect: part.rect, readings: &readings, history }.paint();
+                        LegendPanel { painter, rect, legend: shown, at_top, taken }.paint();
                     });
-                    overlay.draw(gpu, [(picture.texture, &sheet)])
+                    overlay.draw(gpu, [(picture.texture, &sheet)])?;
+                }
+                let Some(((overlay, history), readings)) = panel.as_mut().zip(readings.as_ref()) else {
+                    return Ok(());
                 };
-                self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
-            }
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    Panel { painter, rect, readings, history }.paint();
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])
+            };
+            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
         };
         let draw_s = self.gpu.wait()?.as_secs_f64();
         let encode_s = encode.as_secs_f64();

@@ -4,15 +4,20 @@
 //! same for both eyes, and is drawn before they are joined, so that it can be read in every kind of stereo. An overlay that
 //! is not called up costs nothing.
 
+use super::legend::LegendPanel;
 use super::overlay::{History, Panel, Readings};
 use super::pattern::Pattern;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_layout;
+use crate::base::legend::Legend;
 use crate::render::window::{Input, Key, WindowTimes, Windows};
 use crate::render::{EyePicture, FrameContents, Gpu, Overlay, OverlayMesh, RenderError, Tile};
 use crate::stage::{Stage, Window};
 use crate::track::tracker_set::TrackerReport;
 use nalgebra::Isometry3;
+
+/// Of a picture's height, what the overlay's warnings take up at its lower edge.
+pub(super) const WARNINGS_SHARE: f32 = 0.13;
 
 /// The overlays of all windows of a stage.
 pub struct Overlays {
@@ -39,6 +44,8 @@ pub struct StageFrame<'a> {
     pub room_from_head: Isometry3<f64>,
     /// What the trackers say, where somebody wants to see it.
     pub reports: &'a [TrackerReport],
+    /// Where bodies show a field: its legend, and whether it stands at the top.
+    pub legend: Option<(&'a Legend, bool)>,
 }
 
 impl Overlays {
@@ -136,7 +143,8 @@ impl Overlays {
         contents: &FrameContents<'_>,
         readings: impl FnOnce(&Gpu) -> Readings,
     ) -> Result<WindowTimes, RenderError> {
-        let is_plain = !self.pattern && !self.has_panel() && self.outside.iter().all(Option::is_none);
+        let is_called = self.pattern || self.has_panel() || self.outside.iter().any(Option::is_some);
+        let is_plain = !is_called && frame.legend.is_none();
         if is_plain {
             return windows.draw(&tiles, |_| contents, None);
         }
@@ -176,6 +184,16 @@ impl Overlays {
                     let painter = &painter.with_clip_rect(part.rect);
                     let (on_screen, stage) = (part.visible.on_screen, frame.stage.name.as_str());
                     Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
+                });
+                overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            }
+            let is_faced = part.screen == frame.stage.faced_screen() && room.is_none() && !*pattern;
+            if let Some((legend, at_top)) = frame.legend.filter(|_| is_faced) {
+                let warns = readings.as_ref().is_some_and(|r| panels[part.screen] && !r.warnings.is_empty());
+                let at_top = at_top && !panels[part.screen];
+                let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                    let taken = if warns { WARNINGS_SHARE * part.rect.height() } else { 0.0 };
+                    LegendPanel { painter, rect: part.rect, legend, at_top, taken }.paint();
                 });
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
             }

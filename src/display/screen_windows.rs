@@ -1,6 +1,7 @@
 //! The windows of a stage: what each eye sees on each screen, overlays, and mouse and keyboard.
 
 use super::bodies::contents;
+use super::legend;
 use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
 use super::window_frame::WindowFrame;
@@ -121,6 +122,7 @@ impl ScreenWindows {
             swapped: self.swapped,
             room_from_head: world.room_from_head,
             reports: &reports,
+            legend: legend::of_world(world),
         };
         let (deformation, source) = (bodies.deformation(), session.input.describe());
         let readings = |gpu: &Gpu| Readings {

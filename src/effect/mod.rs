@@ -10,6 +10,7 @@ mod entry;
 pub mod expected;
 pub mod haptics;
 mod running;
+pub mod stress;
 
 pub use entry::{EffectEntry, Listed, Precompute};
 pub use running::RunningEffect;
@@ -22,7 +23,7 @@ use crate::solve::Progress;
 use crate::world::World;
 
 /// All effects; a new one is one file and one line here.
-pub const EFFECTS: &[EffectEntry] = &[haptics::live::ENTRY, expected::ENTRY];
+pub const EFFECTS: &[EffectEntry] = &[haptics::live::ENTRY, expected::ENTRY, stress::ENTRY];
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {

@@ -12,7 +12,12 @@ const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float
 const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
 const COLOR: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Unorm8x4];
 
-pub(super) const SHADER: [&str; 3] = [shader::VIEW, shader::LIGHT, include_str!("../../shaders/body.wgsl")];
+const BODY: &str = include_str!("../../shaders/body.wgsl");
+pub(super) const SHADER: [&str; 4] =
+    [shader::VIEW, shader::LIGHT, include_str!("../../shaders/common/plain.wgsl"), BODY];
+/// The same for bodies that show a field.
+pub(super) const FIELD_SHADER: [&str; 4] =
+    [shader::VIEW, shader::LIGHT, include_str!("../../shaders/common/field.wgsl"), BODY];
 /// Vertex buffers in the order they are bound.
 fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 4] {
     let per_vertex = |array_stride, attributes| {
@@ -24,6 +29,8 @@ fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 4] {
 #[derive(Default)]
 pub(super) struct BodyPass {
     pipelines: EyePipelines,
+    /// Of bodies that show a field.
+    field_pipelines: EyePipelines,
     instances: Instances,
 }
 
@@ -45,8 +52,14 @@ impl DrawPass for BodyPass {
         if contents.bodies.is_empty() {
             return Ok(());
         }
-        let (label, parts, buffers) = (self.name(), self.shader(), &vertex_layout());
-        self.pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending: Blending::Opaque });
+        let buffers = &vertex_layout();
+        let recipe = |label, parts| Recipe { label, parts, buffers, blending: Blending::Opaque };
+        if contents.bodies.iter().any(|body| !body.buffers.shows_field) {
+            self.pipelines.complete(gpu, kinds, &recipe(self.name(), &SHADER));
+        }
+        if contents.bodies.iter().any(|body| body.buffers.shows_field) {
+            self.field_pipelines.complete(gpu, kinds, &recipe("body with a field", &FIELD_SHADER));
+        }
         let of_body = |body: &BodyInstance<'_>| Instance {
             room_from_shape: body.room_from_body.into(),
             color: [0.0; 4],
@@ -57,17 +70,18 @@ impl DrawPass for BodyPass {
     }
 
     fn draw(&self, to: &mut DrawTo<'_, '_>, contents: &FrameContents<'_>) {
-        let Some(pipeline) = self.pipelines.of(to.view_draw).filter(|_| !contents.bodies.is_empty()) else {
-            return;
-        };
-        to.pass.set_pipeline(pipeline);
-        for (k, body) in contents.bodies.iter().enumerate() {
-            self.draw_body(to, k, body);
+        for (pipelines, shows_field) in [(&self.pipelines, false), (&self.field_pipelines, true)] {
+            let mut bodies = contents.bodies.iter().enumerate().peekable();
+            let Some(pipeline) = pipelines.of(to.view_draw).filter(|_| bodies.peek().is_some()) else { continue };
+            to.pass.set_pipeline(pipeline);
+            for (k, body) in bodies.filter(|(_, body)| body.buffers.shows_field == shows_field) {
+                self.draw_body(to, k, body);
+            }
         }
     }
 
     fn is_made(&self) -> bool {
-        self.pipelines.is_made()
+        self.pipelines.is_made() || self.field_pipelines.is_made()
     }
 }
 

@@ -17,6 +17,7 @@ mod body_buffers;
 mod bounds;
 mod chunk;
 mod clock;
+mod color_map;
 mod columns;
 mod composite;
 mod custom_strips;
@@ -49,6 +50,7 @@ pub mod window;
 
 pub use body_buffers::BodyBuffers;
 pub use bounds::Bounds;
+pub use color_map::{beyond_color, field_code, map_color};
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
 pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Grid, Line, Quad, StylusShape};

@@ -65,6 +65,11 @@ mod tests {
             assert_eq!(stages(name, &both, Capabilities::MULTIVIEW), expected, "{name}.wgsl");
             assert!(both != one, "{name}.wgsl has no line{EYE}");
         }
+        for both_eyes in [false, true] {
+            let needed = if both_eyes { Capabilities::MULTIVIEW } else { Capabilities::empty() };
+            let source = drawing(&super::super::body::FIELD_SHADER, both_eyes);
+            assert_eq!(stages("body with a field", &source, needed).len(), 2);
+        }
         let composite = stages("composite", &COMPOSITE.concat(), Capabilities::empty());
         assert_eq!(composite, [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())]);
         for (name, parts) in [

@@ -4,18 +4,20 @@
 //! Models and effects stay names here, because their entries live in rooms above this one: `deform` and `effect` check them.
 
 mod accuracy_target;
+mod limit;
 mod load;
 mod parts;
 mod select;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
+pub use limit::{LegendSettings, Limit, Quantity};
 pub use parts::Parts;
 pub use select::Nodes;
 
 use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
-use crate::fem::Element;
+use crate::fem::{Element, Lame};
 use crate::mesh::{MeshError, generate, refine, surface_files};
 use crate::solve::Solver;
 use indexmap::IndexMap;
@@ -43,6 +45,8 @@ pub struct Scene {
     pub stage: String,
     /// A script that moves head and stylus when nobody does: a built-in name, or a path relative to the scene file.
     pub script: Option<PathBuf>,
+    /// What colours bodies that list an effect with colours, and up to which value.
+    pub legend: Option<LegendSettings>,
     /// In the order of the file.
     pub body: IndexMap<String, Body>,
     /// The scene's own path; relative paths start at its folder.
@@ -103,7 +107,18 @@ fn linear() -> String {
     "linear".into()
 }
 
+impl Material {
+    pub fn lame(&self) -> Lame {
+        Lame::from_young_poisson(self.young, self.poisson)
+    }
+}
+
 impl Body {
+    /// That of the body, then those of its regions.
+    pub fn materials(&self) -> impl Iterator<Item = &Material> {
+        std::iter::once(&self.material).chain(self.region.values())
+    }
+
     /// The target by which the settings are to be chosen, if there is one.
     pub fn accuracy_target(&self) -> Option<AccuracyTarget> {
         self.accuracy.map(AccuracyTarget::Accuracy).or(self.budget.map(AccuracyTarget::Budget))
@@ -164,6 +179,9 @@ pub struct Material {
     pub poisson: f64,
     /// kg/m³, needed only by effects with inertia.
     pub density: Option<f64>,
+    /// What it bears; where that is passed, pictures and closing words say so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<Limit>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -243,7 +261,7 @@ impl Scene {
         for (name, body) in &self.body {
             self.check_body(name, body)?;
         }
-        Ok(())
+        self.legend.map_or(Ok(()), |legend| legend.check()).map_err(|message| self.invalid("legend", message))
     }
 
     fn check_body(&self, name: &str, body: &Body) -> Result<(), SceneError> {
@@ -325,7 +343,7 @@ impl Scene {
     }
 
     fn check_material(&self, entity: &str, material: &Material) -> Result<(), SceneError> {
-        let Material { young, poisson, density } = *material;
+        let Material { young, poisson, density, limit } = *material;
         if !YOUNG.contains(&young) {
             return Err(
                 self.invalid(entity, format!("Young's modulus {young} Pa must lie between 1e-12 and 1e24"))
@@ -346,6 +364,9 @@ impl Scene {
         }
         if density.is_some_and(|density| !(density > 0.0 && density.is_finite())) {
             return Err(self.invalid(entity, "density must be positive and finite, kg/m³"));
+        }
+        if let Some(limit) = limit {
+            limit.check().map_err(|message| self.invalid(&format!("{entity}.limit"), message))?;
         }
         Ok(())
     }

@@ -28,6 +28,8 @@ pub struct PlacedBody {
     /// Names of its model and its effects, as in the scene.
     pub model: String,
     pub effects: Vec<String>,
+    /// Where an effect shows a field in colours: the code of every vertex ([`crate::render::field_code`]).
+    pub field: Option<Vec<[u8; 4]>>,
     /// Where an effect shows forces: how.
     pub force_scale: Option<ForceScale>,
     /// What errors to expect of it, where that was measured for its model.
@@ -76,6 +78,7 @@ pub fn place(scene: &Scene, file: &GreenFile, deformers: Vec<Deformer>, stage: &
             room_from_body: home,
             home,
             ball,
+            field: None,
             force_scale: None,
             expected: None,
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
@@ -173,10 +176,11 @@ impl PlacedBody {
         }
     }
 
-    /// sRGB and mark per vertex: the body is blue, fixed control elements are grey, and those that can be taken orange,
+    /// sRGB and mark per vertex: the body is blue or shows a field, fixed control elements are grey, and those that can be taken orange,
     /// brighter while a ray points at them and green while a hand holds them.
     pub fn colours(&self) -> Vec<[u8; 4]> {
-        let mut colours = vec![[96, 142, 186, 0]; self.deformer.node_count()];
+        let plain = || vec![[96, 142, 186, 0]; self.deformer.node_count()];
+        let mut colours = self.field.clone().unwrap_or_else(plain);
         for (c, control) in self.controls.iter().enumerate() {
             let [r, g, b] = match (control.grab, control.highlight) {
                 (Grab::Fixed, _) => [128, 130, 136],

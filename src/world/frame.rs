@@ -12,6 +12,7 @@ use super::hand::{self, HeldPlace};
 use super::highlight::Highlight;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
+use crate::base::legend::Legend;
 use crate::base::notice::notice;
 use crate::base::strips::Strips;
 use crate::deform::Deformer;
@@ -46,6 +47,10 @@ pub struct World {
     pub arrows: Vec<Arrow>,
     /// What effects draw with shaders of their own.
     pub strips: Vec<Strips>,
+    /// What the colours of bodies that show a field mean.
+    pub legend: Option<Legend>,
+    /// How often somebody asked for another field; only the picture changes.
+    pub field_changes: usize,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
     /// Warnings, each told once, with the time since the start at which it was told, s.
@@ -88,6 +93,8 @@ impl World {
             forces: Vec::new(),
             arrows: Vec::new(),
             strips: Vec::new(),
+            legend: None,
+            field_changes: 0,
             times: StepTimes::default(),
             warnings: Vec::new(),
             clock_s: 0.0,
