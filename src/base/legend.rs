@@ -31,18 +31,23 @@ pub fn ticks(to: f64) -> Vec<f64> {
     if !(to > 0.0 && to.is_finite()) {
         return vec![0.0];
     }
-    let step = round_up(to / 5.0);
+    let step = above(to / 5.0, &[1.0, 2.0, 5.0, 10.0]);
     (0..=5).map(|k| f64::from(k) * step).filter(|tick| *tick <= to * (1.0 + 1e-9)).collect()
 }
 
-/// The next of 1, 2, 5 times a power of ten.
+/// The next round value, at most a third larger.
 pub fn round_up(value: f64) -> f64 {
+    above(value, &[1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
+}
+
+/// The next of these steps times a power of ten, the last of which is 10; 0 of what is not positive.
+fn above(value: f64, steps: &[f64]) -> f64 {
     if !(value > 0.0 && value.is_finite()) {
         return 0.0;
     }
     let power = 10_f64.powf(value.log10().floor());
-    let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * power);
-    steps.into_iter().find(|step| *step >= value * (1.0 - 1e-9)).unwrap_or(steps[3])
+    let step = steps.iter().find(|step| **step * power >= value * (1.0 - 1e-9));
+    step.unwrap_or(&10.0) * power
 }
 
 #[cfg(test)]
@@ -64,7 +69,7 @@ mod tests {
             proptest::prop_assert!((3..=6).contains(&ticks.len()), "{ticks:?}");
             proptest::prop_assert!(ticks.windows(2).all(|pair| pair[1] > pair[0]));
             let top = round_up(to);
-            proptest::prop_assert!(top >= to * (1.0 - 1e-9) && top <= 2.51 * to);
+            proptest::prop_assert!(top >= to * (1.0 - 1e-9) && top <= 1.34 * to);
         }
     }
 }

@@ -42,7 +42,8 @@ mod tests {
 
     #[test]
     fn quantities_read_as_engineers_write_them() {
-        let pascals = [0.0, 1.0, 412.4e6, 999.6e6, 2.1e11, 4e3, -7.25e6, 3e16].map(|value| quantity(value, "Pa"));
+        let pascals =
+            [0.0, 1.0, 412.4e6, 999.6e6, 2.1e11, 4e3, -7.25e6, 3e16].map(|value| quantity(value, "Pa"));
         assert_eq!(
             pascals,
             ["0 Pa", "1 Pa", "412 MPa", "1 GPa", "210 GPa", "4 kPa", "-7.25 MPa", "30000 TPa"]

@@ -6,7 +6,7 @@ use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
 use crate::deform::{ExpectedErrors, Statics, find_model};
-use crate::effect::{EFFECTS, EffectEntry};
+use crate::effect::{EFFECTS, EffectEntry, stress};
 use crate::green::{self, GreenError};
 use crate::prepare;
 use crate::scene::{Body, Scene};
@@ -48,6 +48,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             }
             Ok(None) => {}
         }
+        findings.extend(unwatched_limit(name, body));
         match green::prepare(&scene, name) {
             Ok(prepared) => findings.extend(prepared.findings),
             Err(failed @ GreenError::Scene(_)) => findings.push(error(failed.to_string())),
@@ -79,6 +80,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{lines}{}\n\n{}\n{}", tally(&findings), table.text(), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
+}
+
+/// A word about a limit that no effect looks at.
+fn unwatched_limit(name: &str, body: &Body) -> Option<Diagnostic> {
+    let has_limit = body.materials().any(|material| material.limit.is_some());
+    let is_watched = body.effects.iter().any(|effect| effect == stress::NAME);
+    let message = "its material has a limit, and nothing watches it: list effects = [\"stress\"] to see and be told where \
+                   it is passed";
+    let entity = format!("body.{name}");
+    (has_limit && !is_watched).then(|| Diagnostic::new(Severity::Warning, &entity, message))
 }
 
 /// The table of what is known, and for each other body what to do.

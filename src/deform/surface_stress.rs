@@ -123,8 +123,7 @@ impl SurfaceStress {
             let lame = self.lame.get(usize::from(face.material)).copied();
             lame.map_or(([0.0; 6], [0.0; 6]), |lame| face.tensors(u, self.law, lame))
         };
-        let tensors: Vec<(Tensor, Tensor)> =
-            self.faces.par_iter().with_min_len(1024).map(of_face).collect();
+        let tensors: Vec<(Tensor, Tensor)> = self.faces.par_iter().with_min_len(1024).map(of_face).collect();
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
         let mut found: Vec<Option<NodeStress>> = vec![None; self.nodes];
         for (start, row) in starts.zip(&self.rows) {

@@ -48,13 +48,12 @@ impl LegendPanel<'_> {
         let inside = plate.shrink2(vec2(1.6 * size, 0.5 * size));
         self.heading(inside, size);
         let beyond = if self.legend.has_limit { 2.2 * size } else { 0.0 };
-        let bar = Rect::from_min_size(
-            inside.min + vec2(0.0, line),
-            vec2(inside.width() - beyond, bar_height),
-        );
+        let bar =
+            Rect::from_min_size(inside.min + vec2(0.0, line), vec2(inside.width() - beyond, bar_height));
         self.bar(bar, size);
         if self.legend.has_limit {
-            let patch = Rect::from_min_max(pos2(bar.max.x + 0.5 * size, bar.min.y), pos2(inside.max.x, bar.max.y));
+            let patch =
+                Rect::from_min_max(pos2(bar.max.x + 0.5 * size, bar.min.y), pos2(inside.max.x, bar.max.y));
             let [r, g, b] = beyond_color();
             self.painter.rect_filled(patch, 0.0, Color32::from_rgb(r, g, b));
         }
@@ -112,7 +111,10 @@ impl LegendPanel<'_> {
         let [r, g, b] = beyond_color();
         for limit in self.legend.limits.iter().filter(|limit| **limit <= self.legend.to * (1.0 + 1e-9)) {
             let x = place(*limit);
-            let mark = Rect::from_min_max(pos2(x - 1.5, bar.min.y - 0.2 * size), pos2(x + 1.5, bar.max.y + 0.2 * size));
+            let mark = Rect::from_min_max(
+                pos2(x - 1.5, bar.min.y - 0.2 * size),
+                pos2(x + 1.5, bar.max.y + 0.2 * size),
+            );
             self.painter.rect_filled(mark, 0.0, Color32::from_rgb(r, g, b));
         }
     }

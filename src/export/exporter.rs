@@ -9,7 +9,15 @@ pub struct Exporter {
     pub suffix: &'static str,
     /// Recognises an earlier file of this exporter; files of other kinds are never overwritten.
     pub kind: Kind,
-    /// Its file is only written if the results have forces.
-    pub needs_forces: bool,
+    /// Its file is only written if the results have this.
+    pub needs: Needs,
     pub write: fn(&ResultSet) -> Vec<u8>,
+}
+
+/// What not all results have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    Nothing,
+    Forces,
+    Stress,
 }

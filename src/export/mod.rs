@@ -15,7 +15,7 @@ pub mod result_set;
 pub mod statics;
 pub mod vtu;
 
-pub use exporter::Exporter;
+pub use exporter::{Exporter, Needs};
 pub use exporters::EXPORTERS;
 pub use files::Files;
-pub use result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet};
+pub use result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet, StressResult};

@@ -1,6 +1,8 @@
 //! Displacements and forces of bodies in a number of poses, as exporters take them.
 
-use crate::deform::{Deformer, Wrench};
+use super::exporter::Needs;
+use crate::deform::{Deformer, NodeStress, Wrench};
+use crate::effect::stress::Reached;
 use crate::mesh::TetMesh;
 use nalgebra::Vector3;
 
@@ -23,6 +25,17 @@ pub struct PoseResult {
     pub displacement: Vec<Vector3<f64>>,
     /// Forces and moments on the control elements, and the strain energy, J, where the body has them.
     pub wrenches: Option<ControlForces>,
+    /// Where the body lists the effect stress.
+    pub stress: Option<StressResult>,
+}
+
+/// Stress and strain on the surface of a body.
+#[derive(Clone, Debug)]
+pub struct StressResult {
+    /// By the order of the geometry's nodes; nothing inside the body and inside control elements.
+    pub nodes: Vec<Option<NodeStress>>,
+    /// Its nodes count as the geometry's.
+    pub reached: Reached,
 }
 
 /// Forces and moments on the control elements of a body.
@@ -50,6 +63,27 @@ impl ResultSet {
             0 | 1 => result.pose.clone(),
             _ => format!("{}/{}", result.pose, result.body),
         }
+    }
+
+    /// What is reached in each pose, and where a limit is passed; a line for each body that lists the effect stress.
+    pub fn stress_lines(&self) -> String {
+        let line = |result: &PoseResult| {
+            let stress = result.stress.as_ref()?;
+            Some(format!("pose \"{}\": body.{}: {}\n", result.pose, result.body, stress.reached.sentence()))
+        };
+        self.results.iter().filter_map(line).collect()
+    }
+
+    pub fn has(&self, needs: Needs) -> bool {
+        match needs {
+            Needs::Nothing => true,
+            Needs::Forces => self.has_forces(),
+            Needs::Stress => self.has_stress(),
+        }
+    }
+
+    pub fn has_stress(&self) -> bool {
+        self.results.iter().any(|result| result.stress.is_some())
     }
 
     pub fn has_forces(&self) -> bool {

@@ -48,9 +48,8 @@ pub(super) fn stvk(h: [f64; 2], lame: Lame) -> FreeFace {
     let least = 0.5 * (LEAST * LEAST - 1.0);
     let thin = (-share(lame) * (green[0] + green[1])).max(least);
     let across = 2.0 * thin / (1.0 + (1.0 + 2.0 * thin).sqrt());
-    let of = |i: usize| {
-        2.0 * lame.mu * (green[i] - thin) * (1.0 + h[i]) / ((1.0 + h[1 - i]) * (1.0 + across))
-    };
+    let of =
+        |i: usize| 2.0 * lame.mu * (green[i] - thin) * (1.0 + h[i]) / ((1.0 + h[1 - i]) * (1.0 + across));
     FreeFace { across, stress: [of(0), of(1)] }
 }
 
@@ -75,7 +74,8 @@ mod tests {
         for poisson in [-0.3, 0.0, 0.3, 0.4999] {
             let (young, strain) = (3e6, 1e-5);
             let lame = Lame::from_young_poisson(young, poisson);
-            for face in [hooke, corotational, stvk, neo_hookean].map(|law| law([strain, -poisson * strain], lame))
+            for face in
+                [hooke, corotational, stvk, neo_hookean].map(|law| law([strain, -poisson * strain], lame))
             {
                 let [along, side] = face.stress.map(|stress| stress / (young * strain));
                 assert!((along - 1.0).abs() < 4e-5 && side.abs() < 4e-5, "ν {poisson}: {face:?}");

@@ -72,7 +72,9 @@ impl DrawPass for BodyPass {
     fn draw(&self, to: &mut DrawTo<'_, '_>, contents: &FrameContents<'_>) {
         for (pipelines, shows_field) in [(&self.pipelines, false), (&self.field_pipelines, true)] {
             let mut bodies = contents.bodies.iter().enumerate().peekable();
-            let Some(pipeline) = pipelines.of(to.view_draw).filter(|_| bodies.peek().is_some()) else { continue };
+            let Some(pipeline) = pipelines.of(to.view_draw).filter(|_| bodies.peek().is_some()) else {
+                continue;
+            };
             to.pass.set_pipeline(pipeline);
             for (k, body) in bodies.filter(|(_, body)| body.buffers.shows_field == shows_field) {
                 self.draw_body(to, k, body);

@@ -94,7 +94,9 @@ pub struct LegendSettings {
 impl LegendSettings {
     pub fn check(&self) -> Result<(), String> {
         match self.to {
-            Some(to) if !(to > 0.0 && to.is_finite()) => Err(format!("to = {to}: a positive number is needed")),
+            Some(to) if !(to > 0.0 && to.is_finite()) => {
+                Err(format!("to = {to}: a positive number is needed"))
+            }
             _ => Ok(()),
         }
     }

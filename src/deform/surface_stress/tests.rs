@@ -39,8 +39,14 @@ impl Shape {
         let all = 0..self.rest.len();
         let held = vec![all.clone().filter(|&i| held(&self.place(i))).map(|i| i as u32).collect()];
         let triangles = &self.surface.triangles;
-        let parts =
-            SurfaceParts { rest: &self.rest, triangles, material, lame, held: &held, law: hooke_at_free_face };
+        let parts = SurfaceParts {
+            rest: &self.rest,
+            triangles,
+            material,
+            lame,
+            held: &held,
+            law: hooke_at_free_face,
+        };
         let u: Vec<Vector3<f64>> = all.map(|i| u(&self.place(i))).collect();
         SurfaceStress::new(&parts).at_nodes(&u, |at| at.von_mises)
     }
@@ -131,10 +137,15 @@ fn a_pressed_tube_has_the_hoop_stress_of_lame() {
             r[AXIS] = 0.0;
             r
         };
-        let found = shape.stress(&[lame(young)], &[], |_| false, |x| {
-            let r = off(x);
-            r * (c * (1.0 - 2.0 * POISSON) + c * b * b / r.norm_squared())
-        });
+        let found = shape.stress(
+            &[lame(young)],
+            &[],
+            |_| false,
+            |x| {
+                let r = off(x);
+                r * (c * (1.0 - 2.0 * POISSON) + c * b * b / r.norm_squared())
+            },
+        );
         let outer = |i: &usize| {
             let x = shape.place(*i);
             (off(&x).norm() - b).abs() < 1e-9 && x[AXIS].abs() < 0.3

@@ -118,7 +118,8 @@ impl StressedBody {
     ) -> StressedBody {
         let lame: Vec<Lame> = body.materials().map(Material::lame).collect();
         // A model that is not known was refused before.
-        let law = find_model(&body.model).map_or(crate::fem::hooke_at_free_face as _, |model| model.free_face());
+        let law =
+            find_model(&body.model).map_or(crate::fem::hooke_at_free_face as _, |model| model.free_face());
         let parts = SurfaceParts { rest, triangles, material, lame: &lame, held, law };
         let limits = body.materials().map(|material| material.limit).collect();
         StressedBody { surface: SurfaceStress::new(&parts), limits }

@@ -40,7 +40,14 @@ mod tests {
 
     #[test]
     fn a_ray_meets_the_nearer_of_two_triangles_where_it_crosses_it() {
-        let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0]];
+        let positions = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [4.0, 0.0, 1.0],
+            [0.0, 4.0, 1.0],
+        ];
         let triangles = [[3, 4, 5], [0, 1, 2]];
         let ray = |x: f64, y: f64| {
             first_met(&Point3::new(x, y, -2.0), &Vector3::new(0.0, 0.0, 0.5), &positions, &triangles)
@@ -49,6 +56,10 @@ mod tests {
         assert_eq!((met.triangle, met.weights, met.distance), (1, [0.25, 0.25, 0.5], 4.0));
         assert_eq!(ray(1.0, 1.0).unwrap().triangle, 0, "past the first");
         assert_eq!(ray(5.0, 5.0), None);
-        assert_eq!(first_met(&Point3::new(0.2, 0.2, 2.0), &Vector3::z(), &positions, &triangles), None, "behind");
+        assert_eq!(
+            first_met(&Point3::new(0.2, 0.2, 2.0), &Vector3::z(), &positions, &triangles),
+            None,
+            "behind"
+        );
     }
 }

@@ -91,7 +91,10 @@ impl Reached {
             passed if passed < 1e-3 => "less than 0.1 %".to_owned(),
             passed => format!("{:.2} %", 100.0 * passed),
         };
-        format!("its limit of {} is PASSED in {passed} of its surface, where {value} is reached", written(limit))
+        format!(
+            "its limit of {} is PASSED in {passed} of its surface, where {value} is reached",
+            written(limit)
+        )
     }
 }
 

@@ -1,8 +1,8 @@
 //! The field in a session: codes of vertices, legend, probe, warnings and closing words.
 
+use super::StressedBody;
 use super::probe::first_met;
 use super::reached::{Reached, share, written};
-use super::StressedBody;
 use crate::base::failure::Failure;
 use crate::base::legend::{Legend, LegendLine, round_up};
 use crate::base::si::quantity;
@@ -119,8 +119,7 @@ impl ShownBody {
             return false;
         }
         let deformer = &body.deformer;
-        let u: Vec<Vector3<f64>> =
-            (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
+        let u: Vec<Vector3<f64>> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
         self.nodes = self.stressed.at_nodes(&u);
         self.displacement = (0..deformer.node_count()).map(|i| deformer.displacement(i).norm()).collect();
         self.now = self.stressed.reached(&self.nodes);
