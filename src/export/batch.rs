@@ -1,8 +1,7 @@
 //! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
 //! solving anew for every pose.
 
-use super::exporter::Needs;
-use super::result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet, StressResult};
+use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;

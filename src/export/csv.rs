@@ -1,7 +1,7 @@
 //! Tables: `pose,node,ux,uy,uz` and `pose,control,fx,fy,fz,mx,my,mz,energy`, in m, N, N·m and J.
 
-use super::exporter::{Exporter, Needs};
-use super::result_set::ResultSet;
+use super::exporter::Exporter;
+use super::result_set::{Needs, ResultSet};
 use crate::base::csv::quoted;
 use crate::base::output::Kind;
 use crate::deform::Wrench;

@@ -1,6 +1,6 @@
 //! An exporter: one kind of file into which a result set is written.
 
-use super::result_set::ResultSet;
+use super::result_set::{Needs, ResultSet};
 use crate::base::output::Kind;
 
 /// One kind of file.
@@ -12,12 +12,4 @@ pub struct Exporter {
     /// Its file is only written if the results have this.
     pub needs: Needs,
     pub write: fn(&ResultSet) -> Vec<u8>,
-}
-
-/// What not all results have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Needs {
-    Nothing,
-    Forces,
-    Stress,
 }

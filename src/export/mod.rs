@@ -15,7 +15,7 @@ pub mod result_set;
 pub mod statics;
 pub mod vtu;
 
-pub use exporter::{Exporter, Needs};
+pub use exporter::Exporter;
 pub use exporters::EXPORTERS;
 pub use files::Files;
-pub use result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet, StressResult};
+pub use result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};

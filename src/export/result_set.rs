@@ -1,6 +1,5 @@
 //! Displacements and forces of bodies in a number of poses, as exporters take them.
 
-use super::exporter::Needs;
 use crate::deform::{Deformer, NodeStress, Wrench};
 use crate::effect::stress::Reached;
 use crate::mesh::TetMesh;
@@ -14,6 +13,14 @@ pub struct ResultSet {
     /// In the order in which the poses were asked for.
     pub results: Vec<PoseResult>,
     pub missed: Vec<Missed>,
+}
+
+/// What not all results have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    Nothing,
+    Forces,
+    Stress,
 }
 
 /// One body in one pose.

@@ -1,7 +1,7 @@
 //! A VTU file for ParaView: the bodies at rest, and a displacement field for every pose.
 
-use super::exporter::{Exporter, Needs};
-use super::result_set::{Geometry, ResultSet};
+use super::exporter::Exporter;
+use super::result_set::{Geometry, Needs, ResultSet};
 use crate::base::output::Kind;
 use crate::base::text::one_line;
 use crate::deform::NodeStress;

@@ -1,6 +1,6 @@
 //! What a body has reached: its largest stress and strain, and how much of its surface has passed a limit.
 
-use super::StressedBody;
+use super::stressed_body::StressedBody;
 use crate::base::si::quantity;
 use crate::deform::NodeStress;
 use crate::scene::{Limit, Quantity};

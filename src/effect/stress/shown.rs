@@ -1,8 +1,8 @@
 //! The field in a session: codes of vertices, legend, probe, warnings and closing words.
 
-use super::StressedBody;
 use super::probe::first_met;
 use super::reached::{Reached, share, written};
+use super::stressed_body::StressedBody;
 use crate::base::failure::Failure;
 use crate::base::legend::{Legend, LegendLine, round_up};
 use crate::base::si::quantity;

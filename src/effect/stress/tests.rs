@@ -1,11 +1,12 @@
 //! Against bodies that were solved, and what a session and a damaged file say.
 
 use super::reached::written;
-use super::*;
-use crate::deform::{ControlPose, Deformer};
+use super::stressed_body::StressedBody;
+use crate::deform::{ControlPose, Deformer, find_model};
 use crate::effect::{EFFECTS, add_sections, attach, find_effect, requirements};
 use crate::fem::NodeFields;
-use crate::green::{self, GreenFile};
+use crate::green::{self, GreenFile, Precomputed, Tensor};
+use crate::scene::{Limit, Scene};
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::TrackerState;
