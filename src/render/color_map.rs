@@ -75,7 +75,7 @@ mod tests {
             let color = linear(i as f32 / 100.0);
             assert!(color.iter().all(|c| (0.01..0.95).contains(c)), "{i}: {color:?} is not cut");
         }
-        assert_eq!([0.0, 0.5, 1.0].map(map_color), [[70, 33, 141], [32, 140, 167], [249, 239, 45]]);
+        assert_eq!([0.0, 0.5, 1.0].map(map_color), [[70, 33, 141], [49, 162, 159], [249, 239, 45]]);
     }
 
     #[test]
