@@ -29,7 +29,7 @@ fn vertex(
     out.clip = views[eye].clip_from_room * position_in_room;
     out.position = position_in_room.xyz;
     out.normal = (room_from_body * vec4<f32>(normal, 0.0)).xyz;
-    out.plain = rgb * (1.0 - color.a);
+    out.plain = plain_of_vertex(color.rgb) * (1.0 - color.a);
     out.marked = vec4<f32>(rgb * color.a, color.a);
     return out;
 }

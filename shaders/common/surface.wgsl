@@ -15,7 +15,8 @@ fn surface_albedo(plain: vec3<f32>, marked: vec4<f32>, image: vec3<f32>) -> vec3
     let pixel = max(fwidth(mark), 1e-6);
     let share = saturate(border / pixel + 0.5);
     let seam = 1.0 - 0.55 * saturate(1.6 - abs(border) / pixel);
-    return mix(unweighted(plain, 1.0 - mark) * image, unweighted(marked.rgb, mark), share) * seam;
+    let own = painted(unweighted(plain, 1.0 - mark));
+    return mix(own * image, unweighted(marked.rgb, mark), share) * seam;
 }
 
 // What an eye sees of it; `counter_clockwise` on the screen.

@@ -13,6 +13,7 @@ pub mod failure;
 pub mod fixed;
 pub mod input;
 pub mod last_word;
+pub mod legend;
 pub mod machine;
 pub mod memory;
 pub mod notice;

@@ -1,5 +1,7 @@
-//! What is written over the pictures of a world, beside the overlay: lines of words, and plots. Plain data, which the display
+//! What is written over the pictures of a world, beside the overlay: lines of words, plots and legends. Plain data, which the display
 //! paints.
+
+use super::legend::Legend;
 
 /// A dark plate with words, and a plot below them.
 #[derive(Clone, Debug, PartialEq)]
@@ -8,6 +10,8 @@ pub struct Plate {
     /// Words in their tones, line by line.
     pub lines: Vec<Vec<(String, Tone)>>,
     pub plot: Option<Plot>,
+    /// What colours mean, in place of lines.
+    pub legend: Option<Legend>,
 }
 
 /// Where a plate stands.
@@ -56,6 +60,6 @@ pub struct Axis {
 impl Plate {
     /// A plate with one line of plain words.
     pub fn of(anchor: Anchor, words: impl Into<String>) -> Plate {
-        Plate { anchor, lines: vec![vec![(words.into(), Tone::Plain)]], plot: None }
+        Plate { anchor, lines: vec![vec![(words.into(), Tone::Plain)]], plot: None, legend: None }
     }
 }

@@ -3,8 +3,11 @@
 /// Prefixes by their power of a thousand, from nano to giga.
 const PREFIXES: [&str; 7] = ["n", "µ", "m", "", "k", "M", "G"];
 
-/// `12.3 mm`, `1.20 kN`, `-0.340 µm`; a unit with a prefix of its own stays as it is beyond the prefixes.
+/// `12.3 mm`, `1.20 kN`, `-0.340 µm`; a ratio, which has no unit, in percent: `1.24 %`.
 pub fn quantity(value: f64, unit: &str) -> String {
+    if unit.is_empty() {
+        return format!("{} %", digits(100.0 * value));
+    }
     let power = power_of(value);
     format!("{} {}{unit}", digits(value / 1000f64.powi(power)), prefix(power))
 }
@@ -22,6 +25,18 @@ pub fn power_of(value: f64) -> i32 {
 /// The prefix of a power of a thousand from -3 to 3.
 pub fn prefix(power: i32) -> &'static str {
     PREFIXES[(power.clamp(-3, 3) + 3) as usize]
+}
+
+/// What numbers up to `largest` are divided by, and the prefix that stands for it.
+pub fn scale_of(largest: f64) -> (f64, &'static str) {
+    let power = power_of(largest);
+    (1000f64.powi(power), prefix(power))
+}
+
+/// Three digits, without zeros at the end of a decimal fraction: for numbers along an axis.
+pub fn short(value: f64) -> String {
+    let text = digits(value);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Three significant digits of a number below 1000, never more than four.
@@ -55,5 +70,8 @@ mod tests {
             assert_eq!(quantity(value, unit), text);
         }
         assert_eq!(quantity(f64::NAN, "m"), "NaN m");
+        assert_eq!([quantity(0.0124, ""), quantity(0.0, ""), quantity(25.0, "")], ["1.24 %", "0 %", "2500 %"]);
+        assert_eq!([short(250.0), short(0.5), short(1.0), short(12.34)], ["250", "0.5", "1", "12.3"]);
+        assert_eq!(scale_of(250e6), (1e6, "M"));
     }
 }

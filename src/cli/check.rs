@@ -7,11 +7,11 @@ use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
 use crate::deform::{ExpectedErrors, Statics, find_model};
-use crate::effect::{EFFECTS, EffectEntry};
+use crate::effect::{EFFECTS, EffectEntry, stress};
 use crate::green::{self, Forecast, GreenError};
 use crate::prepare;
 use crate::scene::file_kind::is_mesh_or_surface;
-use crate::scene::{Body, Scene};
+use crate::scene::{Body, Limit, Material, Scene};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
@@ -56,6 +56,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             }
             Ok(None) => {}
         }
+        findings.extend(unwatched_limit(name, body));
         match green::prepare(&scene, name) {
             Ok(prepared) => {
                 let forecast = Forecast::of(&prepared.mesh, prepared.controls.len()).told();
@@ -113,6 +114,19 @@ fn places(meshes: &[(&String, &Body, Vec<Point3<f64>>)], stage: &Stage) -> Vec<D
 fn holds(name: &str, body: &Body) -> Option<Diagnostic> {
     let message = body.held_by()?;
     Some(Diagnostic::new(Severity::Note, format!("body.{name}.control"), message))
+}
+
+/// A word about a limit that no effect looks at.
+fn unwatched_limit(name: &str, body: &Body) -> Option<Diagnostic> {
+    let is_own = |material: &Material| material.known.and_then(|known| known.yield_stress).map(Limit::Stress) != material.limit;
+    let limited: Vec<&Material> = body.materials().filter(|material| material.limit.is_some()).collect();
+    let is_watched = body.effects.iter().any(|effect| effect == stress::NAME);
+    // Whoever wrote a limit wants to hear of it; the library's stands there unasked.
+    let severity = if limited.iter().any(|material| is_own(material)) { Severity::Warning } else { Severity::Note };
+    let message = "its material has a limit, and nothing watches it: list effects = [\"stress\"] to see and be told where \
+                   it is passed";
+    let entity = format!("body.{name}");
+    (!limited.is_empty() && !is_watched).then(|| Diagnostic::new(severity, &entity, message))
 }
 
 /// The table of what is known, and for each other body what to do.

@@ -16,7 +16,8 @@ use std::path::PathBuf;
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest. With after = "POSE",
 /// a pose goes on from that one, so that turns add up.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement
-/// field per pose), and OUT.forces.csv where the scene lists the effect haptics: all of them whole, or none. They overwrite
+/// field per pose), OUT.forces.csv where the scene lists the effect haptics, and OUT.stress.csv where it lists stress, whose
+/// fields OUT.vtu then holds too: all of them whole, or none. They overwrite
 /// those of an earlier `deform`, and nothing else. A body of a model of large strain (stvk, neo_hookean, corotational) is
 /// solved anew for every pose, over all nodes, with its forces; a pose in which it has no equilibrium is named with the
 /// angle and the mode at which it was lost, the others are written, and the status is 1.
@@ -56,6 +57,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if set.missed.is_empty() || !set.results.is_empty() {
         files.write(&set, |path| print(&format!("{}\n", path.display())))?;
         print(&tables)?;
+        print(&set.stress_lines())?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }
 }
@@ -64,7 +66,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 fn try_outputs(args: &Args, files: &Files, scene: &Scene) -> Result<(), Failure> {
     let inputs = prepare::inputs_and(scene, [Some(args.poses.as_path()), args.green.as_deref()]);
     let outlook = batch::outlook(scene)?;
-    files.try_all(&inputs, outlook.has_forces)?;
+    files.try_all(&inputs, &outlook)?;
     if outlook.needs_green && !args.all_nodes {
         prepare::try_green(scene, args.green.as_deref())
     } else {

@@ -82,6 +82,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let moves = session.input.script.is_some() || args.session.replay.is_some();
         let pictures = PictureRequest { frames: if moves { OFFSCREEN } else { 1 }, ..pictures };
         print(&pictures.draw(&mut session)?)?;
+        print(&session.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
         return print(&session.report()?);
     }
     // A recording has its own head and hands.

@@ -407,6 +407,14 @@ impl Deformer {
         }
     }
 
+    /// u of surface node `i` but for a rigid motion of the whole body: all that strains it, m.
+    pub fn straining_part(&self, i: usize) -> Vector3<f64> {
+        match &self.weights {
+            None => self.linear_part(i),
+            Some(_) => self.displacement(i),
+        }
+    }
+
     /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.
     pub fn displacement(&self, i: usize) -> Vector3<f64> {
         let rest = Vector3::from(self.rest()[i]).cast::<f64>();

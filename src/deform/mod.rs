@@ -38,6 +38,7 @@ mod solved;
 mod statics;
 mod substructured;
 mod superposition;
+mod surface_stress;
 mod trial;
 mod turn;
 
@@ -65,5 +66,6 @@ pub use screw::{Screw, Way};
 pub use solved::{model_of, volume_model_of};
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError, legs};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
+pub use surface_stress::{NodeStress, SurfaceParts, SurfaceStress};
 pub use trial::{Deviation, Motion, Moved, Trial, trials};
 pub use turn::{Reach, local_turn, reach};

@@ -3,8 +3,8 @@
 use super::frames::PoseSlope;
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
-use crate::fem::Law;
-use crate::green::Family;
+use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
+use crate::green::{Family, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 
 /// How a body's control poses become its state. Exactly one per body.
@@ -73,6 +73,20 @@ pub struct ModelEntry {
     /// degrees, up to which it is good and up to which it is fair: off by about 0.2 % and 2 % of the body's length.
     pub turn_limits_deg: [f64; 2],
     pub kind: Kind,
+}
+
+impl ModelEntry {
+    /// What the model's own law makes of the stretches in a free face: St. Venant–Kirchhoff's where its energy is quartic, that
+    /// of a background model, else Hooke's law of small strain in the frame that turns along.
+    pub fn free_face(&self) -> fn([f64; 2], Lame) -> FreeFace {
+        match self.kind {
+            Kind::Background(law) => law.free_face,
+            Kind::Online(_) if self.requirements.iter().any(|family| family.name == REDUCED.name) => {
+                STVK.free_face
+            }
+            Kind::Online(_) => hooke_at_free_face,
+        }
+    }
 }
 
 /// In which frame a model's displacements stand.

@@ -126,6 +126,8 @@ pub enum Why {
     TooLarge,
     /// The model computes displacements that are no sum of columns.
     Model,
+    /// It shows a field, which the CPU computes of the deformed surface.
+    Field,
     /// Time of one deformation on the CPU, its upload included, and on the device, s.
     Measured {
         cpu_s: f64,
@@ -149,6 +151,7 @@ impl Choice {
                 format!("deforms {place}, since it is larger than the graphics device can bind at once")
             }
             Why::Model => format!("deforms {place}, where its model computes the shape"),
+            Why::Field => format!("deforms {place}, where the field is computed that colours it"),
             Why::Measured { cpu_s, device_s } => {
                 format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))
             }
@@ -168,6 +171,7 @@ impl Choice {
             Why::Software => format!("deforms on {place}: the device is software"),
             Why::TooLarge => format!("deforms on {place}: too large for device"),
             Why::Model => format!("deforms on {place}: by its model"),
+            Why::Field => format!("deforms on {place}: for its colours"),
             Why::Measured { cpu_s, device_s } => match self.on_device {
                 true => format!("deforms on device {} ms, CPU {} ms", ms(device_s), ms(cpu_s)),
                 false => format!("deforms on CPU {} ms, device {} ms", ms(cpu_s), ms(device_s)),
@@ -182,6 +186,7 @@ impl Choice {
             Why::Software => json!({ "on": on, "why": "software" }),
             Why::TooLarge => json!({ "on": on, "why": "too large" }),
             Why::Model => json!({ "on": on, "why": "model" }),
+            Why::Field => json!({ "on": on, "why": "field" }),
             Why::Measured { cpu_s, device_s } => {
                 json!({ "on": on, "why": "measured", "cpu_s": cpu_s, "device_s": device_s })
             }
@@ -217,6 +222,7 @@ pub fn buffers(
         DeformOn::Cpu => (plain(body)?, fixed(false, Why::Asked)),
         DeformOn::Auto if gpu.is_software => (plain(body)?, fixed(false, Why::Software)),
         DeformOn::Gpu => (with_columns(gpu, body)?, fixed(true, Why::Asked)),
+        DeformOn::Auto if body.field.is_some() => (plain(body)?, fixed(false, Why::Field)),
         DeformOn::Auto => match with_columns(gpu, body) {
             Err(RenderError::BufferSize { .. }) => (plain(body)?, fixed(false, Why::TooLarge)),
             made => {

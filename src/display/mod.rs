@@ -9,6 +9,7 @@ pub mod bodies;
 pub mod desk;
 pub mod caption;
 pub mod device;
+mod legend;
 pub mod lettering;
 pub mod model_window;
 pub mod offscreen;

@@ -47,6 +47,6 @@ impl Watch {
         let size_m = 2.0 * body.ball.1 * body.room_from_body.scaling();
         let place = Point3::new(middle.x, high.y + 0.08 * size_m, middle.z);
         let line = vec![(format!("{}: {text}", body.deformer.body), Tone::Bad)];
-        Some(Plate { anchor: Anchor::Place(place.into()), lines: vec![line], plot: None })
+        Some(Plate { anchor: Anchor::Place(place.into()), lines: vec![line], plot: None, legend: None })
     }
 }

@@ -4,6 +4,7 @@
 //! Those in corners are the same for both eyes; one beside a place stands at that place's depth.
 
 use super::lettering::{DARK, INK, QUIET};
+use super::legend;
 use super::plot;
 use super::window_layout::{Part, view_of};
 use crate::base::plates::{Anchor, Plate, Tone};
@@ -122,7 +123,9 @@ impl<'a> LaidOut<'a> {
         let width = lines.iter().map(|line| line.size().x).fold(0.0, f32::max);
         let height: f32 = lines.iter().map(|line| line.size().y).sum();
         let plot = plate.plot.as_ref().map_or(Vec2::ZERO, |_| plot::size(letter, room));
-        let size = vec2(width.max(plot.x), height + plot.y) + vec2(1.2 * letter, 0.8 * letter);
+        let legend = plate.legend.as_ref().map_or(Vec2::ZERO, |shown| legend::size(letter, room, shown));
+        let inside = vec2(width.max(plot.x).max(legend.x), height + plot.y + legend.y);
+        let size = inside + vec2(1.2 * letter, 0.8 * letter);
         LaidOut { plate, lines, size }
     }
 
@@ -138,6 +141,10 @@ impl<'a> LaidOut<'a> {
         if let Some(shown) = &self.plate.plot {
             let rest = Rect::from_min_max(pos2(corner.x, at.y), plate.max);
             plot::paint(painter, rest, letter, shown);
+        }
+        if let Some(shown) = &self.plate.legend {
+            let rest = Rect::from_min_max(pos2(corner.x, at.y), plate.max);
+            legend::paint(painter, rest, letter, shown);
         }
         plate
     }

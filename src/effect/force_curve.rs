@@ -223,7 +223,8 @@ impl Trace {
             false => [axis("displacement", "m"), axis("force along it", "N")],
         };
         let plot = Plot { x, y, curves: self.curves(), band: self.bands(), now: Some(self.point(last).0) };
-        Some(Plate { anchor: Anchor::LowerRight, lines: vec![heading, self.error_line()], plot: Some(plot) })
+        let lines = vec![heading, self.error_line()];
+        Some(Plate { anchor: Anchor::LowerRight, lines, plot: Some(plot), legend: None })
     }
 
     fn error_line(&self) -> Vec<(String, Tone)> {

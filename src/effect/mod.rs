@@ -13,6 +13,7 @@ mod ghost_equilibrium;
 mod ghost_rest;
 pub mod haptics;
 mod running;
+pub mod stress;
 
 pub use entry::{EffectEntry, Listed, Precompute};
 pub use running::RunningEffect;
@@ -25,8 +26,14 @@ use crate::solve::Progress;
 use crate::world::World;
 
 /// All effects; a new one is one file and one line here.
-pub const EFFECTS: &[EffectEntry] =
-    &[haptics::live::ENTRY, expected::ENTRY, ghost_rest::ENTRY, ghost_equilibrium::ENTRY, force_curve::ENTRY];
+pub const EFFECTS: &[EffectEntry] = &[
+    haptics::live::ENTRY,
+    expected::ENTRY,
+    stress::ENTRY,
+    ghost_rest::ENTRY,
+    ghost_equilibrium::ENTRY,
+    force_curve::ENTRY,
+];
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {

@@ -1,7 +1,7 @@
 //! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
 //! solving anew for every pose.
 
-use super::result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet};
+use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
@@ -10,7 +10,9 @@ use crate::deform::{
     ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench, find_model,
     model_of,
 };
-use crate::green::{self, GreenFile, STIFFNESS, Solution};
+use crate::effect::stress::{NAME as STRESS, StressedBody};
+use crate::green::{self, GreenError, GreenFile, STIFFNESS, Solution};
+use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
@@ -76,7 +78,7 @@ pub fn solve<'a>(
             notice!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
         }
         let (shape, found) = match (prepare::law(scene, name, body)?, &file) {
-            (None, Some(file)) => surface_results(file, name, body, &own, asked)?,
+            (None, Some(file)) => surface_results(scene, file, name, &own, asked)?,
             (None, None) => volume_results(scene, name, body, &own)?,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
@@ -88,7 +90,7 @@ pub fn solve<'a>(
                 let poses: Vec<_> = own.iter().map(pose).collect();
                 let solved = statics::solve(scene, name, law, &poses)?;
                 tables += &format!("\n{}", solved.table.text());
-                static_results(name, body, solved, &own, &mut set.missed)
+                static_results(scene, name, solved, &own, &mut set.missed)?
             }
         };
         set.geometry.push(shape);
@@ -106,8 +108,52 @@ pub fn solve<'a>(
 pub struct Outlook {
     /// Some body's results will have forces.
     pub has_forces: bool,
+    /// Some body's results will have stresses.
+    pub has_stress: bool,
     /// Some body is shown from the .green file.
     pub needs_green: bool,
+}
+
+/// Stress on the surface of a body that is solved over all nodes.
+struct SolvedStress {
+    surface: Surface,
+    body: StressedBody,
+}
+
+/// Where the body lists it.
+fn solved_stress(
+    scene: &Scene,
+    name: &str,
+    mesh: &TetMesh,
+    held: &[&[u32]],
+) -> Result<Option<SolvedStress>, GreenError> {
+    if !lists_stress(&scene.body[name]) {
+        return Ok(None);
+    }
+    let (surface, body) = StressedBody::of_mesh(scene, name, mesh, held)?;
+    Ok(Some(SolvedStress { surface, body }))
+}
+
+impl SolvedStress {
+    /// Of the displacements of all nodes.
+    fn result(&self, displacement: &[Vector3<f64>]) -> StressResult {
+        let SolvedStress { surface, body } = self;
+        let u: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| displacement[node as usize]).collect();
+        let at = body.at_nodes(&u);
+        let mut reached = body.reached(&at);
+        for node in [&mut reached.von_mises.1, &mut reached.strain.1] {
+            *node = surface.nodes.get(*node).map_or(0, |&node| node as usize);
+        }
+        let mut nodes = vec![None; displacement.len()];
+        for (&node, at) in surface.nodes.iter().zip(at) {
+            nodes[node as usize] = at;
+        }
+        StressResult { nodes, reached }
+    }
+}
+
+fn lists_stress(body: &Body) -> bool {
+    body.effects.iter().any(|effect| effect == STRESS)
 }
 
 /// What a run of the scene will read and give.
@@ -116,9 +162,20 @@ pub fn outlook(scene: &Scene) -> Result<Outlook, Failure> {
     for (name, body) in &scene.body {
         let is_static = prepare::law(scene, name, body)?.is_some();
         outlook.needs_green |= !is_static;
+        outlook.has_stress |= lists_stress(body);
         outlook.has_forces |= is_static || prepare::requirements(scene, name, body)?.has(STIFFNESS);
     }
     Ok(outlook)
+}
+
+impl Outlook {
+    pub fn has(&self, needs: Needs) -> bool {
+        match needs {
+            Needs::Nothing => true,
+            Needs::Forces => self.has_forces,
+            Needs::Stress => self.has_stress,
+        }
+    }
 }
 
 /// Whether the body's model is linear in the matrices of the poses, not in their turns.
@@ -131,16 +188,25 @@ fn control_forces(body: &Body, (wrenches, energy): (Vec<Wrench>, f64)) -> Contro
 }
 
 fn surface_results(
+    scene: &Scene,
     file: &Arc<GreenFile>,
     name: &str,
-    body: &Body,
     own: &[&Asked<'_>],
     all: &[Asked<'_>],
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
+    let body = &scene.body[name];
+    let stressed = lists_stress(body).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
     let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
     let before = std::iter::once(None).chain(own.iter().copied().map(Some));
-    let result =
-        |(asked, standing): (&&Asked<'_>, _)| surface_result(asked, all, standing, body, &mut deformer);
+    let result = |(asked, standing): (&&Asked<'_>, _)| {
+        let result = surface_result(asked, all, standing, body, &mut deformer);
+        let stress = stressed.as_ref().map(|stressed| {
+            let u: Vec<_> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
+            let nodes = stressed.at_nodes(&u);
+            StressResult { reached: stressed.reached(&nodes), nodes }
+        });
+        PoseResult { stress, ..result }
+    };
     let found = own.iter().zip(before).map(result).collect();
     Ok((Geometry::surface(&deformer), found))
 }
@@ -190,6 +256,7 @@ fn surface_result(
         body: body.body.clone(),
         displacement: (0..body.node_count()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches().map(|found| control_forces(scene_body, found)),
+        stress: None,
     }
 }
 
@@ -209,7 +276,16 @@ fn volume_results(
     for notice in &solution.notices {
         notice!("{notice}");
     }
-    let found = asked.iter().map(|asked| volume_result(asked, name, body, &solution)).collect();
+    let held: Vec<&[u32]> = solution.controls.iter().map(|control| &control.nodes[..]).collect();
+    let stressed = solved_stress(scene, name, &solution.mesh, &held)?;
+    let result = |asked: &&Asked<'_>| {
+        let result = volume_result(asked, name, body, &solution);
+        PoseResult {
+            stress: stressed.as_ref().map(|stressed| stressed.result(&result.displacement)),
+            ..result
+        }
+    };
+    let found = asked.iter().map(result).collect();
     Ok((Geometry::volume(name, &solution.mesh), found))
 }
 
@@ -223,6 +299,7 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
         wrenches: volume_forces(asked, body, solution),
+        stress: None,
     }
 }
 
@@ -236,22 +313,26 @@ fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<
 }
 
 fn static_results(
+    scene: &Scene,
     name: &str,
-    body: &Body,
     solved: statics::Solved,
     asked: &[&Asked<'_>],
     missed: &mut Vec<Missed>,
-) -> (Geometry, Vec<PoseResult>) {
+) -> Result<(Geometry, Vec<PoseResult>), Failure> {
+    let body = &scene.body[name];
+    let held: Vec<&[u32]> = solved.statics.controls.iter().map(|control| &control.nodes[..]).collect();
+    let stressed = solved_stress(scene, name, &solved.statics.mesh, &held)?;
     let mut found = Vec::new();
     for (asked, settled) in asked.iter().zip(solved.settled) {
         let (pose, name) = (asked.pose.to_owned(), name.to_owned());
         match settled {
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
-                found.push(PoseResult { pose, body: name, displacement, wrenches });
+                let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement));
+                found.push(PoseResult { pose, body: name, displacement, wrenches, stress });
             }
             Err(why) => missed.push(Missed { pose, body: name, why }),
         }
     }
-    (Geometry::volume(name, &solved.statics.mesh), found)
+    Ok((Geometry::volume(name, &solved.statics.mesh), found))
 }

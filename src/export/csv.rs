@@ -1,13 +1,14 @@
 //! Tables: `pose,node,ux,uy,uz` and `pose,control,fx,fy,fz,mx,my,mz,energy`, in m, N, N·m and J.
 
 use super::exporter::{Exporter, Spread};
-use super::result_set::ResultSet;
+use super::result_set::{Needs, ResultSet};
 use crate::base::csv::quoted;
 use crate::base::output::Kind;
 use crate::deform::Wrench;
 use std::fmt::Write;
 
 const DISPLACEMENT_HEADING: &str = "pose,node,ux,uy,uz\n";
+const STRESS_HEADING: &str = "pose,von_mises,node,strain,strain_node,of_limit,passed\n";
 const FORCE_HEADING: &str = "pose,control,fx,fy,fz,mx,my,mz,energy\n";
 
 /// The displacement of every node, by the mesh's node tags.
@@ -17,8 +18,8 @@ pub const DISPLACEMENTS: Exporter = Exporter {
         name: "a table of displacements by `deform`",
         recognizes: |head| head.starts_with(DISPLACEMENT_HEADING.as_bytes()),
     },
-    needs_forces: false,
     spread: Spread::AllPoses,
+    needs: Needs::Nothing,
     write: displacements,
 };
 
@@ -29,10 +30,37 @@ pub const FORCES: Exporter = Exporter {
         name: "a table of forces by `deform`",
         recognizes: |head| head.starts_with(FORCE_HEADING.as_bytes()),
     },
-    needs_forces: true,
     spread: Spread::AllPoses,
+    needs: Needs::Forces,
     write: forces,
 };
+
+/// The largest von Mises stress (Pa) and strain of every body that lists the effect stress, with the nodes that have them; what part
+/// of a limit is reached, and in what part of the surface one is passed.
+pub const STRESSES: Exporter = Exporter {
+    suffix: ".stress.csv",
+    kind: Kind {
+        name: "a table of stresses by `deform`",
+        recognizes: |head| head.starts_with(STRESS_HEADING.as_bytes()),
+    },
+    needs: Needs::Stress,
+    spread: Spread::AllPoses,
+    write: stresses,
+};
+
+fn stresses(set: &ResultSet) -> Vec<u8> {
+    let mut text = STRESS_HEADING.to_owned();
+    for result in &set.results {
+        let Some(reached) = result.stress.as_ref().map(|stress| &stress.reached) else { continue };
+        let tags = set.geometry.iter().find(|g| g.body == result.body).map_or(&[][..], |g| &g.tags);
+        let tag = |node: usize| tags.get(node).map_or(String::new(), u64::to_string);
+        let part = reached.limit.map_or(String::new(), |(part, _)| format!("{part:e}"));
+        let ((stress, at), (strain, strained)) = (reached.von_mises, reached.strain);
+        let (label, at, strained) = (quoted(&set.label(result)), tag(at), tag(strained));
+        let _ = writeln!(text, "{label},{stress:e},{at},{strain:e},{strained},{part},{:e}", reached.passed);
+    }
+    text.into_bytes()
+}
 
 fn displacements(set: &ResultSet) -> Vec<u8> {
     let mut text = DISPLACEMENT_HEADING.to_owned();

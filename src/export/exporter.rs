@@ -1,6 +1,6 @@
 //! An exporter: one kind of file into which a result set is written.
 
-use super::result_set::ResultSet;
+use super::result_set::{Needs, ResultSet};
 use crate::base::output::Kind;
 
 /// One kind of file.
@@ -9,9 +9,9 @@ pub struct Exporter {
     pub suffix: &'static str,
     /// Recognises an earlier file of this exporter; files of other kinds are never overwritten.
     pub kind: Kind,
-    /// Its file is only written if the results have forces.
-    pub needs_forces: bool,
     pub spread: Spread,
+    /// Its file is only written if the results have this.
+    pub needs: Needs,
     pub write: fn(&ResultSet) -> Vec<u8>,
 }
 

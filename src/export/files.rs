@@ -1,5 +1,6 @@
 //! The files into which a result set is written: either all of them, each whole, or none.
 
+use super::batch::Outlook;
 use super::exporter::{Exporter, Spread};
 use super::exporters::{EXPORTERS, find_surface};
 use super::result_set::ResultSet;
@@ -55,9 +56,9 @@ impl Files {
     }
 
     /// Makes the folder and checks that everything can be written there, before anything is solved.
-    pub fn try_all(&self, inputs: &[PathBuf], has_forces: bool) -> Result<(), Failure> {
+    pub fn try_all(&self, inputs: &[PathBuf], outlook: &Outlook) -> Result<(), Failure> {
         let always = EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::AllPoses);
-        for exporter in always.filter(|exporter| has_forces || !exporter.needs_forces) {
+        for exporter in always.filter(|exporter| outlook.has(exporter.needs)) {
             let path = self.path(exporter.suffix);
             output::make_folder_of(&path)?;
             output::try_path(&path, &exporter.kind, inputs)?;
@@ -86,7 +87,7 @@ impl Files {
         let (mut staged, mut old) = (Vec::new(), Vec::new());
         for exporter in EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::AllPoses) {
             let path = self.path(exporter.suffix);
-            if exporter.needs_forces && !set.has_forces() {
+            if !set.has(exporter.needs) {
                 old.extend(output::is(&path, &exporter.kind).then_some(path));
                 continue;
             }
@@ -106,7 +107,7 @@ impl Files {
             std::fs::remove_file(&old)
                 .with_context(|| old.display().to_string())
                 .map_err(Failure::Request)?;
-            notice!("note: {} was of an earlier run that had forces, and is removed", old.display());
+            notice!("note: {} was of an earlier run that had more to tell, and is removed", old.display());
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 //! pose, its triangles with vertex normals, in m, and a material of the colour in which it is shown.
 
 use super::exporter::{Exporter, Spread};
-use super::result_set::ResultSet;
+use super::result_set::{Needs, ResultSet};
 use super::shape::{COLOUR, Shape};
 use crate::base::output::Kind;
 use serde_json::{Value, json};
@@ -24,7 +24,7 @@ pub const SURFACE: Exporter = Exporter {
             head.starts_with(MAGIC) && head.windows(mark.len()).any(|window| window == mark)
         },
     },
-    needs_forces: false,
+    needs: Needs::Nothing,
     spread: Spread::EachPose,
     write: |set: &ResultSet| write(&Shape::of(set)),
 };

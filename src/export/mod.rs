@@ -22,4 +22,4 @@ pub mod vtu;
 pub use exporter::{Exporter, Spread};
 pub use exporters::{EXPORTERS, find_surface, surfaces};
 pub use files::Files;
-pub use result_set::{ControlForces, Geometry, Missed, PoseResult, ResultSet};
+pub use result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};

@@ -1,7 +1,7 @@
 //! PLY, binary, little endian: vertices with normals and colour, and triangles, all bodies of a pose together, in m.
 
 use super::exporter::{Exporter, Spread};
-use super::result_set::ResultSet;
+use super::result_set::{Needs, ResultSet};
 use super::shape::{COLOUR, Shape};
 use crate::base::output::Kind;
 
@@ -10,7 +10,7 @@ const HEADER: &str = "ply\nformat binary_little_endian 1.0\ncomment greenstage: 
 pub const SURFACE: Exporter = Exporter {
     suffix: ".ply",
     kind: Kind { name: "a PLY file by greenstage", recognizes: |head| head.starts_with(HEADER.as_bytes()) },
-    needs_forces: false,
+    needs: Needs::Nothing,
     spread: Spread::EachPose,
     write: |set: &ResultSet| write(&Shape::of(set)),
 };

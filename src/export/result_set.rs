@@ -1,6 +1,7 @@
 //! Displacements and forces of bodies in a number of poses, as exporters take them.
 
-use crate::deform::{Deformer, Wrench};
+use crate::deform::{Deformer, NodeStress, Wrench};
+use crate::effect::stress::Reached;
 use crate::mesh::TetMesh;
 use nalgebra::Vector3;
 
@@ -14,6 +15,14 @@ pub struct ResultSet {
     pub missed: Vec<Missed>,
 }
 
+/// What not all results have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    Nothing,
+    Forces,
+    Stress,
+}
+
 /// One body in one pose.
 #[derive(Clone, Debug)]
 pub struct PoseResult {
@@ -23,6 +32,17 @@ pub struct PoseResult {
     pub displacement: Vec<Vector3<f64>>,
     /// Forces and moments on the control elements, and the strain energy, J, where the body has them.
     pub wrenches: Option<ControlForces>,
+    /// Where the body lists the effect stress.
+    pub stress: Option<StressResult>,
+}
+
+/// Stress and strain on the surface of a body.
+#[derive(Clone, Debug)]
+pub struct StressResult {
+    /// By the order of the geometry's nodes; nothing inside the body and inside control elements.
+    pub nodes: Vec<Option<NodeStress>>,
+    /// Its nodes count as the geometry's.
+    pub reached: Reached,
 }
 
 /// Forces and moments on the control elements of a body.
@@ -59,6 +79,27 @@ impl ResultSet {
             results: self.results.iter().filter(|result| result.pose == pose).cloned().collect(),
             missed: self.missed.iter().filter(|missed| missed.pose == pose).cloned().collect(),
         }
+    }
+
+    /// What is reached in each pose, and where a limit is passed; a line for each body that lists the effect stress.
+    pub fn stress_lines(&self) -> String {
+        let line = |result: &PoseResult| {
+            let stress = result.stress.as_ref()?;
+            Some(format!("pose \"{}\": body.{}: {}\n", result.pose, result.body, stress.reached.sentence()))
+        };
+        self.results.iter().filter_map(line).collect()
+    }
+
+    pub fn has(&self, needs: Needs) -> bool {
+        match needs {
+            Needs::Nothing => true,
+            Needs::Forces => self.has_forces(),
+            Needs::Stress => self.has_stress(),
+        }
+    }
+
+    pub fn has_stress(&self) -> bool {
+        self.results.iter().any(|result| result.stress.is_some())
     }
 
     pub fn has_forces(&self) -> bool {

@@ -2,7 +2,7 @@
 //! file itself names no unit.
 
 use super::exporter::{Exporter, Spread};
-use super::result_set::ResultSet;
+use super::result_set::{Needs, ResultSet};
 use super::shape::Shape;
 use crate::base::output::Kind;
 use nalgebra::Vector3;
@@ -13,7 +13,7 @@ const HEADER: &[u8] = b"greenstage: a deformed surface, metres";
 pub const SURFACE: Exporter = Exporter {
     suffix: ".stl",
     kind: Kind { name: "an STL file by greenstage", recognizes: |head| head.starts_with(HEADER) },
-    needs_forces: false,
+    needs: Needs::Nothing,
     spread: Spread::EachPose,
     write: |set: &ResultSet| write(&Shape::of(set)),
 };

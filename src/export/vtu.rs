@@ -1,9 +1,10 @@
 //! A VTU file for ParaView: the bodies at rest, and a displacement field for every pose.
 
 use super::exporter::{Exporter, Spread};
-use super::result_set::ResultSet;
+use super::result_set::{Geometry, Needs, ResultSet};
 use crate::base::output::Kind;
 use crate::base::text::one_line;
+use crate::deform::NodeStress;
 use crate::mesh::formats::vtu_write::{self, Cell, Piece};
 use nalgebra::Vector3;
 
@@ -18,8 +19,8 @@ pub const BODIES: Exporter = Exporter {
             head.starts_with(b"<VTKFile ") && head.windows(mark.len()).any(|window| window == mark)
         },
     },
-    needs_forces: false,
     spread: Spread::AllPoses,
+    needs: Needs::Nothing,
     write: bodies,
 };
 
@@ -63,16 +64,43 @@ fn pieces(set: &ResultSet) -> Vec<Piece<'_>> {
                 cell,
                 connectivity,
                 vectors: poses.iter().map(field).collect(),
+                scalars: scalars(set, g, &poses),
                 numbers: None,
             }
         })
         .collect()
 }
 
+/// Of every pose its three fields, where any body has them; NaN where nothing is known.
+fn scalars(set: &ResultSet, g: &Geometry, poses: &[&str]) -> Vec<(String, Vec<f64>)> {
+    if !set.has_stress() {
+        return Vec::new();
+    }
+    let of_pose = |pose: &&str| {
+        let result = set.results.iter().find(|result| result.body == g.body && result.pose == *pose);
+        let size = result.map(|result| result.displacement.iter().map(|u| u.norm()).collect());
+        let of = |value: fn(&NodeStress) -> f64| {
+            let nodes = result.and_then(|result| result.stress.as_ref()).map(|stress| &stress.nodes);
+            let known = |nodes: &Vec<Option<NodeStress>>| {
+                nodes.iter().map(|at| at.as_ref().map_or(f64::NAN, value)).collect()
+            };
+            nodes.map(known)
+        };
+        let unknown = || vec![f64::NAN; g.rest.len()];
+        [
+            ("von Mises stress", of(|at| at.von_mises)),
+            ("largest principal strain", of(|at| at.strain)),
+            ("size of displacement", size),
+        ]
+        .map(|(name, values)| (one_line(format_args!("{name} {pose}")), values.unwrap_or_else(unknown)))
+    };
+    poses.iter().flat_map(of_pose).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::result_set::{Geometry, PoseResult};
+    use crate::export::result_set::PoseResult;
 
     #[test]
     fn names_of_poses_leave_the_file_readable() {
@@ -84,6 +112,7 @@ mod tests {
             body: "a".into(),
             displacement: vec![Vector3::x(); 3],
             wrenches: None,
+            stress: None,
         });
         let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
         let text = String::from_utf8(bodies(&set)).unwrap();
@@ -120,6 +149,7 @@ mod tests {
             body: body.into(),
             displacement: vec![Vector3::x()],
             wrenches: None,
+            stress: None,
         });
         let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
         for piece in pieces(&set) {

@@ -26,6 +26,7 @@ pub const COROTATIONAL: Law = Law {
     dilatation: |h| parts(h).1.trace(),
     dilatation_slope: |h| parts(h).0,
     dilatation_curvature: |h| turn_slope(&parts(h)),
+    free_face: super::free_face::corotational,
 };
 
 /// The tangent is computed with sums of two principal stretches of at least this; dR is not defined where one is zero.

@@ -1,5 +1,6 @@
 //! What an entry of the list of laws holds: an energy density ψ(F), its derivatives, and the dilatation in it.
 
+use super::free_face::FreeFace;
 use super::lame::Lame;
 use nalgebra::{Matrix3, SMatrix};
 
@@ -27,6 +28,8 @@ pub struct Law {
     pub dilatation_slope: fn(&Matrix3<f64>) -> Matrix3<f64>,
     /// ∂²θ/∂F², indexed as [`Tangent`].
     pub dilatation_curvature: fn(&Matrix3<f64>) -> Tangent,
+    /// In a face that nothing presses or pulls, of its two principal stretches less 1.
+    pub free_face: fn([f64; 2], Lame) -> FreeFace,
 }
 
 #[cfg(test)]
@@ -96,6 +99,28 @@ mod tests {
             let added = (slope * slope.transpose() + curvature * theta) * more;
             let tangent = (law.tangent)(&h, stiff) - (law.tangent)(&h, LAME) - added;
             assert!(tangent.amax() < 1e-13, "{}: {tangent}", law.name);
+        }
+    }
+
+    /// Against P of the whole gradient: no stress across the face, and σ = P F^T / det F in it.
+    #[test]
+    fn a_free_face_bears_no_stress_across_it() {
+        for law in LAWS {
+            for lame in [LAME, Lame { lambda: 2e4, mu: 1.0 }] {
+                for h in [[0.2, 0.1], [-0.1, 0.15], [1e-6, -3e-7], [0.2, 0.2], [-0.2, -0.1]] {
+                    let face = (law.free_face)(h, lame);
+                    let changes = Vector3::new(h[0], h[1], face.across);
+                    let p = (law.stress)(&Matrix3::from_diagonal(&changes), lame);
+                    let size = h[0].abs().max(h[1].abs());
+                    assert!(p[(2, 2)].abs() < 1e-13 * (lame.lambda + lame.mu), "{} {h:?}: {p}", law.name);
+                    let f = changes.add_scalar(1.0);
+                    for i in 0..2 {
+                        let expected = p[(i, i)] * f[i] / f.product();
+                        let off = (face.stress[i] - expected).abs();
+                        assert!(off < 1e-9 * size + 1e-13 * lame.lambda, "{} {h:?}: {off:e}", law.name);
+                    }
+                }
+            }
         }
     }
 

@@ -22,6 +22,7 @@ pub const NEO_HOOKEAN: Law = Law {
     dilatation: |h| changes(h).0,
     dilatation_slope: |h| Matrix3::identity() + changes(h).1,
     dilatation_curvature: volume_curvature,
+    free_face: super::free_face::neo_hookean,
 };
 
 /// cof M = det(M) M⁻ᵀ.

@@ -23,6 +23,7 @@ pub const STVK: Law = Law {
     dilatation: |h| h.trace() + 0.5 * h.norm_squared(),
     dilatation_slope: |h| Matrix3::identity() + h,
     dilatation_curvature: |_| Tangent::identity(),
+    free_face: super::free_face::stvk,
 };
 
 /// E.

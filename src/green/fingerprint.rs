@@ -4,7 +4,8 @@ use super::error::GreenError;
 use super::requirements::Requirements;
 use crate::base::input;
 use crate::mesh::formats::files_of;
-use crate::scene::{Control, Nodes, Scene};
+use crate::scene::{Control, Material, Nodes, Scene};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]), its scale and the
@@ -12,6 +13,9 @@ use std::path::Path;
 /// elements with the bytes of their tag files, what its model and effects require, and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Result<String, GreenError> {
     let body = &scene.body[name];
+    // A limit changes what is said of a body, not the body.
+    let bare = |material: &Material| Material { limit: None, ..*material };
+    let regions: BTreeMap<_, _> = body.region.iter().map(|(name, region)| (name, bare(region))).collect();
     let selections: Vec<_> = body.control.iter().map(|(control, c)| (control, &c.nodes)).collect();
     let asked = serde_json::json!({
         "program": env!("CARGO_PKG_VERSION"),
@@ -21,8 +25,8 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
         "refine": body.refine,
         "element": body.element,
         "storage": body.storage,
-        "material": body.material,
-        "region": body.region,
+        "material": bare(&body.material),
+        "region": regions,
         "solver": body.solver,
         "parts": body.parts,
         "controls": selections,

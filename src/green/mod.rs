@@ -46,7 +46,7 @@ pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};
 pub use lift::Lift;
 pub use pack::{pack, packed, packed_path, unpack};
-pub use prepare::{Prepared, prepare, prepare_mesh};
+pub use prepare::{Prepared, materials_of_tets, prepare, prepare_mesh};
 pub use requirements::{Family, Requirements};
 pub use rigid::RigidMotion;
 pub use solution::{Precomputed, Solution, StepTimes};

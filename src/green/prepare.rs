@@ -61,11 +61,21 @@ fn control_elements(
 }
 
 fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<Vec<Lame>, GreenError> {
-    let lame = |material: &Material| Lame::from_young_poisson(material.young, material.poisson);
+    let all: Vec<Lame> = body.materials().map(Material::lame).collect();
+    Ok(materials_of_tets(scene, name, body, mesh)?.into_iter().map(|number| all[number]).collect())
+}
+
+/// Of each tetrahedron, which of [`Body::materials`] it is made of.
+pub fn materials_of_tets(
+    scene: &Scene,
+    name: &str,
+    body: &Body,
+    mesh: &TetMesh,
+) -> Result<Vec<usize>, GreenError> {
     let regions: BTreeSet<u32> = mesh.regions.iter().copied().collect();
     let called = |id: u32| mesh.region_names.get(&id);
     let mut by_region = BTreeMap::new();
-    for (key, material) in &body.region {
+    for (number, key) in (1..).zip(body.region.keys()) {
         let meant: Vec<u32> =
             regions.iter().copied().filter(|id| called(*id) == Some(key) || key.parse() == Ok(*id)).collect();
         let listed = |regions: &mut dyn Iterator<Item = u32>| -> String {
@@ -88,13 +98,12 @@ fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<V
                 return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
             }
         };
-        if by_region.insert(region, lame(material)).is_some() {
+        if by_region.insert(region, number).is_some() {
             let message = format!("region {region} is given a material twice, by its number and by its name");
             return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
         }
     }
-    let other = lame(&body.material);
-    Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&other)).collect())
+    Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&0)).collect())
 }
 
 #[cfg(test)]

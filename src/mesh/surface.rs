@@ -76,6 +76,16 @@ impl Surface {
         Surface { triangles, nodes }
     }
 
+    /// The tetrahedron behind each triangle of [`Surface::of`] this mesh.
+    pub fn tets_behind(mesh: &TetMesh) -> Vec<u32> {
+        let faces = sorted_faces(mesh);
+        let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);
+        let mut boundary: Vec<usize> = single.map(|same| same[0].1).collect();
+        boundary.sort_unstable();
+        let triangles = if mesh.mids.is_empty() { 1 } else { 4 };
+        boundary.iter().flat_map(|id| std::iter::repeat_n((id / 4) as u32, triangles)).collect()
+    }
+
     /// Corner positions of each triangle of this surface of `mesh`.
     fn corners<'a>(&'a self, mesh: &'a TetMesh) -> impl Iterator<Item = [Vector3<f64>; 3]> + 'a {
         let position = |corner: u32| mesh.nodes[self.nodes[corner as usize] as usize];

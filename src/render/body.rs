@@ -19,15 +19,17 @@ const REST: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![8 => Float32x3
 
 const PLAIN: &str = include_str!("../../shaders/body.wgsl");
 const PATTERNED: &str = include_str!("../../shaders/patterned.wgsl");
-pub(super) const SHADER: [&str; 5] = [shader::VIEW, shader::LIGHT, shader::SEEN[0], shader::SURFACE, PLAIN];
+pub(super) const SHADER: [&str; 6] =
+    [shader::VIEW, shader::LIGHT, shader::SEEN[0], shader::PAINT[0], shader::SURFACE, PLAIN];
 
-/// The parts of the shader for bodies with or without a pattern, an image in it, and soft shadows.
-pub(super) fn shader(patterned: bool, image: bool, shadowed: bool) -> Vec<&'static str> {
-    let seen = shader::SEEN[usize::from(shadowed)];
-    let mut parts = vec![shader::VIEW, shader::LIGHT, seen, shader::SURFACE];
-    match patterned {
+/// The parts of the shader for bodies of one kind.
+pub(super) fn shader(kind: Kind) -> Vec<&'static str> {
+    let seen = shader::SEEN[usize::from(kind.shadowed)];
+    let paint = shader::PAINT[usize::from(kind.field)];
+    let mut parts = vec![shader::VIEW, shader::LIGHT, seen, paint, shader::SURFACE];
+    match kind.patterned {
         false => parts.push(PLAIN),
-        true => parts.extend([shader::IMAGE[usize::from(image)], PATTERNED]),
+        true => parts.extend([shader::IMAGE[usize::from(kind.image)], PATTERNED]),
     }
     parts
 }
@@ -47,11 +49,15 @@ fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 5] {
 }
 
 /// What a body's pipeline depends on.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Kind {
-    patterned: bool,
-    image: bool,
-    shadowed: bool,
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Kind {
+    /// With lines or an image fixed to the material.
+    pub patterned: bool,
+    pub image: bool,
+    /// In the colours of a field.
+    pub field: bool,
+    /// With soft shadows.
+    pub shadowed: bool,
 }
 
 impl Kind {
@@ -59,7 +65,8 @@ impl Kind {
         let pattern = buffers.pattern.as_ref();
         Kind {
             patterned: pattern.is_some(),
-            image: pattern.is_some_and(|pattern| pattern.image.is_some()),
+            image: pattern.is_some_and(|pattern| pattern.image.is_some()) && !buffers.shows_field,
+            field: buffers.shows_field,
             shadowed,
         }
     }
@@ -99,7 +106,7 @@ impl DrawPass for BodyPass {
                 (Some(_), None) => &[maps],
                 (_, Some(image)) => &[maps, Some(image)],
             };
-            let parts = &shader(kind.patterned, kind.image, kind.shadowed);
+            let parts = &shader(kind);
             let buffers = &vertex_layout()[..if kind.patterned { 5 } else { 4 }];
             let recipe = Recipe { label: self.name(), parts, buffers, blending: Blending::Opaque, groups };
             self.pipelines.entry(kind).or_default().complete(gpu, kinds, &recipe);

@@ -17,6 +17,8 @@ use wgpu::BufferUsages;
 pub struct BodyBuffers {
     pub vertex_count: usize,
     pub triangle_count: usize,
+    /// Colours of plain surface are codes of a field ([`super::field_code`]).
+    pub shows_field: bool,
     pub(super) indices: wgpu::Buffer,
     pub(super) positions: wgpu::Buffer,
     pub(super) normals: wgpu::Buffer,
@@ -111,6 +113,7 @@ impl BodyBuffers {
         let body = Self {
             vertex_count: vertices,
             triangle_count: triangles.len(),
+            shows_field: false,
             indices: gpu.buffer("triangles", size_of_val(triangles) as u64, index)?,
             positions: moving("positions")?,
             normals: moving("normals")?,

@@ -17,6 +17,7 @@ mod body_buffers;
 mod bounds;
 mod chunk;
 mod clock;
+mod color_map;
 mod columns;
 mod composite;
 mod contact;
@@ -55,6 +56,7 @@ pub mod window;
 
 pub use body_buffers::BodyBuffers;
 pub use bounds::Bounds;
+pub use color_map::{beyond_color, field_code, map_color};
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
 pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Ghost, GhostShape, Grid, Line, Quad, StylusShape};

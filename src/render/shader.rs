@@ -18,6 +18,11 @@ pub(super) const SEEN: [&str; 2] = [
     include_str!("../../shaders/common/unshadowed.wgsl"),
     include_str!("../../shaders/common/shadowed.wgsl"),
 ];
+/// Of bodies in their own colours, and in those of a field.
+pub(super) const PAINT: [&str; 2] = [
+    include_str!("../../shaders/common/plain.wgsl"),
+    include_str!("../../shaders/common/field.wgsl"),
+];
 /// Without an image on the body, and with one.
 pub(super) const IMAGE: [&str; 2] = [
     include_str!("../../shaders/common/image_none.wgsl"),
@@ -48,6 +53,7 @@ pub(super) fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::body::Kind;
     use wgpu::naga;
 
     fn stages(
@@ -82,9 +88,10 @@ mod tests {
             assert!(both != one, "{name}.wgsl has no line{EYE}");
         }
         for (patterned, image) in [(false, false), (true, false), (true, true)] {
-            for shadowed in [false, true] {
-                let parts = crate::render::body::shader(patterned, image, shadowed);
-                let name = format!("body {patterned} {image} {shadowed}");
+            for (field, shadowed) in [(false, false), (false, true), (true, false), (true, true)] {
+                let kind = Kind { patterned, image, field, shadowed };
+                let parts = crate::render::body::shader(kind);
+                let name = format!("{kind:?}");
                 stages(&name, &drawing(&parts, false), Capabilities::empty());
                 stages(&name, &drawing(&parts, true), Capabilities::MULTIVIEW);
             }

@@ -3,6 +3,7 @@
 //! In: `material = "liver"`, `material = { name = "rubber", young = 2e6 }`, or the numbers themselves. Out: the numbers,
 //! which everything else uses, and the library's entry that they started from.
 
+use super::limit::Limit;
 use crate::config::unknown_name;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
@@ -135,6 +136,7 @@ pub struct Written {
     pub young: Option<f64>,
     pub poisson: Option<f64>,
     pub density: Option<f64>,
+    pub limit: Option<Limit>,
 }
 
 #[derive(Deserialize)]
@@ -144,6 +146,7 @@ struct Table {
     young: Option<f64>,
     poisson: Option<f64>,
     density: Option<f64>,
+    limit: Option<Limit>,
 }
 
 impl<'de> Deserialize<'de> for Written {
@@ -161,9 +164,9 @@ impl<'de> Deserialize<'de> for Written {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Written, A::Error> {
-                let Table { name, young, poisson, density } =
+                let Table { name, young, poisson, density, limit } =
                     Table::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(Written { name, young, poisson, density })
+                Ok(Written { name, young, poisson, density, limit })
             }
         }
         deserializer.deserialize_any(NameOrTable)

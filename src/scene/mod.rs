@@ -6,6 +6,7 @@
 mod accuracy_target;
 pub mod built_in;
 pub mod file_kind;
+mod limit;
 mod load;
 pub mod materials;
 mod look;
@@ -17,12 +18,13 @@ pub mod write;
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
 pub use look::{CREASE, Color, Lines, Texture};
+pub use limit::{LegendSettings, Limit, Quantity};
 pub use parts::Parts;
 pub use select::Nodes;
 
 use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
-use crate::fem::Element;
+use crate::fem::{Element, Lame};
 use crate::mesh::length_unit::{LengthUnit, Scale};
 use crate::mesh::{MeshError, blobs, generate, refine, surface_files};
 use crate::solve::Solver;
@@ -57,6 +59,8 @@ pub struct Scene {
     pub stage: String,
     /// A script that moves head and stylus when nobody does: a built-in name, or a path relative to the scene file.
     pub script: Option<PathBuf>,
+    /// What colours bodies that list an effect with colours, and up to which value.
+    pub legend: Option<LegendSettings>,
     /// In the order of the file.
     pub body: IndexMap<String, Body>,
     /// The scene's own path; relative paths start at its folder.
@@ -135,10 +139,21 @@ fn linear() -> String {
     "linear".into()
 }
 
+impl Material {
+    pub fn lame(&self) -> Lame {
+        Lame::from_young_poisson(self.young, self.poisson)
+    }
+}
+
 impl Body {
     /// By what the mesh file's coordinates become metres.
     pub fn mesh_scale(&self) -> Scale {
         self.unit.map_or(self.scale.map_or(Scale::ONE, Scale), |unit| Scale(unit.metres))
+    }
+
+    /// That of the body, then those of its regions.
+    pub fn materials(&self) -> impl Iterator<Item = &Material> {
+        std::iter::once(&self.material).chain(self.region.values())
     }
 
     /// The target by which the settings are to be chosen, if there is one.
@@ -223,12 +238,16 @@ pub struct Material {
     pub poisson: f64,
     /// kg/m³, needed only by effects with inertia.
     pub density: Option<f64>,
+    /// What it bears; where that is passed, pictures and closing words say so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<Limit>,
 }
 
 impl From<&'static Known> for Material {
     fn from(known: &'static Known) -> Material {
-        let Known { young, poisson, density, .. } = *known;
-        Material { known: Some(known), young, poisson, density: Some(density) }
+        let Known { young, poisson, density, yield_stress, .. } = *known;
+        let limit = yield_stress.map(Limit::Stress);
+        Material { known: Some(known), young, poisson, density: Some(density), limit }
     }
 }
 
@@ -250,6 +269,7 @@ impl TryFrom<Written> for Material {
                 .or(known.map(|known| known.poisson))
                 .ok_or_else(|| missing("poisson"))?,
             density: written.density.or(known.map(|known| known.density)),
+            limit: written.limit.or(known.and_then(|known| known.yield_stress).map(Limit::Stress)),
         })
     }
 }
@@ -342,7 +362,7 @@ impl Scene {
         for (name, body) in &self.body {
             self.check_body(name, body)?;
         }
-        Ok(())
+        self.legend.map_or(Ok(()), |legend| legend.check()).map_err(|message| self.invalid("legend", message))
     }
 
     fn check_body(&self, name: &str, body: &Body) -> Result<(), SceneError> {
@@ -447,7 +467,7 @@ impl Scene {
     }
 
     fn check_material(&self, entity: &str, material: &Material) -> Result<(), SceneError> {
-        let Material { young, poisson, density, .. } = *material;
+        let Material { young, poisson, density, limit, .. } = *material;
         if !YOUNG.contains(&young) {
             return Err(
                 self.invalid(entity, format!("Young's modulus {young} Pa must lie between 1e-12 and 1e24"))
@@ -468,6 +488,9 @@ impl Scene {
         }
         if density.is_some_and(|density| !(density > 0.0 && density.is_finite())) {
             return Err(self.invalid(entity, "density must be positive and finite, kg/m³"));
+        }
+        if let Some(limit) = limit {
+            limit.check().map_err(|message| self.invalid(&format!("{entity}.limit"), message))?;
         }
         Ok(())
     }

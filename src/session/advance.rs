@@ -146,6 +146,11 @@ impl Session {
 
     /// Takes a key that is pressed or released. Any but function and modifier keys takes over from a script.
     pub fn key(&mut self, key: Key, pressed: bool) {
+        if key == keys::NEXT_FIELD {
+            // Of the picture alone: whoever leads goes on.
+            self.world.field_changes += usize::from(pressed);
+            return;
+        }
         let is_neutral = matches!(key, Key::Function(_) | Key::Shift | Key::Control | Key::Alt);
         if pressed && !is_neutral {
             self.take_over();

@@ -13,6 +13,9 @@ const SCALE_PER_LINE: f64 = 1.1;
 /// The wheel counts at most so many lines at once; a device that reports more is faulty.
 const MOST_LINES: f64 = 20.0;
 
+/// Shows another field in colours.
+pub const NEXT_FIELD: Key = Key::Char('v');
+
 /// The command of a key when it is pressed, with or without Ctrl, if it has one.
 pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
     let only = |freedom| Action::SetMode(Mode { freedom, axis: None });

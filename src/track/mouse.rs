@@ -42,6 +42,7 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("W A S D, arrow keys", "move the head forward, left, back, right"),
     ("Q, E", "move the head down, up"),
     ("R", "put the head back"),
+    ("V", "with the effect stress: von Mises stress, largest strain, displacement in turn"),
     ("F1, F2, F3, F4", "overlay, room from outside, test pattern, eyes swapped; again: back"),
     ("Tab", "the panel: model, material, effects, stage, saving; again: closed"),
     ("K", "make control elements on the body with the mouse; again: back"),

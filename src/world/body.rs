@@ -38,6 +38,8 @@ pub struct PlacedBody {
     color: Color,
     /// Lines and image on the surface.
     pub pattern: Pattern,
+    /// Where an effect shows a field in colours: the code of every vertex ([`crate::render::field_code`]).
+    pub field: Option<Vec<[u8; 4]>>,
     /// Where an effect shows forces: how.
     pub force_scale: Option<ForceScale>,
     /// What errors to expect of it, where that was measured for its model.
@@ -99,6 +101,7 @@ pub fn place(
             room_from_body: home,
             home,
             ball,
+            field: None,
             force_scale: None,
             expected: None,
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
@@ -201,12 +204,12 @@ impl PlacedBody {
         }
     }
 
-    /// sRGB and mark per vertex that is drawn: the body has its colour, fixed control elements are grey, and those that can be taken orange,
+    /// sRGB and mark per vertex that is drawn: the body has its colour or shows a field, fixed control elements are grey, and those that can be taken orange,
     /// brighter while a ray points at them and green while a hand holds them. Bent further than its model holds, the body is red.
     pub fn colours(&self) -> Vec<[u8; 4]> {
         let Color([r, g, b]) = self.color;
         let plain = if self.out_of_range { OUT_OF_RANGE } else { [r, g, b, 0] };
-        let mut colours = vec![plain; self.deformer.node_count()];
+        let mut colours = self.field.clone().unwrap_or_else(|| vec![plain; self.deformer.node_count()]);
         for (c, control) in self.controls.iter().enumerate() {
             let [r, g, b] = match (control.grab, control.highlight) {
                 (Grab::Fixed, _) => [128, 130, 136],

@@ -54,6 +54,8 @@ pub struct World {
     pub plates: Vec<Plate>,
     /// Each picture is kept, and waits for what is computed in the background.
     pub is_for_pictures: bool,
+    /// How often somebody asked for another field; only the picture changes.
+    pub field_changes: usize,
     /// What the mechanics of this frame took.
     pub times: StepTimes,
     /// Warnings, each told once, with the time since the start at which it was told, s.
@@ -115,6 +117,7 @@ impl World {
             balls: Vec::new(),
             plates: Vec::new(),
             is_for_pictures: false,
+            field_changes: 0,
             times: StepTimes::default(),
             warnings: Vec::new(),
             clock_s: 0.0,

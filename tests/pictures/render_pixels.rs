@@ -208,6 +208,33 @@ fn both_sides_of_a_surface_are_lit_and_a_mirrored_picture_is_the_mirror_image() 
     assert!(pixels_apart(&plain, &flipped, 2) < 4, "{} pixels", pixels_apart(&plain, &flipped, 2));
 }
 
+/// A value of a field has the colour that the CPU's twin of the map gives it, lit as any other; beyond its limit it has the colour
+/// that the map has not.
+#[test]
+fn a_field_is_shown_in_the_colours_of_its_map() {
+    let Some(gpu) = require_gpu() else { return };
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
+    let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], 0.0, Point3::new(0.1, 1.0, 0.8));
+    let room_from_body = Matrix4::new_translation(&Vector3::<f32>::y());
+    let mut center = |color: [u8; 4], shows_field: bool| {
+        let mut buffers = square(0.3, [0.0; 3], color).buffers(&gpu);
+        buffers.shows_field = shows_field;
+        let bodies = [BodyInstance { buffers: &buffers, room_from_body }];
+        let contents = FrameContents { bodies: &bodies, ..FrameContents::default() };
+        draw_full(&gpu, &mut renderer, SIZE, view, &contents).get_pixel(160, 128).0
+    };
+    let plain = |[r, g, b]: [u8; 3]| [r, g, b, 0];
+    for (part, of_limit) in
+        [(0.0, 0.0), (0.2, 0.9), (0.5, 0.0), (0.8, 1.0), (1.0, 0.3), (7.0, 0.0), (0.4, 1.2)]
+    {
+        let expected = if of_limit > 1.0 { beyond_color() } else { map_color(part as f32) };
+        let [field, known] = [center(field_code(part, of_limit), true), center(plain(expected), false)];
+        let off = field.iter().zip(known).map(|(a, b)| a.abs_diff(b)).max().unwrap();
+        // 1.0 of the limit is the middle of its border, which is drawn dark.
+        assert!(off <= 3 || of_limit == 1.0, "{part}, {of_limit}: {field:?}, {known:?}");
+    }
+}
+
 /// How many pixels differ by more than `step` in any channel.
 pub fn pixels_apart(a: &RgbaImage, b: &RgbaImage, step: u8) -> usize {
     assert_eq!(a.dimensions(), b.dimensions());

@@ -27,7 +27,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("prepare", &["effect", "deform", "green", "scene", "mesh", "fem", "config"]),
     ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("report", &["verify", "effect", "deform", "green", "scene", "mesh", "fem", "solve", "config"]),
-    ("export", &["prepare world", BELOW_WORLD]),
+    ("export", &["prepare effect world", BELOW_WORLD]),
     ("session", &["prepare effect world", BELOW_WORLD]),
     ("tuning", &["session report prepare world deform green scene mesh fem solve"]),
     ("edit", &["interact green prepare scene mesh config"]),

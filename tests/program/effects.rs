@@ -144,6 +144,52 @@ fn ghosts_precompute_nothing_and_a_curve_what_forces_need() {
     assert!(output.status.code() == Some(2) && told.contains("lists the effect \"force_curve\""), "{told}");
 }
 
+/// Its section has no byte where there is one material, the other tensors are the same to the byte; `deform` tells stresses, and
+/// where the limit is passed, of the scene that lists it alone.
+#[test]
+fn without_stress_there_is_no_section_and_no_word_of_a_limit() {
+    let listed = |name: &str, effects: &str| {
+        let place = tube(name, effects);
+        let scene = place.join("tube.toml");
+        let text = std::fs::read_to_string(&scene).unwrap();
+        let limited = text.replace("poisson = 0.3 }", "poisson = 0.3, limit = { strain = 0.001 } }");
+        assert_ne!(text, limited);
+        std::fs::write(&scene, limited).unwrap();
+        let (told, _) = said(&place, &["deform", "tube.toml", "--poses", "poses.toml", "-o", "out"]);
+        (place, told)
+    };
+    let ((plain, told), (stressed, of_stress)) =
+        (listed("stress-plain", ""), listed("stress", r#""stress""#));
+    assert!(!told.contains("PASSED") && !plain.join("out.stress.csv").exists(), "{told}");
+    assert!(of_stress.contains("body.tube: von Mises stress at most"), "{of_stress}");
+    assert!(of_stress.contains("its limit of 0.100 % is PASSED in"), "{of_stress}");
+    let table = std::fs::read_to_string(stressed.join("out.stress.csv")).unwrap();
+    let row: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
+    let [strain, of_limit, passed] = [3, 5, 6].map(|k: usize| row[k].parse::<f64>().unwrap());
+    assert!((of_limit - strain / 0.001).abs() < 1e-6 * of_limit && strain > 0.001 && passed > 0.1, "{table}");
+    let vtu = |place: &Path| std::fs::read_to_string(place.join("out.vtu")).unwrap();
+    for field in ["von Mises stress moved", "largest principal strain moved", "size of displacement moved"] {
+        assert!(vtu(&stressed).contains(field) && !vtu(&plain).contains(field), "{field}");
+    }
+    let [(plain_tensors, plain_bytes), (mut tensors, bytes)] =
+        [&plain, &stressed].map(|place| tensors(&place.join("tube.green")));
+    assert_eq!(tensors.remove("tube/stress/material").map(|numbers| numbers.len()), Some(0));
+    assert_eq!((plain_tensors, plain_bytes), (tensors, bytes));
+
+    // Another limit is no other body: the file stays.
+    let before = std::fs::read(plain.join("tube.green")).unwrap();
+    let scene = plain.join("tube.toml");
+    let text = std::fs::read_to_string(&scene).unwrap();
+    std::fs::write(&scene, text.replace("strain = 0.001", "strain = 0.5")).unwrap();
+    let (_, progress) = said(&plain, &["deform", "tube.toml", "--poses", "poses.toml", "-o", "out"]);
+    assert!(
+        !progress.contains("stale") && std::fs::read(plain.join("tube.green")).unwrap() == before,
+        "{progress}"
+    );
+    let (told, _) = said(&plain, &["check", "tube.toml"]);
+    assert!(told.contains("list effects = [\"stress\"]"), "{told}");
+}
+
 /// A file that was made for other effects is never taken for the scene's own, in either direction.
 #[test]
 fn another_list_of_effects_makes_the_file_anew() {

@@ -108,6 +108,7 @@ pub fn now(world: &World) -> ResultSet {
             pose: "now".to_owned(),
             body: deformer.body.clone(),
             displacement: (0..deformer.node_count()).map(|node| deformer.displacement(node)).collect(),
+            stress: None,
             wrenches: None,
         });
     }

@@ -204,7 +204,7 @@ impl Watched {
             _ if is_due => lines.push(vec![("is solved once the hand rests".into(), Tone::Quiet)]),
             _ => {}
         }
-        Plate { anchor: Anchor::LowerLeft, lines, plot: None }
+        Plate { anchor: Anchor::LowerLeft, lines, plot: None, legend: None }
     }
 }
 

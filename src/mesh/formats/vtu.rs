@@ -41,6 +41,7 @@ fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
     // The check above has found all of them in range.
     let regions = || mesh.regions.iter().map(|&region| region as i32).collect();
     let piece = vtu_write::Piece {
+        scalars: Vec::new(),
         points: &mesh.nodes,
         cell: vtu_write::Cell::Tetra,
         connectivity: mesh.tets.as_flattened().to_vec(),

@@ -15,6 +15,8 @@ pub struct Piece<'a> {
     pub connectivity: Vec<u32>,
     /// Fields of vectors on the points, by name.
     pub vectors: Vec<(String, Vec<Vector3<f64>>)>,
+    /// Fields of numbers on the points, by name; only beside vectors.
+    pub scalars: Vec<(String, Vec<f64>)>,
     /// A number for each cell, by name.
     pub numbers: Option<(&'static str, Vec<i32>)>,
 }
@@ -58,6 +60,9 @@ fn put(text: &mut String, piece: &Piece<'_>) {
         text.push_str(&format!("<PointData Vectors=\"{}\">\n", escaped(first)));
         for (name, field) in &piece.vectors {
             vectors(text, name, field);
+        }
+        for (name, field) in &piece.scalars {
+            array(text, "Float64", name, 1, field.iter().copied().flat_map(f64::to_le_bytes));
         }
         text.push_str("</PointData>\n");
     }

@@ -94,6 +94,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     let scene = Scene {
         stage,
         script: None,
+        legend: None,
         body: IndexMap::from([(name.clone(), body)]),
         path: scene_path.to_owned(),
     };

@@ -1,0 +1,125 @@
+//! Paints what colours mean: a bar with round numbers and units, the limit, and a few lines of values.
+
+use super::lettering::{INK, QUIET};
+use crate::base::legend::{Legend, ticks};
+use crate::base::quantity;
+use crate::render::{beyond_color, map_color};
+use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
+
+/// Of lines that say that a limit is passed.
+const WARNS: Color32 = Color32::from_rgb(255, 120, 200);
+/// Lines below the bar, at most.
+const LINES: usize = 4;
+
+fn line_height(letter: f32) -> f32 {
+    (1.3 * letter).round()
+}
+
+fn bar_height(letter: f32) -> f32 {
+    (1.1 * letter).round()
+}
+
+/// The room that a legend takes, at most so much.
+pub fn size(letter: f32, room: Vec2, legend: &Legend) -> Vec2 {
+    let width = (0.45 * room.x).max(34.0 * letter).min(room.x - 1.2 * letter).round();
+    let lines = legend.lines.len().min(LINES) as f32;
+    vec2(width, line_height(letter) * (2.4 + lines) + bar_height(letter))
+}
+
+/// Paints it into a rectangle of this size.
+pub fn paint(painter: &Painter, rect: Rect, letter: f32, legend: &Legend) {
+    Paint { painter, legend }.paint(rect.shrink2(vec2(0.6 * letter, 0.0)), letter);
+}
+
+struct Paint<'a> {
+    painter: &'a Painter,
+    legend: &'a Legend,
+}
+
+impl Paint<'_> {
+    fn paint(&self, inside: Rect, size: f32) {
+        let line = line_height(size);
+        self.heading(inside, size);
+        let beyond = if self.legend.has_limit { 2.2 * size } else { 0.0 };
+        let place = inside.min + vec2(0.0, line);
+        let bar = Rect::from_min_size(place, vec2(inside.width() - beyond, bar_height(size)));
+        self.bar(bar, size);
+        if self.legend.has_limit {
+            let patch =
+                Rect::from_min_max(pos2(bar.max.x + 0.5 * size, bar.min.y), pos2(inside.max.x, bar.max.y));
+            let [r, g, b] = beyond_color();
+            self.painter.rect_filled(patch, 0.0, Color32::from_rgb(r, g, b));
+        }
+        let mut place = pos2(inside.min.x, bar.max.y + 1.4 * line);
+        for said in self.legend.lines.iter().take(LINES) {
+            let ink = if said.warns { WARNS } else { INK };
+            let letters = (inside.width() / (0.61 * size)) as usize;
+            self.words((place, Align2::LEFT_TOP), &clipped(&said.text, letters), size, ink);
+            place.y += line;
+        }
+    }
+
+    fn heading(&self, inside: Rect, size: f32) {
+        let legend = self.legend;
+        let (_, prefix) = self.unit();
+        let title = match legend.unit.is_empty() {
+            true => format!("{} (%)", legend.title),
+            false => format!("{} ({prefix}{})", legend.title, legend.unit),
+        };
+        self.words((inside.min, Align2::LEFT_TOP), &title, size, INK);
+        let range = match legend.has_limit {
+            true => format!("range: {}   beyond a limit:", legend.range),
+            false => format!("range: {}", legend.range),
+        };
+        let room = (inside.width() / (0.61 * size)) as usize;
+        if title.chars().count() + range.chars().count() < room {
+            self.words((pos2(inside.max.x, inside.min.y), Align2::RIGHT_TOP), &range, size, QUIET);
+        }
+    }
+
+    /// What the numbers at the bar are multiples of.
+    fn unit(&self) -> (f64, &'static str) {
+        if self.legend.unit.is_empty() { (0.01, "") } else { quantity::scale_of(self.legend.to) }
+    }
+
+    fn bar(&self, bar: Rect, size: f32) {
+        const STEPS: u32 = 64;
+        let mut mesh = Mesh::default();
+        let at = |part: f32| bar.min.x + bar.width() * part;
+        for step in 0..STEPS {
+            let [from, to] = [step, step + 1].map(|step| at(step as f32 / STEPS as f32));
+            let [r, g, b] = map_color((step as f32 + 0.5) / STEPS as f32);
+            let rect = Rect::from_min_max(pos2(from, bar.min.y), pos2(to, bar.max.y));
+            mesh.add_colored_rect(rect, Color32::from_rgb(r, g, b));
+        }
+        self.painter.add(Shape::mesh(mesh));
+        let place = |value: f64| at((value / self.legend.to) as f32).round();
+        let (unit, _) = self.unit();
+        for tick in ticks(self.legend.to) {
+            let x = place(tick);
+            let below = pos2(x, bar.max.y + 0.25 * size);
+            self.painter.line_segment([pos2(x, bar.max.y), below], Stroke::new(1.0, QUIET));
+            self.words((below, Align2::CENTER_TOP), &quantity::short(tick / unit), size, INK);
+        }
+        let [r, g, b] = beyond_color();
+        for limit in self.legend.limits.iter().filter(|limit| **limit <= self.legend.to * (1.0 + 1e-9)) {
+            let x = place(*limit);
+            let mark = Rect::from_min_max(
+                pos2(x - 1.5, bar.min.y - 0.2 * size),
+                pos2(x + 1.5, bar.max.y + 0.2 * size),
+            );
+            self.painter.rect_filled(mark, 0.0, Color32::from_rgb(r, g, b));
+        }
+    }
+
+    fn words(&self, (place, anchor): (Pos2, Align2), text: &str, size: f32, ink: Color32) {
+        self.painter.text(place.round(), anchor, text, FontId::monospace(size), ink);
+    }
+}
+
+fn clipped(text: &str, letters: usize) -> String {
+    match text.chars().count() > letters {
+        true => text.chars().take(letters.saturating_sub(1)).chain(['…']).collect(),
+        false => text.to_owned(),
+    }
+}

@@ -1,0 +1,104 @@
+//! What a body has reached: its largest stress and strain, and how much of its surface has passed a limit.
+
+use super::stressed_body::StressedBody;
+use crate::base::quantity::quantity;
+use crate::deform::NodeStress;
+use crate::scene::{Limit, Quantity};
+use nalgebra::Vector3;
+
+/// Of one body in one shape.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reached {
+    /// The largest values at nodes, and the nodes that have them: Pa, and a ratio.
+    pub von_mises: (f64, usize),
+    pub strain: (f64, usize),
+    /// The largest part of a limit, with that limit; `None` without limits.
+    pub limit: Option<(f64, Limit)>,
+    /// Part of the surface, control elements left out, in which a limit is passed.
+    pub passed: f64,
+}
+
+/// Of its limit, by the limits of all materials.
+fn part(at: &NodeStress, limits: &[Option<Limit>]) -> Option<(f64, Limit)> {
+    let limit = limits.get(usize::from(at.material)).copied().flatten()?;
+    let value = match limit {
+        Limit::Stress(_) => at.von_mises,
+        Limit::Strain(_) => at.strain,
+    };
+    Some((value / limit.value(), limit))
+}
+
+/// How much of its limit a node has reached; 0 without one.
+pub fn share(at: &NodeStress, limits: &[Option<Limit>]) -> f64 {
+    part(at, limits).map_or(0.0, |(part, _)| part)
+}
+
+impl StressedBody {
+    /// At every node of the surface, of its displacements; `None` inside control elements.
+    pub fn at_nodes(&self, u: &[Vector3<f64>]) -> Vec<Option<NodeStress>> {
+        // Where no limit tells, the larger stress does.
+        let order = |at: &NodeStress| part(at, &self.limits).map_or(at.von_mises * 1e-100, |(part, _)| part);
+        self.surface.at_nodes(u, order)
+    }
+
+    pub fn reached(&self, nodes: &[Option<NodeStress>]) -> Reached {
+        let mut reached = Reached::default();
+        let (mut passed, mut whole) = (0.0, 0.0);
+        for ((i, at), area) in nodes.iter().enumerate().zip(&self.surface.areas) {
+            let Some(at) = at else { continue };
+            if at.von_mises > reached.von_mises.0 {
+                reached.von_mises = (at.von_mises, i);
+            }
+            if at.strain > reached.strain.0 {
+                reached.strain = (at.strain, i);
+            }
+            let of_limit = part(at, &self.limits);
+            if of_limit.is_some_and(|(part, _)| reached.limit.is_none_or(|(most, _)| part > most)) {
+                reached.limit = of_limit;
+            }
+            whole += area;
+            passed += if of_limit.is_some_and(|(part, _)| part > 1.0) { *area } else { 0.0 };
+        }
+        reached.passed = if whole > 0.0 { passed / whole } else { 0.0 };
+        reached
+    }
+}
+
+impl Reached {
+    pub fn is_beyond(&self) -> bool {
+        self.limit.is_some_and(|(part, _)| part > 1.0)
+    }
+
+    /// `412 MPa at most, beyond its limit of 250 MPa in 3 % of its surface`.
+    pub fn sentence(&self) -> String {
+        let stress = quantity(self.von_mises.0, Quantity::VonMises.unit());
+        let strain = quantity(self.strain.0, Quantity::Strain.unit());
+        let most = format!("von Mises stress at most {stress}, largest strain {strain}");
+        match self.limit {
+            Some((part, limit)) if part > 1.0 => format!("{most}; {}", self.passing(limit)),
+            Some((part, limit)) => {
+                format!("{most}, {} of its limit of {}", quantity(part, ""), written(limit))
+            }
+            None => most,
+        }
+    }
+
+    /// `LIMIT PASSED: 412 MPa against 250 MPa, in 3 % of the surface`.
+    pub fn passing(&self, limit: Limit) -> String {
+        let value = self.limit.map_or(0.0, |(part, _)| part) * limit.value();
+        let value = quantity(value, limit.quantity().unit());
+        let passed = match self.passed {
+            passed if passed < 1e-3 => "less than 0.1 %".to_owned(),
+            passed => format!("{:.2} %", 100.0 * passed),
+        };
+        format!(
+            "its limit of {} is PASSED in {passed} of its surface, where {value} is reached",
+            written(limit)
+        )
+    }
+}
+
+/// A limit with its unit.
+pub fn written(limit: Limit) -> String {
+    quantity(limit.value(), limit.quantity().unit())
+}

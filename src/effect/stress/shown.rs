@@ -1,0 +1,273 @@
+//! The field in a session: codes of vertices, legend, probe, warnings and closing words.
+
+use super::probe::first_met;
+use super::reached::{Reached, share, written};
+use super::stressed_body::StressedBody;
+use crate::base::failure::Failure;
+use crate::base::legend::{Legend, LegendLine, round_up};
+use crate::base::plates::{Anchor, Plate};
+use crate::base::quantity::quantity;
+use crate::deform::NodeStress;
+use crate::effect::entry::Listed;
+use crate::effect::running::RunningEffect;
+use crate::render::field_code;
+use crate::scene::{LegendSettings, Quantity};
+use crate::world::{PlacedBody, World};
+use nalgebra::{Point3, Vector3};
+
+/// Joins a new world; the bodies that list it are coloured from their first picture on.
+pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+    let mut bodies = Vec::new();
+    for &(index, name) in &listed.bodies {
+        let stressed = StressedBody::of_file(listed.scene, listed.file, name)?;
+        bodies.push(ShownBody {
+            index,
+            name: name.to_owned(),
+            stressed,
+            deformations: None,
+            nodes: Vec::new(),
+            displacement: Vec::new(),
+            now: Reached::default(),
+            worst: Reached::default(),
+        });
+    }
+    let settings = listed.scene.legend.unwrap_or_default();
+    let mut shown = Shown { settings, tops: tops(listed, &settings, &bodies, world), bodies, coded: None };
+    shown.after_frame(world);
+    Ok(Some(Box::new(shown)))
+}
+
+/// The end of the colours of one quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Top {
+    Asked(f64),
+    Limit(f64),
+    /// It grows with what is seen.
+    Seen(f64),
+}
+
+impl Top {
+    fn value(self) -> f64 {
+        match self {
+            Top::Asked(to) | Top::Limit(to) | Top::Seen(to) => to,
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Top::Asked(_) => "as the scene has it",
+            Top::Limit(_) => "the limit",
+            Top::Seen(_) => "grows with the session",
+        }
+    }
+}
+
+/// Where nothing is asked for, colours begin with a strain of so much, and move with it.
+const FIRST_STRAIN: f64 = 1e-3;
+
+fn tops(listed: &Listed<'_>, settings: &LegendSettings, bodies: &[ShownBody], world: &World) -> [Top; 3] {
+    Quantity::ALL.map(|quantity| {
+        let limits = bodies.iter().flat_map(|body| limits_of(&body.stressed, quantity));
+        let limit = limits.reduce(f64::max);
+        match (settings.to.filter(|_| settings.show == quantity), limit) {
+            (Some(to), _) => Top::Asked(to),
+            (None, Some(limit)) => Top::Limit(limit),
+            (None, None) => {
+                let of_body = |&(b, name): &(usize, &str)| match quantity {
+                    Quantity::VonMises => listed.scene.body[name].material.young,
+                    Quantity::Strain => 1.0,
+                    Quantity::Displacement => 2.0 * world.bodies[b].ball.1,
+                };
+                let largest = listed.bodies.iter().map(of_body).fold(0.0, f64::max);
+                Top::Seen(round_up(FIRST_STRAIN * largest))
+            }
+        }
+    })
+}
+
+fn limits_of(body: &StressedBody, quantity: Quantity) -> impl Iterator<Item = f64> {
+    body.limits.iter().flatten().filter(move |limit| limit.quantity() == quantity).map(|limit| limit.value())
+}
+
+/// A body in colours.
+struct ShownBody {
+    /// In the world.
+    index: usize,
+    name: String,
+    stressed: StressedBody,
+    /// For which the rest was computed.
+    deformations: Option<u64>,
+    nodes: Vec<Option<NodeStress>>,
+    /// How far each node is from where it rested, m.
+    displacement: Vec<f64>,
+    now: Reached,
+    /// The most of the session.
+    worst: Reached,
+}
+
+struct Shown {
+    settings: LegendSettings,
+    tops: [Top; 3],
+    bodies: Vec<ShownBody>,
+    /// For which the codes were made.
+    coded: Option<(Quantity, f64)>,
+}
+
+impl ShownBody {
+    /// Whether the body was deformed since.
+    fn update(&mut self, body: &PlacedBody) -> bool {
+        if self.deformations.replace(body.deformations) == Some(body.deformations) {
+            return false;
+        }
+        let deformer = &body.deformer;
+        let u: Vec<Vector3<f64>> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
+        self.nodes = self.stressed.at_nodes(&u);
+        self.displacement = (0..deformer.node_count()).map(|i| deformer.displacement(i).norm()).collect();
+        self.now = self.stressed.reached(&self.nodes);
+        let part = |reached: &Reached| reached.limit.map_or(0.0, |(part, _)| part);
+        let is_worse = part(&self.now) > part(&self.worst)
+            || part(&self.worst) == 0.0 && self.now.von_mises.0 > self.worst.von_mises.0;
+        if is_worse {
+            self.worst = self.now;
+        }
+        true
+    }
+
+    /// `None` where no value is known.
+    fn value(&self, quantity: Quantity, node: usize) -> Option<f64> {
+        match quantity {
+            Quantity::Displacement => self.displacement.get(node).copied(),
+            Quantity::VonMises => self.nodes[node].map(|at| at.von_mises),
+            Quantity::Strain => self.nodes[node].map(|at| at.strain),
+        }
+    }
+
+    fn largest(&self, quantity: Quantity) -> f64 {
+        (0..self.nodes.len()).filter_map(|node| self.value(quantity, node)).fold(0.0, f64::max)
+    }
+
+    fn codes(&self, quantity: Quantity, top: f64) -> Vec<[u8; 4]> {
+        let code = |node: usize| {
+            let part = self.nodes[node].map_or(0.0, |at| share(&at, &self.stressed.limits));
+            field_code(self.value(quantity, node).unwrap_or(0.0) / top, part)
+        };
+        (0..self.nodes.len()).map(code).collect()
+    }
+
+    /// Where a ray from `from` along the unit vector `along` in the room meets the body: how far that is, m in the room, and the
+    /// value; no value inside a control element.
+    fn probed(
+        &self,
+        body: &PlacedBody,
+        quantity: Quantity,
+        (from, along): (&Point3<f64>, &Vector3<f64>),
+    ) -> Option<(f64, Option<f64>)> {
+        let surface_from_room = body.room_from_surface().inverse();
+        let (from, along) = (surface_from_room * from, surface_from_room * along);
+        let triangles = body.deformer.triangles();
+        let met = first_met(&from, &along, &body.deformer.positions(), triangles)?;
+        let corners = triangles[met.triangle].map(|node| self.value(quantity, node as usize));
+        let value = corners.iter().zip(met.weights).map(|(value, weight)| Some((*value)? * weight)).sum();
+        Some((met.distance, value))
+    }
+}
+
+impl Shown {
+    fn quantity(&self, world: &World) -> Quantity {
+        let first = Quantity::ALL.iter().position(|quantity| *quantity == self.settings.show).unwrap_or(0);
+        Quantity::ALL[(first + world.field_changes) % Quantity::ALL.len()]
+    }
+
+    fn legend(&self, world: &World, quantity: Quantity) -> Legend {
+        let top = self.tops[quantity as usize];
+        let mut lines = Vec::new();
+        for shown in &self.bodies {
+            let name = &shown.name;
+            let text = match shown.now.limit.filter(|(part, _)| *part > 1.0) {
+                Some((_, limit)) => format!("{name}: {}", shown.now.passing(limit)),
+                None => format!("{name}: at most {}", written_value(shown.largest(quantity), quantity)),
+            };
+            lines.push(LegendLine { text, warns: shown.now.is_beyond() });
+        }
+        lines.sort_by_key(|line| !line.warns);
+        let warns = false;
+        lines.extend(self.probes(world, quantity).map(|text| LegendLine { text, warns }));
+        let mut limits: Vec<f64> =
+            self.bodies.iter().flat_map(|body| limits_of(&body.stressed, quantity)).collect();
+        limits.sort_by(f64::total_cmp);
+        limits.dedup();
+        Legend {
+            title: quantity.title().to_owned(),
+            unit: quantity.unit().to_owned(),
+            to: top.value(),
+            range: top.words().to_owned(),
+            limits,
+            has_limit: self.bodies.iter().any(|body| body.stressed.limits.iter().any(Option::is_some)),
+            lines,
+        }
+    }
+
+    /// A line for every ray that meets a body.
+    fn probes(&self, world: &World, shown: Quantity) -> impl Iterator<Item = String> {
+        world.styli.iter().filter_map(move |stylus| {
+            let room_from_stylus = stylus.room_from_stylus.cast::<f64>();
+            let from = room_from_stylus.transform_point(&Point3::origin());
+            let along = room_from_stylus.transform_vector(&-Vector3::z()).try_normalize(0.0)?;
+            let probed = |body: &ShownBody| body.probed(&world.bodies[body.index], shown, (&from, &along));
+            let met = self.bodies.iter().filter_map(probed);
+            let (_, value) = met.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            Some(match value {
+                Some(value) => format!("under the ray: {}", written_value(value, shown)),
+                None => "under the ray: a control element, where forces act".to_owned(),
+            })
+        })
+    }
+}
+
+fn written_value(value: f64, of: Quantity) -> String {
+    quantity(value, of.unit())
+}
+
+impl RunningEffect for Shown {
+    fn after_frame(&mut self, world: &mut World) {
+        let shown = self.quantity(world);
+        let mut is_new = false;
+        for body in &mut self.bodies {
+            is_new |= body.update(&world.bodies[body.index]);
+        }
+        if is_new {
+            for quantity in Quantity::ALL {
+                let largest = self.bodies.iter().map(|body| body.largest(quantity)).fold(0.0, f64::max);
+                if let Top::Seen(top) = &mut self.tops[quantity as usize] {
+                    *top = top.max(round_up(largest));
+                }
+            }
+        }
+        let coded = (shown, self.tops[shown as usize].value());
+        if is_new || self.coded.replace(coded) != Some(coded) {
+            self.coded = Some(coded);
+            for body in &self.bodies {
+                let placed = &mut world.bodies[body.index];
+                placed.field = Some(body.codes(shown, coded.1));
+                placed.recolour = true;
+            }
+        }
+        for body in &self.bodies {
+            if let Some((_, limit)) = body.now.limit.filter(|(part, _)| *part > 1.0) {
+                let name = &body.name;
+                world.warn(format!(
+                    "body.{name}: its limit of {} ({}) is passed: what yields or tears is not computed",
+                    written(limit),
+                    limit.quantity().title()
+                ));
+            }
+        }
+        let legend = Some(self.legend(world, shown));
+        world.plates.push(Plate { anchor: Anchor::LowerRight, lines: Vec::new(), plot: None, legend });
+    }
+
+    fn summary(&mut self) -> String {
+        let line = |body: &ShownBody| format!("body.{}: {}\n", body.name, body.worst.sentence());
+        self.bodies.iter().map(line).collect()
+    }
+}

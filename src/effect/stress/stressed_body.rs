@@ -1,0 +1,103 @@
+//! A body's surface, the materials behind it and what they bear, from a .green file or a mesh.
+
+use crate::deform::{SurfaceParts, SurfaceStress, find_model};
+use crate::fem::Lame;
+use crate::green::{self, GreenError, GreenFile, Precomputed, Tensor};
+use crate::mesh::{Surface, TetMesh};
+use crate::scene::{Body, Limit, Material, Scene};
+use crate::solve::Progress;
+
+/// As a scene lists it.
+pub const NAME: &str = "stress";
+
+/// The one tensor of the section: of each triangle its material, as [`Body::materials`] counts them; empty where there is one.
+const TENSOR: &str = "material";
+
+/// Materials of a body that the section can number.
+const MOST: usize = 256;
+
+pub(super) fn section(
+    scene: &Scene,
+    body: &mut Precomputed,
+    _: &dyn Progress,
+) -> Result<Vec<(String, Tensor)>, GreenError> {
+    let numbers = of_triangles(scene, &body.name, &body.solution.mesh)?;
+    Ok(vec![(TENSOR.into(), Tensor::new(&[numbers.len()], numbers))])
+}
+
+/// The material behind each triangle of the mesh's surface; empty where the body has one.
+fn of_triangles(scene: &Scene, name: &str, mesh: &TetMesh) -> Result<Vec<u8>, GreenError> {
+    let body = &scene.body[name];
+    if body.region.is_empty() {
+        return Ok(Vec::new());
+    }
+    if body.region.len() >= MOST {
+        let message = format!("the effect {NAME} tells up to {} regions apart", MOST - 1);
+        return Err(scene.invalid(&format!("body.{name}.region"), message).into());
+    }
+    let of_tets = green::materials_of_tets(scene, name, body, mesh)?;
+    Ok(Surface::tets_behind(mesh).into_iter().map(|tet| of_tets[tet as usize] as u8).collect())
+}
+
+/// A body's surface with its materials and what they bear.
+pub struct StressedBody {
+    pub surface: SurfaceStress,
+    /// By material.
+    pub limits: Vec<Option<Limit>>,
+}
+
+impl StressedBody {
+    /// Of a body in a .green file, whose model moves the surface. Errors where the section is damaged.
+    pub fn of_file(scene: &Scene, file: &GreenFile, name: &str) -> Result<StressedBody, GreenError> {
+        let body = &scene.body[name];
+        let (_, material) = file.section::<u8>(name, NAME, TENSOR)?;
+        let triangles = file.triangles(name);
+        let count = body.materials().count();
+        let fits = material.is_empty() || material.len() == triangles.len();
+        if !fits || material.iter().any(|&number| usize::from(number) >= count) {
+            let reason = format!("tensor {name}/{NAME}/{TENSOR} does not number the body's materials");
+            return Err(GreenError::Damaged { path: file.path.clone(), reason });
+        }
+        let held: Vec<Vec<u32>> =
+            body.control.keys().map(|control| file.control(name, control).to_vec()).collect();
+        Ok(StressedBody::new(body, file.rest(name), triangles, material, &held))
+    }
+
+    /// Of a mesh that is solved anew; its surface is [`Surface::of`] it, `held` are nodes of the mesh.
+    pub fn of_mesh(
+        scene: &Scene,
+        name: &str,
+        mesh: &TetMesh,
+        held: &[&[u32]],
+    ) -> Result<(Surface, StressedBody), GreenError> {
+        let surface = Surface::of(mesh);
+        let material = of_triangles(scene, name, mesh)?;
+        let on_surface = |nodes: &&[u32]| -> Vec<u32> {
+            nodes.iter().filter_map(|node| Some(surface.nodes.binary_search(node).ok()? as u32)).collect()
+        };
+        let held: Vec<Vec<u32>> = held.iter().map(on_surface).collect();
+        let Some(first) = surface.nodes.first().map(|&node| mesh.nodes[node as usize]) else {
+            return Ok((surface, StressedBody::new(&scene.body[name], &[], &[], &[], &[])));
+        };
+        let about = |&node: &u32| (mesh.nodes[node as usize] - first).cast::<f32>().into();
+        let rest: Vec<[f32; 3]> = surface.nodes.iter().map(about).collect();
+        let body = StressedBody::new(&scene.body[name], &rest, &surface.triangles, &material, &held);
+        Ok((surface, body))
+    }
+
+    fn new(
+        body: &Body,
+        rest: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+        material: &[u8],
+        held: &[Vec<u32>],
+    ) -> StressedBody {
+        let lame: Vec<Lame> = body.materials().map(Material::lame).collect();
+        // A model that is not known was refused before.
+        let law =
+            find_model(&body.model).map_or(crate::fem::hooke_at_free_face as _, |model| model.free_face());
+        let parts = SurfaceParts { rest, triangles, material, lame: &lame, held, law };
+        let limits = body.materials().map(|material| material.limit).collect();
+        StressedBody { surface: SurfaceStress::new(&parts), limits }
+    }
+}

@@ -1,0 +1,193 @@
+//! Against bodies that were solved, and what a session and a damaged file say.
+
+use super::reached::written;
+use super::stressed_body::StressedBody;
+use crate::base::legend::Legend;
+use crate::deform::{ControlPose, Deformer, find_model};
+use crate::effect::{EFFECTS, add_sections, attach, find_effect, requirements};
+use crate::fem::NodeFields;
+use crate::green::{self, GreenFile, Precomputed, Tensor};
+use crate::scene::{Limit, Scene};
+use crate::solve::Silent;
+use crate::stage::Stage;
+use crate::track::TrackerState;
+use crate::world::World;
+use nalgebra::{Matrix3, Vector3};
+use std::path::Path;
+use std::sync::Arc;
+
+const INNER: f64 = 0.5;
+const OUTER: f64 = 1.0;
+const YOUNG: f64 = 1e9;
+const PRESSURE: f64 = 1e3;
+
+fn scene(text: &str) -> Scene {
+    Scene::parse(text, Path::new("test.toml")).unwrap()
+}
+
+/// A tube whose inner wall moves as pressure moves it, ends free.
+fn tube(size: u32, element: &str, poisson: f64) -> Scene {
+    scene(&format!(
+        "[body.b]\ngenerate = {{ tube = {{ inner_radius = {INNER}, outer_radius = {OUTER}, length = 1.0, radial = {size}, \
+         around = {}, along = {}, control_length = 0.1 }} }}\nelement = \"{element}\"\n\
+         material = {{ young = {YOUNG}, poisson = {poisson} }}\neffects = [\"stress\"]\n\
+         control.inner = {{ nodes = {{ group = \"inner\" }}, grab = \"dragger\" }}\n",
+        12 * size,
+        2 * size
+    ))
+}
+
+fn written_file(scene: &Scene, folder: &Path) -> (Precomputed, Arc<GreenFile>) {
+    let body = &scene.body["b"];
+    let effects = || body.effects.iter().map(|name| find_effect(name).unwrap());
+    let required = requirements(find_model(&body.model).unwrap(), effects());
+    let mut made = green::precompute(scene, "b", &required, &Silent).unwrap();
+    add_sections(scene, effects(), &mut made, &Silent).unwrap();
+    let path = folder.join("b.green");
+    green::write(&path, std::slice::from_ref(&made)).unwrap();
+    (made, Arc::new(GreenFile::open(&path).unwrap()))
+}
+
+/// Errors on the outer wall, away from the ends: of this recovery, and of the mean over the tetrahedra around each node.
+fn errors(size: u32, element: &str, poisson: f64) -> [f64; 2] {
+    let scene = tube(size, element, poisson);
+    let folder = tempfile::tempdir().unwrap();
+    let (made, file) = written_file(&scene, folder.path());
+    // Lamé with free ends (Timoshenko and Goodier, article 28): σ_θ = 2 p a² / (b² - a²) at r = b, σ_r = σ_z = 0.
+    let ring = OUTER * OUTER - INNER * INNER;
+    let hoop = 2.0 * PRESSURE * INNER * INNER / ring;
+    let radial = PRESSURE / YOUNG * ((INNER * INNER + OUTER * OUTER) / ring + poisson);
+    let along = -poisson * hoop / YOUNG;
+    let moved = Vector3::new(along, radial, radial);
+    let matrix = Matrix3::from_diagonal(&moved.add_scalar(1.0));
+    let pose = ControlPose { matrix, ..ControlPose::REST };
+    let mut deformer = Deformer::new(file.clone(), "b", "linear").unwrap();
+    deformer.evaluate(&[pose]);
+    let stressed = StressedBody::of_file(&scene, &file, "b").unwrap();
+    let u: Vec<Vector3<f64>> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
+    let found = stressed.at_nodes(&u);
+
+    let solution = &made.solution;
+    let mesh = &solution.mesh;
+    let c = pose.coefficients();
+    let value = |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>();
+    let fields = NodeFields {
+        nodes: mesh.nodes.len(),
+        columns: 1,
+        data: (0..3 * mesh.nodes.len()).map(value).collect(),
+    };
+    let lame = vec![scene.body["b"].material.lame(); mesh.tets.len()];
+    let points = solution.element.points(mesh, &lame).unwrap();
+    let mut sums = vec![(Matrix3::zeros(), 0.0); mesh.nodes.len()];
+    for (point, h) in points.displacement_gradients(&fields).iter().enumerate() {
+        let strain = (h + h.transpose()) * 0.5;
+        let lame = points.lame(point);
+        let stress = strain * (2.0 * lame.mu) + Matrix3::from_diagonal_element(lame.lambda * strain.trace());
+        for &node in points.nodes_of(points.element_of(point)) {
+            let sum = &mut sums[node as usize];
+            *sum = (sum.0 + stress * points.volume[point], sum.1 + points.volume[point]);
+        }
+    }
+    let of_volume = |(sum, volume): &(Matrix3<f64>, f64)| {
+        let stress = sum / *volume;
+        let deviator = stress - Matrix3::from_diagonal_element(stress.trace() / 3.0);
+        (1.5 * deviator.norm_squared()).sqrt()
+    };
+    let mut worst = [0.0_f64; 2];
+    for (i, &node) in solution.surface.nodes.iter().enumerate() {
+        let place = mesh.nodes[node as usize];
+        if place.y.hypot(place.z) < OUTER - 1e-6 || place.x.abs() > 0.3 {
+            continue;
+        }
+        let values = [found[i].unwrap().von_mises, of_volume(&sums[node as usize])];
+        worst = [0, 1].map(|k| worst[k].max((values[k] / hoop - 1.0).abs()));
+    }
+    worst
+}
+
+#[test]
+fn a_pressed_tube_that_was_solved_has_the_stress_of_lame() {
+    let [coarse, fine] = [2, 4].map(|size| errors(size, "tet4", 0.3));
+    println!("surface, volume: {coarse:?}, {fine:?}");
+    assert!(fine[0] < 0.04 && (coarse[0] / fine[0]).log2() > 1.5, "{coarse:?}, {fine:?}");
+    assert!(fine[0] < 0.2 * fine[1], "better than the mean over the tetrahedra: {fine:?}");
+    for (element, most) in [("tet10", 0.03), ("tet4_anp", 0.2)] {
+        let [found, _] = errors(2, element, 0.499);
+        println!("{element}, ν = 0.499: {found:.4}");
+        assert!(found < most, "{element}: {found}");
+    }
+}
+
+const BAR: &str = "[body.b]\n\
+    generate = { block = { size = [2.0, 1.0, 1.0], cells = [4, 2, 2] } }\n\
+    material = { young = 1.0e9, poisson = 0.3, limit = { stress = 1.0e6 } }\neffects = [\"stress\"]\n\
+    control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+    control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+
+/// The newest.
+fn legend_of(world: &World) -> Legend {
+    world.plates.iter().rev().find_map(|plate| plate.legend.clone()).unwrap()
+}
+
+#[test]
+fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
+    let scene = scene(BAR);
+    let folder = tempfile::tempdir().unwrap();
+    let (_, file) = written_file(&scene, folder.path());
+    let mut world = World::new(&scene, &file, Stage::find("desktop").unwrap()).unwrap();
+    let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
+    let [effect] = &mut running[..] else { panic!() };
+    assert!(world.bodies[0].field.as_ref().unwrap().iter().all(|code| *code == [0; 4]), "at rest");
+    let legend = legend_of(&world);
+    assert_eq!(
+        (legend.title.as_str(), legend.to, legend.range.as_str()),
+        ("von Mises stress", 1e6, "the limit")
+    );
+
+    // Pulled by 1 %: some 10 MPa.
+    let mut poses = world.bodies[0].deformer.poses.clone();
+    poses[1].translation.x = 0.02;
+    world.bodies[0].deformer.evaluate(&poses);
+    world.bodies[0].deformations += 1;
+    effect.after_frame(&mut world);
+    let line = legend_of(&world).lines[0].clone();
+    assert!(line.warns && line.text.contains("its limit of 1.00 MPa is PASSED in 100.00 %"), "{}", line.text);
+    assert!(world.warnings.iter().any(|(_, warning)| warning.contains("body.b: its limit of 1.00 MPa")));
+    let codes = world.bodies[0].field.clone().unwrap();
+    assert!(codes.iter().filter(|code| code[..2] != [0, 0]).count() == 40);
+    world.field_changes += 1;
+    effect.after_frame(&mut world);
+    let legend = legend_of(&world);
+    assert_eq!(
+        (legend.title.as_str(), legend.range.as_str()),
+        ("largest principal strain", "grows with the session")
+    );
+    assert!((0.01..0.03).contains(&legend.to) && legend.lines[0].warns, "{legend:?}");
+    assert_ne!(world.bodies[0].field.as_ref().unwrap(), &codes);
+    world.step(&TrackerState::default());
+    effect.after_frame(&mut world);
+    world.bodies[0].recolour = false;
+    effect.after_frame(&mut world);
+    assert!(!world.bodies[0].recolour, "nothing is coded anew where nothing changed");
+    let summary = effect.summary();
+    assert!(
+        summary.starts_with("body.b: von Mises stress at most 1") && summary.contains("PASSED"),
+        "{summary}"
+    );
+}
+
+#[test]
+fn a_section_that_does_not_fit_is_refused() {
+    let scene = scene(BAR);
+    let folder = tempfile::tempdir().unwrap();
+    let (mut made, _) = written_file(&scene, folder.path());
+    let path = folder.path().join("b.green");
+    for numbers in [vec![0_u8; 3], vec![1; made.solution.surface.triangles.len()]] {
+        made.sections.insert("stress/material".into(), Tensor::new(&[numbers.len()], numbers));
+        green::write(&path, std::slice::from_ref(&made)).unwrap();
+        let file = GreenFile::open(&path).unwrap();
+        let error = StressedBody::of_file(&scene, &file, "b").err().unwrap().to_string();
+        assert!(error.contains("b/stress/material does not number the body's materials"), "{error}");
+    }
+    assert_eq!(written(Limit::Strain(0.3)), "30 %");
+}
