@@ -145,7 +145,7 @@ fn the_steel_bar_yields_where_beam_theory_says() {
         }
         let expected = most * (1.0 - 2.0 * from_clamp / length);
         let off = (at.unwrap().von_mises - expected).abs() / most;
-        assert!(off < 0.05, "{from_clamp} m: {off}");
+        assert!(off < 0.08, "{from_clamp} m: {off}");
         count += 1;
     }
     assert!(count > 40, "{count}");
