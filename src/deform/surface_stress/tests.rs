@@ -203,7 +203,7 @@ fn large_strain_has_the_stress_of_its_law() {
             triangles: &shape.surface.triangles,
             material: &[],
             lame: &[lame],
-            held: &[held.clone()],
+            held: std::slice::from_ref(&held),
             law: law.free_face,
         };
         let u: Vec<Vector3<f64>> = all.map(|i| gradient * shape.place(i)).collect();

@@ -69,7 +69,7 @@ impl Reached {
         self.limit.is_some_and(|(part, _)| part > 1.0)
     }
 
-    /// `412 MPa at most, beyond its limit of 250 MPa in 3 % of its surface`.
+    /// `von Mises stress at most 412 MPa, largest strain 0.2 %`, and how it stands with the limit.
     pub fn sentence(&self) -> String {
         let stress = quantity(self.von_mises.0, Quantity::VonMises.unit());
         let strain = quantity(self.strain.0, Quantity::Strain.unit());
@@ -83,14 +83,25 @@ impl Reached {
         }
     }
 
-    /// `LIMIT PASSED: 412 MPa against 250 MPa, in 3 % of the surface`.
-    pub fn passing(&self, limit: Limit) -> String {
+    /// The largest value of what has this limit, and in which part of the surface it is passed.
+    fn value_and_passed(&self, limit: Limit) -> [String; 2] {
         let value = self.limit.map_or(0.0, |(part, _)| part) * limit.value();
-        let value = quantity(value, limit.quantity().unit());
         let passed = match self.passed {
             passed if passed < 1e-3 => "less than 0.1 %".to_owned(),
-            passed => format!("{:.2} %", 100.0 * passed),
+            passed => quantity(passed, ""),
         };
+        [quantity(value, limit.quantity().unit()), passed]
+    }
+
+    /// For a legend: `412 MPa, limit 250 MPa PASSED in 3 %`.
+    pub fn brief(&self, limit: Limit) -> String {
+        let [value, passed] = self.value_and_passed(limit);
+        format!("{value}, limit {} PASSED in {passed}", written(limit))
+    }
+
+    /// `its limit of 250 MPa is PASSED in 3 % of its surface, where 412 MPa is reached`.
+    pub fn passing(&self, limit: Limit) -> String {
+        let [value, passed] = self.value_and_passed(limit);
         format!(
             "its limit of {} is PASSED in {passed} of its surface, where {value} is reached",
             written(limit)

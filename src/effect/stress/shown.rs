@@ -184,7 +184,7 @@ impl Shown {
         for shown in &self.bodies {
             let name = &shown.name;
             let text = match shown.now.limit.filter(|(part, _)| *part > 1.0) {
-                Some((_, limit)) => format!("{name}: {}", shown.now.passing(limit)),
+                Some((_, limit)) => format!("{name}: {}", shown.now.brief(limit)),
                 None => format!("{name}: at most {}", written_value(shown.largest(quantity), quantity)),
             };
             lines.push(LegendLine { text, warns: shown.now.is_beyond() });
