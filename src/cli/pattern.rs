@@ -42,7 +42,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let session = Session::new(World::of_stage(stage)?, None);
     let (limit_s, device) = (args.seconds, device::Args::default());
     let options = Options { samples: Samples::Exactly(1), vsync: true, limit_s, device };
-    application::run(session, Shows::Screens(screens), options)?;
+    application::run(session, Shows::Screens(Box::new(screens)), options)?;
     Ok(())
 }
 

@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return print(&format!("{}\n", path.display()));
     }
     session.start_trackers()?;
-    let shows = Shows::Model(ModelWindow::new(camera, args.size));
+    let shows = Shows::Model(Box::new(ModelWindow::new(camera, args.size)));
     let options = Options {
         samples: args.samples,
         vsync: true,

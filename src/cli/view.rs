@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let screens = ScreenWindows::new(stage, args.scale);
     let screens = if args.overlay { screens.with_overlay(stage) } else { screens };
     let options = Options { samples: args.samples, vsync: !args.no_vsync, limit_s: args.seconds, device };
-    let finished = application::run(session, Shows::Screens(screens), options)?;
+    let finished = application::run(session, Shows::Screens(Box::new(screens)), options)?;
     report(finished)
 }
 

@@ -18,8 +18,8 @@ use std::time::Instant;
 
 /// What the windows show.
 pub enum Shows {
-    Screens(ScreenWindows),
-    Model(ModelWindow),
+    Screens(Box<ScreenWindows>),
+    Model(Box<ModelWindow>),
 }
 
 impl Shows {

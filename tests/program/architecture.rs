@@ -33,7 +33,10 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("edit", &["interact green prepare scene mesh config"]),
     ("display", &["edit session export prepare effect world", BELOW_WORLD]),
     ("demo", &["display session prepare effect world", BELOW_WORLD]),
-    ("cli", &["demo edit display session export tuning report verify manual prepare effect world", BELOW_WORLD]),
+    (
+        "cli",
+        &["demo edit display session export tuning report verify manual prepare effect world", BELOW_WORLD],
+    ),
 ];
 
 /// The rooms of a row, in which [`BELOW_WORLD`] stands for several.

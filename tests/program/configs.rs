@@ -207,7 +207,10 @@ fn the_steel_bar_yields_where_beam_theory_says() {
 /// end stands when the script rests.
 #[test]
 fn scenes() {
-    holds("scenes", &["bar.toml", "bear.toml", "ghosts.toml", "hose.toml", "models.toml", "steel-bar.toml", "tube.toml"]);
+    holds(
+        "scenes",
+        &["bar.toml", "bear.toml", "ghosts.toml", "hose.toml", "models.toml", "steel-bar.toml", "tube.toml"],
+    );
     let scene = Scene::load(&config("scenes/tube.toml")).unwrap();
     let body = &scene.body["tube"];
     assert_eq!((scene.stage.as_str(), body.model.as_str()), ("workbench", "rotation"));
