@@ -70,7 +70,10 @@ mod tests {
             assert_eq!(quantity(value, unit), text);
         }
         assert_eq!(quantity(f64::NAN, "m"), "NaN m");
-        assert_eq!([quantity(0.0124, ""), quantity(0.0, ""), quantity(25.0, "")], ["1.24 %", "0 %", "2500 %"]);
+        assert_eq!(
+            [quantity(0.0124, ""), quantity(0.0, ""), quantity(25.0, "")],
+            ["1.24 %", "0 %", "2500 %"]
+        );
         assert_eq!([short(250.0), short(0.5), short(1.0), short(12.34)], ["250", "0.5", "1", "12.3"]);
         assert_eq!(scale_of(250e6), (1e6, "M"));
     }

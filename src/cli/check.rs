@@ -118,11 +118,14 @@ fn holds(name: &str, body: &Body) -> Option<Diagnostic> {
 
 /// A word about a limit that no effect looks at.
 fn unwatched_limit(name: &str, body: &Body) -> Option<Diagnostic> {
-    let is_own = |material: &Material| material.known.and_then(|known| known.yield_stress).map(Limit::Stress) != material.limit;
+    let is_own = |material: &Material| {
+        material.known.and_then(|known| known.yield_stress).map(Limit::Stress) != material.limit
+    };
     let limited: Vec<&Material> = body.materials().filter(|material| material.limit.is_some()).collect();
     let is_watched = body.effects.iter().any(|effect| effect == stress::NAME);
     // Whoever wrote a limit wants to hear of it; the library's stands there unasked.
-    let severity = if limited.iter().any(|material| is_own(material)) { Severity::Warning } else { Severity::Note };
+    let severity =
+        if limited.iter().any(|material| is_own(material)) { Severity::Warning } else { Severity::Note };
     let message = "its material has a limit, and nothing watches it: list effects = [\"stress\"] to see and be told where \
                    it is passed";
     let entity = format!("body.{name}");

@@ -45,7 +45,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let chapter = args.chapter.map(|number| usize::from(number) - 1);
     let display = window::find_display();
     if let (Ok(_), None) = (&display, &args.output) {
-        let options = live::Options { chapter: chapter.unwrap_or(0), samples: args.samples, limit_s: args.seconds, device: args.device };
+        let options = live::Options {
+            chapter: chapter.unwrap_or(0),
+            samples: args.samples,
+            limit_s: args.seconds,
+            device: args.device,
+        };
         return live::run(options);
     }
     let width = args.width.unwrap_or(WIDTH);

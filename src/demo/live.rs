@@ -6,8 +6,8 @@ use super::story::Story;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::display::device;
-use crate::render::{Gpu, Samples};
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, Windows};
+use crate::render::{Gpu, Samples};
 use std::time::Instant;
 
 /// How the window draws, and for how long.
@@ -32,8 +32,16 @@ pub fn run(options: Options) -> Result<(), Failure> {
     let story = Story::new(preparation, options.chapter, options.device);
     let spec = story.spec()?;
     let now = Instant::now();
-    let mut app = Application { story, samples: options.samples, started: now, last: now, limit_s: options.limit_s, failure: None };
-    window::run(&[spec], WindowOptions { samples: options.samples, vsync: true }, &mut app).map_err(Failure::work)?;
+    let mut app = Application {
+        story,
+        samples: options.samples,
+        started: now,
+        last: now,
+        limit_s: options.limit_s,
+        failure: None,
+    };
+    window::run(&[spec], WindowOptions { samples: options.samples, vsync: true }, &mut app)
+        .map_err(Failure::work)?;
     app.failure.map_or(Ok(()), Err)
 }
 

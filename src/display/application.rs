@@ -179,7 +179,7 @@ impl Application {
         }
         self.bodies = Some(desk::new_bodies(windows, &mut self.session, self.options.device)?);
         if after == After::NewWindows {
-            self.shows = Shows::Screens(ScreenWindows::new(&self.session.world.stage, None));
+            self.shows = Shows::Screens(Box::new(ScreenWindows::new(&self.session.world.stage, None)));
             windows.reopen = Some(self.shows.specs(&self.session));
         }
         Ok(())

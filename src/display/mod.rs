@@ -6,8 +6,8 @@
 
 pub mod application;
 pub mod bodies;
-pub mod desk;
 pub mod caption;
+pub mod desk;
 pub mod device;
 mod legend;
 pub mod lettering;

@@ -3,8 +3,8 @@
 //! In: [`Plate`]s, and the part of a picture that shows a screen to an eye. Out: dark plates with words, and plots ([`plot`]).
 //! Those in corners are the same for both eyes; one beside a place stands at that place's depth.
 
-use super::lettering::{DARK, INK, QUIET};
 use super::legend;
+use super::lettering::{DARK, INK, QUIET};
 use super::plot;
 use super::window_layout::{Part, view_of};
 use crate::base::plates::{Anchor, Plate, Tone};

@@ -19,10 +19,8 @@ pub(super) const SEEN: [&str; 2] = [
     include_str!("../../shaders/common/shadowed.wgsl"),
 ];
 /// Of bodies in their own colours, and in those of a field.
-pub(super) const PAINT: [&str; 2] = [
-    include_str!("../../shaders/common/plain.wgsl"),
-    include_str!("../../shaders/common/field.wgsl"),
-];
+pub(super) const PAINT: [&str; 2] =
+    [include_str!("../../shaders/common/plain.wgsl"), include_str!("../../shaders/common/field.wgsl")];
 /// Without an image on the body, and with one.
 pub(super) const IMAGE: [&str; 2] = [
     include_str!("../../shaders/common/image_none.wgsl"),

@@ -8,8 +8,8 @@ pub mod built_in;
 pub mod file_kind;
 mod limit;
 mod load;
-pub mod materials;
 mod look;
+pub mod materials;
 mod parts;
 pub mod proposal;
 mod select;
@@ -17,8 +17,8 @@ pub mod write;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
-pub use look::{CREASE, Color, Lines, Texture};
 pub use limit::{LegendSettings, Limit, Quantity};
+pub use look::{CREASE, Color, Lines, Texture};
 pub use parts::Parts;
 pub use select::Nodes;
 

@@ -5,6 +5,9 @@ use crate::fem::{AssemblyError, Element};
 use crate::mesh::GenerateError;
 use crate::solve::SolveError;
 
+/// The measures of a problem with an element, on a mesh so fine, at Poisson's ratios.
+pub type Solve = fn(&Element, u32, &[f64]) -> Result<Vec<Measure>, ProblemError>;
+
 /// A problem with a known answer.
 pub struct Problem {
     pub name: &'static str,
@@ -15,7 +18,7 @@ pub struct Problem {
     /// Of the meshes from coarse to fine, see [`Element::cells`]; effort chooses how many are solved.
     pub sizes: [u32; 4],
     /// With an element on a mesh, for these Poisson's ratios where the problem has several (`POISSON`).
-    pub solve: fn(&Element, u32, &[f64]) -> Result<Vec<Measure>, ProblemError>,
+    pub solve: Solve,
 }
 
 /// Poisson's ratios on the way to incompressible.

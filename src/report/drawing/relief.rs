@@ -41,6 +41,9 @@ pub fn colour(part: f64) -> [f64; 3] {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View(Matrix3<f64>);
 
+/// The colour of a triangle at the weights of its corners.
+type Colour<'a> = dyn Fn(&[u32; 3], [f64; 3]) -> [f64; 3] + 'a;
+
 impl View {
     /// Looks at the side where the points extend furthest, from a little above, with Y upwards as far as it goes.
     pub fn of(points: &[Vector3<f64>]) -> View {
@@ -141,12 +144,7 @@ impl Relief {
         });
     }
 
-    fn draw(
-        &mut self,
-        triangles: &[[u32; 3]],
-        places: &[Vector3<f64>],
-        colour: &dyn Fn(&[u32; 3], [f64; 3]) -> [f64; 3],
-    ) {
+    fn draw(&mut self, triangles: &[[u32; 3]], places: &[Vector3<f64>], colour: &Colour<'_>) {
         let wide = SAMPLES * self.frame.size[0];
         let high = SAMPLES * self.frame.size[1];
         let samples: Vec<Vector3<f64>> = places.iter().map(|place| self.frame.sample(place)).collect();
