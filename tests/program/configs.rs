@@ -223,7 +223,7 @@ fn scenes() {
     let mut tube = Deformer::new(file, "tube", &body.model).unwrap();
 
     let stage = Stage::find(&scene.stage).unwrap();
-    let script = Script::load(&scene.resolve(scene.script.as_deref().unwrap())).unwrap();
+    let script = greenstage::session::open::script(&scene, None).unwrap().unwrap();
     let right = tube.controls.iter().position(|control| control.name == "right").unwrap();
     assert_eq!(body.control["right"].grab, Grab::Dragger);
     let bent = follow(&mut tube, right, &stage, &script);
