@@ -134,12 +134,13 @@ mod tests {
                     _ => "mesh = \"part.msh\"",
                 };
                 let scene = format!(
-                    "[body.part]\n{mesh}\n{}\n{}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
+                    "[body.part]\n{mesh}\n{}\n{}\n{}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
                     or("material", "material = { young = 1.0, poisson = 0.3 }"),
                     or("region", ""),
                     or("solver", ""),
                     or("tetrahedralise", ""),
                     or("accuracy", ""),
+                    or("place", ""),
                     or("nodes", "nodes = { group = \"left\" }"),
                 );
                 if key != "mesh" {

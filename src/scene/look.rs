@@ -2,22 +2,21 @@
 //! for a new precomputation.
 
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::path::PathBuf;
 
 /// Red, green and blue in sRGB: `"#c05030"`, or `[192, 80, 48]`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Color(pub [u8; 3]);
 
 /// Lines that are fixed to the material: `true`, `false`, or their spacing, m.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-#[serde(untagged)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Lines {
     /// At a round spacing that fits the body's size ([`Lines::spacing`]).
     #[default]
     Fitted,
-    /// `false`; written as 0.
+    /// `false`.
     Off,
     Every(f64),
 }
@@ -95,6 +94,23 @@ impl std::str::FromStr for Color {
         let number = u32::from_str_radix(digits, 16).map_err(|error| format!("{}: {error}", wrong()))?;
         let [_, r, g, b] = number.to_be_bytes();
         Ok(Color([r, g, b]))
+    }
+}
+
+impl Serialize for Color {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Color([r, g, b]) = self;
+        serializer.serialize_str(&format!("#{r:02x}{g:02x}{b:02x}"))
+    }
+}
+
+impl Serialize for Lines {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Lines::Fitted => serializer.serialize_bool(true),
+            Lines::Off => serializer.serialize_bool(false),
+            Lines::Every(spacing) => serializer.serialize_f64(*spacing),
+        }
     }
 }
 

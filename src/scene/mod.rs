@@ -542,7 +542,10 @@ grab = "fixed"
         let soft = material("{ name = \"steel\", young = 1.0e9 }");
         assert_eq!(soft, Material { young: 1e9, ..steel });
         let given = material("{ young = 210e9, poisson = 0.3, density = 7850 }");
-        assert_eq!(given, Material { known: None, ..steel });
+        assert_eq!(given, Material { known: None, limit: None, ..steel });
+        assert_eq!(steel.limit, Some(Limit::Stress(235e6)));
+        let limited = material("{ name = \"steel\", limit = { stress = 1e9 } }");
+        assert_eq!(limited.limit, Some(Limit::Stress(1e9)));
     }
 
     /// A file in millimetres gives the numbers of one in metres.

@@ -180,8 +180,8 @@ pub fn coarse_demo(folder: &Path) -> PathBuf {
     let read = |name: &str| std::fs::read_to_string(configs.join(name)).unwrap();
     let (fine, coarse) = ("radial = 3, around = 40, along = 62", "radial = 2, around = 20, along = 31");
     let scene = read("scenes/tube.toml");
-    assert!(scene.contains(fine) && scene.contains("../scripts/bend.toml"));
-    let scene = scene.replace(fine, coarse).replace("../scripts/bend.toml", "bend.toml");
+    assert!(scene.contains(fine) && scene.contains("script = \"bend\""));
+    let scene = scene.replace(fine, coarse).replace("script = \"bend\"", "script = \"bend.toml\"");
     std::fs::write(folder.join("bend.toml"), read("scripts/bend.toml")).unwrap();
     std::fs::write(folder.join("tube.toml"), scene).unwrap();
     folder.join("tube.toml")

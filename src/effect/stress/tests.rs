@@ -189,5 +189,5 @@ fn a_section_that_does_not_fit_is_refused() {
         let error = StressedBody::of_file(&scene, &file, "b").err().unwrap().to_string();
         assert!(error.contains("b/stress/material does not number the body's materials"), "{error}");
     }
-    assert_eq!(written(Limit::Strain(0.3)), "30 %");
+    assert_eq!(written(Limit::Strain(0.3)), "30.0 %");
 }
