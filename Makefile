@@ -1,4 +1,4 @@
-# `make demo` builds the program, precomputes the demo's tube and shows it being bent.
+# `make demo` builds the program and starts the demo.
 # `make test` runs all that CI runs.
 # Both install what is missing on Debian or Ubuntu, and say what and why (scripts/setup.sh).
 
@@ -48,8 +48,8 @@ figures:
 	target/release/greenstage accuracy configs/scenes/tube.toml -o out/accuracy --readme README.md
 	mkdir -p assets
 	cp out/accuracy/plots/online.svg assets/accuracy.svg
-	target/release/greenstage render configs/scenes/tube.toml --stage workbench --frames 5 --scale 0.18 -o out/sheet
-	cp out/sheet/contact-sheet.png assets/demo.png
+	target/release/greenstage demo --no-film -o out/demo
+	cp out/demo/contact-sheet.png assets/demo.png
 	target/release/greenstage render configs/scenes/models.toml --frames 3 --scale 0.5 -o out/models
 	cp out/models/contact-sheet.png assets/models.png
 	target/release/greenstage verify forces --readme src/manual/method.md

@@ -128,7 +128,7 @@ fn an_arrow_is_shown_through_what_stands_before_it() {
         };
         let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
         let [x, y] = pixel_of(&view, SIZE, from + along * 0.4);
-        let [red, green, ..] = image.get_pixel(x as u32, y as u32).0;
+        let [red, green, ..] = image.get_pixel(x as u32, y as u32).0.map(u32::from);
         assert_eq!(red > 2 * green.max(20), through, "{red} {green}");
     }
 }

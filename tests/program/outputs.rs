@@ -166,7 +166,10 @@ fn deform_overwrites_and_removes_its_own_results_alone() {
     succeed(&folder, &DEFORM);
     succeed(&folder, &DEFORM);
     let told = succeed(&folder, &without);
-    assert!(told.contains("out.forces.csv was of an earlier run that had forces, and is removed"), "{told}");
+    assert!(
+        told.contains("out.forces.csv was of an earlier run that had more to tell, and is removed"),
+        "{told}"
+    );
     assert!(!folder.join("out.forces.csv").exists());
 
     // A mesh is a VTU file too, but not one of displacements.
