@@ -1,5 +1,6 @@
 //! What the captions of the demo measure: each function reads the world as it is in this frame.
 
+use crate::base::plates::{Anchor, Tone};
 use crate::base::table;
 use crate::deform::{ControlPose, reach};
 use crate::scene::{Generate, Scene};
@@ -61,7 +62,7 @@ pub fn pull(scene: &Scene, world: &World) -> String {
     )
 }
 
-/// How far the hands are apart, and what a frame of the mechanics takes.
+/// How far the hands are apart, and what a frame of the mechanics takes that moves anything.
 pub fn hands(_: &Scene, world: &World) -> String {
     let Some(body) = world.bodies.first() else { return String::new() };
     let controls = &body.deformer.controls;
@@ -70,22 +71,22 @@ pub fn hands(_: &Scene, world: &World) -> String {
         (0..controls.len()).filter(|&c| body.controls[c].grab == crate::scene::Grab::Dragger).collect();
     let [a, b] = paws[..] else { return String::new() };
     let (rest, apart) = ((controls[a].origin - controls[b].origin).norm(), (now(a) - now(b)).norm());
-    format!(
-        "paws {:.0} mm apart, at rest {:.0} mm     mechanics of this frame {}",
-        1e3 * apart,
-        1e3 * rest,
-        table::seconds(world.times.total_s())
-    )
+    let paws = format!("paws {:.0} mm apart, at rest {:.0} mm", 1e3 * apart, 1e3 * rest);
+    if world.times.deform_s == 0.0 {
+        return paws;
+    }
+    format!("{paws}     mechanics of this frame {}", table::seconds(world.times.total_s()))
 }
 
-/// Whether the equilibrium is there; its plate tells the difference.
+/// What the plate of the equilibrium says: how far it is solved, or how far the model is from it.
 pub fn ghost(_: &Scene, world: &World) -> String {
-    let is_still = world.bodies.iter().all(|body| moved(body).is_none());
-    match world.ghosts.is_empty() {
-        false => "the difference stands on the picture, in millimetres".into(),
-        true if is_still => String::new(),
-        true => "solved in the background, once the hands rest …".into(),
-    }
+    let Some(plate) = world.plates.iter().find(|plate| plate.anchor == Anchor::LowerLeft) else {
+        return String::new();
+    };
+    let said = |line: &Vec<(String, Tone)>| line.iter().map(|(text, _)| text.as_str()).collect::<String>();
+    // Its last line says where it stands; the head of an answer is the chapter's text.
+    let lines = &plate.lines[if plate.lines.len() > 2 { plate.lines.len() - 1 } else { 0 }..];
+    lines.iter().map(said).collect::<Vec<_>>().join("     ")
 }
 
 /// The screens of the stage and where the head is.

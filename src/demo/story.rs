@@ -7,6 +7,7 @@
 use super::chapters::{CHAPTERS, Chapter, Looks, workbench};
 use super::preparation::{Preparation, Readiness, Ready};
 use crate::base::failure::Failure;
+use crate::base::plates::Anchor;
 use crate::display::bodies::GpuBodies;
 use crate::display::caption::Caption;
 use crate::display::device;
@@ -181,6 +182,8 @@ impl Story {
         self.advance(step_s)?;
         let caption = self.caption(&readiness);
         let Some(Shown { session, screens, bodies, .. }) = &mut self.shown else { return Ok(()) };
+        // The caption stands where these would, and says what they say.
+        session.world.plates.retain(|plate| plate.anchor != Anchor::LowerLeft);
         screens.overlays.caption = Some(Box::new(caption));
         let mut frame = WindowFrame { windows, session, bodies, edited: None, step_s, track_s: 0.0 };
         screens.draw(&mut frame).map_err(|error| Failure::work(RenderError::App(error)))
