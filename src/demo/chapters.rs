@@ -26,8 +26,9 @@ pub struct Chapter {
     pub springs_back_s: Option<f64>,
     /// How long its end is shown in the window before the next chapter, s.
     pub holds_s: f64,
-    /// What is measured in a frame; an empty text says nothing.
-    pub numbers: fn(&Scene, &World) -> String,
+    /// What is measured in a frame, with the time that the mechanics of the last frame took that moved anything, s; an empty
+    /// text says nothing.
+    pub numbers: fn(&Scene, &World, f64) -> String,
     /// The times of the script at which pictures are taken, s.
     pub stills_s: &'static [f64],
 }

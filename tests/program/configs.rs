@@ -78,7 +78,9 @@ fn scripts() {
     let stage = Stage::find("workbench").unwrap();
     let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
-    for (file, duration_s, styli) in [("pull.toml", 6.5, 1), ("raise.toml", 5.0, 2), ("two-hands.toml", 8.5, 2)] {
+    for (file, duration_s, styli) in
+        [("pull.toml", 6.5, 1), ("raise.toml", 5.0, 2), ("two-hands.toml", 8.5, 2)]
+    {
         let script = Script::load(&config("scripts").join(file)).unwrap();
         assert_eq!(script.duration_s, duration_s, "{file}");
         assert_eq!(
